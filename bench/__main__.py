@@ -13,12 +13,12 @@ import typer
 
 from palpate.cli.command import command
 from palpate.cli.console import aside
-from palpate.cli.options.motion import NoiseLevel
-from palpate.cli.options.results import AsJson
+from palpate.cli.options import AsJson
 from palpate.errors import InputError
 
 CORES = os.cpu_count() or 1
 Names = Annotated[list[str] | None, typer.Argument(metavar="[NAME]...")]
+NoiseLevel = Annotated[str, typer.Option("--noise", metavar="NAME|FILE.yaml", help="Noise model.")]
 Noises = Annotated[
     list[str], typer.Option("--noise", metavar="NAME|FILE.yaml", help="Noise; may be repeated.")
 ]

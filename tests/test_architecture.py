@@ -117,6 +117,7 @@ FRONT = {
     "api",
     "tools",
     "settings",
+    "option",
     "studies",
     "scenarios",
     "calibration",

@@ -19,7 +19,7 @@ from bench.bounds.blocks import Blocks
 from bench.bounds.information import Column
 from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription
-from palpate.robots.simulated.noise.around import REACH
+from palpate.robots.simulated.noise.disturbances import NEW_APPROACH, REACH, REST_SPEED
 from palpate.robots.simulated.noise.model import (
     Friction,
     Model,
@@ -28,7 +28,6 @@ from palpate.robots.simulated.noise.model import (
     Sticking,
     Torque,
 )
-from palpate.robots.simulated.noise.rests import NEW_APPROACH, REST_SPEED
 from palpate.robots.simulated.noise.values import Drawn
 from palpate.trace.samples import Samples
 
@@ -187,7 +186,7 @@ def _stuck(sticking: Sticking, samples: Samples, blocks: Blocks) -> Iterator[Col
 
 def _approaches(sticking: Sticking, samples: Samples) -> tuple[Array, Sequence[int]]:
     """(rows, k) how much of what each of k rests left is there, and the rows at which they began:
-    as `robots.simulated.noise.rests` has it."""
+    as `robots.simulated.noise.disturbances` has it."""
     period = float(np.median(np.diff(samples.t)))
     steps = np.linalg.norm(samples.dq, axis=1) * period
     builds, stays = min(1.0, period / sticking.settling), math.exp(-period / sticking.relaxation)

@@ -22,8 +22,8 @@ import numpy as np
 from bench.bounds.blocks import BLOCK, Blocks
 from palpate.estimation.windows import Mask
 from palpate.geometry.pose import Array
+from palpate.robots.simulated.noise.gauge import PER_DECADE, WALK_TIME
 from palpate.robots.simulated.noise.model import Torque
-from palpate.robots.simulated.noise.wander import PER_DECADE, WALK_TIME
 from palpate.robots.simulated.timing import BLOCK as CYCLES
 
 

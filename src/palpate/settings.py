@@ -1,87 +1,172 @@
-"""Settings of a run, immutable, and their form in `request.json`."""
+"""Settings of a run: one immutable model, from which `request.json`, the command line's options and
+their help derive."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
-from urllib.parse import urlsplit, urlunsplit
+from typing import TYPE_CHECKING, Annotated, Any, get_args
+
+from pydantic import BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic.dataclasses import dataclass
 
 from palpate import __version__
 from palpate.errors import InputError, unknown_name
-from palpate.execution.recovery import OnFailure
-from palpate.planning.model.settings import Budget, ModelSettings
-from palpate.planning.planner import MAX_REQUEST
-from palpate.quantities.precision.within import Within
-from palpate.robots.registry import DEFAULT, load_description
+from palpate.option import Option
+from palpate.planning.model.settings import ModelSettings
 
 if TYPE_CHECKING:
+    from palpate.execution.recovery import OnFailure
+    from palpate.quantities.precision.within import Within
     from palpate.robots.description import RobotDescription
 
+    Names = tuple[str, ...]
+else:
+    # Read when settings are made: a command's help, which is derived from this page, loads no numpy.
+    def _widths(given: Any) -> Any:
+        from palpate.quantities.precision.within import Within
 
-@dataclass(frozen=True, slots=True)
+        return given if isinstance(given, Within) else Within.read(given or {})
+
+    OnFailure = str
+    Within = Annotated[Any, BeforeValidator(_widths)]
+    Names = Annotated[
+        tuple[str, ...],
+        BeforeValidator(lambda given: (given,) if isinstance(given, str) else given),
+    ]
+
+Arm = Annotated[str, BeforeValidator(str)]
+"""Name of an arm, or folder of its description, which may be a path."""
+
+
+@dataclass(frozen=True, config=ConfigDict(arbitrary_types_allowed=True, extra="forbid"))
 class Settings:
     """R, D, I and where to run.
 
-    Attributes:
-        request: R, the sentence, or None.
-        scene: D, an MJCF file, or None.
-        root: folder outside of which none of the scene's files is read; None: see
-            `mjcf.reading.read_document`.
-        robot_body: bodies that the scene's own robots begin with, which the arm takes the place of;
-            `none`: it has none. Left empty, they are recognized (`mjcf.roles.robots`).
-        poses: poses.yaml.
-        images: I, picture files.
-        world: MJCF of the hidden simulated world; None simulates D with its unknowns drawn from
-            priors.
-        robot: URL of a real robot; None is the embedded one.
-        arm: the arm's description, by name or folder.
-        cautious: it moves slowly everywhere.
-        robot_config: robot.yaml, what was measured of this very arm.
-        planner: `symbolic`, `exhaustive`, `replay:FILE` or `PROVIDER:MODEL`.
-        noise: noise model of the embedded robot, by name or file.
-        seed: of everything random in it.
-        out: run folder to make; must not exist.
-        twin: where the twin is written besides, with the files that it needs there; must not exist.
-        remeasure: measure what R asks even if D states it.
-        on_failure: what to do when the tree fails (see `palpate.execution.recovery`).
-        rehearse: execute the plan in simulation first; None means only before a real robot moves.
-        within: how narrow intervals are to be: what is wider is measured again.
-        fast: leave out what takes longest and measures nothing, film and replay.
-        model_settings: how a model is asked, where the planner is one.
+    Every field with an `Option` is an option of the command line, and its help is the field's
+    documentation. `request`, `scene` and `images` are the paper's R, D and I.
     """
 
-    request: str | None = None
-    scene: Path | None = None
-    root: Path | None = None
-    robot_body: tuple[str, ...] = ()
-    poses: Path | None = None
-    images: tuple[Path, ...] = ()
-    world: Path | None = None
-    robot: str | None = None
-    arm: str = DEFAULT
-    cautious: bool = False
-    robot_config: Path | None = None
-    planner: str = "symbolic"
-    noise: str = "lab"
-    seed: int = 0
-    out: Path | None = None
-    twin: Path | None = None
-    remeasure: bool = False
-    on_failure: OnFailure = "stop"
-    rehearse: bool | None = None
-    within: Within = field(default_factory=Within)
-    fast: bool = False
-    model_settings: ModelSettings = field(default_factory=ModelSettings)
+    request: Annotated[
+        str | None,
+        Option("What you want to simulate, in your words.", "TEXT", "Scene", ("-r", "--request")),
+    ] = None
+    scene: Annotated[
+        Path | None, Option("Your MJCF; what is absent or '?' is unknown.", "FILE", "Scene")
+    ] = None
+    images: Annotated[
+        tuple[Path, ...],
+        Option("Picture of the workspace; may be repeated.", "FILE", "Scene", ("--image",)),
+    ] = ()
+    poses: Annotated[
+        Path | None, Option("poses.yaml: objects, places, offsets.", "FILE", "Scene")
+    ] = None
+    root: Annotated[
+        Path | None,
+        Option(
+            "Folder of the scene's files (default: the nearest that holds them all).",
+            "DIR",
+            "Scene",
+        ),
+    ] = None
+    robot_body: Annotated[
+        Names,
+        Option(
+            "Root body of the scene's own robot, which the arm replaces, or 'none'; may be repeated "
+            "(default: found by its actuators or its hand).",
+            "NAME",
+            "Scene",
+        ),
+    ] = ()
+    arm: Annotated[
+        Arm, Option("Name of an arm, or folder of its description.", "NAME|PATH/", "Scene")
+    ] = "fr3"
+    planner: Annotated[
+        str, Option("symbolic | exhaustive | replay:FILE | PROVIDER:MODEL", "NAME", "Planner")
+    ] = "symbolic"
+    remeasure: Annotated[
+        bool,
+        Option("Measure requested quantities even if the scene states them.", None, "Planner"),
+    ] = False
+    within: Annotated[
+        Within,
+        Option(
+            "Half width of the 95 % interval to reach, e.g. mass=1g, com=2mm, friction=0.01, bottle.mass=1g; "
+            "may be repeated. Units: kg g mg, m cm mm um, N/m kN/m; SI without one.",
+            "QUANTITY=VALUE",
+            "Planner",
+        ),
+    ] = Field(default_factory=dict, validate_default=True)
+    cautious: Annotated[
+        bool, Option("Move slowly everywhere: nothing unseen is hit hard.", None, "Robot")
+    ] = False
+    robot_config: Annotated[
+        Path | None, Option("robot.yaml: calibration of this very arm.", "FILE", "Robot")
+    ] = None
+    world: Annotated[
+        Path | None, Option("MJCF of the embedded robot's hidden world.", "FILE", "Robot")
+    ] = None
+    robot: Annotated[
+        str | None, Option("A real robot instead of the embedded one.", "URL", "Robot")
+    ] = None
+    noise: Annotated[
+        str,
+        Option(
+            "Noise model of the robot: none | lab | datasheet | hardware | FILE.yaml",
+            "NAME|FILE",
+            "Robot",
+            choices=("none", "lab", "datasheet", "hardware"),
+        ),
+    ] = "lab"
+    seed: Annotated[int, Option("Seed of everything random.", "N", "Robot")] = 0
+    rehearse: Annotated[
+        bool | None,
+        Option(
+            "Execute in simulation first (default: only for a real robot).",
+            None,
+            "Robot",
+            ("--rehearse/--no-rehearse",),
+        ),
+    ] = None
+    on_failure: Annotated[
+        OnFailure, Option("When a leaf fails: stop | skip | replan.", "POLICY", "Robot")
+    ] = "stop"
+    out: Annotated[
+        Path | None, Option("Run folder to make (default: runs/SCENE-TIME).", "DIR", "Robot")
+    ] = None
+    twin: Annotated[
+        Path | None,
+        Option(
+            "Also write the twin there, with the includes, meshes and pictures that it needs.",
+            "FILE",
+            "Robot",
+        ),
+    ] = None
+    fast: Annotated[
+        bool,
+        Option("No film and no replay of the twin; the measurement stays the same.", None, "Robot"),
+    ] = False
+    model_settings: ModelSettings = Field(default_factory=ModelSettings)
 
-    def checked(self, at_hand: bool = False) -> Settings:
-        """These settings, once nothing is found wrong with them; `at_hand`: there is a scene that
-        came from no file.
+    def having(self, **changes: Any) -> Settings:
+        """Return these settings with changed fields, converted to their types.
 
         Raises:
-            InputError: nothing asked, or a value out of range; the message names the argument.
+            InputError: an unknown field, or a value of another type.
         """
+        return settings_of(**{f.name: getattr(self, f.name) for f in fields(self)} | changes)
+
+    def checked(self, at_hand: bool = False) -> Settings:
+        """Return these settings after checking them against each other and the file system.
+
+        Args:
+            at_hand: the scene is an object and came from no file.
+
+        Raises:
+            InputError: nothing is asked, or a value is out of range; the message names the argument.
+        """
+        from palpate.execution.recovery import OnFailure
         from palpate.robots.owner.registered import own_arm
         from palpate.robots.simulated.noise.models import noise_models
 
@@ -98,6 +183,7 @@ class Settings:
             )
         noise_models().check(self.noise)
         own_arm(self.arm, self.cautious, self.robot_config)
+        self.model_settings.checked()
         if self.on_failure not in get_args(OnFailure):
             raise unknown_name("policy for failures", self.on_failure, get_args(OnFailure))
         if self.world is not None and self.robot is not None:
@@ -113,24 +199,43 @@ class Settings:
         return self
 
     def described_arm(self) -> RobotDescription:
-        """The arm as its owner knows it: its description, with a real one's springs, of the embedded
-        one what the noise model's datasheet says, and what was measured of it.
+        """Return the arm as its owner knows it: its description, with the stiffness of a real one, or
+        the datasheet of the embedded one's noise model, and its calibration.
 
         Raises:
             InputError: no such arm or noise model, or its robot.yaml cannot be used.
         """
         from palpate.robots.owner.registered import own_arm
+        from palpate.robots.registry import load_description
         from palpate.robots.simulated.noise.models import noise_models
 
-        told = None
+        datasheet = None
         if self.robot is None:
             arm = load_description(self.arm, self.cautious)
-            told = noise_models().load(self.noise, arm).datasheet
+            datasheet = noise_models().load(self.noise, arm).datasheet
         real = self.robot is not None
-        return own_arm(self.arm, self.cautious, self.robot_config, told, real)
+        return own_arm(self.arm, self.cautious, self.robot_config, datasheet, real)
+
+
+def settings_of(**given: Any) -> Settings:
+    """Return the settings with these fields, converted to their types.
+
+    Raises:
+        InputError: an unknown field, or a value of another type.
+    """
+    try:
+        return Settings(**given)
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = str(first["loc"][0])
+        if name not in (field.name for field in fields(Settings)):
+            raise unknown_name("argument", name, [f.name for f in fields(Settings)]) from None
+        raise InputError(f"{name}=: {first['msg']}") from None
 
 
 def _check_request(request: str) -> None:
+    from palpate.planning.planner import MAX_REQUEST
+
     if not request.strip():
         raise InputError(
             "the request is empty: say what you want to simulate, e.g. 'the mass of the bottle'"
@@ -142,99 +247,41 @@ def _check_request(request: str) -> None:
         )
 
 
+PATHS = ("scene", "root", "poses", "images", "world", "robot_config", "twin")
+"""Fields that `request.json` holds as absolute paths: the run folder may be read from elsewhere."""
+
+
 def request_json(settings: Settings) -> dict[str, Any]:
-    """The content of `request.json`: what was asked, enough to run it again."""
-
-    def shown(path: Path | None) -> str | None:
-        return str(path.absolute()) if path else None
-
-    return {
-        "request": settings.request,
-        "scene": shown(settings.scene),
-        "root": shown(settings.root),
-        "robot_body": list(settings.robot_body),
-        "poses": shown(settings.poses),
-        "images": [shown(path) for path in settings.images],
-        "world": shown(settings.world),
-        "robot": settings.robot,
-        "arm": settings.arm,
-        "cautious": settings.cautious,
-        "robot_config": shown(settings.robot_config),
-        "planner": settings.planner,
-        "noise": noise_told(settings.noise),
-        "seed": settings.seed,
-        "twin": shown(settings.twin),
-        "remeasure": settings.remeasure,
-        "on_failure": settings.on_failure,
-        "rehearse": settings.rehearse,
-        "within": dict(settings.within),
-        "fast": settings.fast,
-        "asking": _model_settings_json(settings.model_settings),
-        "palpate": __version__,
-    }
-
-
-def noise_told(noise: str) -> str:
-    """Name of a noise model in files: its own, or the path of its file."""
-    from palpate.robots.simulated.noise.models import means_file
-
-    return str(Path(noise).absolute()) if means_file(noise) else noise
+    """Return the content of `request.json`: what was asked, enough to run it again."""
+    absolute: dict[str, Any] = {"noise": noise_source(settings.noise)}
+    for name in PATHS:
+        value = getattr(settings, name)
+        if isinstance(value, Path):
+            absolute[name] = value.absolute()
+        elif value:
+            absolute[name] = tuple(path.absolute() for path in value)
+    stated = replace(settings, **absolute)
+    document = TypeAdapter(Settings).dump_python(stated, mode="json", exclude={"out", "within"})
+    document["within"] = dict(settings.within)
+    model = settings.model_settings
+    asking = document.pop("model_settings")
+    asking |= {"base_url": model.address, "without": sorted(model.without)}
+    return document | {"asking": asking, "palpate": __version__}
 
 
 def settings_from(document: Mapping[str, Any]) -> Settings:
-    """The settings that `request_json` wrote; what the document leaves out has its default.
+    """Return the settings that `request_json` wrote; what the document leaves out has its default.
 
     Raises:
         InputError: it is not such a document.
     """
-
-    def path(name: str) -> Path | None:
-        value = document.get(name)
-        return Path(value) if value else None
-
-    plain = (
-        "request",
-        "robot",
-        "arm",
-        "cautious",
-        "planner",
-        "noise",
-        "seed",
-        "remeasure",
-        "on_failure",
-        "fast",
-    )
-    given = {name: document[name] for name in (*plain, "rehearse") if name in document}
-    try:
-        return Settings(
-            **given,
-            scene=path("scene"),
-            root=path("root"),
-            robot_body=tuple(document.get("robot_body", ())),
-            poses=path("poses"),
-            twin=path("twin"),
-            world=path("world"),
-            robot_config=path("robot_config"),
-            images=tuple(Path(image) for image in document.get("images", ())),
-            within=Within.read(document.get("within", {})),
-            model_settings=_model_settings_from(document.get("asking", {})),
-        )
-    except (TypeError, ValueError) as error:
-        raise InputError(f"request.json is not one that palpate wrote: {error}") from None
+    known = {field.name for field in fields(Settings)}
+    given = {name: value for name, value in document.items() if name in known}
+    return settings_of(**given, model_settings=document.get("asking", {}))
 
 
-def _model_settings_json(model_settings: ModelSettings) -> dict[str, Any]:
-    """Model settings as JSON; of the address, without any credentials in it."""
-    url = urlsplit(model_settings.base_url or "")
-    host = url.netloc.rpartition("@")[2]
-    return asdict(model_settings) | {
-        "without": sorted(model_settings.without),
-        "base_url": urlunsplit((url.scheme, host, url.path, "", "")) or None,
-    }
+def noise_source(noise: str) -> str:
+    """Return a noise model's name, or the absolute path of its file."""
+    from palpate.robots.simulated.noise.models import means_file
 
-
-def _model_settings_from(document: Mapping[str, Any]) -> ModelSettings:
-    fields = dict(document)
-    budget = Budget(**fields.pop("budget", {}))
-    without = frozenset(fields.pop("without", ()))
-    return ModelSettings(**fields, without=without, budget=budget)
+    return str(Path(noise).absolute()) if means_file(noise) else noise

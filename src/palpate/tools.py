@@ -5,7 +5,7 @@ With `palpate.api` this is all that the command line stands on.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,24 +16,21 @@ from palpate.errors import InputError, Unavailable
 from palpate.files.plain_yaml import yaml_text
 from palpate.files.read import read_text
 from palpate.planning.check.check import check
-from palpate.planning.model.prompt.compose import Prompt, checked_modules, checked_style, compose
-from palpate.planning.model.provider import PROVIDERS, find_provider
-from palpate.planning.model.settings import Budget, ModelSettings
+from palpate.planning.model.prompt.compose import Prompt, compose
+from palpate.planning.model.provider import PROVIDERS
 from palpate.planning.recorded import load_proposal, plan_file
 from palpate.planning.registry import planners
 from palpate.quantities.catalogue import catalogue
-from palpate.quantities.precision.within import Within
 from palpate.robots.owner.registered import own_arm
-from palpate.robots.registry import DEFAULT, load_description
+from palpate.robots.registry import load_description
 from palpate.scaffold.folder import POSES, SCENE, Scaffold, new_scene, written
 from palpate.scene.load import load_scene
 from palpate.scene.pictured.detected import DetectedScene, SceneBuilder
 from palpate.scene.poses import MAX_BYTES as MAX_POSES
 from palpate.scene.poses import Poses, parse_poses, read_poses
 from palpate.settings import Settings
-from palpate.vocabulary.admissible.room import require_room
-from palpate.vocabulary.composites import COMPOSITES
-from palpate.vocabulary.registry import vocabulary
+from palpate.vocabulary.admissible.reach import require_room
+from palpate.vocabulary.registry import COMPOSITES, vocabulary
 
 if TYPE_CHECKING:
     from palpate.planning.check.finding import Finding
@@ -45,7 +42,6 @@ __all__ = [
     "examined_planner",
     "guided_hand",
     "lesson",
-    "model_settings",
     "new_scene",
     "paper_notation",
     "pictures",
@@ -60,20 +56,19 @@ __all__ = [
 ]
 
 
-def examined(
-    url: str, arm: str, robot_config: Path | None, may_hold: Callable[[], bool]
-) -> Iterator[tuple[bool, str, str]]:
-    """Examine the real robot at a URL: lines with passed or not, subject, and finding or remedy.
-    `may_hold` is asked whether the arm may hold itself for some seconds.
+def examined(asked: Settings, may_hold: Callable[[], bool]) -> Iterator[tuple[bool, str, str]]:
+    """Examine the real robot that the settings name: lines with passed or not, subject, and finding
+    or remedy. `may_hold` is asked whether the arm may hold itself for some seconds.
 
     Raises:
         InputError: no such URL or arm.
         Unavailable: no driver, or one that can say nothing.
     """
+    url = asked.robot or ""
     driver = drivers().of(url)
     if driver.examine is None:
         raise Unavailable(f"the driver for '{url}' has nothing to say of its robot")
-    return driver.examine(url, own_arm(arm, False, robot_config, real=True), may_hold)
+    return driver.examine(url, own_arm(asked.arm, False, asked.robot_config, real=True), may_hold)
 
 
 def examined_planner(
@@ -93,13 +88,15 @@ def examined_planner(
     return iter([(True, planner, "needs no server")])
 
 
-def lesson(scene: Path, poses: Path | None, arm: str, root: Path | None) -> Lesson:
-    """Lesson for teaching the poses of a scene, with the known ones.
+def lesson(asked: Settings) -> Lesson:
+    """Lesson for teaching the poses of the settings' scene, with the known ones.
 
     Raises:
         InputError: a file that cannot be read.
     """
-    loaded = load_scene(scene, poses, load_description(arm), root=root)
+    assert asked.scene is not None
+    arm, poses = load_description(asked.arm), asked.poses
+    loaded = load_scene(asked.scene, poses, arm, root=asked.root)
     said = read_poses(poses).model_dump(exclude_defaults=True, mode="json") if poses else {}
     objects, places = said.pop("objects", {}), said.pop("places", {})
     return Lesson(loaded, objects, places, said)
@@ -133,36 +130,26 @@ def write_poses(path: Path, taught: Lesson) -> None:
         raise InputError(f"cannot write '{path}': {error.strerror}") from error
 
 
-def check_file(
-    plan: Path,
-    scene: Path | None = None,
-    poses: Path | None = None,
-    arm: str = DEFAULT,
-    root: Path | None = None,
-    robot_body: Sequence[str] = (),
-) -> tuple[Finding, ...]:
+def check_file(plan: Path, asked: Settings) -> tuple[Finding, ...]:
     """Findings of the check on a plan in a file.
 
     Args:
         plan: a plan, a chat's answer, or a run folder.
-        scene: the MJCF it is for; without one the plan is checked against the objects that came with
-            it, or, where none did, by itself.
-        poses: `poses.yaml`.
-        arm: name of the arm, or its folder.
-        root: the folder outside of which none of the scene's files is read.
-        robot_body: bodies that the scene's own robots begin with.
+        asked: the scene and the arm; without a scene the plan is checked against the objects that
+            came with it, or, where none did, by itself.
 
     Raises:
         InputError: a file that cannot be read, or a scene without room for the arm.
     """
     proposal = load_proposal(plan)
-    description = load_description(arm)
-    known = None
-    if scene is not None:
-        known = load_scene(scene, poses, description, root=root, robot_body=robot_body)
+    arm, known = load_description(asked.arm), None
+    if asked.scene is not None:
+        known = load_scene(
+            asked.scene, asked.poses, arm, root=asked.root, robot_body=asked.robot_body
+        )
         require_room(known)
-    elif poses is not None and proposal.scene:
-        builder = SceneBuilder(read_poses(poses), description)
+    elif asked.poses is not None and proposal.scene:
+        builder = SceneBuilder(read_poses(asked.poses), arm)
         known = DetectedScene(builder, proposal.scene).scene()
     return check(proposal.plan, known)
 
@@ -196,51 +183,6 @@ def prompt(settings: Settings) -> Prompt:
     )
 
 
-def model_settings(
-    base_url: str | None = None,
-    native: bool = False,
-    without: Iterable[str] = (),
-    rounds: int = 3,
-    prompt: str = "full",
-    critic: str | None = None,
-    **budget: Any,
-) -> ModelSettings:
-    """Settings of a model.
-
-    Args:
-        base_url: address of its server.
-        native: by the provider's structured output.
-        without: modules of the prompt to leave out.
-        rounds: of feedback.
-        prompt: `full` or `lean`.
-        critic: `PROVIDER:MODEL` of a second model that may object.
-        budget: `seconds`, `tokens` and `dollars` that a plan may take.
-
-    Raises:
-        InputError: no such module, prompt or provider.
-    """
-    if critic is not None:
-        find_provider(critic)
-    return ModelSettings(
-        base_url=base_url,
-        native=native,
-        without=checked_modules(without),
-        prompt=checked_style(prompt),
-        rounds=rounds,
-        critic=critic,
-        budget=Budget(**budget),
-    )
-
-
-def widths(asked: Mapping[str, str | float]) -> Within:
-    """Requested half widths of intervals, from `{"mass": "1g"}`.
-
-    Raises:
-        InputError: no such quantity or unit, or no positive number.
-    """
-    return Within.read(asked)
-
-
 def replayed(plan: Path) -> str:
     """The planner that answers with the plan in a file or in a run folder.
 
@@ -269,7 +211,7 @@ def units() -> dict[str, str]:
 
 def plan_schema() -> dict[str, Any]:
     """The JSON schema of a plan."""
-    from palpate.vocabulary.schema import plan_schema as schema
+    from palpate.vocabulary.registry import plan_schema as schema
 
     return schema(vocabulary())
 

@@ -1,4 +1,4 @@
-"""What is known, as somebody writes it."""
+"""Reference values as users write them."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from palpate.errors import InputError
         ("5e2g", 0.5, 0.0),
     ],
 )
-def test_a_mass_and_its_limits(text: str, value: float, limit: float) -> None:
+def test_a_mass_and_its_limits_are_parsed(text: str, value: float, limit: float) -> None:
     said = stated(text, MASS, "the weight")
     assert said.value == pytest.approx(value)
     assert said.limit == pytest.approx(limit)
     assert said.std == pytest.approx(limit / math.sqrt(3))
 
 
-def test_a_height_and_whose_it_is() -> None:
+def test_a_height_and_its_owner_are_parsed() -> None:
     known = Known.of("block=50mm±10um", LENGTH, "the gauge")
     assert known.name == "block"
     assert (known.size.value, known.size.limit) == pytest.approx((0.05, 1e-5))
@@ -38,6 +38,6 @@ def test_a_height_and_whose_it_is() -> None:
 @pytest.mark.parametrize(
     "text", ["", "kg", "0kg", "-1kg", "1kg±", "1kg±2kg", "1..2kg", "infkg", "nan", "1lb", "1kg±1mm"]
 )
-def test_what_is_no_mass_is_refused(text: str) -> None:
+def test_text_that_is_no_mass_is_refused(text: str) -> None:
     with pytest.raises(InputError, match=r"give e\.g\. 0\.5kg±0\.1g"):
         stated(text, MASS, "the weight")

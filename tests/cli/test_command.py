@@ -13,9 +13,9 @@ import typer
 
 from palpate.cli import console
 from palpate.cli.command import command
-from palpate.cli.options.scene import DEFAULT_ARM
 from palpate.errors import InputError, Unavailable
 from palpate.robots.registry import DEFAULT
+from palpate.settings import Settings
 
 Loud = Annotated[bool, typer.Option("--loud", help="Louder.")]
 Times = Annotated[int, typer.Option("--times", min=1)]
@@ -87,7 +87,7 @@ def test_an_error_is_json_only_where_the_command_was_asked_for_it(
 
 
 def test_the_arm_that_the_help_names_is_the_librarys() -> None:
-    assert DEFAULT_ARM == DEFAULT
+    assert Settings().arm == DEFAULT
 
 
 def spoken(*options: str) -> None:

@@ -13,9 +13,9 @@ import numpy as np
 from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription
 from palpate.robots.nominal import RIDGE, wrench
+from palpate.robots.simulated.noise.disturbances import Motion
 from palpate.robots.simulated.noise.encoders import PAD_TIME, Encoders
 from palpate.robots.simulated.noise.model import NoiseModel
-from palpate.robots.simulated.noise.motion import Motion
 from palpate.robots.simulated.noise.sensors import Sensors
 from palpate.robots.simulated.noise.values import JOINTS, Streams
 from palpate.robots.simulated.readout import OBSERVER_TIME

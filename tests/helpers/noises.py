@@ -9,8 +9,8 @@ import numpy as np
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.nominal import NominalArm
 from palpate.robots.registry import load_description
+from palpate.robots.simulated.noise.disturbances import Motion
 from palpate.robots.simulated.noise.model import NoiseModel
-from palpate.robots.simulated.noise.motion import Motion
 from palpate.robots.simulated.noise.sensors import Sensors
 from palpate.robots.simulated.noise.values import Streams
 

@@ -24,8 +24,7 @@ from palpate.scene.scene import Scene
 from palpate.trace.recording import Hand
 from palpate.trace.samples import Samples
 from palpate.vocabulary.base import Blackboard, LeafFailure, Primitive, Recorder
-from palpate.vocabulary.composites import COMPOSITES
-from palpate.vocabulary.registry import Vocabulary
+from palpate.vocabulary.registry import COMPOSITES, Vocabulary
 from palpate.vocabulary.sensing import MeasureForces, MeasureGripperPose
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.violation import Violation

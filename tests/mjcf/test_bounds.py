@@ -11,10 +11,7 @@ import numpy as np
 import pytest
 
 from palpate.errors import InputError
-from palpate.mjcf.limits import assets, trial
-from palpate.mjcf.limits.bounds import Extent, require_bounded
-from palpate.mjcf.limits.trial import require_compiles
-from palpate.mjcf.reading import parse_document
+from palpate.mjcf import bounds
 from palpate.scene.load import load_scene, parse_scene
 
 TABLE = '<body name="table"><geom type="box" size=".4 .4 .2"/></body>'
@@ -66,6 +63,14 @@ BOMBS = [
         "params=.*at most 128",
     ),
     (
+        scene(head='<asset><mesh builtin="supersphere" params="128 1 1"/></asset>' * 99),
+        "more than 30000000 bytes of meshes",
+    ),
+    (
+        scene('<flexcomp name="a" type="grid" count="2 2 2" cellcount="99 99 99"/>'),
+        "more than 4000 points",
+    ),
+    (
         scene(head='<extension><plugin plugin="their.code"/></extension>'),
         "the plugin 'their.code', which is code of its own; only MuJoCo's own",
     ),
@@ -81,45 +86,70 @@ def test_a_line_that_becomes_a_million_things(text: str, message: str) -> None:
 
 
 def test_what_keeps_to_the_bounds_is_built() -> None:
-    extent = require_bounded(parse_document(scene(replicated("7"))))
-    assert extent == Extent(elements=12, points=0)
-    assert not extent.is_large
     assert "table" in parse_scene(scene(replicated("7"))).bodies
+    assert "table" in parse_scene(scene(replicated("200"))).bodies
 
 
-def test_only_what_may_be_large_is_tried_elsewhere_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(trial, "WALL_SECONDS", 0.0)
-    parse_scene(scene())
-    with pytest.raises(InputError, match="compiling the scene takes more than"):
-        parse_scene(scene(replicated("2500")))
+def mesh_scene(*files: str) -> str:
+    meshes = "".join(f'<mesh name="m{i}" file="{file}"/>' for i, file in enumerate(files))
+    geoms = "".join(f'<geom type="mesh" mesh="m{i}"/>' for i in range(len(files)))
+    return scene(geoms, f"<asset>{meshes}</asset>")
 
 
-def test_a_trial_ends_when_there_is_too_little_memory() -> None:
-    grid = '<asset><hfield name="h" nrow="20000" ncol="20000" size="1 1 1 1"/></asset>'
-    started = computed()
-    with pytest.raises(InputError, match="takes more than 2 s or 700 MB; use fewer"):
-        require_compiles(scene('<geom type="hfield" hfield="h"/>', grid), None)
-    assert computed() - started < 10
-
-
-def test_a_trial_ends_when_its_processor_time_is_up(tmp_path: Path) -> None:
-    corners = np.random.default_rng(0).standard_normal((150_000, 3, 3))
+def stl(corners: np.ndarray) -> bytes:
+    """A binary STL of triangles (n, 3, 3)."""
     faces = np.zeros(len(corners), dtype=[("normal", "<f4", 3), ("at", "<f4", (3, 3)), ("", "<u2")])
-    faces["at"] = corners / np.linalg.norm(corners, axis=2, keepdims=True)
-    content = bytes(80) + np.uint32(len(faces)).tobytes() + faces.tobytes()
-    (tmp_path / "shards.stl").write_bytes(content)
-    text = scene(
-        '<geom type="mesh" mesh="m"/>', '<asset><mesh name="m" file="shards.stl"/></asset>'
-    )
+    faces["at"] = corners
+    return bytes(80) + np.uint32(len(faces)).tobytes() + faces.tobytes()
+
+
+def two_circles(number: int) -> np.ndarray:
+    """Triangles (n, 3, 3) between points of two skew circles, whose hull has all of them."""
+    random = np.random.default_rng(0)
+    angle, which = random.uniform(0, 2 * np.pi, (number, 3)), random.integers(0, 2, (number, 3))
+    cos, sin, none = np.cos(angle), np.sin(angle), np.zeros_like(angle)
+    first, second = np.stack([cos, sin, none], 2), np.stack([3 + none, cos, sin], 2)
+    return np.where(which[..., None] == 0, first, second)
+
+
+def shards(number: int) -> np.ndarray:
+    """Triangles (n, 3, 3) with corners of their own on a ball."""
+    corners = np.random.default_rng(0).standard_normal((number, 3, 3))
+    return corners / np.linalg.norm(corners, axis=2, keepdims=True)
+
+
+@pytest.mark.parametrize("corners", [two_circles(40_000), shards(40_000)])
+def test_a_mesh_whose_hull_would_take_minutes_is_built_with_a_bounded_one(
+    corners: np.ndarray, tmp_path: Path
+) -> None:
+    (tmp_path / "m.stl").write_bytes(stl(corners))
     started = computed()
-    with pytest.raises(InputError, match="takes more than 2 s"):
-        require_compiles(text, tmp_path)
-    assert computed() - started < trial.SECONDS + 2.0
+    built = parse_scene(mesh_scene("m.stl"), tmp_path)
+    assert computed() - started < 2
+    assert built.resolved.shapes.model.mesh_graph[0] == bounds.HULL_POINTS
 
 
-def test_what_mujoco_refuses_is_not_the_trials_business() -> None:
-    require_compiles(scene(), None)
-    require_compiles(scene('<geom type="mesh" mesh="none"/>'), None)
+def test_a_small_mesh_keeps_its_whole_hull(tmp_path: Path) -> None:
+    (tmp_path / "m.stl").write_bytes(stl(shards(1_000)))
+    built = parse_scene(mesh_scene("m.stl"), tmp_path)
+    assert built.resolved.shapes.model.mesh_graph[0] == 3_000
+
+
+def test_meshes_that_are_large_together_are_refused(tmp_path: Path) -> None:
+    for name in ("a.stl", "b.stl"):
+        with (tmp_path / name).open("wb") as file:
+            file.truncate(16_000_000)
+    with pytest.raises(InputError, match=r'<mesh name="m1"> .* more than 30000000 bytes of meshes'):
+        parse_scene(mesh_scene("a.stl", "b.stl"), tmp_path)
+
+
+def test_each_copy_of_an_attached_model_counts(tmp_path: Path) -> None:
+    part = "<geom size='0.01'/>" * 200
+    (tmp_path / "a.xml").write_text(scene(f"<body name='b'>{part}</body>"), encoding="utf-8")
+    copies = "".join(f'<attach model="a" body="b" prefix="p{i}"/>' for i in range(60))
+    head = '<asset><model name="a" file="a.xml"/></asset>'
+    with pytest.raises(InputError, match="more than 10000 elements"):
+        parse_scene(scene(copies, head), tmp_path)
 
 
 def test_models_that_attach_themselves_or_one_another_without_end(tmp_path: Path) -> None:
@@ -160,7 +190,7 @@ def png(width: int, height: int, packed: bytes) -> bytes:
         return struct.pack(">I", len(content)) + kind + content + check
 
     header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    return assets.PNG + chunk(b"IHDR", header) + chunk(b"IDAT", packed) + chunk(b"IEND", b"")
+    return bounds.PNG + chunk(b"IHDR", header) + chunk(b"IDAT", packed) + chunk(b"IEND", b"")
 
 
 def test_pictures_that_unpack_to_more_than_they_seem(
@@ -171,7 +201,7 @@ def test_pictures_that_unpack_to_more_than_they_seem(
     (tmp_path / "t.png").write_bytes(png(60_000, 60_000, b""))
     with pytest.raises(InputError, match="60000 × 60000 pixels; at most 64 million"):
         parse_scene(document, tmp_path)
-    monkeypatch.setattr(assets, "MAX_UNPACKED", 1_000_000)
+    monkeypatch.setattr(bounds, "MAX_UNPACKED", 1_000_000)
     (tmp_path / "t.png").write_bytes(png(8, 8, zlib.compress(bytes(3_000_000))))
     with pytest.raises(InputError, match="unpacks to more than 1 MB"):
         parse_scene(document, tmp_path)

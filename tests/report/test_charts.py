@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import base64
+from dataclasses import replace
+from typing import Any
 
+import numpy as np
+import plotly.graph_objects as go
 import pytest
 from recordings import bench, noises
 
 from palpate.estimation.estimate import Estimate
 from palpate.parameter import Parameter
 from palpate.quantities.friction import estimate_friction
+from palpate.quantities.height import estimate_height
 from palpate.quantities.position import estimate_position
 from palpate.quantities.shape.size import estimate_size
 from palpate.quantities.shape.tilt import estimate_tilt
 from palpate.quantities.stiffness import estimate_stiffness
 from palpate.report.data import Measured
-from palpate.report.evidence.chart import Chart
-from palpate.report.evidence.charts import CHARTS, charts
+from palpate.report.evidence.charts import Chart, charts
 from palpate.scene.load import parse_scene
 
 __all__ = ["bench", "noises"]
@@ -27,28 +31,32 @@ CAN = """<mujoco><worldbody><site name="robot_base"/>
 </worldbody></mujoco>"""
 
 
+def named(chart: Chart, name: str) -> dict[str, Any]:
+    (found,) = [one for one in chart.figure["data"] if one["name"].startswith(name)]
+    return found
+
+
+def values(packed: dict[str, str]) -> np.ndarray[Any, Any]:
+    return np.frombuffer(base64.b64decode(packed["bdata"]), "<f4")
+
+
 def slope_of(chart: Chart) -> float:
-    """Of its fit, in the units of its ticks."""
-    (fit,) = [line for line in chart.lines if line.kind == "fit"]
-    (x1, y1), *_, (x2, y2) = [tuple(map(float, point.split(","))) for point in fit.points.split()]
-    across, up = _scale(chart.x_ticks), _scale(chart.y_ticks)
-    return (up(y2) - up(y1)) / (across(x2) - across(x1))
+    """Of its fit, between the ends."""
+    fit = named(chart, "the fit")
+    x, y = values(fit["x"]), values(fit["y"])
+    return float((y[-1] - y[0]) / (x[-1] - max(x[0], 0.0)))
 
 
-def _scale(ticks: tuple) -> Callable[[float], float]:
-    numbers = [float(tick.text.replace("−", "-")) for tick in ticks]
-    places = [tick.at for tick in ticks]
-    rate = (numbers[-1] - numbers[0]) / (places[-1] - places[0])
-    return lambda at: numbers[0] + rate * (at - places[0])
-
-
-def shown(found: Estimate, trace, truth: tuple[float, ...] | None = None) -> tuple[Chart, ...]:
+def shown(found: Estimate, truth: tuple[float, ...] | None = None) -> tuple[Chart, ...]:
     assert found.has_value
-    drawn = charts(Measured(found, truth), trace)
+    drawn = charts(Measured(found, truth))
     for chart in drawn:
-        for dot in chart.dots:
-            assert -5 <= dot.x <= 105
-            assert -5 <= dot.y <= 105
+        assert go.Figure(chart.figure)
+        low, high = chart.figure["layout"]["yaxis"]["range"]
+        for one in chart.figure["data"]:
+            y = values(one["y"])
+            if one.get("mode") == "markers" and one.get("yaxis") == "y":
+                assert ((y >= low) & (y <= high)).all(), "no point is off the axis"
     return drawn
 
 
@@ -58,11 +66,15 @@ def test_stiffness_is_the_slope_over_the_depth(bench, noises) -> None:
         b.go("mat_approach", (0.5, y, 0.32))
         b.descend(lambda z: max(0.0, 0.28 - z) * 1000.0, "mat")
     found = estimate_stiffness(b.trace(), Parameter("mat", "stiffness"), None)
-    one, other = shown(found, b.trace(), (1000.0,))
-    for chart in (one, other):
-        assert slope_of(chart) == pytest.approx(found.values[0] / 1000.0, rel=0.01), "N/mm"
-        assert {line.kind for line in chart.lines} == {"felt", "fit", "truth"}
-        assert len(chart.dots) == 1
+    for chart in shown(found, (1000.0,)):
+        assert named(chart, "the truth")
+        assert named(chart, "its 95 % interval")
+        assert len(values(named(chart, "measured")["x"])) > 50
+        depth, force = (values(named(chart, "measured")[axis]) for axis in "xy")
+        pressed = depth > 0.0
+        slope = float(force[pressed] @ depth[pressed]) / float(depth[pressed] @ depth[pressed])
+        assert slope == pytest.approx(slope_of(chart), rel=0.02), "N/mm"
+        assert slope == pytest.approx(found.values[0] / 1000.0, rel=0.05)
 
 
 def test_a_tilt_is_seen_from_the_side(bench, noises) -> None:
@@ -72,10 +84,14 @@ def test_a_tilt_is_seen_from_the_side(bench, noises) -> None:
         b.go("table_approach", (x, y, 0.32))
         b.descend(lambda z, top=top: max(0.0, top - z) * 4e4, "table")
     found = estimate_tilt(b.trace(), Parameter("table", "tilt"), None)
-    (chart,) = shown(found, b.trace())
-    assert slope_of(chart) == pytest.approx(0.05, abs=2e-3), "mm a mm, along the way uphill"
-    assert len(chart.dots) == 3
-    assert "rises most towards 53° from world x" in chart.said
+    (chart,) = shown(found)
+    fit = named(chart, "the fit")
+    x, y = values(fit["x"]), values(fit["y"])
+    assert (y[-1] - y[0]) / (x[-1] - x[0]) == pytest.approx(0.05, abs=2e-3), "mm a mm, uphill"
+    touches = named(chart, "a touch, ± 1 std")
+    assert len(values(touches["x"])) == 3
+    assert (values(touches["error_y"]["array"]) > 0.0).all()
+    assert "rises most towards 53° from world x" in chart.note
 
 
 @pytest.mark.parametrize(
@@ -92,10 +108,12 @@ def test_a_grasp_is_shown_as_the_fingers_closed(bench, noises, quantity, estimat
         b.convert("Pose2Plan", "can", "position", b.trace().recordings[-1])
     body = parse_scene(CAN).bodies["can"]
     found = estimate(b.trace(), Parameter("can", quantity), body)
-    (chart,) = shown(found, b.trace())
-    (line,) = [line for line in chart.lines if line.kind == "felt"]
-    assert len(line.points.split()) > 50
-    assert {band.kind for band in chart.bands} == {"interval", "loaded"}
+    (chart,) = shown(found)
+    who = {"size": "between the fingers", "position": "the hand"}[quantity]
+    whole, used = (one for one in chart.figure["data"] if one["name"].startswith(who))
+    assert len(values(whole["x"])) > 50
+    assert np.isnan(values(used["y"])).sum() > 50, "before it was recorded"
+    assert named(chart, "its 95 % interval")
 
 
 def test_drags_are_shown_with_their_breakaways(bench, noises) -> None:
@@ -111,19 +129,35 @@ def test_drags_are_shown_with_their_breakaways(bench, noises) -> None:
     b.open()
     b.go("can_pose + z_offset", (0.5, 0.1, 0.3))
     found = estimate_friction(b.trace(), Parameter("can", "friction"), None)
-    forces, quotient = shown(found, b.trace(), (0.34,))
-    assert slope_of(forces) == pytest.approx(float(found.values[0]), rel=0.02)
-    assert [dot.kind for dot in quotient.dots] == ["down", "down"]
+    forces, quotient = shown(found, (0.34,))
+    fit = named(forces, "the fit")
+    assert values(fit["y"]) / values(fit["x"]) == pytest.approx(float(found), rel=0.001)
+    assert len(values(named(quotient, "breakaway")["x"])) == 2
+    assert np.isnan(values(named(quotient, "smoothed, used")["y"])).any()
+
+
+def test_a_height_is_carried_back_along_the_loading_curve(bench, noises) -> None:
+    b = bench(noises["lab"], 0)
+    for y in (0.0, 0.1):
+        b.go("table_approach", (0.5, y, 0.32))
+        b.descend(lambda z: max(0.0, 0.28 - z) * 4e4, "table")
+    b.convert("Pose2Height", "table", "height", b.trace().recordings[-1])
+    found = estimate_height(b.trace(), Parameter("table", "height"), None)
+    side, *curves = shown(found, (0.28,))
+    assert side.title == "The 2 touches, from the side."
+    assert len(curves) == 2
+    for chart in curves:
+        fit = named(chart, "the fit")
+        at_no_force = values(fit["y"])[values(fit["x"]) <= 0.0]
+        assert at_no_force == pytest.approx(1e3 * float(found), abs=0.01), "mm"
 
 
 def test_a_chart_that_fails_costs_nothing_else(bench, noises, monkeypatch, caplog) -> None:
-    def broken(*_: object) -> tuple[Chart, ...]:
-        raise AttributeError("no such thing")
-
     b = bench(noises["lab"], 0)
-    b.go("mat_approach", (0.5, 0.0, 0.32))
-    b.descend(lambda z: max(0.0, 0.28 - z) * 1000.0, "mat")
+    for y in (0.0, 0.1):
+        b.go("mat_approach", (0.5, y, 0.32))
+        b.descend(lambda z: max(0.0, 0.28 - z) * 1000.0, "mat")
     found = estimate_stiffness(b.trace(), Parameter("mat", "stiffness"), None)
-    monkeypatch.setitem(CHARTS, "stiffness", broken)
-    assert charts(Measured(found), b.trace()) == ()
-    assert "no chart of mat.stiffness: AttributeError: no such thing" in caplog.text
+    broken = replace(found.views[0], predicted=np.zeros(1))
+    assert len(charts(Measured(replace(found, views=(broken, found.views[1]))))) == 1
+    assert "no chart of mat.stiffness: " in caplog.text

@@ -1,9 +1,13 @@
+"""The finished trace file, and the one that grows while the robot moves."""
+
 from __future__ import annotations
 
 import contextlib
 import tracemalloc
 from dataclasses import fields, replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,10 +22,9 @@ from mcap_ros2.decoder import DecoderFactory
 
 from palpate.errors import InputError
 from palpate.robots.registry import load_description
-from palpate.trace.mcap import read_mcap, write_mcap
+from palpate.trace.mcap import PROFILE, TraceStream, read_mcap, write_mcap
 from palpate.trace.recording import Hand
 from palpate.trace.samples import Samples, Trace
-from palpate.trace.stream import PROFILE
 
 
 def assert_same(a: Trace, b: Trace) -> None:
@@ -46,7 +49,7 @@ def test_an_empty_trace_round_trips(trace: Trace, tmp_path: Path) -> None:
     assert_same(read_mcap(path), empty)
 
 
-def test_names_are_data(trace: Trace, tmp_path: Path) -> None:
+def test_hostile_names_of_leaves_round_trip(trace: Trace, tmp_path: Path) -> None:
     hostile = replace(
         trace, leaves=(replace(trace.leaves[0], label='x"}</script>\n\0é', message="{}"),)
     )
@@ -162,3 +165,98 @@ def test_a_cut_file_is_refused(trace: Trace, tmp_path: Path) -> None:
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no trace at"):
         read_mcap(tmp_path / "trace.mcap")
+
+
+def write_stream(path: Path, trace: Trace, *, ends: bool = True) -> None:
+    """Tick by tick, as a runner hands it over."""
+    stream = TraceStream(path, trace.hand, trace.gravity)
+    recorded: Any = SimpleNamespace(leaves=[], recordings=[], conversions=[])
+    for start in range(0, len(trace.samples), 4):
+        samples = trace.samples.where(slice(start, start + 4))
+        now = float(samples.t[-1])
+        recorded.leaves[:] = [leaf for leaf in trace.leaves if leaf.end <= now]
+        recorded.recordings[:] = [r for r in trace.recordings if r.end <= now]
+        recorded.conversions[:] = [c for c in trace.conversions if c.time <= now]
+        stream.write(samples, recorded)
+    if ends:
+        stream.close()
+
+
+def test_a_stream_is_read_again_in_full(trace: Trace, tmp_path: Path) -> None:
+    path = tmp_path / "trace.mcap"
+    write_stream(path, trace)
+    found = read_mcap(path)
+    np.testing.assert_array_equal(found.samples.wrench, trace.samples.wrench)
+    np.testing.assert_array_equal(found.samples.width, trace.samples.width)
+    assert found.recordings == trace.recordings
+    assert found.conversions == trace.conversions
+    assert found.hand == trace.hand
+    assert len(found.leaves) == sum(leaf.end <= trace.t[-1] for leaf in trace.leaves)
+
+
+def test_a_killed_process_loses_a_quarter_of_a_second_of_the_stream(
+    trace: Trace, tmp_path: Path
+) -> None:
+    path = tmp_path / "trace.mcap"
+    write_stream(path, trace, ends=False)
+    assert read_mcap(path).t[-1] > trace.t[-1] - 0.3
+
+
+@pytest.mark.parametrize("share", [0.02, 0.3, 0.7, 0.99])
+def test_a_stream_that_is_cut_off_is_read_up_to_there(
+    share: float, trace: Trace, tmp_path: Path
+) -> None:
+    path = tmp_path / "trace.mcap"
+    write_stream(path, trace)
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    found = read_mcap(path)
+    assert len(found.samples) > (share - 0.1) * len(trace.samples)
+    np.testing.assert_array_equal(found.t, trace.t[: len(found.t)])
+
+
+def test_no_key_is_in_the_file_of_a_run_under_way(
+    trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ACME_API_KEY", "ak-31415926535897932384")
+    path = tmp_path / "trace.mcap"
+    telling = replace(
+        trace.leaves[0], label="with ak-31415926535897932384", message="ak-3141592653"
+    )
+    write_stream(path, replace(trace, leaves=(telling,)), ends=False)
+    assert b"ak-31415926" not in path.read_bytes()
+    assert read_mcap(path).leaves == (replace(telling, label="with [key]", message="[key]"),)
+
+
+def test_the_finished_file_replaces_the_stream(trace: Trace, tmp_path: Path) -> None:
+    path = tmp_path / "trace.mcap"
+    write_stream(path, trace)
+    write_mcap(path, trace)
+    assert read_mcap(path).leaves == trace.leaves
+
+
+def test_nan_is_written_and_read_as_nan(trace: Trace, tmp_path: Path) -> None:
+    path = tmp_path / "trace.mcap"
+    faulty = replace(trace.leaves[0], end=float("nan"))
+    readings = (replace(trace.recordings[0], reading=(float("nan"),)),)
+    samples = replace(trace.samples, t=np.where(trace.t > 30.0, np.nan, trace.t))
+    write_mcap(path, replace(trace, samples=samples, leaves=(faulty,), recordings=readings))
+    found = read_mcap(path)
+    assert np.isnan(found.leaves[0].end)
+    assert np.isnan(found.recordings[0].reading[0])
+    assert np.isnan(found.t).sum() == np.isnan(samples.t).sum()
+
+
+def test_samples_at_a_nan_time_are_written_without_delay(trace: Trace, tmp_path: Path) -> None:
+    path = tmp_path / "trace.mcap"
+    lost = replace(trace.samples, t=np.full(len(trace.t), np.nan))
+    write_stream(path, replace(trace, samples=lost), ends=False)
+    assert len(read_mcap(path).samples) == len(lost)
+
+
+def test_a_stream_without_its_first_record_is_refused(tmp_path: Path, trace: Trace) -> None:
+    path = tmp_path / "trace.mcap"
+    write_stream(path, trace)
+    path.write_bytes(path.read_bytes()[:40])
+    with pytest.raises(InputError, match="not a trace"):
+        read_mcap(path)

@@ -1,7 +1,8 @@
-"""Samples and traces: selecting, joining, looking back."""
+"""Samples and traces: selecting, joining, looking back, and the cache of results that follow from them."""
 
 from __future__ import annotations
 
+import gc
 from dataclasses import fields
 
 import numpy as np
@@ -10,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from palpate.trace.recording import Context, Conversion, Hand, LeafRun, Recording
-from palpate.trace.samples import FORCES, Samples, Trace
+from palpate.trace.samples import FORCES, Samples, Trace, once
 
 HAND = Hand(0.009, 0.15, 0.01, 1e-4)
 WIDTHS = {
@@ -98,7 +99,7 @@ def test_leaves_by_primitive_and_status() -> None:
     ("time", "leaves", "recordings", "conversions"),
     [(0.5, 0, 0, 0), (2.0, 2, 1, 0), (2.1, 2, 1, 1), (9.0, 3, 2, 1)],
 )
-def test_what_was_known_at_a_time(
+def test_a_trace_until_a_time_has_what_ended_by_then(
     time: float, leaves: int, recordings: int, conversions: int
 ) -> None:
     then = trace().until(time)
@@ -109,3 +110,41 @@ def test_what_was_known_at_a_time(
     )
     assert then.samples.t[-1] <= time
     assert then.hand is HAND
+
+
+def test_a_cached_result_is_computed_once_for_each_samples_and_arguments() -> None:
+    asked: list[tuple[Samples, float]] = []
+
+    @once
+    def times(samples: Samples, factor: float) -> np.ndarray:
+        asked.append((samples, factor))
+        return factor * np.ones(3)
+
+    one, other = Samples.empty(), Samples.empty()
+    assert times(one, 2.0) is times(one, 2.0)
+    assert times(one, 3.0).tolist() == [3.0] * 3
+    times(other, 2.0)
+    assert asked == [(one, 2.0), (one, 3.0), (other, 2.0)]
+
+
+def test_a_cached_array_is_read_only() -> None:
+    @once
+    def zeros(samples: Samples) -> np.ndarray:
+        return np.zeros(len(samples) + 1)
+
+    with pytest.raises(ValueError, match="read-only"):
+        zeros(Samples.empty())[0] = 1.0
+
+
+def test_a_cached_result_is_forgotten_with_its_samples() -> None:
+    made: list[int] = []
+
+    @once
+    def count(samples: Samples) -> int:
+        made.append(len(samples))
+        return len(made)
+
+    for _ in range(3):
+        count(Samples.empty())
+        gc.collect()
+    assert len(made) == 3

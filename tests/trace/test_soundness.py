@@ -1,4 +1,4 @@
-"""What is evidence in a run that was broken off."""
+"""Evidence in a run that was broken off."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ def ten_seconds(trace: Trace) -> Trace:
     return replace(trace, samples=samples, leaves=(), recordings=(), conversions=())
 
 
-def test_a_run_in_which_nothing_failed_is_all_evidence(trace: Trace) -> None:
+def test_a_trace_without_failed_leaves_is_all_evidence(trace: Trace) -> None:
     assert sound(trace) is trace
 
 
-def test_what_was_complete_before_stays(ten_seconds: Trace) -> None:
+def test_recordings_complete_before_a_failure_stay(ten_seconds: Trace) -> None:
     before, within, after = recording(1.0, 2.0), recording(4.0, 4.5), recording(6.0, 7.0)
     weighed = Conversion("Force2Mass", "cup", "mass", before, 2.0)
     late = replace(weighed, recording=after, time=7.0)
@@ -55,7 +55,7 @@ def test_what_was_complete_before_stays(ten_seconds: Trace) -> None:
     assert spoiled(trace)[0].spoiled_by.node == "tree.children[1]"
 
 
-def test_what_ran_beside_it_is_none(ten_seconds: Trace) -> None:
+def test_a_recording_in_parallel_with_a_failed_leaf_is_no_evidence(ten_seconds: Trace) -> None:
     """The measurement ends well when the slide beside it runs into something."""
     slide = recording(3.0, 5.0)
     trace = replace(
@@ -71,7 +71,7 @@ def test_what_ran_beside_it_is_none(ten_seconds: Trace) -> None:
     assert len(sound(trace).leaves) == 1
 
 
-def test_a_later_attempt_counts_again(ten_seconds: Trace) -> None:
+def test_recordings_of_a_later_attempt_are_evidence(ten_seconds: Trace) -> None:
     lost, again = recording(1.0, 2.0), recording(6.0, 7.0)
     trace = replace(
         ten_seconds,
@@ -101,7 +101,7 @@ def test_a_later_round_that_fails_takes_nothing_from_the_first(ten_seconds: Trac
     assert sound(trace).recordings == (first, third)
 
 
-def test_a_trace_without_samples_is_one(ten_seconds: Trace) -> None:
+def test_a_trace_without_samples_has_a_sound_part(ten_seconds: Trace) -> None:
     trace = replace(
         ten_seconds, samples=Samples.empty(), leaves=(leaf("tree", 0.0, 0.0, "INVALID"),)
     )

@@ -15,14 +15,14 @@ from palpate.errors import InputError
 from palpate.extensions import extensions
 from palpate.quantities.catalogue import catalogue
 from palpate.vocabulary.base import ConversionPrimitive, Primitive
-from palpate.vocabulary.motion.move_pose import MovePose
+from palpate.vocabulary.motion import MovePose
 from palpate.vocabulary.registry import load_vocabulary, vocabulary
 
 THIRD_PARTY = '''
 from dataclasses import replace
 from typing import ClassVar
 from palpate.quantities.quantity import Quantity
-from palpate.vocabulary.motion.move_pose import MovePose
+from palpate.vocabulary.motion import MovePose
 from palpate.vocabulary.base import ConversionPrimitive, Primitive
 
 class Odour(Quantity):

@@ -242,7 +242,9 @@ def test_a_centre_of_mass_is_found_along_gravity(tmp_path):
     assert run.truth[found.parameter] == pytest.approx((0.02, 0.0, 0.006))
     twin = build_twin(run.scene, run.estimates)
     assert twin.scene.body("bar").known["com"] == pytest.approx(found.values, abs=1e-4)
-    *_, tilted = charts(Measured(found), run.trace)
-    assert tilted.title.startswith("Tilted towards")
-    assert len(tilted.dots) > 5
-    assert "above the fingers" in tilted.said or "below the fingers" in tilted.said
+    *_, tilted = found.views
+    assert tilted.name.startswith("Tilted towards")
+    assert len(tilted.x) > 5
+    assert "above the fingers" in tilted.note or "below the fingers" in tilted.note
+    assert tilted.measured == pytest.approx(tilted.predicted, abs=1.0), "mm"
+    assert len(charts(Measured(found))) == len(found.views)

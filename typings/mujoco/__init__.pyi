@@ -420,6 +420,7 @@ class _SpecOrientation:
 class MjsMesh(_SpecElement):
     file: str
     inertia: _Int
+    maxhullvert: int
     content_type: str
     scale: _Vector
     refpos: _Vector

@@ -13,7 +13,7 @@ from __future__ import annotations
 from palpate.api.at_once import plan_settings, run, run_settings
 from palpate.api.plans import Plan
 from palpate.api.runs import Fusion, Run, compare, finish, fuse, open
-from palpate.api.scenes import Scene, load
+from palpate.api.scenes import Scene, load, load_settings
 
 __all__ = [
     "Fusion",
@@ -24,6 +24,7 @@ __all__ = [
     "finish",
     "fuse",
     "load",
+    "load_settings",
     "open",
     "plan_settings",
     "run",

@@ -2,58 +2,73 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
+from inspect import signature
 from pathlib import Path
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from palpate import pipeline
-from palpate.api.given import Widths, is_text, names, path_of, paths_of, planner_name
-from palpate.api.plans import Plan, RunOptions, plan_of
+from palpate.api.given import Widths, is_file, planner_name
+from palpate.api.plans import Plan, plan_of
 from palpate.api.runs import Run, run_of
 from palpate.api.scenes import Scene, load
-from palpate.callbacks import SILENT, RunCallbacks, quiet
-from palpate.planning.model.settings import ModelSettings
+from palpate.callbacks import SILENT, Confirm, Progress, RunCallbacks, quiet
 from palpate.planning.planner import Planner
-from palpate.quantities.precision.within import Within
-from palpate.robots.registry import DEFAULT
 from palpate.settings import Settings
+
+if TYPE_CHECKING:
+    from palpate.cells.cell import Cell
+    from palpate.execution.recovery import OnFailure
+    from palpate.execution.runner import Observer
+    from palpate.planning.model.settings import ModelSettings
+    from palpate.scene.scene import Scene as InnerScene
+
+
+class Options(TypedDict, total=False):
+    """The arguments of `load`, `Scene.plan` and `Plan.run`, for all at once."""
+
+    poses: str | Path | None
+    arm: str | Path
+    cautious: bool
+    robot_config: str | Path | None
+    root: str | Path | None
+    robot_body: str | Sequence[str]
+    images: Sequence[str | Path]
+    remeasure: bool
+    within: Widths | None
+    model_settings: ModelSettings | None
+    cell: Cell | None
+    world: str | Path | InnerScene | None
+    robot: str | None
+    noise: str
+    seed: int
+    on_failure: OnFailure
+    rehearse: bool | None
+    fast: bool
+    confirm: Confirm
+    observer: Observer | None
+    progress: Progress
+    out: str | Path | None
 
 
 def run(
     scene: str | Path | Scene | None = None,
     request: str | None = None,
     *,
-    poses: str | Path | None = None,
-    arm: str | Path = DEFAULT,
-    cautious: bool = False,
-    robot_config: str | Path | None = None,
-    root: str | Path | None = None,
-    robot_body: str | Sequence[str] = (),
     planner: str | Planner = "symbolic",
-    images: Sequence[str | Path] = (),
-    remeasure: bool = False,
-    within: Widths | None = None,
-    model_settings: ModelSettings | None = None,
-    **options: Unpack[RunOptions],
+    **options: Unpack[Options],
 ) -> Run:
     """Load, plan, execute, estimate and build the twin, all in memory.
 
     Args:
         scene: MJCF as `load` takes it, or a scene; None lets a model look at a picture instead.
         request: what you want to simulate, in your words; None asks for all that is missing.
-        poses: as `load`.
-        arm: as `load`.
-        cautious: as `load`.
-        robot_config: as `load`.
-        root: as `load`.
-        robot_body: as `load`.
         planner: as `Scene.plan`.
-        images: as `Scene.plan`.
-        remeasure: as `Scene.plan`.
-        within: as `Scene.plan`.
-        model_settings: as `Scene.plan`.
-        options: as `Plan.run`: `seed`, `noise`, `world`, `robot`, `cell`, `out`, `progress`, …
+        options: as `load`: `poses`, `arm`, `cautious`, `robot_config`, `root`, `robot_body`; as
+            `Scene.plan`: `images`, `remeasure`, `within`, `model_settings`; as `Plan.run`: `seed`,
+            `noise`, `world`, `robot`, `cell`, `on_failure`, `rehearse`, `fast`, `out`, `confirm`,
+            `observer`, `progress`.
 
     Returns:
         The finished run, in memory; with `out=` also in a folder.
@@ -63,31 +78,27 @@ def run(
         Unavailable: planner or robot out of reach.
         ExecutionAborted: a real robot was not allowed to move.
     """
-    asked = Settings(
-        request=request,
-        poses=path_of(poses),
-        images=paths_of(images),
-        planner=planner_name(planner),
-        arm=str(arm),
-        cautious=cautious,
-        robot_config=path_of(robot_config),
-        root=path_of(root),
-        robot_body=names(robot_body),
-        remeasure=remeasure,
-        within=Within.read(within or {}),
-        model_settings=model_settings or ModelSettings(),
-    )
-    # How it is to run is looked at before anybody plans: a model's answer costs money.
-    planned = replace(asked, **_stated(options)).checked(at_hand=scene is not None)
-    if options.get("cell") is None:
-        pipeline.preflight(planned)
-    found = scene
-    if isinstance(found, str | Path):
-        found = load(found, poses, arm, cautious, robot_config, root, robot_body)
+    of_load, of_run = _those_of(load, options), _those_of(Plan.run, options)
+    found = load(scene, **of_load) if isinstance(scene, str | Path) else scene
+    names = [field.name for field in fields(Settings)]
+    stated: dict[str, Any] = {n: v for n, v in options.items() if n in names and v is not None}
     if found is not None:
-        planned = found.settings(planned)
+        stated = {name: value for name, value in stated.items() if name not in of_load}
+    if not is_file(stated.get("world")):
+        stated.pop("world", None)  # MJCF text, or a scene: `Plan.run` reads it
+    given = Settings() if found is None else found.given
+    asked = given.having(request=request, planner=planner_name(planner), **stated)
+    # Everything is checked before anybody plans: a model's answer costs money.
+    asked = asked.checked(at_hand=found is not None)
+    if options.get("cell") is None:
+        pipeline.preflight(asked)
     options.get("progress", quiet)("planning")
-    return plan_of(planned, found, planner).run(**options)
+    return plan_of(asked, found, planner).run(**of_run)
+
+
+def _those_of(verb: Callable[..., object], options: Mapping[str, Any]) -> dict[str, Any]:
+    """The options that are arguments of a verb."""
+    return {name: options[name] for name in signature(verb).parameters if name in options}
 
 
 def plan_settings(settings: Settings) -> Plan:
@@ -110,15 +121,3 @@ def run_settings(settings: Settings, callbacks: RunCallbacks = SILENT) -> Run:
         ExecutionAborted: a real robot was not allowed to move.
     """
     return run_of(pipeline.run(settings, callbacks))
-
-
-def _stated(options: RunOptions) -> dict[str, Any]:
-    """Options that are fields of the settings; a world given as an object has no file."""
-    names = ("robot", "noise", "seed", "on_failure", "rehearse", "fast")
-    stated: dict[str, Any] = {name: options.get(name) for name in names if name in options}
-    folder, world = options.get("out"), options.get("world")
-    if folder is not None:
-        stated["out"] = Path(folder)
-    if isinstance(world, str | Path) and not is_text(world):
-        stated["world"] = Path(world)
-    return stated

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -18,20 +18,13 @@ def is_text(source: object) -> bool:
     return isinstance(source, str) and source.lstrip().startswith("<")
 
 
-def names(given: str | Sequence[str]) -> tuple[str, ...]:
-    """Names as a tuple, from one name or several."""
-    return (given,) if isinstance(given, str) else tuple(given)
-
-
-def path_of(file: str | Path | None) -> Path | None:
-    return Path(file) if file is not None else None
-
-
-def paths_of(files: Sequence[str | Path]) -> tuple[Path, ...]:
-    return tuple(Path(file) for file in files)
+def is_file(source: object) -> bool:
+    """Test for the name of a file."""
+    return isinstance(source, str | Path) and not is_text(source)
 
 
 def planner_name(planner: str | Planner) -> str:
+    """Name of a planner, for the settings."""
     return planner if isinstance(planner, str) else planner.name
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING
 
 from palpate import pipeline
-from palpate.api.given import Widths, contents_of, is_text, path_of
+from palpate.api.given import Widths, contents_of, is_text
 from palpate.api.runs import Run, run_of
 from palpate.callbacks import Confirm, Progress, RunCallbacks, quiet, unasked
 from palpate.cells.cell import Cell
@@ -17,7 +17,6 @@ from palpate.execution.recovery import OnFailure
 from palpate.planning.check.check import Finding
 from palpate.planning.plan import Plan as InnerPlan
 from palpate.planning.planner import Planner
-from palpate.quantities.precision.within import Within
 from palpate.robots.owner.registered import own_arm
 from palpate.runs.run import Run as InnerRun
 from palpate.scene.load import parse_scene
@@ -104,25 +103,25 @@ class Plan(InnerPlan):
         begun = self.made
         if rehearse is None and cell is not None:
             rehearse = not cell.simulated
-        world = _read_world(world, begun.settings)
+        if is_text(world):
+            arm = own_arm(begun.settings.arm, begun.settings.cautious, None)
+            world = parse_scene(str(world), arm=arm)
         if isinstance(world, InnerScene):
             from palpate.cells.simulated import simulated_cell
 
             cell = simulated_cell(begun.scene, world, noise=noise, seed=seed)
             world = world.path
-        settings = replace(
-            begun.settings,
-            world=path_of(world),
+        settings = begun.settings.having(
+            world=world,
             robot=robot,
             noise=noise,
             seed=seed,
             on_failure=on_failure,
             rehearse=rehearse,
+            within=begun.settings.within if within is None else within,
             fast=fast,
-            out=path_of(out),
+            out=out,
         ).checked(at_hand=True)
-        if within is not None:
-            settings = replace(settings, within=Within.read(within))
         made = replace(begun, settings=settings)
         if robot is not None:
             made = replace(made, scene=with_real_arm(made.scene))
@@ -135,32 +134,7 @@ class Plan(InnerPlan):
         return table(repr(self), ("tree",), rows)
 
 
-def _read_world(
-    world: str | Path | InnerScene | None, settings: Settings
-) -> str | Path | InnerScene | None:
-    """Parse a hidden world that is given as MJCF text, for the plan's own arm."""
-    if not is_text(world):
-        return world
-    return parse_scene(str(world), arm=own_arm(settings.arm, settings.cautious, None))
-
-
-class RunOptions(TypedDict, total=False):
-    """The arguments of `Plan.run`, for those who pass them on."""
-
-    cell: Cell | None
-    world: str | Path | InnerScene | None
-    robot: str | None
-    noise: str
-    seed: int
-    on_failure: OnFailure
-    rehearse: bool | None
-    fast: bool
-    confirm: Confirm
-    observer: Observer | None
-    progress: Progress
-    out: str | Path | None
-
-
 def plan_of(asked: Settings, scene: InnerScene | None, planner: str | Planner) -> Plan:
+    """Ask the planner that the settings name, or one at hand, and check its plan."""
     made = pipeline.plan(asked, scene, None if isinstance(planner, str) else planner)
     return Plan(**contents_of(made.plan, InnerPlan), begun=made)

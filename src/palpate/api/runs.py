@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate import pipeline
-from palpate.api.given import contents_of, path_of
+from palpate.api.given import contents_of
 from palpate.callbacks import Progress, RunCallbacks, quiet
 from palpate.display import table, text_table
 from palpate.estimation.estimate import COLUMNS, Estimate
@@ -66,7 +66,7 @@ class Run(InnerRun):
         """
         from palpate.runs.export import export_run
 
-        return export_run(self, to, path_of(folder))
+        return export_run(self, to, None if folder is None else Path(folder))
 
     def _repr_html_(self) -> str:
         return table(repr(self), COLUMNS, [estimate.cells() for estimate in self.estimates])

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from palpate.api.given import Widths, contents_of, is_text, names, path_of, paths_of, planner_name
+from palpate.api.given import Widths, contents_of, is_text, planner_name
 from palpate.api.plans import Plan, plan_of
 from palpate.display import table
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.planner import Planner
-from palpate.quantities.precision.within import Within
 from palpate.robots.owner.registered import own_arm
 from palpate.robots.registry import DEFAULT
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.poses import read_poses
 from palpate.scene.remarks import remarks
 from palpate.scene.scene import Scene as InnerScene
-from palpate.settings import Settings
+from palpate.settings import Settings, settings_of
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -26,18 +25,12 @@ class Scene(InnerScene):
     """An incomplete simulation description, as `load` reads it.
 
     Attributes:
-        poses_file: the `poses.yaml` that came with it.
-        arm_name, cautious, robot_config, root, robot_body: as `load` was told.
+        given: what `load` was given: the file, its poses, the arm.
 
-    Else as `palpate.scene.scene.Scene`.
+    The other attributes are those of `palpate.scene.scene.Scene`.
     """
 
-    poses_file: Path | None = None
-    arm_name: str = DEFAULT
-    cautious: bool = False
-    robot_config: Path | None = None
-    root: Path | None = None
-    robot_body: tuple[str, ...] = ()
+    given: Settings = field(default_factory=Settings)
 
     def plan(
         self,
@@ -49,7 +42,7 @@ class Scene(InnerScene):
         within: Widths | None = None,
         model_settings: ModelSettings | None = None,
     ) -> Plan:
-        """A checked plan that measures what the request asks and the scene does not know.
+        """Plan how to measure what the request asks and the scene does not state; check the plan.
 
         Args:
             request: what you want to simulate, in your words; None asks for all that is missing.
@@ -66,39 +59,21 @@ class Scene(InnerScene):
             InputError: a request or a planner that cannot be used.
             Unavailable: a provider out of reach.
         """
-        asked = Settings(
+        asked = self.given.having(
             request=request,
-            images=paths_of(images),
             planner=planner_name(planner),
+            images=images,
             remeasure=remeasure,
-            within=Within.read(within or {}),
+            within=within,
             model_settings=model_settings or ModelSettings(),
         )
-        return plan_of(self.settings(asked), self, planner)
+        return plan_of(asked.checked(at_hand=True), self, planner)
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """Remarks on the reading: interpretations, omissions, and reasons why nothing may be
         missing."""
         return remarks(self)
-
-    def settings(self, asked: Settings) -> Settings:
-        """Settings for a request about this scene.
-
-        Raises:
-            InputError: a value out of range.
-        """
-        mine = replace(
-            asked,
-            scene=self.path,
-            poses=self.poses_file,
-            arm=self.arm_name,
-            cautious=self.cautious,
-            robot_config=self.robot_config,
-            root=self.root,
-            robot_body=self.robot_body,
-        )
-        return mine.checked(at_hand=True)
 
     def _repr_html_(self) -> str:
         rows: list[tuple[str, ...]] = []
@@ -134,21 +109,30 @@ def load(
     Raises:
         InputError: malformed XML, missing files, names that do not match.
     """
-    file, config = path_of(poses), path_of(robot_config)
-    description = own_arm(str(arm), cautious, config)
-    robots = names(robot_body)
-    if is_text(source):
-        entries = read_poses(file) if file is not None else None
-        found = parse_scene(str(source), poses=entries, arm=description, robot_body=robots)
-    else:
-        path = Path(source)
-        found = load_scene(path, file, description, root=path_of(root), robot_body=robots)
-    return Scene(
-        **contents_of(found, InnerScene),
-        poses_file=file,
-        arm_name=str(arm),
+    given = settings_of(
+        scene=None if is_text(source) else source,
+        poses=poses,
+        arm=arm,
         cautious=cautious,
-        robot_config=config,
-        root=path_of(root),
-        robot_body=robots,
+        robot_config=robot_config,
+        root=root,
+        robot_body=robot_body,
     )
+    return load_settings(given, str(source) if is_text(source) else None)
+
+
+def load_settings(given: Settings, text: str | None = None) -> Scene:
+    """Read the scene that settings name, or MJCF text with the poses and the arm that they name.
+
+    Raises:
+        InputError: malformed XML, missing files, names that do not match.
+    """
+    arm = own_arm(given.arm, given.cautious, given.robot_config)
+    robots = given.robot_body
+    if text is not None:
+        poses = read_poses(given.poses) if given.poses else None
+        found = parse_scene(text, poses=poses, arm=arm, robot_body=robots)
+    else:
+        assert given.scene is not None
+        found = load_scene(given.scene, given.poses, arm, root=given.root, robot_body=robots)
+    return Scene(**contents_of(found, InnerScene), given=given)

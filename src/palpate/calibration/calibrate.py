@@ -1,13 +1,11 @@
-"""`palpate calibrate`: what is known of one very arm after it weighed and touched what is known.
+"""`palpate calibrate`: measure one very arm with references of known weight and height, and write robot.yaml.
 
-Every procedure is a visit to the arm: plan, check, execution and the trace's own equations as in any
-run, with what is known taken for known. What it found is corrected in the next visit, so that each
-one also tests those before it.
+Each procedure is a visit to the arm: plan, check, execution and estimation as in any run, except that the
+measured size is known and the arm is not. Findings correct the next visit, which so also tests them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,20 +20,20 @@ from palpate.errors import InputError
 from palpate.estimation.gains import gain_root
 from palpate.robots.owner.config import (
     JOINTS,
-    Gains,
     RobotConfig,
     Simulated,
     read_config,
     write_config,
 )
 from palpate.robots.owner.registered import require_same
-from palpate.settings import Settings, noise_told
+from palpate.settings import Settings, noise_source
+from palpate.trace.recording import Hand
 
 if TYPE_CHECKING:
     from palpate.robots.description import RobotDescription
 
 MEASURED = ("torque_gain", "tip_offset", "base_lean", "pose_repeatability", "tip_compliance")
-"""What a calibration writes; all other keys of a file stay."""
+"""Keys of robot.yaml that a calibration writes; all others stay."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,11 +66,11 @@ def wanted(weight: str | None, gauge: str | None, own_weight: bool) -> Wanted:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Calibrated value, before and after.
+    """Calibrated figure, before and after.
 
     Attributes:
-        name: its key in robot.yaml, a joint's with its number.
-        unit: `1` where it is relative.
+        name: its key in robot.yaml, with the number of the joint or the axis.
+        unit: SI; `1` for a relative figure.
         before, after: value and standard deviation.
         by: procedure that measured it.
     """
@@ -86,7 +84,7 @@ class Found:
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Result of a calibration and the file it is in. `robot_seconds`: duration of the motions, s."""
+    """Result of a calibration and its file. `robot_seconds`: duration of the motions, s."""
 
     config: RobotConfig
     found: tuple[Found, ...]
@@ -100,24 +98,26 @@ def calibrate(
     out: Path,
     callbacks: RunCallbacks = SILENT,
 ) -> Calibration:
-    """Calibrate an arm, and write what was found into `out`: other figures of an existing file stay.
+    """Calibrate an arm and write the findings into `out`; other figures of an existing file stay.
 
-    Without a scene the embedded arm stands on a bench of its own. What `settings.robot_config` says
-    is known before, and is refined; else the arm's datasheet is.
+    Without a scene the embedded arm stands on a bench. The calibration refines `settings.robot_config`, or
+    without one the arm's datasheet.
 
     Raises:
-        InputError: bad input; or what was measured contradicts what is said to be known: then
-            nothing is written.
+        InputError: bad input; or the measurements contradict the stated references: nothing is written.
         Unavailable: no such robot.
         ExecutionAborted: not confirmed, or stopped.
     """
     settings = settings.checked(at_hand=True)
-    there = _existing(out)
-    _require_sense(settings, wanted, out, there)
+    existing = read_config(out) if out.exists() else None
+    require_consistent(settings, wanted, out, existing)
     before = RobotConfig()
     if settings.robot_config is not None:
         before = read_config(settings.robot_config)
-    session = Session(settings, before, callbacks, _visits(before, there))
+    # Visits to the embedded arm are counted over all sessions: each draws other errors.
+    simulated = [config.simulated for config in (before, existing) if config is not None]
+    visits = max([one.visits for one in simulated if one is not None], default=0)
+    session = Session(settings, before, callbacks, visits)
     start = session.arm
     if wanted.own_weight:
         weigh_itself(session)
@@ -125,25 +125,15 @@ def calibrate(
         weigh(session, wanted.weight)
     if wanted.gauge is not None:
         gauge(session, wanted.gauge)
-    config = _merged(there or before, session)
+    config = merged(existing or before, session)
     write_config(out, config)
-    return Calibration(config, tuple(_compared(start, session.arm)), out, session.seconds)
+    return Calibration(config, tuple(compared(start, session.arm)), out, session.seconds)
 
 
-def _existing(out: Path) -> RobotConfig | None:
-    return read_config(out) if out.exists() else None
-
-
-def _visits(*configs: RobotConfig | None) -> int:
-    """Return the number of earlier visits to the embedded arm."""
-    simulated = [config.simulated for config in configs if config is not None]
-    return max([one.visits for one in simulated if one is not None], default=0)
-
-
-def _require_sense(
-    settings: Settings, wanted: Wanted, out: Path, there: RobotConfig | None
+def require_consistent(
+    settings: Settings, wanted: Wanted, out: Path, existing: RobotConfig | None
 ) -> None:
-    """Raises InputError where there is nothing to do, or not of this arm."""
+    """Require a reference, a scene for a real arm, and files of this same arm; raises InputError."""
     if wanted == Wanted():
         raise InputError(
             "nothing to calibrate with: give a known weight (--weight 0.5kg±0.1g), known heights "
@@ -153,68 +143,71 @@ def _require_sense(
         raise InputError(
             "a real arm needs a scene=D.xml that says where it, the weight and the gauges stand"
         )
-    simulated = None
-    if settings.robot is None:
-        simulated = (noise_told(settings.noise), settings.seed)
+    # An embedded arm is the same one if noise model and seed are.
+    simulated = (noise_source(settings.noise), settings.seed) if settings.robot is None else None
     arm = settings.described_arm()
     require_same(arm.config, simulated)
-    require_same(there, simulated, f"'{out}'")
-    if there is not None and there.arm not in (None, arm.name):
-        raise InputError(f"'{out}' is of the arm '{there.arm}', not of '{arm.name}'")
+    require_same(existing, simulated, f"'{out}'")
+    if existing is not None and existing.arm not in (None, arm.name):
+        raise InputError(f"'{out}' is of the arm '{existing.arm}', not of '{arm.name}'")
 
 
-def _merged(under: RobotConfig, session: Session) -> RobotConfig:
-    """The file as it was, with what is known now."""
-    settings, config = session.settings, session.config
-    measured = {name: getattr(config, name) for name in MEASURED}
-    new = {name: figure for name, figure in measured.items() if figure is not None}
-    simulated = None
+def merged(under: RobotConfig, session: Session) -> RobotConfig:
+    """Merge the findings of a session over the figures of an existing file."""
+    settings = session.settings
+    figures = {name: getattr(session.config, name) for name in MEASURED}
+    update = {name: figure for name, figure in figures.items() if figure is not None}
+    update |= {"arm": session.arm.name, "simulated": None}
     if settings.robot is None:
-        simulated = Simulated(
-            noise=noise_told(settings.noise), seed=settings.seed, visits=session.visits
-        )
-    return under.model_copy(update={"arm": session.arm.name, "simulated": simulated, **new})
+        noise, visits = noise_source(settings.noise), session.visits
+        update["simulated"] = Simulated(noise=noise, seed=settings.seed, visits=visits)
+    return under.model_copy(update=update)
 
 
-def _compared(start: RobotDescription, end: RobotDescription) -> Iterator[Found]:
-    """Compare each measured value with its value before the calibration."""
-    assert end.config is not None
-    gains, told, known = end.config.torque_gain, start.nominal, end.nominal
-    if gains is not None and gains is not _gains(start):
-        before, after = _gain_values(start), _gain_values(end)
-        for i in range(JOINTS):
-            yield Found(f"torque_gain {i + 1}", "1", before[i], after[i], gains.by or "")
-    lean = end.config.base_lean
-    if lean is not None and lean is not getattr(start.config, "base_lean", None):
-        before = (0.0, 0.0), (told.tip_offset_std / start.reach.stretched,) * 2
-        if start.config is not None and start.config.base_lean is not None:
-            before = start.config.base_lean.value.tolist(), start.config.base_lean.std.tolist()
+def compared(start: RobotDescription, end: RobotDescription) -> list[Found]:
+    """Compare each figure that was measured with its value before the calibration."""
+    old, new, found = start.config, end.config, list[Found]()
+    assert new is not None
+    first, last = start.nominal, end.nominal
+
+    def is_new(name: str) -> bool:
+        # By identity: a figure that was measured again may have the same value.
+        figure = getattr(new, name)
+        return figure is not None and figure is not getattr(old, name, None)
+
+    gains, lean = new.torque_gain, new.base_lean
+    if gains is not None and is_new("torque_gain"):
+        pairs = zip(gain_values(start), gain_values(end), strict=True)
+        for joint, (before, after) in enumerate(pairs, 1):
+            found.append(Found(f"torque_gain {joint}", "1", before, after, gains.by or ""))
+    if lean is not None and is_new("base_lean"):
+        # Without a calibration: a tilt as large as the tip length is uncertain over the reach.
+        values, stds = (0.0, 0.0), (first.tip_offset_std / start.reach.stretched,) * 2
+        if old is not None and old.base_lean is not None:
+            values, stds = old.base_lean.value.tolist(), old.base_lean.std.tolist()
         for i, axis in enumerate("xy"):
-            one = (before[0][i], before[1][i])
-            now = (float(lean.value[i]), float(lean.std[i]))
-            yield Found(f"base_lean {axis}", "rad", one, now, lean.by or "")
-    repeated = end.config.pose_repeatability
-    if repeated is not None and repeated is not getattr(start.config, "pose_repeatability", None):
-        one, other = (0.0, told.pose_repeatability), (0.0, known.pose_repeatability)
-        yield Found("pose_repeatability", "m", one, other, repeated.by or "")
-    for name, unit in (("tip_offset", "m"), ("tip_compliance", "m/N")):
-        figure = getattr(end.config, name)
-        if figure is not None and figure is not getattr(start.config, name, None):
-            one, other = (
-                (getattr(hand, name), getattr(hand, f"{name}_std")) for hand in (told, known)
-            )
-            yield Found(name, unit, one, other, figure.by or "")
+            after = float(lean.value[i]), float(lean.std[i])
+            before = values[i], stds[i]
+            found.append(Found(f"base_lean {axis}", "rad", before, after, lean.by or ""))
+    for name, unit in (("pose_repeatability", "m"), ("tip_offset", "m"), ("tip_compliance", "m/N")):
+        if is_new(name):
+            before, after = (value_and_std(hand, name) for hand in (first, last))
+            found.append(Found(name, unit, before, after, getattr(new, name).by or ""))
+    return found
 
 
-def _gains(arm: RobotDescription) -> Gains | None:
-    return arm.config.torque_gain if arm.config is not None else None
+def value_and_std(hand: Hand, name: str) -> tuple[float, float]:
+    """Figure of an arm with its standard deviation; a repeatability is itself one, of 0."""
+    if name == "pose_repeatability":
+        return 0.0, hand.pose_repeatability
+    return getattr(hand, name), getattr(hand, f"{name}_std")
 
 
-def _gain_values(arm: RobotDescription) -> list[tuple[float, float]]:
-    """Value and standard deviation of each joint's gain, as it is known."""
-    gains = _gains(arm)
+def gain_values(arm: RobotDescription) -> list[tuple[float, float]]:
+    """Value and standard deviation of each joint's gain."""
+    gains = arm.config.torque_gain if arm.config is not None else None
     if gains is not None:
-        spread = gains.spread.diagonal()
-        return list(zip(gains.value.tolist(), np.sqrt(spread).tolist(), strict=True))
+        stds = np.sqrt(gains.spread.diagonal()).tolist()
+        return list(zip(gains.value.tolist(), stds, strict=True))
     root = gain_root(arm.nominal, JOINTS)
     return [(0.0, float(np.linalg.norm(row))) for row in root]

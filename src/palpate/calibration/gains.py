@@ -1,7 +1,17 @@
-"""The gains of the joints' torque sensors, from a load whose weight is known.
+"""Gains of the joint torque sensors, from a known weight in the hand or from the arm's own weight.
 
-The load's own equations (`palpate.estimation.load.fit`) hold one unknown for the gain of each joint.
-Where the weight is sought they bound it; where it is known, it tells of them.
+**Known weight.** The equations of a load (`palpate.estimation.load.fit`) have one unknown for the gain of
+each joint. Where the weight is sought, the prior of the gains bounds it; where it is known, it determines
+the gains.
+
+**Own weight.** A joint's sensor shows 1 + g times the torque that holds the arm, relative to the
+configuration q_0 in which it was zeroed. That torque is known from the nominal arm except for the masses
+m_i and centres c_i of its links, whose accuracy the description states. At rest in n configurations q:
+
+    tau - tau_0 = g (G(q) - G(q_0)) + sum_i dm_i dG/dm_i + dc_i dG/dc_i + friction
+
+All unknowns have priors from the description, so that the posterior separates gains from heavier links as
+far as that is possible. Friction differs at every rest and averages out.
 """
 
 from __future__ import annotations
@@ -10,6 +20,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import mujoco
 import numpy as np
 
 from palpate.calibration.stated import Stated
@@ -19,12 +30,32 @@ from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.gains import gain_root
 from palpate.estimation.load.equations import Model, equations
 from palpate.estimation.load.fit import fit_load, load_model
-from palpate.estimation.load.segments import Weighing, weighings
-from palpate.geometry.pose import Array
+from palpate.estimation.load.observation import observe
+from palpate.estimation.load.segments import weighings
+from palpate.geometry.pose import Array, Pose
 from palpate.parameter import Parameter
+from palpate.planning.plan import Node
+from palpate.robots.description import RobotDescription
+from palpate.robots.nominal import NominalArm
 from palpate.robots.owner.config import JOINTS
-from palpate.trace.recording import Hand
 from palpate.trace.samples import Trace
+from palpate.vocabulary.state import HOME_CONFIG
+
+CONFIGURATIONS = 30
+"""Rests at which the arm weighs itself: friction is about as large as the signal, and averages out."""
+SPREAD = np.array([0.8, 0.6, 0.6, 0.7, 1.0, 0.8, 1.2])
+"""rad about home, uniform, half width."""
+CLEAR = 0.25
+"""m: least height of the TCP above the plane on which the arm stands."""
+WIDE = 0.1
+"""Relative (1 sigma): a bound of gains for a fit that hardly uses their prior."""
+MARGIN = 0.1
+"""rad to the joints' limits."""
+UP = np.array([0.0, 0.0, 1.0])
+OFFSET = 1.0
+"""N m (1 sigma): torque offset of a joint, from zeroing and friction at the start."""
+ROUNDS = 4
+"""Iterations in which the fit learns the scatter of friction from its own residuals."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,90 +66,215 @@ class GainBelief:
     covariance: Array
 
     def after(self, corrected: Array) -> GainBelief:
-        """Compose with gains `corrected` (7,) that the readings were already corrected by:
+        """Compose with gains `corrected` (7,) by which the readings were already corrected:
         1 + g = (1 + corrected)(1 + mean)."""
         larger = 1.0 + corrected
         whole = larger * (1.0 + self.mean) - 1.0
         return GainBelief(whole, self.covariance * np.outer(larger, larger))
 
 
-def weighed(trace: Trace, parameter: Parameter, known: Stated) -> GainBelief:
-    """Compute the posterior of the gains from a weighing of the `known` mass, kg, in `trace`; its readings
-    are corrected by the earlier calibration.
+def require(tests: Sequence[FitTest], what: str) -> None:
+    """Require that all tests passed.
 
     Raises:
-        InputError: it was not weighed, its weighing contradicts itself, or what was felt is not what
-            it is said to weigh.
+        InputError: some did not; the message has their findings.
+    """
+    failed = [test.finding for test in tests if not test.passed]
+    if failed:
+        raise InputError(f"{what} contradicts: {' '.join(failed)} Nothing is written.")
+
+
+def weighed(trace: Trace, parameter: Parameter, known: Stated) -> GainBelief:
+    """Compute the posterior of the gains from a weighing of a `known` mass, kg, in `trace`, whose readings
+    are corrected by the calibration so far.
+
+    Raises:
+        InputError: it was not weighed, its weighing contradicts itself, or it weighs something else than
+            is stated.
     """
     recording = trace.converted(parameter)
     if recording is None or trace.hand.chain is None:
         raise InputError(f"{parameter.object} was not weighed; nothing is calibrated")
-    found = weighings(trace, recording)
-    _require_agreement(found, trace.gravity, trace.hand, known)
-    return _learned(found, trace.gravity, trace.hand, known)
-
-
-def _learned(found: Sequence[Weighing], gravity: float, hand: Hand, known: Stated) -> GainBelief:
-    """The posterior of the gains, at a force that is known within its limits.
-
-    A gain's column is the load itself, whose moments are not known at first: it is solved as often
-    as when a mass is sought.
-    """
+    found, gravity, hand = weighings(trace, recording), trace.gravity, trace.hand
+    # Weighed with the prior of the gains: does it hang free, and weigh what is stated?
+    load = fit_load(found, gravity, hand)
+    mass, mass_std = load.force / gravity, load.force_std / gravity
+    same = chi_squared(
+        "weight",
+        (mass - known.value) ** 2 / (mass_std**2 + known.std**2),
+        1,
+        f"It weighs {1e3 * mass:.4g} g ± {1e3 * mass_std:.2g} g and is said to be {known.text}: it is "
+        "another one, or the arm is not as good as its datasheet.",
+        load.freedom,
+    )
+    require([*load.tests, same], "the weight")
     rows = [equations(weighing, gravity) for weighing in found]
     grasps = tuple(time for weighing in found for time in weighing.grasps)
-    force, about = known.value * gravity, np.zeros(1 + 2 * len(grasps))
+    force, std = known.value * gravity, known.std * gravity
+    about = np.zeros(1 + 2 * len(grasps))
     about[0] = force
-    model = load_model(rows, grasps, about, hand)
-    mean, covariance = _solved(model, force, known.std * gravity)
+    mean, covariance = solve_at_force(load_model(rows, grasps, about, hand), force, std)
+    # The columns of the gains are the load's own torques, whose moments are unknown at first.
     for _ in range(tuning.LOAD_ITERATIONS):
         about = np.concatenate([[force], mean[1 : len(about)]])
-        model = load_model(rows, grasps, about, hand)
-        mean, covariance = _solved(model, force, known.std * gravity)
+        mean, covariance = solve_at_force(load_model(rows, grasps, about, hand), force, std)
     root = gain_root(hand, JOINTS)
     spread: Array = root @ covariance[-JOINTS:, -JOINTS:] @ root.T
     return GainBelief(root @ mean[-JOINTS:], spread)
 
 
-def _solved(model: Model, force: float, std: float) -> tuple[Array, Array]:
-    """Mean and covariance of the model's coefficients, the first of which is `force` ± `std`; the
-    first mean is what it differs by."""
+def solve_at_force(model: Model, force: float, std: float) -> tuple[Array, Array]:
+    """Mean and covariance of the coefficients of a load model with a known vertical `force` ± `std`, N. The
+    first coefficient is the deviation from that force."""
     prior = model.prior.copy()
     prior[0] = std
-    news = model.y - model.design[:, 0] * force
-    # The noise was known with so many degrees of freedom: the deviation of Student's t.
+    residual = model.y - model.design[:, 0] * force
+    # Noise estimated from `freedom` blocks: standard deviation of Student's t.
     wider = math.sqrt(max(1.0, model.freedom / max(model.freedom - 2.0, 1.0)))
-    # That gains may be off by more than was told of them is counted by every fit that reads the file:
-    # counted here, too, a joint that bears nothing would be known worse after a calibration than before.
+    # Without the hyperprior of the gains' scale: every fit that reads robot.yaml applies it again. Applied
+    # here, too, an unloaded joint would be known worse after a calibration than before.
     hyperpriors = tuple(one for one in model.hyperpriors if one.columns.start < len(prior) - JOINTS)
-    scaled = replace(model, design=model.design / wider, y=news / wider, prior=prior)
+    scaled = replace(model, design=model.design / wider, y=residual / wider, prior=prior)
     return replace(scaled, hyperpriors=hyperpriors).solve()
 
 
-def _require_agreement(
-    found: Sequence[Weighing], gravity: float, hand: Hand, known: Stated
-) -> None:
-    """Require that the weight hung free and agrees with its stated mass, within the gains'
-    uncertainty."""
-    load = fit_load(found, gravity, hand)
-    mass, std = load.force / gravity, load.force_std / gravity
-    apart = mass - known.value
-    same = chi_squared(
-        "weight",
-        apart**2 / (std**2 + known.std**2),
-        1,
-        f"It feels like {1e3 * mass:.4g} g ± {1e3 * std:.2g} g and is said to be {known.text}: it is "
-        "another one, or the arm is not as good as its datasheet.",
-        load.freedom,
-    )
-    require([*load.tests, same], "the weight")
+def own_weight_tree(arm: RobotDescription) -> Node:
+    """Tree of rests in configurations around home, the same ones every time, from home and back."""
+    random, nominal = np.random.default_rng(0), NominalArm(arm, Pose.of([0, 0, 0]), -9.81 * UP)
+    low, high = arm.limits.q_min + MARGIN, arm.limits.q_max - MARGIN
+    home = Node("MoveJoints", (("joints", HOME_CONFIG),))
+    steps = [home]
+    while len(steps) <= 2 * CONFIGURATIONS:
+        q = np.clip(arm.home + SPREAD * random.uniform(-1.0, 1.0, JOINTS), low, high)
+        x, y, z = nominal.poses(q[None])[0, :3].tolist()
+        if z > CLEAR and math.hypot(x, y) > arm.reach.nearest:
+            steps.append(Node("MoveJoints", (("joints", q.round(4).tolist()),)))
+            steps.append(Node("MeasureForces"))
+    return Node("Sequence", children=(*steps, home))
 
 
-def require(tests: Sequence[FitTest], what: str) -> None:
-    """Require that all tests passed.
+def weighed_itself(trace: Trace, arm: RobotDescription) -> GainBelief:
+    """Compute the posterior of the gains from the arm's own weight at rest in many configurations; the
+    readings are corrected by the calibration so far.
 
     Raises:
-        InputError: some did not; the message has what they found.
+        InputError: too few rests, or a weight that such an arm cannot have.
     """
-    failed = [test.finding for test in tests if not test.passed]
-    if failed:
-        raise InputError(f"{what} contradicts: {' '.join(failed)} Nothing is written.")
+    rests = [samples for r in trace.recordings if len(samples := trace.of(r))]
+    if len(rests) < CONFIGURATIONS // 2:
+        raise InputError(
+            f"the arm rested in {len(rests)} configurations, too few to determine its weight; nothing is "
+            "written"
+        )
+    q = np.array([rest.q.mean(axis=0) for rest in rests])
+    observed = np.array([rest.tau_ext.mean(axis=0) for rest in rests])
+    maps, root = observe(trace).maps(q), gain_root(trace.hand, JOINTS)
+    # Friction and drift of each joint, and the wrench that sticks in all of them, differ at every rest.
+    own = arm.sensors.friction**2 + arm.sensors.drift**2
+    stuck = trace.hand.force_repeatability * maps[:, :, :3]
+    noise = np.diag(own) + stuck @ stuck.transpose(0, 2, 1)
+    gains, others = own_weight_columns(trace, arm, q)
+    # The scatter is fitted with wide gains, so that a wrong prior of them does not pass for scatter.
+    wide = np.concatenate([WIDE * gains, others], axis=2)
+    noise = noise * scatter(wide, observed, noise)
+    mean, covariance, *_ = solve(wide, observed, noise)
+    require_own_weight(WIDE * mean[:JOINTS], WIDE**2 * covariance[:JOINTS, :JOINTS], root @ root.T)
+    mean, covariance, *_ = solve(np.concatenate([gains @ root, others], axis=2), observed, noise)
+    return GainBelief(root @ mean[:JOINTS], root @ covariance[:JOINTS, :JOINTS] @ root.T)
+
+
+def scatter(columns: Array, observed: Array, noise: Array) -> Array:
+    """(7, 7) factors that make the `noise` (n, 7, 7) of each joint as large as the fit's residuals."""
+    size = np.ones(JOINTS)
+    for _ in range(ROUNDS):
+        *_, left, leverage = solve(columns, observed, noise * np.outer(size, size))
+        freedom = np.maximum(len(observed) - leverage, 1.0)
+        size = size * np.sqrt((left**2).sum(axis=0) / freedom)
+    return np.outer(size, size)
+
+
+def solve(columns: Array, observed: Array, noise: Array) -> tuple[Array, Array, Array, Array]:
+    """Solve observed = columns x + noise for x with a standard normal prior.
+
+    Args:
+        columns: (n, 7, p), effect of each unknown, in units of its prior deviation.
+        observed: (n, 7) N m.
+        noise: (n, 7, 7) covariance, N² m².
+
+    Returns:
+        Mean (p,) and covariance (p, p) of x, whitened residuals (n, 7), leverage of each joint (7,).
+    """
+    roots: Array = np.linalg.cholesky(noise).astype(np.float64)
+    white: Array = np.linalg.solve(roots, columns).astype(np.float64)
+    seen = np.linalg.solve(roots, observed[:, :, None]).astype(np.float64)[:, :, 0]
+    information: Array = np.einsum("nip,niq->pq", white, white) + np.eye(white.shape[2])
+    covariance: Array = np.linalg.inv(information).astype(np.float64)
+    mean = covariance @ np.einsum("nip,ni->p", white, seen)
+    leverage = np.einsum("nip,pq,niq->i", white, covariance, white)
+    return mean, covariance, seen - white @ mean, leverage
+
+
+def require_own_weight(mean: Array, covariance: Array, believed: Array) -> None:
+    """Require that gains estimated without a prior, `mean` (7,) with `covariance` (7, 7), agree with zero
+    within the prior covariance `believed` (7, 7)."""
+    spread = covariance + believed
+    apart = np.abs(mean) / np.sqrt(spread.diagonal())
+    worst = int(np.argmax(apart))
+    same = chi_squared(
+        "own weight",
+        float(mean @ np.linalg.solve(spread, mean)),
+        JOINTS,
+        f"The arm measures its own weight otherwise than the accuracy of its sensors allows, most of all "
+        f"in joint {worst + 1} ({apart[worst]:.1f} standard deviations): they were calibrated wrongly, "
+        "or the arm carries something.",
+    )
+    require([same], "the arm's own weight")
+
+
+def own_weight_columns(trace: Trace, arm: RobotDescription, q: Array) -> tuple[Array, Array]:
+    """Columns of the own-weight equations at `q` (n, 7): torques of unit gains (n, 7, 7), and those of one
+    standard deviation of each other unknown, zero offsets, link masses and centres (n, 7, p); N m."""
+    q = np.concatenate([trace.samples.q[:1], q])  # the sensors were zeroed at the start
+    nominal = NominalArm(arm, Pose.of([0, 0, 0]), -trace.gravity * UP)
+    weight, links = nominal.kinematics(q).gravity_torque, link_columns(arm, trace.gravity, q)
+    gains = (weight[1:] - weight[0])[:, :, None] * np.eye(JOINTS)
+    offset = np.broadcast_to(OFFSET * np.eye(JOINTS), gains.shape)
+    return gains, np.concatenate([offset, links[1:] - links[0]], axis=2)
+
+
+def link_columns(arm: RobotDescription, gravity: float, q: Array) -> Array:
+    """(n, 7, 4 k) N m: change of the torques that hold the arm at `q` (n, 7), by one standard deviation of
+    the mass of each of k links and of its centre along three axes."""
+    down = -gravity * UP
+    model = arm.spec(down).compile()
+    data = mujoco.MjData(model)
+    joints = [model.joint(name) for name in arm.joints]
+    bodies = [*(int(model.jnt_bodyid[joint.id]) for joint in joints), model.body(arm.hand.body).id]
+    dofs = [int(joint.dofadr[0]) for joint in joints]
+    relative, shift = arm.sensors.link_mass, arm.sensors.link_com
+
+    def of_link(body: int) -> Array:
+        """(7, 4) of one link in the present configuration."""
+        mass, link = float(model.body_mass[body]), data.body(body)
+        along, about = np.empty((3, model.nv)), np.empty((3, model.nv))
+        mujoco.mj_jacBody(model, data, along, about, body)
+
+        def hold(point: Array) -> Array:
+            """(7,) N m that hold a kilogram at a point of the link: -Jᵀ g."""
+            jacobian = along + np.cross(about.T, point - link.xpos).T
+            return -jacobian[:, dofs].T @ down
+
+        here = hold(link.xipos)
+        columns = [relative * mass * here]
+        # A Jacobian is linear in its point: a step of 1 m gives the exact derivative.
+        for axis in link.xmat.reshape(3, 3).T:
+            columns.append(shift * mass * (hold(link.xipos + axis) - here))
+        return np.column_stack(columns)
+
+    out: list[Array] = []
+    for angles in q:
+        data.qpos[[int(joint.qposadr[0]) for joint in joints]] = angles
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        out.append(np.column_stack([of_link(body) for body in bodies]))
+    return np.array(out)

@@ -1,27 +1,70 @@
-"""An arm that is visited again and again, and what is known of it by now."""
+"""Session of a calibration: repeated visits to one arm, corrected by the findings so far; and the bench on
+which the embedded arm stands, a plate with a weight or gauge blocks.
+
+The scene of the bench states nominal sizes; its hidden world draws the true ones within their limits.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from palpate import pipeline
+from palpate.calibration.stated import Stated
 from palpate.callbacks import SILENT, RunCallbacks
-from palpate.cells.cell import Cell
 from palpate.cells.simulated import SimulatedCell
 from palpate.errors import ExecutionAborted, InputError
-from palpate.planning.check.check import Finding, check
+from palpate.planning.check.check import check
 from palpate.planning.plan import Plan
 from palpate.robots.owner.calibrated import calibrated
 from palpate.robots.owner.config import RobotConfig
 from palpate.runs.run import Run
+from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
 from palpate.settings import Settings
 from palpate.stages.workplace import cell_for
+from palpate.trace.samples import STANDARD_GRAVITY, Trace
 
 if TYPE_CHECKING:
     from palpate.robots.description import RobotDescription
+
+BLOCK = "block"
+"""Name of the weight: a block of 40 x 40 x 80 mm, whatever its mass."""
+PLACES = (0.45, 0.60, 0.35)
+"""m from the base to the weight, one place a visit. The joints share its weight differently at each, so
+that the gains hold between and around these places."""
+GAUGES = ((0.50, -0.18), (0.50, 0.18), (0.66, -0.18), (0.66, 0.18), (0.58, 0.0))
+"""m: places of the gauge blocks on the plate; their spread shows a tilt of the arm's frame."""
+GAUGE_NAMES = tuple(f"gauge_{i}" for i in range(1, len(GAUGES) + 1))
+
+PLATE = """<mujoco model="calibration bench">
+  <option timestep="0.002" gravity="0 0 {gravity}"/>
+  <worldbody>
+    <light pos="0.4 -0.6 2" dir="0 0.2 -1"/>
+    <site name="robot_base"/>
+    <body name="plate" pos="0.4 0 -0.01">
+      <geom type="box" size=".6 .5 .01" rgba=".7 .7 .72 1" friction="0.6 0.005 0.0001"/>
+    </body>
+{things}
+  </worldbody>
+</mujoco>
+"""
+WEIGHT = """    <body name="{name}" pos="{x} 0 0.04">
+      <freejoint/>
+      <geom type="box" size="0.02 0.02 0.04" mass="{mass!r}" rgba=".75 .7 .5 1"
+        friction="0.7 0.005 0.0001"/>
+    </body>"""
+GAUGE = """    <body name="{name}" pos="{x} {y} {half!r}">
+      <geom type="box" size=".08 .08 {half!r}" rgba=".6 .65 .7 1" friction="0.6 0.005 0.0001"/>
+    </body>"""
+
+
+def truth(stated: Stated, seed: int, name: str) -> float:
+    """Draw a true size, uniform within the stated limits; deterministic for a seed and a name."""
+    random = np.random.default_rng([seed, *name.encode()])
+    return stated.value + stated.limit * random.uniform(-1.0, 1.0)
 
 
 @dataclass(slots=True)
@@ -29,11 +72,11 @@ class Session:
     """Visits to one arm.
 
     Attributes:
-        settings: which arm.
-        config: what is known of it by now; corrected in the next visit.
+        settings: name the arm.
+        config: findings so far; the next visit is corrected by them.
         callbacks: progress, and the question before a real arm moves.
-        visits: how often it was visited.
-        seconds: of robot time.
+        visits: number of visits, earlier sessions included.
+        seconds: duration of all motions, s of robot time.
     """
 
     settings: Settings
@@ -44,13 +87,32 @@ class Session:
 
     @property
     def arm(self) -> RobotDescription:
-        """Description of the arm with the calibration so far."""
-        told = replace(self.settings, robot_config=None).described_arm()
-        return calibrated(told, self.config)
+        """Description of the arm, corrected by the calibration so far."""
+        uncorrected = replace(self.settings, robot_config=None).described_arm()
+        return calibrated(uncorrected, self.config)
 
-    def perform(self, scene: Scene, plan: Plan, world: Scene | None = None) -> Run:
-        """Execute a plan in `scene`, whose simulation is `world` unless the settings name another
-        one, and estimate what it measures.
+    def empty_bench(self) -> Scene:
+        """Bench with nothing on it."""
+        return self._bench("")
+
+    def bench_with_weight(self, mass: float, x: float) -> Scene:
+        """Bench with a weight of `mass`, kg, at `x`, m from the base."""
+        return self._bench(WEIGHT.format(name=BLOCK, x=x, mass=mass))
+
+    def bench_with_gauges(self, height: float) -> Scene:
+        """Bench with gauge blocks whose tops are `height`, m, above the plane on which the arm stands."""
+        blocks: list[str] = []
+        for name, (x, y) in zip(GAUGE_NAMES, GAUGES, strict=True):
+            blocks.append(GAUGE.format(name=name, x=x, y=y, half=height / 2))
+        return self._bench("\n".join(blocks))
+
+    def _bench(self, things: str) -> Scene:
+        text = PLATE.format(gravity=-STANDARD_GRAVITY, things=things)
+        return parse_scene(text, arm=self.arm)
+
+    def perform(self, scene: Scene, plan: Plan, world: Scene | None = None) -> Trace:
+        """Execute a plan in `scene` and return its trace. `world` is the simulated world, where the
+        settings name no other workplace.
 
         Raises:
             InputError: the plan cannot be executed there, or was not to its end.
@@ -58,47 +120,33 @@ class Session:
             ExecutionAborted: not confirmed.
         """
         self.visits += 1
-        made = Run(self.settings, scene, plan, _findings(plan, scene))
-        made = pipeline.rehearse(made, self.callbacks)
-        if made.findings:
-            raise InputError(_in_the_way(made.findings))
-        cell = self._cell(scene, world)
-        pipeline.confirm(made, self.callbacks, cell)
-        made = pipeline.measure(made, self.callbacks, cell)
-        assert made.execution is not None
-        if made.execution.stopped_by is not None:
-            raise ExecutionAborted(
-                f"the calibration was cut short: {made.execution.stopped_by}; nothing is written"
+        # A calibration needs recordings that no parameter of the plan uses: `redundant` does not apply.
+        findings = check(plan, scene, remeasure=True)
+        findings = tuple(finding for finding in findings if finding.rule != "redundant")
+        run = pipeline.rehearse(Run(self.settings, scene, plan, findings), self.callbacks)
+        if run.findings:
+            # Without the violation's advice, which is for authors of plans.
+            finding, count = run.findings[0].violation.finding, len(run.findings)
+            often = "" if count == 1 else f" ({count} motions of the calibration are refused)"
+            raise InputError(
+                f"nothing is calibrated there: {finding}{often}; nothing moved: take away what is in the "
+                "way and leave it out of the scene, or give a scene in which the arm has room, and the "
+                "weight or the gauges are in reach"
             )
-        self.seconds += made.execution.robot_seconds
-        return made
-
-    def _cell(self, scene: Scene, world: Scene | None) -> Cell:
-        """Return the cell of the next run; each visit to the embedded arm redraws its per-run errors."""
-        settings = self.settings
-        if world is not None:
-            return SimulatedCell(
-                world, noise=settings.noise, seed=settings.seed, scene=scene, visit=self.visits
-            )
-        cell = cell_for(settings, scene)
-        if isinstance(cell, SimulatedCell):
-            cell.visit = self.visits
-        return cell
-
-
-def _in_the_way(findings: Sequence[Finding]) -> str:
-    """Word the first finding as an error, without its advice for authors of plans."""
-    what = findings[0].violation.finding
-    often = (
-        "" if len(findings) == 1 else f" ({len(findings)} motions of the calibration are refused)"
-    )
-    return (
-        f"nothing is calibrated there: {what}{often}; nothing moved: take away what is in the way and leave it "
-        "out of the scene, or give a scene in which the arm has room, and the weight or the gauges are in reach"
-    )
-
-
-def _findings(plan: Plan, scene: Scene) -> tuple[Finding, ...]:
-    """Check the plan, ignoring `redundant`: a calibration needs recordings that no parameter uses."""
-    found = check(plan, scene, remeasure=True)
-    return tuple(finding for finding in found if finding.rule != "redundant")
+        # Each visit to the embedded arm draws its errors of one run again.
+        if world is None:
+            cell = cell_for(self.settings, scene)
+            if isinstance(cell, SimulatedCell):
+                cell.visit = self.visits
+        else:
+            noise, seed = self.settings.noise, self.settings.seed
+            cell = SimulatedCell(world, noise=noise, seed=seed, scene=scene, visit=self.visits)
+        pipeline.confirm(run, self.callbacks, cell)
+        run = pipeline.measure(run, self.callbacks, cell)
+        assert run.execution is not None
+        if run.execution.stopped_by is not None:
+            reason = run.execution.stopped_by
+            raise ExecutionAborted(f"the calibration was cut short: {reason}; nothing is written")
+        assert run.trace_if_any is not None
+        self.seconds += run.execution.robot_seconds
+        return run.trace_if_any

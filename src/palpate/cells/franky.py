@@ -10,8 +10,13 @@ from palpate.cells.cell import Driver, Finding
 from palpate.errors import InputError
 from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
-from palpate.robots.franky.address import SCHEME, Address, read_address
-from palpate.robots.franky.preflight import clear, require_answer
+from palpate.robots.franky.control_box import (
+    SCHEME,
+    Address,
+    clear,
+    read_address,
+    require_answer,
+)
 
 if TYPE_CHECKING:
     from palpate.cells.teach import GuidedHand
@@ -103,8 +108,7 @@ def guided(url: str, scene: Scene) -> GuidedHand:
         InputError: no such URL.
         Unavailable: it is out of reach.
     """
-    from palpate.robots.franky.guided import Guided
-    from palpate.robots.franky.session import Session
+    from palpate.robots.franky.session import Guided, Session
 
     return Guided(Session(read_address(url)), scene.arm.stands(scene.pose_world_base))
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from copy import copy
-from dataclasses import MISSING, Field, fields, is_dataclass
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, Signature
 from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
@@ -15,6 +15,7 @@ from typer.core import TyperCommand, TyperOption
 from typer.models import OptionInfo
 
 from palpate.cli.console import print_error
+from palpate.cli.options import FromSettings
 from palpate.cli.voice import Voice
 from palpate.errors import ExecutionAborted, PalpateError
 from palpate.interrupt import interrupts
@@ -26,15 +27,16 @@ Function = TypeVar("Function", bound=Callable[..., None])
 def command(app: typer.Typer, name: str | None = None) -> Callable[[Function], Function]:
     """Make a function a command of `app`, by its own name unless another is given.
 
-    Every command takes the options of `Voice`. A parameter whose type is a dataclass is an option
-    group: the command has its fields as options, and the function gets the dataclass. A
-    `PalpateError`, or a signal, becomes a message and its exit status; a command with a parameter
-    `as_json` that is set prints it as JSON too.
+    Every command takes the options of `Voice`. Two kinds of parameters are groups of options: one
+    whose type is a dataclass (the command has its fields as options, and the function gets the
+    dataclass), and one that is annotated with `options.settings(…)`. A `PalpateError`, or a signal,
+    becomes a message and its exit status; a command with a parameter `as_json` that is set prints it
+    as JSON too.
     """
 
     def register(function: Function) -> Function:
         hints = get_type_hints(function, include_extras=True)
-        groups = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
+        groups = {name: group for name, hint in hints.items() if (group := _group(hint))}
 
         @wraps(function)
         def called(**given: Any) -> None:
@@ -50,7 +52,7 @@ def command(app: typer.Typer, name: str | None = None) -> Callable[[Function], F
                     aborted = ExecutionAborted(signals.reason)
                     raise typer.Exit(print_error(aborted, as_json)) from None
 
-        _set_options(called, [*_options(function, hints, groups), *_fields(Voice)])
+        _set_options(called, [*_options(function, hints, groups), *_Group(Voice).parameters()])
         app.command(name, cls=SingleValued)(called)
         return function
 
@@ -69,31 +71,47 @@ class SingleValued(TyperCommand):
         return super().parse_args(ctx, args)
 
 
+@dataclass(frozen=True)
+class _Group:
+    """Options that are the fields of a dataclass, in the help's panel that it names."""
+
+    kind: Any
+
+    def parameters(self) -> Iterator[Parameter]:
+        hints = get_type_hints(self.kind, include_extras=True)
+        panel = getattr(self.kind, "PANEL", None)
+        for field in fields(self.kind):
+            hint = hints[field.name]
+            kind, info = get_args(hint)
+            if panel is not None and isinstance(info, OptionInfo):
+                info = copy(info)
+                info.rich_help_panel = panel
+            yield _option(field.name, Annotated[kind, info], _default(field))
+
+    def gathered(self, values: dict[str, Any]) -> Any:
+        return self.kind(**{field.name: values.pop(field.name) for field in fields(self.kind)})
+
+
+def _group(hint: Any) -> _Group | FromSettings | None:
+    """The group of options that a parameter of this type takes, if it does."""
+    if is_dataclass(hint):
+        return _Group(hint)
+    return next((extra for extra in get_args(hint) if isinstance(extra, FromSettings)), None)
+
+
 def _options(
-    function: Callable[..., None], hints: Mapping[str, Any], groups: Mapping[str, Any]
+    function: Callable[..., None],
+    hints: Mapping[str, Any],
+    groups: Mapping[str, _Group | FromSettings],
 ) -> list[Parameter]:
-    """The function's parameters, the fields of a group in the place of the group."""
+    """The function's parameters, the options of a group in the place of the group."""
     options: list[Parameter] = []
     for name, parameter in inspect.signature(function).parameters.items():
         if name in groups:
-            options += _fields(groups[name])
+            options += groups[name].parameters()
         else:
             options.append(_option(name, hints[name], parameter.default))
     return options
-
-
-def _fields(group: Any) -> list[Parameter]:
-    """The fields of a group of options, in the panel that it names."""
-    hints = get_type_hints(group, include_extras=True)
-    panel = getattr(group, "PANEL", None)
-    found: list[Parameter] = []
-    for field in fields(group):
-        kind, info = get_args(hints[field.name])
-        if panel is not None and isinstance(info, OptionInfo):
-            info = copy(info)
-            info.rich_help_panel = panel
-        found.append(_option(field.name, Annotated[kind, info], _default(field)))
-    return found
 
 
 def _default(field: Field[Any]) -> Any:
@@ -113,10 +131,11 @@ def _set_options(called: Any, options: list[Parameter]) -> None:
     called.__annotations__ = {option.name: option.annotation for option in options}
 
 
-def _gathered(given: Mapping[str, Any], groups: Mapping[str, Any]) -> dict[str, Any]:
+def _gathered(
+    given: Mapping[str, Any], groups: Mapping[str, _Group | FromSettings]
+) -> dict[str, Any]:
     """The options as the function takes them: those of a group in a group."""
     arguments = dict(given)
     for name, group in groups.items():
-        values = {field.name: arguments.pop(field.name) for field in fields(group)}
-        arguments[name] = group(**values)
+        arguments[name] = group.gathered(arguments)
     return arguments

@@ -6,14 +6,17 @@ import os
 import platform
 from collections.abc import Callable, Iterable, Iterator
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from rich.markup import escape
 from rich.table import Table
 
 from palpate import __version__
 from palpate.cli.console import out
+
+if TYPE_CHECKING:
+    from palpate.planning.model.settings import ModelSettings
+    from palpate.settings import Settings
 
 CORE = (
     "mujoco",
@@ -62,22 +65,20 @@ def examine() -> int:
     return 0 if all(line.good for line in core) else 5
 
 
-def examine_robot(
-    url: str, arm: str, robot_config: Path | None, may_hold: Callable[[], bool]
-) -> int:
+def examine_robot(asked: Settings, may_hold: Callable[[], bool]) -> int:
     """Print a line for each thing that a real robot needs, as soon as it is known; 0 when all is well,
     else 5."""
     from palpate.tools import examined
 
-    return _told(examined(url, arm, robot_config, may_hold))
+    return _told(examined(asked, may_hold))
 
 
-def examine_planner(planner: str, base_url: str | None, seconds: float) -> int:
+def examine_planner(planner: str, model: ModelSettings) -> int:
     """Likewise for each thing that a planner needs: a model's server is asked for its models, and the
     model for a word."""
     from palpate.tools import examined_planner
 
-    return _told(examined_planner(planner, base_url, seconds))
+    return _told(examined_planner(planner, model.base_url, model.budget.seconds))
 
 
 def _told(lines: Iterable[tuple[bool, str, str]]) -> int:

@@ -14,6 +14,7 @@ from palpate.errors import InputError
 
 if TYPE_CHECKING:
     from palpate.cells.teach import GuidedHand, Lesson
+    from palpate.settings import Settings
 
 LENGTH = {"": 1.0, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
 FARTHEST = 5.0
@@ -21,9 +22,7 @@ FARTHEST = 5.0
 _NUMBER = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+))\s*(mm|cm|m|°)?")
 
 
-def give_lesson(
-    scene: Path, robot: str | None, poses: Path | None, root: Path | None, arm: str, file: Path
-) -> None:
+def give_lesson(asked: Settings, file: Path) -> None:
     """Take lines from stdin, say what was understood and what is still missing, and write the file.
 
     Raises:
@@ -34,8 +33,8 @@ def give_lesson(
 
     if file.exists():
         raise InputError(f"'{file}' exists already: choose another out=, nothing is overwritten")
-    taught = lesson(scene, poses, arm, root)
-    hand = None if robot is None else guided_hand(robot, taught)
+    taught = lesson(asked)
+    hand = None if asked.robot is None else guided_hand(asked.robot, taught)
     try:
         _introduce(taught, hand is not None)
         for line in _lines():

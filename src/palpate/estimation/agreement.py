@@ -34,7 +34,7 @@ class FitTest:
     @property
     def passed(self) -> bool:
         """The statistic is within its limit; NaN is not."""
-        return self.statistic <= self.limit
+        return bool(self.statistic <= self.limit)  # numpy's bool is not JSON serializable
 
 
 def chi_squared(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from palpate.estimation.holds import Held, Hold
 from palpate.estimation.load.fit import Load
 from palpate.estimation.load.weighing import shared_gains, shared_links
 from palpate.estimation.slip import before, slid
+from palpate.estimation.view import FitView
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body
 from palpate.trace.recording import Hand, Recording
@@ -102,6 +103,66 @@ def balance(grasps: Grasps, body: Body) -> tuple[Array, Array, FitTest, tuple[Sh
     for axis, column in zip("xyz", (covariance / spread).T, strict=True):
         shared.append(Shared(f"{BELIEVED} of {axis}", "scene", tuple(column.tolist())))
     return centre, inflated, _agreement(grasps, left, freedom), tuple(shared)
+
+
+def balance_views(grasps: Grasps, held: Held, centre: Array) -> Iterator[FitView]:
+    """Place at which each hold has the centre of mass, against the fitted one, along world x and y; and
+    for each tilt of the hand, how far it moves aside."""
+    fitted = (grasps.rows @ centre).reshape(-1, 2)
+    measured = grasps.right.reshape(-1, 2)
+    tools = np.array([hold.pose_world_tcp.rotation[:, 2] for hold in held.holds])
+    fingers = np.array([hold.pose_world_tcp.position[:2] for hold in held.holds])
+    bodies = [(hold.pose_world_tcp @ _drooped(hold)).position[:2] for hold in held.holds]
+    # Horizontal place of the weight's line of action, from the fingers, (n, 2) m.
+    levers, expected = (each + bodies - fingers for each in (measured, fitted))
+    # Error bars are of what one hold does not share with the others.
+    common = [np.array(one.effect) for one in grasps.shared]
+    own = grasps.covariance - sum((np.outer(one, one) for one in common), np.zeros(()))
+    times = np.array([(one.start + one.end) / 2.0 for one in grasps.recordings])
+    leans = np.linalg.norm(tools[:, :2], axis=1)
+    level = np.flatnonzero(leans < tuning.VIEW_LEVEL)
+    for i, axis in enumerate("xy"):
+        place = (fingers + expected)[level, i]
+        yield FitView(
+            name=f"Place of the centre of mass along world {axis}, grasp by grasp.",
+            note="Moment over weight is its distance from the fingers; added to where they closed, each grasp names "
+            "the same place, ± 1 std of what the grasps do not share.",
+            axes=("robot time (s)", f"{axis} beside {place.mean():.4f} m (mm)"),
+            x=times[level],
+            measured=1e3 * ((fingers + levers)[level, i] - place.mean()),
+            predicted=1e3 * (place - place.mean()),
+            std=1e3 * np.sqrt(np.maximum(own.diagonal()[2 * level + i], 0.0)),
+            groups="a grasp held level",
+            slopes=1e3 * grasps.rows[2 * level + i],
+        )
+    left = [int(i) for i in np.argsort(-leans) if leans[i] >= tuning.VIEW_LEVEL]
+    while left:
+        # All bits of tilts of one grasp about the axis of the steepest of them.
+        first = left[0]
+        aside = tools[first, :2] / leans[first]
+        tilt = [
+            i
+            for i in left
+            if held.holds[i].grasp == held.holds[first].grasp
+            and abs(float(tools[i, :2] @ aside)) > tuning.VIEW_SAME_WAY * leans[i]
+        ]
+        left = [i for i in left if i not in tilt]
+        if len(tilt) > 2:
+            below = float(_drooped(held.holds[first]).apply(centre)[2])
+            spread = [aside @ own[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] @ aside for i in tilt]
+            yield FitView(
+                name=f"Tilted towards {np.degrees(np.arctan2(aside[1], aside[0])) % 360.0:.0f}° from world x.",
+                note="As the hand leans, a centre of mass below the fingers moves aside and its weight pulls there: "
+                f"d cos a + h sin a. It lies {1e3 * abs(below):.1f} mm {'below' if below > 0.0 else 'above'} "
+                "the fingers.",
+                axes=("lean of the hand (°)", "moment over weight (mm)"),
+                x=np.degrees(np.arcsin(tools[tilt, :2] @ aside)),
+                measured=1e3 * levers[tilt] @ aside,
+                predicted=1e3 * expected[tilt] @ aside,
+                std=1e3 * np.sqrt(np.maximum(spread, 0.0)),
+                groups="a bit of the tilt",
+                slopes=1e3 * np.array([aside @ grasps.rows[2 * i : 2 * i + 2] for i in tilt]),
+            )
 
 
 def _agreement(grasps: Grasps, left: Array, freedom: int) -> FitTest:

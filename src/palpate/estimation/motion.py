@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.estimation.view import FitView
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Recording
 from palpate.trace.samples import Trace
@@ -19,6 +20,22 @@ class MeanVelocity:
     value: Array
     std: Array
     duration: float
+
+    def view(self, trace: Trace, recording: Recording) -> FitView:
+        """Way of the TCP along its mean velocity."""
+        samples = trace.of(recording)
+        along = self.value / max(float(np.linalg.norm(self.value)), 1e-12)
+        since = samples.t - samples.t[0]
+        return FitView(
+            name="Way of the hand.",
+            note="Its displacement from the first sample to the last is the mean velocity times the duration.",
+            axes=("robot time (s)", "way along the mean velocity (mm)"),
+            x=samples.t,
+            measured=1e3 * (samples.pose_world_tcp[:, :3] - samples.pose_world_tcp[0, :3]) @ along,
+            predicted=1e3 * since * float(np.linalg.norm(self.value)),
+            groups="the hand",
+            slopes=1e3 * since[:, None] * along,
+        )
 
 
 def mean_velocity(trace: Trace, recording: Recording) -> MeanVelocity:

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from palpate.estimation import tuning
 from palpate.geometry.pose import Array, Pose
-from palpate.trace.once import once
 from palpate.trace.recording import Recording
-from palpate.trace.samples import Samples, Trace
+from palpate.trace.samples import Samples, Trace, once
 
 Mask = NDArray[np.bool_]
 

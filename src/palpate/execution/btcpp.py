@@ -15,8 +15,7 @@ from palpate.execution.build import leaves
 from palpate.execution.leaf import PrimitiveLeaf
 from palpate.planning.plan import Node, Plan
 from palpate.vocabulary.base import Primitive
-from palpate.vocabulary.composites import COMPOSITES
-from palpate.vocabulary.registry import Vocabulary
+from palpate.vocabulary.registry import COMPOSITES, Vocabulary
 
 TREE_ID = "Plan"
 BUFFER_TYPE = "palpate::Recording"

@@ -15,12 +15,11 @@ import numpy as np
 
 from palpate.geometry.pose import Pose
 from palpate.robots.safety import Expectation
-from palpate.vocabulary.admissible.footing import footing
 from palpate.vocabulary.admissible.profile import GUARDED_SPEED, POSE_ERROR
-from palpate.vocabulary.admissible.support import stable
+from palpate.vocabulary.admissible.support import footing, stable
 from palpate.vocabulary.base import Blackboard, LeafFailure, Primitive, Resource, Steps
 from palpate.vocabulary.gripper import finish_fingers
-from palpate.vocabulary.motion.lowering import DOWN
+from palpate.vocabulary.guarding import DOWN
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.touch import Feeling, finish, guarded, settle
 

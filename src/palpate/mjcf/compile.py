@@ -14,6 +14,7 @@ from lxml import etree
 from palpate.errors import InputError
 from palpate.geometry.pose import Array
 from palpate.mjcf.attached import ATTACH, attached_names, brought
+from palpate.mjcf.bounds import HULL_POINTS, LARGE_MESHES, mesh_bytes
 from palpate.mjcf.defaults import standing_in
 from palpate.mjcf.document import (
     Document,
@@ -45,12 +46,14 @@ class ModelTree:
         attached: those of the models that it attaches, by where they lie.
         twin_of: the copy of each element.
         folder: where relative file names start.
+        mesh_bytes: size of all meshes, robots' among them.
     """
 
     root: Element
     attached: dict[Path, Element]
     twin_of: dict[Element, Element]
     folder: Path | None
+    mesh_bytes: float
 
     @classmethod
     def of(cls, document: Document) -> ModelTree:
@@ -60,7 +63,7 @@ class ModelTree:
         for path, model in document.attached().items():
             attached[path], twins = copy_root(model)
             twin_of |= twins
-        return cls(root, attached, twin_of, document.folder)
+        return cls(root, attached, twin_of, document.folder, mesh_bytes(document))
 
     def text(self) -> str:
         """The scene's own."""
@@ -111,6 +114,11 @@ def compile_spec(tree: ModelTree) -> mujoco.MjSpec:
         raise refused(error) from None
     if tree.folder is not None:
         spec.modelfiledir = str(tree.folder)
+    if tree.mesh_bytes > LARGE_MESHES:
+        # The hull of a hostile mesh takes minutes; bounding it changes no mesh of a usual size.
+        for mesh in spec.meshes:
+            if not 0 <= mesh.maxhullvert <= HULL_POINTS:
+                mesh.maxhullvert = HULL_POINTS
     return spec
 
 

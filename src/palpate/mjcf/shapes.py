@@ -18,7 +18,6 @@ from palpate.mjcf.compile import BASE_SITE, ModelTree, compile_model, compile_sp
 from palpate.mjcf.document import Document, Element, elements
 from palpate.mjcf.edits import Edit, Insert
 from palpate.mjcf.hulls import geom_volume, hull_edges, hull_points
-from palpate.mjcf.limits.trial import require_compiles
 from palpate.mjcf.roles.roles import Roles
 
 USUAL_DENSITY = 1000.0
@@ -101,19 +100,14 @@ class Shapes:
         return _pose(self.data.site_xpos[site], self.data.site_xmat[site])
 
 
-def compile_shapes(
-    document: Document, roles: Roles, edits: Sequence[Edit | Insert], on_trial: bool = False
-) -> Shapes:
-    """Compile the scene with `edits` and look at it in its initial configuration; `on_trial`: in a
-    process of its own first, which is bounded.
+def compile_shapes(document: Document, roles: Roles, edits: Sequence[Edit | Insert]) -> Shapes:
+    """Compile the scene with `edits` in its initial configuration.
 
     Raises:
-        InputError: MuJoCo does not accept the scene, or it is too large for the trial.
+        InputError: MuJoCo does not accept the scene, or one of its numbers is not finite.
     """
     tree = model_tree(document, roles, edits)
     names = _name_geoms(tree, roles)
-    if on_trial:
-        require_compiles(tree.text(), document.folder, parts=tree.parts())
     model = compile_model(compile_spec(tree))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

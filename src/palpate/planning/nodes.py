@@ -7,7 +7,7 @@ from typing import Any, cast
 
 from palpate.planning.plan import Node
 from palpate.vocabulary.base import Primitive
-from palpate.vocabulary.composites import COMPOSITES
+from palpate.vocabulary.registry import COMPOSITES
 
 
 def node_of(primitive: Primitive) -> Node:

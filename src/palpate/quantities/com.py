@@ -10,7 +10,7 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest
-from palpate.estimation.balance import Grasps, accuracy, balance, grasps_of
+from palpate.estimation.balance import Grasps, accuracy, balance, balance_views, grasps_of
 from palpate.estimation.estimate import Estimate, Part, half95, not_identified
 from palpate.estimation.holds import held
 from palpate.geometry.pose import Array
@@ -207,7 +207,8 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
     where = _where(level, len(found.holds) - level, found.turned)
     made = _estimate(parameter, body, grasps, where, value, parts, tests)
     method = made.method + WHOLE * bool(found.links)
-    return replace(made, method=method, shared=shared, freedom=grasps.freedom)
+    views = tuple(balance_views(grasps, found, centre))
+    return replace(made, method=method, shared=shared, freedom=grasps.freedom, views=views)
 
 
 WHOLE = (

@@ -159,13 +159,24 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
         "dynamic": Part(value, std),
         "normal force": Part(float(normal.mean()), float(normal.std()), "N"),
     }
-    static = static_friction(drags, found if whole is None else found.knowing(value, std))
+    fit = found if whole is None else found.knowing(value, std)
+    static = static_friction(drags, fit)
     if static is not None:
         parts["static"] = Part(*static)
     # What is no narrower than what was believed before any slide says no more than that.
     verdict = "identified" if std < PRIOR_SPREAD else "prior-dominated"
     made = Estimate.normal(
-        parameter, UNIT, value, std, method, evidence, verdict, parts, least=0.0, tests=tests
+        parameter,
+        UNIT,
+        value,
+        std,
+        method,
+        evidence,
+        verdict,
+        parts,
+        least=0.0,
+        tests=tests,
+        views=tuple(fit.views(drags, static)),
     )
     return replace(made, shared=found.shared if whole is None else whole.shared)
 

@@ -13,7 +13,7 @@ from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.contact.descent import probes
 from palpate.estimation.contact.plane import Plane, fit_plane
-from palpate.estimation.contact.touch import Touch, touches_of
+from palpate.estimation.contact.touch import Touch, touch_views, touches_of
 from palpate.estimation.estimate import Estimate, Part, Shared, not_identified, not_measured
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body, BodyDescription
@@ -222,6 +222,7 @@ def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Es
         tuple(touch.recording for touch in found),
         parts=_parts(found, plane),
         tests=tuple(_tests(found, plane)),
+        views=touch_views(found, plane, trace.hand),
     )
     tip = Shared("length of the fingertips", "arm", (trace.hand.tip_offset_std,))
     return replace(made, shared=(tip,))

@@ -15,6 +15,7 @@ from palpate.estimation.estimate import Estimate, Part, not_identified
 from palpate.estimation.holds import Held, grasped, held, pose_in_hand
 from palpate.estimation.rigid import MASS, about_centre, linear, moved, of_box, pseudo_inertia
 from palpate.estimation.swung import contrast, swings
+from palpate.estimation.view import FitView
 from palpate.geometry.inertia import components
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body, BodyDescription
@@ -136,6 +137,9 @@ class _Evidence:
     gravity: float
 
 
+FASTER = 1.2
+"""Times the slowest rate: what a chart calls a fast swing."""
+
 GIVE, SOFTNESS = slice(10, 13), slice(13, 15)
 """Indices of nuisance parameters behind the ten inertial ones: compliance between pads and object
 about three axes, s², and rotation in the fingers (`estimation.droop`)."""
@@ -157,7 +161,8 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
             "The recordings hold no swing of the object with one of the empty hand at the same pose, "
             "so its inertia is not excited.",
         )
-    theta, covariance, test = _fit(found, body)
+    numbers, covariance, test = _fit(found, body)
+    theta = numbers[:10]
     slopes = _slopes(theta)
     value, std = about_centre(theta), np.sqrt(np.diag(slopes @ covariance @ slopes.T))
     blind = std > tuning.BLIND * _believed(slopes, covariance, body)
@@ -177,6 +182,7 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
         parts,
         tests=(*found.held.load.tests, test),
         unseen=tuple(np.flatnonzero(blind).tolist()),
+        views=(_view(numbers, found),),
     )
 
 
@@ -203,8 +209,8 @@ def _evidence(trace: Trace, body: Body) -> _Evidence | None:
 def _fit(found: _Evidence, body: Body) -> tuple[Array, Array, FitTest]:
     """Fit the ten inertial parameters in the body frame with the compliance about three axes, by
     Gauss-Newton from those of a uniform box (Nocedal and Wright, Numerical Optimization, section
-    10.3). Returns the parameters, their covariance, inflated where the swings disagree, and the
-    test of that."""
+    10.3). Returns all numbers (15,), the covariance of the ten, inflated where the swings disagree, and
+    the test of that."""
     from scipy.optimize import least_squares  # takes longer to load than most plans to make
 
     mass = found.held.load.force / found.gravity
@@ -231,7 +237,7 @@ def _fit(found: _Evidence, body: Body) -> tuple[Array, Array, FitTest]:
         "fingers.",
         found.held.load.freedom,
     )
-    return numbers[:10], covariance[:10, :10].astype(np.float64), test
+    return numbers, covariance[:10, :10].astype(np.float64), test
 
 
 def _freedom(slopes: Array, covariance: Array) -> float:
@@ -261,14 +267,35 @@ def _believed(slopes: Array, covariance: Array, body: Body) -> Array:
 
 def _swung(numbers: Array, found: _Evidence) -> list[Array]:
     """Residuals of each swing, in standard deviations."""
+    pairs = zip(found.swings, _made(numbers, found), strict=True)
+    return [(one.observed - made) / np.sqrt(one.variance) for one, made in pairs]
+
+
+def _made(numbers: Array, found: _Evidence) -> Iterator[Array]:
+    """Predicted signals (m,) of each swing, N m."""
     pseudo = pseudo_inertia(numbers[:10])
-    left: list[Array] = []
     for one in found.swings:
         pose = one.droop.turned(one.pose_tcp_body, numbers[SOFTNESS])
         gives = 1.0 + numbers[GIVE][one.axis] * one.rate**2
-        made = gives * one.load @ linear(moved(pseudo, pose))
-        left.append((one.observed - made) / np.sqrt(one.variance))
-    return left
+        yield gives * one.load @ linear(moved(pseudo, pose))
+
+
+def _view(numbers: Array, found: _Evidence) -> FitView:
+    """Torques of the load in each joint, swing by swing, against the rigid body's."""
+    rates = np.repeat([one.rate for one in found.swings], len(found.swings[0].observed))
+    hertz = " and ".join(f"{rate:.1f}" for rate in sorted(set((rates / (2.0 * np.pi)).round(1))))
+    made = np.concatenate(list(_made(numbers, found)))
+    return FitView(
+        name="Torques of the load in the joints as the hand swings.",
+        note=f"{len(found.swings)} swings at {hertz} Hz, less the same swings of the empty hand, each joint by "
+        "itself, against those of the fitted rigid body.",
+        axes=("by the rigid body (mN·m)", "measured (mN·m)"),
+        x=1e3 * made,
+        measured=1e3 * np.concatenate([one.observed for one in found.swings]),
+        predicted=1e3 * made,
+        std=1e3 * np.sqrt(np.concatenate([one.variance for one in found.swings])),
+        groups=["fast swings" if rate > FASTER * rates.min() else "slow swings" for rate in rates],
+    )
 
 
 def _hanging(numbers: Array, found: _Evidence) -> Array:

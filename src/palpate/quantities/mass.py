@@ -10,10 +10,12 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.estimate import Estimate, not_identified, not_measured
+from palpate.estimation.load.equations import FORCE_Z
 from palpate.estimation.load.foresight import Lift
 from palpate.estimation.load.observation import observation_of_torques
 from palpate.estimation.load.segments import Segment, referenced, weighing
 from palpate.estimation.load.weighing import alone, single_shot, weigh
+from palpate.estimation.view import FitView, constant, unit_slopes
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.document import Element
 from palpate.mjcf.edits import Slot
@@ -229,7 +231,19 @@ def estimate_single_shot(trace: Trace, parameter: Parameter, body: Body | None) 
         "Mean vertical force while held still, over g; not compared with the empty hand, so the "
         "arm's own bias is only bounded."
     )
-    return Estimate.normal(parameter, UNIT, mean.value, std, method, (recording,), least=0.0)
+    samples = trace.of(recording)
+    view = FitView(
+        name="Vertical force over g.",
+        note="Its mean over the recording is the mass.",
+        axes=("robot time (s)", "F_z / g (kg)"),
+        x=samples.t,
+        measured=samples.wrench[:, FORCE_Z] / trace.gravity,
+        predicted=constant(mean.value, samples.t),
+        slopes=unit_slopes(samples.t),
+    )
+    return Estimate.normal(
+        parameter, UNIT, mean.value, std, method, (recording,), least=0.0, views=(view,)
+    )
 
 
 def _method(found: Sequence[Segment]) -> str:

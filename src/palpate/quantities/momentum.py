@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -57,6 +58,8 @@ def estimate_momentum(trace: Trace, parameter: Parameter, body: Body | None) -> 
     weight = weigh(trace, recording)
     # Of a product of independent factors: the relative variances add, to first order.
     std = np.hypot(weight.mass * velocity.std, weight.std * velocity.value)
+    # Both factors' fits; the momentum is their product, so that its interval is neither's.
+    fits = (weight.view(trace.gravity), velocity.view(trace, recording))
     method = (
         "Mean velocity of the recording times the object's mass from the same trace "
         f"({weight.mass:.3f} kg)."
@@ -71,4 +74,5 @@ def estimate_momentum(trace: Trace, parameter: Parameter, body: Body | None) -> 
         weight.verdict,
         {"mass": weight.part},
         tests=weight.tests,
+        views=tuple(replace(view, slopes=None) for view in fits),
     )

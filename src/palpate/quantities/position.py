@@ -10,6 +10,7 @@ import numpy as np
 from palpate.errors import InputError
 from palpate.estimation import tuning
 from palpate.estimation.estimate import Estimate, not_identified, not_measured
+from palpate.estimation.view import FitView, closing_samples, constant
 from palpate.estimation.windows import mean_pose
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body, BodyDescription
@@ -19,6 +20,7 @@ from palpate.mjcf.roles.elements import Elements
 from palpate.parameter import Parameter
 from palpate.quantities.evidence import Evidence
 from palpate.quantities.quantity import Prior, Quantity, Status, Values
+from palpate.trace.recording import Recording
 from palpate.trace.samples import POSE, Trace
 
 UNIT = "m"
@@ -178,6 +180,27 @@ def estimate_position(trace: Trace, parameter: Parameter, body: Body | None) -> 
         (recording,),
         "prior-dominated" if unseen.all() else "identified",
         unseen=tuple(np.flatnonzero(unseen).tolist()),
+        views=tuple(_views(trace, recording, hand.position[:2], closing)),
+    )
+
+
+def _views(trace: Trace, recording: Recording, hand: Array, closing: Array) -> Iterator[FitView]:
+    """Place of the hand along the direction `closing` (2,) in which the fingers close."""
+    samples = closing_samples(trace, recording)
+    if samples is None:
+        return
+    heading = float(np.degrees(np.arctan2(closing[1], closing[0])))
+    yield FitView(
+        name=f"The grasp before {recording.start:.1f} s.",
+        note=f"The fingers close along {heading:.0f}° from world x and centre the object between them: along that, its "
+        "middle is where the hand is; across it, it is where the scene has it.",
+        axes=("robot time (s)", "hand, along that (mm)"),
+        x=samples.t,
+        measured=1e3 * (samples.pose_world_tcp[:, :2] - hand) @ closing,
+        predicted=constant(0.0, samples.t),
+        used=samples.t >= recording.start,
+        groups="the hand",
+        slopes=1e3 * np.tile(closing, (len(samples), 1)),
     )
 
 

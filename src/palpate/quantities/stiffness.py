@@ -10,7 +10,7 @@ import numpy as np
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.contact.descent import probes
-from palpate.estimation.contact.spring import Spring
+from palpate.estimation.contact.spring import Spring, spring_view
 from palpate.estimation.contact.touch import Touch, touches_of
 from palpate.estimation.estimate import Z95, Estimate, Part, Shared, not_identified
 from palpate.mjcf.body import Body
@@ -89,6 +89,10 @@ def estimate_stiffness(trace: Trace, parameter: Parameter, body: Body | None) ->
         parts={"first contact": Part(_height(found), _height_std(trace), "m")},
         tests=tuple(_tests(found, touches, misfit)),
         shared=(Shared("what the fingertips give way", "arm", (common / mean**2,)),),
+        views=tuple(
+            spring_view(touch.spring, mean, trace.hand.tip_compliance, touch.recording.start)
+            for touch in touches
+        ),
     )
 
 

@@ -64,5 +64,12 @@ def estimate_velocity(trace: Trace, parameter: Parameter, body: Body | None) -> 
         "which is its mean velocity."
     )
     return Estimate.normal(
-        parameter, UNIT, velocity.value, velocity.std, method, (recording,), parts=parts
+        parameter,
+        UNIT,
+        velocity.value,
+        velocity.std,
+        method,
+        (recording,),
+        parts=parts,
+        views=(velocity.view(trace, recording),),
     )

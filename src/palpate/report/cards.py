@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 from palpate.report.axis import Axis
 from palpate.report.data import Measured
-from palpate.report.evidence.chart import Chart
-from palpate.report.evidence.charts import charts
+from palpate.report.evidence.charts import Chart, charts
 from palpate.report.evidence.windows import Evidence, evidence, quantity_label
 from palpate.report.numbers import error_text, with_spread, with_unit
 from palpate.runs.figures import Figure, figures
@@ -111,7 +110,7 @@ def _card(measured: Measured, trace: Trace | None, anchor: str) -> Card:
         tuple(further),
         tuple(windows),
         anchor,
-        charts(measured, trace) if trace is not None else (),
+        charts(measured) if trace is not None and len(trace.samples) else (),
     )
 
 

@@ -118,15 +118,15 @@ def _line(name: str, t: Array, y: Array, colour: str, axis: str = "y", **more: A
         "type": "scatter",
         "mode": "lines",
         "name": name,
-        "x": _packed(x),
-        "y": _packed(y),
+        "x": packed(x),
+        "y": packed(y),
         "yaxis": axis,
         "line": {"color": colour, "width": 1.4},
         **more,
     }
 
 
-def _packed(values: NDArray[Any]) -> dict[str, str]:
+def packed(values: NDArray[Any]) -> dict[str, str]:
     """Plotly's typed array: binary float32."""
     return {"dtype": "f4", "bdata": base64.b64encode(values.astype("<f4").tobytes()).decode()}
 
@@ -166,8 +166,8 @@ def _contacts(trace: Trace) -> list[Figure]:
             "type": "scatter",
             "mode": "markers",
             "name": "contact",
-            "x": _packed(times),
-            "y": _packed(heights),
+            "x": packed(times),
+            "y": packed(heights),
             "yaxis": "y2",
             "marker": {"symbol": "circle-open", "size": 13, "color": MARK, "line": {"width": 2.5}},
         }

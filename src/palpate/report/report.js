@@ -53,11 +53,17 @@ addEventListener("beforeprint", () => { for (const part of document.querySelecto
     const { data, layout } = JSON.parse(document.getElementById(place.dataset.figure).textContent);
     if (innerWidth < 640 && place.dataset.narrow) Object.assign(layout, JSON.parse(place.dataset.narrow));
     await Plotly.newPlot(place, data, layout, {
-      responsive: true, displaylogo: false, displayModeBar: place.dataset.plain === undefined ? "hover" : false,
+      responsive: true, displaylogo: false,
+      displayModeBar: place.dataset.plain === undefined && layout.dragmode !== false ? "hover" : false,
       modeBarButtons: [["toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]],
     });
     drawn.push([place, layout]);
   }
+  // In a folded part a plot has no width until that is opened.
+  const fill = (event) => {
+    for (const [place] of drawn) if (event.target.contains(place)) Plotly.Plots.resize(place);
+  };
+  for (const part of document.querySelectorAll("details")) part.addEventListener("toggle", fill);
   const paint = (colours) => Promise.all(drawn.map(([place, layout]) => Plotly.relayout(place, theme(colours, layout))));
   await paint(screen());
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => paint(screen()));

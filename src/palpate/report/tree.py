@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from palpate.planning.plan import Node, Plan
 from palpate.trace.recording import LeafRun
 from palpate.trace.samples import Trace
-from palpate.vocabulary.composites import COMPOSITES
-from palpate.vocabulary.registry import vocabulary
+from palpate.vocabulary.registry import COMPOSITES, vocabulary
 
 LEAF = "→"
 LONGEST_LABEL = 160

@@ -13,7 +13,7 @@ import numpy as np
 from palpate.errors import InputError, unknown_name
 from palpate.geometry.inertia import components
 from palpate.geometry.pose import Array, Pose
-from palpate.mjcf.limits.bounds import require_bounded
+from palpate.mjcf.bounds import require_bounded
 from palpate.mjcf.reading import read_document
 from palpate.robots.sheet import ParallelHand, Sheet
 from palpate.trace.recording import Chain, Link, Triple

@@ -16,11 +16,11 @@ from palpate.runs.files import write_plan, write_trace, write_twin
 from palpate.runs.folder import growing_folder, write_json
 from palpate.runs.result import result_json
 from palpate.runs.run import TRACE, Run, Stage
-from palpate.trace.stream import TraceStream
+from palpate.trace.mcap import TraceStream
 
 if TYPE_CHECKING:
+    from palpate.trace.mcap import Recorded
     from palpate.trace.samples import Samples
-    from palpate.trace.stream import Recorded
 
 Step = Callable[[Run], Iterator[Run]]
 """A stage of a run: yields what it has grown to, once or several times."""

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import fields
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
+
+from palpate.option import declared
 
 if TYPE_CHECKING:
     from palpate.settings import Settings
 
 BUNDLED = Path(__file__).parents[1] / "scenarios"
 """The scenarios that come with palpate go by name."""
-SCENE = ("poses", "root", "robot_body", "arm")
+SCENE = ("images", "poses", "root", "robot_body", "arm")
 MOTION = ("world", "robot", "robot_config", "cautious", "noise", "seed", "rehearse", "on_failure")
-PLANNING = ("remeasure", "within")
+PLANNING = ("planner", "remeasure", "within", "model_settings")
 ALWAYS = ("noise", "seed")
 """Said even where they are as they are by default: another version may have others."""
 
@@ -31,10 +33,6 @@ def running(settings: Settings, start: Path | None = None) -> list[str]:
         command += ["--scene", _path(settings.scene, start)]
     if settings.request is not None:
         command += ["-r", settings.request]
-    for image in settings.images:
-        command += ["--image", _path(image, start)]
-    if settings.planner != "symbolic":
-        command += ["--planner", _planner(settings.planner, start), *_asking(settings)]
     return command + list(_options(settings, (*SCENE, *MOTION, *PLANNING), start))
 
 
@@ -43,7 +41,8 @@ def executing(settings: Settings, plan: Path, start: Path | None = None) -> list
     command = ["palpate", "execute", _path(plan, start)]
     if settings.scene is not None:
         command += ["--scene", _path(settings.scene, start)]
-    return command + list(_options(settings, (*SCENE, *MOTION), start))
+    of_plan = (*SCENE[1:], *MOTION)
+    return command + list(_options(settings, of_plan, start))
 
 
 def reproducing(settings: Settings, start: Path | None = None) -> list[str]:
@@ -77,26 +76,33 @@ def _seeded(command: list[str], settings: Settings) -> list[str]:
 
 
 def _options(settings: Settings, names: tuple[str, ...], start: Path | None) -> Iterator[str]:
-    """Options whose values are not the defaults."""
-    for field in fields(settings):
-        value = getattr(settings, field.name)
-        default = type(settings)()
-        if field.name in names and value != getattr(default, field.name):
-            yield from _option(field.name, value, start)
+    """Options whose values are not the defaults; of a model all but its budget."""
+    default = type(settings)()
+    for one in declared(type(settings)):
+        value = attrgetter(one.name)(settings)
+        nested = one.name.rpartition(".")[0]
+        if (nested or one.name) in names and value != attrgetter(one.name)(default):
+            if one.name == "model_settings.base_url":
+                value = settings.model_settings.address
+            yield from _option(one.name, one.flags[-1], value, start)
 
 
-def _option(name: str, value: Any, start: Path | None) -> Iterator[str]:
-    flag = "--" + name.replace("_", "-")
+def _option(name: str, flag: str, value: Any, start: Path | None) -> Iterator[str]:
     if isinstance(value, bool):
-        yield flag if value else f"--no-{name}"
+        on, _, off = flag.partition("/")
+        yield on if value else off
     elif name == "within":
         for of, width in value:
             yield from (flag, f"{of}={width}")
+    elif isinstance(value, frozenset):
+        yield from _option(name, flag, tuple(sorted(cast("frozenset[str]", value))), start)
     elif isinstance(value, tuple):
-        for part in cast("tuple[str, ...]", value):
-            yield from (flag, part)
+        for part in cast("tuple[Any, ...]", value):
+            yield from _option(name, flag, part, start)
     elif isinstance(value, Path):
         yield from (flag, _path(value, start))
+    elif name == "planner":
+        yield from (flag, _planner(value, start))
     else:
         yield from (flag, str(value))
 
@@ -104,17 +110,6 @@ def _option(name: str, value: Any, start: Path | None) -> Iterator[str]:
 def _planner(planner: str, start: Path | None) -> str:
     kind, colon, file = planner.partition(":")
     return kind + colon + _path(Path(file), start) if kind == "replay" else planner
-
-
-def _asking(settings: Settings) -> Iterator[str]:
-    """Options of the model, without its budget."""
-    asking = settings.model_settings
-    if asking.base_url is not None:
-        yield from ("--base-url", asking.base_url)
-    if asking.native:
-        yield "--native"
-    for module in sorted(asking.without):
-        yield from ("--without", module)
 
 
 def _path(file: Path, start: Path | None) -> str:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.geometry.pose import Array, Pose
-from palpate.trace.cdr import Layout
+from palpate.trace.ros2 import Layout
 from palpate.trace.topics import WORLD, Message, header, nanoseconds, stamps, text, xyzw
 
 if TYPE_CHECKING:

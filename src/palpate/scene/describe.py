@@ -11,10 +11,10 @@ import numpy as np
 from palpate.errors import InputError, unknown_name
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import BodyDescription
+from palpate.mjcf.bounds import require_bounded
 from palpate.mjcf.defaults import INHERITED
 from palpate.mjcf.document import UNKNOWN, Document, Element, elements, has_unknown, label, tokens
 from palpate.mjcf.edits import Edit, Slot
-from palpate.mjcf.limits.bounds import require_bounded
 from palpate.mjcf.roles.elements import Elements
 from palpate.mjcf.roles.roles import Roles
 from palpate.mjcf.roles.sorting import find_roles
@@ -65,7 +65,7 @@ def describe(
         InputError: a `?` where nothing can be measured, names that do not match, scenes MuJoCo does
             not accept.
     """
-    extent = require_bounded(document)
+    require_bounded(document)
     roles = find_roles(document)
     slots = list(_slots(roles, catalogue))
     _refuse_other_unknowns(document, roles, slots)
@@ -74,7 +74,7 @@ def describe(
     edits: list[Edit] = []
     for slot in slots:
         edits += slot.placeholder()
-    shapes = compile_shapes(document, roles, [*edits, *placed], extent.is_large)
+    shapes = compile_shapes(document, roles, [*edits, *placed])
     bodies = _described(roles, shapes, poses)
     lowered = dict(let_down(bodies, shapes)) if settled else {}
     if lowered:

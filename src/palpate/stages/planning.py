@@ -22,7 +22,7 @@ from palpate.scene.poses import Poses, read_poses, seen_by
 from palpate.scene.scene import Scene
 from palpate.settings import Settings
 from palpate.stages.workplace import pictures_of
-from palpate.vocabulary.admissible.room import require_room
+from palpate.vocabulary.admissible.reach import require_room
 
 
 def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None) -> Run:

@@ -15,7 +15,7 @@ from palpate.robots.robot import Recoverable, Robot
 from palpate.runs.run import Run
 from palpate.scene.poses import Poses
 from palpate.scene.scene import Scene
-from palpate.settings import Settings, noise_told
+from palpate.settings import Settings, noise_source
 
 if TYPE_CHECKING:
     from palpate.pictures.film import Footage
@@ -48,7 +48,7 @@ def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cel
     """
     from palpate.cells.simulated import simulated_cell
 
-    simulated = (noise_told(settings.noise), settings.seed) if settings.robot is None else None
+    simulated = (noise_source(settings.noise), settings.seed) if settings.robot is None else None
     require_same(settings.described_arm().config, simulated)
     if settings.robot is not None:
         return connected(settings, scene)

@@ -1,67 +1,108 @@
 """`trace.mcap`: the trace as ROS 2 messages (`palpate.trace.topics`), for Foxglove, PlotJuggler and
 Rerun, and back again.
 
-The metadata record `palpate.trace` holds the leaves, recordings, conversions, hand and gravity, so
-that `read_mcap` returns the very trace that was written. The file of a run that was cut off
-(`palpate.trace.stream`) is read as far as it goes.
+`write_mcap` writes a finished trace. The metadata record `palpate.trace` holds leaves, recordings,
+conversions, hand and gravity, so that `read_mcap` returns exactly the trace that was written.
+
+`TraceStream` writes a trace while the robot moves. Encoding messages for viewers takes about as long as
+the motion itself, too long for a loop at 50 Hz. The file of a run under way is therefore an MCAP of two
+topics: blocks of numbers, a row a sample, and JSON of the leaves, recordings and conversions that ended
+since the last block. A file that was cut off is read up to there.
 """
 
 from __future__ import annotations
 
+import io
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cache
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Protocol
+
+import numpy as np
 
 from palpate import __version__
 from palpate.errors import InputError
 from palpate.files.read import opened
 from palpate.redaction import redact
-from palpate.trace.ros2_messages import definition
-from palpate.trace.samples import Trace
-from palpate.trace.stream import PROFILE, Record, read_stream
-from palpate.trace.topics import Message, messages, samples_of
-from palpate.trace.unpacked import records
+from palpate.trace.recording import Conversion, Hand, LeafRun, Recording
+from palpate.trace.ros2 import definition
+from palpate.trace.samples import COLUMNS, Samples, Trace
+from palpate.trace.topics import Message, messages, nanosecond, samples_of
 
 if TYPE_CHECKING:
-    from mcap.writer import Writer
+    from mcap.records import Chunk, McapRecord
+    from pydantic import ConfigDict, TypeAdapter
 
 METADATA = "palpate.trace"
+PROFILE = "palpate-stream"
+"""Profile in the file header of a run under way."""
+BLOCKS, EVENTS = "/palpate/samples", "/palpate/events"
+BLOCK_SECONDS = 0.25
+"""s of robot time between two blocks: the most that is lost when the process is killed."""
 MAX_BYTES = 1 << 30
-"""A file larger than this is not read; an hour of samples has a tenth of it."""
+"""Size of a file that is still read; an hour of samples has a tenth of it."""
+MAX_RECORD = 64 << 20
+"""Bytes of one record in the file."""
+MAX_CHUNK = 8 << 20
+"""Bytes of one unpacked chunk; palpate's chunks have 1 MiB."""
+MAX_RATIO = 20
+"""Unpacked bytes per byte of the file, beyond one chunk; recorded signals have 4."""
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """All of a `Trace` but its samples."""
+
+    leaves: tuple[LeafRun, ...]
+    recordings: tuple[Recording, ...]
+    conversions: tuple[Conversion, ...]
+    hand: Hand
+    gravity: float
+
+
+# NaN from a faulty sensor is written as the constant NaN and read back as such.
+Record.__pydantic_config__: ConfigDict = {"ser_json_inf_nan": "constants"}  # type: ignore[attr-defined]
+
+
+@cache
+def record_json() -> TypeAdapter[Record]:
+    """Converter between `Record` and JSON."""
+    from pydantic import TypeAdapter  # slow to import
+
+    return TypeAdapter(Record)
+
+
+def dumped(record: Record) -> str:
+    """JSON of a record, without the keys of the environment."""
+    return redact(record_json().dump_json(record).decode())
 
 
 def write_mcap(path: Path, trace: Trace, shown: Sequence[Message] = ()) -> None:
-    """Write `trace` to `path`, in zstd-compressed chunks, with what else viewers are `shown`."""
+    """Write `trace` to `path`, in zstd-compressed chunks, with the further messages `shown`."""
     from mcap.writer import Writer
-    from pydantic import TypeAdapter
 
     record = Record(trace.leaves, trace.recordings, trace.conversions, trace.hand, trace.gravity)
-    content = redact(TypeAdapter(Record).dump_json(record).decode())
+    schemas: dict[str, int] = {}
+    channels: dict[str, int] = {}
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start(profile="ros2", library=f"palpate {__version__}")
-        writer.add_metadata(METADATA, {"version": __version__, "trace": content})
-        _write_messages(writer, messages(trace, shown))
+        writer.add_metadata(METADATA, {"version": __version__, "trace": dumped(record)})
+        for time, topic, datatype, data in messages(trace, shown):
+            # MCAP wants datatype and topic declared before the first message.
+            if datatype not in schemas:
+                name, text = datatype.replace("/", "/msg/"), definition(datatype).encode()
+                schemas[datatype] = writer.register_schema(name, "ros2msg", text)
+            if topic not in channels:
+                channels[topic] = writer.register_channel(topic, "cdr", schemas[datatype])
+            writer.add_message(channels[topic], time, data, publish_time=time)
         writer.finish()
 
 
-def _write_messages(writer: Writer, messages: list[Message]) -> None:
-    """Every datatype is declared once, and every topic, before its first message."""
-    schemas: dict[str, int] = {}
-    channels: dict[str, int] = {}
-    for time, topic, datatype, data in messages:
-        if datatype not in schemas:
-            name = datatype.replace("/", "/msg/")
-            text = definition(datatype).encode()
-            schemas[datatype] = writer.register_schema(name, "ros2msg", text)
-        if topic not in channels:
-            channels[topic] = writer.register_channel(topic, "cdr", schemas[datatype])
-        writer.add_message(channels[topic], time, data, publish_time=time)
-
-
 def read_mcap(path: Path) -> Trace:
-    """The trace that `write_mcap` wrote, or, as far as it goes, a `TraceStream`.
+    """Read the trace in a file of `write_mcap`, or, up to where it ends, in one of `TraceStream`.
 
     Raises:
         InputError: not such a file.
@@ -70,9 +111,8 @@ def read_mcap(path: Path) -> Trace:
         raise InputError(f"no trace at '{path}'")
     try:
         with opened(path, MAX_BYTES, "a trace of palpate's") as file:
-            if _is_unfinished(file):
-                return read_stream(file)
-            return _read(file)
+            is_stream = PROFILE.encode() in file.read(64)  # the header comes first
+            return read_stream(file) if is_stream else read_finished(file)
     except InputError:
         raise
     # On damaged bytes the reader raises anything from struct.error to NameError.
@@ -81,16 +121,20 @@ def read_mcap(path: Path) -> Trace:
         raise InputError(f"'{path}' is not a trace written by palpate: {reason}") from error
 
 
-def _read(file: IO[bytes]) -> Trace:
+def read_finished(file: IO[bytes]) -> Trace:
+    """Read the trace in a file of `write_mcap`.
+
+    Raises:
+        ValueError: not such a file.
+    """
     from mcap.records import Channel, Message, Metadata
-    from pydantic import TypeAdapter
 
     record: Record | None = None
     channels: dict[int, str] = {}
     by_topic: defaultdict[str, list[bytes]] = defaultdict(list)
     for found in records(file):
         if isinstance(found, Metadata) and found.name == METADATA:
-            record = TypeAdapter(Record).validate_json(found.metadata["trace"])
+            record = record_json().validate_json(found.metadata["trace"])
         elif isinstance(found, Channel):
             channels[found.id] = found.topic
         elif isinstance(found, Message):
@@ -107,8 +151,175 @@ def _read(file: IO[bytes]) -> Trace:
     )
 
 
-def _is_unfinished(file: IO[bytes]) -> bool:
-    """True if it is the file of a run under way, by what its header says."""
-    beginning = file.read(64)
+class Recorded(Protocol):
+    """Recorder whose lists grow: all that has ended so far, in order."""
+
+    leaves: list[LeafRun]
+    recordings: list[Recording]
+    conversions: list[Conversion]
+
+
+class TraceStream:
+    """Writer of a growing trace, block by block; to be closed in the end.
+
+    Raises:
+        OSError: the disk is full or unavailable. What was written stays.
+    """
+
+    def __init__(self, path: Path, hand: Hand, gravity: float) -> None:
+        from mcap.writer import Writer
+
+        self._hand, self._gravity = hand, gravity
+        self._pending: list[Samples] = []
+        self._written = -np.inf
+        self._recorded: Recorded | None = None
+        self._seen = (0, 0, 0)
+        self._file: IO[bytes] = path.open("wb")
+        self._writer = Writer(self._file, use_chunking=False)
+        self._writer.start(profile=PROFILE, library=f"palpate {__version__}")
+        self._blocks = self._writer.register_channel(BLOCKS, "f64", 0)
+        self._events = self._writer.register_channel(EVENTS, "json", 0)
+        # Hand and gravity are on disk from the start: a file without samples is a trace, too.
+        self._add_events(0.0, (), (), ())
+        self._file.flush()
+
+    def write(self, samples: Samples, recorded: Recorded) -> None:
+        """Add new samples, and write a block if one is due."""
+        if recorded is not self._recorded:
+            self._recorded, self._seen = recorded, (0, 0, 0)
+        if len(samples):
+            self._pending.append(samples)
+        # `not <` instead of `>=`, so that a NaN time is written.
+        if self._pending and not self._pending[-1].t[-1] - self._written < BLOCK_SECONDS:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write the pending samples as a block, and the events since the last one."""
+        samples = Samples.concatenate(self._pending)
+        self._pending = []
+        if len(samples):
+            self._written = float(samples.t[-1])
+            rows = np.column_stack([getattr(samples, signal.name) for signal in fields(samples)])
+            self._add(self._blocks, self._written, rows.tobytes())
+        if self._recorded is not None:
+            new, (a, b, c) = self._recorded, self._seen
+            self._seen = (len(new.leaves), len(new.recordings), len(new.conversions))
+            if self._seen != (a, b, c):
+                events = new.leaves[a:], new.recordings[b:], new.conversions[c:]
+                self._add_events(self._written, *events)
+        self._file.flush()
+
+    def close(self) -> None:
+        """Write the rest, and close the file."""
+        try:
+            self.flush()
+        finally:
+            self._file.close()
+
+    def _add_events(
+        self,
+        t: float,
+        leaves: Sequence[LeafRun],
+        recordings: Sequence[Recording],
+        conversions: Sequence[Conversion],
+    ) -> None:
+        events = tuple(leaves), tuple(recordings), tuple(conversions)
+        record = Record(*events, self._hand, self._gravity)
+        self._add(self._events, t, dumped(record).encode())
+
+    def _add(self, channel: int, t: float, data: bytes) -> None:
+        time = nanosecond(t)
+        self._writer.add_message(channel, time, data, publish_time=time)
+
+
+def read_stream(file: IO[bytes]) -> Trace:
+    """Read the trace in a file of `TraceStream`, up to where it ends.
+
+    Raises:
+        ValueError: not such a file.
+    """
+    from mcap.records import Channel, Message
+
+    topics: dict[int, str] = {}
+    blocks: list[Samples] = []
+    events: list[Record] = []
+    try:
+        for record in records(file, finished=False):
+            if isinstance(record, Channel):
+                topics[record.id] = record.topic
+            elif isinstance(record, Message) and topics.get(record.channel_id) == BLOCKS:
+                blocks.append(samples_in_block(record.data))
+            elif isinstance(record, Message) and topics.get(record.channel_id) == EVENTS:
+                events.append(record_json().validate_json(record.data))
+    # Where the file was cut off, the reader raises anything from EndOfFile to struct.error.
+    except Exception as error:
+        if not events:
+            raise ValueError("it does not begin like one") from error
+    if not events:
+        raise ValueError("there is nothing of palpate's in it")
+    return Trace(
+        Samples.concatenate(blocks),
+        tuple(leaf for record in events for leaf in record.leaves),
+        tuple(recording for record in events for recording in record.recordings),
+        tuple(conversion for record in events for conversion in record.conversions),
+        events[0].hand,
+        events[0].gravity,
+    )
+
+
+def samples_in_block(data: bytes) -> Samples:
+    """Decode the samples in a block, (n, m) numbers in the order of the fields of `Samples`.
+
+    Raises:
+        ValueError: the block is not made of whole rows.
+    """
+    names = [signal.name for signal in fields(Samples)]
+    ends = np.cumsum([len(COLUMNS.get(name, "1")) for name in names])
+    parts = np.split(np.frombuffer(data).reshape(-1, ends[-1]), ends[:-1], axis=1)
+    signals = zip(names, parts, strict=True)
+    return Samples(**{name: (p if name in COLUMNS else p[:, 0]).copy() for name, p in signals})
+
+
+def records(file: IO[bytes], finished: bool = True) -> Iterator[McapRecord]:
+    """Iterate over the records of a file in order, chunks unpacked, with bounded memory: neither a record
+    nor a chunk is unpacked to more than its bound, whatever size the file claims. `finished`: verify the
+    checksums of a complete file.
+
+    Raises:
+        ValueError: unpacked, a chunk or all of them exceed their bounds.
+    """
+    from mcap.records import Chunk
+    from mcap.stream_reader import StreamReader, breakup_chunk
+
+    left = MAX_CHUNK + MAX_RATIO * file.seek(0, io.SEEK_END)
     file.seek(0)
-    return PROFILE.encode() in beginning
+    reader = StreamReader(
+        file, emit_chunks=True, validate_crcs=finished, record_size_limit=MAX_RECORD
+    )
+    for record in reader.records:
+        if not isinstance(record, Chunk):
+            yield record
+            continue
+        data = unpacked(record, min(MAX_CHUNK, left))
+        left -= len(data)
+        yield from breakup_chunk(replace(record, compression="", data=data), validate_crc=finished)
+
+
+def unpacked(chunk: Chunk, most: int) -> bytes:
+    """Unpack the content of a chunk.
+
+    Raises:
+        ValueError: it has more than `most` bytes, or another compression than zstd.
+    """
+    import zstandard
+
+    if chunk.compression == "":
+        return chunk.data
+    if chunk.compression != "zstd":
+        raise ValueError(f"its chunks are packed with '{chunk.compression[:20]}' instead of zstd")
+    unpacker = zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK)
+    with unpacker.stream_reader(chunk.data) as stream:
+        data = stream.read(most + 1)  # one byte more than allowed shows an excess
+    if len(data) > most:
+        raise ValueError("it unpacks to more than recorded signals do")
+    return data

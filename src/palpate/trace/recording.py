@@ -1,4 +1,4 @@
-"""Recordings with their leaf and context."""
+"""Records of an execution: recordings with their context, conversions, leaves, and the nominal arm."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 Activity = Literal["still", "moving", "sliding", "contact", "tilting", "turning", "swinging"]
-
+Triple = tuple[float, float, float]
 
 ABOVE = " + z_offset"
 """Suffix of a pose expression above another."""
@@ -19,14 +19,14 @@ class Context:
     """Context of a recording: the plan's symbolic state, not the world's truth.
 
     Attributes:
-        activity: `still` in free air, `moving` in free air, `sliding` (a held object dragged along
-            its support), `contact` (pressing on a surface after a guarded motion), `tilting` (held
-            still in free air at several tilts, one after the other), `turning` (turned about the vertical
-            there, and back) or `swinging` (turned to and fro there).
-        at: the pose expression last reached.
-        holding: the object between the fingers, if any.
-        grasp: the pose expression at which it was grasped.
-        support: the surface touched or slid upon, if any.
+        activity: `still` in free air, `moving` in free air, `sliding` (a held object is dragged along
+            its support), `contact` (pressing on a surface after a guarded motion), and in free air
+            `tilting` (still at several tilts in turn), `turning` (about the vertical, and back) or
+            `swinging` (a sinusoidal rotation).
+        at: pose expression last reached.
+        holding: object between the fingers, if any.
+        grasp: pose expression at which it was grasped.
+        support: surface touched or slid upon, if any.
     """
 
     activity: Activity
@@ -37,14 +37,14 @@ class Context:
 
     @property
     def is_elsewhere(self) -> bool:
-        """True if what is held is neither where it was grasped nor right above that, having been
-        dragged or carried."""
+        """True if the held object was dragged or carried away: it is neither where it was grasped nor
+        right above."""
         here, grasp = self.at or "", self.grasp or ""
         return here.replace(ABOVE, "") != grasp.replace(ABOVE, "")
 
     @property
     def place_of(self) -> str | None:
-        """The object at whose grasp pose, or above it, the hand was."""
+        """Object whose grasp pose the hand was at, or above; None if it was at none."""
         name, _, _ = (self.at or "").partition(" ")
         for ending in GRASPS:
             if name.endswith(ending):
@@ -54,11 +54,10 @@ class Context:
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """A window of the trace that a sensing leaf marked as measured.
+    """Window of the trace that a sensing leaf marked as measured.
 
     `buffer` is `gripper_forces`, `gripper_pose` or a third party's own; the samples are
-    `trace.samples.between(start, end)`. `reading` holds the values of a sensor that is not the
-    arm's.
+    `trace.samples.between(start, end)`. `reading` holds the values of a sensor other than the arm's.
     """
 
     buffer: str
@@ -71,7 +70,7 @@ class Recording:
 
 @dataclass(frozen=True, slots=True)
 class Conversion:
-    """A conversion leaf's word that a buffer stands for a quantity of an object."""
+    """Declaration by a conversion leaf: the recording measures a quantity of an object."""
 
     primitive: str
     object: str
@@ -96,17 +95,14 @@ class LeafRun:
     """Symbolic state after the leaf ended."""
 
 
-Triple = tuple[float, float, float]
-
-
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A part of an arm that moves, at joint angles 0, in the axes of its base.
+    """Moving link of an arm, at joint angles 0, in the axes of its base.
 
     Attributes:
         joint: index of the last hinge that moves it.
         mass: kg.
-        com: m.
+        com: its centre of mass, m.
         inertia: about its centre of mass, xx yy zz xy xz yz, kg m².
     """
 
@@ -122,10 +118,10 @@ class Chain:
 
     Attributes:
         axes: unit axis of each hinge, from the base on.
-        anchors: a point on it, m.
-        tcp: m.
-        tool: the rows of the tool's rotation matrix.
-        links: what moves, hand and fingers among it; none in a trace that does not say.
+        anchors: a point on each axis, m.
+        tcp: position of the TCP, m.
+        tool: rows of the tool's rotation matrix.
+        links: the moving links, hand and fingers included; empty in an older trace.
     """
 
     axes: tuple[Triple, ...]
@@ -142,18 +138,17 @@ class Hand:
     Attributes:
         tip_offset: distance from the TCP to the end of the fingertips along the tool axis, m.
         force_repeatability: N, per approach.
-        torque_gain: relative, half width.
+        torque_gain: relative error of the joint torque sensors, half width.
         pose_repeatability: m.
         force_resolution: N.
-        force_accuracy: N, of a force that is referred to nothing.
-        tip_offset_std: m, how well `tip_offset` is known.
-        tip_compliance: m/N, of pads and joints beyond the encoders, under a force along the tool.
-        tip_compliance_std: how well that is known.
-        gain_covariance: (7, 7), of the joints' relative gain errors that were measured and corrected;
-            None where `torque_gain` is all that is known.
-        chain: what the joints do to the TCP; None where that was not written down.
-        joints, fingers: their names, as logged; a trace from before arms could be chosen names none,
-            and is an FR3's.
+        force_accuracy: N, of a single force without a reference.
+        tip_offset_std: standard deviation of `tip_offset`, m.
+        tip_compliance: of pads and joints behind the encoders, under a force along the tool, m/N.
+        tip_compliance_std: its standard deviation, m/N.
+        gain_covariance: (7, 7), of the joints' relative gain errors after calibration; None where only
+            `torque_gain` is known.
+        chain: kinematics of the arm; None in an older trace.
+        joints, fingers: names, as logged; an older trace has none and is from an FR3.
     """
 
     tip_offset: float

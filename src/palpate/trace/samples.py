@@ -11,9 +11,11 @@ held still reads f_z = +m g; pressing down on a table reads f_z < 0.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
+from functools import wraps
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,19 +33,19 @@ FORCES = "gripper_forces"
 POSE = "gripper_pose"
 
 
-def _named(signal: str, parts: str) -> tuple[str, ...]:
-    return tuple(f"{signal}{part}" for part in parts.split())
-
-
-_JOINTS, _POSE = "1 2 3 4 5 6 7", "x y z qw qx qy qz"
+JOINTS, POSE_PARTS = "1 2 3 4 5 6 7", "x y z qw qx qy qz"
+PARTS = {
+    "q": ("q", JOINTS),
+    "dq": ("dq", JOINTS),
+    "tau_ext": ("tau_ext", JOINTS),
+    "wrench": ("wrench_", "fx fy fz tx ty tz"),
+    "pose_world_tcp": ("tcp_", POSE_PARTS),
+    "twist": ("twist_", "vx vy vz wx wy wz"),
+    "target_world_tcp": ("target_", POSE_PARTS),
+}
 COLUMNS = {
-    "q": _named("q", _JOINTS),
-    "dq": _named("dq", _JOINTS),
-    "tau_ext": _named("tau_ext", _JOINTS),
-    "wrench": _named("wrench_", "fx fy fz tx ty tz"),
-    "pose_world_tcp": _named("tcp_", _POSE),
-    "twist": _named("twist_", "vx vy vz wx wy wz"),
-    "target_world_tcp": _named("target_", _POSE),
+    signal: tuple(f"{prefix}{part}" for part in parts.split())
+    for signal, (prefix, parts) in PARTS.items()
 }
 """Names of the columns of each signal that has several."""
 
@@ -79,31 +81,30 @@ class Samples:
 
     @classmethod
     def empty(cls) -> Samples:
-        """No rows."""
+        """Samples without rows."""
         scalars, joints = np.empty(0), np.empty((0, 7))
         pose, wrench = np.empty((0, 7)), np.empty((0, 6))
         return cls(scalars, joints, joints, joints, wrench, pose, wrench, pose, scalars)
 
     @classmethod
     def concatenate(cls, parts: Iterable[Samples]) -> Samples:
-        """All rows of `parts`, in order."""
+        """Join the rows of `parts`, in order."""
         parts = [part for part in parts if len(part)]
         if not parts:
             return cls.empty()
-        joined: dict[str, Array] = {}
-        for field in fields(cls):
-            joined[field.name] = np.concatenate([getattr(part, field.name) for part in parts])
-        return cls(**joined)
+        names = [field.name for field in fields(cls)]
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
     def __len__(self) -> int:
         return len(self.t)
 
     def where(self, rows: NDArray[np.bool_] | slice) -> Samples:
-        """The selected rows."""
-        return Samples(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+        """Select rows by mask or slice."""
+        return Samples(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     def between(self, start: float, end: float) -> Samples:
-        """Rows with start <= t <= end."""
+        """Select the rows with start <= t <= end."""
+        # Times are multiples of 5 ms up to rounding.
         first, last = np.searchsorted(self.t, [start, end + 1e-9])
         return self.where(slice(int(first), int(last)))
 
@@ -126,24 +127,20 @@ class Trace:
 
     @property
     def wrench(self) -> Array:
-        """(n, 6) external wrench at the TCP in world axes: N, N m (see the module's
-        convention)."""
+        """(n, 6) external wrench at the TCP in world axes: N, N m (see the module's convention)."""
         return self.samples.wrench
 
     def columns(self) -> dict[str, Array]:
-        """Every sampled number by name, e.g. `q3`, `wrench_fz`, each (n,)."""
+        """Columns of the samples by name, e.g. `t`, `q3`, `wrench_fz`, each (n,)."""
         found: dict[str, Array] = {}
         for signal in fields(self.samples):
             values: Array = getattr(self.samples, signal.name)
-            if values.ndim == 1:
-                found[signal.name] = values
-                continue
-            for i, name in enumerate(COLUMNS[signal.name]):
-                found[name] = values[:, i]
+            names = COLUMNS.get(signal.name, (signal.name,))
+            found |= zip(names, values.T if values.ndim > 1 else [values], strict=True)
         return found
 
     def to_dataframe(self) -> DataFrame:
-        """The samples as a pandas data frame, one row a sample; its columns are `columns`'.
+        """Convert the samples to a pandas data frame, one row a sample, with the columns of `columns`.
 
         Raises:
             Unavailable: pandas is not installed.
@@ -161,31 +158,26 @@ class Trace:
         return f"<Trace: {seconds:.1f} s, {len(self.samples)} samples, {counts}>"
 
     def _repr_html_(self) -> str:
-        rows: list[tuple[str, ...]] = []
-        for leaf in self.leaves:
-            rows.append((leaf.label, f"{leaf.start:.1f} s", f"{leaf.end:.1f} s", leaf.status))
+        rows = [(a.label, f"{a.start:.1f} s", f"{a.end:.1f} s", a.status) for a in self.leaves]
         return table(repr(self), ("action", "from", "to", "ended"), rows)
 
     def of(self, recording: Recording) -> Samples:
-        """The samples of a recording."""
+        """Return the samples of a recording."""
         return self.samples.between(recording.start, recording.end)
 
     def converted(self, parameter: Parameter) -> Recording | None:
-        """The recording that a conversion last declared to stand for `parameter`; None without
-        one."""
+        """Return the recording of the last conversion for `parameter`; None without one."""
         for conversion in reversed(self.conversions):
             if Parameter(conversion.object, conversion.quantity) == parameter:
                 return conversion.recording
         return None
 
     def leaf_runs(self, *primitives: str, status: str = "SUCCESS") -> Sequence[LeafRun]:
-        """Leaves of the named primitives that ended with `status`, in order of time."""
-        return [
-            leaf for leaf in self.leaves if leaf.primitive in primitives and leaf.status == status
-        ]
+        """Return the leaves of the named primitives that ended with `status`, in order of time."""
+        return [a for a in self.leaves if a.primitive in primitives and a.status == status]
 
     def without(self, start: float, end: float) -> Trace:
-        """Trace without the samples from robot time `start` to `end`; the leaves stay."""
+        """Cut out the samples and recordings from robot time `start` to `end`; the leaves stay."""
 
         def outside(recording: Recording) -> bool:
             return recording.end < start or recording.start > end
@@ -199,7 +191,7 @@ class Trace:
         )
 
     def until(self, time: float) -> Trace:
-        """Trace up to robot time `time`."""
+        """Return the part up to robot time `time`."""
         return replace(
             self,
             samples=self.samples.between(-np.inf, time),
@@ -207,3 +199,27 @@ class Trace:
             recordings=tuple(r for r in self.recordings if r.end <= time),
             conversions=tuple(c for c in self.conversions if c.time <= time),
         )
+
+
+K = TypeVar("K", Samples, Trace)
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def once(find: Callable[Concatenate[K, P], T]) -> Callable[Concatenate[K, P], T]:
+    """Cache the results of `find`, a function of samples or a trace and of hashable arguments, as long as
+    these samples live. A cached array is shared by all callers and therefore read-only."""
+    known: WeakKeyDictionary[Any, dict[Hashable, T]] = WeakKeyDictionary()
+
+    @wraps(find)
+    def found(of: K, *args: P.args, **named: P.kwargs) -> T:
+        results = known.setdefault(of, {})
+        key = (args, *sorted(named.items()))
+        if key not in results:
+            result = find(of, *args, **named)
+            if isinstance(result, np.ndarray):
+                result.flags.writeable = False
+            results[key] = result
+        return results[key]
+
+    return found

@@ -1,8 +1,8 @@
-"""Sound part of a trace: nothing recorded in an action that did not end well, beside it, or after
-it until the plan was resumed.
+"""Sound part of a trace: without the samples of actions that failed, of those in parallel with them,
+and of all that followed until the plan was resumed.
 
-An arm that ran into something, slipped or was told to stop did not do what its recordings say it
-did: a slide that ends at the limit of force reads as friction what was an obstacle.
+The recordings of an arm that hit an obstacle, lost its grasp or was stopped do not show what their
+context says: a slide that ends at the force limit would count the obstacle as friction.
 """
 
 from __future__ import annotations
@@ -18,27 +18,29 @@ import numpy as np
 from palpate.trace.recording import LeafRun
 from palpate.trace.samples import Trace
 
-_ATTEMPT = re.compile(r"((replan|repeat)\[\d+\]\.)*")
-"""Prefix of a leaf's path in the plan of a later attempt or round."""
+ATTEMPT = re.compile(r"((replan|repeat)\[\d+\]\.)*")
+"""Prefix of a leaf's path in the plan of a later attempt or round; empty in the first."""
 
 
 class Span(NamedTuple):
-    """A stretch of robot time, s, that holds no evidence, and the action that spoiled it."""
+    """Stretch of robot time, s, without evidence, and the action that spoiled it."""
 
     start: float
     end: float
     spoiled_by: LeafRun
 
     def touches(self, start: float, end: float) -> bool:
-        """True if something that lasted from `start` to `end` reaches into it."""
+        """True if the interval from `start` to `end` overlaps with it."""
         return end > self.start and start < self.end
 
 
 def spoiled(trace: Trace) -> tuple[Span, ...]:
-    """The spans without evidence, one an attempt that was broken off."""
+    """Find the spans without evidence, one for each attempt that was broken off: from the first action
+    that failed to the start of the next attempt."""
     attempts: dict[str, list[LeafRun]] = {}
     for leaf in trace.leaves:
-        attempts.setdefault(_attempt(leaf.node), []).append(leaf)
+        prefix = ATTEMPT.match(leaf.node)
+        attempts.setdefault(prefix.group() if prefix else "", []).append(leaf)
     starts = [min(leaf.start for leaf in leaves) for leaves in attempts.values()]
     ends = [*starts, math.inf][1:]
     found: list[Span] = []
@@ -46,12 +48,21 @@ def spoiled(trace: Trace) -> tuple[Span, ...]:
         failed = [leaf for leaf in leaves if leaf.status != "SUCCESS"]
         if failed:
             first = min(failed, key=lambda leaf: leaf.start)
-            found.append(Span(_beginning(first, leaves), end, first))
+            found.append(Span(parallel_start(first, leaves), end, first))
     return tuple(found)
 
 
+def parallel_start(failed: LeafRun, leaves: Sequence[LeafRun]) -> float:
+    """Start of a leaf, or of the first of those that ran in parallel with it, transitively; s."""
+    start = failed.start
+    for leaf in sorted(leaves, key=lambda leaf: leaf.end, reverse=True):
+        if leaf.end > start and leaf.start < failed.end:
+            start = min(start, leaf.start)
+    return start
+
+
 def sound(trace: Trace) -> Trace:
-    """The part of a trace that is evidence; all of it when nothing was broken off."""
+    """Return the part of a trace that is evidence; the trace itself if nothing was broken off."""
     spans = spoiled(trace)
     if not spans:
         return trace
@@ -60,30 +71,14 @@ def sound(trace: Trace) -> Trace:
         return not any(span.touches(start, end) for span in spans)
 
     t = trace.samples.t
-    rows = np.ones(len(t), dtype=np.bool_)
-    for span in spans:
-        rows &= (t <= span.start) | (t >= span.end)
+    rows = np.all([(t <= span.start) | (t >= span.end) for span in spans], axis=0)
     recordings = tuple(r for r in trace.recordings if kept(r.start, r.end))
+    # A conversion is kept with its recording, unless it was made in the failed part itself.
+    conversions = [c for c in trace.conversions if c.recording in recordings]
     return replace(
         trace,
         samples=trace.samples.where(rows),
         leaves=tuple(leaf for leaf in trace.leaves if kept(leaf.start, leaf.end)),
         recordings=recordings,
-        conversions=tuple(
-            c for c in trace.conversions if c.recording in recordings and kept(c.time, c.time)
-        ),
+        conversions=tuple(c for c in conversions if kept(c.time, c.time)),
     )
-
-
-def _attempt(node: str) -> str:
-    found = _ATTEMPT.match(node)
-    return found.group() if found else ""
-
-
-def _beginning(failed: LeafRun, leaves: Sequence[LeafRun]) -> float:
-    """Begin of the action, or of the first of those that ran in parallel with it, transitively."""
-    start, end = failed.start, failed.end
-    for leaf in sorted(leaves, key=lambda leaf: leaf.end, reverse=True):
-        if leaf.end > start and leaf.start < end:
-            start = min(start, leaf.start)
-    return start

@@ -16,10 +16,10 @@ from palpate.robots.safety import Expectation
 from palpate.scene.raised import is_open
 from palpate.trace.samples import STANDARD_GRAVITY
 from palpate.vocabulary.admissible.clearance import Motion
-from palpate.vocabulary.admissible.guessed import is_unmeasured
 from palpate.vocabulary.admissible.probe import starts, touch, untouchable
 from palpate.vocabulary.admissible.profile import POSE_ERROR
 from palpate.vocabulary.admissible.support import above
+from palpate.vocabulary.admissible.unknown_heights import is_unmeasured
 from palpate.vocabulary.base import (
     Blackboard,
     LeafFailure,

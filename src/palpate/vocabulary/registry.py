@@ -1,4 +1,4 @@
-"""The vocabulary: which primitives and composites there are."""
+"""The vocabulary: all primitives and composites, and the JSON schema of a plan derived from them."""
 
 from __future__ import annotations
 
@@ -13,16 +13,51 @@ from palpate.extensions import extensions, public
 from palpate.quantities.catalogue import GROUP as QUANTITIES
 from palpate.quantities.catalogue import catalogue
 from palpate.quantities.quantity import Quantity
-from palpate.vocabulary import contact, conversion, gripper, sensing, turning
+from palpate.vocabulary import contact, gripper, motion, sensing, turning
 from palpate.vocabulary.base import ConversionPrimitive, Primitive
-from palpate.vocabulary.composites import COMPOSITES, Composite
-from palpate.vocabulary.motion import move_joints, move_pose
 
 GROUP = "palpate.primitives"
 """Entry-point group of third parties' packages. Each entry names a module."""
-CORE = (move_pose, move_joints, turning, gripper, contact, sensing, conversion)
-"""Modules of palpate's own primitives, in the order in which people read them."""
-_ABSTRACT = (Primitive, ConversionPrimitive)
+CORE = (motion, turning, gripper, contact, sensing)
+"""Modules of palpate's own primitives, in the order of the documentation."""
+ABSTRACT = (Primitive, ConversionPrimitive)
+
+
+@dataclass(frozen=True, slots=True)
+class Composite:
+    """Declaration of a composite.
+
+    Attributes:
+        name: in a plan.
+        symbol: for people.
+        summary: for the prompt and the documentation.
+        btcpp: tag and fixed attributes in BT.CPP 4.
+    """
+
+    name: str
+    symbol: str
+    summary: str
+    btcpp: Mapping[str, str]
+
+
+COMPOSITES: dict[str, Composite] = {
+    c.name: c
+    for c in (
+        Composite(
+            "Sequence",
+            "{-}",
+            "Runs its children in order and remembers where it is; the first failure stops it.",
+            {"tag": "Sequence"},
+        ),
+        Composite(
+            "Parallel",
+            "/_/",
+            "Runs all its children at once and succeeds when all have; the first failure stops them all. There is one "
+            "arm and one gripper: at most one child may move the arm, at most one the gripper; the others only sense.",
+            {"tag": "Parallel", "success_count": "-1", "failure_count": "1"},
+        ),
+    )
+}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -54,8 +89,8 @@ class Vocabulary:
         return self.primitive(type)(**self.arguments(type, args))
 
     def arguments(self, type: str, args: Mapping[str, Any]) -> dict[str, Any]:
-        """The arguments without the buffer that the primitive reads or writes anyway, which may be
-        named as the paper names it: `Force2Mass(gripper_forces)`.
+        """The arguments without the primitive's own buffer, which may be named as the paper names
+        it: `Force2Mass(gripper_forces)`.
 
         Raises:
             InputError: unknown primitive.
@@ -67,11 +102,8 @@ class Vocabulary:
 
     def converters(self, quantity: str) -> list[type[Primitive]]:
         """Primitives that convert a buffer into `quantity`."""
-        return [
-            cls
-            for cls in self.primitives.values()
-            if cls.measures is not None and cls.measures.id == quantity
-        ]
+        every = self.primitives.values()
+        return [cls for cls in every if cls.measures is not None and cls.measures.id == quantity]
 
     def sensors(self, buffer: str) -> list[type[Primitive]]:
         """Primitives that write `buffer`."""
@@ -95,6 +127,13 @@ def load_vocabulary(third_parties: Iterable[ModuleType] = ()) -> Vocabulary:
     return Vocabulary({**own, **added})
 
 
+def _public(module: ModuleType) -> Iterator[type[Primitive]]:
+    """Public concrete primitives of a module, in its order."""
+    for thing in public(module):
+        if isinstance(thing, type) and issubclass(thing, Primitive) and thing not in ABSTRACT:
+            yield thing
+
+
 @cache
 def vocabulary() -> Vocabulary:
     """Installed vocabulary: palpate's own primitives and those of every package with an entry
@@ -116,8 +155,7 @@ def vocabulary() -> Vocabulary:
 
 
 def acquisition(quantity: Quantity, words: Vocabulary | None = None) -> str:
-    """Description of a quantity's acquisition: its evidence, and then the conversion or other
-    steps."""
+    """Description of a quantity's acquisition: its evidence, and its conversion if there is one."""
     if quantity.derived:
         return f"{quantity.how}; derived"
     for cls in (words or vocabulary()).converters(quantity.id):
@@ -125,8 +163,61 @@ def acquisition(quantity: Quantity, words: Vocabulary | None = None) -> str:
     return quantity.how
 
 
-def _public(module: ModuleType) -> Iterator[type[Primitive]]:
-    """The concrete primitives that are public in a module, in its order."""
-    for thing in public(module):
-        if isinstance(thing, type) and issubclass(thing, Primitive) and thing not in _ABSTRACT:
-            yield thing
+def leaf_schema(cls: type[Primitive]) -> dict[str, Any]:
+    """JSON schema of one primitive's node."""
+    schema = cls.model_json_schema()
+    properties: dict[str, Any] = {"type": {"const": cls.__name__}, "name": {"type": "string"}}
+    buffer = cls.reads or cls.writes
+    if buffer:
+        properties[buffer] = {
+            "const": buffer,
+            "description": "the buffer, which may be named as the paper names it",
+        }
+    properties |= schema.get("properties", {})
+    return {
+        "type": "object",
+        "description": cls.summary(),
+        "properties": properties,
+        "required": ["type", *schema.get("required", [])],
+        "additionalProperties": False,
+    }
+
+
+def composite_schema(composite: Composite) -> dict[str, Any]:
+    """JSON schema of a composite's node."""
+    return {
+        "type": "object",
+        "description": composite.summary,
+        "required": ["type", "children"],
+        "properties": {
+            "type": {"const": composite.name},
+            "name": {"type": "string"},
+            "children": {"type": "array", "minItems": 1, "items": {"$ref": "#/$defs/node"}},
+        },
+        "additionalProperties": False,
+    }
+
+
+def plan_schema(vocabulary: Vocabulary) -> dict[str, Any]:
+    """JSON schema (2020-12) of a whole plan; the tree is recursive through `$defs/node`."""
+    leaves = {name: leaf_schema(cls) for name, cls in vocabulary.primitives.items()}
+    composites = {name: composite_schema(c) for name, c in vocabulary.composites.items()}
+    node = {"oneOf": [{"$ref": f"#/$defs/{name}"} for name in (*leaves, *composites)]}
+    parameter = {
+        "type": "object",
+        "required": ["object", "quantity"],
+        "additionalProperties": False,
+        "properties": {"object": {"type": "string"}, "quantity": {"type": "string"}},
+    }
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "palpate plan",
+        "type": "object",
+        "required": ["parameters", "explanation", "tree"],
+        "properties": {
+            "parameters": {"type": "array", "items": parameter},
+            "explanation": {"type": "string"},
+            "tree": {"oneOf": [{"type": "null"}, {"$ref": "#/$defs/node"}]},
+        },
+        "$defs": {**leaves, **composites, "node": node},
+    }

@@ -1,14 +1,32 @@
-"""Primitives that log what the robot feels into a buffer, and only while they are ticked."""
+"""Primitives that record sensor data into a buffer, and that convert a buffer into an estimate."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar
 
+from palpate.estimation.estimate import rounded
+from palpate.parameter import Parameter
+from palpate.quantities.estimators import estimate_all
+from palpate.quantities.height import Height
+from palpate.quantities.mass import Mass
+from palpate.quantities.momentum import Momentum
+from palpate.quantities.position import Position
+from palpate.quantities.quantity import Quantity
+from palpate.quantities.velocity import Velocity
 from palpate.robots.safety import Expectation
-from palpate.trace.recording import Recording
+from palpate.trace.recording import Conversion, Recording
 from palpate.trace.samples import FORCES, POSE
-from palpate.vocabulary.base import Blackboard, Primitive, Steps
+from palpate.vocabulary.admissible.support import above
+from palpate.vocabulary.base import (
+    Blackboard,
+    ConversionPrimitive,
+    LeafFailure,
+    Primitive,
+    Steps,
+)
 from palpate.vocabulary.state import SymbolicState
+from palpate.vocabulary.violation import PRECONDITION, Violation
 
 FORCE_WINDOW = 1.0
 """s: 1000 torque samples bring the white noise of a force below 10 mN."""
@@ -16,44 +34,137 @@ POSE_WINDOW = 0.3
 """s."""
 
 
-def _log(blackboard: Blackboard, buffer: str, window: float) -> Steps:
-    """Log for `window` s, or, beside a motion in a Parallel, until the motion ends."""
-    start, context = blackboard.robot.state.t, blackboard.state.context()
-    beside_motion = blackboard.motions > 0
-    while blackboard.motions > 0 if beside_motion else blackboard.robot.state.t - start < window:
-        yield
-    end = blackboard.robot.state.t
-    blackboard.recorder.recordings.append(Recording(buffer, start, end, context))
-    return f"{end - start:.1f} s logged"
-
-
 class _Sensing(Primitive):
+    group: ClassVar = "sensing"
+    window: ClassVar[float]
+
     def expectation(self, state: SymbolicState) -> Expectation:
-        held = state.holding is not None
-        return Expectation(
-            holding=held, grasped=held, contact=state.activity in ("contact", "sliding")
-        )
+        held, touching = state.holding is not None, state.activity in ("contact", "sliding")
+        return Expectation(holding=held, grasped=held, contact=touching)
 
     def effects(self, state: SymbolicState) -> SymbolicState:
         return state.wrote(self.writes) if self.writes else state
+
+    def run(self, blackboard: Blackboard) -> Steps:
+        robot, context = blackboard.robot, blackboard.state.context()
+        start, beside_motion = robot.state.t, blackboard.motions > 0
+        while blackboard.motions > 0 if beside_motion else robot.state.t - start < self.window:
+            yield
+        recording = Recording(f"{self.writes}", start, robot.state.t, context)
+        blackboard.recorder.recordings.append(recording)
+        return f"{recording.end - start:.1f} s logged"
 
 
 class MeasureForces(_Sensing):
     """Log the external wrench into `gripper_forces`: for a second, or, beside a motion in a Parallel,
     until the motion ends."""
 
-    group: ClassVar = "sensing"
     writes: ClassVar[str | None] = FORCES
-
-    def run(self, blackboard: Blackboard) -> Steps:
-        return (yield from _log(blackboard, FORCES, FORCE_WINDOW))
+    window: ClassVar[float] = FORCE_WINDOW
 
 
 class MeasureGripperPose(_Sensing):
     """Log the pose of the fingertips into `gripper_pose`."""
 
-    group: ClassVar = "sensing"
     writes: ClassVar[str | None] = POSE
+    window: ClassVar[float] = POSE_WINDOW
+
+
+class _Conversion(ConversionPrimitive):
+    """Base of palpate's conversions: each reads one buffer, whose context names the subject."""
+
+    def subject(self, state: SymbolicState) -> str | None:
+        context = state.buffers.get(self.reads or "")
+        if context is None or self.measures is None:
+            return None
+        evidence = [one for one in self.measures.evidence if one.buffer == self.reads]
+        subjects = (one.about(context) for one in evidence)
+        return next((subject for subject in subjects if subject is not None), None)
+
+    def requires(self, state: SymbolicState) -> list[Violation]:
+        if self.reads not in state.buffers:
+            return [self.unwritten()]
+        if self.subject(state) is not None or self.measures is None:
+            return []
+        problem = (
+            f"what `{self.reads}` holds is no evidence of a {self.measures.label}, so "
+            f"{type(self).__name__} has nothing to convert; first {self.measures.how}"
+        )
+        if state.holding and not state.lifted and self.writer():
+            lifted = above(state, state.grasp)
+            problem += (
+                f": '{state.holding}' is not lifted; first: MovePose '{lifted}', {self.writer()}"
+            )
+        return [Violation(PRECONDITION, problem)]
+
+    def effects(self, state: SymbolicState) -> SymbolicState:
+        subject, quantity = self.subject(state), self.measures
+        if subject is None or quantity is None:
+            return state
+        return replace(state, converted=state.converted | {Parameter(subject, quantity.id)})
 
     def run(self, blackboard: Blackboard) -> Steps:
-        return (yield from _log(blackboard, POSE, POSE_WINDOW))
+        subject, quantity = self.subject(blackboard.state), self.measures
+        assert subject is not None
+        assert quantity is not None
+        yield
+        recorder, parameter = blackboard.recorder, Parameter(subject, quantity.id)
+        recording = next(r for r in reversed(recorder.recordings) if r.buffer == self.reads)
+        conversion = Conversion(
+            type(self).__name__, subject, quantity.id, recording, blackboard.robot.state.t
+        )
+        trace = recorder.snapshot()
+        trace = replace(trace, conversions=(*trace.conversions, conversion))
+        (found,) = estimate_all([parameter], trace, blackboard.scene.bodies)
+        if found.verdict == "not identified":
+            raise LeafFailure(f"{parameter} is not identified: {found.method}")
+        recorder.conversions.append(conversion)
+        values = tuple(found.values.tolist())
+        # The rest of the run goes by the value: what stands on a measured surface moves with it.
+        blackboard.state = blackboard.state.learned(parameter, values)
+        pairs = zip(values, found.stds.tolist(), strict=True)
+        shown = ", ".join(" ± ".join(rounded(value, std)) for value, std in pairs)
+        return f"{subject} {quantity.label} {shown} {quantity.unit}"
+
+
+class Force2Mass(_Conversion):
+    """Convert `gripper_forces` into the mass of the held object.
+
+    Only for a log made while the
+    object was held still, lifted and balanced; not when it hangs tilted off its centre."""
+
+    reads: ClassVar[str | None] = FORCES
+    measures: ClassVar[type[Quantity] | None] = Mass
+
+
+class Force2Velocity(_Conversion):
+    """Convert `gripper_forces` logged beside a motion into the velocity of the gripper.
+
+    Irrelevant for anything static."""
+
+    reads: ClassVar[str | None] = FORCES
+    measures: ClassVar[type[Quantity] | None] = Velocity
+
+
+class Force2Momentum(_Conversion):
+    """Convert `gripper_forces` logged beside a motion into the momentum of the held object.
+
+    Irrelevant for anything static."""
+
+    reads: ClassVar[str | None] = FORCES
+    measures: ClassVar[type[Quantity] | None] = Momentum
+
+
+class Pose2Height(_Conversion):
+    """Convert `gripper_pose` logged in contact with a surface into the height of that surface above
+    the world's origin."""
+
+    reads: ClassVar[str | None] = POSE
+    measures: ClassVar[type[Quantity] | None] = Height
+
+
+class Pose2Plan(_Conversion):
+    """Convert `gripper_pose` logged while an object is held into that object's x-y position."""
+
+    reads: ClassVar[str | None] = POSE
+    measures: ClassVar[type[Quantity] | None] = Position

@@ -172,7 +172,7 @@ class SymbolicState:
         """The object that closing the fingers at this pose would grasp: the one between the pads,
         of several the one in their middle."""
         key = ("between", pose_world_tcp.digits, *self.placed)
-        return solids(self.scene).remembered(key, lambda: self._between(pose_world_tcp))
+        return solids(self.scene).cached(key, lambda: self._between(pose_world_tcp))
 
     def grip_of(self, body: Body, pose_world_tcp: Pose) -> Grip | None:
         """Contact of the pads with an object at this pose of the TCP; None where it is not between

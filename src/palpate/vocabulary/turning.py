@@ -25,11 +25,11 @@ from palpate.robots.trajectory.posed import turned
 from palpate.robots.trajectory.swing import SWING_PEAK
 from palpate.trace.recording import Activity
 from palpate.vocabulary.admissible import motion
+from palpate.vocabulary.admissible.collision_geometry import near_spans
 from palpate.vocabulary.admissible.grasp import torsion
 from palpate.vocabulary.admissible.profile import POSE_ERROR
 from palpate.vocabulary.admissible.solids import solids
 from palpate.vocabulary.admissible.support import above
-from palpate.vocabulary.admissible.sweep.collision_geometry import near_spans
 from palpate.vocabulary.base import (
     Blackboard,
     LeafFailure,
@@ -346,7 +346,7 @@ class Swing(_Turning):
         inertia = mass * (float(body.size @ body.size) / 12.0 + lever**2)
         moment = mass * scene.gravity * lever
         moment += inertia * (scene.arm.pace.swinging_acceleration or 0.0)
-        most = torsion(scene, shapes)
+        most = torsion(scene)
         if moment > most:
             yield Violation(
                 "twist",

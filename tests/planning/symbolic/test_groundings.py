@@ -19,7 +19,7 @@ from palpate.quantities import catalogue as catalogue_module
 from palpate.quantities.catalogue import catalogue
 from palpate.quantities.quantity import Quantity
 from palpate.vocabulary.base import ConversionPrimitive, Primitive, Steps, Surroundings
-from palpate.vocabulary.motion.move_joints import MoveJoints
+from palpate.vocabulary.motion import MoveJoints
 from palpate.vocabulary.registry import Vocabulary, load_vocabulary
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.violation import Violation

@@ -86,7 +86,7 @@ def go(arm: MujocoRobot, position: tuple[float, float, float], speed: float = 0.
     arm.advance(0.5)
 
 
-def test_a_motion_through_free_air_feels_no_contact() -> None:
+def test_a_motion_through_free_air_measures_no_contact() -> None:
     arm = among('type="sphere" pos="0 -0.8 0" size="0.02"')
     arm.set_reflex(Reflex(5.0, 2.0))
     felt, sensed = [], []
@@ -111,7 +111,7 @@ def test_a_motion_through_free_air_feels_no_contact() -> None:
     ],
     ids=["outwards", "sideways", "downwards"],
 )
-def test_what_is_run_into_is_not_pressed(
+def test_the_arm_does_not_press_an_obstacle(
     shape: str,
     start: tuple[float, float, float],
     goal: tuple[float, float, float],
@@ -155,7 +155,7 @@ def test_a_cautious_arm_hits_nothing_hard(
 
 
 @pytest.mark.parametrize("stiffness", [None, 1e6])
-def test_what_is_met_slowly_bears_little_from_the_first_moment(stiffness: float | None) -> None:
+def test_an_obstacle_met_slowly_bears_little_from_the_first_moment(stiffness: float | None) -> None:
     arm = among(BAR, stiffness)
     felt = watched(arm)
     go(arm, (0.5, 0.0, 0.185))
@@ -185,7 +185,7 @@ def test_a_reflex_ends_the_motion_where_the_arm_stands_until_the_next_one() -> N
     assert arm.state.pose_world_tcp.distance_to(Pose.top_down((0.45, 0, 0.2), 0)) < 1e-3
 
 
-def test_wider_thresholds_let_it_press_on() -> None:
+def test_wider_thresholds_let_the_arm_press_on() -> None:
     arm = among(BAR)
     go(arm, (0.5, 0.0, 0.19))
     arm.set_reflex(REFLEXES.contact)
@@ -196,7 +196,7 @@ def test_wider_thresholds_let_it_press_on() -> None:
     assert arm.state.moving
 
 
-def test_what_is_held_stays_in_the_fingers_and_does_not_sink() -> None:
+def test_a_held_object_stays_in_the_fingers_and_does_not_sink() -> None:
     cup = """<body name="cup" pos="0.45 0 0.2"><freejoint/>
       <geom type="box" size="0.02 0.02 0.035" mass="0.8" friction="0.8"/></body>
       <geom type="box" pos="0.45 0 0.0825" size="0.03 0.03 0.0825"/>"""

@@ -81,7 +81,7 @@ def carrying() -> MujocoRobot:
     return arm
 
 
-def test_it_rests_at_home_without_force() -> None:
+def test_the_arm_rests_at_home_without_force() -> None:
     arm = robot()
     samples = ticks(arm, 0.5)
     assert arm.state.q == pytest.approx(HOME, abs=1e-6)
@@ -297,7 +297,7 @@ def test_the_state_is_cached_until_time_passes() -> None:
     assert arm.state is not before
 
 
-def test_fingers_that_close_gently_press_no_more_than_they_are_told() -> None:
+def test_fingers_that_close_gently_press_no_more_than_commanded() -> None:
     arm = robot()
     go(arm, ABOVE)
     go(arm, AT, 0.1)
@@ -313,7 +313,7 @@ def test_fingers_that_close_gently_press_no_more_than_they_are_told() -> None:
     assert abs(arm.world.data().actuator("robot/fingers").force[0]) > 70.0
 
 
-def test_fingers_that_nothing_resists_any_more_go_no_faster_than_they_can() -> None:
+def test_fingers_that_lose_resistance_keep_their_speed_limit() -> None:
     arm = robot()
     go(arm, ABOVE)
     go(arm, AT, 0.1)

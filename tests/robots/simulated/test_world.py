@@ -35,7 +35,7 @@ def test_a_scenes_defaults_do_not_reach_the_robot() -> None:
 
 
 @pytest.mark.parametrize(("contype", "conaffinity"), [(1, 2), (2, 0), (4, 4), (0, 8)])
-def test_the_hand_meets_whatever_can_be_touched(contype: int, conaffinity: int) -> None:
+def test_the_hand_collides_with_every_solid_shape(contype: int, conaffinity: int) -> None:
     bits = f'contype="{contype}" conaffinity="{conaffinity}"'
     here = robot().state.pose_world_tcp.position
     top = here[2] - ARM.tip - 0.001
@@ -48,7 +48,7 @@ def test_the_hand_meets_whatever_can_be_touched(contype: int, conaffinity: int) 
     assert found.state.wrench[2] < -5.0
 
 
-def test_what_meets_what_in_the_scene_stays() -> None:
+def test_collisions_within_the_scene_stay_as_they_are() -> None:
     bits = ((1, 2), (2, 4), (8, 0), (0, 0), (1, 1))
     inside = "".join(
         f'<body pos="0 {i} 3"><freejoint/><geom size=".1" contype="{c}" conaffinity="{a}"/></body>'

@@ -11,9 +11,9 @@ import palpate as pp
 from palpate.geometry.pose import Pose
 from palpate.planning.plan import Node
 from palpate.vocabulary.admissible.collision import collisions
-from palpate.vocabulary.admissible.footing import footing
 from palpate.vocabulary.admissible.profile import spans
-from palpate.vocabulary.motion.move_pose import MovePose
+from palpate.vocabulary.admissible.support import footing
+from palpate.vocabulary.motion import MovePose
 from palpate.vocabulary.state import SymbolicState
 
 SCENE = bench(BOTTLE, height="?")

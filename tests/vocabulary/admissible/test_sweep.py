@@ -7,10 +7,10 @@ import pytest
 from workbench import BOTTLE, bench
 
 from palpate.geometry.pose import Pose
+from palpate.vocabulary.admissible.collision_geometry import arm_sweep, near_spans
 from palpate.vocabulary.admissible.grip import grip
 from palpate.vocabulary.admissible.solids import solids
-from palpate.vocabulary.admissible.sweep.collision_geometry import arm_sweep, near_spans
-from palpate.vocabulary.admissible.sweep.way import straight
+from palpate.vocabulary.admissible.sweep import straight_path
 from palpate.vocabulary.state import SymbolicState
 
 BESIDE_NOTHING = '<site name="middle"/>'
@@ -24,7 +24,7 @@ def met(state: SymbolicState, start: Pose, end: Pose, margin: float = 0.002) -> 
     shapes = solids(state.scene)
     q = (shapes.configuration(start), shapes.configuration(end))
     width = shapes.scene.arm.hand.opening
-    swept = arm_sweep(state, straight(shapes, start, end, q, width))
+    swept = arm_sweep(state, straight_path(shapes, start, end, q, width))
     return {hit.other.owner for hit in swept.hits(np.full(len(swept.pairs), margin))}
 
 

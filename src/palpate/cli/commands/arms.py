@@ -8,10 +8,11 @@ from typing import Annotated
 import typer
 
 from palpate.cli.commands.asking import unless
-from palpate.cli.options.model import BaseUrl, Seconds
-from palpate.cli.options.motion import ArmOptions, RobotConfig, RobotUrl, Yes
-from palpate.cli.options.results import AsJson
-from palpate.cli.options.scene import DEFAULT_ARM, Arm, Poses, Root
+from palpate.cli.options import MODEL, AsJson, Given, SceneFile, Yes, settings
+from palpate.settings import settings_of
+
+OF_ARM = ("poses", "world", "arm", "robot", "robot_config", "noise", "seed", "cautious")
+PATIENCE = f"{MODEL}.budget.seconds"
 
 
 def calibrate(
@@ -30,7 +31,11 @@ def calibrate(
     out: Annotated[
         Path, typer.Option("--out", help="robot.yaml to write; its other figures stay.")
     ] = Path("robot.yaml"),
-    which: ArmOptions,
+    scene: Annotated[
+        Path | None,
+        typer.Option("--scene", help="MJCF that states the weight's mass, the gauges' height."),
+    ] = None,
+    given: Annotated[Given, settings(*OF_ARM)],
     as_json: AsJson = False,
     yes: Yes = False,
 ) -> None:
@@ -44,46 +49,45 @@ def calibrate(
     asked = wanted(weight, gauge, own_weight)
     with live_view() as (observer, say):
         callbacks = RunCallbacks(observer, say, unless(yes, confirm_plan))
-        done = carry_out_calibration(which.settings(), asked, out, callbacks)
+        done = carry_out_calibration(settings_of(scene=scene, **given), asked, out, callbacks)
     show_calibration(done, as_json)
 
 
 def teach(
-    scene: Annotated[Path, typer.Argument(help="Your MJCF.")],
+    scene: SceneFile,
     *,
-    robot: RobotUrl = None,
-    poses: Poses = None,
-    root: Root = None,
-    arm: Arm = DEFAULT_ARM,
+    given: Annotated[Given, settings("robot", "poses", "root", "arm")],
     out: Annotated[Path, typer.Option("--out", help="poses.yaml to write.")] = Path("poses.yaml"),
 ) -> None:
-    """Say where things are: lead a robot's hand to them, or measure them with a ruler."""
+    """Record poses in poses.yaml: from a robot's hand that is led to each thing, or from a ruler."""
     from palpate.cli.teach import give_lesson
 
-    give_lesson(scene, robot, poses, root, arm, out)
+    give_lesson(settings_of(scene=scene, **given), out)
 
 
 def doctor(
     *,
-    robot: RobotUrl = None,
-    arm: Arm = DEFAULT_ARM,
-    robot_config: RobotConfig = None,
+    given: Annotated[
+        Given,
+        settings(
+            "robot", "arm", "robot_config", f"{MODEL}.base_url", PATIENCE, defaults={PATIENCE: 60}
+        ),
+    ],
     yes: Yes = False,
     planner: Annotated[
         str | None, typer.Option("--planner", help="A model's server to ask: PROVIDER[:MODEL].")
     ] = None,
-    base_url: BaseUrl = None,
-    budget_seconds: Seconds = 60,
 ) -> None:
     """Explain what is and what is not available on this machine, at a real robot, or at a model's server."""
     from palpate.cli.doctor import examine, examine_planner, examine_robot
 
+    asked = settings_of(**given)
     if planner is not None:
-        raise typer.Exit(examine_planner(planner, base_url, budget_seconds))
-    if robot is None:
+        raise typer.Exit(examine_planner(planner, asked.model_settings))
+    if asked.robot is None:
         raise typer.Exit(examine())
 
     def may_hold() -> bool:
         return yes or typer.confirm("Let the arm hold itself for 5 s, to count cycles?", err=True)
 
-    raise typer.Exit(examine_robot(robot, arm, robot_config, may_hold))
+    raise typer.Exit(examine_robot(asked, may_hold))

@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli.options.model import ModelOptions, Planner
-from palpate.cli.options.results import AsJson
-from palpate.cli.options.scene import DEFAULT_ARM, Arm, Images, Poses, RobotBody, Root
+from palpate.cli.options import MODEL, SCENE, AsJson, Given, SceneFile, settings
+from palpate.settings import settings_of
 
 EVERYTHING_SEEN = "I want to simulate everything in this picture. What does each thing weigh?"
 """Request to a model that is to detect a scene."""
@@ -29,41 +28,26 @@ def init(
     ] = None,
     *,
     surface: Annotated[str, typer.Option("--surface", help="What it stands on.")] = "table",
-    images: Images = None,
-    poses: Poses = None,
-    planner: Planner = "symbolic",
+    given: Annotated[Given, settings("images", "poses", "planner")],
     as_json: AsJson = False,
-    model: ModelOptions,
+    model: Annotated[Given, settings(MODEL)],
 ) -> None:
     """Begin a scene of your own: commented files, from names, or from a picture that a model looks at."""
     from palpate.cli.show.scene import show_scaffold
-    from palpate.settings import Settings
     from palpate.tools import new_scene, scene_from_picture
 
-    if not images:
+    if "images" not in given:
         show_scaffold(new_scene(folder, names or ["mug"], surface), as_json)
         return
-    settings = Settings(
-        request=EVERYTHING_SEEN,
-        images=tuple(images),
-        poses=poses,
-        planner=planner,
-        model_settings=model.settings(),
-    )
-    show_scaffold(scene_from_picture(settings, folder), as_json)
+    asked = settings_of(request=EVERYTHING_SEEN, **given, **model)
+    show_scaffold(scene_from_picture(asked, folder), as_json)
 
 
 def gap(
-    scene: Annotated[Path, typer.Argument(help="Your MJCF.")],
-    *,
-    poses: Poses = None,
-    root: Root = None,
-    robot_body: RobotBody = None,
-    arm: Arm = DEFAULT_ARM,
-    as_json: AsJson = False,
+    scene: SceneFile, *, given: Annotated[Given, settings(*SCENE)], as_json: AsJson = False
 ) -> None:
     """Show what a scene states and what is missing."""
-    import palpate as pp
+    from palpate.api import load_settings
     from palpate.cli.show.scene import show_gap
 
-    show_gap(pp.load(scene, poses, arm, root=root, robot_body=robot_body or ()), as_json)
+    show_gap(load_settings(settings_of(scene=scene, **given)), as_json)

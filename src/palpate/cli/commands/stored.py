@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli.options.results import AsJson, EstimatorNames, RunFolder, by_quantity
+from palpate.cli.options import AsJson, EstimatorNames, RunFolder, by_quantity
 from palpate.interrupt import interrupts
 
 

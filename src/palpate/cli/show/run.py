@@ -19,7 +19,7 @@ from palpate.runs.answer import answer
 from palpate.runs.figures import significant
 
 if TYPE_CHECKING:
-    from palpate.cli.options.motion import WatchOptions
+    from palpate.cli.options import WatchOptions
     from palpate.estimation.estimate import Estimate
     from palpate.execution.runner import Observer
     from palpate.interrupt import Interrupts

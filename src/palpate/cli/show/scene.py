@@ -27,7 +27,6 @@ GAP = (
 
 def show_gap(scene: Scene, as_json: bool) -> None:
     """Print what is known and what is missing, body by body, with the next command."""
-    from palpate.settings import Settings
     from palpate.tools import units
 
     if as_json:
@@ -44,7 +43,7 @@ def show_gap(scene: Scene, as_json: bool) -> None:
     for remark in scene.remarks:
         out.print(f"[dim]{escape(remark)}[/]")
     if scene.missing:
-        show_next("measure what is missing", running(scene.settings(Settings())))
+        show_next("measure what is missing", running(scene.given))
 
 
 def _gap_json(scene: Scene) -> dict[str, Any]:

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from palpate.cli.console import Ticker, aside
-from palpate.cli.options.model import BaseUrl, CriticModel
-from palpate.cli.options.motion import NoiseLevel, RobotConfig
-from palpate.cli.options.results import Widths, widths
-from palpate.cli.options.scene import Request
+from palpate.cli.options import MODEL, Given, settings
+from palpate.settings import settings_of
 
 if TYPE_CHECKING:
     from palpate.studies.accuracy import Question
@@ -29,7 +27,6 @@ Tasks = Annotated[
     ),
 ]
 FIRST = ["bottle_and_table"]
-Seed = Annotated[int, typer.Option("--seed", min=0)]
 Planners = Annotated[
     list[str],
     typer.Option("--planner", help="Planner to study, e.g. openai:MODEL; may be repeated."),
@@ -39,41 +36,20 @@ InFlight = Annotated[int, typer.Option("--workers", help="Requests in flight.", 
 Results = Annotated[
     Path, typer.Option("--out", help="File the results are appended to; run again to go on.")
 ]
-Images = Annotated[
-    list[Path] | None, typer.Option("--image", help="Picture (default: rendered from the world).")
-]
 Prompts = Annotated[
     list[str] | None,
     typer.Option("--prompt", metavar="full|lean", help="Which prompt [full]; may be repeated."),
 ]
-Feedback = Annotated[
-    int, typer.Option("--feedback", min=0, max=10, help="Rounds of feedback; the paper has none.")
+ROUNDS = f"{MODEL}.rounds"
+OfTrials = Annotated[
+    Given,
+    settings(
+        *("images", "noise", f"{MODEL}.base_url", ROUNDS),
+        *(f"{MODEL}.budget.dollars", f"{MODEL}.critic"),
+        defaults={ROUNDS: 0},
+    ),
 ]
-Dollars = Annotated[
-    float,
-    typer.Option("--budget-dollars", min=0, help="Most that one plan may cost, by list prices."),
-]
-
-
-@dataclass(frozen=True)
-class AskedOptions:
-    """Settings of the scenarios, beside their own."""
-
-    noise: NoiseLevel = "lab"
-    request: Request = None
-    within: Widths = None
-    robot_config: RobotConfig = None
-
-    def changes(self) -> dict[str, Any]:
-        """Changed fields of the settings."""
-        found: dict[str, Any] = {"noise": self.noise}
-        if self.request is not None:
-            found["request"] = self.request
-        if self.within:
-            found["within"] = widths(self.within)
-        if self.robot_config is not None:
-            found["robot_config"] = self.robot_config.absolute()
-        return found
+"""Options of all trials in a study of planners; the paper has no rounds of feedback."""
 
 
 @dataclass(frozen=True)
@@ -122,24 +98,9 @@ class SeedOptions:
             aside(f"page: {page}")
 
 
-@dataclass(frozen=True)
-class TrialOptions:
-    """Options of all trials in a study of planners."""
+def conditions(given: Given) -> Conditions:
+    """Conditions for the studies of planners."""
+    from palpate.studies.planners.attempt import Conditions
 
-    image: Images = None
-    noise: NoiseLevel = "lab"
-    base_url: BaseUrl = None
-    feedback: Feedback = 0
-    budget_dollars: Dollars = 2
-    prompt: Prompts = None
-    critic: CriticModel = None
-
-    def conditions(self) -> Conditions:
-        """Conditions for the studies."""
-        from palpate.studies.planners.attempt import Conditions
-        from palpate.tools import model_settings
-
-        asking = model_settings(
-            self.base_url, rounds=self.feedback, critic=self.critic, dollars=self.budget_dollars
-        )
-        return Conditions(tuple(self.image or ()), self.noise, asking)
+    asked = settings_of(**given)
+    return Conditions(asked.images, asked.noise, asked.model_settings.checked())

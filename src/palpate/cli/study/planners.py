@@ -10,15 +10,17 @@ from typing import Annotated
 import typer
 
 from palpate.cli.console import aside
-from palpate.cli.options.results import AsJson
+from palpate.cli.options import AsJson
 from palpate.cli.study.options import (
     FIRST,
     InFlight,
+    OfTrials,
     Planners,
+    Prompts,
     Results,
     Tasks,
-    TrialOptions,
     Trials,
+    conditions,
 )
 
 
@@ -32,7 +34,8 @@ def ablation(
     configuration: Annotated[
         list[str] | None, typer.Option("--configuration", help="Default: all.")
     ] = None,
-    shared: TrialOptions,
+    shared: OfTrials,
+    prompt: Prompts = None,
     as_json: AsJson = False,
 ) -> None:
     """The paper's table II: what each part of the prompt is worth.
@@ -43,18 +46,18 @@ def ablation(
     from palpate.studies.planners import ablation
 
     configurations = configuration or ablation.CONFIGURATIONS
-    conditions = shared.conditions()
+    asked = conditions(shared)
     with _page_beside(out):
         found = ablation.ablation(
             names or FIRST,
             planner,
             out,
-            conditions,
+            asked,
             trials,
             configurations,
             workers,
             aside,
-            shared.prompt or ["full"],
+            prompt or ["full"],
         )
     show_trials(found, ablation.published(), as_json)
 
@@ -66,7 +69,8 @@ def repeatability(
     planner: Planners,
     trials: Trials = 20,
     workers: InFlight = 4,
-    shared: TrialOptions,
+    shared: OfTrials,
+    prompt: Prompts = None,
     as_json: AsJson = False,
 ) -> None:
     """The paper's table III: the same task over and over.
@@ -76,17 +80,17 @@ def repeatability(
     from palpate.cli.show.studies.planners import show_trials
     from palpate.studies.planners import repeatability
 
-    conditions = shared.conditions()
+    asked = conditions(shared)
     with _page_beside(out):
         found = repeatability.repeatability(
             names or FIRST,
             planner,
             out,
-            conditions,
+            asked,
             trials,
             workers,
             aside,
-            shared.prompt or ["full"],
+            prompt or ["full"],
         )
     show_trials(found, repeatability.published(), as_json)
 

@@ -7,15 +7,15 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli.options.motion import NoiseLevel
-from palpate.cli.options.results import AsJson
-from palpate.cli.study.options import AskedOptions, Names, Seed, SeedOptions
+from palpate.cli.options import AsJson, Given, settings
+from palpate.cli.study.options import Names, SeedOptions
+from palpate.settings import settings_of
 
 
 def accuracy(
     names: Names = None,
     *,
-    asked: AskedOptions,
+    given: Annotated[Given, settings("noise", "request", "within", "robot_config")],
     over: SeedOptions,
     every: Annotated[
         bool, typer.Option("--all", help="Every scenario that the planner completes.")
@@ -33,9 +33,12 @@ def accuracy(
     from palpate.studies.efficiency import comparable
 
     chosen = comparable() if every else names or ["bottle_and_table"]
-    changes = tuple(asked.changes().items())
+    asked = settings_of(**given)
+    changes = given | {"within": asked.within}
+    if asked.robot_config is not None:
+        changes["robot_config"] = asked.robot_config.absolute()
     try:
-        runs = over.runs([Question(name, changes) for name in chosen])
+        runs = over.runs([Question(name, tuple(changes.items())) for name in chosen])
     finally:
         over.page()
     found = {group.scenario: seeds for group, seeds in runs.items()}
@@ -45,8 +48,7 @@ def accuracy(
 def efficiency(
     names: Names = None,
     *,
-    noise: NoiseLevel = "lab",
-    seed: Seed = 0,
+    given: Annotated[Given, settings("noise", "seed")],
     plot: Annotated[Path | None, typer.Option("--plot", help="HTML file for the plot.")] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -54,7 +56,7 @@ def efficiency(
     from palpate.cli.show.studies.scores import show_comparisons
     from palpate.studies import efficiency
 
-    found = efficiency.efficiency(names or efficiency.comparable(), noise, seed)
+    found = efficiency.efficiency(names or efficiency.comparable(), given["noise"], given["seed"])
     if plot:
         plot.write_text(efficiency.plot(found), encoding="utf-8")
     show_comparisons(found, efficiency.PAPER, as_json)

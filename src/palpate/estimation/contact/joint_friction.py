@@ -16,8 +16,7 @@ from palpate.estimation.load.dahl import TURNED, dahl_states
 from palpate.estimation.load.observation import observe
 from palpate.estimation.windows import Mask, load_of
 from palpate.geometry.pose import Array
-from palpate.trace.once import once
-from palpate.trace.samples import Samples, Trace
+from palpate.trace.samples import Samples, Trace, once
 
 
 def joint_friction_force(trace: Trace, rows: slice, free: Mask, height: float) -> Array:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.estimation import tuning
+from palpate.estimation.view import FitView
 from palpate.geometry.pose import Array
 
 
@@ -32,6 +33,11 @@ class Plane:
     freedom: int
     slope: Array | None = None
     slope_std: Array | None = None
+
+    def at(self, spots: Array) -> Array:
+        """(n,) m, its height at spots (n, 2) relative to the middle of the touches."""
+        rise: Array = np.zeros(len(spots)) if self.slope is None else spots @ self.slope
+        return self.height + rise
 
 
 def fit_plane(spots: Array, heights: Sequence[float], stds: Sequence[float]) -> Plane:
@@ -61,6 +67,30 @@ def fit_plane(spots: Array, heights: Sequence[float], stds: Sequence[float]) -> 
     freedom = len(z) - len(solution)
     height, std = float(solution[0]), float(np.sqrt(variance))
     return Plane(height, std, tilt, misfit, freedom, slope, slope_std)
+
+
+def plane_view(
+    plane: Plane, spots: Array, heights: Sequence[float], stds: Sequence[float], of_tilt: bool
+) -> FitView:
+    """Touches of a surface against the plane through them, from the side along its steepest direction;
+    of an estimate of its tilt, or of its height."""
+    beside = spots - spots.mean(axis=0)
+    # Touches too close together for a slope are shown along world x.
+    slope = np.array([1.0, 0.0]) if plane.slope is None else plane.slope
+    uphill = slope / max(float(np.linalg.norm(slope)), 1e-12)
+    heading = float(np.degrees(np.arctan2(uphill[1], uphill[0])))
+    rises = "is level" if plane.slope is None else f"rises most towards {heading:.0f}° from world x"
+    return FitView(
+        name=f"The {len(spots)} touches, from the side.",
+        note=f"Height of each touch and the fitted plane, which {rises}.",
+        axes=("along the way uphill (mm)", f"height above {plane.height:.4f} m (mm)"),
+        x=1e3 * beside @ uphill,
+        measured=1e3 * (np.array(heights) - plane.height),
+        predicted=1e3 * (plane.at(beside) - plane.height),
+        std=1e3 * np.array(stds),
+        groups="a touch",
+        slopes=1e3 * (beside if of_tilt else np.ones((len(spots), 1))),
+    )
 
 
 def spans_plane(spots: Array) -> bool:

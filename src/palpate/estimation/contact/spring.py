@@ -20,6 +20,7 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.contact.descent import Descent, block_means
+from palpate.estimation.view import FitView
 from palpate.estimation.windows import Mask
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
@@ -53,6 +54,8 @@ class Spring:
         held, held_std: m/N, the same as the arm at rest shows it: how deep the tip is held below where
             the force began to rise, over the force.
         first: m, tip height at which it was met.
+        depth, bearing: (n,) m below `first` and N in each row used; of the force, the spring's part, without
+            what inertia, friction and damping make of it.
         hardening: by how much of itself the stiffness grows at most from some depth on, with its
             standard deviation.
     """
@@ -62,6 +65,8 @@ class Spring:
     held: float
     held_std: float
     first: float
+    depth: Array
+    bearing: Array
     hardening: float
     hardening_std: float
 
@@ -130,6 +135,12 @@ class _Curve:
         design[:, DAMPING] = 0.0  # nothing that is pressed drives the hand on
         return self._least_squares(design)
 
+    def bearing(self, found: Array, first: float) -> Array:
+        """(n,) N of the force that the spring bears, for the unknowns `found` (5,)."""
+        others = found.copy()
+        others[STIFFNESS] = 0.0
+        return self.force - self.design(first) @ others
+
     def _least_squares(self, design: Array) -> tuple[Array, float]:
         precision = np.diag(self.prior**-2.0)
         normal = design.T @ design / self.noise**2 + precision
@@ -190,8 +201,34 @@ def fit_spring(descent: Descent, onset: Onset, hand: Hand) -> Spring:
         onset.secant - hand.tip_compliance,
         float(np.linalg.norm([*at_rest, hand.tip_compliance_std])),
         first,
+        first - curve.z,
+        curve.bearing(found, first),
         hardening,
         hardening_std,
+    )
+
+
+def spring_view(spring: Spring, compliance: float, tips: float, start: float) -> FitView:
+    """Press that began at `start`, s, against the estimated `compliance` of the surface and that of the
+    fingertips, m/N."""
+    shown = spring.depth > -tuning.VIEW_FREE_AIR * spring.depth.max()
+    depth = spring.depth[shown]
+    # Surface and fingertips in series: k = 1 / (c + c_tips); by the surface's 1 / c it grows with (k c)².
+    stiffness = 1.0 / (compliance + tips)
+    pressed = 1e3 * np.maximum(depth, 0.0)
+    most = float(pressed.max())
+    alone = (
+        f"{1.0 / spring.compliance:.0f} N/m" if spring.compliance > 0.0 else "no measurable depth"
+    )
+    return FitView(
+        name=f"The press at {start:.1f} s.",
+        note=f"Both fingertips pressed {most:.2f} mm deep; this press alone shows {alone}. "
+        "The arm's inertia and friction and what the surface dissipates are taken out of the force.",
+        axes=("depth of the fingertips (mm)", "force of the spring (N)"),
+        x=1e3 * depth,
+        measured=spring.bearing[shown],
+        predicted=1e-3 * stiffness * pressed,
+        slopes=(1e-3 * (stiffness * compliance) ** 2 * pressed)[:, None],
     )
 
 

@@ -17,7 +17,7 @@ carried back along that slope to the force at which the stretch began.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,7 +31,9 @@ from palpate.estimation.contact.descent import (
     leans,
     running_median,
 )
+from palpate.estimation.contact.plane import Plane, plane_view
 from palpate.estimation.contact.spring import Onset, Spring, fit_spring
+from palpate.estimation.view import FitView
 from palpate.estimation.windows import mean_pose
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand, Recording
@@ -195,6 +197,48 @@ def touches_of(trace: Trace, recordings: Iterable[Recording]) -> list[Touch]:
     """
     met = [touched(trace, recording) for recording in recordings]
     return [touch for touch in met if touch is not None]
+
+
+def touch_views(
+    touches: Sequence[Touch], plane: Plane, hand: Hand, slopes: Array | None = None
+) -> tuple[FitView, ...]:
+    """Charts of the touches and of the `plane` through them. `slopes` (p,) m: change of the height with each
+    component of the estimate; by default it is the height itself."""
+    spots = np.array([touch.spot for touch in touches])
+    beside = spots - spots.mean(axis=0)
+    effect = np.ones(1) if slopes is None else slopes
+    curves = [
+        _curve_view(touch, height, effect)
+        for touch, height in zip(touches, plane.at(beside).tolist(), strict=True)
+    ]
+    if len(touches) == 1 or slopes is not None:
+        return tuple(curves)
+    heights = [touch.height for touch in touches]
+    stds = [touch.height_std(hand) for touch in touches]
+    return plane_view(plane, spots, heights, stds, of_tilt=False), *curves
+
+
+def _curve_view(touch: Touch, height: float, effect: Array) -> FitView:
+    """Loading curve of a touch against the surface at `height`, m: its last stretch, carried back."""
+    descent, met = touch.descent, max(height, touch.first)
+    # So much free air above the contact is shown.
+    rows = descent.z <= met + max(tuning.VIEW_ABOVE, 0.4 * (met - float(descent.z.min())))
+    force = descent.force[rows]
+    bearing = np.maximum(force - touch.knee, 0.0) / max(touch.full - touch.knee, tuning.SOFT_FORCE)
+    note = f"The tips were held at {1e3 * touch.held:.2f} mm, pressing with {touch.full:.1f} N"
+    if touch.soft > 0.0:
+        note += f"; something soft was met at {1e3 * touch.first:.1f} mm and pressed through"
+    return FitView(
+        name=f"The touch at {touch.recording.start:.1f} s.",
+        note=f"{note}. The fit carries that back along the loading curve to where the force began: the height.",
+        axes=("pressing force, less that of free air (N)", "height of the fingertips (mm)"),
+        x=force,
+        measured=1e3 * descent.z[rows],
+        predicted=1e3 * (height - touch.penetration * bearing),
+        used=np.flatnonzero(rows) > descent.onset,
+        groups="the descent",
+        slopes=1e3 * np.tile(effect, (len(force), 1)),
+    )
 
 
 def touched(trace: Trace, recording: Recording) -> Touch | None:

@@ -14,18 +14,19 @@ the misfit is added to the standard deviation afterwards.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from palpate.estimation import tuning
-from palpate.estimation.estimate import Shared
+from palpate.estimation.estimate import Shared, rounded
 from palpate.estimation.friction.columns import MU, Columns, columns
 from palpate.estimation.friction.drags import Drag
 from palpate.estimation.load.biases import flicker
 from palpate.estimation.load.observation import WrenchObservation
+from palpate.estimation.view import FitView, constant, unit_slopes
 from palpate.estimation.windows import Mask
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
@@ -131,6 +132,47 @@ class Sliding:
         mean = self.found.mean + follows * (friction - self.found.mean[MU])
         covariance = self.found.covariance + np.outer(follows, follows) * (std**2 - own)
         return replace(self, found=replace(self.found, mean=mean, covariance=covariance))
+
+    def views(self, drags: Sequence[Drag], static: tuple[float, float] | None) -> Iterator[FitView]:
+        """Tangential over normal force in each block of steady sliding; and their quotient over time."""
+        normal, mu = self.forces.design[:, MU], float(self.found.mean[MU])
+        others = self.forces.design @ self.found.mean - normal * mu
+        yield FitView(
+            name="Force along the drag over the force that presses.",
+            note=f"Means of {len(normal)} stretches of {len(drags)} drags, less what the fit ascribes to other causes "
+            "than one coefficient of friction; the slope is that coefficient.",
+            axes=("pressing (N)", "along the drag (N)"),
+            x=normal,
+            measured=self.forces.force - others,
+            predicted=mu * normal,
+            std=np.sqrt(self.forces.noise),
+            groups="sliding steadily",
+            slopes=normal[:, None],
+        )
+        note = (
+            "Tangential over normal force in each drag: the object sticks, breaks away and slides. Friction in the "
+            "joints, which the fit separates, is still in it."
+        )
+        if static is not None:
+            note += f" Static, of the breakaways: {' ± '.join(rounded(*static))}."
+        begun = [(drag, drag.breakaway) for drag in drags if drag.breakaway is not None]
+        # NaN separates the drags, so that no line leads from one to the next.
+        t = np.concatenate(
+            [*(np.append(one.t, np.nan) for one in drags), [d.t[i] for d, i in begun]]
+        )
+        rows = [np.append(one.quotient, np.nan) for one in drags]
+        sliding = [np.append(one.steady, False) for one in drags]
+        yield FitView(
+            name="The quotient over time.",
+            note=note,
+            axes=("robot time (s)", "along / pressing"),
+            x=t,
+            measured=np.concatenate([*rows, [d.quotient[i] for d, i in begun]]),
+            predicted=constant(mu, t),
+            used=np.concatenate([*sliding, np.ones(len(begun), dtype=bool)]),
+            groups=["smoothed"] * (len(t) - len(begun)) + ["breakaway"] * len(begun),
+            slopes=unit_slopes(t),
+        )
 
     def aside(self, drag: int, rows: slice) -> tuple[float, float]:
         """N: mean over rows of a drag of what is no friction of the object, and its standard

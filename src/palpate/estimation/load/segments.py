@@ -36,9 +36,8 @@ from palpate.estimation.windows import (
     turns,
 )
 from palpate.geometry.pose import Array, Pose
-from palpate.trace.once import once
 from palpate.trace.recording import Recording
-from palpate.trace.samples import FORCES, Samples, Trace
+from palpate.trace.samples import FORCES, Samples, Trace, once
 
 
 @dataclass(frozen=True, slots=True, eq=False)

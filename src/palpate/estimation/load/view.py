@@ -18,7 +18,7 @@ from palpate.estimation.load.around.whole import Whole
 from palpate.estimation.load.equations import FORCE_Z, TORQUE_X, TORQUE_Y, each_its_own, in_each
 from palpate.estimation.load.fit import Load
 from palpate.estimation.load.segments import Segment
-from palpate.estimation.view import FitView, constant
+from palpate.estimation.view import FitView, constant, unit_slopes
 from palpate.estimation.windows import Mask
 from palpate.geometry.pose import Array
 
@@ -91,7 +91,7 @@ def _view(
         predicted=constant(mass, x),
         std=np.sqrt(variance) / gravity,
         groups=groups,
-        component=0,
+        slopes=unit_slopes(x),
     )
 
 

@@ -125,8 +125,6 @@ let go. Sensitive: robot time alone, by as much a pass."""
 
 WHOLE_BLOCK = 0.1
 """s of a block of a whole run: white noise averages out and nothing moves far. Sensitive: no."""
-VIEW_STRETCH = 0.5
-"""s of free motion that the chart of a fit shows as one point. Sensitive: no, no value rests on it."""
 
 WHOLE_MOST = 400
 """such blocks at most; longer runs have longer ones. Sensitive: no."""

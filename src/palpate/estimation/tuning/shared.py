@@ -34,3 +34,21 @@ joints carry them, sqrt(2) times a uniform error, 1/sqrt(3). Sensitive: friction
 TILT = 0.009
 """rad (1 sigma): how far a support is out of level, half a degree; slides both ways show it.
 Sensitive: friction 0.1 σ; std of a slide one way ×0.8–1.7."""
+
+VIEW_STRETCH = 0.5
+"""s of free motion that the chart of a fit shows as one point. Sensitive: no, no value rests on a chart."""
+
+VIEW_LEVEL = 0.0175
+"""rad: a hand that leans by less counts as level in a chart. Sensitive: no."""
+
+VIEW_SAME_WAY = 0.9
+"""cosine between two leans of the hand that a chart shows as one tilt. Sensitive: no."""
+
+VIEW_ABOVE = 0.006
+"""m of free air that a chart of a touch shows at least. Sensitive: no."""
+
+VIEW_FREE_AIR = 0.25
+"""part of the depth: so much free air a chart of a press shows. Sensitive: no."""
+
+VIEW_CLOSING = 0.4
+"""s before the fingers begin to close that a chart of a grasp shows. Sensitive: no."""

@@ -8,8 +8,7 @@ from dataclasses import replace
 
 from palpate.errors import InputError
 from palpate.vocabulary.base import Primitive
-from palpate.vocabulary.motion.move_joints import MoveJoints
-from palpate.vocabulary.motion.move_pose import MovePose
+from palpate.vocabulary.motion import MoveJoints, MovePose
 from palpate.vocabulary.state import HOME_CONFIG, SymbolicState
 from palpate.vocabulary.violation import Violation
 

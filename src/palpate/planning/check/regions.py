@@ -16,7 +16,7 @@ from palpate.planning.check.case import Case
 from palpate.planning.check.finding import Finding
 from palpate.planning.check.walk import Reach, Walk
 from palpate.scene.scene import Scene
-from palpate.vocabulary.motion.move_pose import MovePose
+from palpate.vocabulary.motion import MovePose
 
 
 def somewhere(case: Case, walk: Walk, reachable: Reach | None = None) -> Iterator[Finding]:

@@ -10,7 +10,7 @@ import numpy as np
 from palpate.errors import InputError
 from palpate.scene.symbols import PoseExpression
 from palpate.vocabulary.admissible.support import LIFTED, MIN_SLIDE, dragged_off, slides
-from palpate.vocabulary.motion.move_pose import MovePose
+from palpate.vocabulary.motion import MovePose
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.violation import Violation
 

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+from urllib.parse import urlsplit, urlunsplit
 
-from palpate.planning.model.dialogue.conversation import Conversation
-from palpate.planning.model.dialogue.rounds import FEEDBACK_ROUNDS
+from palpate.option import Option
 
 if TYPE_CHECKING:
+    from palpate.planning.model.dialogue.conversation import Conversation
     from palpate.planning.model.prompt.compose import Style
+else:
+    Style = str  # `checked` looks at the name: its module loads the vocabulary
+
+PANEL = "Model as planner"
+FEEDBACK_ROUNDS = 3
+"""Number of times that findings go back to the model."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,17 +24,23 @@ class Budget:
     """Budget of one plan.
 
     Attributes:
-        seconds: wall time of the whole dialogue.
-        attempt_seconds: of one request; None for all that is left. A model on one's own computer may
-            think for minutes.
+        attempt_seconds: time of one request; None for all that is left. A local model may think for
+            minutes.
         tokens: input and output together.
         dollars: by list prices, where the model has one.
     """
 
-    seconds: float = 300.0
+    seconds: Annotated[
+        float, Option("Most time for a plan.", "S", PANEL, ("--budget-seconds",), low=1)
+    ] = 300
     attempt_seconds: float | None = None
-    tokens: int = 200_000
-    dollars: float = 2.0
+    tokens: Annotated[
+        int, Option("Most tokens for a plan.", "N", PANEL, ("--budget-tokens",), low=1)
+    ] = 200_000
+    dollars: Annotated[
+        float,
+        Option("Most cost of a plan, by list prices.", "USD", PANEL, ("--budget-dollars",), low=0),
+    ] = 2
 
     def patience(self, left: float) -> float:
         """Seconds that one request may take when `left` are left of all."""
@@ -48,23 +61,61 @@ class ModelSettings:
     """Settings of a model as planner.
 
     Attributes:
-        base_url: where an OpenAI-compatible server, or a proxy, listens; the provider's own if
-            None.
-        native: ask for the provider's structured output, in the flat form, instead of JSON in
-            prose.
-        without: prompt modules and inputs to leave out (ablation).
-        prompt: which system prompt: `full` tells how things are measured, `lean` only what there is.
-        comments: whether comments in the scene's file are sent. Studies leave them out, as what
-            somebody wrote beside a body ("was never weighed") gives the answer away.
-        rounds: how often findings are fed back.
-        critic: `PROVIDER:MODEL` of a second model that may object to the plan once.
+        base_url: address of an OpenAI-compatible server or proxy; None for the provider's own.
+        native: ask for structured output, in the flat form, instead of JSON in prose.
+        comments: send the comments in the scene's file. Studies leave them out, because a note
+            beside a body ("was never weighed") gives the answer away.
     """
 
-    base_url: str | None = None
-    native: bool = False
-    without: frozenset[str] = frozenset()
-    prompt: Style = "full"
+    base_url: Annotated[str | None, Option("Address of the model's server.", "URL", PANEL)] = None
+    native: Annotated[bool, Option("Ask for the provider's structured output.", None, PANEL)] = (
+        False
+    )
+    without: Annotated[
+        frozenset[str],
+        Option("Part of the prompt to leave out; may be repeated.", "MODULE", PANEL),
+    ] = frozenset()
+    prompt: Annotated[
+        Style,
+        Option(
+            "full: with how quantities are measured; lean: only the scene and the safety rules.",
+            "full|lean",
+            PANEL,
+        ),
+    ] = "full"
     comments: bool = True
-    rounds: int = FEEDBACK_ROUNDS
-    critic: str | None = None
+    rounds: Annotated[
+        int,
+        Option(
+            "Rounds in which findings go back to the model.", "N", PANEL, ("--feedback",), 0, 10
+        ),
+    ] = FEEDBACK_ROUNDS
+    critic: Annotated[
+        str | None,
+        Option("A second model that may object to the plan once.", "PROVIDER:MODEL", PANEL),
+    ] = None
     budget: Budget = field(default_factory=Budget)
+
+    @property
+    def address(self) -> str | None:
+        """`base_url` without user name, password and query: what files and reports may show."""
+        url = urlsplit(self.base_url or "")
+        host = url.netloc.rpartition("@")[2]
+        return urlunsplit((url.scheme, host, url.path, "", "")) or None
+
+    def checked(self) -> ModelSettings:
+        """Return these settings after checking their names.
+
+        Raises:
+            InputError: no such prompt, module of it, or provider.
+        """
+        if self.prompt != "full" or self.without:
+            from palpate.planning.model.prompt.compose import checked_modules, checked_style
+
+            checked_style(self.prompt)
+            checked_modules(self.without)
+        if self.critic is not None:
+            from palpate.planning.model.provider import find_provider
+
+            find_provider(self.critic)
+        return self

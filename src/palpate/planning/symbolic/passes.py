@@ -13,7 +13,7 @@ from palpate.quantities.precision.within import Within, noise_std
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.profile import NEAR_SPEED
 from palpate.vocabulary.gripper import CloseGripper, OpenGripper
-from palpate.vocabulary.motion.move_pose import MovePose
+from palpate.vocabulary.motion import MovePose
 from palpate.vocabulary.state import SymbolicState
 
 Efforts = Mapping[Parameter, Effort]

@@ -12,9 +12,11 @@ from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest
 from palpate.estimation.contact.descent import probes
 from palpate.estimation.contact.plane import fit_plane
-from palpate.estimation.contact.touch import Touch, touches_of
+from palpate.estimation.contact.touch import Touch, touch_views, touches_of
 from palpate.estimation.estimate import Estimate, not_identified
+from palpate.estimation.view import FitView, closing_samples, constant, unit_slopes
 from palpate.estimation.windows import mean_pose
+from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.document import has_unknown
 from palpate.mjcf.edits import Edit, Slot
@@ -196,7 +198,40 @@ def estimate_size(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
         least=0.0,
         tests=tuple(_tests(touches)),
         unseen=tuple(sorted({0, 1, 2} - {extent.axis for extent in found})),
+        views=(*_width_views(trace, held, value), *_top_views(trace, touches, body)),
     )
+
+
+def _width_views(trace: Trace, held: Sequence[Recording], value: Array) -> Iterator[FitView]:
+    """Opening of the fingers as they closed on the object, against the extent nearest to it."""
+    for recording in held:
+        samples = closing_samples(trace, recording)
+        if samples is None:
+            continue
+        opening = float(np.median(trace.of(recording).width))
+        axis = int(np.abs(value - opening).argmin())
+        yield FitView(
+            name=f"The grasp before {recording.start:.1f} s.",
+            note=f"The fingers stayed {1e3 * opening:.2f} mm apart; what the pads yield as they squeeze is added. It "
+            f"is the extent along {AXES[axis]} of the object.",
+            axes=("robot time (s)", "opening (mm)"),
+            x=samples.t,
+            measured=1e3 * samples.width,
+            predicted=constant(1e3 * float(value[axis]), samples.t),
+            used=samples.t >= recording.start,
+            groups="between the fingers",
+            slopes=unit_slopes(samples.t, axis, 3, 1e3),
+        )
+
+
+def _top_views(trace: Trace, touches: Sequence[Touch], body: Body) -> tuple[FitView, ...]:
+    upright = np.abs(body.pose_world.rotation[2]) > tuning.ALIGNED
+    if not touches or not upright.any():
+        return ()
+    spots = np.array([touch.spot for touch in touches])
+    stds = [touch.height_std(trace.hand) for touch in touches]
+    plane = fit_plane(spots, [touch.height for touch in touches], stds)
+    return touch_views(touches, plane, trace.hand, upright.astype(float))
 
 
 def _held(trace: Trace, name: str) -> list[Recording]:

@@ -10,7 +10,7 @@ import numpy as np
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.contact.descent import probes
-from palpate.estimation.contact.plane import Plane, fit_plane
+from palpate.estimation.contact.plane import Plane, fit_plane, plane_view
 from palpate.estimation.contact.touch import Touch, touches_of
 from palpate.estimation.estimate import Estimate, Part, not_identified
 from palpate.mjcf.body import Body
@@ -59,7 +59,10 @@ def estimate_tilt(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
     """
     recordings = tuple(probes(trace, parameter))
     touches = touches_of(trace, recordings)
-    plane = _plane(touches, trace)
+    spots = np.array([touch.spot for touch in touches])
+    heights = [touch.height for touch in touches]
+    stds = [touch.height_std(trace.hand) for touch in touches]
+    plane = fit_plane(spots, heights, stds) if touches else None
     if plane is None or plane.tilt is None or plane.slope is None or plane.slope_std is None:
         few = (
             f"{parameter.object} was touched at {len(touches)} spots; three that are {1e3 * tuning.APART:.0f} "
@@ -75,15 +78,8 @@ def estimate_tilt(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
         recordings,
         parts={"angle": Part(*plane.tilt)},
         tests=tuple(_tests(touches, plane)),
+        views=(plane_view(plane, spots, heights, stds, of_tilt=True),),
     )
-
-
-def _plane(touches: Sequence[Touch], trace: Trace) -> Plane | None:
-    if not touches:
-        return None
-    spots = np.array([touch.spot for touch in touches])
-    stds = [touch.height_std(trace.hand) for touch in touches]
-    return fit_plane(spots, [touch.height for touch in touches], stds)
 
 
 def _tests(touches: Sequence[Touch], plane: Plane) -> Iterator[FitTest]:

@@ -1,54 +1,188 @@
-"""From what was felt to the number, for each quantity that there is a picture of."""
+"""Charts of the fits behind an estimate: measured values with error bars, predictions with their band."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Iterator
+from dataclasses import dataclass
+from html import escape
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.estimation.estimate import Z95
+from palpate.estimation.view import FitView
+from palpate.geometry.pose import Array
+from palpate.report.axis import Axis
 from palpate.report.data import Measured
-from palpate.report.evidence.chart import Chart
-from palpate.report.evidence.fit import fit_chart
-from palpate.report.evidence.gripping import centred_charts, gripped_charts
-from palpate.report.evidence.holding import held_charts
-from palpate.report.evidence.leaning import leaned_charts
-from palpate.report.evidence.pressing import pressed_charts
-from palpate.report.evidence.sliding import slid_charts
-from palpate.report.evidence.swinging import swung_charts
-from palpate.report.evidence.tilting import balanced_charts
-from palpate.report.evidence.touching import touched_charts
-from palpate.trace.samples import Trace
+from palpate.report.numbers import with_spread
+from palpate.report.plots import FAINT, MARK, NORM, Figure, decimate, packed
+
+TRUTH = "#c2710c"
+COLOURS = (MARK, TRUTH, "#3b82f6")
+"""Points of the first, second and third group."""
+BAND = "rgba(13, 148, 136, .2)"
+MANY = 60
+"""More points than this of one group are drawn as a line."""
+WIDE = 4.0
+"""Times the median standard deviation: wider error bars do not stretch the axis."""
+BARELY_SEEN = 40.0
+"""Standard deviations that the predictions span, beyond which residuals have an axis of their own."""
+SHORT, TALL = 300, 430
+"""px, height of a chart without and with residuals."""
 
 log = logging.getLogger(__name__)
 
-CHARTS: dict[str, Callable[[Measured, Trace], tuple[Chart, ...]]] = {
-    "com": held_charts,
-    "com_3d": balanced_charts,
-    "inertia": swung_charts,
-    "friction": slid_charts,
-    "height": touched_charts,
-    "tilt": leaned_charts,
-    "stiffness": pressed_charts,
-    "size": gripped_charts,
-    "position": centred_charts,
-}
-"""By quantity. A quantity without an entry shows its windows alone."""
+
+@dataclass(frozen=True, slots=True)
+class Chart:
+    """Figure of plotly.js with its caption."""
+
+    title: str
+    note: str
+    figure: Figure
 
 
-def charts(measured: Measured, trace: Trace) -> tuple[Chart, ...]:
-    """None where there is nothing to draw, or what was recorded does not show it."""
-    draw = CHARTS.get(measured.estimate.parameter.quantity)
-    if not measured.estimate.has_value or not len(trace.samples):
-        return ()
-    try:
-        if measured.estimate.views or draw is None:
-            return tuple(fit_chart(view, measured) for view in measured.estimate.views)
-        return draw(measured, trace)
-    except (ValueError, IndexError, StopIteration):
-        # A recording that was cut short; the page still says what was estimated, and of what.
-        return ()
-    except Exception as error:
-        # The page is worth more than one of its charts.
-        log.warning(
-            "no chart of %s: %s: %s", measured.estimate.parameter, type(error).__name__, error
-        )
-        return ()
+def charts(measured: Measured) -> tuple[Chart, ...]:
+    """A chart for each fit behind an estimate."""
+    drawn: list[Chart] = []
+    for view in measured.estimate.views:
+        try:
+            drawn.append(Chart(view.name, view.note, fit_figure(view, measured)))
+        except Exception as error:
+            # The page is worth more than one of its charts.
+            what = measured.estimate.parameter
+            log.warning("no chart of %s: %s: %s", what, type(error).__name__, error)
+    return tuple(drawn)
+
+
+def fit_figure(view: FitView, measured: Measured) -> Figure:
+    """Figure of `view`: predictions with the estimate's interval, the truth where it is known, and the measured
+    values; below, their residuals, where error bars are too small to be seen."""
+    std = np.broadcast_to(np.asarray(view.std, float), view.x.shape)
+    stated = float(np.median(std))
+    residuals = stated > 0.0 and float(np.nanmax(view.predicted) - np.nanmin(view.predicted)) > (
+        BARELY_SEEN * stated
+    )
+    shown = [view.measured, view.predicted]
+    certain = std <= WIDE * stated
+    shown += [(view.measured + sign * std)[certain] for sign in (-1.0, 1.0)]
+    data = list(_prediction(view, measured, shown))
+    data += _points(view, std, view.measured, "y")
+    layout: Figure = {
+        "height": TALL if residuals else SHORT,
+        "margin": {"l": 58, "r": 14, "t": 40, "b": 44},
+        "hovermode": "closest",
+        "dragmode": "zoom",
+        "legend": {
+            "orientation": "h",
+            "x": 0,
+            "y": 1.02,
+            "yanchor": "bottom",
+            "traceorder": "normal",
+        },
+        "xaxis": {
+            "title": {"text": escape(view.axes[0])},
+            "anchor": "y2" if residuals else "y",
+            "range": _range(view.x, 0.04),
+            "zeroline": False,
+        },
+        "yaxis": {
+            "title": {"text": escape(view.axes[1]), "standoff": 6},
+            "automargin": True,
+            "domain": (0.42, 1.0) if residuals else (0.0, 1.0),
+            "range": _range(np.concatenate(shown), 0.08),
+            "zeroline": False,
+        },
+    }
+    if residuals:
+        left = view.measured - view.predicted
+        data += [{**one, "showlegend": False} for one in _points(view, std, left, "y2")]
+        near = np.concatenate([(left - std)[certain], (left + std)[certain], left, [0.0]])
+        layout["yaxis2"] = {
+            "title": {"text": "residual", "standoff": 6},
+            "automargin": True,
+            "domain": (0.0, 0.34),
+            "range": _range(near, 0.1),
+        }
+    return {"data": data, "layout": layout}
+
+
+def _range(values: Array, air: float) -> tuple[float, float]:
+    axis = Axis.around(values[np.isfinite(values)], air)
+    return axis.low, axis.high
+
+
+def _prediction(view: FitView, measured: Measured, shown: list[Array]) -> Iterator[Figure]:
+    """Predicted curve; where the estimate determines it, with its 95 % interval and the truth. What the axis
+    must hold is added to `shown`."""
+    estimate, name = measured.estimate, "the fit"
+    order = np.argsort(view.x, kind="stable")
+    order = order[np.isfinite(view.x[order])]
+    # A smooth curve: a few hundred places show it.
+    order = order[np.unique(np.linspace(0, len(order) - 1, 400).astype(int))]
+    x, predicted = view.x[order], view.predicted[order]
+    if view.slopes is not None:
+        slopes = view.slopes[order]
+        if len(estimate.values) == 1:
+            unit = "" if estimate.unit == "1" else estimate.unit
+            value, std = float(estimate.values[0]), float(estimate.stds[0])
+            name = f"the fit, {with_spread(value, std, unit)}"
+            low, high = (estimate.intervals[0] - value).tolist()
+            ends = predicted + low * slopes[:, 0], predicted + high * slopes[:, 0]
+        else:
+            half = Z95 * np.sqrt(slopes**2 @ estimate.stds**2)
+            ends = predicted - half, predicted + half
+        shown += ends
+        edge: dict[str, Any] = {"line": {"width": 0}, "hoverinfo": "skip"}
+        yield _curve("", x, ends[0], showlegend=False, **edge)
+        yield _curve("its 95 % interval", x, ends[1], fill="tonexty", fillcolor=BAND, **edge)
+    yield _curve(name, x, predicted, line={"color": MARK, "width": 2.4})
+    if measured.truth and view.slopes is not None:
+        truth = predicted + view.slopes[order] @ (np.array(measured.truth) - estimate.values)
+        shown.append(truth)
+        yield _curve("the truth", x, truth, line={"color": TRUTH, "width": 2, "dash": "dash"})
+
+
+def _points(view: FitView, std: Array, values: Array, axis: str) -> Iterator[Figure]:
+    """Measured values, or their residuals, group by group: points with error bars, or a curve."""
+    used = np.ones(len(view.x), dtype=bool) if view.used is None else view.used
+    groups = [view.groups] * len(view.x) if isinstance(view.groups, str) else view.groups
+    for colour, group in zip(COLOURS, dict.fromkeys(groups), strict=False):
+        rows = np.array([one == group for one in groups])
+        if rows.sum() > MANY and not std[rows].any():
+            yield _line(group, view.x[rows], values[rows], axis, NORM, 1.2)
+            if not used[rows].all():
+                kept = np.where(used[rows], values[rows], np.nan)
+                yield _line(f"{group}, used", view.x[rows], kept, axis, "#3b82f6", 2.0)
+            continue
+        for name, of, tint in ((group, rows & used, colour), ("not used", rows & ~used, FAINT)):
+            if of.any():
+                spread = f"{name}, ± 1 std" if std[of].any() else name
+                yield _dots(spread, view.x[of], values[of], std[of], axis, tint)
+
+
+def _curve(name: str, x: Array, y: Array, **more: Any) -> Figure:
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "name": escape(name),
+        "x": packed(x),
+        "y": packed(y),
+        "hovertemplate": "%{x:.4g}: %{y:.4g}",
+        **more,
+    }
+
+
+def _line(name: str, x: Array, y: Array, axis: str, colour: str, width: float) -> Figure:
+    x, y = decimate(x, y)
+    return _curve(name, x, y, yaxis=axis, line={"color": colour, "width": width})
+
+
+def _dots(name: str, x: Array, y: Array, std: NDArray[Any], axis: str, colour: str) -> Figure:
+    bars = {"type": "data", "array": packed(std), "width": 0, "thickness": 1, "color": colour}
+    style: dict[str, Any] = {"mode": "markers", "marker": {"color": colour, "size": 7}}
+    if std.any():
+        style["error_y"] = bars
+    return _curve(name, x, y, yaxis=axis, **style)

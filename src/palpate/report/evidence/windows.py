@@ -18,19 +18,15 @@ from palpate.trace.samples import FORCES, Trace
 
 FINEST = 1e-5
 """N or m: what a recording's spread is not shown below."""
-POINTS = 80
-"""Of a small curve: enough for its shape on a phone."""
 
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """A measured window: when, in which situation, what was read, and its signal as an SVG polyline
-    in 100 x 24."""
+    """Measured window: situation, time and reading."""
 
     what: str
     when: str
     reading: str
-    line: str
 
 
 class _Signal(NamedTuple):
@@ -79,7 +75,6 @@ def evidence(recording: Recording, trace: Trace) -> Evidence:
         _in_words(recording.context),
         f"{recording.start:.2f}–{recording.end:.2f} s",
         _reading(signal),
-        _polyline(signal.values),
     )
 
 
@@ -111,15 +106,3 @@ def _reading(signal: _Signal) -> str:
     mean, std = rounded(float(signal.values.mean()), std)
     samples = "1 sample" if count == 1 else f"{count} samples"
     return f"{signal.name} = {mean} ± {std}{signal.unit}, {samples}"
-
-
-def _polyline(signal: Array) -> str:
-    """The signal's block means in a box 100 wide and 24 high, upwards."""
-    if len(signal) < 2:
-        return ""
-    blocks = np.array_split(signal, min(POINTS, len(signal)))
-    means = np.array([block.mean() for block in blocks])
-    span = float(np.ptp(means)) or 1.0
-    across = np.linspace(0, 100, len(means))
-    down = 22 - 20 * (means - means.min()) / span
-    return " ".join(f"{x:.1f},{y:.1f}" for x, y in zip(across, down, strict=True))

@@ -1,10 +1,11 @@
-"""Checks of `palpate doctor --robot`: each line with its remedy. Nothing moves but, where somebody
-allows it, an arm that holds still under control for some seconds."""
+"""Checks of `palpate doctor --robot`, each with its remedy. Nothing moves; if allowed, the arm holds
+still under control for some seconds."""
 
 from __future__ import annotations
 
 import os
 import platform
+import resource
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -16,40 +17,38 @@ from palpate.errors import InputError, PalpateError
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import RobotDescription
 from palpate.robots.franky import faults
-from palpate.robots.franky.address import Address
-from palpate.robots.franky.preflight import SPOKEN, greet
-from palpate.robots.franky.readout import pose_of
+from palpate.robots.franky.control_box import SPOKEN, Address, greet
+from palpate.robots.franky.library import Call, franky
+from palpate.robots.franky.readout import pose_of, require_end_effector
 from palpate.robots.franky.session import Session
 from palpate.robots.nominal import NominalArm
 from palpate.trace.samples import STANDARD_GRAVITY
 
-NEAR_END = np.radians(5.0)
-"""rad: a joint nearer to its end stop has no room to plan with."""
+NEAR_END = np.radians(5.0)  # rad: a joint nearer to its end stop has no room to plan with
 WEIGHT, CENTRE = 0.05, 0.01
-"""kg, m by which the end effector in Desk may differ from the one that is known: 5 cm beside the
-wrist's axis that is 0.2 N m."""
+"""kg, m of tolerance between the end effectors of Desk and robot.yaml: 5 cm off the wrist's axis that
+is 0.2 N m."""
 LEFT = (1.5, 1.5, 1.5, 1.5, 0.6, 0.6, 0.6)
-"""N m that a resting arm may feel beyond its model: friction that holds it, and the model's error (Gaz
-et al., RA-L 2019, doi:10.1109/LRA.2019.2931248, about 1 N m in the large joints)."""
+"""N m that the joints of a resting arm may bear beyond its model: static friction, and the model's
+error (Gaz et al., RA-L 2019, doi:10.1109/LRA.2019.2931248, about 1 N m in the large joints)."""
 ARRIVE = 0.99
-"""Part of the cycles whose answers arrive in time: franky-control's README, and libfranka's
+"""Share of cycles that are answered in time: franky-control's README, and libfranka's
 communication_test, ask for more than 0.95."""
-LISTENED = 5.0
-"""s."""
+LISTENED = 5.0  # s
 
 
 class Line(NamedTuple):
-    """Result of one check: passed, name of the check, and its value or the remedy."""
+    """Result of one check."""
 
     good: bool
-    what: str
-    detail: str
+    what: str  # name of the check
+    detail: str  # value or remedy
 
 
 def examine(
     address: Address, arm: RobotDescription, pose_world_base: Pose, may_hold: Callable[[], bool]
 ) -> Iterator[Line]:
-    """Yield the checks' lines in order; a failed check that later ones depend on ends them."""
+    """Yield the results in order; a failed check that later ones depend on ends them."""
     began = time.perf_counter()
     greeting = greet(address)
     took = time.perf_counter() - began
@@ -60,26 +59,28 @@ def examine(
     yield Line(
         True, "robot interface", f"version {greeting.version}, as franky-control's ({SPOKEN})"
     )
-    yield from _computer(address)
+    yield from check_computer(address)
     try:
         session = Session(address)
     except PalpateError as error:
         yield Line(False, "connection", str(error))
         return
     try:
-        well = True
-        for line in (*_arm(session, arm, pose_world_base), *_hand(session)):
-            well = well and line.good
-            yield line
-        yield _success(session, arm, may_hold) if well else NOT_YET
+        lines = [*check_arm(session, arm, pose_world_base), *check_hand(session)]
+        yield from lines
+        if all(line.good for line in lines):
+            yield check_cycles(session, arm, may_hold)
+        else:
+            why = "not tried: an arm that is not well does not hold itself"
+            yield Line(False, "answered cycles", why)
     except PalpateError as error:
         yield Line(False, "arm", str(error))
     finally:
         session.close()
 
 
-def _computer(address: Address) -> Iterator[Line]:
-    """A kernel that keeps time, and the permission to use it."""
+def check_computer(address: Address) -> Iterator[Line]:
+    """Check for a realtime kernel, and the permission to use realtime priority."""
     kernel = platform.release()
     realtime = Path("/sys/kernel/realtime")
     good = realtime.is_file() and realtime.read_text().strip() == "1"
@@ -91,8 +92,10 @@ def _computer(address: Address) -> Iterator[Line]:
         remedy = f"{kernel} is none, which this address does not ask for"
     detail = kernel if good else remedy
     yield Line(good or not address.realtime, "realtime kernel", detail)
-    most = os.sched_get_priority_max(os.SCHED_FIFO)
-    allowed = _priority()
+    most = allowed = os.sched_get_priority_max(os.SCHED_FIFO)
+    limit = resource.getrlimit(resource.RLIMIT_RTPRIO)[1]
+    if os.geteuid() != 0 and limit != resource.RLIM_INFINITY:
+        allowed = min(limit, most)
     detail = f"up to {allowed} of {most}"
     if allowed < most:
         detail += (
@@ -101,32 +104,30 @@ def _computer(address: Address) -> Iterator[Line]:
     yield Line(allowed >= most, "realtime priority", detail)
 
 
-def _priority() -> int:
-    """The highest realtime priority that this process may take."""
-    import resource
-
-    if os.geteuid() == 0:
-        return os.sched_get_priority_max(os.SCHED_FIFO)
-    most = resource.getrlimit(resource.RLIMIT_RTPRIO)[1]
-    highest = os.sched_get_priority_max(os.SCHED_FIFO)
-    return highest if most == resource.RLIM_INFINITY else min(most, highest)
-
-
-def _arm(session: Session, arm: RobotDescription, pose_world_base: Pose) -> Iterator[Line]:
+def check_arm(session: Session, arm: RobotDescription, pose_world_base: Pose) -> Iterator[Line]:
+    """Check mode, errors, posture, end effector, kinematics and weight of the arm."""
     state = session.state()
     problem = faults.of_mode(state)
     yield Line(problem is None, "mode", problem or faults.MODES[faults.mode_of(state)])
     errors = faults.errors_of(state)
     cleared = f"{', '.join(errors)}: see what it met, and clear them in Desk"
     yield Line(not errors, "errors", cleared if errors else "none")
-    yield _room(np.array(state.q), arm)
-    yield _end_effector(state, arm)
-    yield _tcp(state, arm, pose_world_base)
-    yield _tip(arm)
-    yield _weight(session, state, arm, pose_world_base)
+    yield check_margins(np.array(state.q), arm)
+    yield check_end_effector(state, arm)
+    try:
+        nominal = NominalArm(arm, pose_world_base, np.zeros(3))
+        away = require_end_effector(state, nominal, pose_world_base)
+        yield Line(True, "TCP", f"{1e3 * away:.2f} mm from the description's")
+    except InputError as error:
+        yield Line(False, "TCP", str(error))
+    detail = f"their height is known to ± {2e3 * arm.real().nominal.tip_offset_std:.1f} mm"
+    if arm.config is None or arm.config.tip_offset is None:
+        detail += ", not measured on this arm: palpate calibrate --gauge HEIGHT"
+    yield Line(True, "fingertips", detail)
+    yield check_weight(session, state, arm, pose_world_base)
 
 
-def _room(q: Any, arm: RobotDescription) -> Line:
+def check_margins(q: Array, arm: RobotDescription) -> Line:
     """Check the joints' distance from their end stops."""
     limits = arm.limits
     room = np.minimum(q - limits.q_min, limits.q_max - q)
@@ -137,62 +138,39 @@ def _room(q: Any, arm: RobotDescription) -> Line:
     return Line(True, "joint margins", f"{detail}, the others farther")
 
 
-def _end_effector(state: Any, arm: RobotDescription) -> Line:
-    """Compare the end effector set in Desk with the known one."""
+def check_end_effector(state: Any, arm: RobotDescription) -> Line:
+    """Compare the end effector set in Desk with the one of robot.yaml."""
     mass, centre = float(state.m_ee), np.array(state.F_x_Cee)
-    told = f"{mass:.3f} kg at {_millimetres(centre)} mm from the flange"
+    told = f"{mass:.3f} kg at {millimetres(centre)} mm from the flange"
     known = arm.end_effector
     if known is None:
         if mass <= 0.0:
             none = "nothing, as Desk has it: set the Franka Hand as end effector (Settings)"
             return Line(False, "end effector", none)
         return Line(True, "end effector", f"{told}, as Desk has it; robot.yaml says nothing of it")
-    wanted = _in_flange(known.centre, state, arm)
+    # From the axes of the hand's body into those of the flange, by the TCP that both have.
+    site = arm.spec().compile().site(arm.tcp)
+    hand_in_flange = pose_of(state.F_T_EE) @ Pose(site.pos.copy(), site.quat.copy()).inverse()
+    wanted = hand_in_flange.apply(known.centre)
     if abs(mass - known.mass) <= WEIGHT and float(np.linalg.norm(centre - wanted)) <= CENTRE:
         near = f"{1e3 * WEIGHT:.0f} g and {1e3 * CENTRE:.0f} mm"
         return Line(True, "end effector", f"{told}, as robot.yaml says within {near}")
     return Line(
         False,
         "end effector",
-        f"{told}, but robot.yaml says {known.mass:.3f} kg at {_millimetres(wanted)} mm: set the same "
+        f"{told}, but robot.yaml says {known.mass:.3f} kg at {millimetres(wanted)} mm: set the same "
         "in Desk (Settings, End effector) and in robot.yaml",
     )
 
 
-def _in_flange(point: Array, state: Any, arm: RobotDescription) -> Array:
-    """(3,) m: a point in the axes of the hand's body in those of the flange; hand and Desk have one
-    TCP."""
-    site = arm.spec().compile().site(arm.tcp)
-    tcp = Pose(site.pos.copy(), site.quat.copy())
-    return (pose_of(state.F_T_EE) @ tcp.inverse()).apply(point)
-
-
-def _millimetres(point: Array) -> list[int]:
+def millimetres(point: Array) -> list[int]:
+    """Round a point (3,) in m to whole mm."""
     return np.round(1e3 * point).astype(int).tolist()
 
 
-def _tcp(state: Any, arm: RobotDescription, pose_world_base: Pose) -> Line:
-    """Forward kinematics against the control box's."""
-    from palpate.robots.franky.fitness import require_end_effector
-
-    nominal = NominalArm(arm, pose_world_base, np.zeros(3))
-    try:
-        away = require_end_effector(state, nominal, pose_world_base)
-    except InputError as error:
-        return Line(False, "TCP", str(error))
-    return Line(True, "TCP", f"{1e3 * away:.2f} mm from the description's")
-
-
-def _tip(arm: RobotDescription) -> Line:
-    """Report the uncertainty of the fingertips' height."""
-    std = arm.real().nominal.tip_offset_std
-    detail = f"their height is known to ± {2e3 * std:.1f} mm"
-    if arm.config is None or arm.config.tip_offset is None:
-        detail += ", not measured on this arm: palpate calibrate --gauge HEIGHT"
-    return Line(True, "fingertips", detail)
-
-
-def _weight(session: Session, state: Any, arm: RobotDescription, pose_world_base: Pose) -> Line:
+def check_weight(
+    session: Session, state: Any, arm: RobotDescription, pose_world_base: Pose
+) -> Line:
     """Check the joint torques of a resting arm against its gravity model."""
     down = np.array([0.0, 0.0, -(arm.gravity or STANDARD_GRAVITY)])
     into_base = pose_world_base.rotation.T @ down
@@ -211,9 +189,8 @@ def _weight(session: Session, state: Any, arm: RobotDescription, pose_world_base
     return Line(True, "gravity residual", detail)
 
 
-def _hand(session: Session) -> Iterator[Line]:
-    from palpate.robots.franky.library import Call
-
+def check_hand(session: Session) -> Iterator[Line]:
+    """Check that the hand answers, is homed and empty."""
     try:
         state = Call(lambda: session.gripper.state, "palpate fingers").result(LISTENED)
     except Exception as error:
@@ -226,15 +203,10 @@ def _hand(session: Session) -> Iterator[Line]:
         yield Line(False, "fingers", f"hold something at {1e3 * state.width:.0f} mm: take it out")
 
 
-NOT_YET = Line(False, "answered cycles", "not tried: an arm that is not well does not hold itself")
-
-
-def _success(session: Session, arm: RobotDescription, may_hold: Callable[[], bool]) -> Line:
-    """The part of cycles that are answered in time, while the arm holds still."""
+def check_cycles(session: Session, arm: RobotDescription, may_hold: Callable[[], bool]) -> Line:
+    """Measure the share of cycles that are answered in time, while the arm holds still."""
     if not may_hold():
         return Line(True, "answered cycles", "not tried: the arm was not allowed to hold itself")
-    from palpate.robots.franky.library import franky
-
     module, robot = franky(), session.robot
     motion = module.JointImpedanceTrackingMotion(stiffness=arm.stiffness.joints)
     robot.move(motion, asynchronous=True)

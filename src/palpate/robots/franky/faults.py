@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-MODES = {
+MODES = {  # the control box's own modes, in words
     "Other": "not ready (brakes closed, or another mode in Desk)",
     "Idle": "ready",
     "Move": "moving",
@@ -13,43 +13,38 @@ MODES = {
     "UserStopped": "stopped by the user stop",
     "AutomaticErrorRecovery": "recovering",
 }
-"""The control box's own modes, as they are told."""
-
-REMEDIES = {
+REMEDIES = {  # all by a person: no program restarts an arm that stopped
     "UserStopped": "release the user stop, see that nothing is held or in the way, and run again",
     "Reflex": "see what it met, clear the error in Desk, and run again",
     "Guiding": "take the hands off the guiding button, and run again",
     "Other": "open the brakes and activate FCI in Desk, and run again",
 }
-"""Nobody but a person takes up again what the arm stopped."""
-
-READY = ("Idle", "Move")
 
 
 def mode_of(state: Any) -> str:
-    """The control box's mode, by its name."""
+    """Return the name of the control box's mode."""
     return str(state.robot_mode.name)
 
 
 def errors_of(state: Any) -> list[str]:
-    """The errors that are set, as libfranka names them."""
+    """List the errors that are set, by libfranka's names."""
     errors = state.current_errors
-    names = [name for name in dir(errors) if not name.startswith("_")]
-    return [name for name in names if getattr(errors, name) is True]
+    return [
+        name for name in dir(errors) if not name.startswith("_") and getattr(errors, name) is True
+    ]
 
 
 def of_mode(state: Any) -> str | None:
     """Return the reason that an arm in this mode cannot move; None if it can."""
     mode = mode_of(state)
-    if mode in READY:
+    if mode in ("Idle", "Move"):
         return None
     return f"the arm is {MODES.get(mode, mode)}: {REMEDIES.get(mode, 'look at Desk')}"
 
 
 def of_error(error: BaseException, mode: str | None = None) -> str:
-    """Word the error of a motion."""
+    """Describe the error of a motion."""
     text = " ".join(str(error).split())
-    kind = type(error).__name__
     lowered = text.lower()
     if "user stop" in lowered or mode == "UserStopped":
         return f"the user stop was pressed: {REMEDIES['UserStopped']}"
@@ -62,7 +57,7 @@ def of_error(error: BaseException, mode: str | None = None) -> str:
             "too many of the control box's cycles got no answer in time: use a realtime kernel, and a "
             f"network card and cable of its own ({text})"
         )
-    return f"{kind}: {text}"
+    return f"{type(error).__name__}: {text}"
 
 
 def is_network(error: BaseException) -> bool:

@@ -1,5 +1,4 @@
-"""The Franka Hand: commands that block for seconds, and a state that comes in packets, in threads of
-their own."""
+"""The Franka Hand, in threads: its commands block for seconds, and its state comes in packets."""
 
 from __future__ import annotations
 
@@ -9,93 +8,86 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from palpate.errors import Unavailable
 from palpate.robots.sheet import ParallelHand
 
-NOTHING = 0.002
-"""m: an opening below this is an empty hand."""
-MARGIN = 0.002
-"""m: fingers this near to fully open are open."""
-PAUSE = 0.01
-"""s between two questions to the hand, whose packets come at some 20 Hz or more."""
-
-MISSED = 3
-"""Times that it says nothing for a second, libfranka's time-out, after which it is taken for gone."""
+NOTHING = 0.002  # m: an opening below this is an empty hand
+MARGIN = 0.002  # m: fingers this near to fully open are open
+PAUSE = 0.01  # s between two queries of the hand, whose packets come at some 20 Hz or more
+MISSED = 3  # queries without an answer within libfranka's time-out, 1 s, after which it is lost
 
 
 @dataclass(frozen=True, slots=True)
 class Fingers:
-    """State of the hand: m between the fingers, whether it holds something, and when that was heard
-    (`time.perf_counter`)."""
+    """State of the hand."""
 
-    width: float
+    width: float  # m between the fingers
     grasped: bool
-    heard: float
+    heard: float  # `time.perf_counter` of its arrival
 
 
 class Hand:
     """Hand that runs one command at a time and keeps the latest state; only the constructor blocks.
 
-    A grasp that is under way is never stopped: the hand would let go of what it holds.
+    A grasp in progress is never interrupted: the hand would drop the object.
 
     Attributes:
-        problem: what the hand said against the last command, or that it does not answer any more;
-            None while all is well.
+        fingers: the latest state.
+        speed: m/s of a finger at most.
+        moving: True while a command is executed.
+        problem: error of the last command; None without one.
+        lost: reason that the hand stopped answering; None while it answers.
     """
 
     def __init__(self, gripper: Any, sheet: ParallelHand) -> None:
-        self._gripper, self._sheet = gripper, sheet
+        self._gripper, self._sheet, self.speed = gripper, sheet, sheet.speed
         self.problem: str | None = None
-        self._lost: str | None = None
-        self._fingers = self._ask()
+        self.lost: str | None = None
+        self.fingers = self._ask()
         self._wanted: Callable[[], bool] | None = None
         self._wake = threading.Condition()
-        self._busy = self._ended = False
-        self._closed = self._fingers.grasped
+        self.moving = self._ended = False
+        self._closed = self.fingers.grasped
         for work, name in ((self._command, "palpate hand"), (self._listen, "palpate fingers")):
             threading.Thread(target=work, name=name, daemon=True).start()
 
     @property
-    def fingers(self) -> Fingers:
-        """The latest state."""
-        return self._fingers
-
-    @property
-    def speed(self) -> float:
-        """m/s of a finger at most."""
-        return self._sheet.speed
-
-    @property
-    def lost(self) -> str | None:
-        """Reason that the hand stopped answering, None while it answers."""
-        return self._lost
-
-    @property
-    def moving(self) -> bool:
-        """A command is under way."""
-        return self._busy
-
-    @property
     def gripping(self) -> bool:
-        """It closed, and holds something that is wider than nothing."""
-        fingers = self._fingers
-        return self._closed and not self._busy and fingers.grasped and fingers.width > NOTHING
+        """True if the hand closed, and holds an object."""
+        fingers = self.fingers
+        return self._closed and not self.moving and fingers.grasped and fingers.width > NOTHING
+
+    def require_free(self) -> None:
+        """Require an empty hand.
+
+        Raises:
+            Unavailable: it holds something.
+        """
+        fingers = self.fingers
+        if fingers.grasped and fingers.width > NOTHING:
+            self.end()
+            raise Unavailable(
+                f"the hand holds something at {1e3 * fingers.width:.0f} mm: take it out (Desk opens "
+                "the fingers), then run again"
+            )
 
     def open(self) -> None:
         """Start opening fully."""
-        speed = self._sheet.speed
         self._closed = False
-        self._start(lambda: self._gripper.open(speed))
+        self._start(lambda: self._gripper.open(self.speed))
 
     def close(self, force: float | None) -> None:
-        """Start closing with `force` N, all there is by default, until something resists. Whatever the
-        width is that it ends at, the hand takes it for a grasp: a miss would let go."""
-        speed, most = self._sheet.speed, self._sheet.opening
+        """Start closing with `force` N, by default the full force, until something resists.
+
+        The hand takes any final width for a grasp: after a miss it would open again.
+        """
+        speed, most = self.speed, self._sheet.opening
         with_force = self._sheet.force if force is None else min(force, self._sheet.force)
         self._closed = True
         self._start(lambda: self._gripper.grasp(0.0, speed, with_force, most, most + MARGIN))
 
     def end(self) -> None:
-        """No more commands; what is held stays held."""
+        """End the threads; a held object stays held."""
         with self._wake:
             self._ended = True
             self._wake.notify_all()
@@ -103,7 +95,7 @@ class Hand:
     def _start(self, command: Callable[[], bool]) -> None:
         with self._wake:
             self.problem = None
-            self._wanted, self._busy = command, True
+            self._wanted, self.moving = command, True
             self._wake.notify_all()
 
     def _command(self) -> None:
@@ -119,25 +111,22 @@ class Hand:
                     self.problem = "the hand did not open"
             except Exception as error:
                 self.problem = f"the hand does not do what it is told: {error}"
-            self._settle()
-
-    def _settle(self) -> None:
-        """Wait for a state that was heard after the command had ended."""
-        done = time.perf_counter()
-        while self._fingers.heard < done and self._lost is None and not self._ended:
-            time.sleep(PAUSE)
-        with self._wake:
-            self._busy = self._wanted is not None
+            # The command counts as executed with the first state that arrives after it.
+            done = time.perf_counter()
+            while self.fingers.heard < done and self.lost is None and not self._ended:
+                time.sleep(PAUSE)
+            with self._wake:
+                self.moving = self._wanted is not None
 
     def _listen(self) -> None:
         missed = 0
         while not self._ended:
             try:
-                self._fingers, missed = self._ask(), 0
+                self.fingers, missed = self._ask(), 0
             except Exception as error:
                 missed += 1
                 if missed == MISSED:
-                    self._lost = f"the hand does not answer any more: {error}"
+                    self.lost = f"the hand does not answer any more: {error}"
                     return
             time.sleep(PAUSE)
 

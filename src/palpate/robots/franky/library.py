@@ -1,4 +1,4 @@
-"""The library `franky`: loaded when it is used, and called so that nothing waits for ever."""
+"""The library `franky`: loaded when it is used, and called with time limits."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ T = TypeVar("T")
 
 @cache
 def franky() -> ModuleType:
-    """The module.
+    """Load the module.
 
     Raises:
-        Unavailable: it is not installed here, or does not load.
+        Unavailable: it is not installed, or does not load.
     """
     try:
         import franky as module  # pyright: ignore[reportMissingTypeStubs]
@@ -31,12 +31,12 @@ def franky() -> ModuleType:
 
 
 class Late(Exception):
-    """A call did not return in time. It goes on in a thread of its own; what it returns is lost."""
+    """A call did not return in time. It continues in its thread; its result is lost."""
 
 
 class Call(Generic[T]):
     """A call in a daemon thread: `franky`'s constructors have no time-out, and a mute host would
-    hold them for ever."""
+    block them for ever."""
 
     def __init__(self, what: Callable[[], T], name: str) -> None:
         self._what, self._done = what, threading.Event()
@@ -45,10 +45,10 @@ class Call(Generic[T]):
         threading.Thread(target=self._run, name=name, daemon=True).start()
 
     def result(self, seconds: float) -> T:
-        """Its return value.
+        """Return the call's value, or raise what it raised.
 
         Raises:
-            Late: nothing within `seconds`. Whatever the call raised.
+            Late: no result within `seconds`.
         """
         if not self._done.wait(seconds):
             raise Late(f"no answer within {seconds:.1f} s")

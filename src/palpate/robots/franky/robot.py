@@ -1,39 +1,48 @@
 """A Franka arm with its hand, behind the protocol that the embedded one has.
 
-It is under torque control all the time that anybody moves it: franky's impedance controllers follow a
-`Course`, and a new one takes over without a jerk. Recovery from what stopped the arm is a person's.
+While it is commanded it is under torque control: franky's impedance controllers follow a `Course`,
+and the next course continues from its state without a jerk. Recovery after a stop is a person's.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
-from palpate.robots.commanded import Commanded
+from palpate.robots.commanded import (
+    Commanded,
+    ahead_of,
+    joint_path,
+    pose_path,
+    stopped_joints,
+    stopped_pose,
+    swing_path,
+)
 from palpate.robots.description import RobotDescription
-from palpate.robots.franky.blackbox import black_box
-from palpate.robots.franky.control.course import Course
-from palpate.robots.franky.control.drive import Drive, Row
-from palpate.robots.franky.control.lead import Lead, Maker
-from palpate.robots.franky.control.springs import Springs
-from palpate.robots.franky.fitness import require_end_effector, require_free
+from palpate.robots.franky.course import Course, joint_course, pose_course
+from palpate.robots.franky.drive import Drive
 from palpate.robots.franky.hand import Hand
 from palpate.robots.franky.link import Link
-from palpate.robots.franky.readout import Readout
+from palpate.robots.franky.readout import Readout, black_box, require_end_effector
 from palpate.robots.franky.session import Session
 from palpate.robots.nominal import NominalArm
 from palpate.robots.reflex import Reflex
 from palpate.robots.robot import RobotState
+from palpate.robots.simulated.impedance import Inertia
+from palpate.robots.trajectory.path import Motion, Path
+from palpate.robots.trajectory.posed import PosePath
 from palpate.robots.trajectory.straight import Stretch
 from palpate.trace.samples import Samples
 
 APPROACH = 0.25
-"""Part of the pace at which the arm goes to its ready pose for the first time: from wherever it was
-left, past what nobody has looked at since."""
-AT_READY = 0.02
-"""rad."""
+"""Share of the pace at which the arm goes to its ready pose for the first time: its start and what
+is around it are unknown."""
+AT_READY = 0.02  # rad
+
+Maker = Callable[[Course | None, float], Course]
+"""Makes a course from the present one and its clock, s."""
 
 
 class FrankyRobot(Commanded):
@@ -42,13 +51,13 @@ class FrankyRobot(Commanded):
     def __init__(
         self, session: Session, arm: RobotDescription, pose_world_base: Pose, gravity: float
     ) -> None:
-        """The arm as it stands; nothing moves.
+        """Take over the arm; it does not move.
 
         Raises:
             InputError: its end effector is not the description's.
             Unavailable: it is not ready, or holds something.
         """
-        base = arm.stands(pose_world_base)
+        base = self._base = arm.stands(pose_world_base)
         known = arm.gravity if arm.gravity is not None else gravity
         down = np.array([0.0, 0.0, -known])
         super().__init__(arm, NominalArm(arm, base, down), known)
@@ -58,33 +67,30 @@ class FrankyRobot(Commanded):
         session.set_thresholds(arm.limits.reflexes.contact, arm.limits.tau_max)
         gains = arm.config.torque_gain if arm.config is not None else None
         self._readout = Readout(
-            self._nominal,
-            session.model,
-            state,
-            base,
-            base.rotation.T @ down,
-            np.zeros(7) if gains is None else gains.value,
+            nominal=self._nominal,
+            model=session.model,
+            state=state,
+            pose_world_base=base,
+            gravity=base.rotation.T @ down,
+            gains=np.zeros(7) if gains is None else gains.value,
         )
-        self._drive = Drive(session.robot, Springs(arm.stiffness), base)
+        self._drive = Drive(session.robot, arm.stiffness, base)
         self._hand = Hand(session.gripper, arm.hand)
-        require_free(self._hand)
-        self._lead = Lead(arm, self._nominal, base, self._readout, self._drive)
+        self._hand.require_free()
         self._link = Link(session, self._readout, self._drive, self._hand, base.rotation)
         self._thresholds = arm.limits.reflexes.contact
         self._guard_due = self._ready = self._closed = False
         self._cached: RobotState | None = None
 
     @property
-    def cycles(self) -> Sequence[Row]:
-        """The last cycles of the control loop."""
-        with self._drive.lock:
-            return list(self._drive.log)
-
-    @property
     def state(self) -> RobotState:
         """State as of the last `advance`."""
         if self._cached is None:
-            readout, link = self._readout, self._link
+            readout, link, course = self._readout, self._link, self._drive.course
+            target = readout.pose_world_tcp
+            if course is not None:
+                row = course.target(self._drive.clock)
+                target = Pose(row[:3], row[3:])
             self._cached = RobotState(
                 t=link.t,
                 stamp=readout.stamp,
@@ -93,7 +99,7 @@ class FrankyRobot(Commanded):
                 tau=readout.tau,
                 tau_ext=readout.tau_ext,
                 pose_world_tcp=readout.pose_world_tcp,
-                target_world_tcp=self._target(),
+                target_world_tcp=target,
                 twist=readout.twist,
                 wrench=readout.wrench,
                 contact=readout.contact,
@@ -108,20 +114,45 @@ class FrankyRobot(Commanded):
         return self._cached
 
     def move_joints(self, q: Array, speed: float = 1.0) -> None:
-        """See `Robot`. The first way to the ready pose is slow."""
+        """See `Robot`. The first motion to the ready pose is slow."""
         goal = np.asarray(q, dtype=float)
         if not self._ready:
             speed *= APPROACH
             self._ready = bool(np.abs(goal - self._arm.home).max() < AT_READY)
-        self._follow(self._lead.to_joints(goal, speed))
+
+        def course(before: Course | None, clock: float) -> Course:
+            if before is not None and isinstance(before.path, Path):
+                now = before.path.at(clock)
+            else:  # the set-points at which the joints' springs pull as the TCP's do now
+                rate = self._readout.dq if self._drive.moving else np.zeros(7)
+                lead = self._spring_torque(before) / self._arm.stiffness.joints
+                now = Motion(self._readout.q + lead, rate, np.zeros(7))
+            path = joint_path(self._nominal, self._arm, 0.0, now, goal, speed)
+            return joint_course(path, self._nominal)
+
+        self._follow(course)
 
     def move_pose(self, target: Pose, speed: float, slower: Sequence[Stretch] = ()) -> None:
         """See `Robot`."""
-        self._follow(self._lead.to_pose(target, speed, slower))
+
+        def course(before: Course | None, clock: float) -> Course:
+            begin, q = self._pose_motion(before, clock), self._readout.q
+            path, posture = pose_path(
+                self._nominal, self._arm, 0.0, begin, target, speed, slower, q
+            )
+            return pose_course(path, posture.sample(posture.knots[-1:])[0], self._base)
+
+        self._follow(course)
 
     def swing(self, about: Array, angle: float, frequency: float, cycles: int) -> None:
         """See `Robot`."""
-        self._follow(self._lead.swinging(about, angle, frequency, cycles))
+
+        def course(before: Course | None, clock: float) -> Course:
+            begin = self._pose_motion(before, clock)
+            path = swing_path(0.0, begin, about, angle, frequency, cycles)
+            return pose_course(path, self._posture(before), self._base)
+
+        self._follow(course)
 
     def open_gripper(self) -> None:
         """See `Robot`."""
@@ -137,19 +168,33 @@ class FrankyRobot(Commanded):
 
     def hold(self) -> None:
         """See `Robot`."""
+
+        def course(before: Course | None, clock: float) -> Course:
+            assert before is not None
+            if isinstance(before.path, Path):
+                path = stopped_joints(self._arm, 0.0, before.path.at(clock))
+                return joint_course(path, self._nominal)
+            stopping = stopped_pose(self._arm, 0.0, self._pose_motion(before, clock))
+            return pose_course(stopping, self._posture(before), self._base)
+
         if self._drive.moving:
-            self._follow(self._lead.stopping(), clears=False)
+            self._follow(course, clears=False)
 
     def set_reflex(self, thresholds: Reflex) -> None:
         """See `Robot`: franky's 1 kHz reactions. The control box's own thresholds, which cannot be
-        changed while the arm is controlled, stay as wide as touching asks for."""
+        changed while the arm is controlled, stay as wide as contact needs."""
         if thresholds != self._thresholds:
             self._thresholds, self._guard_due = thresholds, True
 
     def advance(self, duration: float) -> None:
-        """See `Robot`. It never waits for an arm that says nothing."""
+        """See `Robot`. It never blocks on a silent arm."""
         self._cached = None
-        self._renew_guard()
+        if self._guard_due and self._link.fault is None:
+            self._guard_due = False
+            try:
+                self._drive.guard(self._inertia(), self._thresholds)
+            except Exception as error:
+                self._link.fail(error)
         self._link.advance(duration)
 
     def drain(self) -> Samples:
@@ -169,10 +214,12 @@ class FrankyRobot(Commanded):
     def black_box(self) -> Mapping[str, Array] | None:
         """See `Remembering`."""
         why = self._link.fault or self._link.reflex
-        return None if why is None else black_box(self.cycles, why)
+        with self._drive.lock:
+            rows = list(self._drive.log)
+        return None if why is None else black_box(rows, why)
 
     def close(self) -> None:
-        """See `Robot`. What the fingers hold, they go on holding."""
+        """See `Robot`. A held object stays held."""
         if self._closed:
             return
         self._closed = True
@@ -180,40 +227,41 @@ class FrankyRobot(Commanded):
         self._session.close(self._link.lost)
 
     def _pose_begin(self) -> tuple[Array, Array]:
-        now, origin = self._lead.begin()
+        now, origin = self._pose_motion(self._drive.course, self._drive.clock)
         return now.p[:3], origin
 
+    def _pose_motion(self, before: Course | None, clock: float) -> tuple[Motion, Array]:
+        """Return the start of a Cartesian motion: the state of the course `before`, or the set-points
+        at which the TCP's springs pull as the joints' do now; and its reference orientation (4,)."""
+        if before is not None and isinstance(before.path, PosePath):
+            return before.path.motion(clock), before.path.pose(clock).quaternion
+        readout, torque = self._readout, self._spring_torque(before)
+        twist = readout.twist if self._drive.moving else np.zeros(6)
+        springs = self._arm.stiffness
+        return ahead_of(readout.pose_world_tcp, readout.jacobian, torque, springs, twist)
+
+    def _spring_torque(self, before: Course | None) -> Array:
+        """Return the torques (7,), N m, that the springs exert at the joints now."""
+        return self._readout.commanded if before is not None else np.zeros(7)
+
+    def _posture(self, before: Course | None) -> Array:
+        return self._readout.q if before is None or before.posture is None else before.posture
+
+    def _inertia(self) -> Inertia:
+        return Inertia.of(self._nominal.mass_matrix(self._readout.q), self._readout.jacobian)
+
     def _follow(self, make: Maker, clears: bool = True) -> None:
-        """Take up a course; where nothing moves it is made before the control loop is kept waiting."""
+        """Follow a course. For an arm at rest it is made before the control loop has to wait."""
         link, drive = self._link, self._drive
         if link.fault is not None:
             return
         if clears:
             link.reflex = None
         if not drive.moving:
-            make = _as_made(make(drive.course, drive.clock))
+            course = make(drive.course, drive.clock)
+            make = lambda before, clock: course  # noqa: E731
         try:
-            drive.follow(make, self._lead.inertia(), self._thresholds)
+            drive.follow(make, self._inertia(), self._thresholds)
         except Exception as error:
-            link.failed(error)
+            link.fail(error)
         self._guard_due, self._cached = False, None
-
-    def _renew_guard(self) -> None:
-        if not self._guard_due or self._link.fault is not None:
-            return
-        self._guard_due = False
-        try:
-            self._drive.guard(self._lead.inertia(), self._thresholds)
-        except Exception as error:
-            self._link.failed(error)
-
-    def _target(self) -> Pose:
-        course = self._drive.course
-        if course is None:
-            return self._readout.pose_world_tcp
-        row = course.target(self._drive.clock)
-        return Pose(row[:3], row[3:])
-
-
-def _as_made(course: Course) -> Maker:
-    return lambda before, clock: course

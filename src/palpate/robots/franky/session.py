@@ -1,8 +1,9 @@
-"""A connection to a control box and its hand: made within a deadline, watched, and let go."""
+"""A connection to a control box and its hand: made within a time limit, watched, and closed."""
 
 from __future__ import annotations
 
 import atexit
+import ctypes
 import time
 from contextlib import suppress
 from typing import Any
@@ -10,21 +11,22 @@ from typing import Any
 import numpy as np
 
 from palpate.errors import Stopped, Unavailable
+from palpate.geometry.pose import Pose
 from palpate.robots.franky import faults
-from palpate.robots.franky.address import Address
+from palpate.robots.franky.control_box import Address, require_answer
 from palpate.robots.franky.library import Call, Late, franky
-from palpate.robots.franky.preflight import require_answer
+from palpate.robots.franky.readout import pose_of
 from palpate.robots.reflex import Reflex
 
-CONNECTED = 4.0
-"""s within which the control box must have answered."""
-LET_GO = 0.6
-"""s that the end of a control loop is waited for."""
+CONNECTED = 4.0  # s within which the control box must answer
+LET_GO = 0.6  # s to wait for the end of a control loop
+ANSWERS = 2.0  # s within which a guided arm and its hand report their pose
 TORQUES = 0.9
-"""Part of a joint's torque limit that it may feel from outside before the control box stops it."""
+"""Share of a joint's torque limit that an external torque may reach before the control box stops the
+arm."""
 
 _abandoned: list[Any] = []
-"""Objects of franky whose destructors would wait for a control box that is gone."""
+"""Objects of franky whose destructors would wait for a control box that is lost."""
 
 
 class Session:
@@ -39,7 +41,7 @@ class Session:
         """Connect.
 
         Raises:
-            Unavailable: nobody answers within `CONNECTED`, or the arm is not ready.
+            Unavailable: no answer within `CONNECTED`, or the arm is not ready.
         """
         require_answer(address)
         module = franky()
@@ -58,7 +60,7 @@ class Session:
         self.model: Any = self.robot.model
 
     def state(self) -> Any:
-        """franky's newest state, without waiting for a mute control box.
+        """Return franky's newest state, without blocking on a mute control box.
 
         Raises:
             Unavailable: there is none.
@@ -72,18 +74,18 @@ class Session:
             raise Unavailable(f"the robot at {self.address}: {faults.of_error(error)}") from error
 
     def set_thresholds(self, widest: Reflex, torque_max: Any) -> None:
-        """At what the control box itself stops the arm, whatever it does: the outermost wall, as
-        thresholds cannot be changed while a control loop runs."""
+        """Set the control box's own collision thresholds: the outermost limit, as they cannot be
+        changed while a control loop runs."""
         force = widest.force + widest.load
         wrench = [force] * 3 + [widest.torque] * 3
         torques = (TORQUES * np.asarray(torque_max)).tolist()
         self.robot.set_collision_behavior(torques, torques, wrench, wrench)
 
     def recover(self) -> None:
-        """Clear the errors that stopped the arm, because a person says so.
+        """Clear the errors that stopped the arm, on a person's order.
 
         Raises:
-            Unavailable: it is not ready all the same.
+            Unavailable: it is still not ready.
         """
         with suppress(Exception):
             Call(self.robot.recover_from_errors, "palpate recover").result(CONNECTED)
@@ -91,8 +93,8 @@ class Session:
             raise Unavailable(f"the robot at {self.address}: {problem}")
 
     def close(self, lost: bool = False) -> None:
-        """End the control loop without a jerk, and let go; an arm that does not answer is left
-        alone, at once where it is known to be `lost`."""
+        """End the control loop without a jerk, and disconnect; an arm that does not answer is
+        abandoned, immediately where it is known to be `lost`."""
         if lost:
             self.abandon()
             return
@@ -105,7 +107,7 @@ class Session:
             pass
 
     def abandon(self) -> None:
-        """Forget a control box that is gone, without waiting for it."""
+        """Drop a lost control box, without waiting for it."""
         _abandoned.append((getattr(self, "robot", None), getattr(self, "gripper", None)))
 
     def _end(self) -> None:
@@ -126,7 +128,11 @@ class Session:
                 "activated in Desk, and no other program connected?"
             ) from None
         except Exception as error:
-            if (mode := stopped_in(error)) is not None:
+            text = str(error)
+            mode = "Reflex" if "Reflex" in text else None
+            if mode is None and ("UserStopped" in text or "User stopped" in text):
+                mode = "UserStopped"
+            if mode is not None:
                 reason = f"{faults.MODES[mode]}: {faults.REMEDIES[mode]}"
                 raise Stopped(
                     f"{where} cannot be used: it is {reason}, or at a terminal, which asks"
@@ -134,18 +140,30 @@ class Session:
             raise Unavailable(f"{where} cannot be used: {connecting(error)}") from error
 
 
-def stopped_in(error: Exception) -> str | None:
-    """The mode of an arm that was stopped, where that is why it refuses a connection."""
-    text = str(error)
-    if "Reflex" in text:
-        return "Reflex"
-    if "UserStopped" in text or "User stopped" in text:
-        return "UserStopped"
-    return None
+class Guided:
+    """An arm that a person guides by hand: read, never commanded. Implements
+    `palpate.cells.teach.GuidedHand`."""
+
+    def __init__(self, session: Session, pose_world_base: Pose) -> None:
+        self._session, self._base = session, pose_world_base
+
+    def where(self) -> tuple[Pose, float]:
+        """See `GuidedHand`."""
+        session = self._session
+        try:
+            state = Call(lambda: session.robot.state, "palpate state").result(ANSWERS)
+            fingers = Call(lambda: session.gripper.state, "palpate fingers").result(ANSWERS)
+        except Exception as error:
+            raise Unavailable(f"{session.address}: {faults.of_error(error)}") from error
+        return self._base @ pose_of(state.O_T_EE), float(fingers.width)
+
+    def close(self) -> None:
+        """See `GuidedHand`."""
+        self._session.close()
 
 
 def connecting(error: Exception) -> str:
-    """Word the error of a connection that was not made."""
+    """Describe the error of a failed connection."""
     kind, text = type(error).__name__, " ".join(str(error).split())
     if kind == "RealtimeException":
         return (
@@ -162,12 +180,6 @@ def connecting(error: Exception) -> str:
 
 @atexit.register
 def _forget() -> None:
-    """Destructors of what was abandoned never run."""
+    """Keep the destructors of abandoned objects from running."""
     for thing in _abandoned:
-        _immortal(thing)
-
-
-def _immortal(thing: Any) -> None:
-    import ctypes
-
-    ctypes.pythonapi.Py_IncRef(ctypes.py_object(thing))
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(thing))

@@ -1,4 +1,4 @@
-"""The parallel hand: a servo of limited force, and what its encoders tell."""
+"""The parallel hand: a servo of limited force, and its encoders."""
 
 from __future__ import annotations
 
@@ -11,24 +11,20 @@ from palpate.geometry.pose import Array
 from palpate.robots.sheet import ParallelHand
 
 DRIVE = "fingers"
-LAG = 0.015
-"""s that the fingers are behind their set-point."""
-STANDSTILL = 0.001
-"""m/s: fingers slower than this stand still."""
-STANDING = 0.1
-"""s: and for so long, before they count as stopped."""
-NOTHING = 0.002
-"""m: an opening below this is an empty hand."""
+LAG = 0.015  # s that the fingers are behind their set-point
+STANDSTILL = 0.001  # m/s: slower fingers stand still
+STANDING = 0.1  # s of standstill before they count as stopped
+NOTHING = 0.002  # m: an opening below this is an empty hand
 ROUNDING = 0.0015
-"""m: radius of a finger's edges: half more than an object held at one edge of a pad presses it in."""
+"""m: radius of a finger's edges: 1.5 times the indentation by an object held at one edge of a pad."""
 
 
 def add_drive(robot: mujoco.MjSpec, hand: ParallelHand) -> None:
-    """Make the two fingers one mechanism: mirrored, with one drive that pushes each with half its
-    force.
+    """Couple the two fingers into one mechanism, with one drive that pushes each with half its force.
 
-    Its control is each finger's distance from the middle, m. It is damped so that all of its force
-    moves the fingers no faster than they can go: what gives way is followed, and not hit.
+    Its control is each finger's distance from the middle, m. It is damped so that its full force
+    moves the fingers no faster than their speed limit: it follows an object that yields, without an
+    impact.
     """
     tendon = robot.add_tendon(name=DRIVE)
     for finger in hand.fingers:
@@ -45,22 +41,18 @@ def add_drive(robot: mujoco.MjSpec, hand: ParallelHand) -> None:
         ctrlrange=(-0.01, hand.opening / 2),
         forcerange=(-hand.force, hand.force),
     )
-    drive.set_to_position(kp=_damping(hand) / LAG, kv=_damping(hand))
-
-
-def _damping(hand: ParallelHand) -> float:
-    """N s/m, of both fingers together."""
-    return hand.force / hand.speed
+    damping = hand.force / hand.speed  # N s/m, of both fingers together
+    drive.set_to_position(kp=damping / LAG, kv=damping)
 
 
 def round_fingers(robot: mujoco.MjSpec, hand: ParallelHand) -> None:
-    """Give the colliding boxes of the fingers round edges, within the same outlines.
+    """Round the edges of the fingers' colliding boxes, within the same outlines.
 
-    A box that is smaller by the radius, with the radius as its margin, is that: the Minkowski sum
-    with a ball. What presses on it stays within the margin, and so out of a defect of the collision
-    detection: where an edge enters a cylinder, normals are off by up to 90 degrees (MuJoCo 4.0.0
-    with several contacts a pair, mended by its commit bbb71a28), and a can between the edges of the
-    pads would be squeezed out against all friction.
+    A box that is smaller by the radius, with the radius as its margin, is the Minkowski sum with a
+    ball. Contacts stay within the margin, and so out of a defect of the collision detection: where
+    an edge enters a cylinder, normals are off by up to 90 degrees (MuJoCo 4.0.0 with several contacts
+    a pair, mended by its commit bbb71a28), and a can between the edges of the pads would be squeezed
+    out against all friction.
     """
     for finger in hand.fingers:
         for geom in robot.joint(finger).parent.geoms:
@@ -71,23 +63,26 @@ def round_fingers(robot: mujoco.MjSpec, hand: ParallelHand) -> None:
 
 
 class Gripper:
-    """Set-points for the fingers, and their state. Times are robot time, s."""
+    """Set-points for the fingers, and their state. Times are robot time, s.
+
+    Attributes:
+        force: N, limit of the drive.
+        width: m between the fingers.
+        moving: True while a command is executed.
+    """
 
     def __init__(self, hand: ParallelHand) -> None:
         self._open, self._closed, self._speed = hand.opening / 2, -hand.overclose, hand.speed
-        self._strongest, self._damping = hand.force, _damping(hand)
-        self.force = hand.force
-        """N that the drive exerts at most."""
+        self._strongest = self.force = hand.force
+        self._damping = hand.force / hand.speed
         self.width = 2 * self._open
-        """m between the fingers."""
         self.moving = False
-        """A command is under way."""
         self._goal = self._from = self._open
         self._since = self._last_moved = 0.0
 
     @property
     def gripping(self) -> bool:
-        """Closed, and stopped on something."""
+        """True if closed, and stopped by an object."""
         return self._goal == self._closed and not self.moving and self.width > NOTHING
 
     def open(self, t: float) -> None:
@@ -95,13 +90,13 @@ class Gripper:
         self._start(t, self._open, self._strongest)
 
     def close(self, t: float, force: float | None = None) -> None:
-        """Start closing with `force` N, all there is by default, until something resists."""
+        """Start closing with `force` N, by default the full force, until something resists."""
         self._start(t, self._closed, self._strongest if force is None else force)
 
     def setpoints(self, t: Array) -> Array | float:
-        """Each finger's commanded way from the middle at times `t` (n,), m, until the fingers are
-        observed next."""
-        if self._there(t[0]):
+        """Compute each finger's commanded distance from the middle, m, at times `t` (n,), until the
+        next observation of the fingers."""
+        if self._arrived(t[0]):
             return self._goal
         way = self._speed * (t - self._since)
         if self._goal > self._from:
@@ -109,15 +104,16 @@ class Gripper:
         return np.maximum(self._from - way, self._goal)
 
     def observe(self, t: float, fingers: Sequence[float], speeds: Sequence[float]) -> None:
-        """Take note of the fingers' two ways from the middle, m, and their speeds, m/s.
+        """Update the state from the fingers' distances from the middle, m, and their speeds, m/s.
 
-        Fingers that touch are closed, however much the end stops give under the drive. The set-point
-        waits for fingers that it leads by more than all of the force needs: where something gives
-        way at last, they do not jump after it.
+        Fingers that touch are closed, however much the end stops yield under the drive. The set-point
+        leads the fingers by no more than the full force needs: they do not jump when an obstacle
+        yields at last.
         """
         self.width = max(0.0, sum(fingers))
         middle, speed = sum(fingers) / 2, max(map(abs, speeds))
-        commanded, lead = self._commanded(t), self._lead(speed)
+        commanded = self._commanded(t)
+        lead = LAG * (self.force / self._damping + speed)  # m, at this speed and full force
         pressed = commanded == self._goal or commanded < middle - lead
         self._from, self._since = min(max(commanded, middle - lead), middle + lead), t
         if not self.moving:
@@ -126,20 +122,16 @@ class Gripper:
             self._last_moved = t
         self.moving = t - self._last_moved < STANDING
 
-    def _lead(self, speed: float) -> float:
-        """m that the set-point is ahead of fingers that go with a speed, m/s, and all the force."""
-        return LAG * (self.force / self._damping + speed)
-
     def _commanded(self, t: float) -> float:
-        """Return the set-point at one time; same as `setpoints`, but called every tick."""
-        if self._there(t):
+        """Compute the set-point at one time, every tick: `setpoints` in plain floats, for speed."""
+        if self._arrived(t):
             return self._goal
         way = self._speed * (t - self._since)
         if self._goal > self._from:
             return min(self._from + way, self._goal)
         return max(self._from - way, self._goal)
 
-    def _there(self, t: float) -> bool:
+    def _arrived(self, t: float) -> bool:
         return t - self._since > abs(self._goal - self._from) / self._speed
 
     def _start(self, t: float, goal: float, force: float) -> None:

@@ -2,7 +2,7 @@
 
 The springs and dampers are actuators: three along the world's axes and an orientation servo between
 the TCP and the world, one at each joint. Their set-points, and the nominal model's feed-forward and
-null-space torques, are the controls. Feedback is the encoders' alone; torque sensing does not enter
+null-space torques, are the controls. Feedback is from the encoders alone; torque sensing is not in
 the loop.
 """
 
@@ -20,11 +20,8 @@ from palpate.robots.model import PREFIX
 from palpate.robots.nominal import wrench
 from palpate.robots.sheet import Stiffness
 
-POSTURE_RATE = 5.0
-"""rad/s: how fast the null space settles to its posture."""
-
-MOST_AWAY = 0.5
-"""rad: the posture does not pull harder than this far away."""
+POSTURE_RATE = 5.0  # rad/s, natural frequency of the null space about its posture
+MOST_AWAY = 0.5  # rad from the posture at which its pull saturates
 
 ORIGIN = PREFIX + "origin"
 AXES = tuple(f"{PREFIX}cartesian_{axis}" for axis in "xyz")
@@ -33,8 +30,10 @@ DRIVES = tuple(f"{PREFIX}drive{i}" for i in range(1, 8))
 
 
 def add_actuators(world: mujoco.MjSpec, arm: RobotDescription) -> None:
-    """Add the controller's actuators to a world that the robot is attached to. They inherit what the
-    arm's own defaults say, and nothing of the scene's."""
+    """Add the controller's actuators to a world that the robot is attached to.
+
+    They inherit the arm's own defaults, and none of the scene's.
+    """
     own = world.find_default(PREFIX + "main")
     world.worldbody.add_site(own, name=ORIGIN, group=4)
     site, tcp = mujoco.mjtTrn.mjTRN_SITE, PREFIX + arm.tcp
@@ -49,34 +48,37 @@ def add_actuators(world: mujoco.MjSpec, arm: RobotDescription) -> None:
             own, name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=PREFIX + joint
         )
         drive.set_to_position(kp=1.0, kv=1.0)
-    for joint in arm.joints:
         world.joint(PREFIX + joint).actgravcomp = True
 
 
 class Inertia(NamedTuple):
-    """Inertia that the springs act on in one configuration: at the TCP (6, 6), world axes, and at the joints
-    (7, 7)."""
+    """Inertia that the springs act on in one configuration.
+
+    Attributes:
+        tcp: (6, 6), world axes.
+        joints: (7, 7).
+    """
 
     tcp: Array
     joints: Array
 
     @classmethod
     def of(cls, mass_matrix: Array, jacobian: Array) -> Inertia:
-        """From the joint-space inertia (7, 7) and the Jacobian (6, 7), world axes about the TCP."""
+        """Compute both from the joint-space inertia M (7, 7) and the Jacobian J (6, 7), world axes
+        about the TCP: (J M^-1 J^T)^-1."""
         mobility = jacobian @ np.linalg.solve(mass_matrix, jacobian.T)
-        return cls(
-            np.asarray(np.linalg.inv(mobility + 1e-6 * np.eye(6)), dtype=np.float64), mass_matrix
-        )
+        inverse = np.linalg.inv(mobility + 1e-6 * np.eye(6))  # finite in singular poses, too
+        return cls(np.asarray(inverse, dtype=np.float64), mass_matrix)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Gains:
-    """Stiffness of the active springs, and their critical damping 2 sqrt(k m) with the inertia that each
-    moves.
+    """Stiffness of the active springs, and their critical damping 2 sqrt(k m) with the inertia that
+    each moves.
 
     Attributes:
-        cartesian: the TCP's springs act, and the joint drives take torques; else the joints'
-            springs act.
+        cartesian: True if the TCP's springs act, and the joint drives take torques; False if the
+            joints' springs act.
         stiffness, damping: (6,) at the TCP, world axes, or (7,) at the joints.
         inertia: (6, 6) or (7, 7) that they move.
         own: (7,) kg m^2, each joint's own.
@@ -90,31 +92,30 @@ class Gains:
 
     @classmethod
     def of_tcp(cls, springs: Stiffness, inertia: Inertia) -> Gains:
-        """The TCP's springs."""
+        """Return the gains of the TCP's springs."""
         stiffness = np.repeat([springs.translation, springs.rotation], 3)
         along = np.diag(inertia.tcp).copy()
         along[3:] = along[3:].mean()  # the orientation servo has one damping for all axes
-        return cls(
-            True, stiffness, 2 * np.sqrt(stiffness * along), inertia.tcp, np.diag(inertia.joints)
-        )
+        damping = 2 * np.sqrt(stiffness * along)
+        return cls(True, stiffness, damping, inertia.tcp, np.diag(inertia.joints))
 
     @classmethod
     def of_joints(cls, springs: Stiffness, inertia: Inertia) -> Gains:
-        """The joints' springs."""
+        """Return the gains of the joints' springs."""
         own = np.diag(inertia.joints)
         return cls(False, springs.joints, 2 * np.sqrt(springs.joints * own), inertia.joints, own)
 
     @classmethod
     def of_torques(cls, inertia: Array) -> Gains:
-        """No springs and no dampers: the joint drives take torques. `inertia` (7, 7) kg m^2."""
+        """Return zero gains: the joint drives take torques. `inertia` (7, 7) kg m^2."""
         return cls(False, np.zeros(7), np.zeros(7), inertia, np.diag(inertia))
 
     def joint_damping(self, jacobian: Array) -> Array:
-        """Sum of all dampers at the joints, (7, 7)."""
+        """Compute the damping of all dampers at the joints, (7, 7): J^T D J."""
         return self._at_joints(self.damping, jacobian)
 
     def joint_stiffness(self, jacobian: Array) -> Array:
-        """Sum of all springs at the joints, (7, 7)."""
+        """Compute the stiffness of all springs at the joints, (7, 7): J^T K J."""
         return self._at_joints(self.stiffness, jacobian)
 
     def _at_joints(self, each: Array, jacobian: Array) -> Array:
@@ -123,7 +124,7 @@ class Gains:
         return jacobian.T @ (each[:, None] * jacobian)
 
     def lead(self, rate: Array, acceleration: Array) -> Array:
-        """Lead (n, 6 or 7) of the springs' set-points for a motion without lag.
+        """Compute the lead (n, 6 or 7) of the springs' set-points for a motion without lag.
 
         Args:
             rate, acceleration: (n, 6 or 7) of the motion, in the springs' axes.
@@ -131,15 +132,15 @@ class Gains:
         return (self.damping * rate + acceleration @ self.inertia) / self.stiffness
 
     def posture_torque(self, away: Array, rate: Array, jacobian: Array) -> Array:
-        """(7,) N m that bring the null space back by `away`, rad, at `rate`, rad/s, without a force
-        at the TCP."""
+        """Compute the torques (7,), N m, that close the null space's distance `away`, rad, and rate
+        error `rate`, rad/s, without a force at the TCP."""
         near = np.minimum(np.maximum(away, -MOST_AWAY), MOST_AWAY)
         torque = self.own * (POSTURE_RATE**2 * near + 2 * POSTURE_RATE * rate)
         return torque - jacobian.T @ wrench(jacobian, torque)
 
 
 class Actuators:
-    """Indices of the controller's actuators in a model, and the setting of their gains.
+    """The controller's actuators in a model, and the setting of their gains.
 
     Attributes:
         position, orientation, drives: indices into `ctrl`.
@@ -151,13 +152,12 @@ class Actuators:
         self._turn = model.actuator(ORIENTATION).id
         self._drives = [model.actuator(name).id for name in DRIVES]
         first = model.actuator_ctrladr
-        self.position = slice(int(first[self._axes[0]]), int(first[self._axes[0]]) + 3)
-        self.orientation = slice(int(first[self._turn]), int(first[self._turn]) + 4)
-        self.drives = slice(int(first[self._drives[0]]), int(first[self._drives[0]]) + 7)
+        place, turn, drive = (int(first[i]) for i in (self._axes[0], self._turn, self._drives[0]))
+        self.position, self.orientation = slice(place, place + 3), slice(turn, turn + 4)
+        self.drives = slice(drive, drive + 7)
 
     def set(self, gains: Gains) -> None:
-        """Let these springs act, and no others; where the joints' do not, their drives become
-        torque inputs."""
+        """Activate these springs alone; where the joints' are off, their drives are torque inputs."""
         if gains.cartesian:
             self._spring(self._axes, gains.stiffness[:3], gains.damping[:3])
             self._spring(self._turn, gains.stiffness[3], gains.damping[3])

@@ -12,30 +12,28 @@ from numpy.typing import NDArray
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.nominal import NominalArm, wrenches
 from palpate.robots.simulated.impedance import Gains
+from palpate.robots.simulated.noise.disturbances import Motion
 from palpate.robots.simulated.noise.encoders import Encoders
-from palpate.robots.simulated.noise.motion import Motion
+from palpate.robots.simulated.noise.line import Stamps
 from palpate.robots.simulated.noise.sensors import Sensors
-from palpate.robots.simulated.noise.stamps import Stamps
-from palpate.robots.simulated.steps import Steps
 from palpate.robots.simulated.timing import DAMPING_DELAY, PERIOD, SPRING_DELAY
+from palpate.robots.simulated.world import Steps
 from palpate.trace.samples import Samples
 
-OBSERVER_TIME = 0.01
-"""s: time constant of the momentum observer, two log periods."""
-LOAD_TIME = 0.2
-"""s: a vertical force that lasts so long is taken for a load."""
+OBSERVER_TIME = 0.01  # s, time constant of the momentum observer, two log periods
+LOAD_TIME = 0.2  # s, time constant with which a vertical force is taken for a load
 
 _KEPT = math.exp(-PERIOD / OBSERVER_TIME)
 
 
-class _Way(NamedTuple):
-    """Motion of the arm over n log periods.
+class ReportedMotion(NamedTuple):
+    """Motion of the arm over n log periods, as its encoders report it.
 
     Attributes:
-        mean: (n, 21) joint angles, rad, the TCP's pose, and N m that hold the nominal arm up.
+        mean: (n, 21) joint angles, rad, the TCP's pose, and gravity torques, N m.
         dq: (n, 7) rad/s.
-        gained: (n, 7) rad/s.
-        jacobian: (n, 6, 7) in the end.
+        gained: (n, 7) rad/s, change of the joint rates in each period.
+        jacobian: (n, 6, 7) at the end of each period.
         inertia_torque: (n, 7) N m, as `Kinematics`.
     """
 
@@ -46,7 +44,7 @@ class _Way(NamedTuple):
     inertia_torque: Array
 
 
-class _Felt(NamedTuple):
+class Measurement(NamedTuple):
     """Torques and wrenches measured along a motion.
 
     Attributes:
@@ -69,16 +67,16 @@ class Readout:
         q, dq: (7,) rad, rad/s.
         tau, tau_ext: (7,) N m.
         wrench, contact, twist: (6,).
-        pose_world_tcp: (7,) of the newest encoder reading, not a block's mean.
+        pose_world_tcp: pose of the newest encoder reading, not a block's mean.
         stamp: s, robot time of the newest sample that arrived.
-        told: (7,) rad, joint angles, and the TCP's pose, as of it.
+        reported: joint angles (7,), rad, and pose of the TCP, as of that sample.
         jacobian: (6, 7).
         gravity_torque: (7,) N m, nominal.
         commanded: (7,) N m, the last block's.
-        speed: (7,) rad/s at the very end; `dq` is the last block's mean.
-        deviation: (7,) N m, what the torque sensors now show beyond the truth, but for noise.
-        load: N that hangs on the hand: the slow part of the vertical force.
-        astray: (7,) rad, reported less true joint angles now.
+        speed: (7,) rad/s at the end of the last block; `dq` is its mean.
+        deviation: (7,) N m, sensed less true torque now, without white noise.
+        load: N on the hand: the slow part of the vertical force.
+        angle_error: (7,) rad, reported less true joint angles now.
     """
 
     def __init__(
@@ -91,18 +89,18 @@ class Readout:
         torque: Array,
         gains: Array,
     ) -> None:
-        """At rest at `q` (7,), rad, held up by `torque` (7,), N m; `gains` (7,) are the relative
-        errors of the sensors that were measured, and are corrected."""
+        """Zero the sensors at rest at `q` (7,), rad, held up by `torque` (7,), N m; `gains` (7,) are
+        measured relative errors of the sensors, which are corrected."""
         self._nominal, self._sensors, self._encoders = nominal, sensors, encoders
         self._stamps = stamps
-        self._reflected = nominal.armature
+        self._armature = nominal.armature
         reported = encoders.reported(q[None], torque[None])
         here = nominal.kinematics(reported)
-        self.astray = reported[0] - q
+        self.angle_error = reported[0] - q
         self._last = np.concatenate([reported[0], here.pose_world_tcp[0], here.gravity_torque[0]])
-        self._stray = np.zeros(7)
+        self._last_noise = np.zeros(7)
         self.stamp = 0.0
-        self.told = (self.q, self.pose_world_tcp)
+        self.reported = (self.q, self.pose_world_tcp)
         self.speed = np.zeros(7)
         self.dq, self.tau_ext, self._external = np.zeros(7), np.zeros(7), np.zeros(7)
         self.wrench, self.contact, self.twist = np.zeros(6), np.zeros(6), np.zeros(6)
@@ -128,65 +126,33 @@ class Readout:
         return Pose(row[:3] + self._encoders.pose_error, row[3:])
 
     def read(self, steps: Steps, gains: Gains, t: float, target: Array) -> Samples:
-        """The samples of a run of steps that ended at world time `t` with the TCP commanded to
-        `target` (n, 7); those that arrived.
+        """Return the samples that arrive of a run of steps.
 
-        Positions, torques and all that follows are means over a sample's block.
+        Positions, torques and derived signals are means over a sample's block.
+
+        Args:
+            t: world time at the end of the run.
+            target: (n, 7) commanded poses of the TCP.
         """
-        way = self._follow(steps)
-        felt = self._feel(steps, way, gains)
+        motion = self._follow(steps)
+        measured = self._measure(steps, motion, gains)
         self._encoders.pass_time(len(steps.q))
-        way.mean[:, 7:10] += self._encoders.pose_error
-        dq = way.dq if self._encoders.clean else self._blur(way)
+        motion.mean[:, 7:10] += self._encoders.pose_error
+        dq = motion.dq if self._encoders.clean else self._add_noise(motion)
         samples = Samples(
-            self._stamps.of(t - PERIOD * np.arange(len(dq) - 1.0, -1.0, -1.0)),
-            way.mean[:, :7],
-            dq,
-            felt.tau_ext,
-            felt.wrench,
-            way.mean[:, 7:14],
-            np.matmul(way.jacobian, dq[:, :, None])[:, :, 0],
-            target,
-            steps.fingers.sum(1),
+            t=self._stamps.of(t - PERIOD * np.arange(len(dq) - 1.0, -1.0, -1.0)),
+            q=motion.mean[:, :7],
+            dq=dq,
+            tau_ext=measured.tau_ext,
+            wrench=measured.wrench,
+            pose_world_tcp=motion.mean[:, 7:14],
+            twist=np.matmul(motion.jacobian, dq[:, :, None])[:, :, 0],
+            target_world_tcp=target,
+            width=steps.fingers.sum(1),
         )
-        return self._arriving(samples, felt)
-
-    def _follow(self, steps: Steps) -> _Way:
-        """Compute the arm's motion as its encoders report it, without their noise."""
-        gained = self._gained(steps.dq)
-        q = self._reported(steps)
-        here = self._nominal.kinematics(q, steps.dq, gained / PERIOD)
-        rows = np.empty((len(q) + 1, 21))
-        rows[0], rows[1:, :7] = self._last, q
-        rows[1:, 7:14], rows[1:, 14:] = here.pose_world_tcp, here.gravity_torque
-        mean = rows[1:] + rows[:-1]
-        mean *= 0.5
-        dq = (rows[1:, :7] - rows[:-1, :7]) / PERIOD
-        self._last, self.jacobian, self.astray = rows[-1], here.jacobian[-1], q[-1] - steps.q[-1]
-        return _Way(mean, dq, gained, here.jacobian, here.inertia_torque)
-
-    def _feel(self, steps: Steps, way: _Way, gains: Gains) -> _Felt:
-        """Simulate the torque sensors along a motion."""
-        true = self._link_torque(steps, way.gained, gains)
-        motion = Motion(way.mean[:, :7], way.dq, self.jacobian, way.mean[:, 7:10])
-        torque, arrived, shown = self._sensors.measure(true, motion)
-        torque = self._corrected(torque)
-        self.commanded, self.deviation = steps.torque[-1], self._corrected(shown) - true[-1]
-        tau_ext = torque - way.mean[:, 14:]
-        external = self._observe(tau_ext - way.inertia_torque)
-        both = np.empty((*tau_ext.shape, 2))
-        both[:, :, 0], both[:, :, 1] = tau_ext, external
-        both = wrenches(way.jacobian, both)
-        wrench, contact = both[:, :, 0], both[:, :, 1]
-        newer = -math.expm1(-len(torque) * PERIOD / LOAD_TIME)
-        self.load += (contact[-1, 2] - self.load) * newer
-        return _Felt(torque, tau_ext, wrench, contact, arrived)
-
-    def _arriving(self, samples: Samples, felt: _Felt) -> Samples:
-        """Return the samples that arrive; the newest sets the reported state of the arm."""
-        torque, contact, arrived = felt.torque, felt.contact, felt.arrived
+        torque, contact, arrived = measured.torque, measured.contact, measured.arrived
         if arrived is None or arrived[-1]:
-            self.told = (self.q, self.pose_world_tcp)
+            self.reported = (self.q, self.pose_world_tcp)
         if arrived is not None and not arrived.all():
             samples, torque, contact = samples.where(arrived), torque[arrived], contact[arrived]
         if len(samples):
@@ -195,52 +161,76 @@ class Readout:
             self.tau, self.tau_ext, self.contact = torque[-1], samples.tau_ext[-1], contact[-1]
         return samples
 
-    def _corrected(self, torque: Array) -> Array:
-        """Readings (..., 7), N m, without the gains' errors as far as these are known. They were
-        zeroed to what the nominal arm weighs there, and are so again."""
-        return self._zeroed + (torque - self._zeroed) / self._gains
+    def _follow(self, steps: Steps) -> ReportedMotion:
+        """Compute the arm's motion as its encoders report it, without their noise."""
+        gained = steps.dq.copy()
+        gained[0] -= self.speed
+        gained[1:] -= steps.dq[:-1]
+        self.speed = steps.dq[-1]
+        q = self._reported(steps)
+        here = self._nominal.kinematics(q, steps.dq, gained / PERIOD)
+        rows = np.empty((len(q) + 1, 21))
+        rows[0], rows[1:, :7] = self._last, q
+        rows[1:, 7:14], rows[1:, 14:] = here.pose_world_tcp, here.gravity_torque
+        mean = rows[1:] + rows[:-1]
+        mean *= 0.5
+        dq = (rows[1:, :7] - rows[:-1, :7]) / PERIOD
+        self._last, self.jacobian = rows[-1], here.jacobian[-1]
+        self.angle_error = q[-1] - steps.q[-1]
+        return ReportedMotion(mean, dq, gained, here.jacobian, here.inertia_torque)
 
     def _reported(self, steps: Steps) -> Array:
-        """(n, 7) rad at the end of each block, as the encoders have it, but for their noise."""
+        """Compute the encoders' angles (n, 7), rad, at the end of each block, without noise."""
         encoders = self._encoders
         q = encoders.reported(steps.q, steps.torque)
         if encoders.soft:
             tool = self.pose_world_tcp.rotation[:, 2]
             jacobians = np.broadcast_to(self.jacobian, (len(q), 6, 7))
-            felt = wrenches(jacobians, steps.contact[:, :, None])[:, :3, 0]
-            q = q + encoders.pressed(self.jacobian, -felt @ tool, tool)
+            force = wrenches(jacobians, steps.contact[:, :, None])[:, :3, 0]
+            q = q + encoders.pressed(self.jacobian, -force @ tool, tool)
         return q
 
-    def _blur(self, way: _Way) -> Array:
-        """Give the angles (in `way.mean`) and the poses that follow from them the encoders' noise;
-        returns the rates (n, 7), rad/s, that they have with it."""
-        mean, dq, noise = way.mean, way.dq, self._encoders.noise(len(way.mean))
+    def _measure(self, steps: Steps, motion: ReportedMotion, gains: Gains) -> Measurement:
+        """Simulate the torque sensors along a motion."""
+        true = self._link_torque(steps, motion.gained, gains)
+        place = Motion(motion.mean[:, :7], motion.dq, self.jacobian, motion.mean[:, 7:10])
+        torque, arrived, shown = self._sensors.measure(true, place)
+        torque = self._corrected(torque)
+        self.commanded, self.deviation = steps.torque[-1], self._corrected(shown) - true[-1]
+        tau_ext = torque - motion.mean[:, 14:]
+        both = np.empty((*tau_ext.shape, 2))
+        both[:, :, 0], both[:, :, 1] = tau_ext, self._observe(tau_ext - motion.inertia_torque)
+        both = wrenches(motion.jacobian, both)
+        wrench, contact = both[:, :, 0], both[:, :, 1]
+        newer = -math.expm1(-len(torque) * PERIOD / LOAD_TIME)
+        self.load += (contact[-1, 2] - self.load) * newer
+        return Measurement(torque, tau_ext, wrench, contact, arrived)
+
+    def _corrected(self, torque: Array) -> Array:
+        """Correct readings (..., 7), N m, for the measured gains, about the torque at zeroing."""
+        return self._zeroed + (torque - self._zeroed) / self._gains
+
+    def _add_noise(self, motion: ReportedMotion) -> Array:
+        """Add the encoders' noise to the angles and poses of `motion.mean`; return the noisy rates
+        (n, 7), rad/s."""
+        mean, dq, noise = motion.mean, motion.dq, self._encoders.noise(len(motion.mean))
         if noise is not None:
             mean[:, :7] += noise
-            mean[:, 7:10] += np.matmul(way.jacobian[:, :3], noise[:, :, None])[:, :, 0]
-            before = np.concatenate([self._stray[None], noise[:-1]])
+            mean[:, 7:10] += np.matmul(motion.jacobian[:, :3], noise[:, :, None])[:, :, 0]
+            before = np.concatenate([self._last_noise[None], noise[:-1]])
             dq = dq + (noise - before) / PERIOD
-            self._stray = noise[-1]
+            self._last_noise = noise[-1]
         mean[:, :7] = self._encoders.quantised(mean[:, :7])
         return dq
 
-    def _gained(self, dq: Array) -> Array:
-        """(n, 7) rad/s that the joints gained in each block."""
-        gained = dq.copy()
-        gained[0] -= self.speed
-        gained[1:] -= dq[:-1]
-        self.speed = dq[-1]
-        return gained
-
     def _observe(self, residual: Array) -> Array:
-        """The momentum observer: external joint torque (n, 7), N m, of n log periods.
+        """Estimate the external joint torque (n, 7), N m, of n log periods: the momentum observer.
 
-        `residual` (n, 7) is what the torques did in each period beyond moving the links: less than
-        nothing explains it but a contact or a load. The observer is its first-order filter,
-        r' = K (tau_ext - r): A. De Luca, A. Albu-Schäffer, S. Haddadin, G. Hirzinger, "Collision
-        Detection and Safe Reaction with the DLR-III Lightweight Manipulator Arm", IROS 2006. There
-        the momentum is integrated so that no acceleration is needed; over one period, its gain is
-        the mean acceleration's.
+        The `residual` (n, 7) is the torque in each period that does not move the links: a contact or
+        a load. The observer is its first-order filter, r' = K (tau_ext - r): A. De Luca, A.
+        Albu-Schäffer, S. Haddadin, G. Hirzinger, "Collision Detection and Safe Reaction with the
+        DLR-III Lightweight Manipulator Arm", IROS 2006. There the momentum is integrated so that no
+        acceleration is needed; over one period, its gain is the mean acceleration's.
         """
         out = (1.0 - _KEPT) * residual
         before = self._external
@@ -251,15 +241,15 @@ class Readout:
         return out
 
     def _link_torque(self, steps: Steps, gained: Array, gains: Gains) -> Array:
-        """Mean torque behind the gears in each sample's block (n, 7): less what turns the motors
-        themselves.
+        """Compute the mean torque (n, 7) behind the gears in each block, without that of the motors'
+        own inertia.
 
         The torque is sampled at the beginning of a cycle's last physics step. The integrator is
-        implicit in the dampers: in the mean they act with the speed that the arm has
-        `DAMPING_DELAY` after that. Springs act in every physics step with where the arm is then:
-        in the mean, `SPRING_DELAY` before.
+        implicit in the dampers: on average they act with the arm's speed `DAMPING_DELAY` after that.
+        Springs act in every physics step with the arm's position then: on average, `SPRING_DELAY`
+        before.
         """
         late = gains.joint_damping(self.jacobian) * DAMPING_DELAY
         early = gains.joint_stiffness(self.jacobian) * SPRING_DELAY
         speed = steps.dq - gained / 2.0
-        return steps.torque + speed @ early - (gained @ late + gained * self._reflected) / PERIOD
+        return steps.torque + speed @ early - (gained @ late + gained * self._armature) / PERIOD

@@ -1,8 +1,8 @@
 """The embedded robot: a simulated arm in a hidden world, behind the protocol of a real one.
 
-Each `advance` computes the set-points of the steps ahead, lets the world run them, and makes of the
-recorded joint signals what the robot's sensors would say: the controller's 1 kHz loop itself is the
-world's actuators (`impedance`), so that Python runs once per tick and not once per step.
+Each `advance` computes the set-points of the steps ahead, lets the world run them, and converts the
+recorded joint signals into sensor readings. The controller's 1 kHz loop itself is the world's
+actuators (`impedance`), so that Python runs once per tick and not once per step.
 """
 
 from __future__ import annotations
@@ -28,23 +28,22 @@ from palpate.robots.owner.calibrated import known, unmeasured
 from palpate.robots.owner.config import RobotConfig
 from palpate.robots.reflex import Reflex
 from palpate.robots.robot import RobotState
-from palpate.robots.simulated.correction import Correction
 from palpate.robots.simulated.gripper import Gripper
 from palpate.robots.simulated.guard import Guard, Reaction
 from palpate.robots.simulated.impedance import Gains, Inertia
 from palpate.robots.simulated.noise.encoders import Encoders
+from palpate.robots.simulated.noise.line import Stamps
 from palpate.robots.simulated.noise.models import noise_models
 from palpate.robots.simulated.noise.sensors import Sensors
-from palpate.robots.simulated.noise.stamps import Stamps
 from palpate.robots.simulated.noise.true_arm import Truth
 from palpate.robots.simulated.noise.values import Streams
 from palpate.robots.simulated.readout import Readout
 from palpate.robots.simulated.setpoints import (
+    Correction,
     Setpoints,
     joint_setpoints,
     pose_setpoints,
 )
-from palpate.robots.simulated.steps import Steps
 from palpate.robots.simulated.timing import BLOCK, DAMPING_DELAY, LONGEST_RUN, PERIOD, TIMESTEP
 from palpate.robots.simulated.world import World
 from palpate.robots.trajectory.path import Motion, Path, still
@@ -55,10 +54,8 @@ from palpate.trace.samples import Samples
 if TYPE_CHECKING:
     import mujoco
 
-STANDSTILL = 0.005
-"""rad/s: slower joints have stopped giving way."""
-SHORTEST_YIELD, LONGEST_YIELD = 0.1, 0.5
-"""s after a reflex."""
+STANDSTILL = 0.005  # rad/s: slower joints have stopped yielding
+SHORTEST_YIELD, LONGEST_YIELD = 0.1, 0.5  # s after a reflex
 
 
 class MujocoRobot(Commanded):
@@ -82,11 +79,12 @@ class MujocoRobot(Commanded):
         """Put the true `arm` of the noise model into `world`, which is changed.
 
         Args:
-            pose_world_base: where the base is thought to stand.
-            stands: where it stands in `world` but for what the noise model says; there, by default.
-            gravity: (3,) m/s^2 that is thought to act; the world's, by default. What was measured of
-                the arm comes before it.
-            visit: the same robot on another day: all that is drawn once a run is another one.
+            pose_world_base: stated pose of the base.
+            stands: pose of the base in `world`, to which the noise model adds its error; by default
+                the stated one.
+            gravity: (3,) m/s^2, stated gravity; the world's, by default. A value measured with the
+                arm has precedence.
+            visit: number of the robot's run, which seeds all errors that differ from run to run.
 
         Raises:
             InputError: no such noise model, or the world does not compile with the robot in it.
@@ -101,7 +99,7 @@ class MujocoRobot(Commanded):
         self._world = World(world, stands or pose_world_base, unmeasured(arm), truth)
         self._sensors = Sensors(model, arm.limits.tau_max, streams)
         self._encoders = Encoders(model, self._sensors.rests, streams)
-        self._world.feels = bool(self._encoders.soft)
+        self._world.records_contact = bool(self._encoders.soft)
         self._stamps = Stamps(model.acquisition, streams)
         self._wider = truth.width()
         self._gripper = Gripper(arm.hand)
@@ -110,24 +108,19 @@ class MujocoRobot(Commanded):
         self._reflex: str | None = None
         self._due = 0.0
         self._logged: list[Samples] = []
-        # The controller holds up what was measured of the arm, MuJoCo what its description says.
         config = arm.config or RobotConfig()
-        measured = config.gravity or config.end_effector or config.base_lean
-        self._start(arm.home, truth.askew or measured is not None)
-
-    def _start(self, q: Array, askew: bool) -> None:
-        """At rest at the configuration `q`, sensors zeroed."""
-        weight = self._world.true_gravity_torque()
-        gains = self._arm.config.torque_gain if self._arm.config is not None else None
         self._readout = Readout(
-            self._nominal,
-            self._sensors,
-            self._encoders,
-            self._stamps,
-            q,
-            weight,
-            np.zeros(7) if gains is None else gains.value,
+            nominal=nominal,
+            sensors=self._sensors,
+            encoders=self._encoders,
+            stamps=self._stamps,
+            q=arm.home,
+            torque=self._world.true_gravity_torque(),
+            gains=np.zeros(7) if config.torque_gain is None else config.torque_gain.value,
         )
+        # The controller compensates the measured arm, MuJoCo the described one.
+        measured = config.gravity or config.end_effector or config.base_lean
+        askew = truth.askew or measured is not None
         self._correction = Correction(self._world, self._readout, self._encoders, askew)
         self._target = self._readout.pose_world_tcp.vector
         self._cached: RobotState | None = None
@@ -135,7 +128,7 @@ class MujocoRobot(Commanded):
 
     @property
     def world(self) -> World:
-        """The hidden world, for pictures and, once the estimates are made, for the truth."""
+        """The hidden world: for pictures, and for the truth after the estimates are made."""
         return self._world
 
     @property
@@ -143,7 +136,7 @@ class MujocoRobot(Commanded):
         """State as of the last `advance`."""
         if self._cached is None:
             readout, gripper, t = self._readout, self._gripper, self._world.t
-            q, pose = readout.told
+            q, pose = readout.reported
             self._cached = RobotState(
                 t=t * self._stamps.rate,
                 stamp=readout.stamp,
@@ -168,8 +161,8 @@ class MujocoRobot(Commanded):
         """See `Robot`. No part exceeds the description's pace."""
         self._reflex = None
         t, goal = self._world.t, np.asarray(q, dtype=float)
-        path = joint_path(self._nominal, self._arm, t, self._joint_motion(), goal, speed)
-        self._follow_joints(path)
+        begin = self._joint_motion()
+        self._follow_joints(joint_path(self._nominal, self._arm, t, begin, goal, speed))
 
     def move_pose(self, target: Pose, speed: float, slower: Sequence[Stretch] = ()) -> None:
         """See `Robot`. Slower where the arm's effective mass is large."""
@@ -232,11 +225,11 @@ class MujocoRobot(Commanded):
         return self._setpoints.path
 
     def _follow_joints(self, path: Path) -> None:
-        gains = Gains.of_joints(self._arm.stiffness, self._inertia(_halfway(path)))
+        gains = Gains.of_joints(self._arm.stiffness, self._inertia(path))
         self._follow(joint_setpoints(path, self._world.t, gains, self._nominal.poses), gains)
 
     def _follow_pose(self, path: PosePath, posture: Path) -> None:
-        gains = Gains.of_tcp(self._arm.stiffness, self._inertia(_halfway(posture)))
+        gains = Gains.of_tcp(self._arm.stiffness, self._inertia(posture))
         self._follow(pose_setpoints(path, posture, self._world.t, gains), gains)
 
     def _follow(self, setpoints: Setpoints, gains: Gains) -> None:
@@ -244,14 +237,14 @@ class MujocoRobot(Commanded):
         self._yielding = False
         self._world.actuators.set(gains)
 
-    def _inertia(self, q: Array) -> Inertia:
-        return Inertia.of(
-            self._nominal.mass_matrix(q), self._nominal.kinematics(q[None]).jacobian[0]
-        )
+    def _inertia(self, path: Path) -> Inertia:
+        """Return the inertia for a whole motion: halfway between its ends."""
+        nominal, q = self._nominal, path.sample(path.knots[[0, -1]]).mean(0)
+        return Inertia.of(nominal.mass_matrix(q), nominal.kinematics(q[None]).jacobian[0])
 
     def _joint_motion(self) -> Motion:
-        """Return the start of a joint motion: on the present one, or where the joints' springs pull as the
-        TCP's do now."""
+        """Return the start of a joint motion: the present one's state, or the set-points at which
+        the joints' springs pull as the TCP's do now."""
         t, path, readout = self._world.t, self._path, self._readout
         if isinstance(path, Path) and not self._yielding:
             return path.at(t)
@@ -259,15 +252,14 @@ class MujocoRobot(Commanded):
         return Motion(self._leading(), rate, np.zeros(7))
 
     def _leading(self) -> Array:
-        """(7,) rad where the joints' springs would pull as hard as is pulled now: from there on
-        nothing jerks."""
+        """Compute the joint set-points (7,), rad, at which the joints' springs exert the present
+        torques: a change to them is free of jerks."""
         return self._readout.q + self._sprung() / self._arm.stiffness.joints
 
     def _pose_motion(self) -> tuple[Motion, Array]:
-        """Return the start of a Cartesian motion: on the present one, or where the TCP's springs pull as
-        the joints' do now.
-
-        Returns the motion, and the orientation (4,) that its rotation vector is relative to.
+        """Return the start of a Cartesian motion: the present one's state, or the set-points at which
+        the TCP's springs pull as the joints' do now; and the orientation (4,) that its rotation
+        vector is relative to.
         """
         t, path = self._world.t, self._path
         if isinstance(path, PosePath):
@@ -283,11 +275,11 @@ class MujocoRobot(Commanded):
         return now.p[:3], origin
 
     def _sprung(self) -> Array:
-        """Joint torques of the springs now (7,), N m."""
+        """Return the joint torques of the springs now (7,), N m."""
         return self._readout.commanded - self._readout.gravity_torque
 
     def _run(self, periods: int) -> None:
-        """Let the world run for some log periods, and read the sensors."""
+        """Step the world for some log periods, and read the sensors."""
         world, n = self._world, periods * BLOCK
         self._dynamics = self._nominal.dynamics(self._readout.q, self._readout.dq)
         control = np.empty((n, len(world.rest_control)))
@@ -298,59 +290,53 @@ class MujocoRobot(Commanded):
         world.set_fingers(control, self._gripper.setpoints(times) - self._wider / 2)
         self._begin_guard(n)
         steps = world.step(control, self._guard)
-        steps_target = target[: len(steps.q)]
-        samples = self._readout.read(steps, self._gains, world.t, steps_target)
+        target = target[: len(steps.q)]
+        samples = self._readout.read(steps, self._gains, world.t, target)
         samples.width[:] += self._wider
         self._logged.append(samples)
-        self._target = target[len(steps.q) - 1]
-        self._feel_fingers(steps)
+        self._target = target[-1]
+        fingers, speeds = steps.fingers[-1] + self._wider / 2, steps.finger_speed[-1]
+        self._gripper.observe(world.t, fingers.tolist(), speeds.tolist())
         self._cached = None
         if self._guard.fired:
             self._yield(self._guard.fired)
-        elif self._yielding and self._rests():
-            self._follow_joints(still(world.t, self._leading()))
-
-    def _feel_fingers(self, steps: Steps) -> None:
-        fingers, speeds = steps.fingers[-1] + self._wider / 2, steps.finger_speed[-1]
-        self._gripper.observe(self._world.t, fingers.tolist(), speeds.tolist())
+        elif self._yielding:
+            yielded = world.t - self._since
+            slow = float(np.abs(self._readout.dq).max()) < STANDSTILL
+            if yielded > LONGEST_YIELD or (slow and yielded > SHORTEST_YIELD):
+                self._follow_joints(still(world.t, self._leading()))
 
     def _begin_guard(self, cycles: int) -> None:
-        """Look out for contacts in the run of cycles ahead."""
+        """Prepare the contact reflex for the run of cycles ahead."""
         readout, thresholds = self._readout, self._thresholds
         mass_matrix, velocity_torque = self._dynamics
         jacobian = readout.jacobian
         damping = self._gains.joint_damping(jacobian)
+        known = readout.deviation - velocity_torque - self._correction.torque
 
         def reaction() -> Reaction:
             load = min(max(readout.load, 0.0), thresholds.load)
             return Reaction.of(mass_matrix, jacobian[2] * load, self._arm.limits.tau_max)
 
         self._guard.begin(
-            None if self._yielding else thresholds,
-            reaction,
-            jacobian,
-            mass_matrix + DAMPING_DELAY * damping,
-            readout.speed,
-            self._sensors.looks(cycles)
-            + (readout.deviation - velocity_torque - self._correction.torque),
+            thresholds=None if self._yielding else thresholds,
+            reaction=reaction,
+            jacobian=jacobian,
+            inertia=mass_matrix + DAMPING_DELAY * damping,
+            dq=readout.speed,
+            deviation=self._sensors.looks(cycles) + known,
         )
 
     def _yield(self, why: str) -> None:
-        """Go where pushed, until the arm rests."""
+        """Yield without springs until the arm rests."""
         self._reflex, self._since = why, self._world.t
-        here = still(self._world.t, self._readout.q)
-        self._follow_joints(here)
+        self._follow_joints(still(self._world.t, self._readout.q))
         self._gains, self._yielding = self._guard.reaction.gains, True
         self._world.actuators.set(self._gains)
 
-    def _rests(self) -> bool:
-        yielded = self._world.t - self._since
-        slow = float(np.abs(self._readout.dq).max()) < STANDSTILL
-        return yielded > LONGEST_YIELD or (slow and yielded > SHORTEST_YIELD)
-
     def _command(self, control: Array) -> Array:
-        """Fill in the arm's set-points (n, nu); returns the commanded TCP poses, one per log
-        period."""
+        """Write the arm's set-points into `control` (n, nu); return the commanded TCP poses, one per
+        log period."""
         actuators, readout, setpoints = self._world.actuators, self._readout, self._setpoints
         first = setpoints.first(self._world.t)
         block, last = first // BLOCK, first + len(control)
@@ -371,8 +357,3 @@ class MujocoRobot(Commanded):
         torque += self._dynamics[1] + correction.torque
         control[:, actuators.drives] = torque
         return target
-
-
-def _halfway(path: Path) -> Array:
-    """The configuration that stands for a whole motion."""
-    return path.sample(path.knots[[0, -1]]).mean(0)

@@ -1,4 +1,5 @@
-"""A motion's set-points, computed once for all its 1 ms steps."""
+"""Set-points of the simulated controller: a motion's, computed for all its 1 ms steps, and their
+correction for the true arm."""
 
 from __future__ import annotations
 
@@ -9,22 +10,29 @@ import numpy as np
 
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.simulated.impedance import Gains
+from palpate.robots.simulated.noise.encoders import Encoders
+from palpate.robots.simulated.readout import Readout
 from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, PERIOD, TIMESTEP
+from palpate.robots.simulated.world import World
 from palpate.robots.trajectory.path import Path
-from palpate.robots.trajectory.posed import PosePath, turned
+from palpate.robots.trajectory.posed import PosePath, quaternion_matrix, turned
+
+BLEND = 0.5
+"""Share of a new deviation that is applied in a run of cycles. Where joints or pads give way, the
+deviation follows the force and the force the set-point: all of it together would swing up where
+they are softer than the controller's springs."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Setpoints:
-    """Rows of a path, ready to slice; after its end the last one stays.
+    """Set-points of a path, ready to slice; after its end the last one stays.
 
     Attributes:
-        path: what they are of.
+        path: the motion.
         start: its beginning, s.
         rows: (m, k) set-points of each step.
         poses: (m / 5, 7) commanded poses of each log period.
-        posture: (m / 5, 14) where the null space shall be and how fast it moves, at the beginning
-            of each log period.
+        posture: (m / 5, 14) goal and rate of the null space, at the beginning of each log period.
     """
 
     path: Path | PosePath
@@ -34,50 +42,101 @@ class Setpoints:
     posture: Array
 
     def first(self, t: float) -> int:
-        """The step that begins at time `t`."""
+        """Return the step that begins at time `t`."""
         return min(round((t - self.start) / TIMESTEP), len(self.rows) - LONGEST_RUN * BLOCK)
 
 
 def joint_setpoints(
     path: Path, start: float, gains: Gains, poses: Callable[[Array], Array]
 ) -> Setpoints:
-    """For the joints' springs; `poses` makes TCP poses (n, 7) of configurations (n, 7)."""
-    rows = path.sample(_times(path, start))
+    """Make set-points for the joints' springs; `poses` maps configurations (n, 7) to TCP poses."""
+    rows = path.sample(step_times(path, start))
     poses_world_tcp = poses(rows[BLOCK // 2 :: BLOCK])
-    return Setpoints(
-        path, start, rows + _lead(rows, gains), poses_world_tcp, np.empty((len(poses_world_tcp), 0))
-    )
+    no_posture = np.empty((len(poses_world_tcp), 0))
+    return Setpoints(path, start, rows + lead(rows, gains), poses_world_tcp, no_posture)
 
 
 def pose_setpoints(path: PosePath, posture: Path, start: float, gains: Gains) -> Setpoints:
-    """For the TCP's springs, with a joint path for the null space."""
-    times = _times(path.path, start)
+    """Make set-points for the TCP's springs, with a joint path for the null space."""
+    times = step_times(path.path, start)
     rows, configurations = path.path.sample(times), posture.sample(times[::BLOCK])
     rates = np.gradient(configurations, PERIOD, axis=0)
     # rotation vectors are in the origin's frame, the springs in the world's
-    rotation = Pose(np.zeros(3), path.origin).rotation
     to_world = np.eye(6)
-    to_world[3:, 3:] = rotation
-    led = rows + _lead(rows @ to_world.T, gains) @ to_world
-    return Setpoints(
-        path,
-        start,
-        _poses(path.origin, led),
-        _poses(path.origin, rows[BLOCK // 2 :: BLOCK]),
-        np.concatenate([configurations, rates], axis=1),
+    to_world[3:, 3:] = Pose(np.zeros(3), path.origin).rotation
+    led = rows + lead(rows @ to_world.T, gains) @ to_world
+    led_poses, poses = (
+        np.concatenate([some[:, :3], turned(path.origin, some[:, 3:])], axis=1)
+        for some in (led, rows[BLOCK // 2 :: BLOCK])
     )
+    return Setpoints(path, start, led_poses, poses, np.concatenate([configurations, rates], axis=1))
 
 
-def _times(path: Path, start: float) -> Array:
-    """Every step from `start` to the path's end, in whole blocks, and one more run."""
+def step_times(path: Path, start: float) -> Array:
+    """Return the times of all steps from `start` to the path's end, in whole blocks, and of one more
+    run."""
     blocks = max(0, int(np.ceil((path.end - start) / PERIOD - 1e-9)))
     return start + TIMESTEP * np.arange(1.0, (blocks + LONGEST_RUN) * BLOCK + 1)
 
 
-def _lead(rows: Array, gains: Gains) -> Array:
+def lead(rows: Array, gains: Gains) -> Array:
+    """Compute the lead of the set-points over the motion `rows`, which cancels the springs' lag."""
     rate = np.gradient(rows, TIMESTEP, axis=0)
     return gains.lead(rate, np.gradient(rate, TIMESTEP, axis=0))
 
 
-def _poses(origin: Array, coordinates: Array) -> Array:
-    return np.concatenate([coordinates[:, :3], turned(origin, coordinates[:, 3:])], axis=1)
+class Correction:
+    """Correction of set-points and feed-forward torques for the true arm.
+
+    The controller knows the reported arm; MuJoCo's springs act on the true one. The correction is
+    the true less the reported state, now and at the end of the next run of cycles.
+
+    Attributes:
+        torque: (7,) N m by which the nominal arm's weight exceeds MuJoCo's compensation.
+    """
+
+    def __init__(self, world: World, readout: Readout, encoders: Encoders, askew: bool) -> None:
+        self._world, self._readout, self._encoders = world, readout, encoders
+        self._needed = askew or not encoders.exact
+        self.torque = np.zeros(7)
+        self._turn = np.array([1.0, 0.0, 0.0, 0.0])
+        self._before = self._after = self._now()
+
+    def follow(self) -> None:
+        """Update the deviation before a run of cycles."""
+        self._before, new = self._after, self._now()
+        if self._needed:
+            self._after = self._before + BLEND * (new - self._before)
+        else:
+            self._before = self._after = new
+
+    def joints(self, rows: Array) -> Array:
+        """Correct set-points (n, 7), rad, of the joints' springs."""
+        return rows + self._ramp(len(rows), slice(3, 10)) if self._needed else rows
+
+    def positions(self, rows: Array) -> Array:
+        """Correct positions (n, 3), m, of the TCP."""
+        return rows + self._ramp(len(rows), slice(0, 3))
+
+    def orientations(self, rows: Array) -> Array:
+        """Correct orientations (n, 4) of the TCP."""
+        return rows @ quaternion_matrix(self._turn).T if self._needed else rows
+
+    def _ramp(self, count: int, part: slice) -> Array:
+        """Interpolate from the end of the last run, so that no set-point jumps."""
+        if self._before is self._after:
+            return self._after[part]
+        share = np.arange(1.0, count + 1)[:, None] / count
+        return self._before[part] + share * (self._after - self._before)[part]
+
+    def _now(self) -> Array:
+        """Compute the true less reported TCP position (3) and joint angles (7)."""
+        readout, out = self._readout, np.zeros(10)
+        if not self._needed:
+            out[:3] = -self._encoders.pose_error
+            return out
+        true, reported = self._world.true_tcp(), readout.pose_world_tcp
+        self._turn = (true @ reported.inverse()).quaternion
+        self.torque = readout.gravity_torque - self._world.compensation
+        out[:3], out[3:] = true.position - reported.position, -readout.angle_error
+        return out

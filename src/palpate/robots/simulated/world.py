@@ -1,13 +1,13 @@
 """The hidden world: the scene's physics with the true robot in it.
 
 Nothing here passes through the robot's protocol. The controller gives set-points and gets joint
-signals; truth and pictures are for those who look at the world from outside, after the estimates
-are made.
+signals; truth and pictures are for observers outside, after the estimates are made.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -16,22 +16,17 @@ from palpate.errors import ExecutionAborted, InputError, unknown_name
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import RobotDescription
 from palpate.robots.model import PREFIX, neighbours
+from palpate.robots.simulated.contacts import declared_stiction, keep_softness, let_touch
 from palpate.robots.simulated.gripper import DRIVE, add_drive, round_fingers
 from palpate.robots.simulated.guard import Guard, Reaction
 from palpate.robots.simulated.impedance import Actuators, add_actuators
 from palpate.robots.simulated.noise.true_arm import Truth
-from palpate.robots.simulated.softness import keep_softness
-from palpate.robots.simulated.steps import Cycles, Steps, block_means
-from palpate.robots.simulated.stiction import declared
 from palpate.robots.simulated.timing import BLOCK, PERIOD, SUBSTEPS, TIMESTEP
-from palpate.robots.simulated.touchable import let_touch
 
-FRAME_PERIOD = 1.0 / 30.0
-"""s between camera frames."""
-LEVEL = 0.01
-"""rad: how far gravity may lean."""
+FRAME_PERIOD = 1.0 / 30.0  # s between camera frames
+LEVEL = 0.01  # rad, largest inclination of gravity
 _OFF = mujoco.mjtDisableBit
-NEEDED = (
+NEEDED = (  # MuJoCo features that a robot needs
     _OFF.mjDSBL_GRAVITY,
     _OFF.mjDSBL_CONTACT,
     _OFF.mjDSBL_CONSTRAINT,
@@ -42,7 +37,47 @@ NEEDED = (
     _OFF.mjDSBL_SPRING,
     _OFF.mjDSBL_DAMPER,
 )
-"""MuJoCo features that a robot needs."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Steps:
+    """Record of the robot over some blocks of control cycles.
+
+    Attributes:
+        q, dq: (n, 7) at the end of each block.
+        torque: (n, 7) mean commanded joint torques, N m.
+        contact: (n, 7) mean joint torques of contacts, N m, where the world `records_contact`.
+        fingers, finger_speed: (n, 2) at the end of each block, m, m/s.
+    """
+
+    q: Array
+    dq: Array
+    torque: Array
+    contact: Array
+    fingers: Array
+    finger_speed: Array
+
+
+class Cycles:
+    """Buffers for n control cycles of a world with nq positions and nv velocities.
+
+    Attributes:
+        torque: (n, 7) N m commanded at the joints.
+        weight: (n, 7) N m, the part that holds the nominal arm up.
+        dq: (n, 7) rad/s at the end of each cycle.
+        contact: (n, 7) N m that contacts exert at the joints; zero unless recorded.
+        qpos, qvel: (n / BLOCK, nq) and (n / BLOCK, nv) at the end of each block.
+    """
+
+    def __init__(self, n: int, nq: int, nv: int) -> None:
+        self.torque, self.weight, self.dq = np.empty((n, 7)), np.empty((n, 7)), np.empty((n, 7))
+        self.contact = np.zeros((n, 7))
+        self.qpos, self.qvel = np.empty((n // BLOCK, nq)), np.empty((n // BLOCK, nv))
+
+    def observed(self, first: int, last: int) -> tuple[Array, Array]:
+        """Return the inputs of `Guard.observe`, of the cycles from `first` to `last`."""
+        rows = slice(first, last)
+        return self.torque[rows] - self.weight[rows], self.dq[rows]
 
 
 class World:
@@ -51,12 +86,12 @@ class World:
 
     Attributes:
         model: the compiled world, robot included (its names start with `robot/`).
-        frames: (t, qpos) every 1/30 s, what a 30 Hz camera saw.
+        frames: (t, qpos) every 1/30 s, as a 30 Hz camera sees it.
+        t: s, time of the world.
         actuators: the controller's.
-        rest_control: (nu,) what rows of controls start from, valid for actuators that nobody
-            commands.
-        feels: whether what contacts exert is recorded.
-        watch: shown the data after every single physics step, where somebody wants to see it.
+        rest_control: (nu,) initial value of each row of controls, for actuators without a command.
+        records_contact: True if torques of contacts are recorded.
+        watch: called with the data after every physics step, if set.
     """
 
     def __init__(
@@ -66,19 +101,18 @@ class World:
         arm: RobotDescription,
         truth: Truth,
     ) -> None:
-        """Put the true arm into `spec`, which is changed, at `pose_world_base`, where it is thought
-        to stand.
+        """Put the true arm into `spec`, which is changed, at its stated place `pose_world_base`.
 
         Raises:
-            InputError: it does not compile, or its physics is none to weigh and touch in.
+            InputError: it does not compile, or lacks physics that weighing and touching need.
         """
         self._arm = arm
-        self.model = _compile(spec, pose_world_base, arm, truth)
+        self.model = compile_world(spec, pose_world_base, arm, truth)
         self._data = mujoco.MjData(self.model)
         joints = [self.model.joint(PREFIX + name) for name in arm.joints]
-        self._q, self._v = _run(joints[0].qposadr[0], 7), _run(joints[0].dofadr[0], 7)
+        self._q, self._v = run_of(joints[0].qposadr[0], 7), run_of(joints[0].dofadr[0], 7)
         finger = self.model.joint(PREFIX + arm.hand.fingers[0])
-        self._finger_q, self._finger_v = _run(finger.qposadr[0], 2), _run(finger.dofadr[0], 2)
+        self._finger_q, self._finger_v = run_of(finger.qposadr[0], 2), run_of(finger.dofadr[0], 2)
         self._drive = int(self.model.actuator(PREFIX + DRIVE).id)
         self._fingers_control = int(self.model.actuator_ctrladr[self._drive])
         self._data.qpos[self._q], self._data.qpos[self._finger_q] = arm.home, arm.hand.opening / 2
@@ -90,66 +124,63 @@ class World:
         self.actuators = Actuators(self.model)
         self.rest_control = np.zeros(self.model.nu)
         self.rest_control[self.actuators.orientation.start] = 1.0
-        self._stiction = declared(self.model)
+        self._stiction = declared_stiction(self.model)
         self.frames: list[tuple[float, Array]] = [(0.0, self._data.qpos.copy())]
         self.t = 0.0
-        self.feels = False
+        self.records_contact = False
         self.watch: Callable[[mujoco.MjData], None] | None = None
 
     def step(self, control: Array, guard: Guard) -> Steps:
-        """Step once per row of `control` (n * BLOCK, nu), or until the guard feels too much: then
-        the arm gives way for what is left of that block, and the run ends with it.
+        """Step once per row of `control` (n * BLOCK, nu), or until the guard fires: then the arm
+        yields for the rest of that block, and the run ends with it.
 
         Raises:
             ExecutionAborted: the physics became unstable.
         """
-        cycles = Cycles(len(control), self.model.nq, self.model.nv)
-        count = self._follow(control, guard, cycles)
+        cycles, count = Cycles(len(control), self.model.nq, self.model.nv), len(control)
+        if guard.yielding:
+            self._cycle(control, cycles, 0, count, guard.reaction)
+        else:
+            look = self._all_at_once if self.watch is None else self._one_by_one
+            fired = look(control, guard, cycles)
+            if fired is not None:
+                self.actuators.set(guard.reaction.gains)
+                count = (fired // BLOCK + 1) * BLOCK
+                self._cycle(control, cycles, fired + 1, count, guard.reaction)
         blocks = count // BLOCK
         qpos, qvel = cycles.qpos[:blocks], cycles.qvel[:blocks]
         self._film(qpos)
         self.t = round(self.t + count * TIMESTEP, 9)
-        self._require_stable()
+        if abs(self._data.time - self.t) > TIMESTEP / 2:  # MuJoCo starts over when it diverges
+            raise ExecutionAborted(
+                f"the simulated world became unstable before {self.t:.2f} s of robot time: "
+                "check its masses, sizes and contact parameters"
+            )
         return Steps(
-            qpos[:, self._q],
-            qvel[:, self._v],
-            block_means(cycles.torque[:count]),
-            block_means(cycles.contact[:count]),
-            qpos[:, self._finger_q],
-            qvel[:, self._finger_v],
+            q=qpos[:, self._q],
+            dq=qvel[:, self._v],
+            torque=block_means(cycles.torque[:count]),
+            contact=block_means(cycles.contact[:count]),
+            fingers=qpos[:, self._finger_q],
+            finger_speed=qvel[:, self._finger_v],
         )
 
-    def _follow(self, control: Array, guard: Guard, cycles: Cycles) -> int:
-        """Go through the cycles of `control` until the guard feels too much, and then give way for what
-        is left of that block; returns how many cycles that were."""
-        if guard.yielding:
-            self._cycle(control, cycles, 0, len(control), guard.reaction)
-            return len(control)
-        look = self._all_at_once if self.watch is None else self._one_by_one
-        fired = look(control, guard, cycles)
-        if fired is None:
-            return len(control)
-        self.actuators.set(guard.reaction.gains)
-        end = (fired // BLOCK + 1) * BLOCK
-        self._cycle(control, cycles, fired + 1, end, guard.reaction)
-        return end
-
     def _all_at_once(self, control: Array, guard: Guard, cycles: Cycles) -> int | None:
-        """Go through all cycles before the guard looks at them; what came after the one in which it
-        feels too much, which is returned, is taken back."""
+        """Step all cycles before the guard observes them, which is faster than one by one; return
+        the cycle in which it fires. Later cycles are undone."""
         mujoco.mj_copyData(self._before, self.model, self._data)
         self._cycle(control, cycles, 0, len(control))
-        fired = guard.feels(*cycles.felt(0, len(control)))
+        fired = guard.observe(*cycles.observed(0, len(control)))
         if fired is not None:
             mujoco.mj_copyData(self._data, self.model, self._before)
             self._cycle(control, cycles, 0, fired + 1)
         return fired
 
     def _one_by_one(self, control: Array, guard: Guard, cycles: Cycles) -> int | None:
-        """The same for somebody who watches, and would see what is taken back."""
+        """Step as `_all_at_once`, for `watch`, which must not see cycles that are undone."""
         for i in range(len(control)):
             self._cycle(control, cycles, i, i + 1)
-            if guard.feels(*cycles.felt(i, i + 1)) is not None:
+            if guard.observe(*cycles.observed(i, i + 1)) is not None:
                 return i
         return None
 
@@ -161,8 +192,7 @@ class World:
         last: int,
         reaction: Reaction | None = None,
     ) -> None:
-        """Go through the cycles from `first` to `last`, and write down what happens. With a `reaction`
-        the arm gives way in them."""
+        """Step and record the cycles from `first` to `last`; with a `reaction` the arm yields."""
         for i in range(first, last):
             if i % BLOCK == 0:
                 for stiction in self._stiction:
@@ -173,18 +203,10 @@ class World:
             self._substeps()
             cycles.torque[i], cycles.weight[i] = self._torque, self._weight
             cycles.dq[i] = self._dq
-            if self.feels:
+            if self.records_contact:
                 cycles.contact[i] = self._contact
             if i % BLOCK == BLOCK - 1:
                 cycles.qpos[i // BLOCK], cycles.qvel[i // BLOCK] = self._data.qpos, self._data.qvel
-
-    def _require_stable(self) -> None:
-        """MuJoCo starts over when it diverges."""
-        if abs(self._data.time - self.t) > TIMESTEP / 2:
-            raise ExecutionAborted(
-                f"the simulated world became unstable before {self.t:.2f} s of robot time: "
-                "check its masses, sizes and contact parameters"
-            )
 
     def _substeps(self) -> None:
         """Step one control cycle, calling `watch` after each physics step."""
@@ -196,17 +218,16 @@ class World:
             self.watch(self._data)
 
     def set_fingers(self, control: Array, opening: Array | float) -> None:
-        """Command each finger's way from the middle, m, in the rows of `control`."""
+        """Command each finger's distance from the middle, m, in the rows of `control`."""
         control[:, self._fingers_control] = opening
 
     def limit_fingers(self, force: float) -> None:
-        """From now on the fingers' drive exerts at most `force` N."""
+        """Limit the force of the fingers' drive, N."""
         self.model.actuator_forcerange[self._drive] = (-force, force)
 
     def true_gravity_torque(self) -> Array:
-        """(7,) N m that hold the true arm up where it stands now, at rest."""
-        data = self._at(self.qpos)
-        return data.qfrc_bias[self._v].copy()
+        """Compute the torques (7,), N m, that hold the true arm up now, at rest."""
+        return self.data().qfrc_bias[self._v].copy()
 
     @property
     def qpos(self) -> Array:
@@ -216,13 +237,14 @@ class World:
     @property
     def compensation(self) -> Array:
         """(7,) N m with which MuJoCo holds the nominal arm up now."""
-        data = self._data if self.t else self._at(self.qpos)
+        data = self._data if self.t else self.data()
         return data.qfrc_gravcomp[self._v].copy()
 
     def data(self, qpos: Array | None = None) -> mujoco.MjData:
-        """The world now, or at `qpos` (one of `frames`), forwarded: for pictures. Reused by the
-        next call."""
-        return self._at(self.qpos if qpos is None else qpos)
+        """Return the world now, or at `qpos` (one of `frames`), forwarded. Reused by the next call."""
+        self._seen.qpos[:] = self._data.qpos if qpos is None else qpos
+        mujoco.mj_forward(self.model, self._seen)
+        return self._seen
 
     def true_pose(self, body: str) -> Pose:
         """Return the true pose of a body now, in the world.
@@ -233,7 +255,7 @@ class World:
         names = [self.model.body(i).name for i in range(self.model.nbody)]
         if body not in names:
             raise unknown_name("body", body, [n for n in names if not n.startswith(PREFIX)])
-        frame = self._at(self.qpos).body(body)
+        frame = self.data().body(body)
         return Pose(frame.xpos.copy(), frame.xquat.copy())
 
     def true_tcp(self) -> Pose:
@@ -244,31 +266,29 @@ class World:
         tcp, hand = data.site(PREFIX + self._arm.tcp), data.body(PREFIX + self._arm.hand.body)
         return Pose(tcp.xpos.copy(), hand.xquat.copy())
 
-    def _at(self, qpos: Array) -> mujoco.MjData:
-        self._seen.qpos[:] = qpos
-        mujoco.mj_forward(self.model, self._seen)
-        return self._seen
-
     def _film(self, qpos: Array) -> None:
-        """Keep the configurations, at the end of a log period, that are nearest to when the camera
-        takes a frame."""
+        """Keep the configurations (at ends of log periods) that are nearest to the camera's frames."""
         while (row := round((len(self.frames) * FRAME_PERIOD - self.t) / PERIOD) - 1) < len(qpos):
             self.frames.append((self.t + (row + 1) * PERIOD, qpos[row].copy()))
 
 
-def _compile(
+def block_means(values: Array) -> Array:
+    """Average values (n, 7) of cycles over blocks: (n / BLOCK, 7)."""
+    return np.add.reduce(values.reshape(-1, BLOCK, 7), axis=1) / BLOCK
+
+
+def compile_world(
     spec: mujoco.MjSpec,
     pose_world_base: Pose,
     arm: RobotDescription,
     truth: Truth,
 ) -> mujoco.MjModel:
-    """The world with the true robot in it.
+    """Compile the world with the true robot in it.
 
     Raises:
-        InputError: MuJoCo does not accept the result, or the world's physics is none to weigh and
-            touch in.
+        InputError: it does not compile, or lacks physics that weighing and touching need.
     """
-    _require_physics(spec)
+    require_physics(spec)
     robot = arm.spec()
     for pair in sorted(map(sorted, neighbours(robot, arm))):
         robot.add_exclude(bodyname1=pair[0], bodyname2=pair[1])
@@ -279,7 +299,11 @@ def _compile(
     spec.option.gravity = truth.gravity(spec.option.gravity)
     for name in ("integrator", "cone", "impratio", "solver"):
         setattr(spec.option, name, getattr(robot.option, name))
-    _solve_well(spec, robot)
+    # The solver is at least as accurate as the arm needs it: accuracy is no physics of the scene.
+    for name in ("iterations", "ls_iterations", "ccd_iterations"):
+        setattr(spec.option, name, max(getattr(spec.option, name), getattr(robot.option, name)))
+    for name in ("tolerance", "ls_tolerance", "ccd_tolerance"):
+        setattr(spec.option, name, min(getattr(spec.option, name), getattr(robot.option, name)))
     robot.option.gravity, robot.option.timestep = spec.option.gravity, spec.option.timestep
     for key in list(spec.keys):  # states of a world without this robot
         spec.delete(key)
@@ -297,22 +321,13 @@ def _compile(
         ) from error
 
 
-def _solve_well(world: mujoco.MjSpec, robot: mujoco.MjSpec) -> None:
-    """Set the solver as accurately as the arm needs it: the accuracy of contacts is no physics of
-    the scene."""
-    option, least = world.option, robot.option
-    for name in ("iterations", "ls_iterations", "ccd_iterations"):
-        setattr(option, name, max(getattr(option, name), getattr(least, name)))
-    for name in ("tolerance", "ls_tolerance", "ccd_tolerance"):
-        setattr(option, name, min(getattr(option, name), getattr(least, name)))
-
-
-def _require_physics(spec: mujoco.MjSpec) -> None:
+def require_physics(spec: mujoco.MjSpec) -> None:
+    """Require gravity that points down, and the features of MuJoCo that a robot needs."""
     x, y, z = spec.option.gravity
     if z >= 0 or max(abs(x), abs(y)) > -LEVEL * z:
         raise InputError(
             f"the world's gravity is ({x:g}, {y:g}, {z:g}) m/s²; it must point down, as in "
-            '<option gravity="0 0 -9.81"/>: what is let go has to fall, and weighing needs a weight'
+            '<option gravity="0 0 -9.81"/>: released objects have to fall, and weighing needs a weight'
         )
     disabled = [
         flag.name.removeprefix("mjDSBL_").lower()
@@ -326,5 +341,6 @@ def _require_physics(spec: mujoco.MjSpec) -> None:
         )
 
 
-def _run(first: int, count: int) -> slice:
+def run_of(first: int, count: int) -> slice:
+    """Return the slice of `count` indices from `first`."""
     return slice(int(first), int(first) + count)

@@ -47,6 +47,12 @@ class PosePath:
         )
 
 
+def quaternion_matrix(quaternion: Array) -> Array:
+    """Return the matrix (4, 4) of left multiplication by a quaternion (4,), wxyz."""
+    w, x, y, z = quaternion
+    return np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
+
+
 def rotation_vector(start: Array, goal: Array) -> Array:
     """(3,) rad, in the frame of `start`, of the shortest turn from one quaternion to another."""
     out = np.empty(3)

@@ -9,18 +9,16 @@ from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.collision import finger_collisions
-from palpate.vocabulary.admissible.grip import Grip
-from palpate.vocabulary.admissible.solids import LEFT, Solids, solids
+from palpate.vocabulary.admissible.solids import LEFT, solids
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.violation import Violation
 
 PUSHED = 0.010
-"""m: an object farther beside the middle is pushed, and a tall one tips, before both fingers have
-it."""
+"""m from the middle of the fingers beyond which an object is pushed, and a tall one tips, before both
+fingers touch it."""
 TORSION = 0.38
-"""Mean distance from the middle of a square to its points, over its side: what friction of an evenly
-pressed pad resists turning with, over its force (the integral of sqrt(x² + y²) over a unit
-square)."""
+"""Mean lever of an evenly pressed square pad over its side: ∫∫ sqrt(x² + y²) dx dy over the unit
+square about its centre. Friction times force times this lever resists turning."""
 
 
 def ungraspable(state: SymbolicState, body: Body) -> list[Violation]:
@@ -30,44 +28,42 @@ def ungraspable(state: SymbolicState, body: Body) -> list[Violation]:
     held = None if pose is None else state.grip_of(body, pose)
     if pose is None or held is None:
         return []
-    found = [*_misfit(state, body), *_beside(body, held), *_twisting(state, body, pose)]
+    found: list[Violation] = []
+    left_out = f"leave out what needs '{body.name}' in the hand, and explain"
+    if unfit := does_not_fit(state.scene, body.name):
+        found.append(Violation("too-wide", f"{unfit}; {left_out}"))
+    if heavy := too_heavy(state.scene, body):
+        found.append(Violation("payload", f"{heavy}; {left_out}"))
+    if abs(held.aside) > PUSHED:
+        problem = (
+            f"'{body.name}' is {1e3 * abs(held.aside):.0f} mm beside the middle of the fingers, "
+            f"which would push it over; MovePose to '{body.name}_pose' first"
+        )
+        found.append(Violation("gripper-state", problem))
+    found += _twisting(state, body, pose)
     return [*found, *finger_collisions(state, held.width, body.name)]
 
 
-def _beside(body: Body, held: Grip) -> list[Violation]:
-    if abs(held.aside) <= PUSHED:
-        return []
-    return [
-        Violation(
-            "gripper-state",
-            f"'{body.name}' is {1e3 * abs(held.aside):.0f} mm beside the middle of the fingers, "
-            f"which would push it over; MovePose to '{body.name}_pose' first",
-        )
-    ]
-
-
 def _twisting(state: SymbolicState, body: Body, pose_world_tcp: Pose) -> list[Violation]:
-    """Violation of holding an object there: its weight would turn it about the pads, as far as mass
-    and centre of mass are known or believed."""
+    """Violation of holding an object there: its weight would turn it about the pads, by the known
+    or believed mass and centre of mass."""
     scene, shapes = state.scene, solids(state.scene)
     centre = state.pose_of(body.name).apply(shapes.centre_of_mass(body.name))
     beside = float((centre - pose_world_tcp.position) @ pose_world_tcp.rotation[:, 0])
     weight = shapes.mass(body.name) * scene.gravity
-    moment, most = weight * abs(beside), torsion(scene, shapes)
+    moment, most = weight * abs(beside), torsion(scene)
     if moment <= most:
         return []
-    return [
-        Violation(
-            "twist",
-            f"held {1e3 * abs(beside):.0f} mm beside its centre of mass, '{body.name}' would turn in "
-            f"the grip with {moment:.1f} N m, of at most {most:.1f} N m; grasp it within "
-            f"{1e3 * most / weight:.0f} mm{_nearer(state, beside)}",
-        )
-    ]
+    problem = (
+        f"held {1e3 * abs(beside):.0f} mm beside its centre of mass, '{body.name}' would turn in "
+        f"the grip with {moment:.1f} N m, of at most {most:.1f} N m; grasp it within "
+        f"{1e3 * most / weight:.0f} mm{_nearer(state, beside)}"
+    )
+    return [Violation("twist", problem)]
 
 
 def _nearer(state: SymbolicState, beside: float) -> str:
-    """The grasp right above a centre of mass that is `beside` m along the tool's x, in words; empty
+    """Remedy: the grasp right above a centre of mass that is `beside` m along the tool's x; empty
     where the present one is no pose expression."""
     symbols = state.scene.symbols
     try:
@@ -82,41 +78,25 @@ def _nearer(state: SymbolicState, beside: float) -> str:
 
 
 def most_sideways(state: SymbolicState, way: Array) -> float:
-    """N along `way` (3,), level and in the world, at the bottom of what is held, up to which it does
-    not turn about the pads as it is dragged; along the line between them it cannot."""
+    """Largest force, N, along a horizontal direction (3,), world, at the bottom of the held object
+    that does not turn it about the pads; along the line between them it cannot turn."""
     scene, pose = state.scene, state.pose_world_tcp
     if pose is None or state.holding is None:
         return np.inf
     bottom = scene.body(state.holding).bottom_z(state.pose_of(state.holding))
     across = abs(float(way @ pose.rotation[:, 0])) / max(float(np.linalg.norm(way)), 1e-9)
     lever = max(float(pose.position[2]) - bottom, 0.0) * across
-    return torsion(scene, solids(scene)) / max(lever, 1e-9)
+    return torsion(scene) / max(lever, 1e-9)
 
 
-def torsion(scene: Scene, shapes: Solids) -> float:
-    """N m with which the two pads resist turning about the line between them: friction times force
-    times the mean lever of a pad."""
+def torsion(scene: Scene) -> float:
+    """Largest moment, N m, with which the two pads resist turning about the line between them:
+    friction times force times the mean lever of a pad."""
+    shapes = solids(scene)
     (pad, *_) = shapes.pads(LEFT)
-    side = 2 * float(
-        np.sqrt(shapes.model.geom_size[pad.geom, 0] * shapes.model.geom_size[pad.geom, 2])
-    )
-    friction = float(shapes.model.geom_friction[pad.geom, 0])
-    return friction * scene.arm.hand.force * TORSION * side
-
-
-def _misfit(state: SymbolicState, body: Body) -> list[Violation]:
-    """Violation: an object does not fit the hand, or is known to be too heavy for the arm."""
-    found: list[Violation] = []
-    unfit, heavy = does_not_fit(state.scene, body.name), too_heavy(state.scene, body)
-    if unfit:
-        found.append(Violation("too-wide", f"{unfit}; {_left_out(body)}"))
-    if heavy:
-        found.append(Violation("payload", f"{heavy}; {_left_out(body)}"))
-    return found
-
-
-def _left_out(body: Body) -> str:
-    return f"leave out what needs '{body.name}' in the hand, and explain"
+    size, friction = shapes.model.geom_size[pad.geom], shapes.model.geom_friction[pad.geom, 0]
+    side = 2 * float(np.sqrt(size[0] * size[2]))
+    return float(friction) * scene.arm.hand.force * TORSION * side
 
 
 def does_not_fit(scene: Scene, name: str) -> str:

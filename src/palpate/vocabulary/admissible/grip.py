@@ -1,4 +1,4 @@
-"""Contact of the pads with an object between them, and its width there."""
+"""Grip: contact of the pads with an object between them, and its width there."""
 
 from __future__ import annotations
 
@@ -6,16 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.geometry.pose import Array, Pose
-from palpate.vocabulary.admissible.solids import SIDES, Solids
-from palpate.vocabulary.admissible.sweep.frames import Cluster, Frames, Shape
+from palpate.geometry.pose import Pose
+from palpate.vocabulary.admissible.solids import SIDES, Cluster, Frames, Solids
 
 BITE = 0.004
-"""m that the pads must have of an object, in height and along it: less is an edge that slips out."""
+"""m of an object, in height and along it, that the pads must cover: an edge slips out."""
 MEETS = 0.0002
-"""m: pads this near to an object have met it."""
+"""m between a pad and an object, up to which they are in contact."""
 APPROACHES = 40
-"""Steps in which a pad closes in on an object."""
+"""Largest number of steps in which a pad closes in on an object."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,8 +22,8 @@ class Grip:
     """Contact of the pads with an object.
 
     Attributes:
-        width: m between the pads once they are closed on it.
-        aside: m that its middle there is beside the tool's axis, along the tool's y.
+        width: m between the closed pads.
+        aside: m, offset of the object's middle from the tool's axis, along the tool's y.
     """
 
     width: float
@@ -32,17 +31,19 @@ class Grip:
 
 
 def grip(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:
-    """Contact of the pads with an object at a pose in the tool frame; None where it is not between
-    them: the pads would close beside it, above it, or on hardly more than an edge."""
+    """Contact of the pads with an object at a pose in the tool frame; None where the pads would
+    close beside it, above it, or on hardly more than an edge."""
     key = ("grip", name, pose_tcp_object.digits)
-    return shapes.remembered(key, lambda: _grip(shapes, name, pose_tcp_object))
+    return shapes.cached(key, lambda: _grip(shapes, name, pose_tcp_object))
 
 
 def _grip(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:
     body = shapes.scene.body(name)
+    # A cheap test first: the fingers cannot meet what is farther away than its bounding sphere.
     middle = pose_tcp_object.apply(body.centre)
     if np.linalg.norm(middle) > np.linalg.norm(body.size) / 2 + shapes.scene.arm.hand.opening:
         return None
+    # On an edge alone, the pads miss the object once it is shifted by the bite.
     for shift in ((0.0, 0.0, BITE), (BITE, 0.0, 0.0), (-BITE, 0.0, 0.0)):
         if _closed(shapes, name, pose_tcp_object.translated(shift)) is None:
             return None
@@ -50,46 +51,36 @@ def _grip(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:
 
 
 def _closed(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:
-    """Contact points of the pads as each closes from its open position."""
-    travels: dict[str, float] = {}
+    """Contact of the pads as each closes from its open position."""
+    travels: list[float] = []
     for side in SIDES:
-        travel = _until_met(shapes, side, shapes.objects[name], pose_tcp_object)
+        travel = _travel(shapes, side, name, pose_tcp_object)
         if travel is None:
             return None
-        travels[side] = travel
-    left, right = travels.values()
+        travels.append(travel)
+    left, right = travels
     width = shapes.scene.arm.hand.opening - left - right
     return Grip(width, (right - left) / 2) if width > 0 else None
 
 
-def _until_met(
-    shapes: Solids, side: str, parts: tuple[Shape, ...], pose_tcp_object: Pose
-) -> float | None:
-    """m that a finger's pads travel inwards from open until one meets a part of an object; None
-    where they meet none."""
-    pads, opening = shapes.pads(side), shapes.scene.arm.hand.opening
-    there = Cluster.of(parts).at(pose_tcp_object.position[None], pose_tcp_object.rotation[None])
+def _travel(shapes: Solids, side: str, name: str, pose_tcp_object: Pose) -> float | None:
+    """m that a finger's pads travel inwards from open to contact with an object; None without
+    contact."""
+    pads, parts = shapes.pads(side), shapes.objects[name]
+    opening, cluster = shapes.scene.arm.hand.opening, Cluster.of(pads)
+    there = shapes.clusters[name].at(pose_tcp_object.position[None], pose_tcp_object.rotation[None])
     travel = 0.0
+    # Sphere tracing: a pad may advance by its distance to the object without passing it.
     for _ in range(APPROACHES):
         here = np.array([[0.0, SIDES[side] * (opening / 2 - travel), 0.0]])
-        apart = _apart(shapes, pads, parts, Frames.joined([_at(pads, here), there]))
+        at = Frames.joined([cluster.at(here, np.eye(3)[None]), there])
+        apart = np.inf
+        for i, pad in enumerate(pads):
+            for j, part in enumerate(parts, start=len(pads)):
+                apart = min(apart, shapes.distance(pad.geom, part.geom, at, i, j))
         if apart < MEETS:
             return travel
         travel += apart
         if travel >= opening:
             return None
     return travel
-
-
-def _at(pads: tuple[Shape, ...], position: Array) -> Frames:
-    return Cluster.of(pads).at(position, np.eye(3)[None])
-
-
-def _apart(shapes: Solids, pads: tuple[Shape, ...], parts: tuple[Shape, ...], at: Frames) -> float:
-    """m between the nearest of the pads and of the parts."""
-    found = [
-        shapes.distance(pad.geom, part.geom, at, i, len(pads) + j)
-        for i, pad in enumerate(pads)
-        for j, part in enumerate(parts)
-    ]
-    return min(found, default=np.inf)

@@ -1,7 +1,7 @@
-"""The one judgement of a motion: what it does to the things around the hand.
+"""Admissibility of a motion: its effects on the objects around the hand.
 
-The hand points down, its fingers open. An object whose top is above the fingertips stands between
-them; it is entered from straight above and left straight upwards, or the fingers push it over:
+The hand points down with open fingers. An object whose top is above the fingertips stands between
+them; the hand enters and leaves vertically, or the fingers push the object over:
 
         |_____|            |_____|
         |     |            |     |
@@ -9,7 +9,7 @@ them; it is entered from straight above and left straight upwards, or the finger
          |   |              |   |           left to where a finger is
        __|___|__          __|___|__
 
-Everything else stays clear of the hand, and of what it holds, all the way.
+Everything else stays clear of the hand, and of the held object, all the way.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ HELD_UPRIGHT = np.radians(10.0)
 
 @dataclass(frozen=True, slots=True)
 class Passage:
-    """Obstacles beside a motion of the arm.
+    """Motion of the arm past the objects at its ends.
 
     Attributes:
-        origin, goal: pose expressions, or joint configurations, that it begins and ends at.
-        motion: the straight way; None for a joint motion.
+        origin, goal: pose expressions, or joint configurations, of its ends.
+        motion: the straight motion; None for a joint motion.
         left, entered: object between the open fingers at its start, and at its end.
-        near: anything that it leaves, enters, parts from, lifts or sets down.
+        near: the object that it leaves, enters, parts from, lifts or sets down.
     """
 
     origin: str | None
@@ -49,7 +49,7 @@ class Passage:
 
     @classmethod
     def of(cls, before: SymbolicState, after: SymbolicState) -> Passage:
-        """The passage from one state to the other, both with known poses."""
+        """Passage between two states with known poses."""
         start, end = before.pose_world_tcp, after.pose_world_tcp
         assert start is not None
         assert end is not None
@@ -66,10 +66,9 @@ class Passage:
 def violations(
     before: SymbolicState, after: SymbolicState, *, may_tilt: bool = False
 ) -> Iterator[Violation]:
-    """Violations of the arm's motion from one state to the other, the cheapest test first, by the
-    real shapes of everything.
+    """Violations of the arm's motion between two states, by true shapes, the cheapest test first.
 
-    `may_tilt`: what is held may be laid over on purpose.
+    `may_tilt`: the held object is tilted on purpose.
     """
     if _same_place(before, after) or after.pose_world_tcp is None:
         return
@@ -80,21 +79,27 @@ def violations(
     aside = list(_sideways(Passage.of(before, after), strict=False))
     yield from aside
     yield from _carried(before, after, may_tilt)
-    # Who leaves an object sideways runs into it, too: one finding, and one remedy.
+    # Leaving an object sideways is also a collision with it: one finding, and one remedy.
     if not aside:
         yield from collisions(before, after)
 
 
 def conservative_violations(before: SymbolicState, after: SymbolicState) -> Iterator[Violation]:
-    """Conservative violations for a planner that takes no risk: a quick test by boxes, and straight
-    vertical motion near anything."""
+    """Violations for a planner that takes no risk: a quick test by boxes, and vertical motion near
+    any object."""
     if before.pose_world_tcp is None or after.pose_world_tcp is None:
         yield unknown_start()
         return
     passage = Passage.of(before, after)
     yield from _sideways(passage, strict=True)
-    if passage.motion is not None:
-        yield from _blocked(passage, passage.motion)
+    if passage.motion is None:
+        return
+    between = [name for name in (passage.left, passage.entered) if name]
+    for name in passage.motion.hits(ignoring=between):
+        yield Violation(
+            "blocked",
+            f"on the way to '{passage.goal}' the hand would run into '{name}'; {carry_away(name)}",
+        )
 
 
 def unknown_start() -> Violation:
@@ -119,33 +124,42 @@ def _same_place(before: SymbolicState, after: SymbolicState) -> bool:
 
 
 def _sideways(passage: Passage, strict: bool) -> Iterator[Violation]:
-    changes = passage.entered != passage.left
-    if passage.motion is None:
-        # A joint motion is no straight line: it goes to and from an object sideways.
-        if passage.left:
-            yield _pushed("leave to", passage.left, passage.origin)
-        elif passage.entered:
-            yield _pushed("enter from", passage.entered, passage.goal)
-    elif passage.motion.vertical:
+    """Violation: the fingers push an object that they enter or leave; `strict`: vertical motion near
+    any object."""
+    motion, left, entered = passage.motion, passage.left, passage.entered
+    if motion is None:
+        # A joint motion is no straight line: it approaches and leaves an object sideways.
+        enters, leaves = bool(entered and not left), bool(left)
+    elif motion.vertical:
         return
-    elif passage.entered and changes:
-        yield _pushed("enter from", passage.entered, passage.goal)
-    elif passage.left and changes and (strict or _goes_across(passage.motion)):
-        yield _pushed("leave to", passage.left, passage.origin)
-    elif passage.near and strict:
+    else:
+        changes = entered != left
+        enters = bool(entered and changes)
+        # Across, a finger pushes the object. Along it the hand may leave: a finger was on either
+        # side already, as the paper's hammer is left on the way to its next grasp.
+        travel = motion.end.position - motion.start.position
+        across = abs(float(travel @ motion.start.rotation[:, 1])) >= STEEP
+        leaves = bool(left and changes and (strict or across))
+    if enters:
+        yield _pushed("enter from", f"{entered}", passage.goal)
+    elif leaves:
+        yield _pushed("leave to", f"{left}", passage.origin)
+    elif motion is not None and passage.near and strict:
         yield Violation("sideways", f"near '{passage.near}' the way is straight up or down")
 
 
-def _goes_across(motion: Motion) -> bool:
-    """True if a straight way leads from one finger towards the other. Along what was between them
-    they may leave, as the paper's hammer is left on the way to its next grasp: they were on either
-    side of it already."""
-    closing = motion.start.rotation[:, 1]
-    return abs(float((motion.end.position - motion.start.position) @ closing)) >= STEEP
+def _pushed(how: str, name: str, place: str | None) -> Violation:
+    above = f"{name}_pose + z_offset"
+    if place and "z_offset" not in place:
+        above = f"{place} + z_offset"
+    return Violation(
+        "sideways",
+        f"the fingers would {how} the side of '{name}' and push it over; MovePose to '{above}' first",
+    )
 
 
 def _carried(before: SymbolicState, after: SymbolicState, may_tilt: bool) -> Iterator[Violation]:
-    """Violation of moving the held object: it is laid over, or something stands on it."""
+    """Violations of moving the held object: it tilts, or something falls."""
     held = before.holding
     if held is None:
         return
@@ -168,22 +182,3 @@ def _carried(before: SymbolicState, after: SymbolicState, may_tilt: bool) -> Ite
             "unsupported",
             f"'{name}' stands on '{held}' and would fall; {carry_away(name)}",
         )
-
-
-def _blocked(passage: Passage, motion: Motion) -> Iterator[Violation]:
-    between = [name for name in (passage.left, passage.entered) if name]
-    for name in motion.hits(ignoring=between):
-        yield Violation(
-            "blocked",
-            f"on the way to '{passage.goal}' the hand would run into '{name}'; {carry_away(name)}",
-        )
-
-
-def _pushed(how: str, name: str, place: str | None) -> Violation:
-    above = (
-        f"{place} + z_offset" if place and "z_offset" not in place else f"{name}_pose + z_offset"
-    )
-    return Violation(
-        "sideways",
-        f"the fingers would {how} the side of '{name}' and push it over; MovePose to '{above}' first",
-    )

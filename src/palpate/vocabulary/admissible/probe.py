@@ -9,32 +9,29 @@ import numpy as np
 
 from palpate.geometry.polygon import depth
 from palpate.geometry.pose import Array, Pose, digits
-from palpate.vocabulary.admissible.footing import footing
+from palpate.vocabulary.admissible.collision_geometry import hand_sweep, opening
 from palpate.vocabulary.admissible.solids import SIDES, solids
-from palpate.vocabulary.admissible.support import TIPPING
-from palpate.vocabulary.admissible.sweep.collision_geometry import hand_sweep, opening
-from palpate.vocabulary.admissible.sweep.sweep import FINEST, Hit
-from palpate.vocabulary.admissible.sweep.way import of_hand
+from palpate.vocabulary.admissible.support import TIPPING, footing
+from palpate.vocabulary.admissible.sweep import FINEST, Hit, hand_path
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.violation import PRECONDITION, Violation
 
 TOUCHES = 0.0003
-"""m: what is this near is touched."""
+"""m of distance up to which parts are in contact."""
 LEVEL = 0.5
-"""Of a direction's z component: less is a probe sideways."""
+"""z component of a direction below which a probe is sideways."""
 
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """The first thing that a guarded motion meets: which, and where the TCP is just before
-    (world)."""
+    """First contact of a guarded motion, and the pose of the TCP (world) just before it."""
 
     hit: Hit
     pose: Pose
 
 
 def starts(state: SymbolicState) -> str:
-    """Advice on the start of a probe: above the surface below, if there is one."""
+    """Remedy: a start of the probe above the surface below, if there is one."""
     below = None if state.pose_world_tcp is None else state.surface_below(state.pose_world_tcp)
     names = [below.name] if below is not None and below.role == "surface" else state.scene.surfaces
     places = [f"'{name}_approach'" for name in names]
@@ -49,12 +46,12 @@ def touch(state: SymbolicState, direction: Array, travel: float) -> Touch | None
     if state.pose_world_tcp is None:
         return None
     start, key = state.pose_world_tcp, ("touch", *state.arrangement, digits(direction), travel)
-    return solids(state.scene).remembered(key, lambda: _touch(state, start, direction, travel))
+    return solids(state.scene).cached(key, lambda: _touch(state, start, direction, travel))
 
 
 def _touch(state: SymbolicState, start: Pose, direction: Array, travel: float) -> Touch | None:
     end = start.translated(travel * direction)
-    swept = hand_sweep(state, of_hand(start, end, opening(state), FINEST))
+    swept = hand_sweep(state, hand_path(start, end, opening(state), FINEST))
     first = swept.first(np.full(len(swept.pairs), TOUCHES))
     if first is None:
         return None
@@ -63,7 +60,7 @@ def _touch(state: SymbolicState, start: Pose, direction: Array, travel: float) -
 
 
 def untouchable(state: SymbolicState, direction: Array, travel: float) -> Iterator[Violation]:
-    """Violation of a guarded motion: no contact, or contact that is not admissible."""
+    """Violation of a guarded motion: no contact, or an inadmissible one."""
     first = touch(state, direction, travel)
     if first is None:
         yield Violation(

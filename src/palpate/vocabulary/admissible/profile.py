@@ -1,16 +1,16 @@
-"""Motion profile of a straight path: speed limits by place.
+r"""Motion profile of a straight path: speed limits by place.
 
-Impulse decides what a collision does: m (1 + e) v, with the arm's effective mass m in the direction
-of motion. So the arm goes at free speed only where nothing can be, and slowly, feeling its way,
-where something is, or may be by the uncertainty of poses:
+The impulse of a collision is m (1 + e) v, with the arm's effective mass m in the direction of
+motion and the restitution e. So the arm moves at free speed only where nothing can be, and slowly,
+watching the contact force, near things, by the uncertainty of poses:
 
     speed |   ________________
-          |  /                \\
-          | /                  \\___________     near things
-          |/                                \\
-          +------------------------------------> way
+          |  /                \
+          | /                  \___________     near things
+          |/                                \
+          +------------------------------------> path
 
-A way up and down over one object has one profile, whether the fingers are empty or hold it, because
+Up and down over one object have the same profile, whether the fingers are empty or hold it, because
 weighing compares equal passes over one path.
 """
 
@@ -29,37 +29,37 @@ from palpate.robots.trajectory.posed import rotation_vector, turned
 from palpate.robots.trajectory.straight import Stretch
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.clearance import STEEP
+from palpate.vocabulary.admissible.collision_geometry import near_spans
 from palpate.vocabulary.admissible.support import clear_of_support
-from palpate.vocabulary.admissible.sweep.collision_geometry import near_spans
 from palpate.vocabulary.state import SymbolicState
 
 POSE_ERROR = 0.020
-"""m: how far things may be from where they are believed to be."""
+"""m, largest error of a believed pose."""
 GUARDED_SPEED = 0.018
 """m/s at which both fingers on a table stay below 65 N (mean over 10 ms) and 45 N (20 ms), also where
 the arm is heaviest (28 kg, close to its base)."""
 NEAR_SPEED = 0.05
-"""m/s near things, where the arm is light: it goes 3 mm in the 60 ms in which it is certain that it
-has met something, and what stands freely is not to be moved by 5."""
+"""m/s near things, where the arm is light: it goes 3 mm in the 60 ms until a contact is certain, and
+an object that stands freely may be moved by 5 mm."""
 LIFT_OFF = 0.010
-"""m: how far the arm goes slowly as it leaves what it stood at ..."""
+"""m that the arm goes slowly as it leaves an object or a surface ..."""
 RETRACED = 0.10
-"""m: ... and how far up it then goes where the hand just came from."""
+"""m, ... and how far up it then goes fast, where the hand just came from."""
 CELL = 0.005
-"""m of a way that has one speed at least."""
+"""m of a path: resolution of the profile."""
 SHORTEST = 0.015
-"""m: a shorter stretch is not worth another speed."""
+"""m: a shorter free stretch is merged into its neighbours."""
 
 Cells = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """A part of a way.
+    """A part of a straight path.
 
     Attributes:
         start, end: poses of the TCP in the world.
-        guarded: something may be met here.
+        guarded: contact is possible here.
     """
 
     start: Pose
@@ -68,7 +68,7 @@ class Span:
 
 
 def spans(state: SymbolicState, start: Pose, end: Pose) -> Iterator[Span]:
-    """The straight way of the TCP from `start` to `end` (world) in parts, in order, by what `state`
+    """Parts of the TCP's straight path from `start` to `end` (world), in order, by what `state`
     believes."""
     near = _near(state, start, end)
     for first, last in pairwise(_edges(near)):
@@ -88,20 +88,26 @@ def stretches(parts: Sequence[Span], scene: Scene) -> list[Stretch]:
 
 
 def speed(span: Span, scene: Scene) -> float:
-    """m/s, the fastest on a span."""
+    """Speed limit of a span, m/s."""
     if not span.guarded:
-        return scene.arm.pace.speed  # the arm goes more slowly where it is heavy
+        return scene.arm.pace.speed  # the robot itself slows down where the arm is heavy
     way = span.end.position - span.start.position
     length = float(np.linalg.norm(way))
     if length < CELL:
         return GUARDED_SPEED
     direction = scene.pose_world_base.rotation.T @ way / length
-    met = scene.pose_world_base.inverse() @ span.start
-    return min(contact_speed(scene.arm, met, direction), NEAR_SPEED)
+    pose_base_tcp = scene.pose_world_base.inverse() @ span.start
+    return min(contact_speed(scene.arm, pose_base_tcp, direction), NEAR_SPEED)
+
+
+def leaves(start: Pose, end: Pose) -> bool:
+    """True for a path straight up: away from what is near its start, where the hand came from."""
+    way = end.position - start.position
+    return float(np.linalg.norm(way[:2])) < STEEP and float(way[2]) > 0.0
 
 
 def between(start: Pose, end: Pose, share: float) -> Pose:
-    """The pose at a share of the straight way; the hand turns evenly along it."""
+    """Pose at a share of the straight path, the rotation interpolated as well."""
     if share <= 0.0:
         return start
     if share >= 1.0:
@@ -111,39 +117,23 @@ def between(start: Pose, end: Pose, share: float) -> Pose:
     return Pose.of(position, turned(start.quaternion, turn[None])[0])
 
 
-def leaves(start: Pose, end: Pose) -> bool:
-    """True if a way goes straight up: what is near its start it leaves, and goes where the hand
-    came from."""
-    way = end.position - start.position
-    return float(np.linalg.norm(way[:2])) < STEEP and float(way[2]) > 0.0
-
-
 def _near(state: SymbolicState, start: Pose, end: Pose) -> Cells:
     """Mask of the path's cells that are near something."""
     near = np.zeros(max(1, int(np.ceil(start.distance_to(end) / CELL))), dtype=np.bool_)
-    for hand in _with_and_without(state, start, end):
+    for hand in _both_ways(state, start, end):
         for first, last in near_spans(hand, start, end, POSE_ERROR):
             near[int(first * len(near)) : int(np.ceil(last * len(near)))] = True
     if leaves(start, end):
-        _lift_off(near)
-    _smooth(near)
-    return near
-
-
-def _lift_off(near: Cells) -> None:
-    """Near the start, the way back is free after a little."""
-    clear = np.flatnonzero(~near)
-    left = int(clear[0]) if len(clear) else len(near)
-    near[min(left, _cells(LIFT_OFF)) : min(left, _cells(RETRACED))] = False
-
-
-def _smooth(near: Cells) -> None:
-    """Free stretches that are too short for a speed of their own go as slowly as what is beside
-    them."""
+        # After lift-off the hand retraces its way down, which was free.
+        clear = np.flatnonzero(~near)
+        left = int(clear[0]) if len(clear) else len(near)
+        near[min(left, round(LIFT_OFF / CELL)) : min(left, round(RETRACED / CELL))] = False
     for first, last in pairwise(_edges(near)):
+        # A free stretch too short for a speed of its own is as slow as its neighbours.
         whole = last - first == len(near)
-        if not near[first] and last - first < _cells(SHORTEST) and not whole:
+        if not near[first] and last - first < round(SHORTEST / CELL) and not whole:
             near[first:last] = True
+    return near
 
 
 def _edges(near: Cells) -> list[int]:
@@ -151,12 +141,8 @@ def _edges(near: Cells) -> list[int]:
     return [0, *(np.flatnonzero(np.diff(near)) + 1).tolist(), len(near)]
 
 
-def _cells(length: float) -> int:
-    return round(length / CELL)
-
-
-def _with_and_without(state: SymbolicState, start: Pose, end: Pose) -> Iterator[SymbolicState]:
-    """The hand as it is and, on the way to or from an object's place, as it is on the way back."""
+def _both_ways(state: SymbolicState, start: Pose, end: Pose) -> Iterator[SymbolicState]:
+    """The state, and, on the way to or from an object's place, that of the way back."""
     yield state
     low = min(start, end, key=lambda pose: float(pose.position[2]))
     if state.holding is None:

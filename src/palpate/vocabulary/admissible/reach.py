@@ -1,32 +1,41 @@
-"""Reach of the arm."""
+"""Reach of the arm, and room for it at `home_config`, where every plan begins."""
 
 from __future__ import annotations
 
+from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.kinematics import reachable, within_joint_limits
+from palpate.scene.scene import Scene
 from palpate.scene.symbols import PoseExpression
+from palpate.vocabulary.admissible.collision_geometry import LINK, arm_sweep
+from palpate.vocabulary.admissible.solids import solids
+from palpate.vocabulary.admissible.sweep import joint_path
 from palpate.vocabulary.state import HOME_CONFIG, SymbolicState
 from palpate.vocabulary.violation import Violation
 
 SHARES = (0.75, 0.5, 0.25, 0.1)
-"""Of the offsets of a pose that is out of reach, which are tried instead."""
+"""Parts of the offsets of a pose out of reach that are tried as a remedy."""
 
 
 def out_of_reach(state: SymbolicState, pose_world_tcp: Pose, name: str) -> list[Violation]:
-    """Violation for the pose called `name` beyond the arm's reach, or None."""
+    """Violation for the pose called `name` beyond the arm's reach; empty within it."""
     if _reaches(state, pose_world_tcp):
         return []
-    return [
-        Violation(
-            "unreachable",
-            f"{too_far(pose_world_tcp, name)}; {_instead(state, name)}, or leave out what needs it "
-            "and explain",
-        )
-    ]
+    problem = (
+        f"{too_far(pose_world_tcp, name)}; {_nearer(state, name)}, or leave out what needs it "
+        "and explain"
+    )
+    return [Violation("unreachable", problem)]
 
 
-def _instead(state: SymbolicState, name: str) -> str:
-    """Advice for a pose expression out of reach: the same with smaller offsets."""
+def _reaches(state: SymbolicState, pose_world_tcp: Pose) -> bool:
+    if state.reaches is not None:
+        return state.reaches(pose_world_tcp)
+    return reachable(state.scene.arm, pose_world_tcp, state.scene.pose_world_base)
+
+
+def _nearer(state: SymbolicState, name: str) -> str:
+    """Remedy for a pose expression out of reach: the same with smaller offsets."""
     symbols = state.scene.symbols
     expression = symbols.parse(name)
     for share in SHARES:
@@ -44,19 +53,34 @@ def too_far(pose_world_tcp: Pose, name: str) -> str:
 
 
 def beyond_joint_limits(state: SymbolicState, joints: Array) -> list[Violation]:
-    """Violation for seven joint angles, rad, beyond the joint limits, or None."""
+    """Violation for joint angles (7,), rad, beyond the joint limits; empty within them."""
     if within_joint_limits(state.scene.arm, joints):
         return []
     shown = [round(angle, 3) for angle in joints.tolist()]
-    return [
-        Violation(
-            "unreachable",
-            f"joint angles {shown} rad are beyond the arm's limits; write MoveJoints '{HOME_CONFIG}'",
-        )
-    ]
+    problem = (
+        f"joint angles {shown} rad are beyond the arm's limits; write MoveJoints '{HOME_CONFIG}'"
+    )
+    return [Violation("unreachable", problem)]
 
 
-def _reaches(state: SymbolicState, pose_world_tcp: Pose) -> bool:
-    if state.reaches is not None:
-        return state.reaches(pose_world_tcp)
-    return reachable(state.scene.arm, pose_world_tcp, state.scene.pose_world_base)
+def require_room(scene: Scene) -> None:
+    """Require that nothing overlaps the arm at home: no plan could avoid that.
+
+    Raises:
+        InputError: something overlaps a link, the hand or a closed finger there.
+    """
+    home = scene.symbols.joints(HOME_CONFIG)
+    still = joint_path(solids(scene), home, home, width=0.0)
+    overlaps = arm_sweep(SymbolicState(scene), still).within(0.0).overlaps()
+    # The base may overlap its support.
+    allowed = {scene.arm.base}
+    found = [hit for hit in overlaps if hit.other.kind != LINK and hit.other.owner not in allowed]
+    if not found:
+        return
+    deepest = min(found, key=lambda hit: hit.distance)
+    part, name = deepest.part.owner, deepest.other.owner
+    raise InputError(
+        "the arm has no room in this scene: at 'home_config', where every plan begins, its "
+        f"{part} is {-1e3 * deepest.distance:.1f} mm inside '{name}', at {deepest.place}; correct "
+        f"where '{name}' is or how large it is, or where the arm stands"
+    )

@@ -1,49 +1,155 @@
-"""Support of an object: hanging free, dragged, falling or tipping."""
+"""Support of an object: its carriers and support polygon seen from above; hanging free, dragged,
+falling or tipping.
+
+An object stands where its lower face is over tops at its height. The hull of the supported parts of
+the face is its support polygon; the object is stable with its centre of mass over that.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from palpate.errors import InputError
-from palpate.geometry.polygon import depth
+from palpate.geometry.outline import rim, slab
+from palpate.geometry.polygon import clipped, depth, hull
 from palpate.geometry.pose import Array, Pose
-from palpate.vocabulary.admissible.footing import SUNK, Footing, footing
-from palpate.vocabulary.admissible.solids import solids
+from palpate.vocabulary.admissible.solids import ORIGIN, Shape, Solids, solids
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.violation import PRECONDITION, Violation
 
+SETTLES = 0.005
+"""m between the lowest point of an object and a top, either way, up to which the top carries it."""
+FACE = 0.002
+"""m above an object's lowest point up to which its lower face reaches."""
+SUNK = 0.02
+"""m of a top above an object's lowest point up to which it counts as below, by the error of belief."""
 LIFTED = 0.005
-"""m: a held object whose bottom is this far above its support is clear of it."""
+"""m between a held object and its support above which it hangs free."""
 TIPPING = 0.005
 """m that a centre of mass must be inside the support polygon."""
 OFF_CENTRE = 0.1
-"""Part of an object's extent by which a centre of mass that nobody states may be off the middle,
-each way: as `quantities.com` has it."""
+"""Part of an object's extent by which an unstated centre of mass may be off the middle, each way: the
+prior of `quantities.com`."""
 EDGE = 0.003
-"""m that an object whose centre of mass is unknown keeps from the edge of what carries it."""
+"""m between an object of unknown centre of mass and the edge of its carriers."""
 AS_FOUND = 0.003
-"""m: an object this near to where it stood stands again."""
+"""m from where an object stood up to which it stands there again."""
 UPRIGHT = np.radians(2.0)
 """rad that an object may lean."""
 MIN_SLIDE = 0.03
 """m: a shorter slide is not much more than the grip's and the arm's compliance."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Top:
+    """Upper face of a shape: its owner, (k, 2) corners counterclockwise, and height, world z, m."""
+
+    owner: str
+    outline: Array
+    height: float
+
+
+@dataclass(frozen=True, eq=False)
+class Footing:
+    """An object at a pose, and the tops below it.
+
+    Attributes:
+        bottom: world z of its lowest point, m.
+        outline, face: (k, 2) corners of the whole object seen from above, and of its lower face.
+        tops: tops under its outline, at any height below.
+    """
+
+    name: str
+    bottom: float
+    outline: Array
+    face: Array
+    tops: tuple[Top, ...]
+
+    @cached_property
+    def carriers(self) -> tuple[Top, ...]:
+        """Tops at the height of its bottom."""
+        return tuple(top for top in self.tops if abs(top.height - self.bottom) <= SETTLES)
+
+    @property
+    def owners(self) -> list[str]:
+        """Bodies that carry it."""
+        return list(dict.fromkeys(top.owner for top in self.carriers))
+
+    @cached_property
+    def support(self) -> Array:
+        """(k, 2) corners of its support polygon; fewer than three where nothing carries it."""
+        parts = [clipped(self.face, top.outline) for top in self.carriers]
+        return hull(np.concatenate([np.zeros((0, 2)), *parts]))
+
+    @property
+    def gap(self) -> float:
+        """m down to the highest top below it; inf where there is none."""
+        return self.bottom - max((top.height for top in self.tops), default=-np.inf)
+
+    def is_over_carriers(self) -> bool:
+        """True if its whole outline is over its carriers, with `EDGE` to spare."""
+        tops = [top.outline for top in self.carriers]
+        return all(max(depth(top, corner) for top in tops) >= EDGE for corner in self.outline)
+
+
+def footing(state: SymbolicState, name: str, pose_world_object: Pose) -> Footing:
+    """Footing of an object at a pose, among everything else that is not held."""
+    shapes = solids(state.scene)
+    placed = [entry for entry in state.placed if entry[0] != name]
+    key = ("footing", name, pose_world_object.digits, state.holding, *placed)
+    return shapes.cached(key, lambda: _footing(shapes, state, name, pose_world_object))
+
+
+def _footing(shapes: Solids, state: SymbolicState, name: str, pose: Pose) -> Footing:
+    parts = [shapes.convex(shape, pose) for shape in shapes.objects[name]]
+    points = np.concatenate([part.points for part in parts])
+    bottom = float(points[:, 2].min())
+    face = hull(np.concatenate([slab(part, bottom, bottom + FACE) for part in parts]))
+    outline = hull(rim(points[:, :2]))
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    tops: list[Top] = []
+    for owner, shape, place in _others(shapes, state, name):
+        reach = float(shapes.radii[shape.geom]) or np.inf
+        middle = place.apply(shape.position)[:2]
+        if (middle + reach < low).any() or (middle - reach > high).any():
+            continue
+        part = shapes.convex(shape, place)
+        foot, height = float(part.points[:, 2].min()), float(part.points[:, 2].max())
+        if height > bottom + SUNK and foot > bottom:
+            continue
+        top = Top(owner, hull(slab(part, height - FACE, height)), height)
+        if len(clipped(outline, top.outline)) > 2:
+            tops.append(top)
+    return Footing(name, bottom, outline, face, tuple(tops))
+
+
+def _others(shapes: Solids, state: SymbolicState, name: str) -> Iterator[tuple[str, Shape, Pose]]:
+    """Shapes other than those of object `name` and of the held one, with owner and its pose."""
+    for shape in shapes.fixed:
+        yield shapes.owners[shape.geom], shape, ORIGIN
+    for other in state.scene.objects:
+        if other not in (name, state.holding):
+            for shape in shapes.objects[other]:
+                yield other, shape, state.pose_of(other)
+
+
 def clear_of_support(state: SymbolicState, name: str, pose_world_object: Pose) -> bool:
-    """True if object `name` at that pose hangs free of whatever is below it."""
+    """True if an object at a pose hangs free of everything below it."""
     return footing(state, name, pose_world_object).gap > LIFTED
 
 
 def stable(state: SymbolicState, name: str, pose_world_object: Pose) -> str | None:
     """Reason why an object released at a pose (world) would not stay there; None if it would.
 
-    It stays where it stood before, on what carried it then. Elsewhere it must be upright, and its
-    centre of mass over the support polygon with `TIPPING` to spare: a stated one, or the middle
-    with its uncertainty where the file leaves it to the shapes. An unknown one may be anywhere:
-    then all that is to be seen of it from above must be over what carries it.
+    It stays where it stood before, on its carriers then. Elsewhere it must be upright, with its
+    centre of mass inside the support polygon by `TIPPING`: the stated one, or the middle with its
+    uncertainty where the file leaves it to the shapes. An unknown one may be anywhere: then the
+    object's whole outline must be over its carriers.
     """
     if _is_as_found(state, name, pose_world_object):
         return None
@@ -52,22 +158,26 @@ def stable(state: SymbolicState, name: str, pose_world_object: Pose) -> str | No
         return f"it would lean by {np.degrees(lean):.0f}° and tip over"
     there = footing(state, name, pose_world_object)
     if not there.carriers:
-        return _unsupported(there)
-    if _lies_inside(there) or _is_balanced(state, name, pose_world_object, there):
+        if math.isinf(there.gap):
+            return "nothing is below it"
+        if there.gap > 0:
+            return f"it would fall by {there.gap:.3f} m"
+        return f"it would be pressed {-there.gap:.3f} m into what is below it"
+    if there.is_over_carriers() or _is_balanced(state, name, pose_world_object, there):
         return _unstable_carrier(state, name, pose_world_object, there)
-    carriers = " and ".join(f"'{owner}'" for owner in _owners(there))
+    carriers = " and ".join(f"'{owner}'" for owner in there.owners)
     return f"it would tip over the edge of {carriers}"
 
 
 def leaning(state: SymbolicState, name: str, pose_world_object: Pose) -> float:
-    """rad by which an object at a pose (world) leans, against how the scene has it."""
+    """Angle, rad, between an object's vertical at a pose (world) and the one in the scene."""
     up = state.scene.body(name).pose_world.rotation[2]
     return float(np.arccos(np.clip(pose_world_object.rotation[2] @ up, -1.0, 1.0)))
 
 
 def riders(state: SymbolicState, name: str) -> list[str]:
-    """Objects that stand on object `name`, and would go where it goes."""
-    at = state.pose_of(name)
+    """Objects that stand on object `name` and move with it."""
+    at, free = state.pose_of(name), replace(state, holding=None)
     body, found = state.scene.body(name), list[str]()
     for other in state.scene.objects.values():
         pose = state.pose_of(other.name)
@@ -76,18 +186,17 @@ def riders(state: SymbolicState, name: str) -> list[str]:
             continue
         if other.bottom_z(pose) < body.bottom_z(at):
             continue
-        standing = replace(state, holding=None)
-        if name in _owners(footing(standing, other.name, pose)):
+        if name in footing(free, other.name, pose).owners:
             found.append(other.name)
     return found
 
 
 def _is_as_found(state: SymbolicState, name: str, pose: Pose) -> bool:
-    """True if an object stands where the scene has it, on what carried it there."""
+    """True if an object stands where the scene has it, on its carriers there."""
     found = state.scene.body(name).pose_world
     if pose.distance_to(found) > AS_FOUND or pose.angle_to(found) > UPRIGHT:
         return False
-    for owner in _owners(footing(SymbolicState(state.scene), name, found)):
+    for owner in footing(SymbolicState(state.scene), name, found).owners:
         if owner == state.holding:
             return False
         if owner in state.moved and not _is_as_found(state, owner, state.moved[owner]):
@@ -95,69 +204,44 @@ def _is_as_found(state: SymbolicState, name: str, pose: Pose) -> bool:
     return True
 
 
-def _owners(there: Footing) -> list[str]:
-    return list(dict.fromkeys(top.owner for top in there.carriers))
-
-
-def _unsupported(there: Footing) -> str:
-    if math.isinf(there.gap):
-        return "nothing is below it"
-    if there.gap > 0:
-        return f"it would fall by {there.gap:.3f} m"
-    return f"it would be pressed {-there.gap:.3f} m into what is below it"
-
-
-def _lies_inside(there: Footing) -> bool:
-    """True if all that is seen of it from above is over what carries it."""
-    tops = [top.outline for top in there.carriers]
-    return all(max(depth(top, corner) for top in tops) >= EDGE for corner in there.outline)
-
-
 def _is_balanced(state: SymbolicState, name: str, pose: Pose, there: Footing) -> bool:
-    """True if its centre of mass is over its support polygon; of an unknown one nobody can say."""
-    centre = _centre_of_mass(state, name, pose)
-    if centre is None:
-        return False
-    point, spread = centre
-    return depth(there.support, point) >= TIPPING + spread
-
-
-def _centre_of_mass(state: SymbolicState, name: str, pose: Pose) -> tuple[Array, float] | None:
-    """Centre of mass seen from above (2,), and its uncertainty, m; None where it is unknown."""
+    """True if an object's centre of mass, with its uncertainty, is over its support polygon."""
     body = state.scene.body(name)
     if "com" in body.known:
-        return pose.apply(body.known["com"])[:2], 0.0
+        return depth(there.support, pose.apply(body.known["com"])[:2]) >= TIPPING
     if "com" not in body.assumed:
-        return None
+        return False
     middle = pose.apply(solids(state.scene).centre_of_mass(name))
     extent = np.abs(pose.rotation[:2]) @ body.size
-    return middle[:2], float(OFF_CENTRE * extent.max())
+    return depth(there.support, middle[:2]) >= TIPPING + float(OFF_CENTRE * extent.max())
 
 
 def _unstable_carrier(state: SymbolicState, name: str, pose: Pose, there: Footing) -> str | None:
-    """Reason why a carrier of the object would not stay with it on top; None if all would."""
-    for owner in _owners(there):
+    """Reason why a carrier would tip with the object on top; None if all would stay."""
+    placed = replace(state, moved={**state.moved, name: pose})
+    for owner in there.owners:
         if owner not in state.scene.objects:
             continue
-        without = replace(state, moved={**state.moved, name: pose})
-        below = footing(without, owner, state.pose_of(owner))
-        inside = all(depth(below.support, corner) >= 0 for corner in there.support)
-        if not inside:
+        # The load acts within the support polygon of the object on top.
+        below = footing(placed, owner, state.pose_of(owner)).support
+        if not all(depth(below, corner) >= 0 for corner in there.support):
             return f"'{owner}' would tip under it"
     return None
 
 
 def slides(before: SymbolicState, after: SymbolicState) -> bool:
     """True if a motion from one state to the other drags the held object along its support."""
-    stands = before.holding is not None and not before.lifted and not after.lifted
-    return stands and _travel(before, after) > LIFTED and _descent(before, after) <= SUNK
+    if before.holding is None or before.lifted or after.lifted:
+        return False
+    travel = _travel(before, after)
+    return float(np.linalg.norm(travel)) > LIFTED and float(travel[2]) >= -SUNK
 
 
 def dragged_off(before: SymbolicState, after: SymbolicState) -> str | None:
-    """Reason why a held object on its support would no longer stand at the end of a motion that
-    does not lift it; None if it would, or is lifted."""
+    """Reason why a held object on its support would not be stable at the end of a motion that does
+    not lift it; None if it would, or is lifted."""
     held = before.holding
-    if held is None or before.lifted or _travel(before, after) <= LIFTED:
+    if held is None or before.lifted or np.linalg.norm(_travel(before, after)) <= LIFTED:
         return None
     start, end = before.pose_of(held), after.pose_of(held)
     rise = float(end.position[2] - start.position[2])
@@ -168,32 +252,34 @@ def dragged_off(before: SymbolicState, after: SymbolicState) -> str | None:
     return stable(before, held, end)
 
 
+def _travel(before: SymbolicState, after: SymbolicState) -> Array:
+    """(3,) m, displacement of the TCP; zero from or to an unknown pose."""
+    start, end = before.pose_world_tcp, after.pose_world_tcp
+    return np.zeros(3) if start is None or end is None else end.position - start.position
+
+
 def would_fall(state: SymbolicState) -> list[Violation]:
     """Violation of opening the fingers: the held object would not stay."""
     if not state.holding:
         return []
-    if not state.lifted:
-        reason = stable(state, state.holding, state.pose_of(state.holding))
-        return [_unstable(state, reason)] if reason else []
-    return [
-        Violation(
-            "gripper-state",
+    if state.lifted:
+        problem = (
             f"'{state.holding}' is lifted and would fall; MovePose it onto its support first, "
-            f"e.g. to '{state.grasp}'",
+            f"e.g. to '{state.grasp}'"
         )
-    ]
-
-
-def _unstable(state: SymbolicState, reason: str) -> Violation:
-    return Violation(
-        "unsupported",
+        return [Violation("gripper-state", problem)]
+    reason = stable(state, state.holding, state.pose_of(state.holding))
+    if reason is None:
+        return []
+    problem = (
         f"'{state.holding}' would not stay where it is let go of: {reason}; MovePose it to where "
-        f"it stood, e.g. to '{state.grasp}', or well inside a surface, before OpenGripper",
+        f"it stood, e.g. to '{state.grasp}', or well inside a surface, before OpenGripper"
     )
+    return [Violation("unsupported", problem)]
 
 
 def above(state: SymbolicState, expression: str | None) -> str:
-    """A pose expression with one z_offset more; what is no pose expression stays as it is."""
+    """A pose expression plus one z_offset; anything else unchanged."""
     try:
         return str(state.scene.symbols.parse(expression or "").shifted("z_offset", 1))
     except InputError:
@@ -204,24 +290,8 @@ def would_be_dragged(state: SymbolicState) -> list[Violation]:
     """Violation of a joint motion, which is no straight line, with a held object on its support."""
     if not state.holding or state.lifted:
         return []
-    return [
-        Violation(
-            PRECONDITION,
-            f"'{state.holding}' stands on its support in the gripper; lift it: MovePose to "
-            f"'{above(state, state.grasp)}' first; or open the gripper",
-        )
-    ]
-
-
-def _descent(before: SymbolicState, after: SymbolicState) -> float:
-    """m that the TCP goes down; 0 where that is not known."""
-    if before.pose_world_tcp is None or after.pose_world_tcp is None:
-        return 0.0
-    return float(before.pose_world_tcp.position[2] - after.pose_world_tcp.position[2])
-
-
-def _travel(before: SymbolicState, after: SymbolicState) -> float:
-    """Distance between the two TCPs, m; 0 where one is not known."""
-    if before.pose_world_tcp is None or after.pose_world_tcp is None:
-        return 0.0
-    return before.pose_world_tcp.distance_to(after.pose_world_tcp)
+    problem = (
+        f"'{state.holding}' stands on its support in the gripper; lift it: MovePose to "
+        f"'{above(state, state.grasp)}' first; or open the gripper"
+    )
+    return [Violation(PRECONDITION, problem)]

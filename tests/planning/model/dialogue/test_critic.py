@@ -19,7 +19,6 @@ from palpate.planning.plan import Plan, dump_plan
 from palpate.planning.recorded import ReplayPlanner
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
-from palpate.tools import model_settings
 
 pytest.importorskip("pydantic_ai")
 
@@ -125,7 +124,7 @@ def test_an_unknown_critic_or_one_without_a_key_is_told_before_anything_is_sent(
     scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with pytest.raises(InputError, match="unknown provider 'nobody'"):
-        model_settings(critic="nobody:x")
+        ModelSettings(critic="nobody:x").checked()
     monkeypatch.delenv("ANTHROPIC_API_KEY")
     with Loopback(Says(GOOD)) as server:
         settings = ModelSettings(base_url=server.url("openai"), critic="anthropic")

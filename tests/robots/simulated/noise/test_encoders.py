@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from noises import JACOBIAN, model
 
+from palpate.robots.simulated.noise.disturbances import Rests
 from palpate.robots.simulated.noise.encoders import Encoders
-from palpate.robots.simulated.noise.rests import Rests
-from palpate.robots.simulated.noise.stamps import Stamps
 from palpate.robots.simulated.noise.values import Streams
 
 
@@ -20,7 +19,7 @@ def encoders(seed: int = 0, **sections: object) -> Encoders:
 Q = np.linspace(-1.0, 1.0, 7)[None]
 
 
-def test_perfect_ones_report_every_angle_as_it_is() -> None:
+def test_perfect_encoders_report_true_angles() -> None:
     found = encoders()
     assert found.exact
     assert found.clean
@@ -80,22 +79,3 @@ def test_links_warm_up_and_cool_down() -> None:
     assert np.std(errors) == pytest.approx(1e-4, rel=0.1)
     found.pass_time(60_000)
     assert (found.pose_error != errors[-1]).all()
-
-
-def stamps(**figures: object) -> Stamps:
-    return Stamps(model(acquisition=figures).acquisition, Streams(0))
-
-
-def test_stamps_jitter_and_stay_in_order() -> None:
-    t = 0.005 * np.arange(1.0, 4001)
-    assert (stamps().of(t) == t).all()
-    assert (stamps(jitter=1e-4).of(t) - t).std() == pytest.approx(1e-4, rel=0.05)
-    assert (np.diff(stamps(jitter=0.01).of(t)) > 0).all()
-
-
-def test_a_clock_goes_at_its_own_rate() -> None:
-    assert stamps(clock={"fixed": 1e-3}).of(np.array([100.0])) == pytest.approx([100.1])
-    rates = [
-        Stamps(model(acquisition={"clock": 1e-4}).acquisition, Streams(s)).rate for s in range(200)
-    ]
-    assert np.std(rates) == pytest.approx(1e-4, rel=0.15)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from noises import model
 
-from palpate.robots.simulated.noise.line import Line
+from palpate.robots.simulated.noise.line import Line, Stamps
 from palpate.robots.simulated.noise.values import Streams
 
 RUNS = 500
@@ -39,7 +39,7 @@ def test_white_noise_is_that_of_a_mean_of_five_samples(more: dict[str, object]) 
     assert abs(np.corrcoef(samples[:-1, 0], samples[1:, 0])[0, 1]) < 0.06
 
 
-def test_the_reading_has_steps() -> None:
+def test_the_reading_is_quantised() -> None:
     samples, _ = carried(line(quantisation=0.25), still(8, 1.1))
     assert samples == pytest.approx(still(8, 1.0))
 
@@ -64,7 +64,7 @@ def test_the_filter_is_a_first_order_low_pass() -> None:
 
 
 @pytest.mark.parametrize("delay", [0.002, 0.0125])
-def test_torque_comes_late(delay: float) -> None:
+def test_torque_is_delayed(delay: float) -> None:
     t = 0.005 * np.arange(160)
     ramp = np.outer(t, np.ones(7))
     samples, _ = carried(line(delay=delay), ramp)
@@ -91,7 +91,7 @@ def test_samples_are_dropped_at_their_rate_and_gaps_have_their_length() -> None:
     assert np.median(gaps) in (3, 4)
 
 
-def test_what_is_missing_looks_like_the_last_that_arrived() -> None:
+def test_missing_samples_repeat_the_last_that_arrived() -> None:
     found = line({"dropped": {"rate": 2.0, "length": 0.02}})
     samples, arrived = carried(found, still(value=30.0))
     assert not arrived.all()
@@ -111,3 +111,22 @@ def test_repeated_samples_make_the_mean_noisier() -> None:
     plain, _ = carried(line(white=0.1), still())
     assert samples.std() > 1.3 * plain.std()
     assert np.corrcoef(samples[:-1, 0], samples[1:, 0])[0, 1] > 0.05, "over the edge of a block"
+
+
+def stamps(**figures: object) -> Stamps:
+    return Stamps(model(acquisition=figures).acquisition, Streams(0))
+
+
+def test_stamps_jitter_and_stay_in_order() -> None:
+    t = 0.005 * np.arange(1.0, 4001)
+    assert (stamps().of(t) == t).all()
+    assert (stamps(jitter=1e-4).of(t) - t).std() == pytest.approx(1e-4, rel=0.05)
+    assert (np.diff(stamps(jitter=0.01).of(t)) > 0).all()
+
+
+def test_a_clock_has_its_own_rate() -> None:
+    assert stamps(clock={"fixed": 1e-3}).of(np.array([100.0])) == pytest.approx([100.1])
+    rates = [
+        Stamps(model(acquisition={"clock": 1e-4}).acquisition, Streams(s)).rate for s in range(200)
+    ]
+    assert np.std(rates) == pytest.approx(1e-4, rel=0.15)

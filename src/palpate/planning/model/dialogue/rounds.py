@@ -12,10 +12,9 @@ from difflib import unified_diff
 
 from palpate.errors import InputError, PlanRejected, Unavailable
 from palpate.planning.model.dialogue.conversation import Answer, Conversation, Round
+from palpate.planning.model.settings import FEEDBACK_ROUNDS
 from palpate.planning.plan import Plan
 
-FEEDBACK_ROUNDS = 3
-"""Number of times that findings go back to the model."""
 MAX_FINDINGS = 20
 MAX_FINDING = 500
 """Findings in one message, and characters of each."""

@@ -1,4 +1,4 @@
-"""Joint angles as the encoders tell them."""
+"""Joint encoders: reported angles against true ones."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ import numpy as np
 
 from palpate.geometry.pose import Array
 from palpate.robots.nominal import RIDGE
+from palpate.robots.simulated.noise.disturbances import Rests
+from palpate.robots.simulated.noise.gauge import Relaxation
 from palpate.robots.simulated.noise.model import NoiseModel
-from palpate.robots.simulated.noise.rests import Rests
 from palpate.robots.simulated.noise.values import JOINTS, Streams
-from palpate.robots.simulated.noise.wander import Relaxation
 from palpate.robots.simulated.timing import BLOCK, PERIOD
 
 PAD_TIME = 0.02
-"""s in which pads give way, sqrt(m c) for an arm's 8 kg on 5e-5 m/N: what is hard in the world rings
+"""s in which pads give way, sqrt(m c) for an arm's 8 kg on 5e-5 m/N: hard objects of the world ring
 under an impact, and pads would not."""
-YIELDS = -math.expm1(-PERIOD / PAD_TIME)
+YIELDS = -math.expm1(-PERIOD / PAD_TIME)  # share of it in a log period
 
 
 class Encoders:
-    """Reported against true joint angles, and the reported against the true place of the TCP.
+    """Errors of the joint angles, and of the TCP's position that follows from them.
 
     Attributes:
-        exact: whether they report every angle as it is, but for noise.
-        clean: and without noise.
-        soft: m/N by which the pads give way under a probe: the arm goes on, as its encoders see.
+        exact: True if reported angles are the true ones, up to noise.
+        clean: True if they have no noise.
+        soft: m/N, compliance of the pads under a probe: the arm goes on, as its encoders see.
     """
 
     def __init__(self, noise: NoiseModel, rests: Rests, streams: Streams) -> None:
@@ -39,8 +39,7 @@ class Encoders:
         self._cycles = pose.encoder_ripple.cycles
         self._phase = streams("pose.encoder_ripple").uniform(-np.pi, np.pi, JOINTS)
         self._noise, self._random = pose.encoder, streams.run("pose.encoder")
-        self._noisy = bool(pose.encoder.any())
-        self._step = pose.quantisation
+        self._noisy, self._step = bool(pose.encoder.any()), pose.quantisation
         self.exact = not (self._compliance.any() or self._ripple.any() or self.soft)
         self.clean = not (self._noisy or pose.quantisation)
         self._thermal = None
@@ -50,26 +49,31 @@ class Encoders:
 
     @property
     def pose_error(self) -> Array:
-        """(3,) m, world axes: reported less true position of the TCP, besides what the angles do."""
+        """(3,) m, world axes: reported less true position of the TCP, without the angles' part."""
         if self._thermal is None:
             return self._rests.pose_error
         return self._rests.pose_error + self._thermal.value
 
     def pass_time(self, periods: int) -> None:
-        """The links warm up and cool down."""
+        """Advance the thermal expansion of the links by some log periods."""
         if self._thermal is not None:
             self._thermal.after(periods * PERIOD)
 
     def reported(self, q: Array, torque: Array) -> Array:
-        """(n, 7) rad of the true angles (n, 7) under link-side torques (n, 7), N m: the encoders sit
-        before what gives way."""
+        """Return the reported angles (n, 7), rad, of true ones (n, 7) under link-side torques
+        (n, 7), N m: the encoders sit before the compliance of the joints."""
         if self.exact:
             return q
         return q + self._compliance * torque + self._ripple * np.sin(self._cycles * q + self._phase)
 
     def pressed(self, jacobian: Array, force: Array, axis: Array) -> Array:
-        """(n, 7) rad more that the arm went on while its pads gave way under `force` (n,), N, of n
-        log periods, which is changed, along the unit `axis` (3,) in which they press."""
+        """Compute how far (n, 7), rad, the arm went on while its pads gave way.
+
+        Args:
+            jacobian: (6, 7), world axes about the TCP.
+            force: (n,) N of n log periods; it is low-passed in place.
+            axis: (3,) unit vector along which the pads press.
+        """
         for i, pressing in enumerate(np.maximum(force, 0.0).tolist()):
             self._pressed += (pressing - self._pressed) * YIELDS
             force[i] = self._pressed
@@ -78,11 +82,11 @@ class Encoders:
         return self.soft * force[:, None] * along
 
     def noise(self, periods: int) -> Array | None:
-        """(periods, 7) rad of the means of blocks; None without any."""
+        """Draw the noise (periods, 7), rad, of block means; None without any."""
         if not self._noisy:
             return None
         return self._noise / math.sqrt(BLOCK) * self._random.standard_normal((periods, JOINTS))
 
     def quantised(self, q: Array) -> Array:
-        """(n, 7) rad, in whole steps."""
+        """Round angles (n, 7), rad, to whole steps."""
         return np.round(q / self._step) * self._step if self._step else q

@@ -1,4 +1,4 @@
-"""The torque sensors themselves: from the torque that bends them to what they read."""
+"""Torque sensors: gains and hysteresis of their gauges, and their drift and coloured noise."""
 
 from __future__ import annotations
 
@@ -7,16 +7,18 @@ import math
 import numpy as np
 
 from palpate.geometry.pose import Array
-from palpate.robots.simulated.noise.model import Torque
+from palpate.robots.simulated.noise.model import Flicker, Torque
 from palpate.robots.simulated.noise.values import JOINTS, Streams
 
-THRESHOLDS = 8
-"""Play operators that make up the hysteresis; each is half as wide as the one before."""
-WIDEST = 0.25
-"""Of the range: the widest of them."""
+THRESHOLDS = 8  # play operators that make up the hysteresis, each half as wide as the one before
+WIDEST = 0.25  # of the range: the widest of them
 LOOP = math.sqrt(2.0)
 """Width of a loop of swing S over w S, at weights w: between 1 and 2, by where S lies between two
 thresholds."""
+WALK_TIME = 300.0
+"""s: a random walk has no stationary size; it spreads as a drift of that size and this time
+constant does in the beginning, and never turns back."""
+PER_DECADE = 3  # relaxations that make up 1/f noise: their sum is within 3 % of it
 
 
 class Gauges:
@@ -28,25 +30,25 @@ class Gauges:
         self._matrix += crosstalk - np.diag(np.diag(crosstalk))
         self._gain = np.diag(self._matrix).copy()
         self._crossed = torque.crosstalk.any
-        self._full = np.where(np.isfinite(torque.range), torque.range, tau_max)
-        bent = torque.nonlinearity_max
-        self._bent = (
-            bent.draw(streams("torque.nonlinearity_max")) / self._full if bent.any else None
-        )
+        full = np.where(np.isfinite(torque.range), torque.range, tau_max)
+        self._curvature = None
+        if torque.nonlinearity_max.any:
+            drawn = torque.nonlinearity_max.draw(streams("torque.nonlinearity_max"))
+            self._curvature = drawn / full
         self._ripple = math.sqrt(2.0) * torque.ripple.size
         self._rippled = bool(self._ripple.any())
         self._cycles = torque.ripple.cycles
         self._phase = streams("torque.ripple").uniform(-np.pi, np.pi, JOINTS)
         self._weight = torque.hysteresis / LOOP
         self._lags = bool(self._weight.any())
-        self._half = WIDEST * self._full * 0.5 ** np.arange(THRESHOLDS)[:, None]
-        self._follows: Array | None = None
+        self._half = WIDEST * full * 0.5 ** np.arange(THRESHOLDS)[:, None]
+        self._plays: Array | None = None
 
     def read(self, torque: Array, q: Array) -> Array:
-        """(n, 7) N m that are shown of the torques (n, 7) behind the gears, at angles (n, 7)."""
+        """Compute the readings (n, 7), N m, at link-side torques (n, 7) and joint angles (n, 7)."""
         reading = torque @ self._matrix.T if self._crossed else self._gain * torque
-        if self._bent is not None:
-            reading += self._bent * torque * torque
+        if self._curvature is not None:
+            reading += self._curvature * torque * torque
         if self._lags:
             reading -= self._weight * self._lag(torque)
         if self._rippled:
@@ -54,13 +56,103 @@ class Gauges:
         return reading
 
     def _lag(self, torque: Array) -> Array:
-        """(n, 7) N m by which play operators of all widths lag behind, together: a Prandtl-Ishlinskii
-        model, whose loops are as wide as the swing since the last reversal is long (P. Krejci,
+        """Sum the lags (n, 7), N m, of play operators of all widths: a Prandtl-Ishlinskii model,
+        whose loops are as wide as the swing since the last reversal is long (P. Krejci,
         "Hysteresis, Convexity and Dissipation in Hyperbolic Equations", 1996)."""
-        if self._follows is None:
-            self._follows = np.broadcast_to(torque[0], self._half.shape).copy()
+        if self._plays is None:
+            self._plays = np.broadcast_to(torque[0], self._half.shape).copy()
         lag = np.empty_like(torque)
         for i, now in enumerate(torque):
-            np.clip(self._follows, now - self._half, now + self._half, out=self._follows)
-            lag[i] = (now - self._follows).sum(0)
+            np.clip(self._plays, now - self._half, now + self._half, out=self._plays)
+            lag[i] = (now - self._plays).sum(0)
         return lag
+
+
+class Relaxation:
+    """An Ornstein-Uhlenbeck process of `count` components, exact at any step; `size` stationary.
+
+    Attributes:
+        value: (count,) now; a random walk (infinite `time` constant) starts at zero.
+    """
+
+    def __init__(self, size: Array | float, time: float, random: np.random.Generator, count: int):
+        self._size, self._time, self._random, self._count = size, time, random, count
+        walks = math.isinf(time)
+        self.value: Array = np.zeros(count) if walks else size * random.standard_normal(count)
+
+    def after(self, duration: float) -> Array:
+        """Advance by `duration` s and return the value (count,)."""
+        drawn = self._random.standard_normal(self._count)
+        if math.isinf(self._time):
+            self.value = self.value + self._size * math.sqrt(2 * duration / WALK_TIME) * drawn
+            return self.value
+        kept = math.exp(-duration / self._time)
+        self.value = kept * self.value + self._size * math.sqrt(1 - kept * kept) * drawn
+        return self.value
+
+
+class FlickerNoise:
+    """1/f noise of seven joints as a sum of relaxations whose corners are spaced evenly on a log
+    axis.
+
+    One of variance v and corner f_k has the one-sided power spectral density (2 v / pi f_k) /
+    (1 + (f / f_k)^2). Spaced by a factor r, their sum is v / (f ln r) between the lowest and the
+    highest corner, flat below, and falls as 1 / f^2 above; half of it is left at the corners.
+    """
+
+    def __init__(self, flicker: Flicker, period: float, random: np.random.Generator) -> None:
+        low, high = flicker.band
+        count = max(2, math.ceil(PER_DECADE * math.log10(high / low)) + 1)
+        corners = np.geomspace(low, high, count)
+        size = flicker.level * math.sqrt(math.log(corners[1] / corners[0]))
+        self._keep = np.exp(-2 * np.pi * corners * period)[:, None]
+        self._kick = np.sqrt(1 - self._keep**2) * size
+        self._random, self._parts = random, size * random.standard_normal((count, JOINTS))
+
+    def after(self, periods: int) -> Array:
+        """Advance by some log periods and return the noise (periods, 7), N m."""
+        drawn = self._random.standard_normal((periods, *self._parts.shape))
+        drawn *= self._kick
+        out = np.empty((periods, JOINTS))
+        for i in range(periods):
+            self._parts *= self._keep
+            self._parts += drawn[i]
+            out[i] = self._parts.sum(0)
+        return out
+
+
+class Wander:
+    """Slow and coloured noise of the torque signals: drift, warm-up, flicker, zeroing offset.
+
+    Attributes:
+        left: (7,) N m that zeroing leaves.
+    """
+
+    def __init__(self, torque: Torque, period: float, streams: Streams) -> None:
+        drift = torque.drift
+        self._period, self._t, self._warm_up_time = period, 0.0, drift.warm_up_time
+        self.left = torque.offset.draw(streams.run("torque.offset"))
+        self._drift = self._warm_up = self._flicker = None
+        if drift.size.any():
+            random = streams.run("torque.drift")
+            self._drift = Relaxation(drift.size, drift.time_constant, random, JOINTS)
+        if drift.warm_up.any:
+            self._warm_up = drift.warm_up.draw(streams("torque.drift.warm_up"))
+        if torque.flicker.level.any():
+            self._flicker = FlickerNoise(torque.flicker, period, streams.run("torque.flicker"))
+
+    @property
+    def now(self) -> Array:
+        """(7,) N m of drift now."""
+        return np.zeros(JOINTS) if self._drift is None else self._drift.value
+
+    def add(self, reading: Array) -> None:
+        """Add the noise to the readings (n, 7), N m, of n log periods."""
+        duration = len(reading) * self._period
+        self._t += duration
+        if self._drift is not None:
+            reading += self._drift.after(duration)
+        if self._warm_up is not None:
+            reading += self._warm_up * -math.expm1(-self._t / self._warm_up_time)
+        if self._flicker is not None:
+            reading += self._flicker.after(len(reading))

@@ -1,5 +1,4 @@
-"""From the sensors' readings to logged samples: white noise, filter, delay, quantisation, and what
-happens to samples on the way."""
+"""Data acquisition: from sensor readings to logged samples and their time stamps."""
 
 from __future__ import annotations
 
@@ -12,53 +11,56 @@ from numpy.typing import NDArray
 from palpate.geometry.pose import Array
 from palpate.robots.simulated.noise.model import Acquisition, Torque
 from palpate.robots.simulated.noise.values import JOINTS, Streams
-from palpate.robots.simulated.timing import BLOCK, TIMESTEP
+from palpate.robots.simulated.timing import BLOCK, PERIOD, TIMESTEP
 
-TAIL = 2
-"""Degrees of freedom of Student's t distribution, from which outliers are drawn."""
+TAIL = 2  # degrees of freedom of Student's t distribution, from which outliers are drawn
+LATEST = 0.45  # of a log period: largest error of a stamp, so that samples stay in order
 
 
 class Line:
-    """Makes the means of blocks of 1 kHz samples. Where nothing looks at single samples, none are
-    made."""
+    """White noise, filter, delay, quantisation, outliers, repeats and gaps of the torque samples.
+
+    It makes the means of blocks of 1 kHz samples, and single samples only where an error needs them.
+    """
 
     def __init__(self, torque: Torque, acquisition: Acquisition, streams: Streams) -> None:
         self._torque, self._white = torque, streams.run("torque.white")
         self._mean = torque.white / math.sqrt(BLOCK)
         self._noisy = bool(self._mean.any())
-        self._outliers = acquisition.outliers
-        self._odd = streams.run("acquisition.outliers")
+        self._outliers, self._odd = acquisition.outliers, streams.run("acquisition.outliers")
         self._repeated, self._again = acquisition.repeated, streams.run("acquisition.repeated")
         self._gaps = Gaps(acquisition, streams) if acquisition.dropped.rate else None
         self._strays = bool(self._outliers.rate and self._outliers.size.any())
-        self._coarse = torque.quantisation.any()
-        self._single = bool(
-            self._coarse
-            or torque.filter
-            or torque.delay
-            or self._strays
-            or self._repeated
-            or self._gaps
-        )
-        self._bounded = bool(np.isfinite(torque.range).all() or np.isfinite(torque.range).any())
+        self._coarse = bool(torque.quantisation.any())
+        others = torque.filter or torque.delay or self._repeated
+        self._single = self._coarse or self._strays or bool(others or self._gaps)
+        self._bounded = bool(np.isfinite(torque.range).any())
+        # State that a run leaves to the next one; empty at first.
         self._filtered = self._late = self._last = np.empty((0, JOINTS))
-        """What the last run leaves to the next; nothing at first."""
         self._held = np.zeros(JOINTS)
 
     def carry(self, reading: Array) -> tuple[Array, NDArray[np.bool_] | None]:
-        """The block means (n, 7), N m, of what arrives of the readings (n, 7), which it may change,
-        and which blocks arrived at all, None for all of them; the last one stands for those that
-        did not."""
+        """Compute the block means (n, 7), N m, that arrive of the readings (n, 7), which may change.
+
+        Returns:
+            The means, the last one repeated for blocks that are lost; and which blocks arrive, None
+            for all of them.
+        """
         if not self._single:
             if self._noisy:
                 reading += self._mean * self._white.standard_normal(reading.shape)
-            return self._within(reading), None
+            return self._saturated(reading), None
         samples = np.repeat(reading, BLOCK, axis=0)
         samples += self._torque.white * self._white.standard_normal(samples.shape)
         samples = self._delay(self._filter(samples))
         if self._coarse:
-            samples = self._quantised(samples)
-        samples = self._repeat(self._stray(self._within(samples)))
+            step = self._torque.quantisation
+            fine = np.where(step > 0, step, 1.0)
+            samples = np.where(step > 0, np.round(samples / fine) * fine, samples)
+        samples = self._saturated(samples)
+        if self._strays:
+            self._add_outliers(samples)
+        samples = self._repeat(samples)
         blocks = samples.reshape(-1, BLOCK, JOINTS)
         if self._gaps is None:
             return blocks.mean(axis=1), None
@@ -70,30 +72,25 @@ class Line:
         self._held = mean[-1]
         return mean, count > 0
 
-    def _within(self, samples: Array) -> Array:
+    def _saturated(self, samples: Array) -> Array:
         if not self._bounded:
             return samples
         return np.clip(samples, -self._torque.range, self._torque.range)
 
-    def _quantised(self, samples: Array) -> Array:
-        step = self._torque.quantisation
-        fine = np.where(step > 0, step, 1.0)
-        return np.where(step > 0, np.round(samples / fine) * fine, samples)
-
     def _filter(self, samples: Array) -> Array:
-        """First-order low pass, started at the first sample."""
+        """Apply a first-order low pass, started at the first sample."""
         if not self._torque.filter:
             return samples
         keep = math.exp(-2 * math.pi * self._torque.filter * TIMESTEP)
         if not len(self._filtered):
             self._filtered = samples[:1]
-        response, fade = _low_pass(len(samples), keep)
+        response, fade = low_pass(len(samples), keep)
         out = response @ samples + fade[:, None] * self._filtered
         self._filtered = out[-1:]
         return out
 
     def _delay(self, samples: Array) -> Array:
-        """Each sample as it was `delay` s before, between two samples in proportion."""
+        """Delay the samples by `delay` s, interpolated linearly between two of them."""
         late = self._torque.delay / TIMESTEP
         if not late:
             return samples
@@ -105,18 +102,14 @@ class Line:
         self._late = known[n:].copy()
         return (1.0 - part) * known[1 : n + 1] + part * known[:n]
 
-    def _stray(self, samples: Array) -> Array:
-        if not self._strays:
-            return samples
+    def _add_outliers(self, samples: Array) -> None:
         expected = self._outliers.rate * samples.size * TIMESTEP
-        count = int(self._odd.poisson(expected))
-        for _ in range(count):
+        for _ in range(int(self._odd.poisson(expected))):
             row, joint = self._odd.integers(len(samples)), self._odd.integers(JOINTS)
             samples[row, joint] += self._outliers.size[joint] * self._odd.standard_t(TAIL)
-        return samples
 
     def _repeat(self, samples: Array) -> Array:
-        """A sample that is repeated stands in the place of those after it."""
+        """Replace samples that are repeats by the last fresh one."""
         if not self._repeated:
             return samples
         fresh = self._again.random(len(samples)) >= self._repeated
@@ -134,10 +127,10 @@ class Gaps:
     def __init__(self, acquisition: Acquisition, streams: Streams) -> None:
         self._rate, self._random = acquisition.dropped.rate, streams.run("acquisition.dropped")
         self._length = max(1, round(acquisition.dropped.length / TIMESTEP))
-        self._left = 0
+        self._left = 0  # samples of the last gap that are yet to come
 
     def arrived(self, count: int) -> NDArray[np.bool_]:
-        """(count,) of the next samples."""
+        """Draw which of the next `count` samples arrive."""
         arrived = np.ones(count, dtype=np.bool_)
         arrived[: self._left] = False
         self._left = max(0, self._left - count)
@@ -148,10 +141,29 @@ class Gaps:
         return arrived
 
 
+class Stamps:
+    """Robot time against world time: the rate of the robot's clock, and the jitter of its stamps.
+
+    Attributes:
+        rate: s of robot time per second.
+    """
+
+    def __init__(self, acquisition: Acquisition, streams: Streams) -> None:
+        self.rate = 1.0 + acquisition.clock.number(streams("acquisition.clock"))
+        self._jitter, self._random = acquisition.jitter, streams.run("acquisition.jitter")
+
+    def of(self, t: Array) -> Array:
+        """Stamp samples taken at world times `t` (n,), s."""
+        if not self._jitter:
+            return self.rate * t
+        off = self._jitter * self._random.standard_normal(len(t))
+        return self.rate * t + np.clip(off, -LATEST * PERIOD, LATEST * PERIOD)
+
+
 @cache
-def _low_pass(count: int, keep: float) -> tuple[Array, Array]:
-    """Response of each output to each of `count` inputs (count, count), and to the state before
-    (count,)."""
+def low_pass(count: int, keep: float) -> tuple[Array, Array]:
+    """Return the filter's response to each of `count` inputs (count, count), and to the state
+    before them (count,)."""
     ages = np.subtract.outer(np.arange(count), np.arange(count))
     response = np.where(ages >= 0, (1.0 - keep) * keep ** np.maximum(ages, 0), 0.0)
     return response, keep ** np.arange(1.0, count + 1)

@@ -1,10 +1,9 @@
-"""A noise model: how a real arm differs from its nominal one. The form of `--noise FILE.yaml`,
+"""Noise model: deviations of a real arm from its nominal one. The format of `--noise FILE.yaml`,
 version 1.
 
-Every key is optional, and what is absent is perfect, but in `datasheet`, whose absent keys are the
-arm description's. SI units. A size is one standard deviation of a centred normal unless its key
-ends in `_max` (uniform within plus and minus) or it is a level. `docs/noise.md` says what every
-figure is.
+Every key is optional. An absent key means no error; in `datasheet` it means the figure of the arm's
+description. SI units. A size is one standard deviation of a centred normal unless its key ends in
+`_max` (uniform within plus and minus) or it is a level. `docs/noise.md` documents every figure.
 """
 
 from __future__ import annotations
@@ -20,7 +19,6 @@ from palpate.robots.simulated.noise.values import (
     AXES,
     JOINTS,
     NONE,
-    Drawn,
     Factor,
     JointAxes,
     Joints,
@@ -54,16 +52,16 @@ Band = Annotated[tuple[Positive, Positive], AfterValidator(_rising)]
 
 class Flicker(Section):
     """1/f noise: a one-sided power spectral density level^2 / f within `band`, Hz; flat below it,
-    nothing above. `level`: N m at 1 Hz per sqrt(Hz)."""
+    zero above. `level`: N m at 1 Hz per sqrt(Hz)."""
 
     level: Levels = NONE
     band: Band = (0.003, 50.0)
 
 
 class Drift(Section):
-    """Thermal wander, run: `size` N m stationary, `time_constant` s (infinite: a random walk);
+    """Thermal drift, per run: `size` N m stationary, `time_constant` s (infinite: a random walk);
     `warm_up` N m that a reading approaches from the run's start in `warm_up_time` s, with a random
-    sign (robot)."""
+    sign (per robot)."""
 
     size: Levels = NONE
     time_constant: Lasting = 300.0
@@ -72,7 +70,8 @@ class Drift(Section):
 
 
 class Ripple(Section):
-    """Periodic in a joint's angle, `cycles` a turn, robot phase; `size` is its root mean square."""
+    """Error periodic in a joint's angle, `cycles` per turn, phase per robot; `size`: its root mean
+    square."""
 
     size: Levels = NONE
     cycles: Level = 200.0
@@ -103,7 +102,7 @@ class Torque(Section):
 
 
 class Friction(Section):
-    """Behind the sensor: what the wrench sees; N m, rad, rad/s."""
+    """Joint friction behind the torque sensor; N m, rad, rad/s."""
 
     coulomb: Levels = NONE
     static: Factor = 1.0
@@ -129,7 +128,7 @@ class Sticking(Section):
 
 
 class Model(Section):
-    """The nominal inertial and kinematic model against the truth, robot."""
+    """Errors of the nominal inertial and kinematic model, per robot."""
 
     link_mass: Joints = nothing(Seven)
     link_com: JointAxes = nothing((JOINTS, 3))
@@ -185,7 +184,7 @@ class Acquisition(Section):
 
 
 class Vibration(Section):
-    """Of the base, up and down: `acceleration` m/s^2, root mean square, at `frequency` Hz."""
+    """Vertical vibration of the base: `acceleration` m/s^2, root mean square, at `frequency` Hz."""
 
     acceleration: Level = 0.0
     frequency: Positive = 25.0
@@ -201,9 +200,9 @@ class NoiseModel(Section):
     """Deviations of a real arm from its nominal model, and the accuracy stated to its owner.
 
     Attributes:
-        name: what report and result call it.
-        extends: whose keys a file replaces; all that it says is here once the file is read.
-        datasheet: the only section that estimators hear of.
+        name: title in report and result.
+        extends: base model of a file; resolved, and so None, once the file is read.
+        datasheet: the only section that estimators know.
     """
 
     palpate_noise: Literal[1] = 1
@@ -217,17 +216,3 @@ class NoiseModel(Section):
     pose: PoseErrors = PoseErrors()
     acquisition: Acquisition = Acquisition()
     environment: Environment = Environment()
-
-
-__all__ = [
-    "Acquisition",
-    "Datasheet",
-    "Drawn",
-    "Environment",
-    "Friction",
-    "Model",
-    "NoiseModel",
-    "PoseErrors",
-    "Sticking",
-    "Torque",
-]

@@ -1,9 +1,8 @@
-"""The noise models there are: palpate's own by name, those that other packages bring, and any
-file.
+"""Registry of noise models: palpate's own by name, those of other packages, and any file.
 
-`none`: perfect. `lab`: noise, residual friction and drift of the joint torque signals. `datasheet`:
-`lab` and what the manufacturer's accuracy figures leave open. `hardware`: what is published of real
-arms, and what their owners meet. Their files stand beside this one, every figure with its source.
+`none`: no error. `lab`: noise, residual friction and drift of the joint torque signals. `datasheet`:
+`lab` and errors within the manufacturer's accuracy figures. `hardware`: published errors of real
+arms. Their files are in this folder, every figure with its source.
 """
 
 from __future__ import annotations
@@ -28,10 +27,8 @@ from palpate.robots.simulated.noise.model import NoiseModel
 
 GROUP = "palpate.noise"
 OWN = ("none", "lab", "datasheet", "hardware")
-MAX_BYTES = 100_000
-"""Largest noise model."""
-MOST_BASES = 8
-"""Longest chain of files that extend each other."""
+MAX_BYTES = 100_000  # largest noise model
+MOST_BASES = 8  # longest chain of files that extend each other
 
 Content = dict[str, Any]
 
@@ -41,7 +38,7 @@ class NoiseModels:
     """Noise models by name, or by the path of a file.
 
     Attributes:
-        brought: those of other packages.
+        brought: models of other packages.
     """
 
     brought: Mapping[str, NoiseModel]
@@ -52,27 +49,31 @@ class NoiseModels:
         return (*OWN, *self.brought)
 
     def load(self, name_or_path: str, arm: RobotDescription | None = None) -> NoiseModel:
-        """The model that `--noise NAME|FILE.yaml` means for an arm, by default the FR3.
+        """Load the model of `--noise NAME|FILE.yaml` for an arm, by default the FR3.
 
         Raises:
             InputError: unknown (the message lists the names), or the file is no valid model.
         """
         if name_or_path in self.brought:
             return self.brought[name_or_path]
+        arm = arm or load_description()
         if name_or_path in OWN:
-            return _validated(_own(name_or_path, arm or load_description()), name_or_path)
-        if not means_file(name_or_path):
+            content = own_content(name_or_path, arm)
+        elif means_file(name_or_path):
+            content = file_content(Path(name_or_path), arm)
+        else:
             raise unknown_name("noise", name_or_path, self.names, "Or give a file: FILE.yaml")
-        content = _file(Path(name_or_path), arm or load_description())
-        return _validated(content, name_or_path)
+        try:
+            return NoiseModel.model_validate(content)
+        except ValidationError as error:
+            raise InputError(f"{name_or_path}: {worded(error, NoiseModel)}") from None
 
     def check(self, name_or_path: str) -> None:
         """Raises InputError as `load` does."""
         self.load(name_or_path)
 
     def title(self, name_or_path: str) -> str:
-        """Return a model's title in report and result: its name, or its file's if that cannot be
-        read."""
+        """Return a model's title in report and result: its name, or the file's if it is invalid."""
         try:
             return self.load(name_or_path).name
         except InputError:
@@ -85,72 +86,62 @@ def means_file(name_or_path: str) -> bool:
     return path.suffix in (".yaml", ".yml") or len(path.parts) > 1
 
 
-def _validated(content: Content, where: str) -> NoiseModel:
-    try:
-        return NoiseModel.model_validate(content)
-    except ValidationError as error:
-        raise InputError(f"{where}: {worded(error, NoiseModel)}") from None
-
-
-def _own(name: str, arm: RobotDescription) -> Content:
-    """palpate's own noise model of an FR3, scaled by what the arm's description states."""
-    path = Path(__file__).with_name(f"{name}.yaml")
-    content = _merged({}, _read(path, path.stat().st_mtime_ns))
+def own_content(name: str, arm: RobotDescription) -> Content:
+    """Read palpate's own noise model of an FR3, scaled to the figures of the arm's description."""
+    content = merged({}, content_of(Path(__file__).with_name(f"{name}.yaml")))
     below = content.pop("extends", None)
     if arm is not load_description():
-        _scale(content, arm)
-    return content if below is None else _merged(_own(str(below), arm), content)
+        scale(content, arm)
+    return content if below is None else merged(own_content(str(below), arm), content)
 
 
-def _file(path: Path, arm: RobotDescription, chain: tuple[Path, ...] = ()) -> Content:
+def file_content(path: Path, arm: RobotDescription, chain: tuple[Path, ...] = ()) -> Content:
     """Read a file, completed with the model that it extends."""
     if path.resolve() in chain or len(chain) >= MOST_BASES:
         raise InputError(f"{path}: extends itself, or more than {MOST_BASES} others one by one")
-    content = _merged({"name": path.stem}, _content(path))
+    content = merged({"name": path.stem}, content_of(path))
     below = content.pop("extends", None) or "none"
     if not isinstance(below, str):
         raise InputError(f"{path}: 'extends': give {', '.join(OWN)}, or another FILE.yaml")
     if below in OWN:
-        return _merged(_own(below, arm), content)
+        return merged(own_content(below, arm), content)
     other = path.parent / below
     if not other.exists():
         raise unknown_name("noise", below, OWN, f"It is named by 'extends' in {path}.")
-    return _merged(_file(other, arm, (*chain, path.resolve())), content)
+    return merged(file_content(other, arm, (*chain, path.resolve())), content)
 
 
-def _content(path: Path) -> Content:
-    version = path.stat().st_mtime_ns if path.is_file() else 0
-    return _read(path, version)
+def content_of(path: Path) -> Content:
+    """Read the keys and values of a file; a change of the file is noticed by its time."""
+    return _read(path, path.stat().st_mtime_ns if path.is_file() else 0)
 
 
 @lru_cache(32)
 def _read(path: Path, version: int) -> Content:
-    """The keys and values in a file, which is read again when its `version` changes."""
-    text = read_text(path, MAX_BYTES, "a noise model")
-    content: Any = plain_yaml(text, str(path))
+    content: Any = plain_yaml(read_text(path, MAX_BYTES, "a noise model"), str(path))
     if not isinstance(content, dict):
         raise InputError(f"{path}: give the keys of a noise model, e.g. 'extends: lab'")
     said = cast("dict[Any, Any]", content)
     return {str(key): value for key, value in said.items() if value is not None}
 
 
-def _merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> Content:
-    """`below` where `above` says nothing, key by key; a fixed value is one thing."""
-    merged: Content = {**below}
+def merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> Content:
+    """Merge two models section by section; `above` replaces `below`."""
+    both: Content = {**below}
     for key, value in above.items():
         under = below.get(key)
+        # {fixed: VALUE} is a value, not a section.
         if not isinstance(under, dict) or "fixed" in under:
             under = {}
         if isinstance(value, dict) and "fixed" not in value:
-            value = _merged(cast("Content", under), cast("Content", value))
-        merged[key] = value
-    return merged
+            value = merged(cast("Content", under), cast("Content", value))
+        both[key] = value
+    return both
 
 
-def _scale(content: Content, arm: RobotDescription) -> None:
-    """Palpate's own figures are an FR3's; another arm's are as much larger as its description
-    states."""
-    mine, theirs = _stated(load_description()), _stated(arm)
+def scale(content: Content, arm: RobotDescription) -> None:
+    """Scale figures of an FR3 in place by the ratio of an arm's stated figures to the FR3's."""
+    mine, theirs = stated(load_description()), stated(arm)
     for place, figure in mine.items():
         *sections, key = place.split(".")
         section = content
@@ -161,28 +152,28 @@ def _scale(content: Content, arm: RobotDescription) -> None:
             section[key] = larger.tolist()
 
 
-def _stated(arm: RobotDescription) -> dict[str, Any]:
-    """The figures of a description that noise models have too."""
-    sensors, stated = arm.sensors, arm.accuracy
+def stated(arm: RobotDescription) -> dict[str, Any]:
+    """Return the figures of a description that noise models have too, by their keys there."""
+    sensors, accuracy = arm.sensors, arm.accuracy
     return {
-        "datasheet.torque_gain_max": stated.torque_gain,
+        "datasheet.torque_gain_max": accuracy.torque_gain,
         "torque.white": sensors.torque_noise,
         "torque.drift.size": sensors.drift,
-        "torque.gain_max": stated.torque_gain,
+        "torque.gain_max": accuracy.torque_gain,
         "torque.range": arm.limits.tau_max,
         "friction.coulomb": sensors.friction,
-        "sticking.force": stated.force_repeatability,
+        "sticking.force": accuracy.force_repeatability,
         "model.link_mass": sensors.link_mass,
         "model.link_com": sensors.link_com,
-        "model.tip_offset": stated.tip_offset_std,
-        "pose.repeatability": stated.pose_repeatability,
+        "model.tip_offset": accuracy.tip_offset_std,
+        "pose.repeatability": accuracy.pose_repeatability,
     }
 
 
 @cache
 def noise_models() -> NoiseModels:
-    """Palpate's own noise models, and every public `NoiseModel` of the modules in the entry-point
-    group `palpate.noise`. Palpate's own names cannot be taken.
+    """Return palpate's own noise models, and every public `NoiseModel` of the modules in the
+    entry-point group `palpate.noise`. Palpate's own names cannot be replaced.
 
     Raises:
         InputError: an entry point's module cannot be loaded; the message names it.

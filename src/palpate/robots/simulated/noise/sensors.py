@@ -1,4 +1,4 @@
-"""Joint torque signals as the sensors of a real arm tell them."""
+"""Joint torque sensing: measured torques of true ones."""
 
 from __future__ import annotations
 
@@ -8,26 +8,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.geometry.pose import Array
-from palpate.robots.simulated.noise.around import Cable, Shaking
-from palpate.robots.simulated.noise.friction import JointFriction
-from palpate.robots.simulated.noise.gauge import Gauges
+from palpate.robots.simulated.noise.disturbances import (
+    BaseVibration,
+    Cable,
+    JointFriction,
+    Motion,
+    Rests,
+)
+from palpate.robots.simulated.noise.gauge import Gauges, Wander
 from palpate.robots.simulated.noise.line import Line
 from palpate.robots.simulated.noise.model import NoiseModel
-from palpate.robots.simulated.noise.motion import Motion
-from palpate.robots.simulated.noise.rests import Rests
 from palpate.robots.simulated.noise.values import JOINTS, Streams
-from palpate.robots.simulated.noise.wander import Wander
 from palpate.robots.simulated.timing import PERIOD
 
 
 class Measured(NamedTuple):
-    """Of n log periods.
+    """Measurement of n log periods.
 
     Attributes:
         torque: (n, 7) N m.
         arrived: (n,) which of them did, None for all.
-        shown: (7,) N m that the sensors show in the end, before white noise, and before anything
-            happens to the samples: what the arm's own reflex sees besides the noise of each look.
+        shown: (7,) N m, the last reading before white noise and acquisition errors: the arm's own
+            reflex sees it with the noise of each look.
     """
 
     torque: Array
@@ -36,22 +38,22 @@ class Measured(NamedTuple):
 
 
 class Sensors:
-    """Turns true joint torques into measured ones, and keeps the deviation of the reported pose.
+    """Errors of the joint torque sensors, whose state follows the arm's motion.
 
-    Its state follows the arm's motion, one log period at a time.
+    Attributes:
+        rests: errors of each rest, among them that of the reported pose.
     """
 
     def __init__(self, noise: NoiseModel, tau_max: Array, streams: Streams) -> None:
-        """`tau_max` (7,) N m: the range of a sensor whose range the model does not say."""
-        torque, environment = noise.torque, noise.environment
+        """`tau_max` (7,) N m: the range of a sensor where the model states none."""
+        torque, vibration = noise.torque, noise.environment.vibration
         self._friction = JointFriction(noise.friction, PERIOD, streams)
         self.rests = Rests(noise.sticking, noise.pose, PERIOD, streams)
-        self._cable = None
-        if noise.model.payload_cable:
-            self._cable = Cable(noise.model.payload_cable, streams)
-        self._shaking = None
-        if environment.vibration.acceleration:
-            self._shaking = Shaking(environment.vibration, PERIOD, streams)
+        pull = noise.model.payload_cable
+        self._cable = Cable(pull, streams) if pull else None
+        self._vibration = None
+        if vibration.acceleration:
+            self._vibration = BaseVibration(vibration, PERIOD, streams)
         self._gauges = Gauges(torque, tau_max, streams)
         self._wander = Wander(torque, PERIOD, streams)
         self._line = Line(torque, noise.acquisition, streams)
@@ -60,8 +62,8 @@ class Sensors:
         self._zero = np.zeros(JOINTS)
 
     def zero(self, torque: Array, nominal: Array, start: Motion) -> None:
-        """Zero the torque sensors at rest: with the true `torque` (7,) they now show the `nominal`
-        one, but for what zeroing leaves. `start`: where the arm stands, one period of it."""
+        """Zero the sensors at rest: at the true `torque` (7,) they show the `nominal` one (7,), up to
+        the error of zeroing. `start`: one log period of the resting arm."""
         here = torque[None] + self._friction.torque
         if self._cable is not None:
             self._cable.add(here, start)
@@ -71,8 +73,8 @@ class Sensors:
     def measure(self, torque: Array, motion: Motion) -> Measured:
         """Simulate the measurement of the true mean torques (n, 7) behind the gears, N m."""
         torque = torque.copy()
-        if self._shaking is not None:
-            self._shaking.add(torque)
+        if self._vibration is not None:
+            self._vibration.add(torque)
         if not self._friction.none:
             self._friction.add(torque, motion)
         if not self.rests.none:
@@ -86,7 +88,7 @@ class Sensors:
         return Measured(*self._line.carry(reading), shown)
 
     def looks(self, count: int) -> Array:
-        """(count, 7) N m: the noise of single samples, for those who look at every one."""
+        """Draw the white noise (count, 7), N m, of single 1 kHz samples."""
         if not self._noisy:
             return np.zeros((count, JOINTS))
         return self._white * self._looks.standard_normal((count, JOINTS))

@@ -1,7 +1,6 @@
-"""The true arm: its nominal model changed by what a robot of this noise model is.
+"""The true arm: the nominal model with an individual robot's deviations.
 
-All of it is drawn once a robot; the encoders, and everything that is computed of them, know the
-nominal arm only.
+They are drawn once per robot. The encoders, and all that is computed from them, use the nominal arm.
 """
 
 from __future__ import annotations
@@ -15,16 +14,15 @@ from palpate.robots.simulated.noise.model import Model
 from palpate.robots.simulated.noise.values import Streams
 from palpate.robots.trajectory.posed import turned
 
-SHARE = 0.3
-"""Share of a body's mass that `_split` may move to put its centre elsewhere."""
+SHARE = 0.3  # of a body's mass that may be moved to shift its centre
 
 
 class Truth:
     """Deviations of an individual robot from the nominal model, applied to a world.
 
     Attributes:
-        askew: whether the TCP may be elsewhere than the encoders say, or another weight be held up
-            than the controller's model has.
+        askew: True if the TCP may be elsewhere than the encoders report, or the weight that is
+            compensated may differ from the controller's model.
     """
 
     def __init__(self, model: Model, streams: Streams) -> None:
@@ -33,52 +31,47 @@ class Truth:
         self.askew = any(drawn.any for drawn in (*geometry, model.link_length, model.gravity))
 
     def base(self, pose_world_base: Pose) -> Pose:
-        """True pose of the base."""
+        """Return the true pose of a base whose stated pose is `pose_world_base`."""
         model, streams = self._model, self._streams
-        away = model.base_position.draw(streams("model.base_position"))
+        shift = model.base_position.draw(streams("model.base_position"))
         tilt = model.base_tilt.draw(streams("model.base_tilt"))
         turn = np.array([*tilt, model.base_yaw.number(streams("model.base_yaw"))])
-        if not (away.any() or turn.any()):
+        if not (shift.any() or turn.any()):
             return pose_world_base
         quaternion = turned(pose_world_base.quaternion, turn[None])[0]
-        return Pose(pose_world_base.position + away, quaternion)
+        return Pose(pose_world_base.position + shift, quaternion)
 
     def gravity(self, assumed: Array) -> Array:
-        """(3,) m/s^2, of which `assumed` (3,) is thought."""
+        """Return the true gravity (3,), m/s^2, where `assumed` (3,) is stated."""
         more = self._model.gravity.number(self._streams("model.gravity"))
         size = float(np.linalg.norm(assumed))
         return assumed * (1.0 + more / size) if size else assumed
 
     def build(self, robot: mujoco.MjSpec, arm: RobotDescription) -> None:
-        """Make of the nominal arm's model the true one, still held up as the nominal one is."""
-        self._bend(robot, arm)
-        self._load(robot, arm)
-        self._wear(robot, arm)
+        """Change the nominal model into the true one; gravity compensation stays the nominal one's."""
+        self._set_geometry(robot, arm)
+        self._set_masses(robot, arm)
+        self._set_fingertips(robot, arm)
 
     def width(self) -> float:
-        """m that the reported opening of the fingers is more than the true one."""
+        """Return the reported less the true opening of the fingers, m."""
         return self._model.finger_width.number(self._streams("model.finger_width"))
 
-    def _bend(self, robot: mujoco.MjSpec, arm: RobotDescription) -> None:
-        """Encoders' zeros and links' lengths."""
+    def _set_geometry(self, robot: mujoco.MjSpec, arm: RobotDescription) -> None:
+        """Set the encoders' zeros and the links' lengths."""
         offsets = self._model.joint_offset.draw(self._streams("model.joint_offset"))
         lengths = self._model.link_length.draw(self._streams("model.link_length"))
         for name, offset, longer in zip(arm.joints, offsets, lengths, strict=True):
             joint = robot.joint(name)
             joint.ref -= offset  # an angle reads `ref` in the model's reference pose
             body = joint.parent
-            way = np.array(body.pos)
-            size = float(np.linalg.norm(way))
-            along = way / size if size else np.array(joint.axis)
-            body.pos = way + longer * along
+            position = np.array(body.pos)
+            length = float(np.linalg.norm(position))
+            along = position / length if length else np.array(joint.axis)
+            body.pos = position + longer * along
 
-    def _load(self, robot: mujoco.MjSpec, arm: RobotDescription) -> None:
-        """True masses and centres.
-
-        MuJoCo's `gravcomp` acts at a body's own centre with its own mass. So each link is split: a
-        part at the nominal centre, whose compensation is that of the whole nominal link, and an
-        uncompensated part that makes up the rest.
-        """
+    def _set_masses(self, robot: mujoco.MjSpec, arm: RobotDescription) -> None:
+        """Set the true masses and centres of links and hand."""
         for body in robot.bodies:
             if body.name != "world":
                 body.gravcomp = 1.0
@@ -88,17 +81,18 @@ class Truth:
         links = [robot.joint(name).parent for name in arm.joints]
         if model.link_mass.any or model.link_com.any:
             for body, more, shift in zip(links, masses, shifts, strict=True):
-                _split(body, more * body.mass, shift)
+                split_body(body, more * body.mass, shift)
         if model.hand_mass.any or model.hand_com.any:
             more = model.hand_mass.number(streams("model.hand_mass"))
-            _split(robot.body(arm.hand.body), more, model.hand_com.draw(streams("model.hand_com")))
+            shift = model.hand_com.draw(streams("model.hand_com"))
+            split_body(robot.body(arm.hand.body), more, shift)
 
-    def _wear(self, robot: mujoco.MjSpec, arm: RobotDescription) -> None:
-        """Put the fingertips where they really are, about where the arm's owner is told."""
+    def _set_fingertips(self, robot: mujoco.MjSpec, arm: RobotDescription) -> None:
+        """Shift the fingertips to their true place, around the one that the arm's owner knows."""
         model = robot.compile()
         along = self._model.tip_offset.number(self._streams("model.tip_offset"))
-        aside = self._model.tip_lateral.draw(self._streams("model.tip_lateral"))
-        shift = np.array([*aside, arm.tip - pads_end(model, arm.hand) + along])
+        lateral = self._model.tip_lateral.draw(self._streams("model.tip_lateral"))
+        shift = np.array([*lateral, arm.tip - pads_end(model, arm.hand) + along])
         if not shift.any():
             return
         data = mujoco.MjData(model)
@@ -108,19 +102,18 @@ class Truth:
             finger = robot.joint(name).parent
             in_finger = data.body(finger.name).xmat.reshape(3, 3).T @ in_world
             for geom in finger.geoms:
-                _move(geom, in_finger)
+                if np.isfinite(geom.fromto[0]):  # a capsule given by its ends
+                    geom.fromto = np.array(geom.fromto) + np.tile(in_finger, 2)
+                else:
+                    geom.pos = np.array(geom.pos) + in_finger
 
 
-def _move(geom: mujoco.MjsGeom, way: Array) -> None:
-    """Shift a shape by `way` (3,) m in its body; capsules may be given by their ends."""
-    if np.isfinite(geom.fromto[0]):
-        geom.fromto = np.array(geom.fromto) + np.tile(way, 2)
-    else:
-        geom.pos = np.array(geom.pos) + way
+def split_body(body: mujoco.MjsBody, more: float, shift: Array) -> None:
+    """Split a link to give it its true mass and centre, and keep its gravity compensation.
 
-
-def _split(body: mujoco.MjsBody, more: float, shift: Array) -> None:
-    """A compensated part at the nominal centre, and one that makes up the true mass and centre.
+    MuJoCo's `gravcomp` acts at a body's own centre with its own mass. So one part stays at the
+    nominal centre, with the compensation of the whole nominal link, and an uncompensated part makes
+    up the rest.
 
     Args:
         more: kg beyond the nominal mass.

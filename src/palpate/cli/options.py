@@ -1,0 +1,187 @@
+"""Options of the commands: those of the settings, made from their fields, and those that several
+commands share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import MISSING, dataclass
+from inspect import Parameter
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, get_args, get_origin
+
+import typer
+
+from palpate.errors import InputError
+from palpate.option import Declared, declared
+from palpate.settings import Settings
+
+Given = dict[str, Any]
+"""Fields of `Settings` as a command was given them, nested as they are there."""
+
+SCENE = ("poses", "root", "robot_body", "arm")
+MOTION = (
+    "cautious",
+    "robot_config",
+    "world",
+    "robot",
+    "noise",
+    "seed",
+    "rehearse",
+    "on_failure",
+    "out",
+    "twin",
+    "fast",
+)
+PLANNER = ("planner", "remeasure", "within")
+MODEL = "model_settings"
+"""All options of a model as planner."""
+
+SceneArgument = Annotated[
+    Path | None, typer.Argument(metavar="[SCENE]", help="Your MJCF, as --scene.")
+]
+SceneFile = Annotated[Path, typer.Argument(help="Your MJCF.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+PlanFile = Annotated[
+    Path, typer.Argument(metavar="PLAN", help="A plan, a chat's answer, or a run folder.")
+]
+RunFolder = Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")]
+Yes = Annotated[bool, typer.Option("--yes", help="Do not ask before a real robot moves.")]
+EstimatorNames = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--estimator",
+        metavar="QUANTITY=NAME",
+        help="Estimator of a quantity, e.g. mass=single-shot; may be repeated.",
+    ),
+]
+
+
+@dataclass(frozen=True)
+class WatchOptions:
+    """Observers of a run beside the terminal."""
+
+    PANEL: ClassVar[str] = "Watching"
+
+    live: Annotated[
+        bool,
+        typer.Option(
+            "--live",
+            help="Show the run in the browser, at the pace of a real arm; replay it afterwards.",
+        ),
+    ] = False
+    groot: Annotated[bool, typer.Option("--groot", help="Publish the tree for Groot2, live.")] = (
+        False
+    )
+    groot_port: Annotated[
+        int,
+        typer.Option(
+            "--groot-port", metavar="PORT", min=1, max=65535, help="Where Groot2 connects."
+        ),
+    ] = 1667
+
+
+@dataclass(frozen=True)
+class FromSettings:
+    """Annotation of a command's parameter: it takes these fields of the settings as options.
+
+    Attributes:
+        names: fields, a dot before those of a nested one, `model_settings.base_url`; a nested one's
+            own name stands for all of its options.
+        defaults: values of fields that are not as in the settings.
+    """
+
+    names: tuple[str, ...]
+    defaults: Mapping[str, Any]
+
+    def parameters(self) -> Iterator[Parameter]:
+        """Parameters from which typer makes the options."""
+        for one in self._chosen():
+            several = get_origin(one.kind) in (tuple, frozenset) or one.kind is Any
+            unset = None if several or one.field.default is MISSING else one.field.default
+            yield Parameter(
+                _flat(one.name),
+                Parameter.KEYWORD_ONLY,
+                default=self.defaults.get(one.name, unset),
+                annotation=Annotated[_kind(one.kind), _typer_option(one)],
+            )
+
+    def gathered(self, values: dict[str, Any]) -> Given:
+        """Take these fields out of a command's arguments; lists that were not given are left out."""
+        found: Given = {}
+        for name in (one.name for one in self._chosen()):
+            value = values.pop(_flat(name))
+            if name == "within" and value is not None:
+                value = by_quantity("within", value, "VALUE")
+            if value is not None:
+                *outer, last = name.split(".")
+                inner = found
+                for part in outer:
+                    inner = inner.setdefault(part, {})
+                inner[last] = value
+        return found
+
+    def _chosen(self) -> list[Declared]:
+        every = list(declared(Settings))
+        found: list[Declared] = []
+        for wanted in self.names:
+            found += [o for o in every if o.name == wanted or o.name.startswith(f"{wanted}.")]
+        return found
+
+
+def settings(*names: str, defaults: Mapping[str, Any] | None = None) -> FromSettings:
+    """Annotation of a parameter that takes fields of the settings as options."""
+    return FromSettings(names, defaults or {})
+
+
+def one_scene(argument: Path | None, given: Given) -> Given:
+    """Return the fields with the scene that was given as an argument.
+
+    Raises:
+        InputError: two scenes.
+    """
+    if argument is None:
+        return given
+    if "scene" in given:
+        raise InputError(f"two scenes, '{argument}' and '{given['scene']}': give one")
+    return given | {"scene": argument}
+
+
+def by_quantity(option: str, entries: Sequence[str], word: str = "NAME") -> dict[str, str]:
+    """Parse the `QUANTITY=WORD` entries of an option, by quantity; `word` is the placeholder in its
+    help.
+
+    Raises:
+        InputError: an entry that is none.
+    """
+    found: dict[str, str] = {}
+    for entry in entries:
+        quantity, equals, said = (part.strip() for part in entry.partition("="))
+        if not (quantity and equals and said):
+            raise InputError(f"--{option} takes QUANTITY={word}, not '{entry}'")
+        found[quantity] = said
+    return found
+
+
+def _flat(name: str) -> str:
+    """Name of the parameter of a field; no parameter of a command is called so."""
+    return f"setting_{name.replace('.', '__')}"
+
+
+def _kind(hint: Any) -> Any:
+    """Type of an option for typer: several values are a list, `QUANTITY=VALUE` entries are texts."""
+    if get_origin(hint) in (tuple, frozenset):
+        return list[get_args(hint)[0]] | None
+    return list[str] | None if hint is Any else hint
+
+
+def _typer_option(one: Declared) -> Any:
+    option = one.option
+    return typer.Option(
+        *one.flags,
+        metavar=option.metavar,
+        help=option.help,
+        rich_help_panel=option.panel,
+        min=option.low,
+        max=option.high,
+        autocompletion=(lambda: list(option.choices)) if option.choices else None,
+    )

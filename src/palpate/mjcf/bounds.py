@@ -1,0 +1,310 @@
+"""Bounds on the size of a scene, computed from its text and its files before MuJoCo builds it.
+
+A line of MJCF can ask for a million bodies, and a small picture can unpack to gigabytes. The limits
+are some ten times what scenes of a workplace need. Measured with MuJoCo 4.0 on one core, the worst
+scene within them compiles in half a minute and 2 GB, nearly all of it for meshes; one without meshes
+in about a second.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+import zlib
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from math import inf, prod
+from pathlib import Path
+from typing import BinaryIO
+
+from palpate.errors import InputError
+from palpate.files.read import opened
+from palpate.mjcf.attached import ATTACH, brought
+from palpate.mjcf.document import MAX_ASSET_BYTES, Document, Element, elements, label, tokens
+
+ELEMENTS, REPLICATED, POINTS = "elements", "replicated elements", "points of flexible things"
+CELLS, PIXELS, MESHES = "cells of height fields", "pixels of textures", "bytes of meshes"
+
+LIMITS: Mapping[str, int] = {
+    ELEMENTS: 10_000,  # a kitchen with its furniture cut into convex pieces has some five thousand
+    REPLICATED: 3_000,  # MuJoCo's time for them grows with the square of their number
+    POINTS: 4_000,
+    CELLS: 4_000_000,
+    PIXELS: 64_000_000,
+    MESHES: 30_000_000,  # each MB takes at most 0.9 s and 60 MB of memory, once hulls are bounded
+}
+"""Largest amounts in a scene, copies by `<replicate>` and `<attach>` counted."""
+
+LARGE_MESHES = 250_000
+"""Bytes of all meshes from which on their hulls are bounded: qhull needs 0.2 s for the worst mesh of
+0.1 MB, but a minute for one of 2 MB, as its time grows with the square of the points."""
+
+HULL_POINTS = 2_000
+"""Most points of each hull then (MuJoCo's `maxhullvert`)."""
+
+MAX_MEMORY = 512 << 20
+"""Bytes that `<size memory=…>` may reserve."""
+
+MAX_UNPACKED = 300_000_000
+"""Bytes to which one picture may unpack."""
+
+SIZES: Mapping[str, float] = {
+    "actdim": 1_000,
+    "gridlayout": 1_000,
+    "interval": 1_000,
+    "iterations": 10_000,
+    "ls_iterations": 10_000,
+    "noslip_iterations": 10_000,
+    "ccd_iterations": 10_000,
+    "sdf_iterations": 1_000,
+    "sdf_initpoints": 1_000,
+    "nconmax": 100_000,
+    "njmax": 100_000,
+    "nkey": 1_000,
+    "nsample": 10_000,
+    "nstack": 50_000_000,
+    "nuserdata": 100_000,
+    "nuser_body": 1_000,
+    "nuser_jnt": 1_000,
+    "nuser_geom": 1_000,
+    "nuser_site": 1_000,
+    "nuser_cam": 1_000,
+    "nuser_tendon": 1_000,
+    "nuser_actuator": 1_000,
+    "nuser_sensor": 1_000,
+    "num": 1_000,
+    "numquads": 1_000,
+    "numslices": 1_000,
+    "numstacks": 1_000,
+    "octree_maxdepth": 8,
+    "offheight": 16_384,
+    "offsamples": 64,
+    "offwidth": 16_384,
+    "params": 128,
+    "resolution": 16_384,
+    "shadowsize": 16_384,
+}
+"""Attributes that size something, and the largest number in each."""
+
+PNG = b"\x89PNG\r\n\x1a\n"
+_PACKED = (b"IDAT", b"zTXt", b"iTXt", b"iCCP")
+"""Chunks with deflated content (PNG specification, 3rd edition, section 11)."""
+_DEFLATE_RATIO = 1032
+"""A byte of deflated data becomes at most so many (zlib's Technical Details)."""
+_UNITS = {"": 1, "k": 1 << 10, "m": 1 << 20, "g": 1 << 30, "t": 1 << 40, "p": 1 << 50, "e": 1 << 60}
+_POINT_BYTES = 12
+"""Least bytes of a point in a mesh file: three floats."""
+_SDF_BYTES = 1_000_000
+"""A mesh made by an SDF plugin takes as long as a file of this size, 0.5 s."""
+_BUILT_IN = "mujoco."
+"""MuJoCo's own plugins begin with it; all others would have to be loaded as code."""
+
+
+def require_bounded(document: Document, where: str = "the scene") -> None:
+    """Check the size of a scene, with the models that it attaches.
+
+    Raises:
+        InputError: larger than is built, a picture unpacks to more than is read, or it needs a
+            plugin that is not MuJoCo's own; the message names the element or the file.
+    """
+    for model in (document, *document.attached().values()):
+        for element in elements(model.root):
+            _require_sizes(element, where)
+    files = _file_amounts(document)
+    total: defaultdict[str, float] = defaultdict(float)
+    for element, times in _copies(document):
+        for what, amount in (*_amounts(element), *files.get(element, ())):
+            total[what] += times * amount
+            if total[what] > LIMITS[what]:
+                raise _too_many(element, where, what)
+        total[REPLICATED] += times - 1.0
+        if total[REPLICATED] > LIMITS[REPLICATED]:
+            raise _too_many(element, where, REPLICATED)
+
+
+def mesh_bytes(document: Document) -> float:
+    """Bytes of the meshes of a scene and of the models that it attaches, in files and in the text."""
+    files = [named for named in document.named if named.element.tag == "mesh"]
+    total = sum((named.path.stat().st_size for named in files), 0.0)
+    for model in (document, *document.attached().values()):
+        for mesh in model.root.iter("mesh"):
+            total += sum(amount for what, amount in _amounts(mesh) if what == MESHES)
+    return total
+
+
+def _copies(document: Document) -> Iterator[tuple[Element, float]]:
+    """Yield every element with the number of its copies: those of an attached model each time that
+    it is attached, of a model that nothing attaches once."""
+    seen: set[Document] = set()
+    for start in (document, *document.attached().values()):
+        pending = [] if start in seen else [(start.root, start, 1.0)]
+        while pending:
+            element, model, times = pending.pop()
+            yield element, times
+            seen.add(model)
+            if element.tag == "replicate":
+                times *= max([1.0, *_numbers(element, "count")])
+            if element.tag == ATTACH and (part := brought(element, model, ())) is not None:
+                # MuJoCo copies the assets of another model too, so all of it counts.
+                copied = part.content if part.is_own else part.model.root
+                pending.append((copied, part.model, times))
+            pending += [
+                (child, model, times) for child in reversed(element) if isinstance(child.tag, str)
+            ]
+
+
+def _amounts(element: Element) -> Iterator[tuple[str, float]]:
+    """Amounts that one copy of an element adds to the scene, its files aside."""
+    yield ELEMENTS, 1.0
+    match element.tag:
+        case "flexcomp":
+            # MuJoCo's own count where none is stated; trilinear cells have a point at each corner.
+            yield POINTS, prod(_numbers(element, "count") or (10.0, 10.0, 10.0))
+            yield POINTS, prod(cells + 1.0 for cells in _numbers(element, "cellcount")) - 1.0
+            yield POINTS, len(tokens(element.get("point"))) / 3
+        case "flex":
+            yield POINTS, len(tokens(element.get("vertex"))) / 3
+        case "hfield":
+            yield CELLS, _product(element, "nrow", "ncol")
+        case "config" if element.get("key") == "size":  # of a grid of touch sensors
+            yield CELLS, prod(_numbers(element, "value"))
+        case "texture" if element.get("builtin"):
+            sides = 1 if element.get("type") == "2d" else 6
+            yield PIXELS, sides * _product(element, "width", "height")
+        case "mesh":
+            grid = max([0.0, *_numbers(element, "params")]) if element.get("builtin") else 0.0
+            is_sdf = element.find("plugin") is not None
+            yield MESHES, 2 * _POINT_BYTES * grid**2 + is_sdf * _SDF_BYTES
+            yield MESHES, len(element.get("vertex") or "")
+        case _:
+            pass
+
+
+def _file_amounts(document: Document) -> dict[Element, list[tuple[str, float]]]:
+    """Amounts that the files of each element add: pixels of PNG pictures, bytes of all others."""
+    found: dict[Element, list[tuple[str, float]]] = {}
+    pixels: dict[Path, int] = {}
+    for named in document.named:
+        if named.element.tag in ("include", "model"):
+            continue
+        path, amounts = named.path, found.setdefault(named.element, [])
+        if path not in pixels:
+            pixels[path] = _picture_pixels(path)
+        if pixels[path]:
+            amounts.append((PIXELS, pixels[path]))
+        else:
+            amounts.append((MESHES, path.stat().st_size))
+            if named.element.tag == "flexcomp":
+                amounts.append((POINTS, path.stat().st_size / _POINT_BYTES))
+    return found
+
+
+def _picture_pixels(path: Path) -> int:
+    """Number of pixels of a PNG picture that unpacks to what it should; 0 for other files.
+
+    Raises:
+        InputError: it has too many pixels, or unpacks to too many bytes.
+    """
+    with opened(path, MAX_ASSET_BYTES, "a file that a scene may name") as file:
+        start = file.read(24)
+        if not start.startswith(PNG) or len(start) < 24:
+            return 0
+        width, height = struct.unpack(">II", start[16:24])
+        if width * height > LIMITS[PIXELS]:
+            raise InputError(
+                f"{path} has {width} × {height} pixels; at most {LIMITS[PIXELS] // 1_000_000} "
+                "million are read"
+            )
+        # A small file cannot unpack to a large one, and need not be looked into.
+        if path.stat().st_size * _DEFLATE_RATIO > MAX_UNPACKED:
+            _require_unpacked(path, file)
+    return width * height
+
+
+def _require_unpacked(path: Path, file: BinaryIO) -> None:
+    unpacked = 0
+    stream = zlib.decompressobj()
+    for kind, content in _packed(file):
+        if kind != b"IDAT":
+            unpacked += len(content) * _DEFLATE_RATIO
+        elif not stream.eof:
+            try:
+                unpacked += len(stream.decompress(content))
+            except zlib.error:  # MuJoCo reports what is wrong with it
+                return
+        if unpacked > MAX_UNPACKED:
+            raise InputError(
+                f"{path} unpacks to more than {MAX_UNPACKED // 1_000_000} MB; use a smaller picture"
+            )
+
+
+def _packed(file: BinaryIO) -> Iterator[tuple[bytes, bytes]]:
+    """Yield kind and content of the deflated chunks, in pieces of 64 kB."""
+    file.seek(len(PNG))
+    while len(head := file.read(8)) == 8:
+        length, kind = struct.unpack(">I4s", head)
+        if kind not in _PACKED:
+            file.seek(length + 4, 1)
+            continue
+        while length > 0 and (content := file.read(min(length, 1 << 16))):
+            length -= len(content)
+            yield kind, content
+        file.seek(4, 1)
+
+
+def _require_sizes(element: Element, where: str) -> None:
+    """Require sizing attributes within `SIZES`, and plugins of MuJoCo alone."""
+    for attribute in SIZES.keys() & set(element.keys()):
+        if max(_numbers(element, attribute), default=0.0) > SIZES[attribute]:
+            raise _beyond(element, where, attribute, SIZES[attribute])
+    if element.tag == "user" and max(_numbers(element, "dim"), default=0.0) > 1_000:
+        raise _beyond(element, where, "dim", 1_000)
+    if element.tag == "size" and _memory(element) > MAX_MEMORY:
+        raise _beyond(element, where, "memory", f"{MAX_MEMORY >> 20}M")
+    plugin = element.get("plugin")
+    if plugin is not None and not plugin.startswith(_BUILT_IN):
+        raise InputError(
+            f"{where}: {label(element)} needs the plugin '{plugin[:60]}', which is code of its own; "
+            f"only MuJoCo's own ('{_BUILT_IN}…') are used: take it out"
+        )
+
+
+def _too_many(element: Element, where: str, what: str) -> InputError:
+    return InputError(
+        f"{where}: with {label(element)} the scene has more than {LIMITS[what]} {what}, larger than "
+        "is built; use fewer"
+    )
+
+
+def _beyond(element: Element, where: str, attribute: str, limit: object) -> InputError:
+    value = (element.get(attribute) or "")[:40]
+    return InputError(
+        f'{where}: {label(element)}: {attribute}="{value}" is larger than is built; at most {limit}'
+    )
+
+
+def _numbers(element: Element, attribute: str) -> Sequence[float]:
+    """Absolute values of an attribute's numbers, nan as inf; MuJoCo refuses what is no number."""
+    found: list[float] = []
+    for part in tokens(element.get(attribute)):
+        try:
+            number = abs(float(part))
+        except ValueError:
+            continue
+        found.append(inf if number != number else number)
+    return found
+
+
+def _product(element: Element, *attributes: str) -> float:
+    return prod(max([0.0, *_numbers(element, attribute)]) for attribute in attributes)
+
+
+def _memory(element: Element) -> float:
+    """Bytes of a `memory`, with MuJoCo's suffix for kilo- to exabytes (powers of 1024)."""
+    found = re.fullmatch(r"\s*([\d.eE+]+)\s*([a-zA-Z]?)\s*", element.get("memory") or "")
+    if found is None:
+        return 0.0
+    try:
+        return float(found.group(1)) * _UNITS.get(found.group(2).lower(), inf)
+    except ValueError:
+        return 0.0

@@ -1,0 +1,178 @@
+"""Disturbances of the link-side torque: cable, base vibration, joint friction, sticking at rest."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.geometry.pose import Array
+from palpate.robots.simulated.noise.model import Friction, PoseErrors, Sticking, Vibration
+from palpate.robots.simulated.noise.values import JOINTS, Streams
+from palpate.trace.samples import STANDARD_GRAVITY
+
+REACH = 0.3  # m, correlation length of the cable's pull
+WAVES = 48  # random waves that make up its field
+REST_SPEED = 3e-3  # rad/s, norm over the joints: slower is coming to rest
+NEW_APPROACH = 4.5e-3
+"""rad of motion, norm over the joints, after which the next rest is a new approach: three times
+the usual release, which leaves 5 % of the torque that had stuck."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """Motion of an arm over n consecutive log periods, as input of the sensor models.
+
+    Attributes:
+        q, dq: (n, 7) rad, rad/s.
+        jacobian: (6, 7) of the last period, world axes about the TCP.
+        position: (n, 3) m, the TCP's.
+    """
+
+    q: Array
+    dq: Array
+    jacobian: Array
+    position: Array
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+
+class Cable:
+    """A force at the TCP that varies smoothly over the workspace.
+
+    A Gaussian random field with the covariance exp(-d^2 / 2 REACH^2), by random Fourier features
+    (A. Rahimi, B. Recht, "Random features for large-scale kernel machines", NIPS 2007).
+    """
+
+    def __init__(self, size: float, streams: Streams) -> None:
+        random = streams("model.payload_cable")
+        self._waves = random.standard_normal((3, WAVES)) / REACH
+        self._phases = random.uniform(-np.pi, np.pi, WAVES)
+        self._pull = size * math.sqrt(2.0 / WAVES) * random.standard_normal((WAVES, 3))
+
+    def add(self, torque: Array, motion: Motion) -> None:
+        """Add the pull to the link-side torques (n, 7), N m."""
+        force = np.cos(motion.position @ self._waves + self._phases) @ self._pull  # (n, 3) N
+        torque += force @ motion.jacobian[:3]
+
+
+class BaseVibration:
+    """Vertical acceleration of the base, which scales the weight of arm and load."""
+
+    def __init__(self, vibration: Vibration, period: float, streams: Streams) -> None:
+        self._omega = 2 * math.pi * vibration.frequency
+        self._phase = streams.run("environment.vibration").uniform(-np.pi, np.pi)
+        within = self._omega * period / 2  # a block's mean is less than its middle
+        self._size = math.sqrt(2.0) * vibration.acceleration * np.sinc(within / np.pi)
+        self._period, self._t = period, 0.0
+
+    def add(self, torque: Array) -> None:
+        """Add the vibration to the link-side torques (n, 7), N m, nearly all of which are weight."""
+        times = self._t + self._period * (np.arange(len(torque)) + 0.5)
+        self._t += len(torque) * self._period
+        acceleration = self._size * np.sin(self._omega * times + self._phase)
+        torque += torque * (acceleration / STANDARD_GRAVITY)[:, None]
+
+
+class JointFriction:
+    """Dahl's model of presliding with a level that may depend on speed (Stribeck), load and angle.
+
+    Per rad of motion the torque closes 1 / presliding of the way to plus or minus its level: P.
+    Dahl, "Solid friction damping of mechanical vibrations", AIAA Journal 14 (1976); with a level of
+    the speed it is LuGre's steady state (C. Canudas de Wit et al., IEEE TAC 40 (1995)). It acts
+    behind the torque sensors, in bearings, seals and cables.
+
+    Attributes:
+        torque: (7,) N m now, in the direction of the last motion.
+    """
+
+    def __init__(self, friction: Friction, period: float, streams: Streams) -> None:
+        self._model, self._period = friction, period
+        spread = 1.0 + friction.spread.draw(streams("friction.spread"))
+        self._level = friction.coulomb * np.maximum(spread, 0.0)
+        self._phase = streams("friction.position").uniform(-np.pi, np.pi, JOINTS)
+        self.torque = self._level * streams.run("friction.coulomb").uniform(-1.0, 1.0, JOINTS)
+        self._varies = friction.static > 1 or friction.load.any() or friction.position.any()
+        self._viscous = bool(friction.viscous.any())
+        self.none = not (self._level.any() or self._viscous or friction.load.any())
+
+    def add(self, torque: Array, motion: Motion) -> None:
+        """Add the friction to the link-side torques (n, 7), N m."""
+        dq, model = motion.dq, self._model
+        keep = np.exp(np.abs(dq) * (-self._period / model.presliding))
+        level = self._levels(torque, motion) if self._varies else self._level
+        pull = np.copysign(level * (1.0 - keep), dq)
+        held = np.empty_like(dq)
+        for i in range(len(dq)):
+            self.torque *= keep[i]
+            self.torque += pull[i]
+            held[i] = self.torque
+        torque += held
+        if self._viscous:
+            torque += model.viscous * dq
+        if model.compensated:
+            torque -= model.compensated * model.coulomb * np.sign(dq)
+
+    def _levels(self, torque: Array, motion: Motion) -> Array:
+        """Compute the levels (n, 7), N m, that the friction tends to."""
+        model = self._model
+        ripple = math.sqrt(2.0) * model.position * np.sin(motion.q + self._phase)
+        level = self._level * np.maximum(1.0 + ripple, 0.0) + model.load * np.abs(torque)
+        slow = np.exp(-((motion.dq / model.stribeck_speed) ** 2))
+        return level * (1.0 + (model.static - 1.0) * slow)
+
+
+class Rests:
+    """Errors drawn at every rest of the arm: torque that sticks in the joints, and the TCP's true
+    resting position.
+
+    Attributes:
+        pose_error: (3,) m, world axes: reported less true position of the TCP.
+        torque: (7,) N m that sticks now.
+    """
+
+    def __init__(
+        self, sticking: Sticking, pose: PoseErrors, period: float, streams: Streams
+    ) -> None:
+        self._model, self._pose, self._period = sticking, pose, period
+        self._force, self._own = streams.run("sticking.force"), streams.run("sticking.torque")
+        self._places = streams.run("pose.repeatability")
+        self.torque, self._goal = np.zeros(JOINTS), np.zeros(JOINTS)
+        self.pose_error = pose.repeatability.draw(self._places)
+        self._place = self.pose_error.copy()
+        self._resting, self._moved = False, math.inf
+        self.none = not (sticking.force.any or sticking.torque.any or pose.repeatability.any)
+
+    def add(self, torque: Array, motion: Motion) -> None:
+        """Add the sticking torque to the link-side torques (n, 7), N m, and update `pose_error`."""
+        model, period = self._model, self._period
+        steps = np.linalg.norm(motion.dq, axis=1) * period
+        left = np.exp(-steps / model.release).tolist()
+        builds = min(1.0, period / model.settling)
+        stays = math.exp(-period / model.relaxation)
+        for i, slid in enumerate(steps.tolist()):
+            self._moved += slid
+            self.torque *= left[i]
+            if slid < REST_SPEED * period:
+                if not self._resting and self._moved > NEW_APPROACH:
+                    self._draw(motion.jacobian)
+                    self._moved = 0.0
+                self._resting = True
+                self.torque += (self._goal - self.torque) * builds
+                self._goal *= stays
+            elif self._moved > NEW_APPROACH:
+                self._resting = False
+            torque[i] += self.torque
+        # The position error follows the motion to that of the newest rest.
+        moved = -math.expm1(-float(steps.sum()) / self._pose.resettling)
+        self.pose_error += (self._place - self.pose_error) * moved
+
+    def _draw(self, jacobian: Array) -> None:
+        """Draw the errors of a new rest, correlated by `memory` with the last one."""
+        memory = self._model.memory
+        new = jacobian[:3].T @ self._model.force.draw(self._force)  # like a force at the TCP
+        new += self._model.torque.draw(self._own)
+        self._goal = memory * self._goal + math.sqrt(1.0 - memory * memory) * new
+        self._place = self._pose.repeatability.draw(self._places)

@@ -1,0 +1,179 @@
+"""Contact during a straight motion: guarded spans, lowering onto a support, sliding along it."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from palpate.geometry.pose import Array
+from palpate.robots.accuracy import turned_round
+from palpate.robots.reflex import Reflex, Reflexes
+from palpate.vocabulary.admissible.grasp import most_sideways
+from palpate.vocabulary.admissible.profile import GUARDED_SPEED, POSE_ERROR, Span, leaves
+from palpate.vocabulary.base import Blackboard, LeafFailure, Steps
+from palpate.vocabulary.load import BREAKAWAY, ROUGHEST, UNFELT, Load
+from palpate.vocabulary.touch import MET, Feeling, feel, guarded, in_words, settle
+
+SET_DOWN = 10.0
+"""N that a held object presses on its support, besides its weight, when it counts as set down."""
+DOWN = np.array([0.0, 0.0, -1.0])
+"""World axes."""
+LOWERINGS = 3
+"""Largest number of times that an object without full support is lowered further."""
+WAVERS = 0.4
+"""N by which the sensed force of an arm at rest fluctuates."""
+PRESSES = 1.0
+"""N above the least measurable force: enough must remain once the arm rests."""
+PEAK = 1.4
+"""Largest normal force on a slide over the pressing force: the arm presses while it sets out and changes
+its speed (21.3 N for 15 N, simulated FR3, friction 1)."""
+CONTACT_SPEED = 0.02
+"""m/s, wherever contact is present or possible."""
+FIRMLY = 0.8
+"""Part of the force that would turn an object between the pads that a slide may take: pads creep."""
+LIGHTLY = 3.0
+"""N, least pressing force, lest a slide lifts the dragged object."""
+PRESSED = (
+    (0.0, LIGHTLY, CONTACT_SPEED),
+    (0.5, 15.0, CONTACT_SPEED),
+    (1.0, LIGHTLY, 2.0 * CONTACT_SPEED),
+)
+"""Parts of a slide: its end as a share, the pressing force, N, and the largest speed, m/s. The normal
+force is resolved by the torque sensors, and rises and falls, so that the arm's own friction, or a pull
+along the way like a spring's, is not taken for friction; the two speeds likewise for viscous friction."""
+
+
+def span_reflex(of: Reflexes, span: Span, holding: str | None, sets_down: bool) -> Reflex:
+    """Thresholds of the arm's reflex on a span. A held object may press as it is lifted or set
+    down."""
+    if span.guarded and (sets_down or leaves(span.start, span.end)):
+        return replace(of.probing, load=of.carrying.load)
+    return of.carrying if holding else of.free
+
+
+def follow_free(blackboard: Blackboard, span: Span, left: float) -> Steps:
+    """Wait until a motion under way has passed a span with nothing near."""
+    yield
+    while not _passed(blackboard, span, left):
+        yield
+    return "passed"
+
+
+def follow_guarded(
+    blackboard: Blackboard, span: Span, left: float, sets_down: bool, goal: str
+) -> Generator[None, None, bool]:
+    """Wait until a motion under way has passed a guarded span, which `left` m follow: True when the
+    held object is set down on its support, which ends the motion.
+
+    Raises:
+        LeafFailure: any other contact; the arm still presses on it.
+    """
+    robot, feeling, scene = blackboard.robot, Feeling(blackboard.robot), blackboard.scene
+    least = MET
+    if blackboard.state.holding is not None and leaves(span.start, span.end):
+        # In a lift the joints' friction reverses, which is no contact.
+        least = max(MET, turned_round(scene.arm, scene.pose_world_base.inverse() @ span.start))
+    yield
+    while not _passed(blackboard, span, left):
+        wrench = feeling.now()
+        change = wrench - feeling.first
+        if sets_down and -blackboard.load.borne(wrench) > SET_DOWN:
+            robot.hold()
+            return True
+        met = change[:3] - _explained(blackboard, change, sets_down, span)
+        if np.linalg.norm(met) > least:
+            before = 1e3 * (left + robot.state.pose_world_tcp.distance_to(span.end))
+            raise LeafFailure(
+                f"unexpected contact: the hand pushes with {in_words(met)} on something "
+                f"{before:.0f} mm before the end of the way to '{goal}'"
+            )
+        yield
+    return False
+
+
+def _passed(blackboard: Blackboard, span: Span, left: float) -> bool:
+    """True if a motion has passed a span, or has ended."""
+    state = blackboard.robot.state
+    gone = state.target_world_tcp.distance_to(span.start)
+    return not state.moving or (left > 0.0 and gone >= span.start.distance_to(span.end))
+
+
+def _explained(blackboard: Blackboard, change: Array, sets_down: bool, span: Span) -> Array:
+    """(3,) N, part of a change of the wrench (6,) that belongs to the motion."""
+    lift = float(change[2])
+    if sets_down:
+        return np.array([0.0, 0.0, min(lift, 0.0)])
+    if not leaves(span.start, span.end):
+        return np.zeros(3)
+    if blackboard.state.holding is None:
+        return change[:3]  # the hand pressed on what it leaves
+    heaviest = blackboard.robot.limits.payload * blackboard.robot.gravity
+    return np.array([0.0, 0.0, min(max(lift, 0.0), heaviest)])
+
+
+def lower(blackboard: Blackboard, goal: str) -> Steps:
+    """Lower a held object until its support bears it: the arm sags, and fingers that press slip. As
+    the arm comes to rest, the support may be relieved again: so repeat."""
+    for _ in range(LOWERINGS):
+        yield from settle(blackboard)
+        if blackboard.load.too_much((yield from feel(blackboard)), WAVERS) is None:
+            return "borne"
+        borne = partial(_is_borne, blackboard.load, Feeling(blackboard.robot))
+        blackboard.robot.move_axis(DOWN, GUARDED_SPEED, POSE_ERROR)
+        if not (yield from guarded(blackboard, borne)):
+            raise LeafFailure(
+                f"nothing bears '{blackboard.state.holding}' at '{goal}' or "
+                f"{1e3 * POSE_ERROR:.0f} mm below: it stays in the fingers"
+            )
+    return "lowered"
+
+
+def _is_borne(load: Load, feeling: Feeling) -> bool:
+    """True if a support bears the whole load. A light load is pressed on it, as its weight alone
+    would not be measurable."""
+    wrench = feeling.now()
+    if not load.borne(wrench) < 0.0:
+        return False
+    return load.hanging is None or load.relieved(wrench) > UNFELT + PRESSES
+
+
+def reflex_sliding(blackboard: Blackboard) -> Reflex:
+    """Thresholds of the arm's reflex on a slide: more than the roughest support resists with is a
+    collision."""
+    contact = blackboard.robot.limits.reflexes.contact
+    normal = PEAK * max(force for _, force, _ in PRESSED) + _weight(blackboard)
+    return replace(contact, sideways=BREAKAWAY * ROUGHEST * normal + MET)
+
+
+def lowered(blackboard: Blackboard, way: Array, force: float) -> float:
+    """m by which the equilibrium is lowered on a slide along `way` (3,): it presses with `force`, N,
+    or less where dragging would turn the object between the pads; at most half of its weight is taken
+    off its support."""
+    load, stiffness = blackboard.load, blackboard.scene.arm.stiffness.translation
+    bearable = FIRMLY * most_sideways(blackboard.state, way) / load.rough
+    spare = bearable - _weight(blackboard)
+    return min(force, max(spare, -0.5 * load.weight)) / stiffness
+
+
+def drag(blackboard: Blackboard) -> Generator[None, None, Array]:
+    """Wait until the commanded motion has ended; (6,) the wrench right before."""
+    feeling = Feeling(blackboard.robot)
+    yield
+    wrench = feeling.now()
+    while blackboard.robot.state.moving:
+        yield
+        wrench = feeling.now()
+    return wrench
+
+
+def _weight(blackboard: Blackboard) -> float:
+    """Weight of the held object, N: measured or known, else the largest that the arm carries."""
+    robot, state = blackboard.robot, blackboard.state
+    if blackboard.load.weight > 0.0:
+        return blackboard.load.weight
+    assert state.holding is not None
+    known = state.scene.body(state.holding).known.get("mass", (robot.limits.payload,))
+    return known[0] * robot.gravity

@@ -1,0 +1,347 @@
+"""Primitives that move the arm to a commanded pose or configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from dataclasses import replace
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from palpate.errors import InputError
+from palpate.geometry.pose import Array, Pose
+from palpate.parameter import Parameter
+from palpate.quantities.com import CentreOfMass
+from palpate.quantities.estimators import estimate_all
+from palpate.robots.accuracy import doubt
+from palpate.robots.safety import Expectation
+from palpate.scene.raised import beyond
+from palpate.vocabulary.admissible.profile import POSE_ERROR, Span, spans, speed, stretches
+from palpate.vocabulary.admissible.reach import beyond_joint_limits, out_of_reach
+from palpate.vocabulary.admissible.support import clear_of_support, slides, would_be_dragged
+from palpate.vocabulary.base import (
+    Blackboard,
+    LeafFailure,
+    Primitive,
+    Resource,
+    Steps,
+    Surroundings,
+)
+from palpate.vocabulary.guarding import (
+    CONTACT_SPEED,
+    PRESSED,
+    drag,
+    follow_free,
+    follow_guarded,
+    lower,
+    lowered,
+    reflex_sliding,
+    span_reflex,
+)
+from palpate.vocabulary.load import UNFELT
+from palpate.vocabulary.state import HOME_CONFIG, SymbolicState, pose_of_joints
+from palpate.vocabulary.touch import BRIEF, DWELL, WHILE_FELT, feel, finish, settle
+from palpate.vocabulary.violation import PRECONDITION, Violation
+
+POSITION_TOLERANCE = 0.010
+"""m: an impedance-controlled arm with 1.5 kg on it sags by several millimetres. Soft springs may sag
+by more, as far as the load explains."""
+ANGLE_TOLERANCE = np.radians(3.0)
+"""rad, likewise."""
+UNDER_WAY = 90.0
+"""s that one motion may take: half a metre at the least speed of a cautious arm."""
+LEAST_SPEED = 0.01
+"""m/s that a plan may ask for: more slowly some joints of an arm stick and slip."""
+
+
+class MovePose(Primitive):
+    """Move the gripper in a straight line to a Cartesian equilibrium pose and settle there. Reach
+    an object from above: first `<object>_pose + z_offset`, then `<object>_pose`. While an object is
+    held on its support, moving sideways at the same height slides it with light pressure; lift it
+    first to carry it."""
+
+    claims: ClassVar[frozenset[Resource]] = frozenset({"arm"})
+    group: ClassVar = "motion"
+    timeout: ClassVar[float] = UNDER_WAY
+
+    pose: Annotated[
+        str,
+        Field(
+            min_length=1,
+            max_length=200,
+            description=(
+                "pose expression NAME (± [factor *] OFFSET)*, e.g. `jar_pose + z_offset`, `jar_pose - 2*x_offset`"
+            ),
+        ),
+    ]
+    speed: Annotated[
+        float | None,
+        Field(
+            ge=LEAST_SPEED,
+            le=1.0,
+            description=(
+                "m/s, at most; left out, as fast as is safe. Forces measured on a slow way are less noisy"
+            ),
+        ),
+    ] = None
+
+    def target(self, state: SymbolicState) -> Pose:
+        """TCP pose in the world of the expression."""
+        return state.resolve(self.pose)
+
+    @classmethod
+    def groundings(cls, around: Surroundings) -> Iterator[MovePose]:
+        for pose in around.poses:
+            yield cls(pose=pose)
+
+    def transferred(self, old: str, new: str) -> MovePose:
+        head, *rest = self.pose.split(" ", 1)
+        endings = ("_pose", "_approach", "_balance")
+        names = {f"{old}{ending}": f"{new}{ending}" for ending in endings}
+        return self.model_copy(update={"pose": " ".join([names.get(head, head), *rest])})
+
+    def requires(self, state: SymbolicState) -> list[Violation]:
+        try:
+            target = self.target(state)
+        except InputError as error:
+            return [Violation("unknown-symbol", str(error))]
+        found = out_of_reach(state, target, self.pose)
+        name = state.scene.symbols.subject(self.pose)
+        if name is None or name not in state.scene.objects or state.holding is not None:
+            return found
+        # The object's surface may have been measured far from its stated height.
+        reason = beyond(state.scene, name)
+        return [*found, Violation(PRECONDITION, reason)] if reason else found
+
+    def bind(self, blackboard: Blackboard) -> None:
+        state, name = blackboard.state, blackboard.scene.symbols.found_out(self.pose)
+        # Bound once: the hand puts an object down where it took it.
+        if name is not None and name not in state.bound:
+            along, why = _balance_point(blackboard, name)
+            blackboard.state = replace(state, bound={**state.bound, name: along})
+            blackboard.bound[name] = f"{name} is {1e3 * along:+.0f} mm along, {why}"
+
+    def slides(self, state: SymbolicState) -> bool:
+        """True if this would drag the held object along its support."""
+        if state.holding is None or state.lifted:
+            return False
+        return slides(state, self.effects(state))
+
+    def during(self, state: SymbolicState) -> SymbolicState:
+        activity = "sliding" if self.slides(state) else "moving"
+        return replace(state, activity=activity, contact=None)
+
+    def effects(self, state: SymbolicState) -> SymbolicState:
+        return _at_rest(state, self.pose, self.target(state))
+
+    def expectation(self, state: SymbolicState) -> Expectation:
+        held = state.holding is not None
+        return Expectation(holding=held, grasped=held, contact=held and not state.lifted)
+
+    def run(self, blackboard: Blackboard) -> Steps:
+        target = self.target(blackboard.state)
+        if blackboard.state.activity == "sliding":
+            yield from self._slide(blackboard, target)
+            message = self._arrived(blackboard, target)
+        else:
+            message = yield from self._go(blackboard, target)
+        if blackboard.state.holding and not self.effects(blackboard.state).lifted:
+            yield from lower(blackboard, self.pose)
+        name = blackboard.scene.symbols.found_out(self.pose)
+        found = blackboard.bound.pop(name or "", None)
+        return f"{message}; {found}" if found else message
+
+    def _go(self, blackboard: Blackboard, target: Pose) -> Steps:
+        """Move span by span; an object that is set down may meet its support early."""
+        robot, state = blackboard.robot, blackboard.state
+        lifted = self.effects(state).lifted
+        sets_down = state.holding is not None and not lifted
+        dwell = DWELL
+        way = list(spans(state, robot.state.target_world_tcp, target))
+        left = sum(span.start.distance_to(span.end) for span in way)
+        fastest = min(blackboard.scene.arm.pace.speed, self.speed or np.inf)
+        robot.move_pose(target, fastest, stretches(way, blackboard.scene))
+        for span in way:
+            left -= span.start.distance_to(span.end)
+            left = left if span is not way[-1] else 0.0
+            robot.set_reflex(span_reflex(robot.limits.reflexes, span, state.holding, sets_down))
+            if not span.guarded:
+                yield from follow_free(blackboard, span, left)
+            elif (yield from follow_guarded(blackboard, span, left, sets_down, self.pose)):
+                return self._set_down(blackboard, target)
+            dwell = BRIEF if span.guarded else DWELL
+        # The ticks in which the load is weighed count as standing still, too.
+        yield from settle(blackboard, dwell - WHILE_FELT if lifted else dwell)
+        if lifted:
+            yield from _weigh(blackboard)
+        return self._arrived(blackboard, target)
+
+    def _set_down(self, blackboard: Blackboard, target: Pose) -> str:
+        early = blackboard.robot.state.pose_world_tcp.distance_to(target)
+        if early > POSE_ERROR:
+            raise LeafFailure(
+                f"'{blackboard.state.holding}' met a support {1e3 * early:.0f} mm before "
+                f"'{self.pose}': something else is there"
+            )
+        return f"set down {1e3 * early:.1f} mm early"
+
+    def _slide(self, blackboard: Blackboard, target: Pose) -> Steps:
+        """Drag the held object along its support: pressed lightly, firmly, and lightly again."""
+        robot = blackboard.robot
+        robot.set_reflex(reflex_sliding(blackboard))
+        start = robot.state.target_world_tcp
+        way = target.position - start.position
+        safe = max(CONTACT_SPEED, speed(Span(start, target, True), blackboard.scene))
+        fastest = min(safe, self.speed or np.inf)
+        for share, force, pace in PRESSED:
+            down = lowered(blackboard, way, force)
+            here = Pose(start.position + share * way - [0.0, 0.0, down], target.quaternion)
+            robot.move_pose(here, min(pace, fastest))
+            wrench = yield from drag(blackboard)
+            if share > 0.0:
+                blackboard.load = blackboard.load.dragged(wrench)
+            yield from settle(blackboard, BRIEF)
+        robot.move_pose(target, min(CONTACT_SPEED, fastest))
+        yield from finish(blackboard)
+        yield from settle(blackboard)
+        return "slid"
+
+    def _arrived(self, blackboard: Blackboard, target: Pose) -> str:
+        """Distance of the arm from its target, in words.
+
+        Raises:
+            LeafFailure: too far.
+        """
+        measured = blackboard.robot.state.pose_world_tcp
+        distance, angle = measured.distance_to(target), measured.angle_to(target)
+        if distance > POSITION_TOLERANCE and blackboard.state.holding:
+            # Soft springs sag by the load over their stiffness.
+            sag = blackboard.load.weight / blackboard.scene.arm.stiffness.translation
+            distance = measured.distance_to(target.translated((0.0, 0.0, -sag)))
+        if distance > POSITION_TOLERANCE or angle > ANGLE_TOLERANCE:
+            raise LeafFailure(
+                f"stopped {1e3 * distance:.1f} mm and {np.degrees(angle):.1f}° from '{self.pose}', "
+                f"more than {1e3 * POSITION_TOLERANCE:.0f} mm or {np.degrees(ANGLE_TOLERANCE):.0f}°: "
+                "something is in the way, or the pose is at the edge of the arm's reach"
+            )
+        return f"within {1e3 * distance:.1f} mm"
+
+
+class MoveJoints(Primitive):
+    """Move all joints to a named configuration or to seven angles. Start and end every plan at
+    `home_config`, from where every pose is reached safely; never call it with an object in the
+    gripper that stands on a surface."""
+
+    claims: ClassVar[frozenset[Resource]] = frozenset({"arm"})
+    group: ClassVar = "motion"
+    timeout: ClassVar[float] = UNDER_WAY
+
+    joints: Annotated[
+        str | list[float],
+        Field(
+            description=(
+                "named configuration, e.g. `home_config`, or a list of 7 joint angles in rad"
+            )
+        ),
+    ]
+
+    def target(self, state: SymbolicState) -> Array:
+        """Joint angles (7,), rad.
+
+        Raises:
+            InputError: unknown name, or not seven numbers.
+        """
+        if isinstance(self.joints, str):
+            return state.scene.symbols.joints(self.joints)
+        if len(self.joints) != 7:
+            raise InputError(
+                f"MoveJoints needs 7 angles, not {len(self.joints)}; or use 'home_config'"
+            )
+        return np.array(self.joints)
+
+    @classmethod
+    def groundings(cls, around: Surroundings) -> Iterator[MoveJoints]:
+        yield cls(joints=HOME_CONFIG)
+
+    def requires(self, state: SymbolicState) -> list[Violation]:
+        try:
+            target = self.target(state)
+        except InputError as error:
+            rule = "unknown-symbol" if isinstance(self.joints, str) else "unreachable"
+            return [Violation(rule, str(error))]
+        return beyond_joint_limits(state, target) or would_be_dragged(state)
+
+    def during(self, state: SymbolicState) -> SymbolicState:
+        return replace(state, activity="moving", contact=None)
+
+    def effects(self, state: SymbolicState) -> SymbolicState:
+        name = self.joints if isinstance(self.joints, str) else None
+        joints = self.target(state)
+        pose = pose_of_joints(state.scene, joints)
+        return replace(_at_rest(state, name, pose), joints=joints, activity="still")
+
+    def expectation(self, state: SymbolicState) -> Expectation:
+        return Expectation(holding=state.holding is not None, grasped=state.holding is not None)
+
+    def run(self, blackboard: Blackboard) -> Steps:
+        robot, reflexes = blackboard.robot, blackboard.robot.limits.reflexes
+        robot.set_reflex(reflexes.carrying if blackboard.state.holding else reflexes.free)
+        robot.move_joints(self.target(blackboard.state))
+        yield from finish(blackboard)
+        yield from settle(blackboard, BRIEF)
+        return "reached"
+
+
+def _at_rest(state: SymbolicState, at: str | None, target: Pose) -> SymbolicState:
+    """The state at rest with the TCP, and the held object, at a pose."""
+    there = replace(
+        state, at=at, pose_world_tcp=target, joints=None, contact=None, activity="still"
+    )
+    if state.holding is None or state.pose_tcp_object is None:
+        return there
+    pose_world_object = target @ state.pose_tcp_object
+    lifted = clear_of_support(state, state.holding, pose_world_object)
+    return replace(
+        there,
+        lifted=lifted,
+        activity="still" if lifted else "contact",
+        moved={**state.moved, state.holding: pose_world_object},
+    )
+
+
+def _weigh(blackboard: Blackboard) -> Generator[None]:
+    """Measure the load that hangs free: it must hang as it was grasped, within the payload."""
+    robot, scene, name = blackboard.robot, blackboard.scene, blackboard.state.holding
+    wrench = yield from feel(blackboard)
+    here = robot.state
+    tool = here.pose_world_tcp
+    closing = scene.pose_world_base.rotation.T @ tool.rotation[:, 1]
+    unsure = doubt(scene.arm, here.q, here.tau, closing)
+    if reason := blackboard.load.turned(wrench, tool, unsure):
+        raise LeafFailure(f"'{name}' does not stay as it was grasped, {reason}")
+    blackboard.load = blackboard.load.hung(wrench, tool, unsure)
+    weight, payload = blackboard.load.weight, robot.limits.payload
+    if weight > payload * robot.gravity + UNFELT:
+        raise LeafFailure(
+            f"'{name}' weighs {weight / robot.gravity:.1f} kg, more than the payload of {payload:g} kg"
+        )
+
+
+def _balance_point(blackboard: Blackboard, name: str) -> tuple[float, str]:
+    """Place along the line of a balance pose, m, nearest to the object's centre of mass as measured
+    so far, and its source in words."""
+    scene, trace = blackboard.scene, blackboard.recorder.snapshot()
+    subject, line = scene.symbols.subjects[name], scene.symbols.lines[name]
+    (found,) = estimate_all([Parameter(subject, CentreOfMass.id)], trace, scene.bodies)
+    if found.verdict != "identified":
+        return line.believed, f"as believed: {found.verdict} so far"
+    body = scene.body(subject)
+    # Standard deviation along the line, at most.
+    std = float(np.abs(body.pose_world.rotation.T @ line.along) @ found.stds)
+    along = line.nearest(body.pose_at_rest.apply(found.values))
+    apart = along - line.believed
+    if abs(apart) < std:
+        measured = f"measured {1e3 * apart:+.0f} ± {1e3 * std:.0f} mm from there"
+        return line.believed, f"as believed: {measured}"
+    return along, f"as measured to ± {1e3 * std:.1f} mm"
