@@ -665,6 +665,6 @@ def test_keyframes_keep_their_places_and_a_note_says_so() -> None:
     text = SCENE.replace("</mujoco>", '<keyframe><key qpos="{}"/></keyframe></mujoco>')
     text = text.format("0.5 0.1 0.28 1 0 0 0 0.5 -0.2 0.23 1 0 0 0")
     made = complete(parse_scene(text), [estimate("table", "height", 0.181)])
-    assert "the keyframes state places of their own, which were left as they are" in made.notes
+    assert "the keyframes keep the poses that they state" in made.notes
     weighed = complete(parse_scene(SCENE), [estimate("table", "height", 0.181)])
     assert not any("keyframes" in note for note in weighed.notes)

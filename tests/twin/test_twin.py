@@ -75,14 +75,14 @@ def test_what_is_contradicted_stays_open_and_says_why() -> None:
     assert twin.notes == ("cup.mass is not in the twin: Something pulls on it.",)
 
 
-def test_a_mass_that_was_found_besides_is_written_and_said() -> None:
+def test_a_mass_that_was_estimated_with_a_com_is_written_and_noted() -> None:
     balanced = replace(
         estimate(Parameter("cup", "com"), 0.001, 0.0, 0.0), parts={"mass": Part(0.341, 0.001, "kg")}
     )
     twin = build(scene(), balanced)
     assert parse_scene(twin.xml).body("cup").known["mass"] == pytest.approx((0.341,))
     assert twin.notes == (
-        "cup.mass was not asked for; the twin holds 0.3410 ± 0.0010 kg, found besides",
+        "cup.mass was not asked for; the twin holds 0.3410 ± 0.0010 kg, from cup.com",
     )
     asked = not_identified(Parameter("cup", "mass"), "kg", "It slipped.")
     assert "0.341" not in build(scene(), balanced, asked).diff.split("<custom>")[0]
