@@ -75,7 +75,7 @@ def _cell(run: Run, trace: Trace) -> Iterator[Message]:
 
 def _transforms(model: mujoco.MjModel, times: Array, poses: Array) -> Iterator[Message]:
     """The links that move, from their parents; `poses` (n, bodies, 7) in the world."""
-    from palpate.twin.export.urdf import body_name
+    from palpate.twin.export.facts import body_name
 
     layout = Layout()
     signals: dict[str, NDArray[Any]] = {"stamp": stamps(times)}
