@@ -16,7 +16,7 @@ from palpate.geometry.pose import Array
 from palpate.pictures.film import Footage
 from palpate.runs.run import Run
 from palpate.scenarios.catalogue import scenario, scenarios
-from palpate.studies.engine.workers import spread
+from palpate.studies.workers import spread
 
 FALL = 0.5
 """m/s downwards: free fall of 13 mm; the arm lowers things at a third of it."""

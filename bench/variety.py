@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 from palpate.parameter import Parameter
 from palpate.settings import Settings
 from palpate.studies.accuracy import SeedRun, run_seed
-from palpate.studies.engine.workers import spread
+from palpate.studies.workers import spread
 
 HEIGHT = Parameter("table", "height")
 FRUSTUM_SIDES = 12

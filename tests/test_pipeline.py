@@ -127,7 +127,7 @@ def test_values_are_shown_before_twin_film_and_report() -> None:
     assert run.twin.validation is not None
     assert run.twin.validation.settled
     assert run.twin.validation.twin == NOT_REPLAYED
-    assert "touching the twin in simulation" not in told
+    assert "validating the twin in simulation" not in told
 
 
 def test_interrupt_puts_the_bottle_down(tmp_path: Path) -> None:

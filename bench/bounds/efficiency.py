@@ -13,9 +13,9 @@ from bench.bounds.bound import bounds_of
 from palpate import pipeline
 from palpate.runs.run import Run
 from palpate.scenarios.catalogue import scenario
-from palpate.studies.engine.workers import spread
-from palpate.studies.places import about_there
-from palpate.studies.scores.summary import Ranged
+from palpate.studies.accuracy import displaced_cell
+from palpate.studies.figures import Ranged
+from palpate.studies.workers import spread
 
 Ratio = tuple[str, float]
 """Name of a parameter's component, and its error over its bound in one run."""
@@ -55,7 +55,7 @@ def _ratios(case: tuple[str, int], noise: str) -> list[Ratio]:
     name, seed = case
     settings = replace(scenario(name).settings(noise=noise), seed=seed)
     made = pipeline.plan(settings, pipeline.load(settings))
-    cell = about_there(settings, made.scene, made.seen is not None)
+    cell = displaced_cell(settings, made.scene, made.seen is not None)
     return list(_of_run(pipeline.measure(made, cell=cell)))
 
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from bench.harm.harm import Harm
 from bench.harm.probe import Probed
-from palpate.studies.engine.lines import Lines
-from palpate.studies.engine.workers import Lost, Processes
+from palpate.studies.lines import Lines
+from palpate.studies.workers import Lost, Processes
 
 LONGEST = 120
 """s of the processor for one case; beyond, it hangs."""

@@ -1,10 +1,10 @@
-"""The whole story on one page: a sentence, or an incomplete scene, becomes a digital twin.
+"""The pipeline on one page: from a request, or an incomplete scene, to a digital twin.
 
 request + scene + pictures ─► parameters ─► plan ─► (check) ─► tree ─ticks─► trace ─► estimates
 ─► twin + report
 
-What each stage does stands in a module of its own in `palpate.stages`; here is their order, and what
-becomes of a run that is cut short.
+The stages are in `palpate.stages`; this module holds their order, and the end of a run that is
+interrupted.
 """
 
 from __future__ import annotations
@@ -26,9 +26,7 @@ from palpate.stages import workplace
 from palpate.stages.building import build_twin, touch_twin, touched_beside
 from palpate.stages.estimating import estimate, estimates
 from palpate.stages.executing import execute
-from palpate.stages.loading import load, preflight
-from palpate.stages.planning import plan
-from palpate.stages.rehearsing import confirm, rehearse
+from palpate.stages.planning import confirm, load, plan, preflight, rehearse
 from palpate.stages.saving import (
     await_film,
     darkroom_for,

@@ -33,7 +33,7 @@ from palpate.vocabulary.admissible.reach import require_room
 from palpate.vocabulary.registry import COMPOSITES, vocabulary
 
 if TYPE_CHECKING:
-    from palpate.planning.check.finding import Finding
+    from palpate.planning.check.case import Finding
     from palpate.planning.plan import Node
 
 __all__ = [

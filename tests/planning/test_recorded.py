@@ -8,7 +8,7 @@ import pytest
 from workbench import BOTTLE, bench, plan, sequence, weigh
 
 from palpate.errors import InputError
-from palpate.planning.model.dialogue.conversation import Answer, Conversation, Round
+from palpate.planning.model.conversation import Answer, Conversation, Round
 from palpate.planning.plan import dump_plan
 from palpate.planning.recorded import ReplayPlanner, load_plan, plan_file
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from palpate.parameter import Parameter
-from palpate.planning.nodes import leaves
 from palpate.planning.symbolic.planner import SymbolicPlanner
 from palpate.quantities.shape.tilt import estimate_tilt
 from palpate.scene.load import parse_scene
@@ -50,11 +49,11 @@ def test_a_plan_touches_three_spots():
     scene = parse_scene(D)
     plan = SymbolicPlanner().plan("how much is the table tilted?", scene)
     assert plan.parameters == (TILT,)
-    kinds = [leaf.type for _, leaf in leaves(plan.tree)]
+    kinds = [node.type for _, node in plan.tree.walk()]
     assert kinds.count("MoveUntilContact") == kinds.count("MeasureGripperPose") == 3
 
 
 def test_a_height_alone_takes_one_touch():
     plan = SymbolicPlanner().plan("how high is the table?", parse_scene(D))
-    kinds = [leaf.type for _, leaf in leaves(plan.tree)]
+    kinds = [node.type for _, node in plan.tree.walk()]
     assert kinds.count("MoveUntilContact") == 1

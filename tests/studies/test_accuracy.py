@@ -1,23 +1,34 @@
-"""Accuracy over seeds: the figures are what they are called, and a run that fails is no trial."""
+"""Accuracy over seeds: figures, failed runs, displaced objects."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from palpate.cells.simulated import SimulatedCell
 from palpate.parameter import Parameter
+from palpate.scene.load import load_scene
 from palpate.settings import Settings
-from palpate.studies.accuracy import SeedRun, accuracy, run_seed
+from palpate.studies.accuracy import SeedRun, accuracy, displaced_cell, run_seed
 from palpate.studies.scores.summary import summarise
 
-MASS = Parameter("cup", "mass")
+MASS, COM = Parameter("cup", "mass"), Parameter("cup", "com")
 CELL = """<mujoco><worldbody>
   <site name="robot_base"/>
   <body name="table" pos="0.4 0 -0.02"><geom type="box" size=".5 .6 .02" friction="0.6 0.005 0.0001"/></body>
   <body name="cup" pos="0.5 0.1 0.05"><freejoint/><geom type="box" size=".03 .02 .05" {cup}/></body>
 </worldbody></mujoco>"""
+
+COM_CELL = """<mujoco><worldbody>
+  <site name="robot_base"/>
+  <body name="table" pos="0.4 0 -0.02"><geom type="box" size=".5 .6 .02"/></body>
+  <body name="cup" pos="0.5 0.1 0.05"><freejoint/>{cup}<geom type="box" size=".03 .02 .05"/></body>
+</worldbody></mujoco>"""
+TRUTH = '<inertial pos="0.01 0 0.003" mass="0.3" diaginertia="1e-3 1e-3 1e-3"/>'
+BELIEVED = '<inertial pos="? ? ?" mass="?" diaginertia="? ? ?"/>'
 
 
 @pytest.fixture
@@ -62,3 +73,58 @@ def test_a_run_that_identifies_nothing_has_no_estimates(settings: Settings) -> N
 def test_a_rejected_plan_moves_nothing(settings: Settings) -> None:
     run = run_seed(replace(settings, request="the temperature of the cup"), 0)
     assert run == SeedRun(0, "rejected", 0, 0.0, ())
+
+
+@pytest.fixture
+def com_settings(tmp_path: Path) -> Settings:
+    for name, cup in {"scene": BELIEVED, "world": TRUTH}.items():
+        (tmp_path / f"{name}.xml").write_text(COM_CELL.format(cup=cup), encoding="utf-8")
+    return Settings(scene=tmp_path / "scene.xml", world=tmp_path / "world.xml")
+
+
+def cell(settings: Settings, seed: int, poses: str | None = None) -> SimulatedCell:
+    assert settings.scene is not None
+    file = None
+    if poses is not None:
+        file = settings.scene.with_name("poses.yaml")
+        file.write_text(poses, encoding="utf-8")
+    asked = Settings(scene=settings.scene, world=settings.world, poses=file, seed=seed)
+    made = displaced_cell(asked, load_scene(settings.scene, file))
+    assert isinstance(made, SimulatedCell)
+    return made
+
+
+def shift(made: SimulatedCell) -> np.ndarray:
+    return made.world.body("cup").pose_world.position - np.array([0.5, 0.1, 0.05])
+
+
+def test_displaced_cell_moves_an_object_in_the_plane_and_not_its_believed_pose(
+    com_settings: Settings,
+) -> None:
+    made = cell(com_settings, seed=3)
+    aside = shift(made)
+    assert aside[2] == pytest.approx(0.0, abs=1e-12)
+    assert 1e-5 < np.abs(aside[:2]).max() < 2e-3
+    assert made.scene is not None
+    assert made.scene.body("cup").pose_world.position == pytest.approx([0.5, 0.1, 0.05])
+
+
+def test_displaced_cell_keeps_the_com_in_the_body_frame(com_settings: Settings) -> None:
+    assert cell(com_settings, seed=3).truth(COM) == pytest.approx((0.01, 0.0, 0.003))
+
+
+def test_displacement_is_seeded(com_settings: Settings) -> None:
+    first, again, other = (shift(cell(com_settings, seed)) for seed in (3, 3, 4))
+    assert first == pytest.approx(again)
+    assert first != pytest.approx(other)
+
+
+def test_displacement_scales_with_the_accuracy_of_poses(com_settings: Settings) -> None:
+    usual, rough = shift(cell(com_settings, 3)), shift(cell(com_settings, 3, "accuracy: 0.002"))
+    assert rough == pytest.approx(4.0 * usual)
+
+
+def test_displaced_cell_keeps_the_drawn_truth(com_settings: Settings) -> None:
+    made = cell(Settings(scene=com_settings.scene), seed=3)
+    assert np.abs(shift(made)).max() > 1e-5
+    assert made.truth(COM) == made.drawn[COM]

@@ -1,12 +1,22 @@
-"""What intent saves against touching everything."""
+"""Effort of the intent-driven planner against the exhaustive one."""
 
 from __future__ import annotations
 
+import re
+
+import plotly.graph_objects as go
 import pytest
 
 from palpate.scenarios.catalogue import scenario
 from palpate.studies.accuracy import SeedRun
-from palpate.studies.efficiency import Comparison, comparable, efficiency
+from palpate.studies.efficiency import (
+    PAPER,
+    Comparison,
+    comparable,
+    efficiency,
+    efficiency_figure,
+    plot,
+)
 
 
 def test_only_scenarios_that_the_symbolic_planner_completes_are_compared() -> None:
@@ -36,3 +46,41 @@ def test_one_missing_mass_takes_less_than_everything() -> None:
     assert {e.parameter for e in row.intent.estimates} < {
         e.parameter for e in row.exhaustive.estimates
     }
+
+
+def seed_run(actions: int, seconds: float) -> SeedRun:
+    return SeedRun(0, "complete", actions, seconds, ())
+
+
+ROWS = [
+    Comparison("one_missing_mass", seed_run(20, 41.5), seed_run(8, 17.25)),
+    Comparison("a<b", seed_run(30, 60.0), seed_run(12, 30.0)),
+]
+
+
+def test_plotly_accepts_the_efficiency_figure() -> None:
+    figure = go.Figure(efficiency_figure(ROWS))
+    bars = {(bar.name, bar.yaxis): list(bar.y) for bar in figure.data}
+    assert bars == {
+        ("exhaustive", "y"): [20, 30, PAPER.exhaustive_actions],
+        ("intent-driven", "y"): [8, 12, PAPER.intent_actions],
+        ("exhaustive", "y2"): [41.5, 60.0, PAPER.exhaustive_seconds],
+        ("intent-driven", "y2"): [17.25, 30.0, PAPER.intent_seconds],
+    }
+
+
+def test_published_bars_are_paler_than_measured_ones() -> None:
+    for bar in efficiency_figure(ROWS)["data"]:
+        *measured, paper = bar["marker"]["opacity"]
+        assert all(paper < opacity for opacity in measured)
+
+
+def test_scenario_names_are_escaped_in_the_efficiency_figure() -> None:
+    assert efficiency_figure(ROWS)["data"][0]["x"][1] == "a&lt;b"
+
+
+def test_efficiency_page_loads_nothing_from_the_network() -> None:
+    page = plot(ROWS)
+    assert "Plotly.newPlot" in page
+    assert "one_missing_mass" in page
+    assert not re.search(r"<(script|link|img)[^>]*\s(src|href)=", page)

@@ -1,6 +1,6 @@
-"""The plan as a file and as a type: parameters, explanation, tree.
+"""Plan as a type and as a file: parameters, explanation, tree.
 
-A plan's text comes from a file or from a model and is not trusted: its size, nesting and number of
+The text of a plan comes from a file or from a model and is untrusted: its size, nesting and number of
 nodes are bounded before anything is built from it.
 """
 
@@ -29,16 +29,12 @@ MAX_REASON = 120
 """Characters of the explanation that the short form of a plan shows."""
 
 _STRING = re.compile(r'"(?:[^"\\]|\\.)*"', re.DOTALL)
-_NODE_FIELDS = ("type", "name", "children")
 
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """Node of a plan's tree: its type, its arguments and its children, in order.
-
-    `args` are the primitive's own (`{"pose": "bottle_pose + z_offset"}`); composites have
-    `children`.
-    """
+    """Node of a plan's tree: a primitive with its `args` (`{"pose": "bottle_pose + z_offset"}`), or a
+    composite with its `children`, in order."""
 
     type: str
     args: tuple[tuple[str, Any], ...] = ()
@@ -69,8 +65,7 @@ OUTCOMES: tuple[str, ...] = get_args(Outcome)
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Plan:
-    """Plan of a planner. `tree` is None when the request cannot be measured; the explanation says
-    why."""
+    """Plan of a planner. `tree` is None when nothing is to be measured; the explanation says why."""
 
     parameters: tuple[Parameter, ...]
     tree: Node | None
@@ -84,13 +79,11 @@ class Plan:
     @property
     def outcome(self) -> Outcome:
         """Outcome of the request."""
-        if self.tree is not None:
-            return "measure"
-        return self.declared or "cannot"
+        return "measure" if self.tree is not None else self.declared or "cannot"
 
     @property
     def satisfied(self) -> bool:
-        """There is no tree because nothing is missing: all that was asked is known."""
+        """True if there is no tree because all requested parameters are known."""
         return self.outcome == "nothing_missing"
 
     @property
@@ -109,7 +102,7 @@ class Plan:
         return f"<Plan{by}: {measures}, {self.actions} actions>"
 
     def __str__(self) -> str:
-        """The short line, and below it the tree, one node a line, or why there is none."""
+        """The short line, and below it the tree, one node a line, or the explanation."""
         below = self.explanation if self.tree is None else str(self.tree)
         return f"{self!r}\n{below}"
 
@@ -117,12 +110,32 @@ class Plan:
 def parse_plan(text: str | bytes) -> Plan:
     """A plan from JSON text: a plan file, a run folder's `plan.json`, or a model's answer.
 
-    Fields of the document that a plan does not have (a provider's usage, findings, …) are ignored.
+    Other fields of the document (a provider's usage, findings, …) are ignored.
 
     Raises:
         InputError: not JSON, too large, too deep, or not of a plan's form; the message says where.
     """
-    return plan_from(_load(_decoded(text)))
+    if len(text) > MAX_BYTES:
+        raise InputError(f"the plan is larger than {MAX_BYTES // 1000} kB; shorten it")
+    if isinstance(text, bytes):
+        try:
+            text = text.decode()
+        except UnicodeDecodeError as error:
+            raise InputError(f"the plan is not UTF-8 text (byte {error.start})") from None
+    text = text.removeprefix("\ufeff")
+    if nesting(text) > MAX_NESTING:
+        raise InputError(f"the plan is nested deeper than {MAX_NESTING} brackets; flatten its tree")
+    try:
+        document = json.loads(
+            text, object_pairs_hook=_unique, parse_constant=_finite, parse_float=_finite
+        )
+    except json.JSONDecodeError as error:
+        raise InputError(
+            f"the plan is not JSON: {error.msg} at line {error.lineno}, column {error.colno}"
+        ) from None
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"the plan is not usable JSON: {error}") from None
+    return plan_from(document)
 
 
 def plan_from(document: object) -> Plan:
@@ -142,8 +155,19 @@ def plan_from(document: object) -> Plan:
     explanation = _text(fields.get("explanation", ""), "explanation")
     planner = _text(fields.get("planner", ""), "planner")
     notes = _each(_text, fields.get("notes", []), "notes")
-    outcome = _outcome(fields.get("outcome"), tree)
-    return Plan(parameters, tree, explanation, planner, notes, outcome)
+    outcome = fields.get("outcome")
+    if outcome is not None and outcome not in OUTCOMES:
+        _fail("outcome", f"must be one of {', '.join(OUTCOMES)}")
+    if tree is not None and outcome not in (None, "measure"):
+        _fail("outcome", f"is '{outcome}', yet there is a tree; with a tree it is 'measure'")
+    if tree is None and outcome == "measure":
+        _fail(
+            "outcome",
+            "is 'measure', yet 'tree' is null; give a tree, or say what stands against it",
+        )
+    # 'measure' and 'cannot' follow from the tree, or its absence.
+    declared = None if outcome in (None, "measure", "cannot") else cast("Outcome", outcome)
+    return Plan(parameters, tree, explanation, planner, notes, declared)
 
 
 def plan_json(plan: Plan) -> dict[str, Any]:
@@ -152,7 +176,7 @@ def plan_json(plan: Plan) -> dict[str, Any]:
     document: dict[str, Any] = {
         "parameters": promised,
         "explanation": plan.explanation,
-        "tree": _node_document(plan.tree) if plan.tree is not None else None,
+        "tree": _node_json(plan.tree) if plan.tree is not None else None,
         "outcome": plan.outcome,
     }
     if plan.planner:
@@ -172,52 +196,13 @@ def dump_plan(plan: Plan, extra: Mapping[str, Any] | None = None) -> str:
     return json_text(document, indent=2) + "\n"
 
 
-def _outcome(value: object, tree: Node | None) -> Outcome | None:
-    """Outcome declared by the author, where it agrees with the tree; None without a declaration, or
-    where the tree implies it."""
-    if value is None:
-        return None
-    if value not in OUTCOMES:
-        _fail("outcome", f"must be one of {', '.join(OUTCOMES)}")
-    if tree is not None and value != "measure":
-        _fail("outcome", f"is '{value}', yet there is a tree; with a tree it is 'measure'")
-    if tree is None and value == "measure":
-        _fail(
-            "outcome",
-            "is 'measure', yet 'tree' is null; give a tree, or say what stands against it",
-        )
-    return None if value in ("measure", "cannot") else cast("Outcome", value)
-
-
-def _decoded(text: str | bytes) -> str:
-    if len(text) > MAX_BYTES:
-        raise InputError(f"the plan is larger than {MAX_BYTES // 1000} kB; shorten it")
-    if isinstance(text, str):
-        return text.removeprefix("\ufeff")
-    try:
-        return text.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"the plan is not UTF-8 text (byte {error.start})") from None
-
-
-def _load(text: str) -> object:
-    depth = 0
+def nesting(text: str) -> int:
+    """Depth of the brackets of JSON text, without those in strings."""
+    depth = deepest = 0
     for bracket in re.findall(r"[\[\]{}]", _STRING.sub("", text)):
         depth += 1 if bracket in "[{" else -1
-        if depth > MAX_NESTING:
-            raise InputError(
-                f"the plan is nested deeper than {MAX_NESTING} brackets; flatten its tree"
-            )
-    try:
-        return json.loads(
-            text, object_pairs_hook=_unique, parse_constant=_no_constant, parse_float=_finite
-        )
-    except json.JSONDecodeError as error:
-        raise InputError(
-            f"the plan is not JSON: {error.msg} at line {error.lineno}, column {error.colno}"
-        ) from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"the plan is not usable JSON: {error}") from None
+        deepest = max(deepest, depth)
+    return deepest
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -229,14 +214,10 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def _no_constant(name: str) -> NoReturn:
-    raise InputError(f"the plan contains {name}; numbers must be finite")
-
-
-def _finite(digits: str) -> float:
-    value = float(digits)
+def _finite(number: str) -> float:
+    value = float(number)
     if not math.isfinite(value):
-        raise InputError(f"the plan contains {digits[:20]}; numbers must be finite")
+        raise InputError(f"the plan contains {number[:20]}; numbers must be finite")
     return value
 
 
@@ -253,7 +234,7 @@ def _node(value: object, path: str, depth: int, budget: list[int]) -> Node:
     name = _text(fields.get("name", ""), f"{path}.name")
     arguments: list[tuple[str, object]] = []
     for key, argument in fields.items():
-        if key not in _NODE_FIELDS:
+        if key not in ("type", "name", "children"):
             arguments.append((_text(key, path), _frozen(argument, f"{path}.{key}")))
 
     def child(value: object, place: str) -> Node:
@@ -267,33 +248,28 @@ def _parameter(value: object, path: str) -> Parameter:
     fields = _mapping(value, path)
     if set(fields) != {"object", "quantity"}:
         _fail(path, f"needs exactly 'object' and 'quantity'; it has {_listed(fields)}")
-    return Parameter(
-        _text(fields["object"], f"{path}.object"), _text(fields["quantity"], f"{path}.quantity")
-    )
+    return Parameter(*(_text(fields[key], f"{path}.{key}") for key in ("object", "quantity")))
 
 
 def _frozen(value: object, path: str) -> object:
-    """The JSON value with its arrays as tuples, so that nodes compare and do not share mutable
-    parts."""
+    """The JSON value with its arrays as tuples, so that nodes compare and share no mutable parts."""
     if isinstance(value, list):
         return tuple(_frozen(item, path) for item in cast("list[object]", value))
-    if isinstance(value, str):
-        return _text(value, path)
     if isinstance(value, dict):
         _fail(
             path,
             "is an object; arguments are texts, numbers or lists of them, written beside 'type'",
         )
-    return value
+    return _text(value, path) if isinstance(value, str) else value
 
 
-def _node_document(node: Node) -> dict[str, Any]:
+def _node_json(node: Node) -> dict[str, Any]:
     document: dict[str, Any] = {"type": node.type}
     if node.name:
         document["name"] = node.name
     document.update(node.args)
     if node.children:
-        document["children"] = [_node_document(child) for child in node.children]
+        document["children"] = [_node_json(child) for child in node.children]
     return document
 
 
@@ -307,10 +283,8 @@ def _each(read: Callable[[object, str], T], value: object, path: str) -> tuple[T
     """Every item of a list, read with its path."""
     if not isinstance(value, list):
         _fail(path, f"must be a list, not {_kind(value)}")
-    items: list[T] = []
-    for i, item in enumerate(cast("list[object]", value)):
-        items.append(read(item, f"{path}[{i}]"))
-    return tuple(items)
+    items = cast("list[object]", value)
+    return tuple(read(item, f"{path}[{i}]") for i, item in enumerate(items))
 
 
 def _text(value: object, path: str) -> str:
@@ -322,14 +296,8 @@ def _text(value: object, path: str) -> str:
 
 
 def _kind(value: object) -> str:
-    names: dict[type, str] = {
-        dict: "an object",
-        list: "a list",
-        str: "text",
-        bool: "true/false",
-        int: "a number",
-        float: "a number",
-    }
+    numbers: dict[type, str] = {bool: "true/false", int: "a number", float: "a number"}
+    names = {dict: "an object", list: "a list", str: "text", **numbers}
     return names.get(type(value), "null")
 
 

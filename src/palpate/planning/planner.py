@@ -18,7 +18,7 @@ from palpate.planning.plan import Plan
 from palpate.quantities.precision.within import Within
 
 if TYPE_CHECKING:
-    from palpate.planning.model.dialogue.conversation import Conversation
+    from palpate.planning.model.conversation import Conversation
     from palpate.planning.model.settings import ModelSettings
     from palpate.scene.pictured.detected import DetectedScene, SceneBuilder
     from palpate.scene.scene import Scene

@@ -15,7 +15,7 @@ from palpate.scene.pictured.detected import DetectedScene, SceneBuilder
 
 if TYPE_CHECKING:
     from palpate.planning.model.answer import Proposal
-    from palpate.planning.model.dialogue.conversation import Conversation
+    from palpate.planning.model.conversation import Conversation
     from palpate.scene.scene import Scene
 
 
@@ -62,9 +62,9 @@ class ReplayPlanner:
     def _from_conversation(
         self, request: str | None, scene: Scene | None, images: Sequence[Path]
     ) -> Plan:
-        from palpate.planning.model.dialogue.conversation import load
-        from palpate.planning.model.dialogue.rounds import replayed
+        from palpate.planning.model.conversation import load
         from palpate.planning.model.planner import VlmPlanner
+        from palpate.planning.model.rounds import replayed
 
         judge = VlmPlanner("replay", remeasure=self.remeasure, builder=self.builder)
         judge.images = tuple(images)
@@ -130,7 +130,7 @@ def plan_file(path: Path) -> Path:
 
 
 def _read(path: Path) -> bytes:
-    from palpate.planning.model.dialogue.conversation import MAX_CONVERSATION
+    from palpate.planning.model.conversation import MAX_CONVERSATION
 
     return read_bytes(path, MAX_CONVERSATION, "a plan")
 

@@ -89,7 +89,7 @@ def _symbolic(argument: str, settings: PlannerSettings) -> Planner:
 
 
 def _exhaustive(argument: str, settings: PlannerSettings) -> Planner:
-    from palpate.planning.exhaustive import ExhaustivePlanner
+    from palpate.planning.symbolic.planner import ExhaustivePlanner
 
     return ExhaustivePlanner()
 

@@ -86,6 +86,14 @@ def timeline(trace: Trace, windows: Mapping[Recording, str], groups: Mapping[str
     }
 
 
+def figure_page(figure: Figure, name: str) -> str:
+    """A self-contained HTML page of one figure; `name` is its element's id."""
+    from plotly.io import to_html
+
+    config = {"displaylogo": False, "responsive": True}
+    return to_html(figure, config=config, div_id=name)
+
+
 def decimate(t: Array, y: Array, limit: int = MAX_POINTS) -> tuple[Array, Array]:
     """At most `limit` points with every peak kept: the least and the largest of each of `limit` / 2
     blocks."""

@@ -19,7 +19,7 @@ from palpate.geometry.pose import Array
 from palpate.mjcf.document import read_text
 from palpate.parameter import Parameter
 from palpate.planning.check.check import Finding
-from palpate.planning.model.dialogue.conversation import Conversation, read_conversation
+from palpate.planning.model.conversation import Conversation, read_conversation
 from palpate.planning.recorded import load_proposal
 from palpate.robots.registry import load_description
 from palpate.runs.folder import read_json

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from palpate.execution.runner import Execution
     from palpate.geometry.pose import Array
     from palpate.pictures.film import Footage
-    from palpate.planning.model.dialogue.conversation import Conversation
+    from palpate.planning.model.conversation import Conversation
     from palpate.scene.pictured.detected import DetectedScene
     from palpate.settings import Settings
     from palpate.vocabulary.state import SymbolicState

@@ -1,1 +1,1 @@
-"""The stages of the pipeline, one module each; `pipeline` puts them in their order."""
+"""The stages of the pipeline; `pipeline` calls them in order."""

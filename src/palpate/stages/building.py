@@ -1,4 +1,4 @@
-"""The sixth stage: the twin is written, and touched in simulation as the real things were."""
+"""Build the digital twin, and validate it by executing the plan again in simulation."""
 
 from __future__ import annotations
 
@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 
 
 def build_twin(made: Run, callbacks: RunCallbacks = SILENT) -> Run:
-    """From estimates to a twin of the scene as it was believed in the end."""
+    """Write the estimates into the scene's MJCF. A scene detected in a picture is taken as the
+    symbolic state has it at the end of the execution."""
     if made.trace_if_any is None:
         return made
     callbacks.progress("building the twin")
@@ -41,11 +42,12 @@ def build_twin(made: Run, callbacks: RunCallbacks = SILENT) -> Run:
 
 @contextmanager
 def touched_beside(made: Run, cell: Cell) -> Generator[Beside[Trace] | None]:
-    """The scene as it was given, touched while the real one is: nothing that is measured tells how. None
-    where nothing is to be touched, or where a real robot needs the processor."""
+    """Execute the plan in the scene as given, in parallel with the execution on the robot. Yield
+    None if the twin will not be validated, or if a real robot needs the processor."""
     if made.settings.fast or made.seen or not cell.simulated:
         yield None
         return
+    # Independent of any estimate, so it need not wait for them.
     with Beside(lambda: _replay(made.scene, made.plan, restful(made.scene))) as given:
         yield given
 
@@ -56,36 +58,40 @@ def touch_twin(
     callbacks: RunCallbacks = SILENT,
     given: Beside[Trace] | None = None,
 ) -> Run:
-    """The run with its twin touched in simulation, and the scene as it was given: the plan is executed
-    again in both, as far as it is compared. `planned_in` is what its planner knew; `given`: from
-    `touched_beside`."""
+    """Validate the twin: execute the plan in it and in the scene as given, and compare both
+    recordings with the run's own.
+
+    Args:
+        made: the run.
+        planned_in: the scene that the planner knew.
+        callbacks: progress.
+        given: execution in the scene as given, from `touched_beside`; else it is executed here.
+    """
     if made.finished is None:
         return made
-    callbacks.progress("touching the twin in simulation")
+    callbacks.progress("validating the twin in simulation")
     trace = made.trace_if_any
     if trace is None:
         return made
-    plan = _compared(made.plan, trace)
+
+    # Only the part of the plan that is compared is executed again.
+    plan, until = made.plan, compared_until(trace)
+    begun = [leaf.node for leaf in trace.leaves if leaf.start < until]
+    replanned = len(set(begun)) != len(begun)  # a node ran twice: no part of one plan covers that
+    if not replanned:
+        plan = part_of(plan, begun)
     if plan.tree is None:
         return made
+
     again = partial(_replay, planned_in, plan)
-    # The whole plan has been executed in the scene as given: that is the same where it was here, too.
+    # `given` executed the whole plan: comparable only if the robot executed the whole plan as well.
     whole = made.execution is not None and made.execution.status == "complete"
     beside = given.result if given is not None and whole else None
     return replace(made, finished=touch(made.finished, made.scene, trace, again, beside))
 
 
-def _compared(plan: Plan, trace: Trace) -> Plan:
-    """The part of the plan that is executed again."""
-    until = compared_until(trace)
-    begun = [leaf.node for leaf in trace.leaves if leaf.start < until]
-    if len(set(begun)) != len(begun):  # it was planned again, or parts of it were repeated
-        return plan
-    return part_of(plan, begun)
-
-
 def _replay(scene: Scene, plan: Plan, world: MjSpec) -> Trace:
-    """Recording of a perfect robot that executes the plan in `world`.
+    """Trace of a noise-free simulated robot that executes the plan in `world`.
 
     Raises:
         Interrupted: a signal came meanwhile.

@@ -1,4 +1,4 @@
-"""The fifth stage: what the trace says of each parameter."""
+"""Estimate each parameter from the trace, and validate the estimates on held-out motions."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from palpate.callbacks import SILENT, RunCallbacks
 from palpate.cells.cell import Cell
 from palpate.errors import InputError, PalpateError
 from palpate.estimation.estimate import Estimate
-from palpate.mjcf.body import Body
-from palpate.parameter import Parameter
 from palpate.quantities.estimators import estimate_all, failed
 from palpate.runs.run import Run
 from palpate.scene.raised import as_measured
@@ -25,40 +23,44 @@ MADE_UP = "Simulated: the true value was drawn from priors, and is that of no re
 
 
 def estimate(made: Run, cell: Cell | None, callbacks: RunCallbacks = SILENT) -> Run:
-    """From a trace to estimates; what is true is asked when they are made, never before."""
+    """Return the run with its estimates, validated, and with the truth where `cell` knows it."""
     for grown in estimates(made, cell, callbacks):
         made = grown
     return made
 
 
 def estimates(made: Run, cell: Cell | None, callbacks: RunCallbacks = SILENT) -> Iterator[Run]:
-    """The run after every estimate, after their judgement, and then with what is true."""
+    """Yield the run after every estimate, after their validation, and then with the truth."""
     callbacks.progress("estimating")
-    # The trace is read once, not for every estimate.
-    made = replace(made, estimates=(), held_out=None, recorded=made.trace_if_any)
-    bodies = (
-        made.scene.bodies
-        if made.trace_if_any is None
-        else as_measured(made.scene, made.trace_if_any).bodies
-    )
+    trace = made.trace_if_any
+    # Keep the trace, so that it is read from its file once and not for every estimate.
+    made = replace(made, estimates=(), held_out=None, recorded=trace)
+    bodies = made.scene.bodies if trace is None else as_measured(made.scene, trace).bodies
     for parameter in made.plan.parameters:
-        found = _estimate_of(made, parameter, bodies)
+        if trace is None:
+            found = failed(parameter, "Nothing was recorded.")
+        else:
+            try:
+                found = _annotated(made, estimate_all([parameter], trace, bodies)[0])
+            except PalpateError as error:
+                found = failed(parameter, f"There is no estimator: {error}.")
         made = replace(made, estimates=(*made.estimates, found))
         yield made
-    callbacks.progress("judging them on motions that they were not fitted to")
-    made = _judged(made)
+    callbacks.progress("validating the estimates on held-out motions")
+    made = _validated(made)
     yield made
+    # The truth is asked for when the estimates are final, never before.
     if cell is not None:
         yield replace(made, truth=truths(made, cell))
 
 
 def reestimate(made: Run, choice: Mapping[str, str] | None = None) -> Run:
-    """The run with its estimates made anew from its trace, in memory and without a twin: nothing
-    moves, and its folder stays as it is. `choice` names estimators by quantity.
+    """Make the estimates again from the stored trace, in memory and without a twin: nothing moves,
+    and the run's folder stays unchanged. `choice` names estimators by quantity.
 
     Raises:
-        InputError: it has no trace, another version recorded it, its scene's file is gone, or there is
-            no such estimator.
+        InputError: it has no trace, another version recorded it, its scene's file is missing, or there
+            is no such estimator.
     """
     if made.folder is not None:
         from palpate.runs.read import require_own_version
@@ -67,74 +69,56 @@ def reestimate(made: Run, choice: Mapping[str, str] | None = None) -> Run:
     trace = made.trace_if_any
     if trace is None:
         where = "this run" if made.folder is None else f"'{made.folder}'"
-        raise InputError(f"{where} has no trace to make estimates of: nothing was executed")
-    _require_scene(made)
-    bodies = as_measured(made.scene, trace).bodies
-    found = estimate_all(made.plan.parameters, trace, bodies, choice or {})
-    told = tuple(_told(made, estimate) for estimate in found)
-    again = replace(made, recorded=trace, estimates=told, held_out=None, finished=None)
-    return _judged(again, choice)
-
-
-def with_views(made: Run) -> Run:
-    """Add what was fitted to the estimates of a run that was read from its folder, by making them
-    again from its trace; without a trace or a scene, or where a value differs, they stay as they are."""
-    if (
-        made.trace_if_any is None
-        or not made.scene.bodies
-        or any(one.views for one in made.estimates)
-    ):
-        return made
-    with suppress(PalpateError):
-        wanted = [one.parameter for one in made.estimates]
-        bodies = as_measured(made.scene, made.trace_if_any).bodies
-        found = estimate_all(wanted, made.trace_if_any, bodies)
-        pairs = zip(made.estimates, found, strict=True)
-        same = [
-            replace(one, views=again.views) if np.array_equal(one.values, again.values) else one
-            for one, again in pairs
-        ]
-        return replace(made, recorded=made.trace_if_any, estimates=tuple(same))
-    return made
-
-
-def _require_scene(made: Run) -> None:
-    """A run read back from its folder has an empty scene where the file is gone."""
+        raise InputError(f"{where} has no trace to make estimates from: nothing was executed")
+    # A run read from its folder has an empty scene if the scene's file is missing.
     file = made.settings.scene
     if file is not None and not made.scene.bodies:
         raise InputError(
-            f"the run's scene, '{file}', is gone: put it back there to make estimates anew"
+            f"the run's scene, '{file}', is missing: put it back there to make estimates again"
         )
+    bodies = as_measured(made.scene, trace).bodies
+    found = estimate_all(made.plan.parameters, trace, bodies, choice or {})
+    annotated = tuple(_annotated(made, estimate) for estimate in found)
+    again = replace(made, recorded=trace, estimates=annotated, held_out=None, finished=None)
+    return _validated(again, choice)
 
 
-def _estimate_of(made: Run, parameter: Parameter, bodies: Mapping[str, Body]) -> Estimate:
-    """The estimate of a parameter from the run's trace, whatever goes wrong on the way."""
-    if made.trace_if_any is None:
-        return failed(parameter, "Nothing was recorded.")
-    try:
-        found = estimate_all([parameter], made.trace_if_any, bodies)[0]
-        return _told(made, found)
-    except PalpateError as error:
-        return failed(parameter, f"There is no estimator: {error}.")
+def with_views(made: Run) -> Run:
+    """Add the data of the fits, which a run's folder does not hold, to the estimates of a run that
+    was read from its folder, by making them again from its trace. An estimate whose value differs
+    stays without; so do all without a trace or a scene."""
+    trace = made.trace_if_any
+    has_views = any(one.views for one in made.estimates)
+    if trace is None or not made.scene.bodies or has_views:
+        return made
+    with suppress(PalpateError):
+        wanted = [one.parameter for one in made.estimates]
+        found = estimate_all(wanted, trace, as_measured(made.scene, trace).bodies)
+        same = [
+            replace(one, views=again.views) if np.array_equal(one.values, again.values) else one
+            for one, again in zip(made.estimates, found, strict=True)
+        ]
+        return replace(made, recorded=trace, estimates=tuple(same))
+    return made
 
 
-def _told(made: Run, estimate: Estimate) -> Estimate:
-    """The estimate, which says what it is not: in the twin, too, where nothing else does."""
+def _annotated(made: Run, estimate: Estimate) -> Estimate:
+    """Add to the estimate's method an interval wider than asked for, and a truth drawn from priors."""
     estimate = made.settings.within.told(estimate)
     if not made.drawn:
         return estimate
+    # The method's text is all that the twin quotes, so it must say there that no real thing was measured.
     return replace(estimate, method=f"{estimate.method} {MADE_UP}".lstrip())
 
 
-def _judged(made: Run, choice: Mapping[str, str] | None = None) -> Run:
-    """The run with its estimates judged on motions that they were not fitted to, made again by the
-    estimators that `choice` names."""
-    if made.trace_if_any is None:
+def _validated(made: Run, choice: Mapping[str, str] | None = None) -> Run:
+    """Test the estimates on held-out motions: each is left out, the rest is fitted again by the
+    estimators that `choice` names, and the left-out recording is predicted."""
+    trace = made.trace_if_any
+    if trace is None:
         return made
     try:
-        held = held_out(
-            as_measured(made.scene, made.trace_if_any), made.trace_if_any, made.estimates, choice
-        )
+        held = held_out(as_measured(made.scene, trace), trace, made.estimates, choice)
     except Exception as error:
         reason = f"nothing was held out: {type(error).__name__}: {error}"
         return replace(made, held_out=HeldOut((), (reason,)))

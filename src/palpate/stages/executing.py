@@ -1,4 +1,4 @@
-"""The fourth stage: the tree is ticked on the cell's robot, and a trace is what comes of it."""
+"""Tick the behavior tree on the cell's robot, and record the trace."""
 
 from __future__ import annotations
 
@@ -20,7 +20,6 @@ from palpate.stages.workplace import footage_of, robot_of
 
 if TYPE_CHECKING:
     from palpate.execution.runner import Execution, Keep
-    from palpate.trace.samples import Trace
 
 log = logging.getLogger(__name__)
 
@@ -28,7 +27,7 @@ log = logging.getLogger(__name__)
 def execute(
     made: Run, cell: Cell, callbacks: RunCallbacks = SILENT, keep: Keep | None = None
 ) -> Run:
-    """From a plan to a trace; `keep` writes it down meanwhile.
+    """Execute the plan on the cell's robot; `keep` writes samples to disk meanwhile.
 
     Raises:
         InputError: the workplace cannot be used.
@@ -70,17 +69,17 @@ def perform(
     keep: Keep | None = None,
     real: bool = False,
 ) -> Execution:
-    """Run the tree on the robot, which is let go in any case.
+    """Run the tree on the robot, and close the robot in any case.
 
     Args:
-        plan: what is to be done.
-        scene: where.
-        robot: what moves.
-        callbacks: progress, and the question where a real robot was stopped.
-        on_failure: how far it goes on after a failure.
-        within: half widths; what is wider is measured again.
-        keep: writes down what is sensed meanwhile.
-        real: something real moves.
+        plan: with a tree.
+        scene: that the plan was made for.
+        robot: simulated or real.
+        callbacks: progress, and the confirmation to resume after a stop of a real robot.
+        on_failure: `stop`, `skip` the failed object, or `replan`.
+        within: half widths of 95 % intervals; a measurement with a wider one is repeated.
+        keep: writes samples to disk meanwhile.
+        real: the robot is a real one.
     """
     from palpate.execution.recovery import recover
     from palpate.execution.repetition import repeat
@@ -89,26 +88,34 @@ def perform(
     attempt = partial(run_tree, observer=callbacks.observer, keep=keep)
     try:
         first = attempt(plan, scene, robot)
-        done = recover(first, plan, scene, robot, on_failure, attempt, real, callbacks.may_resume)
+        done = recover(
+            first,
+            plan,
+            scene,
+            robot,
+            policy=on_failure,
+            run=attempt,
+            real=real,
+            may_resume=callbacks.may_resume,
+        )
         if within:
-            done = repeat(done, plan, scene, robot, within, attempt, callbacks.progress)
+            done = repeat(
+                done, plan, scene, robot, within=within, run=attempt, say=callbacks.progress
+            )
         return done
     finally:
-        _let_go(robot)
-
-
-def _let_go(robot: Robot) -> None:
-    """Close the robot; measurements are kept even where that fails."""
-    try:
-        robot.close()
-    except Exception as error:
-        log.warning("the robot was not closed: %s: %s", type(error).__name__, error)
+        try:
+            robot.close()
+        except Exception as error:  # the measurements are kept all the same
+            log.warning("the robot was not closed: %s: %s", type(error).__name__, error)
 
 
 def cut_off(made: Run) -> Run:
-    """A run whose process ended while it was executing, with the trace as far as that was written
-    down."""
-    trace = _readable_trace(made)
+    """End the execution of a run whose process was killed meanwhile, with the trace up to there."""
+    try:
+        trace = made.trace_if_any
+    except InputError:  # the file was cut off too early to be read
+        trace = None
     leaves = trace.leaves if trace is not None else ()
     seconds = 0.0
     if trace is not None and len(trace.samples):
@@ -116,16 +123,9 @@ def cut_off(made: Run) -> Run:
     ended_well = sum(leaf.status == "SUCCESS" for leaf in leaves) == made.plan.actions
     ending = Ending(
         "complete" if ended_well else "stopped",
-        None if ended_well else "the process ended while the plan was executed",
-        len(leaves),
-        seconds,
-        0.0,
+        stopped_by=None if ended_well else "the process ended while the plan was executed",
+        actions=len(leaves),
+        robot_seconds=seconds,
+        wall_seconds=0.0,
     )
     return replace(made, execution=ending, recorded=trace)
-
-
-def _readable_trace(made: Run) -> Trace | None:
-    try:
-        return made.trace_if_any
-    except InputError:
-        return None

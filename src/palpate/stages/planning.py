@@ -1,4 +1,4 @@
-"""The second stage: a planner is asked, and its plan is checked."""
+"""The stages before anything moves: load the scene, plan, check, rehearse in simulation, confirm."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from palpate.errors import InputError, PlanRejected
+from palpate.callbacks import SILENT, RunCallbacks
+from palpate.cells.cell import Cell
+from palpate.errors import ExecutionAborted, InputError, PlanRejected
 from palpate.geometry.pose import Pose
 from palpate.planning.check.check import Finding, check
 from palpate.planning.plan import Plan
@@ -16,20 +18,50 @@ from palpate.planning.planner import Observant, Planner, PlannerSettings
 from palpate.planning.registry import planners
 from palpate.planning.symbolic.planner import requested
 from palpate.runs.run import Run
-from palpate.scene.load import parse_scene
+from palpate.scene.camera import load_image
+from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.pictured.detected import DetectedScene, SceneBuilder
 from palpate.scene.poses import Poses, read_poses, seen_by
 from palpate.scene.scene import Scene
 from palpate.settings import Settings
-from palpate.stages.workplace import pictures_of
+from palpate.stages.workplace import connected, pictures_of
 from palpate.vocabulary.admissible.reach import require_room
 
 
-def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None) -> Run:
-    """A plan and what the check finds wrong with it; a plan without a tree is an honest rejection.
+def preflight(settings: Settings) -> None:
+    """Require an answer of the robot that the settings name, before anything is planned for it.
 
-    `planner` is asked, else the one that the settings name. Without D the scene is made of what a
-    model saw in the picture.
+    Raises:
+        InputError: no such URL.
+        Unavailable: it does not answer.
+    """
+    if settings.robot is not None:
+        connected(settings, None)
+
+
+def load(settings: Settings) -> Scene | None:
+    """Load the scene with its poses, None if the settings name none; check that images are readable.
+
+    Raises:
+        InputError: a file that cannot be used.
+    """
+    for image in settings.images:
+        load_image(image)
+    if settings.scene is None:
+        return None
+    return load_scene(
+        settings.scene,
+        settings.poses,
+        settings.described_arm(),
+        root=settings.root,
+        robot_body=settings.robot_body,
+    )
+
+
+def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None) -> Run:
+    """Ask the planner (by default the one that the settings name) and check its answer. A plan
+    without a tree is a rejection. Without a scene file, the scene is built from what a model
+    detected in the picture.
 
     Raises:
         InputError: bad input, or a scene without room for the arm.
@@ -38,59 +70,88 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
     if scene is not None:
         settings.within.check(scene.bodies)
         require_room(scene)
-    poses = _poses(settings, scene)
-    planner = planner or _planner(settings, poses)
+
+    # Poses are stated relative to the arm that saw them: transform them for the one that will move.
+    base = Pose.of((0.0, 0.0, 0.0)) if scene is None else scene.pose_world_base
+    arm = settings.described_arm()
+    poses = seen_by(read_poses(settings.poses) if settings.poses else Poses(), arm, base)
+    if planner is None:
+        builder, model = SceneBuilder(poses, arm), settings.model_settings
+        asked = PlannerSettings(settings.remeasure, model, builder, settings.within)
+        planner = planners().make(settings.planner, asked)
+
     pictures = _pictures(planner, settings, scene, poses)
-    answer = _answer(planner, settings, scene, pictures)
+    with _image_files(settings.images, pictures) as images:
+        try:
+            answer = planner.plan(settings.request, scene, images)
+        except PlanRejected as rejection:
+            answer = Plan((), None, str(rejection), settings.planner)
     seen, conversation = None, None
     if isinstance(planner, Observant):
         seen, conversation = planner.seen, planner.conversation
-    scene = scene or _scene_of(answer, seen)
-    answer = _read_otherwise(settings, answer, scene)
-    # A model's answers are checked one by one, until one passes; nobody else checks its own plan.
-    findings = _findings(settings, answer, scene) if conversation is None else ()
-    return Run(settings, scene, answer, findings, conversation, seen, next(iter(pictures), None))
+    scene = scene or _detected_scene(answer, seen)
+    answer = _with_reading_note(settings, answer, scene)
+
+    findings: tuple[Finding, ...] = ()
+    # Each answer of a model was checked during its conversation; other planners do not check theirs.
+    if conversation is None and answer.tree is not None:
+        remeasure = settings.remeasure or settings.planner == "exhaustive"
+        findings = check(answer, scene, remeasure=remeasure)
+    return Run(
+        settings,
+        scene,
+        answer,
+        findings,
+        conversation=conversation,
+        seen=seen,
+        picture=next(iter(pictures), None),
+    )
 
 
-def _poses(settings: Settings, scene: Scene | None) -> Poses:
-    """Poses of the settings' file, transformed for the arm from which they were seen."""
-    poses = read_poses(settings.poses) if settings.poses else Poses()
-    base = Pose.of((0.0, 0.0, 0.0)) if scene is None else scene.pose_world_base
-    return seen_by(poses, settings.described_arm(), base)
+def rehearse(made: Run, callbacks: RunCallbacks = SILENT) -> Run:
+    """Execute the plan in simulation if the settings say so, by default before a real robot moves.
+    A failure becomes a finding, and a plan with findings is not executed."""
+    wanted = made.settings.rehearse
+    if wanted is None:
+        wanted = made.settings.robot is not None
+    if not made.ready or not wanted:
+        return made
+    from palpate.execution.rehearsal import rehearse as rehearse_plan
+
+    callbacks.progress("rehearsing in simulation")
+    rehearsal = rehearse_plan(made.plan, made.scene)
+    callbacks.progress(f"rehearsal: {rehearsal}")
+    if rehearsal.failure is None:
+        return replace(made, rehearsal=rehearsal)
+    failed = Finding.of("tree", "rehearsal", f"in simulation the plan fails: {rehearsal.failure}")
+    return replace(made, rehearsal=rehearsal, findings=(failed,))
 
 
-def _planner(settings: Settings, poses: Poses) -> Planner:
-    """The one that the settings name."""
-    builder = SceneBuilder(poses, settings.described_arm())
-    told = PlannerSettings(settings.remeasure, settings.model_settings, builder, settings.within)
-    return planners().make(settings.planner, told)
+def confirm(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = None) -> None:
+    """Ask before a real robot moves, that of `cell` or of the settings; a simulation needs no
+    confirmation.
+
+    Raises:
+        ExecutionAborted: the plan was not confirmed.
+    """
+    real = made.settings.robot is not None or (cell is not None and not cell.simulated)
+    if real and made.ready and not callbacks.may_move(made):
+        raise ExecutionAborted("the plan was not confirmed; nothing has moved")
 
 
 def _pictures(
     planner: Planner, settings: Settings, scene: Scene | None, poses: Poses
 ) -> tuple[bytes, ...]:
-    """The workspace as PNGs, where it is to be looked at and no image was given."""
+    """Take pictures of the workspace (PNG) for a planner that looks at them, if none were given."""
     looks = scene is None or (isinstance(planner, Observant) and planner.looks)
     if settings.images or not looks or "image" in settings.model_settings.without:
         return ()
     return pictures_of(settings, scene, poses)
 
 
-def _answer(
-    planner: Planner, settings: Settings, scene: Scene | None, pictures: tuple[bytes, ...]
-) -> Plan:
-    """The planner's answer; a rejection is a plan without a tree that says why."""
-    with _image_files(settings.images, pictures) as images:
-        try:
-            return planner.plan(settings.request, scene, images)
-        except PlanRejected as rejection:
-            return Plan((), None, str(rejection), settings.planner)
-
-
 @contextmanager
 def _image_files(given: tuple[Path, ...], taken: Sequence[bytes]) -> Generator[tuple[Path, ...]]:
-    """The images that were given, or the pictures that were taken of the workspace as files while
-    the block runs."""
+    """Yield the images that were given, else the pictures taken of the workspace as temporary files."""
     if given or not taken:
         yield given
         return
@@ -102,8 +163,8 @@ def _image_files(given: tuple[Path, ...], taken: Sequence[bytes]) -> Generator[t
         yield tuple(paths)
 
 
-def _scene_of(answer: Plan, seen: DetectedScene | None) -> Scene:
-    """Scene that a model saw; a rejection without D is about an empty scene."""
+def _detected_scene(answer: Plan, seen: DetectedScene | None) -> Scene:
+    """Scene that a model detected in the picture; empty for a rejection without one."""
     if seen is not None:
         return seen.scene()
     if answer.tree is not None:
@@ -113,17 +174,9 @@ def _scene_of(answer: Plan, seen: DetectedScene | None) -> Scene:
     return parse_scene("<mujoco><worldbody/></mujoco>")
 
 
-def _findings(settings: Settings, answer: Plan, scene: Scene) -> tuple[Finding, ...]:
-    """Findings of the check on a plan."""
-    if answer.tree is None:
-        return ()
-    remeasure = settings.remeasure or settings.planner == "exhaustive"
-    return check(answer, scene, remeasure=remeasure)
-
-
-def _read_otherwise(settings: Settings, answer: Plan, scene: Scene) -> Plan:
-    """The plan with a note where the words of the request are read as asking for something else
-    than it measures. What they mean is for whoever wrote the plan to say."""
+def _with_reading_note(settings: Settings, answer: Plan, scene: Scene) -> Plan:
+    """Add a note to a plan of a model or a file whose parameters differ from those that the symbolic
+    planner reads from the request. The plan stays: its author decides what the request asks for."""
     own = settings.planner in ("symbolic", "exhaustive")
     if own or settings.request is None or "text" in settings.model_settings.without:
         return answer

@@ -1,4 +1,4 @@
-"""The last stage: report and folder; and a run that is read from its folder again."""
+"""Write report and run folder, and read a run from its folder."""
 
 from __future__ import annotations
 
@@ -23,29 +23,28 @@ def folder_for(settings: Settings) -> Path:
     """The folder that the settings name, else a new one under `runs`."""
     if settings.out is not None:
         return settings.out
-    return default_folder(_title(settings.scene) if settings.scene else "")
-
-
-def _title(scene: Path) -> str:
-    """Name of a scene: of its file, or of its folder where the file is just called `scene`."""
-    return scene.resolve().parent.name if scene.stem == "scene" else scene.stem
+    title, scene = "", settings.scene
+    if scene is not None:
+        # A file called `scene.xml` is named by its folder.
+        title = scene.resolve().parent.name if scene.stem == "scene" else scene.stem
+    return default_folder(title)
 
 
 def await_film(made: Run) -> None:
-    """See whether there can be pictures while the arm moves, where a film of that is to be made."""
+    """Test for OpenGL while the arm moves, if a film of the execution will be made."""
     if made.folder is None or not made.simulated or made.settings.fast:
         return
     from palpate.pictures.renderer import look_ahead
 
-    # Without pictures a run goes on, as it does without OpenGL.
+    # A run without pictures is complete, too.
     with suppress(OSError):
         look_ahead()
 
 
 @contextmanager
 def darkroom_for(made: Run) -> Generator[Darkroom | None]:
-    """The film of the execution in the making, where there is to be one, and later the pictures, while
-    estimates and twin are made."""
+    """Render the film of the execution, and later the pictures, on a thread of their own. Yield None
+    for a run that is not saved, was not filmed, or is in a hurry (`fast`)."""
     if made.folder is None or made.footage is None or made.settings.fast:
         yield None
         return
@@ -56,8 +55,7 @@ def darkroom_for(made: Run) -> Generator[Darkroom | None]:
 
 
 def write_report(made: Run, folder: Path, darkroom: Darkroom | None = None) -> Run:
-    """Write pictures and page of a run that is otherwise finished; what could not be made is one of
-    its shortfalls."""
+    """Write pictures and page of an otherwise finished run; failures are added to its shortfalls."""
     from palpate.report.writing import write_all
 
     shown = with_views(replace(made, stage=None))
@@ -66,10 +64,10 @@ def write_report(made: Run, folder: Path, darkroom: Darkroom | None = None) -> R
 
 
 def save(made: Run, folder: Path | None = None) -> Run:
-    """The folder of a run that is in memory: request, plan, tree, trace, result, twin, report and
-    images, all at once.
+    """Save a run that is in memory into a folder: request, plan, tree, trace, result, twin, report and
+    images.
 
-    `folder` must not exist; without one it is the settings' own, else a new one under `runs`.
+    `folder` must not exist; by default it is the settings' `out`, else a new one under `runs`.
 
     Raises:
         InputError: the folder exists or cannot be made.
@@ -89,7 +87,7 @@ def save(made: Run, folder: Path | None = None) -> Run:
 
 
 def reopen(folder: Path) -> Run:
-    """The run that `save` wrote into `folder`; its trace is read when first asked for.
+    """Read the run that `save` wrote into `folder`; its trace is read on first access.
 
     Raises:
         InputError: there is no such folder, or it is not a run's.
@@ -101,7 +99,7 @@ def reopen(folder: Path) -> Run:
 
 
 def with_footage(made: Run) -> Run:
-    """The run with its trace played again, as far as there is one, for a film."""
+    """Return the run with footage rendered from its trace, for a film."""
     from palpate.pictures.posed import played_again
 
     trace = made.trace_if_any
@@ -111,8 +109,8 @@ def with_footage(made: Run) -> Run:
 
 
 def taken_up(folder: Path) -> Run:
-    """The run in `folder`, with all that is left to do due: nothing interrupted it, and it is in no
-    hurry.
+    """Read an unfinished run from `folder`, ready for its remaining stages: not `fast`, with no
+    interruption and no shortfalls.
 
     Raises:
         InputError: there is no such folder, or it is not a run's.
@@ -120,6 +118,7 @@ def taken_up(folder: Path) -> Run:
     made = reopen(folder)
     hurried, unhurried = made.settings.fast, replace(made.settings, fast=False)
     made = replace(made, settings=unhurried, interrupted=None, shortfalls=())
+    # A run made with `fast` has skipped the validation of its twin, the pictures and the film.
     if hurried and made.stage is None and made.finished is not None:
         return replace(made, stage="building the twin")
     if made.stage == "executing" and made.execution is None:

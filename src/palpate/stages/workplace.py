@@ -1,4 +1,4 @@
-"""The cell that the settings name: its robot, what its camera sees, what is true in it."""
+"""The robot cell that the settings name: its robot, camera pictures and true values."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cel
     """The cell that the settings name.
 
     Args:
-        settings: what the user asked for.
-        scene: what the robot is to work in.
-        seen: the scene was made of a picture.
+        settings: of the run.
+        scene: that the robot works in.
+        seen: the scene was detected in a picture.
 
     Raises:
-        InputError: world and scene do not match, or what was measured is another arm's.
+        InputError: world and scene do not match, or `robot.yaml` was measured on another arm.
         Unavailable: no driver for the robot.
     """
     from palpate.cells.simulated import simulated_cell
@@ -65,8 +65,8 @@ def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cel
 
 
 def pictures_of(settings: Settings, scene: Scene | None, poses: Poses) -> tuple[bytes, ...]:
-    """The workspace as PNGs: seen by the camera of `poses` if it has one, then, with a scene whose
-    names can be shown, from nearer; none where there is nothing to look at or no way to look."""
+    """Take pictures of the workspace (PNG): by the camera of `poses` if it states one, and, with a
+    scene, a close-up. Empty without scene, world or robot, and without OpenGL."""
     if scene is None and settings.world is None and settings.robot is None:
         return ()
     cell = cell_for(settings, scene)
@@ -77,8 +77,8 @@ def pictures_of(settings: Settings, scene: Scene | None, poses: Poses) -> tuple[
 
 
 def robot_of(cell: Cell, may_resume: Resume) -> tuple[Robot, tuple[str, ...]]:
-    """The cell's robot, and what it had to get over: where it was stopped before, `may_resume` is asked
-    whether it may go on.
+    """The cell's robot, and its setbacks: if the robot reports an earlier stop, `may_resume` is asked
+    to confirm that it may recover.
 
     Raises:
         InputError: the workplace cannot be used.
@@ -99,7 +99,7 @@ def robot_of(cell: Cell, may_resume: Resume) -> tuple[Robot, tuple[str, ...]]:
 
 
 def footage_of(cell: Cell) -> Footage | None:
-    """Footage of the cell's camera, None where it fails."""
+    """Footage of the cell's camera; None on failure, which does not end the run."""
     try:
         return cell.footage()
     except Exception as error:
@@ -108,7 +108,7 @@ def footage_of(cell: Cell) -> Footage | None:
 
 
 def truths(made: Run, cell: Cell) -> dict[Parameter, tuple[float, ...]]:
-    """True values, as far as the cell knows them; asked after the estimates are made, never before."""
+    """True values of the estimated parameters, as far as the cell knows them."""
     found: dict[Parameter, tuple[float, ...]] = {}
     for estimate in made.estimates:
         try:

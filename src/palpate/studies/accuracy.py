@@ -10,17 +10,27 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from palpate import pipeline
+from palpate.cells.cell import Cell
+from palpate.cells.simulated import SimulatedCell
+from palpate.estimation.balance import accuracy as pose_accuracy
 from palpate.estimation.estimate import Estimate, Verdict
+from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
 from palpate.runs.run import Run
 from palpate.scenarios.catalogue import scenario
+from palpate.scene.load import rearranged
+from palpate.scene.scene import Scene
 from palpate.settings import Settings
-from palpate.studies.engine.workers import spread
-from palpate.studies.places import about_there
+from palpate.stages.workplace import cell_for
+from palpate.studies.workers import spread
 
 CRASHED = "crashed"
 """Status of a seed that ended in an error of the program itself."""
+POSE_STREAM = 16
+"""Random stream of the displaced objects, independent of all others of a seed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +83,7 @@ class Unmeasured:
 
     @property
     def verdict(self) -> Verdict:
-        """None but one has no value."""
+        """The only verdict without a value."""
         return "not identified"
 
 
@@ -83,10 +93,10 @@ class SeedRun:
 
     Attributes:
         status: of the run, or `CRASHED`.
-        estimates: what was identified.
-        doubted: what has a value, but another verdict.
-        unmeasured: what has none.
-        wall_seconds, cpu_seconds: of all of it, planning and estimation as well.
+        estimates: identified components.
+        doubted: components with a value but another verdict.
+        unmeasured: components without a value.
+        wall_seconds, cpu_seconds: of the whole run, with planning and estimation.
         crash: a traceback.
     """
 
@@ -117,7 +127,7 @@ class Question:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Question to be run with a seed."""
+    """A question with a seed."""
 
     question: Question
     seed: int
@@ -129,25 +139,25 @@ def accuracy(settings: Settings, seeds: Sequence[int], workers: int = 1) -> list
 
 
 def survived(case: Case) -> SeedRun:
-    """Run a case with randomly displaced objects (`places`); an exception becomes a crashed run."""
+    """Run a case with randomly displaced objects; an exception becomes a crashed run."""
     try:
-        return run_seed(case.question.settings, case.seed, off=True)
+        return run_seed(case.question.settings, case.seed, displaced=True)
     except Exception:
         return crashed(case.seed, traceback.format_exc(limit=-8))
 
 
 def crashed(seed: int, reason: str) -> SeedRun:
-    """A seed without a run."""
+    """Result of a seed whose run failed with an exception."""
     return SeedRun(seed, CRASHED, 0, 0.0, (), crash=reason)
 
 
-def run_seed(settings: Settings, seed: int, off: bool = False) -> SeedRun:
-    """Plan, execute and estimate once; no twin and no report. `off`: objects stand only about where
-    the scene has them."""
+def run_seed(settings: Settings, seed: int, displaced: bool = False) -> SeedRun:
+    """Plan, execute and estimate once, without twin and report. `displaced`: move the world's objects
+    by the accuracy of their poses."""
     wall, cpu = time.perf_counter(), time.process_time()
     settings = replace(settings, seed=seed)
     made = pipeline.plan(settings, pipeline.load(settings))
-    cell = about_there(settings, made.scene, made.seen is not None) if off else None
+    cell = displaced_cell(settings, made.scene, made.seen is not None) if displaced else None
     run = pipeline.measure(made, cell=cell)
     done = run.execution
     if done is None:
@@ -158,16 +168,37 @@ def run_seed(settings: Settings, seed: int, off: bool = False) -> SeedRun:
         run.status,
         done.actions,
         done.robot_seconds,
-        tuple(each for each in scored if each.verdict == "identified"),
-        tuple(each for each in scored if each.verdict != "identified"),
-        tuple(each for estimate in run.estimates for each in _unmeasured(run, estimate)),
-        time.perf_counter() - wall,
-        time.process_time() - cpu,
+        estimates=tuple(each for each in scored if each.verdict == "identified"),
+        doubted=tuple(each for each in scored if each.verdict != "identified"),
+        unmeasured=tuple(each for estimate in run.estimates for each in _unmeasured(run, estimate)),
+        wall_seconds=time.perf_counter() - wall,
+        cpu_seconds=time.process_time() - cpu,
     )
 
 
+def displaced_cell(settings: Settings, scene: Scene | None, seen: bool = False) -> Cell:
+    """The cell that the settings name, with each object displaced in the plane by the stated accuracy
+    of its pose (1 sigma an axis), seeded by the settings. Objects `seen` in a picture are displaced by
+    the detection already.
+
+    Raises:
+        InputError: as `cell_for`.
+    """
+    # With every object exactly at its pose, the share of an interval that pose errors account for
+    # would always look too wide.
+    cell = cell_for(settings, scene, seen)
+    if scene is None or seen or not isinstance(cell, SimulatedCell):
+        return cell
+    random = np.random.default_rng([settings.seed, POSE_STREAM])
+    poses: dict[str, Pose] = {}
+    for name, believed in scene.objects.items():
+        shift = pose_accuracy(believed) * random.standard_normal(2)
+        poses[name] = cell.world.body(name).pose_world.translated(np.array([*shift, 0.0]))
+    return replace(cell, world=rearranged(cell.world, poses), scene=scene)
+
+
 def _scored(run: Run, estimate: Estimate) -> Iterator[ScoredEstimate]:
-    """Each component of an estimate that has a value, where somebody knows the truth."""
+    """Yield the components of an estimate that has a value, if its truth is known."""
     truth = run.truth.get(estimate.parameter)
     if truth is None or not estimate.has_value:
         return
@@ -175,17 +206,17 @@ def _scored(run: Run, estimate: Estimate) -> Iterator[ScoredEstimate]:
     for i, true_value in enumerate(truth):
         low, high = estimate.intervals[i].tolist()
         yield ScoredEstimate(
-            estimate.parameter,
-            i,
-            run.settings.seed,
-            float(estimate.values[i]),
-            float(estimate.stds[i]),
-            low,
-            high,
-            true_value,
-            naive.value if naive else None,
-            estimate.unit,
-            estimate.verdicts[i],
+            parameter=estimate.parameter,
+            component=i,
+            seed=run.settings.seed,
+            value=float(estimate.values[i]),
+            std=float(estimate.stds[i]),
+            low=low,
+            high=high,
+            truth=true_value,
+            single_shot=naive.value if naive else None,
+            unit=estimate.unit,
+            verdict=estimate.verdicts[i],
         )
 
 
@@ -193,12 +224,6 @@ def _unmeasured(run: Run, estimate: Estimate) -> Iterator[Unmeasured]:
     truth = run.truth.get(estimate.parameter)
     if truth is None or estimate.has_value:
         return
+    seed, unit, reason = run.settings.seed, estimate.unit, estimate.method
     for i, true_value in enumerate(truth):
-        yield Unmeasured(
-            estimate.parameter,
-            i,
-            run.settings.seed,
-            true_value,
-            estimate.unit,
-            estimate.method,
-        )
+        yield Unmeasured(estimate.parameter, i, seed, true_value, unit, reason)

@@ -152,8 +152,10 @@ def read_finished(file: IO[bytes]) -> Trace:
 
 
 class Recorded(Protocol):
-    """Recorder whose lists grow: all that has ended so far, in order."""
+    """Recorder whose lists grow: all that has ended so far, in order; and the nominal hand."""
 
+    hand: Hand
+    gravity: float
     leaves: list[LeafRun]
     recordings: list[Recording]
     conversions: list[Conversion]

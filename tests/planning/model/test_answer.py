@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from palpate.errors import InputError
 from palpate.parameter import Parameter
-from palpate.planning.model.answer import MAX_ATTEMPTS, SceneObject, nested, read_answer
+from palpate.planning.model.answer import MAX_ATTEMPTS, SceneObject, read_answer
 from palpate.planning.plan import MAX_BYTES
 
 PLAN = {
@@ -59,7 +59,7 @@ def test_of_several_plans_the_last_counts() -> None:
         ('{"tree": ' + "9" * 10_000 + "}", "not usable"),
     ],
 )
-def test_what_is_not_a_plan_is_told_so_that_it_can_be_repaired(answer: str, told: str) -> None:
+def test_an_answer_without_a_plan_is_refused_with_a_remedy(answer: str, told: str) -> None:
     with pytest.raises(InputError, match=told):
         read_answer(answer)
 
@@ -82,59 +82,7 @@ def test_any_text_is_a_plan_or_an_input_error(text: str) -> None:
         read_answer(text)
 
 
-FLAT = {
-    "parameters": [],
-    "explanation": "e",
-    "nodes": [
-        {"id": 0, "type": "Sequence", "children": [1, 2], "pose": None},
-        {"id": 1, "type": "OpenGripper", "children": [], "pose": None},
-        {"id": 2, "type": "Parallel", "children": [3], "pose": None},
-        {"id": 3, "type": "MovePose", "children": [], "pose": "cup_pose"},
-    ],
-}
-
-
-def test_a_flat_list_of_nodes_is_the_tree_it_describes() -> None:
-    tree = read_answer(json.dumps(FLAT)).plan.tree
-    assert tree is not None
-    assert [(path, node.type, node.args) for path, node in tree.walk()] == [
-        ("tree", "Sequence", ()),
-        ("tree.children[0]", "OpenGripper", ()),
-        ("tree.children[1]", "Parallel", ()),
-        ("tree.children[1].children[0]", "MovePose", (("pose", "cup_pose"),)),
-    ]
-
-
-def test_no_nodes_is_no_tree() -> None:
-    assert read_answer(json.dumps(FLAT | {"nodes": []})).plan.tree is None
-
-
-@pytest.mark.parametrize(
-    "nodes",
-    [
-        "many",
-        [{"type": "OpenGripper"}],
-        [{"id": 0, "type": "A", "children": [0]}],
-        [{"id": 0, "type": "A", "children": [7]}],
-        [{"id": 0, "type": "A", "children": [[1]]}],
-        [{"id": 0, "type": "A"}, {"id": 0, "type": "B"}],
-        [{"id": 0, "type": "A"}, {"id": 1, "type": "B"}],
-        [
-            {"id": 0, "type": "A"},
-            {"id": 1, "type": "B", "children": [2]},
-            {"id": 2, "type": "C", "children": [1]},
-        ],
-        [{"id": 0, "type": "A", "children": [1, 1]}, {"id": 1, "type": "B"}],
-        [{"id": i, "type": "A", "children": [i + 1]} for i in range(5000)]
-        + [{"id": 5000, "type": "B"}],
-    ],
-)
-def test_nodes_that_are_no_tree_are_refused(nodes: object) -> None:
-    with pytest.raises(InputError, match="nodes"):
-        nested({"parameters": [], "nodes": nodes})
-
-
-def test_without_d_the_objects_seen_come_along() -> None:
+def test_detected_objects_are_read_with_the_plan() -> None:
     seen = [{"name": "cup", "shape": "cylinder", "bbox": [0.1, 0.2, 0.3, 0.4], "colour": "red"}]
     assert read_answer(json.dumps(PLAN | {"scene": seen})).scene == (
         SceneObject("cup", "cylinder", (0.1, 0.2, 0.3, 0.4)),
@@ -154,6 +102,6 @@ def test_without_d_the_objects_seen_come_along() -> None:
         [{"name": "cup", "shape": "box", "bbox": [0, 0, 1, 1]}] * 101,
     ],
 )
-def test_objects_that_are_not_of_the_form_are_refused(seen: object) -> None:
+def test_detected_objects_of_another_form_are_refused(seen: object) -> None:
     with pytest.raises(InputError, match="scene"):
         read_answer(json.dumps(PLAN | {"scene": seen}))

@@ -1,6 +1,11 @@
+import json
 from typing import Any
 
-from palpate.planning.model.flat import flat_schema
+import pytest
+
+from palpate.errors import InputError
+from palpate.planning.model.answer import read_answer
+from palpate.planning.model.flat import flat_schema, nested
 from palpate.vocabulary.registry import vocabulary
 
 
@@ -20,7 +25,7 @@ def test_the_schema_is_strict_and_without_recursion() -> None:
     visit(flat_schema(vocabulary(), with_scene=True))
 
 
-def test_every_primitive_argument_is_in_it_and_may_be_null() -> None:
+def test_the_schema_has_every_primitive_argument_and_allows_null() -> None:
     words = vocabulary()
     node = flat_schema(words, with_scene=False)["properties"]["nodes"]["items"]["properties"]
     assert set(node["type"]["enum"]) == {*words.primitives, *words.composites}
@@ -30,6 +35,58 @@ def test_every_primitive_argument_is_in_it_and_may_be_null() -> None:
     assert {"type": "string", "enum": ["+x", "-x", "+y", "-y", "+z", "-z"]} in node["axis"]["anyOf"]
 
 
-def test_the_scene_is_asked_for_only_without_d() -> None:
+def test_the_schema_has_detected_objects_only_without_a_scene() -> None:
     assert "scene" in flat_schema(vocabulary(), with_scene=True)["properties"]
     assert "scene" not in flat_schema(vocabulary(), with_scene=False)["properties"]
+
+
+FLAT = {
+    "parameters": [],
+    "explanation": "e",
+    "nodes": [
+        {"id": 0, "type": "Sequence", "children": [1, 2], "pose": None},
+        {"id": 1, "type": "OpenGripper", "children": [], "pose": None},
+        {"id": 2, "type": "Parallel", "children": [3], "pose": None},
+        {"id": 3, "type": "MovePose", "children": [], "pose": "cup_pose"},
+    ],
+}
+
+
+def test_a_flat_list_of_nodes_is_the_tree_it_describes() -> None:
+    tree = read_answer(json.dumps(FLAT)).plan.tree
+    assert tree is not None
+    assert [(path, node.type, node.args) for path, node in tree.walk()] == [
+        ("tree", "Sequence", ()),
+        ("tree.children[0]", "OpenGripper", ()),
+        ("tree.children[1]", "Parallel", ()),
+        ("tree.children[1].children[0]", "MovePose", (("pose", "cup_pose"),)),
+    ]
+
+
+def test_an_empty_flat_list_is_no_tree() -> None:
+    assert read_answer(json.dumps(FLAT | {"nodes": []})).plan.tree is None
+
+
+@pytest.mark.parametrize(
+    "nodes",
+    [
+        "many",
+        [{"type": "OpenGripper"}],
+        [{"id": 0, "type": "A", "children": [0]}],
+        [{"id": 0, "type": "A", "children": [7]}],
+        [{"id": 0, "type": "A", "children": [[1]]}],
+        [{"id": 0, "type": "A"}, {"id": 0, "type": "B"}],
+        [{"id": 0, "type": "A"}, {"id": 1, "type": "B"}],
+        [
+            {"id": 0, "type": "A"},
+            {"id": 1, "type": "B", "children": [2]},
+            {"id": 2, "type": "C", "children": [1]},
+        ],
+        [{"id": 0, "type": "A", "children": [1, 1]}, {"id": 1, "type": "B"}],
+        [{"id": i, "type": "A", "children": [i + 1]} for i in range(5000)]
+        + [{"id": 5000, "type": "B"}],
+    ],
+)
+def test_a_flat_list_that_is_no_tree_is_refused(nodes: object) -> None:
+    with pytest.raises(InputError, match="nodes"):
+        nested({"parameters": [], "nodes": nodes})

@@ -11,8 +11,8 @@ from hallucinated import FOUND, KEY, MEANT
 from loopback import Loopback, Says
 from plans import GOOD, REQUEST, SCENE
 
-from palpate.planning.model.dialogue.rounds import feedback
 from palpate.planning.model.planner import VlmPlanner
+from palpate.planning.model.rounds import feedback
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.plan import parse_plan
 from palpate.scene.load import parse_scene

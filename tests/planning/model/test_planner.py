@@ -13,7 +13,7 @@ from palpate.errors import InputError, PlanRejected, Unavailable
 from palpate.parameter import Parameter
 from palpate.planning.check.check import check
 from palpate.planning.model import session as session_module
-from palpate.planning.model.dialogue.conversation import Conversation
+from palpate.planning.model.conversation import Conversation
 from palpate.planning.model.planner import VlmPlanner
 from palpate.planning.model.prompt.compose import system_prompt
 from palpate.planning.model.settings import Budget, ModelSettings

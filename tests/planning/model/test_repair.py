@@ -12,9 +12,9 @@ from plans import answer, move, sequence
 
 from palpate.planning.check.check import check
 from palpate.planning.check.rules import CATALOGUE
-from palpate.planning.model.dialogue.conversation import Answer, Conversation
-from palpate.planning.model.dialogue.rounds import converse
+from palpate.planning.model.conversation import Answer, Conversation
 from palpate.planning.model.planner import VlmPlanner
+from palpate.planning.model.rounds import converse
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.plan import Plan
 from palpate.scene.load import parse_scene

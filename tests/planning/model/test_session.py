@@ -1,20 +1,22 @@
 import gzip
+import io
 import json
 import logging
 import socket
 import time
+from pathlib import Path
 
 import pytest
 from loopback import MODEL, Fails, Loopback, Reply, Says, Sends, Stalls, wire
+from PIL import Image
 
 from palpate.cli.exits import exit_status
-from palpate.errors import Unavailable
+from palpate.errors import InputError, Unavailable
 from palpate.planning.model import session as session_module
-from palpate.planning.model.dialogue.conversation import Conversation
+from palpate.planning.model.conversation import Conversation
 from palpate.planning.model.flat import flat_schema
-from palpate.planning.model.picture import Picture
 from palpate.planning.model.provider import Endpoint, find_provider
-from palpate.planning.model.session import Session
+from palpate.planning.model.session import LONGEST_SIDE, Picture, Session, picture
 from palpate.planning.model.settings import Budget
 from palpate.vocabulary.registry import vocabulary
 
@@ -248,3 +250,35 @@ def test_keys_are_in_no_answer_error_or_log(planner: str, caplog: pytest.LogCapt
     assert links.__suppress_context__
     assert key not in caplog.text
     assert all(key not in json.dumps(request.body) for request in server.requests)
+
+
+def saved(path: Path, size: tuple[int, int], mode: str = "RGB") -> Path:
+    Image.new(mode, size).save(path)
+    return path
+
+
+def test_a_large_picture_is_downscaled_to_the_stated_size(tmp_path: Path) -> None:
+    sent = picture(saved(tmp_path / "a.png", (4000, 1000)))
+    assert (sent.width, sent.height) == (LONGEST_SIDE, LONGEST_SIDE // 4)
+    assert Image.open(io.BytesIO(sent.data)).size == (sent.width, sent.height)
+
+
+def test_a_small_picture_is_not_enlarged_and_loses_its_alpha(tmp_path: Path) -> None:
+    sent = picture(saved(tmp_path / "a.png", (64, 48), "RGBA"))
+    assert (sent.width, sent.height, sent.media_type) == (64, 48, "image/jpeg")
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"no picture", b"GIF89a" + bytes(100), b"\x89PNG\r\n\x1a\n" + bytes(50)]
+)
+def test_a_file_that_is_no_picture_is_refused(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "a.png").write_bytes(content)
+    with pytest.raises(InputError, match=r"a\.png"):
+        picture(tmp_path / "a.png")
+
+
+def test_a_missing_picture_and_a_decompression_bomb_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError):
+        picture(tmp_path / "none.png")
+    with pytest.raises(InputError, match="bomb"):
+        picture(saved(tmp_path / "bomb.png", (12_000, 12_000), "1"))

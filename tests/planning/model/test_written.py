@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from plans import GOOD, REQUEST, SCENE
 
-from palpate.planning.model.dialogue.rounds import MAX_FINDING, feedback
 from palpate.planning.model.planner import VlmPlanner
+from palpate.planning.model.rounds import MAX_FINDING, feedback
 from palpate.planning.plan import MAX_BYTES, parse_plan
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene

@@ -21,7 +21,7 @@ from workbench import (
 from palpate.errors import InputError, PlanRejected
 from palpate.planning.check.check import check
 from palpate.planning.plan import Plan
-from palpate.planning.symbolic.planner import SymbolicPlanner
+from palpate.planning.symbolic.planner import ExhaustivePlanner, SymbolicPlanner
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
 
@@ -309,3 +309,23 @@ def test_a_refusal_says_why_and_advises_the_user() -> None:
     with pytest.raises(PlanRejected, match=r"beside its centre of mass.*; lay it so that") as found:
         SymbolicPlanner().plan("the mass of the pan", parse_scene(pan))
     assert "MovePose" not in str(found.value)
+
+
+def test_the_baseline_probes_every_surface_and_weighs_and_slides_every_object() -> None:
+    scene = bench(BOTTLE, MUG, KNOWN)
+    plan = ExhaustivePlanner().plan("the mass of the bottle", scene)
+    assert set(plan.parameters) == set(
+        parameters(
+            "bench.height",
+            *(
+                f"{name}.{quantity}"
+                for name in ("bottle", "mug", "can")
+                for quantity in ("mass", "friction")
+            ),
+        )
+    )
+    assert check(plan, scene, remeasure=True) == ()
+    assert actions(plan.tree).count("MoveJoints home_config") == 2
+    asked = SymbolicPlanner().plan("the mass of the bottle", scene)
+    assert asked.actions == 12
+    assert plan.actions >= 29

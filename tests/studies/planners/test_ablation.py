@@ -13,19 +13,18 @@ from palpate.planning.model import session as session_module
 from palpate.planning.model.settings import Budget, ModelSettings
 from palpate.runs.run import Run
 from palpate.scenarios.catalogue import scenario
+from palpate.studies.figures import Rate
 from palpate.studies.planners.ablation import (
+    ABLATION,
     CONFIGURATIONS,
     KINDS,
-    PAPER,
     ablation,
     chosen,
+    repeatability,
     without,
 )
 from palpate.studies.planners.attempt import Conditions
-from palpate.studies.planners.repeatability import repeatability
-from palpate.studies.planners.table import by_scenario, table
-from palpate.studies.planners.trials import read_records
-from palpate.studies.rate import Rate
+from palpate.studies.planners.trials import by_scenario, read_records, table
 
 pytest.importorskip("pydantic_ai")
 
@@ -102,7 +101,7 @@ def test_the_papers_table_is_made_over_http(tmp_path: Path) -> None:
     assert server.most_in_flight == 4
     assert len(requests) == len(records) == 2 * len(CONFIGURATIONS)
     rows = {row.configuration: row for row in table(records)}
-    assert list(rows) == list(CONFIGURATIONS) == list(PAPER)
+    assert list(rows) == list(CONFIGURATIONS) == list(ABLATION)
     syntax = {name: row.syntax.hits for name, row in rows.items()}
     assert syntax == dict.fromkeys(CONFIGURATIONS, 2) | {
         "no actions": 0,
@@ -229,14 +228,14 @@ def test_a_plan_that_measures_too_much_is_no_success(tmp_path: Path) -> None:
     assert (records[0].syntax, records[0].success) == (True, False)
 
 
-def test_an_outage_is_no_result(tmp_path: Path) -> None:
+def test_an_outage_adds_no_record(tmp_path: Path) -> None:
     file = tmp_path / "r.jsonl"
     with Loopback(Fails(401)) as server, pytest.raises(Unavailable, match="key was refused"):
         repeatability([NAME], ["openai:gpt-x"], file, settings(server), trials=5)
     assert read_records(file) == []
 
 
-def test_bad_names_are_told(tmp_path: Path) -> None:
+def test_unknown_scenarios_and_configurations_are_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="full"):
         without("no soul")
     with pytest.raises(InputError, match=NAME):

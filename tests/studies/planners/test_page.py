@@ -3,7 +3,7 @@
 from dataclasses import asdict
 from pathlib import Path
 
-from palpate.studies.engine.lines import Lines
+from palpate.studies.lines import Lines
 from palpate.studies.planners.page import write_page
 from palpate.studies.planners.trials import Found, Outcome, Record, Trial
 
@@ -39,7 +39,7 @@ def test_the_papers_tables_stand_beside_ours(tmp_path: Path) -> None:
         record("bottle_and_table", "full", "acquired", 0, "lean"),
         record("one_missing_mass", "full", "acquired"),
     )
-    for title in ("Scenario by scenario", "each part of the prompt", "Over and over"):
+    for title in ("Success by scenario", "Ablation of the prompt", "Repeatability"):
         assert title in html
     assert "0.257 ± 0.022 kg" in html
     assert "0.2561 ± 0.001 kg" in html

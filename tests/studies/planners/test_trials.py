@@ -1,17 +1,12 @@
 import json
 import threading
-from math import sqrt
 from pathlib import Path
-from statistics import NormalDist
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from palpate.errors import InputError, Unavailable
-from palpate.studies.planners.table import table
-from palpate.studies.planners.trials import Record, Trial, read_records, run_trials
-from palpate.studies.rate import Rate
+from palpate.studies.figures import Rate
+from palpate.studies.planners.trials import Record, Trial, read_records, run_trials, table
 
 TRIALS = [
     Trial("cup", planner, configuration, number)
@@ -127,29 +122,3 @@ def test_the_table_has_a_row_for_each_configuration_and_planner() -> None:
     assert (rows[0].syntax, rows[0].success, rows[0].tokens) == (Rate(3, 3), Rate(2, 3), 120)
     assert rows[0].cost == pytest.approx(0.03)
     assert (rows[4].success, rows[4].cost) == (None, None)
-
-
-@pytest.mark.parametrize(
-    ("hits", "trials", "low", "high"),
-    [(10, 10, 0.7225, 1.0), (0, 10, 0.0, 0.2775), (5, 10, 0.2366, 0.7634), (20, 20, 0.8389, 1.0)],
-)
-def test_the_wilson_interval_is_the_textbook_one(
-    hits: int, trials: int, low: float, high: float
-) -> None:
-    assert Rate(hits, trials).interval == pytest.approx((low, high), abs=1e-4)
-
-
-@settings(deadline=None)
-@given(st.integers(1, 200).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
-def test_the_interval_is_wilsons_formula(counts: tuple[int, int]) -> None:
-    hits, n = counts
-    rate, z = hits / n, NormalDist().inv_cdf(0.975)
-    centre = rate + z * z / (2 * n)
-    half = z * sqrt(rate * (1 - rate) / n + (z / (2 * n)) ** 2)
-    scale = 1 + z * z / n
-    expected = max(0.0, (centre - half) / scale), min(1.0, (centre + half) / scale)
-    assert Rate(*counts).interval == pytest.approx(expected, abs=1e-9)
-
-
-def test_without_trials_the_rate_can_be_anything() -> None:
-    assert Rate(0, 0).interval == (0.0, 1.0)

@@ -13,8 +13,8 @@ import pytest
 from palpate.errors import InputError
 from palpate.parameter import Parameter
 from palpate.studies.accuracy import Case, Question, ScoredEstimate, SeedRun, Unmeasured
-from palpate.studies.engine.workers import Lost, Processes
 from palpate.studies.scores.kept import FILE, Group, measure, read
+from palpate.studies.workers import Lost, Processes
 
 MASS = Parameter("cup", "mass")
 LAB = Question("one_missing_mass", (("noise", "lab"),))

@@ -1,17 +1,16 @@
-"""What many seeds say: the figures are what they are called, with the intervals of the textbook."""
+"""Statistics over seeds, with the intervals of the textbook."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from math import sqrt
 
 import numpy as np
 import pytest
-from scipy.stats import chi2, t
+from scipy.stats import t
 
 from palpate.parameter import Parameter
 from palpate.studies.accuracy import ScoredEstimate, SeedRun
-from palpate.studies.scores.summary import Ranged, Scores, levels, summarise
+from palpate.studies.scores.summary import Scores, levels, summarise
 
 MASS = Parameter("cup", "mass")
 
@@ -47,13 +46,13 @@ def test_the_summary_is_over_seeds() -> None:
     assert row.single_shot_sd == pytest.approx(0.02)
 
 
-def test_one_run_has_no_scatter() -> None:
+def test_summary_of_one_run_has_no_scatter() -> None:
     (row,) = summarise([SeedRun(0, "complete", 12, 20.0, (scored(0, 0.31),))])
     assert row.sd == 0.0
     assert row.single_shot_sd is None
 
 
-def test_components_have_rows_of_their_own() -> None:
+def test_each_component_has_a_row() -> None:
     com = Parameter("cup", "com")
     trials = tuple(
         replace(scored(0, 0.1 * i), parameter=com, component=i, truth=0.1 * i) for i in range(3)
@@ -76,28 +75,23 @@ def test_what_is_doubted_or_unmeasured_counts_as_asked_not_as_measured() -> None
 
 
 @pytest.mark.parametrize("freedom", [4, 30, 1e9])
-def test_honest_estimates_hold_what_they_promise_at_every_level(freedom: float) -> None:
+def test_calibrated_estimates_cover_every_level(freedom: float) -> None:
     """The degrees of freedom are read back from the intervals."""
     found = levels(drawn(4000, freedom))
     for nominal in (0.2, 0.5, 0.8, 0.95):
         assert np.mean(found <= nominal) == pytest.approx(nominal, abs=0.02)
 
 
-def test_scores_tell_timid_from_bold() -> None:
-    timid, bold = Scores.of(drawn(400, 1e9, stated=2.0)), Scores.of(drawn(400, 1e9, stated=0.5))
-    assert timid.stated.low < 2.0 < timid.stated.high
-    assert bold.stated.low < 0.5 < bold.stated.high
-    assert bold.coverage95.high < 0.8 < 0.95 < timid.coverage95.low
-    assert bold.coverage50.high < 0.5 < timid.coverage50.low
-    assert 5 < bold.worst < 9
-
-
-def test_a_root_mean_square_has_the_interval_of_chi_squared() -> None:
-    numbers = np.array([3.0, -4.0, 0.0, 1.0])
-    found = Ranged.rms(numbers)
-    assert found.value == pytest.approx(sqrt(26 / 4))
-    ends = [sqrt(26 / chi2.ppf(p, 4)) for p in (0.975, 0.025)]
-    assert (found.low, found.high) == pytest.approx(ends)
+def test_scores_separate_cautious_from_overconfident_estimates() -> None:
+    cautious, overconfident = (
+        Scores.of(drawn(400, 1e9, stated=2.0)),
+        Scores.of(drawn(400, 1e9, stated=0.5)),
+    )
+    assert cautious.stated.low < 2.0 < cautious.stated.high
+    assert overconfident.stated.low < 0.5 < overconfident.stated.high
+    assert overconfident.coverage95.high < 0.8 < 0.95 < cautious.coverage95.low
+    assert overconfident.coverage50.high < 0.5 < cautious.coverage50.low
+    assert 5 < overconfident.worst < 9
 
 
 def test_an_interval_that_ends_where_a_mass_does_counts_by_its_upper_half() -> None:

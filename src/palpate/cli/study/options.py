@@ -79,7 +79,7 @@ class SeedOptions:
 
     def runs(self, questions: Sequence[Question]) -> Runs:
         """The runs of all questions."""
-        from palpate.studies.engine.cluster import crew
+        from palpate.studies.cluster import crew
         from palpate.studies.scores.kept import measure
 
         seeds = range(self.first_seed, self.first_seed + self.seeds)

@@ -38,28 +38,27 @@ def ablation(
     prompt: Prompts = None,
     as_json: AsJson = False,
 ) -> None:
-    """The paper's table II: what each part of the prompt is worth.
+    """The paper's table II: ablation of the parts of the prompt.
 
     A page beside the results shows the paper's tables and these.
     """
     from palpate.cli.show.studies.planners import show_trials
-    from palpate.studies.planners import ablation
+    from palpate.studies.planners import ablation as studies
 
-    configurations = configuration or ablation.CONFIGURATIONS
     asked = conditions(shared)
     with _page_beside(out):
-        found = ablation.ablation(
+        found = studies.ablation(
             names or FIRST,
             planner,
             out,
             asked,
             trials,
-            configurations,
-            workers,
-            aside,
-            prompt or ["full"],
+            configurations=configuration or studies.CONFIGURATIONS,
+            in_flight=workers,
+            say=aside,
+            prompts=prompt or ["full"],
         )
-    show_trials(found, ablation.published(), as_json)
+    show_trials(found, studies.published_ablation(), as_json)
 
 
 def repeatability(
@@ -73,26 +72,26 @@ def repeatability(
     prompt: Prompts = None,
     as_json: AsJson = False,
 ) -> None:
-    """The paper's table III: the same task over and over.
+    """The paper's table III: repeated trials of the same task.
 
     A page beside the results shows the paper's tables and these.
     """
     from palpate.cli.show.studies.planners import show_trials
-    from palpate.studies.planners import repeatability
+    from palpate.studies.planners import ablation as studies
 
     asked = conditions(shared)
     with _page_beside(out):
-        found = repeatability.repeatability(
+        found = studies.repeatability(
             names or FIRST,
             planner,
             out,
             asked,
             trials,
-            workers,
-            aside,
-            prompt or ["full"],
+            in_flight=workers,
+            say=aside,
+            prompts=prompt or ["full"],
         )
-    show_trials(found, repeatability.published(), as_json)
+    show_trials(found, studies.published_repeatability(), as_json)
 
 
 @contextmanager

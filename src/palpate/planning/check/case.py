@@ -1,8 +1,8 @@
-"""Subject of the rules of whole plans: the plan, its nodes read once, and the request."""
+"""Subject and result of the check: a plan whose nodes are read once, and a finding on it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from pydantic import ValidationError
@@ -14,16 +14,40 @@ from palpate.quantities.catalogue import catalogue
 from palpate.scene.scene import Scene
 from palpate.vocabulary.base import Primitive
 from palpate.vocabulary.registry import Vocabulary
+from palpate.vocabulary.violation import Violation
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A violation with its place in the plan (`tree.children[3]`)."""
+
+    path: str
+    violation: Violation
+
+    @classmethod
+    def of(cls, path: str, rule: str, message: str) -> Finding:
+        """Make a finding of a rule of whole plans."""
+        return cls(path, Violation(rule, message))
+
+    @property
+    def rule(self) -> str:
+        """Id of the broken rule, one of `check.RULES`."""
+        return self.violation.rule
+
+    @property
+    def message(self) -> str:
+        """Description with a remedy."""
+        return self.violation.message
 
 
 @dataclass(frozen=True, eq=False)
 class Form:
-    """The nodes of a tree, each leaf made into its primitive where that is possible.
+    """Nodes of a tree by path, each leaf made into its primitive where its arguments fit.
 
     Attributes:
-        nodes: all of them, depth first, by path.
-        primitives: what the leaves stand for, by path.
-        refused: why the arguments of the other leaves do not fit, by path.
+        nodes: all nodes, depth first.
+        primitives: the primitives of the leaves.
+        refused: the errors of leaves whose arguments do not fit.
     """
 
     nodes: Mapping[str, Node]
@@ -32,21 +56,20 @@ class Form:
 
     @classmethod
     def of(cls, tree: Node | None, words: Vocabulary) -> Form:
-        """The form of a tree; an empty one without."""
+        """Read a tree; the form is empty without one."""
         nodes = dict(tree.walk()) if tree is not None else {}
         primitives: dict[str, Primitive] = {}
         refused: dict[str, ValidationError | TypeError] = {}
         for path, node in nodes.items():
-            if node.type not in words.primitives:
-                continue
-            try:
-                primitives[path] = words.make(node.type, dict(node.args))
-            except (ValidationError, TypeError) as error:
-                refused[path] = error
+            if node.type in words.primitives:
+                try:
+                    primitives[path] = words.make(node.type, dict(node.args))
+                except (ValidationError, TypeError) as error:
+                    refused[path] = error
         return cls(nodes, primitives, refused)
 
     def owners(self, path: str) -> dict[str, list[str]]:
-        """The leaves below `path` that move, relative to it, by what they claim."""
+        """Paths, relative to `path`, of the leaves below it that move, by claimed resource."""
         found: dict[str, list[str]] = {}
         for where, primitive in self.primitives.items():
             if where.startswith(f"{path}."):
@@ -57,15 +80,15 @@ class Form:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A plan before the check.
+    """Plan under check, with the scene and the request that it is checked against.
 
     Attributes:
         plan, form: the plan, and its tree read.
-        words: the vocabulary that it may use.
-        scene: where it is to run; None when only its grammar is checked.
-        remeasure: whether what the scene states may be measured.
-        requested: the parameters that it must measure, no more and no fewer; None when open.
-        repeated: whether a parameter may be measured several times, to know it better.
+        words: the vocabulary that the plan may use.
+        scene: the scene that it runs in; None to check the grammar alone.
+        remeasure: allows quantities that the scene states to be measured.
+        requested: the parameters that the plan must measure, no more and no fewer; None for any.
+        repeated: allows a parameter to be measured several times, for a narrower interval.
     """
 
     plan: Plan
@@ -78,11 +101,16 @@ class Case:
 
     @property
     def unclear(self) -> bool:
-        """True if a parameter names what there is not: what the plan is for is not known then."""
+        """True if a parameter names an unknown object or quantity: the plan's aim is unknown then."""
         return any(not self.exists(parameter) for parameter in self.plan.parameters)
 
+    def listed(self) -> Iterator[tuple[str, Parameter]]:
+        """Parameters of the plan, with their paths."""
+        for i, parameter in enumerate(self.plan.parameters):
+            yield f"parameters[{i}]", parameter
+
     def exists(self, parameter: Parameter) -> bool:
-        """True if there is such a quantity, and such a thing."""
+        """True if the catalogue has the quantity and the scene the object."""
         quantity = catalogue().get(parameter.quantity)
         if quantity is None or self.scene is None or not quantity.identifiable:
             return quantity is not None
@@ -90,14 +118,14 @@ class Case:
         return hand or parameter.object in self.scene.bodies
 
     def is_of_its_kind(self, parameter: Parameter) -> bool:
-        """True if an existing thing carries an existing quantity."""
+        """True if this kind of object carries the quantity; both must exist."""
         quantity = catalogue()[parameter.quantity]
         if self.scene is None or parameter.object not in self.scene.bodies:
             return True
         return quantity.subject in (self.scene.bodies[parameter.object].role, GRIPPER)
 
     def is_known(self, parameter: Parameter) -> bool:
-        """True if the scene states it."""
+        """True if the scene states the parameter."""
         if self.scene is None or parameter.object not in self.scene.bodies:
             return False
         return parameter.quantity in self.scene.bodies[parameter.object].known

@@ -1,9 +1,8 @@
-"""The check every plan passes before it may move anything, whoever made it.
+"""Check of a plan before it may move anything, whatever its author.
 
-Rules of single actions are judged by the primitives themselves (`Primitive.violations`), at the
-place where the plan has them. Rules of whole plans are functions, in `PLAN_RULES` and `WALK_RULES`.
-What each of them demands stands in `rules`.
-Findings are worded for repair: what is wrong, where, and what to do.
+Rules of single actions are judged by the primitives themselves (`Primitive.violations`), in the state
+in which the plan has them. Rules of whole plans are functions, in `PLAN_RULES` and `WALK_RULES`; their
+requirements are stated in `rules`. Findings are worded for repair: the fault, its place, the remedy.
 """
 
 from __future__ import annotations
@@ -11,12 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 
 from palpate.parameter import Parameter
-from palpate.planning.check import end, grammar, minimal
-from palpate.planning.check import parameters as promised
-from palpate.planning.check.case import Case, Form
-from palpate.planning.check.finding import Finding
-from palpate.planning.check.regions import somewhere
+from palpate.planning.check import static_rules, walk_rules
+from palpate.planning.check.case import Case, Finding, Form
+from palpate.planning.check.regions import unpassable_regions
 from palpate.planning.check.rules import CATALOGUE
+from palpate.planning.check.static_rules import Fault
 from palpate.planning.check.walk import Reach, Walk
 from palpate.planning.plan import Plan
 from palpate.scene.scene import Scene
@@ -26,43 +24,43 @@ __all__ = ["MAX_FINDINGS", "PLAN_RULES", "RULES", "WALK_RULES", "Finding", "chec
 
 MAX_FINDINGS = 50
 
-PLAN_RULES: Mapping[str, Callable[[Case], Iterable[Finding]]] = {
-    "unknown-parameter": promised.unknown_parameter,
-    "unmeasurable": promised.unmeasurable,
-    "duplicate-parameter": promised.duplicate_parameter,
-    "known": promised.known_parameter,
-    "requested": promised.requested,
-    "unknown-primitive": grammar.unknown_primitive,
-    "bad-argument": grammar.bad_argument,
-    "leaf-children": grammar.leaf_children,
-    "empty-composite": grammar.empty_composite,
-    "one-owner": grammar.one_owner,
-    "buffer-unwritten": grammar.order_of_buffers,
+PLAN_RULES: Mapping[str, Callable[[Case], Iterable[Fault]]] = {
+    "unknown-parameter": static_rules.unknown_parameter,
+    "unmeasurable": static_rules.unmeasurable,
+    "duplicate-parameter": static_rules.duplicate_parameter,
+    "known": static_rules.known_parameter,
+    "requested": static_rules.requested,
+    "unknown-primitive": static_rules.unknown_primitive,
+    "bad-argument": static_rules.bad_argument,
+    "leaf-children": static_rules.leaf_children,
+    "empty-composite": static_rules.empty_composite,
+    "one-owner": static_rules.one_owner,
+    "buffer-unwritten": static_rules.order_of_buffers,
 }
-"""Rule id to who finds where a plan breaks it, by what is written alone."""
+"""Rules on the text of a plan, by id."""
 
-WALK_RULES: Mapping[str, Callable[[Case, Walk], Iterable[Finding]]] = {
-    "known": minimal.known,
-    "redundant": minimal.redundant,
-    "untouched": minimal.untouched,
-    "undischarged": end.undischarged,
-    "gripper-at-end": end.gripper_at_end,
-    "not-restored": end.not_restored,
+WALK_RULES: Mapping[str, Callable[[Case, Walk], Iterable[Fault]]] = {
+    "known": walk_rules.known,
+    "redundant": walk_rules.redundant,
+    "untouched": walk_rules.untouched,
+    "undischarged": walk_rules.undischarged,
+    "gripper-at-end": walk_rules.gripper_at_end,
+    "not-restored": walk_rules.not_restored,
 }
-"""Rule id to who finds where a plan breaks it, by what would be believed while it runs."""
+"""Rules on the symbolic states of a plan, by id."""
 
-OF_THE_WHOLE = ("redundant", "undischarged", "gripper-at-end", "not-restored")
-"""Rules that nobody can judge where an action cannot be read."""
+COMPLETE_RULES = ("redundant", "undischarged", "gripper-at-end", "not-restored")
+"""Rules that can be judged only where every action can be read."""
 
-REJECTION_RULES: Mapping[str, Callable[[Case], Iterable[Finding]]] = {
-    "no-explanation": end.no_explanation,
-    "undischarged": end.promised_without_tree,
+REJECTION_RULES: Mapping[str, Callable[[Case], Iterable[Fault]]] = {
+    "no-explanation": static_rules.no_explanation,
+    "undischarged": static_rules.promised_without_tree,
 }
-"""Rule id to who finds where a plan without a tree breaks it."""
+"""Rules on a plan without a tree, by id."""
 
 
 RULES: Mapping[str, str] = {rule.id: rule.asks for rule in CATALOGUE.values()}
-"""Rule id to what it demands."""
+"""Requirement of each rule, by id."""
 
 
 def check(
@@ -78,29 +76,27 @@ def check(
     """Check a plan; return its findings, empty when it may run.
 
     Args:
-        plan: whoever made it.
-        scene: where it is to run; without one only its grammar is checked.
-        remeasure: allows what the scene states to be measured.
+        plan: the plan of any author.
+        scene: the scene that it runs in; without one only the grammar is checked.
+        remeasure: allows quantities that the scene states to be measured.
         requested: the parameters that the plan must measure, no more and no fewer.
         reachable: replaces the arm's inverse kinematics.
-        words: the vocabulary that it may use, by default what is installed.
+        words: the vocabulary that the plan may use, by default the installed one.
         repeated: allows a parameter to be measured several times.
     """
     words = words or vocabulary()
     asked = tuple(requested) if requested is not None else None
     case = Case(plan, Form.of(plan.tree, words), words, scene, remeasure, asked, repeated)
     found: list[Finding] = []
+    for id, rule in (REJECTION_RULES if plan.tree is None else PLAN_RULES).items():
+        found += [Finding.of(path, id, message) for path, message in rule(case)]
     if plan.tree is None:
-        for rule in REJECTION_RULES.values():
-            found += rule(case)
         return tuple(found)
-    for rule in PLAN_RULES.values():
-        found += rule(case)
     if scene is not None:
         walk = Walk.over(plan.tree, case.form, words, scene, reachable)
         found += walk.findings
-        found += somewhere(case, walk, reachable)
-        for rule, judged in WALK_RULES.items():
-            if not (walk.unread and rule in OF_THE_WHOLE):
-                found += judged(case, walk)
+        found += unpassable_regions(case, walk, reachable)
+        for id, judged in WALK_RULES.items():
+            if not (walk.unread and id in COMPLETE_RULES):
+                found += [Finding.of(path, id, message) for path, message in judged(case, walk)]
     return tuple(dict.fromkeys(found))[:MAX_FINDINGS]

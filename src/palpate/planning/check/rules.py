@@ -1,7 +1,5 @@
-"""Rules of the check, each stated once, with the numbers that it uses.
-
-`docs/vocabulary.md` and a model's prompt are written from here, and a finding names the rule that it
-is about. A number is the constant that the judgement itself uses.
+"""Catalogue of the rules of the check, with their numbers: source of the prompt and of
+`docs/vocabulary.md`. Every number is the constant that the check itself uses.
 """
 
 from __future__ import annotations
@@ -36,11 +34,11 @@ class Rule:
     """Rule of the check.
 
     Attributes:
-        id: what findings call it.
-        asks: what it demands of a plan, in words for people and models alike.
-        about: which part of a plan it judges.
-        recipe: whether it tells how something is measured, rather than what is safe, economical or
-            well formed; the lean prompt leaves that to the model.
+        id: name in findings.
+        asks: requirement on a plan, in words for people and models alike.
+        about: part of a plan that it judges.
+        recipe: it prescribes a method of measurement, not safety, economy or form; the lean prompt
+            leaves that to the model.
     """
 
     id: str
@@ -49,12 +47,9 @@ class Rule:
     recipe: bool = False
 
 
-def _mm(length: float) -> str:
+def mm(length: float) -> str:
+    """Format a length in m as millimetres."""
     return f"{1e3 * length:.3g} mm"
-
-
-def _degrees(angle: float) -> str:
-    return f"{np.degrees(angle):.3g}°"
 
 
 _PARAMETERS = {
@@ -91,41 +86,36 @@ _ACTIONS = {
     "unknown-start": "Where a motion begins is known: a plan starts with MoveJoints to `home_config`; turning "
     "begins at a pose.",
     "gripper-state": "Fingers close only when open, at a pose, and on an object whose middle is within "
-    f"{_mm(PUSHED)} of theirs across it; they open only when what they hold stands; they do neither beside a motion.",
+    f"{mm(PUSHED)} of theirs across it; they open only when what they hold stands; they do neither beside a motion.",
     "too-wide": "An object that is grasped fits the hand.",
     "payload": "An object that is grasped is not known to be heavier than the payload.",
     "twist": "A held object hangs near enough to its centre of mass not to twist in the grip.",
     PRECONDITION: "What else a primitive requires holds. MoveUntilContact: from a pose, with empty fingers, "
-    f"something to touch within {1e3 * PROBE_TRAVEL:.0f} mm and its top no more than {_mm(SINKING)} above the "
+    f"something to touch within {1e3 * PROBE_TRAVEL:.0f} mm and its top no more than {mm(SINKING)} above the "
     f"fingertips, no contact yet; sideways only against what withstands {SIDE_FORCE:g} N. MoveJoints: with nothing "
     "in the hand that stands on its support. A conversion: the log shows its quantity; held still for a weight means "
-    f"lifted by more than {_mm(LIFTED)}.",
+    f"lifted by more than {mm(LIFTED)}.",
     "sideways": "What stands between the open fingers is entered straight from above and left straight up or along "
-    f"its length, less than {_mm(STEEP)} aside, never by MoveJoints.",
-    "blocked": f"The hand, and what it holds, keeps {_mm(BESIDE)} from every other object on its whole way.",
-    "collision": f"They keep {_mm(ENTERED)} from what they pass between the fingers, {_mm(FIXED)} from all that is "
-    f"fixed (up to {_mm(GUESSED)} above a surface of unknown height, which is only probed), the arm's links "
-    f"{_mm(ARM)} from everything; Tilt, Turn and Swing turn {_mm(POSE_ERROR)} clear, in free air.",
-    "self-collision": f"The arm keeps {_mm(ARM)} from itself.",
-    "unsupported": f"What is let go of stands within {_mm(AS_FOUND)} of where it stood, or upright to "
-    f"{_degrees(UPRIGHT)} with its centre of mass {_mm(TIPPING)} inside what carries it (unknown: all of it, "
-    f"{_mm(EDGE)}); what is slid stays so, too; nothing stands on what is moved.",
-    "tilted": f"What is held stays upright to {_degrees(HELD_UPRIGHT)}, but for Tilt and Swing.",
+    f"its length, less than {mm(STEEP)} aside, never by MoveJoints.",
+    "blocked": f"The hand, and what it holds, keeps {mm(BESIDE)} from every other object on its whole way.",
+    "collision": f"They keep {mm(ENTERED)} from what they pass between the fingers, {mm(FIXED)} from all that is "
+    f"fixed (up to {mm(GUESSED)} above a surface of unknown height, which is only probed), the arm's links "
+    f"{mm(ARM)} from everything; Tilt, Turn and Swing turn {mm(POSE_ERROR)} clear, in free air.",
+    "self-collision": f"The arm keeps {mm(ARM)} from itself.",
+    "unsupported": f"What is let go of stands within {mm(AS_FOUND)} of where it stood, or upright to "
+    f"{np.degrees(UPRIGHT):.3g}° with its centre of mass {mm(TIPPING)} inside what carries it (unknown: all of it, "
+    f"{mm(EDGE)}); what is slid stays so, too; nothing stands on what is moved.",
+    "tilted": f"What is held stays upright to {np.degrees(HELD_UPRIGHT):.3g}°, but for Tilt and Swing.",
     "short-slide": "A slide that is felt for friction is level, along the support, and "
-    f"{_mm(MIN_SLIDE)} or longer.",
+    f"{mm(MIN_SLIDE)} or longer.",
     "gripper-at-end": "At the end the gripper is empty and open.",
-    "not-restored": f"At the end every object is within {_mm(RESTORED_POSITION)} of where it was found.",
+    "not-restored": f"At the end every object is within {mm(RESTORED_POSITION)} of where it was found.",
 }
 
 _RECIPES = ("short-slide",)
 
-
-def _all() -> Mapping[str, Rule]:
-    found = {id: Rule(id, asks, "parameters") for id, asks in _PARAMETERS.items()}
-    for id, asks in {**_FORM, **_ACTIONS}.items():
-        found[id] = Rule(id, asks, recipe=id in _RECIPES)
-    return found
-
-
-CATALOGUE: Mapping[str, Rule] = _all()
-"""Every rule by its id, in the order in which people and models are told."""
+CATALOGUE: Mapping[str, Rule] = {
+    **{id: Rule(id, asks, "parameters") for id, asks in _PARAMETERS.items()},
+    **{id: Rule(id, asks, recipe=id in _RECIPES) for id, asks in {**_FORM, **_ACTIONS}.items()},
+}
+"""Every rule by its id, in the order in which people and models read them."""

@@ -1,17 +1,16 @@
-"""The walk over a tree: the symbolic state folded leaf by leaf, as a run would have it."""
+"""Walk over a tree: the symbolic state folded leaf by leaf, as a run would change it."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
-from palpate.planning.check.case import Form
-from palpate.planning.check.finding import Finding
-from palpate.planning.check.instead import remedied
-from palpate.planning.check.slides import unfelt
+from palpate.planning.check.case import Finding, Form
+from palpate.planning.check.remedies import remedied, unfelt_slide
 from palpate.planning.plan import Node
 from palpate.scene.scene import Scene
 from palpate.trace.samples import FORCES
@@ -23,14 +22,13 @@ from palpate.vocabulary.violation import PRECONDITION, Violation
 Reach = Callable[[Pose], bool]
 
 CONSEQUENCES = (PRECONDITION, "gripper-state", "unknown-start")
-"""Rules that are not held against a plan after a motion to nowhere: they would follow from it."""
-OF_THE_WAY = ("blocked", "collision", "self-collision", "sideways")
-"""Rules that are not held against a motion from where the arm does not get, or with fingers that did not
-take what they should."""
+"""Rules not reported after a motion to an unknown pose: they would follow from it."""
+PATH_RULES = ("blocked", "collision", "self-collision", "sideways")
+"""Rules not reported for a motion from an unreachable pose, or after a grasp that failed."""
 FAILING = ("buffer-unwritten", "gripper-state", PRECONDITION, "unknown-symbol")
-"""Rules of which one that is broken may leave something unmeasured."""
-OF_ITSELF = ("unknown-symbol", "unreachable")
-"""Rules of an action by itself, whatever came before."""
+"""Rules that, when broken, may leave a parameter unmeasured."""
+INDEPENDENT = ("unknown-symbol", "unreachable")
+"""Rules that an action breaks whatever came before it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +42,7 @@ class Action:
 
     @property
     def conversion(self) -> Parameter | None:
-        """Conversion that it performs, if any."""
+        """Parameter that it converts a recording to, if any."""
         if not isinstance(self.primitive, ConversionPrimitive) or self.primitive.measures is None:
             return None
         subject = self.primitive.subject(self.before)
@@ -53,27 +51,26 @@ class Action:
     @property
     def records(self) -> bool:
         """True if it fills a buffer."""
-        return self.primitive.writes is not None and len(self.after.logged) > len(
-            self.before.logged
-        )
+        logged = len(self.after.logged) > len(self.before.logged)
+        return self.primitive.writes is not None and logged
 
     @property
     def grasps(self) -> str | None:
-        """The object that it takes into the hand."""
+        """Object that it takes into the hand."""
         held = self.after.holding
         return held if held != self.before.holding else None
 
 
 @dataclass(eq=False)
 class Walk:
-    """A tree folded over the symbolic state of a scene.
+    """Fold of a tree over the symbolic state of a scene.
 
     Attributes:
         form: the tree, read.
-        words: the vocabulary that it may use.
-        state: what is believed after the part walked so far.
-        actions: its leaves where they stand, sensing branches of a Parallel before its motion.
-        findings: what speaks against single actions at their places.
+        words: the vocabulary that the tree may use.
+        state: the believed state after the part walked so far.
+        actions: the leaves in order, sensing branches of a Parallel before its motion.
+        findings: violations of single actions at their places.
     """
 
     form: Form
@@ -82,15 +79,15 @@ class Walk:
     actions: list[Action] = field(default_factory=list[Action])
     findings: list[Finding] = field(default_factory=list[Finding])
     unread: bool = False
-    """There was an action that cannot be read: what came of it nobody knows."""
+    """An action could not be read: its effect is unknown."""
     failed: bool = False
-    """An action would not get or leave what it should; what lacks later may follow from that."""
+    """An action broke a rule of `FAILING`: missing measurements may follow from that."""
     _lost: bool = False
-    """The hand was sent to a pose that does not exist."""
+    """The hand was sent to an unknown pose."""
     _astray: bool = False
-    """The hand was sent to where the arm does not get."""
+    """The hand was sent to an unreachable pose."""
     _empty: bool = False
-    """The fingers were to take what they do not."""
+    """The fingers failed to grasp."""
 
     @classmethod
     def over(
@@ -102,14 +99,20 @@ class Walk:
         reachable: Reach | None = None,
         bound: Mapping[str, float] | None = None,
     ) -> Walk:
-        """The walk of a whole tree; `reachable` replaces the arm's inverse kinematics, `bound` says
-        where poses are that a run finds out (`SymbolicState.bound`)."""
+        """Walk over a whole tree; `reachable` replaces the arm's inverse kinematics, `bound` places the
+        poses that a run estimates (`SymbolicState.bound`)."""
         walk = cls(form, words, SymbolicState(scene, reaches=reachable, bound=bound or {}))
         walk._walk("tree", tree)
         return walk
 
+    def conversions(self) -> Iterator[tuple[Action, Parameter]]:
+        """Actions that convert a recording, with their parameters."""
+        for action in self.actions:
+            if (parameter := action.conversion) is not None:
+                yield action, parameter
+
     def doubts(self, path: str) -> bool:
-        """True if a slide that a leaf is to feel has a finding: what it logs will be another thing."""
+        """True if a leaf logs a slide that has a finding: its recording will be a different one."""
         return any(
             found.rule == "short-slide" and path.startswith(f"{found.path}.")
             for found in self.findings
@@ -121,51 +124,58 @@ class Walk:
             self.unread |= bool(node.children)
         elif not node.children and node.type not in self.words.composites:
             self.unread = True
-        elif node.type == "Parallel" and self._has_one_owner(path):
+        elif node.type == "Parallel" and all(
+            len(owners) == 1 for owners in self.form.owners(path).values()
+        ):
             self.state = self._parallel(path, node, self.state)
-        else:
+        else:  # a Sequence, or a Parallel that has a finding for its several owners
             for i, child in enumerate(node.children):
                 self._walk(f"{path}.children[{i}]", child)
 
-    def _has_one_owner(self, path: str) -> bool:
-        return all(len(owners) == 1 for owners in self.form.owners(path).values())
+    def _below(self, path: str) -> list[str]:
+        """Paths of the leaves below and including `path`."""
+        leaves = self.form.primitives
+        return [where for where in leaves if where == path or where.startswith(f"{path}.")]
 
     def _parallel(self, path: str, node: Node, before: SymbolicState) -> SymbolicState:
         """Walk a Parallel: one branch may move; the others sense meanwhile."""
-        moving = [where for where in self._below(path) if self.form.primitives[where].claims]
+        below = self._below(path)
+        moving = [where for where in below if self.form.primitives[where].claims]
         try:
             meanwhile = during([self.form.primitives[where] for where in moving], before)
         except InputError:
-            meanwhile = before  # the leaf with the pose that does not exist says so itself
+            meanwhile = before  # the leaf with the unknown pose has a finding of its own
         branches: list[Sequence[str]] = []
         for i, _ in enumerate(node.children):
             branch = self._below(f"{path}.children[{i}]")
             branches.append([where for where in branch if where not in moving])
         self._judge_together(path, moving, before)
         after = parallel(before, meanwhile, moving, branches, self._leaf)
-        if any(self.form.primitives[where].writes == FORCES for where in self._below(path)):
-            violation = unfelt(before, after)
+        if any(self.form.primitives[where].writes == FORCES for where in below):
+            violation = unfelt_slide(before, after)
             if violation is not None:
                 self.failed = True
                 self.findings.append(Finding(path, violation))
         return after
 
     def _judge_together(self, path: str, moving: Sequence[str], before: SymbolicState) -> None:
-        """Leaves that move at once overlap in time, so each is also judged as if all others had
-        come first; and nothing is taken or let go of under way."""
+        """Judge leaves that move at the same time."""
+        # They overlap in time, so each is also judged as if all others had ended before it.
         firsts: dict[str, SymbolicState] = {}
         for where in moving:
+            primitive = self.form.primitives[where]
             try:
                 first = before
                 for other in moving:
                     if other != where:
                         first = self.form.primitives[other].effects(first)
-                ends = [self.form.primitives[where].effects(state) for state in (before, first)]
+                ends = [primitive.effects(state) for state in (before, first)]
             except InputError:
                 continue
             firsts[where] = first
+            # The fingers neither grasp nor release while the arm moves.
             held = {end.holding for end in ends} - {before.holding}
-            if len(moving) > 1 and "gripper" in self.form.primitives[where].claims and held:
+            if len(moving) > 1 and "gripper" in primitive.claims and held:
                 name = before.holding or max(filter(None, held))
                 message = (
                     f"the fingers would take or let go of '{name}' while the arm moves; put the "
@@ -176,20 +186,14 @@ class Walk:
         for where, first in firsts.items():
             self._judge(where, first)
 
-    def _below(self, path: str) -> Iterator[str]:
-        """Paths of the leaves below and including `path`."""
-        for where in self.form.primitives:
-            if where == path or where.startswith(f"{path}."):
-                yield where
-
     def _leaf(self, path: str, before: SymbolicState) -> SymbolicState:
         primitive = self.form.primitives[path]
-        rules = self._judge(path, before)
-        self.failed |= not rules.isdisjoint(FAILING)
+        broken = self._judge(path, before)
+        self.failed |= not broken.isdisjoint(FAILING)
         if "arm" in primitive.claims:
-            self._astray = "unreachable" in rules
+            self._astray = "unreachable" in broken
         if "gripper" in primitive.claims:
-            self._empty = "gripper-state" in rules and not before.holding
+            self._empty = "gripper-state" in broken and not before.holding
         try:
             after = primitive.effects(before)
         except InputError:
@@ -201,26 +205,57 @@ class Walk:
         return after
 
     def _judge(self, path: str, before: SymbolicState) -> set[str]:
-        """Note what speaks against a leaf at its place, with what to do instead; the rules broken."""
+        """Add the findings on a leaf in a state, with remedies; return the ids of all broken rules."""
         primitive = self.form.primitives[path]
-        # No way leads from where the arm cannot be.
-        moves = "arm" in primitive.claims
-        found = (
-            primitive.requires(before) if self._astray and moves else primitive.violations(before)
-        )
-        told = [violation for violation in found if not self._follows(primitive, violation)]
-        for violation in remedied(primitive, before, told):
+        if self._astray and "arm" in primitive.claims:
+            found = primitive.requires(before)  # no path leads from an unreachable pose
+        else:
+            found = primitive.violations(before)
+        reported = [violation for violation in found if not self._follows(primitive, violation)]
+        for violation in remedied(primitive, before, reported):
             self.findings.append(Finding(path, violation))
         return {violation.rule for violation in found}
 
     def _follows(self, primitive: Primitive, violation: Violation) -> bool:
-        """True if that may come of an earlier fault alone, and is told once that is mended."""
-        if violation.rule in OF_ITSELF:
+        """True if a violation may follow from an earlier fault: it is reported once that is mended."""
+        if violation.rule in INDEPENDENT:
             return False
         if self.unread or (self._lost and violation.rule in CONSEQUENCES):
             return True
         converts = isinstance(primitive, ConversionPrimitive)
         if self.failed and converts and violation.rule == PRECONDITION:
             return True
-        nowhere = self._astray or self._empty
-        return nowhere and violation.rule in OF_THE_WAY and "arm" in primitive.claims
+        misplaced = self._astray or self._empty
+        return misplaced and violation.rule in PATH_RULES and "arm" in primitive.claims
+
+
+def evidence_amount(parameter: Parameter, state: SymbolicState) -> int:
+    """Pieces of evidence for `parameter` in a state; all that are needed after its conversion."""
+    quantity = state.scene.catalogue[parameter.quantity]
+    if parameter in state.converted:
+        return max(sum(evidence.count for evidence in quantity.evidence), 1)
+    return len(quantity.pieces(parameter, state.logged)) if quantity.derived else 0
+
+
+def useful_evidence(parameter: Parameter, state: SymbolicState) -> int:
+    """Pieces of evidence for `parameter` beyond which more do not improve its estimate."""
+    quantity = state.scene.catalogue[parameter.quantity]
+    return sum(max(evidence.count, evidence.better) for evidence in quantity.evidence)
+
+
+def measured(parameter: Parameter, state: SymbolicState) -> bool:
+    """True if `parameter` is converted, or derived from recordings that are complete."""
+    quantity = state.scene.catalogue[parameter.quantity]
+    derivable = quantity.derived and quantity.is_evidenced(parameter, state.logged)
+    return parameter in state.converted or derivable
+
+
+def lacking(parameter: Parameter, state: SymbolicState) -> list[str]:
+    """Recordings that a derived `parameter` still needs, in words, with the number of each so far."""
+    quantity = state.scene.catalogue[parameter.quantity]
+    kinds = Counter(kind for kind, _ in quantity.pieces(parameter, state.logged))
+    return [
+        f"{evidence.how} ({kinds[i]} of {evidence.count})"
+        for i, evidence in enumerate(quantity.evidence)
+        if kinds[i] < evidence.count and not evidence.optional
+    ]

@@ -1,7 +1,7 @@
-"""Finding the plan in what a model said: JSON amid prose and code fences, nested or as a flat list
-of nodes.
+"""Reading of a model's answer: the plan amid prose and code fences, nested or as a flat list of nodes.
 
-The answer is untrusted: its size and the number of attempts at reading it are bounded.
+The answer is untrusted: its size and the number of attempts at reading it are bounded. Unambiguous
+deviations from JSON, or from a plan's form, are repaired; all others are left for a finding.
 """
 
 from __future__ import annotations
@@ -16,32 +16,43 @@ from typing import Any, cast
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from palpate.errors import InputError
-from palpate.planning.model.mending import mended, normal
-from palpate.planning.plan import MAX_BYTES, MAX_NESTING, Plan, parse_plan
+from palpate.planning.model.flat import nested
+from palpate.planning.plan import MAX_BYTES, MAX_NESTING, Plan, nesting, parse_plan
 from palpate.redaction import redacted
 from palpate.scene.pictured.objects import SceneObject, Shape
 
 MAX_ATTEMPTS = 200
 """Opening braces from which JSON is tried to be read."""
-MAX_MENDED = 8
-"""Opening braces from which text is tried to be mended."""
-LARGEST_MENDED = 100_000
-"""Characters of a text that is; a plan of fifteen objects has some 20 000."""
+MAX_REPAIRED = 8
+"""Opening braces from which text is tried to be repaired."""
+LARGEST_REPAIRED = 100_000
+"""Characters of a text to be repaired; a plan of fifteen objects has some 20 000."""
+MAX_COMMENTS = 200
+"""Block comments to be removed; the search for the end of each may take the whole answer."""
+MAX_DIGITS = 9
+"""Digits of a whole number that is written as text."""
 MAX_OBJECTS = 100
 """Objects of a scene that a model may list."""
 
 NO_JSON = "there is no JSON object in the answer; return one with parameters, explanation and tree"
 NO_TREE = "the JSON object has no field 'tree'; return one with parameters, explanation and tree"
-
 TOO_DEEP = f"the JSON is nested deeper than {MAX_NESTING} brackets; flatten the tree"
 QUOTES = "JSON takes double quotes around names and texts; return the whole object again"
 
+_STRING = r'"(?:[^"\\]|\\.)*"'
 _BRACE = re.compile(r"\{")
-_BRACKET = re.compile(r"[\[\]{}]")
-_STRING = re.compile(r'"(?:[^"\\]|\\.)*"', re.DOTALL)
 _QUOTED = re.compile(r"\{\s*['‘“]")
 _OPENING = re.compile(r"\{\s*[\"}]")
 _DECODER = json.JSONDecoder()
+_APART = re.compile(
+    _STRING + r"|//[^\n]*|/\*.*?\*/|\b(?:None|True|False)\b|[\u00a0\u200b\u2028\ufeff]", re.DOTALL
+)
+_TRAILING = re.compile(_STRING + r"|,(?=\s*[}\]])", re.DOTALL)
+_ESCAPED = {code: f"\\u{code:04x}" for code in range(0x20)}
+_LITERALS = {"None": "null", "True": "true", "False": "false"}
+_PLAN_FIELDS = {"outcome", "parameters", "explanation", "tree", "nodes", "scene"}
+_FIELDS = _PLAN_FIELDS | {"object", "quantity", "type", "children", "name", "id"}
+"""Names of fields, which are recognised in any case."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,115 +79,83 @@ def read_answer(text: str) -> Proposal:
         raise InputError(
             f"the answer has {len(text)} characters, more than {MAX_BYTES}; return the JSON object only"
         )
-    source, written = _plan_object(text)
-    if _depth(source) > MAX_NESTING:
+    source, written = plan_object(text)
+    if nesting(source) > MAX_NESTING:
         raise InputError(TOO_DEEP)
-    document = normal(written)
+    document = normalized(written)
     if "nodes" in document:
         source = json.dumps(nested(document))
     elif document != written:
         source = json.dumps(document)
-    return Proposal(parse_plan(source), _scene_objects(document.get("scene") or []))
+    return Proposal(parse_plan(source), scene_objects(document.get("scene") or []))
 
 
-def nested(document: Mapping[str, Any]) -> dict[str, Any]:
-    """A plan document whose tree is written as `nodes`, a list in which children are given by `id`,
-    as a tree.
-
-    Null arguments, which providers' strict schemas demand, are dropped. No nodes is no tree.
-
-    Raises:
-        InputError: an id is unknown or used twice, or the nodes do not form one tree.
-    """
-    plan = dict(document)
-    nodes = _node_list(plan.pop("nodes"))
-    if not nodes:
-        return {**plan, "tree": None}
-    below: list[int] = []
-    for node in nodes.values():
-        below += _children(node)
-    roots = nodes.keys() - set(below)
-    if len(roots) != 1 or len(below) != len(set(below)):
-        raise InputError(
-            "nodes: every node but one, the root, must be the child of exactly one other"
-        )
-    tree, used = _grown(roots.pop(), nodes, depth=0)
-    if used != len(nodes):
-        raise InputError("nodes: some are not below the root; every node must be")
-    return {**plan, "tree": tree}
-
-
-def json_objects(text: str) -> Iterator[dict[str, Any]]:
-    """The JSON objects in a text, those inside others left out."""
+def decoded_objects(text: str) -> Iterator[tuple[int, int, object, str]]:
+    """Attempts at the JSON objects in a text, those inside others left out: start and end, the value,
+    and, where it is None, the fault."""
     position = 0
     for _ in range(MAX_ATTEMPTS):
         opening = _OPENING.search(text, position)
         if opening is None:
             return
-        value, end, _ = _decoded(text, opening.start())
+        start = opening.start()
+        value, end, fault = decoded(text, start)
+        yield start, end, value, fault
+        position = start + 1 if value is None else end
+
+
+def json_objects(text: str) -> Iterator[dict[str, Any]]:
+    """The JSON objects in a text, those inside others left out."""
+    for _, _, value, _ in decoded_objects(text):
         if isinstance(value, dict):
             yield cast("dict[str, Any]", value)
-        position = opening.start() + 1 if value is None else end
 
 
-def _plan_object(text: str) -> tuple[str, dict[str, Any]]:
+def plan_object(text: str) -> tuple[str, dict[str, Any]]:
     """The source and content of the last JSON object that is a plan, else of the first that is one
-    once it is mended."""
+    after its repair.
+
+    Raises:
+        InputError: there is none; the fault is that of the longest attempt.
+    """
     found: tuple[str, dict[str, Any]] | None = None
     problem = QUOTES if _QUOTED.search(text) else NO_JSON
-    position = furthest = 0
-    for _ in range(MAX_ATTEMPTS):
-        opening = _OPENING.search(text, position)
-        if opening is None:
-            break
-        start = opening.start()
-        value, end, complaint = _decoded(text, start)
-        if _is_plan(value):
+    furthest = 0
+    for start, end, value, fault in decoded_objects(text):
+        if is_plan(value):
             found = (text[start:end], cast("dict[str, Any]", value))
         elif end - start > furthest:
-            furthest, problem = end - start, complaint
-        position = start + 1 if value is None else end
-    found = found or _mended_object(text)
-    if found is None:
-        raise InputError(problem)
-    return found
-
-
-def _mended_object(text: str) -> tuple[str, dict[str, Any]] | None:
-    if len(text) > LARGEST_MENDED:
-        return None
-    for opening in islice(_BRACE.finditer(text), MAX_MENDED):
-        source = mended(text[opening.start() :])
-        value, end, _ = _decoded(source, 0)
-        if _is_plan(value):
+            furthest, problem = end - start, fault
+    if found is not None:
+        return found
+    for opening in islice(
+        _BRACE.finditer(text if len(text) <= LARGEST_REPAIRED else ""), MAX_REPAIRED
+    ):
+        source = repaired(text[opening.start() :])
+        value, end, _ = decoded(source, 0)
+        if is_plan(value):
             return source[:end], cast("dict[str, Any]", value)
-    return None
+    raise InputError(problem)
 
 
-def _is_plan(value: object) -> bool:
-    """True if it is an object with a tree, in any case."""
+def is_plan(value: object) -> bool:
+    """True for an object with a tree, its name in any case."""
     if not isinstance(value, dict):
         return False
-    fields = cast("dict[str, Any]", value)
-    return any(key.strip().lower() in ("tree", "nodes") for key in fields)
+    return any(key.strip().lower() in ("tree", "nodes") for key in cast("dict[str, Any]", value))
 
 
-def _depth(source: str) -> int:
-    """Nesting depth of the brackets of JSON text."""
-    depth = deepest = 0
-    for bracket in _BRACKET.findall(_STRING.sub("", source)):
-        depth += 1 if bracket in "[{" else -1
-        deepest = max(deepest, depth)
-    return deepest
-
-
-def _decoded(text: str, start: int) -> tuple[object, int, str]:
-    """The JSON value at `start` with its end; None where it is broken, with the place and the
-    complaint."""
+def decoded(text: str, start: int) -> tuple[object, int, str]:
+    """The JSON value at `start`, its end, and the message for one that is no plan. A broken one is None,
+    with the place and the fault."""
     try:
         value, end = _DECODER.raw_decode(text, start)
     except json.JSONDecodeError as error:
-        return None, error.pos, _complaint(error, text, start)
+        at_end = error.pos >= len(text.rstrip()) - 1
+        what = "breaks off" if at_end or "Unterminated" in error.msg else "is not valid"
+        near = text[max(start, error.pos - 40) : error.pos]
+        fault = f"the JSON {what} after {near!r} ({error.msg}); return the whole object again"
+        return None, error.pos, fault
     except RecursionError:
         return None, len(text), TOO_DEEP
     except ValueError as error:
@@ -184,64 +163,93 @@ def _decoded(text: str, start: int) -> tuple[object, int, str]:
     return value, end, NO_TREE
 
 
-def _complaint(error: json.JSONDecodeError, text: str, start: int) -> str:
-    """Fault in the JSON that begins at `start`, with its place."""
-    at_end = error.pos >= len(text.rstrip()) - 1
-    what = "breaks off" if at_end or "Unterminated" in error.msg else "is not valid"
-    near = text[max(start, error.pos - 40) : error.pos]
-    return f"the JSON {what} after {near!r} ({error.msg}); return the whole object again"
+def repaired(text: str) -> str:
+    """Remove from JSON comments, trailing commas and other kinds of blanks; translate Python's words for
+    null, true and false. In strings, only line ends and the like are escaped."""
+    if text.count("/*") > MAX_COMMENTS:
+        return text
+
+    def replaced(match: re.Match[str]) -> str:
+        token = match[0]
+        return token.translate(_ESCAPED) if token[0] == '"' else _LITERALS.get(token, " ")
+
+    text = _APART.sub(replaced, text)
+    return _TRAILING.sub(lambda match: match[0] if match[0][0] == '"' else "", text)
 
 
-def _node_list(value: object) -> dict[int, dict[str, Any]]:
-    """The nodes by id, all of whose children are there."""
-    if not isinstance(value, list):
-        raise InputError("nodes: must be a list")
-    nodes: dict[int, dict[str, Any]] = {}
-    for i, item in enumerate(cast("list[object]", value)):
-        node = cast("dict[str, Any]", item) if isinstance(item, dict) else {}
-        id = node.get("id")
-        if not isinstance(id, int) or id in nodes:
-            raise InputError(f"nodes[{i}]: needs an 'id' of its own, a whole number")
-        nodes[id] = node
-    for id, node in nodes.items():
-        _require_children(id, node, nodes)
-    return nodes
+def normalized(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Normalize a plan's document: fields in lower case, an object for the parameter `"cup.mass"`, a
+    Sequence for a bare list, no null in optional fields, numbers for the ids of a flat form."""
+    found = lowered(document)
+    parameters: object = found.get("parameters")
+    if isinstance(parameters, list):
+        found["parameters"] = [
+            normalized_parameter(item) for item in cast("list[object]", parameters)
+        ]
+    if isinstance(found.get("outcome"), str):
+        found["outcome"] = found["outcome"].strip().lower()
+    if isinstance(found.get("nodes"), list):
+        found["nodes"] = [
+            normalized_flat_node(node) for node in cast("list[object]", found["nodes"])
+        ]
+    if "tree" in found:
+        found["tree"] = normalized_tree(found["tree"])
+    return found
 
 
-def _require_children(id: int, node: Mapping[str, Any], nodes: Mapping[int, object]) -> None:
-    for child in _children(node):
-        if not isinstance(child, int) or child not in nodes:
-            raise InputError(
-                f"nodes: node {id} has the child {str(child)[:40]}, which is not there"
-            )
+def lowered(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Rename fields to lower case, where that is a field's name and not another field here."""
+    found: dict[str, Any] = {}
+    for key, value in fields.items():
+        name = key.strip().lower()
+        known = name in _FIELDS and (name == key or name not in fields)
+        found[name if known else key] = value
+    return found
 
 
-def _children(node: Mapping[str, Any]) -> list[Any]:
-    children: object = node.get("children") or []
-    if isinstance(children, list):
-        return cast("list[Any]", children)
-    return [children]
+def normalized_parameter(item: object) -> object:
+    """A parameter as an object; `"cup.mass"` is split at its point."""
+    if isinstance(item, dict):
+        return lowered(cast("dict[str, Any]", item))
+    if isinstance(item, str) and item.count(".") == 1:
+        body, quantity = item.split(".")
+        return {"object": body.strip(), "quantity": quantity.strip()}
+    return item
 
 
-def _grown(
-    id: int, nodes: Mapping[int, Mapping[str, Any]], depth: int
-) -> tuple[dict[str, Any], int]:
-    """The node with all that is below it, and how many nodes that is."""
-    if depth > MAX_NESTING:
-        raise InputError("nodes: the tree is nested too deep; flatten it")
-    node: dict[str, Any] = {}
-    for key, value in nodes[id].items():
-        if value is not None and key not in ("id", "children"):
-            node[key] = value
-    children: list[dict[str, Any]] = []
-    count = 1
-    for child in _children(nodes[id]):
-        below, how_many = _grown(child, nodes, depth + 1)
-        children.append(below)
-        count += how_many
-    if children:
-        node["children"] = children
-    return node, count
+def normalized_tree(value: object) -> object:
+    """A tree with every node normalized; its depth is bounded by that of readable JSON."""
+    if isinstance(value, list):
+        return normalized_tree({"type": "Sequence", "children": cast("list[object]", value)})
+    if not isinstance(value, dict):
+        return value
+    node = lowered(cast("dict[str, Any]", value))
+    for optional in ("name", "children"):
+        if node.get(optional, "") is None:
+            del node[optional]
+    if isinstance(node.get("children"), list):
+        node["children"] = [
+            normalized_tree(each) for each in cast("list[object]", node["children"])
+        ]
+    return node
+
+
+def normalized_flat_node(item: object) -> object:
+    """A node of the flat form with its id, and those of its children, as numbers."""
+    if not isinstance(item, dict):
+        return item
+
+    def number(value: object) -> object:
+        if isinstance(value, str) and len(value) <= MAX_DIGITS and re.fullmatch("[0-9]+", value):
+            return int(value)
+        return value
+
+    node = lowered(cast("dict[str, Any]", item))
+    if "id" in node:
+        node["id"] = number(node["id"])
+    if isinstance(node.get("children"), list):
+        node["children"] = [number(child) for child in cast("list[object]", node["children"])]
+    return node
 
 
 class _SceneObject(BaseModel):
@@ -261,20 +269,24 @@ class _SceneObject(BaseModel):
         return self
 
 
-def _scene_objects(value: object) -> tuple[SceneObject, ...]:
+def scene_objects(value: object) -> tuple[SceneObject, ...]:
+    """The detected objects that an answer lists.
+
+    Raises:
+        InputError: too many, or not of their form.
+    """
     if not isinstance(value, Sequence) or isinstance(value, str):
         raise InputError("scene: must be a list of objects with name, shape and bbox")
     items = cast("Sequence[object]", value)
     if len(items) > MAX_OBJECTS:
         raise InputError(f"scene: lists {len(items)} objects, more than {MAX_OBJECTS}")
-    return tuple(_scene_object(item, i) for i, item in enumerate(items))
-
-
-def _scene_object(item: object, index: int) -> SceneObject:
-    try:
-        read = _SceneObject.model_validate(redacted(item))
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"]) or "object"
-        raise InputError(f"scene[{index}]: {place}: {first['msg'][:200]}") from None
-    return SceneObject(read.name, read.shape, read.bbox, read.height, read.outline)
+    found: list[SceneObject] = []
+    for i, item in enumerate(items):
+        try:
+            read = _SceneObject.model_validate(redacted(item))
+        except ValidationError as error:
+            first = error.errors()[0]
+            place = ".".join(str(part) for part in first["loc"]) or "object"
+            raise InputError(f"scene[{i}]: {place}: {first['msg'][:200]}") from None
+        found.append(SceneObject(read.name, read.shape, read.bbox, read.height, read.outline))
+    return tuple(found)

@@ -1,4 +1,5 @@
-"""Examination for `palpate doctor --planner`: availability of a model, line by line, with remedies."""
+"""Examination of a model for `palpate doctor --planner`: availability, context and sight, line by line,
+with remedies."""
 
 from __future__ import annotations
 
@@ -7,22 +8,23 @@ import io
 from collections.abc import Iterator
 from typing import Any, cast
 
+from PIL import Image
+
 from palpate.errors import Unavailable
-from palpate.planning.model.dialogue.conversation import Answer
-from palpate.planning.model.picture import Picture
+from palpate.planning.model.conversation import Answer
 from palpate.planning.model.prompt.compose import fenced, system_prompt
 from palpate.planning.model.provider import PROVIDERS, Endpoint, Provider
-from palpate.planning.model.session import Session
+from palpate.planning.model.sdk import ReplyTooLarge, bounded_client
+from palpate.planning.model.session import Picture, Session
 from palpate.planning.model.settings import Budget
-from palpate.planning.model.wire import ReplyTooLarge, bounded_client
 from palpate.redaction import redact
 from palpate.vocabulary.registry import vocabulary
 
 Line = tuple[bool, str, str]
-"""Line of the examination: passed or not, subject, and finding or remedy."""
+"""Passed or not, subject, and finding or remedy."""
 
 LISTED = 12
-"""Models that are named."""
+"""Models that a line names."""
 ADDRESSES = {
     "openai": "https://api.openai.com/v1",
     "google": "https://generativelanguage.googleapis.com",
@@ -33,7 +35,7 @@ LISTS = {"google": "/v1beta/models?pageSize=1000", "anthropic": "/v1/models?limi
 """Paths of the list of models; `/models` for others."""
 PING = "Answer with the one word: ready"
 WORD = "marmalade"
-"""Word to be remembered over a whole system prompt."""
+"""Word before a whole system prompt, to be remembered."""
 COLOUR = "Which colour is this picture? Answer with one word, in English."
 SIDE = 64
 """Pixels of the picture that is sent."""
@@ -43,7 +45,7 @@ def examine(planner: str, base_url: str | None, seconds: float) -> Iterator[Line
     """Examine `PROVIDER[:MODEL]`; each request may take `seconds`.
 
     Raises:
-        InputError: the address is none.
+        InputError: the address is not usable.
     """
     name, _, model = planner.partition(":")
     provider = PROVIDERS[name]
@@ -55,18 +57,18 @@ def examine(planner: str, base_url: str | None, seconds: float) -> Iterator[Line
         return
     yield True, "key", "set" if provider.key() else "none, and none is needed"
     try:
-        models = _models(provider, address or ADDRESSES[name], seconds)
+        models = model_names(provider, address or ADDRESSES[name], seconds)
     except Unavailable as error:
         yield False, "models", str(error)
         models = ()
     else:
-        yield _listed(provider, model, models)
+        yield listed_models(provider, model, models)
     if model:
-        yield from _pinged(Endpoint(provider, model, address), seconds)
+        yield from asked_model(Endpoint(provider, model, address), seconds)
 
 
-def _listed(provider: Provider, model: str, models: tuple[str, ...]) -> Line:
-    """The models that the server has, and whether the one that is wanted is among them."""
+def listed_models(provider: Provider, model: str, models: tuple[str, ...]) -> Line:
+    """The models of the server, and whether the chosen one is among them."""
     more = f" and {len(models) - LISTED} more" if len(models) > LISTED else ""
     there = f"{', '.join(models[:LISTED])}{more}" or "none"
     if not model:
@@ -77,8 +79,8 @@ def _listed(provider: Provider, model: str, models: tuple[str, ...]) -> Line:
     return False, "models", f"there is no '{model}'; there are: {there}{get}"
 
 
-def _pinged(endpoint: Endpoint, seconds: float) -> Iterator[Line]:
-    """Ask it for a line, a text as long as a prompt, and the content of a picture."""
+def asked_model(endpoint: Endpoint, seconds: float) -> Iterator[Line]:
+    """Ask the model for a word, for one before a text as long as a prompt, and for a picture's colour."""
 
     def asked(question: str, *pictures: Picture) -> tuple[str, Answer]:
         session = Session(endpoint, "", pictures, None, Budget(seconds=seconds))
@@ -92,53 +94,49 @@ def _pinged(endpoint: Endpoint, seconds: float) -> Iterator[Line]:
         return
     of = answer.model or endpoint.model
     yield bool(said), "answer", f"'{said}' in {answer.seconds:.1f} s from {of}"
+    # Servers with a short context drop the beginning of a long text without a word.
+    text = fenced(system_prompt(vocabulary()))
+    question = "Which word was to be remembered? Answer with it alone."
     try:
-        said, answer = asked(_long())
+        said, answer = asked(f"Remember the word {WORD}.\n\n{text}\n\n{question}")
     except Unavailable as error:
         yield False, "context", f"{error}; give the model a longer one"
     else:
-        yield WORD in said.lower(), "context", _remembered(said, answer)
+        remembered = WORD in said.lower()
+        yield (
+            remembered,
+            "context",
+            f"a prompt of {answer.input_tokens} tokens is read from its beginning, in "
+            f"{answer.seconds:.1f} s"
+            if remembered
+            else "the beginning of a prompt as long as ours is not read any more; a longer context is "
+            "needed, with Ollama OLLAMA_CONTEXT_LENGTH=16384",
+        )
+    red = io.BytesIO()
+    Image.new("RGB", (SIDE, SIDE), (220, 20, 20)).save(red, "JPEG")
     try:
-        said, _ = asked(COLOUR, _red())
+        said, _ = asked(COLOUR, Picture(red.getvalue(), SIDE, SIDE))
     except Unavailable as error:
         yield False, "pictures", f"{error}; take a model that sees, or --without image"
     else:
         yield "red" in said.lower(), "pictures", f"a red one is called '{said}'"
 
 
-def _long() -> str:
-    """A word, a text as long as the system prompt, and the question which word it was."""
-    text = system_prompt(vocabulary())
-    return f"Remember the word {WORD}.\n\n{fenced(text)}\n\nWhich word was to be remembered? Answer with it alone."
-
-
-def _remembered(said: str, answer: Answer) -> str:
-    if WORD in said.lower():
-        return f"a prompt of {answer.input_tokens} tokens is read from its beginning, in {answer.seconds:.1f} s"
-    return (
-        "the beginning of a prompt as long as ours is not read any more; a longer context is needed, with "
-        "Ollama OLLAMA_CONTEXT_LENGTH=16384"
-    )
-
-
-def _red() -> Picture:
-    """A small red picture."""
-    from PIL import Image
-
-    buffer = io.BytesIO()
-    Image.new("RGB", (SIDE, SIDE), (220, 20, 20)).save(buffer, "JPEG")
-    return Picture(buffer.getvalue(), SIDE, SIDE)
-
-
-def _models(provider: Provider, address: str, seconds: float) -> tuple[str, ...]:
+def model_names(provider: Provider, address: str, seconds: float) -> tuple[str, ...]:
     """Names of the models that the server has.
 
     Raises:
         Unavailable: it cannot be reached, refuses, or sends no such list.
     """
     url = address.rstrip("/") + LISTS.get(provider.name, "/models")
+    key = provider.key() or ""
+    headers = {"authorization": f"Bearer {key}"} if key else {}
+    if provider.name == "google":
+        headers = {"x-goog-api-key": key}
+    elif provider.name == "anthropic":
+        headers = {"x-api-key": key, "anthropic-version": "2023-06-01"}
     try:
-        document = asyncio.run(_fetched(url, _headers(provider), seconds))
+        document = asyncio.run(fetch_json(url, headers, seconds))
     except ImportError:
         raise Unavailable(f"pip install 'palpate[{provider.extra}]'") from None
     entries: object = document.get("data") or document.get("models") or []
@@ -153,20 +151,11 @@ def _models(provider: Provider, address: str, seconds: float) -> tuple[str, ...]
     return tuple(name for name in names if name)
 
 
-def _headers(provider: Provider) -> dict[str, str]:
-    key = provider.key() or ""
-    if provider.name == "google":
-        return {"x-goog-api-key": key}
-    if provider.name == "anthropic":
-        return {"x-api-key": key, "anthropic-version": "2023-06-01"}
-    return {"authorization": f"Bearer {key}"} if key else {}
-
-
-async def _fetched(url: str, headers: dict[str, str], seconds: float) -> dict[str, Any]:
+async def fetch_json(url: str, headers: dict[str, str], seconds: float) -> dict[str, Any]:
     """The JSON object at a URL.
 
     Raises:
-        Unavailable: none comes.
+        Unavailable: none is sent.
     """
     import httpx2
 

@@ -1,7 +1,6 @@
-"""A vision-language model as a planner, whoever provides it.
+"""Vision-language model of any provider as a planner.
 
-Keys come from the environment and are blotted out of every message; what is recorded is words and
-figures.
+Keys come from the environment and are redacted from every message; only words and figures are recorded.
 """
 
 from __future__ import annotations
@@ -12,16 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from palpate.errors import InputError
-from palpate.parameter import Parameter
 from palpate.planning.model import flat
 from palpate.planning.model.answer import Proposal, read_answer
-from palpate.planning.model.dialogue.conversation import Conversation
-from palpate.planning.model.dialogue.critic import Critic
-from palpate.planning.model.dialogue.rounds import converse
-from palpate.planning.model.picture import picture
+from palpate.planning.model.conversation import Conversation
+from palpate.planning.model.critic import Critic
 from palpate.planning.model.prompt.compose import Prompt, compose
 from palpate.planning.model.provider import Endpoint
-from palpate.planning.model.session import Session
+from palpate.planning.model.rounds import converse
+from palpate.planning.model.session import Session, picture
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.plan import Plan
 from palpate.planning.symbolic.planner import requested
@@ -31,20 +28,20 @@ from palpate.vocabulary.registry import vocabulary
 
 if TYPE_CHECKING:
     from palpate.scene.scene import Scene
-    from palpate.scene.symbols import Symbols
 
 
 @dataclass(slots=True)
 class VlmPlanner:
-    """A model as a planner.
+    """Model as a planner.
 
     Attributes:
         model: `PROVIDER:MODEL`, or `PROVIDER` alone for its default.
         model_settings: address, form, feedback and budget.
-        builder: makes a scene of what the model saw, for a request without a scene.
+        remeasure: the request is measured even where the scene states it.
+        builder: makes a scene of the detected objects, for a request without a scene.
         conversation: the latest dialogue, also when `plan` raised.
-        seen: what the model saw, when there was no scene.
-        images: what it looked at, which sharpens what it saw.
+        seen: the detected scene, when there was no scene.
+        images: the pictures, which refine the detected scene.
     """
 
     looks: ClassVar[bool] = True
@@ -89,27 +86,48 @@ class VlmPlanner:
             prompt.user,
             session.ask,
             lambda text: self.judge(text, scene, request),
-            settings.rounds,
-            settings.budget.exhausted,
-            critic or (lambda _: None),
+            rounds=settings.rounds,
+            may_go_on=settings.budget.exhausted,
+            critic=critic or (lambda _: None),
         )
-        return replace(
-            plan, planner=self.conversation.planner, notes=(*plan.notes, *self._remarks())
-        )
+        notes, critique = plan.notes, self.conversation.critique
+        if critique is not None and critique.error:
+            notes = (*notes, f"No critic read the plan: {critique.error}")
+        return replace(plan, planner=self.conversation.planner, notes=notes)
 
-    def _remarks(self) -> list[str]:
-        """Remarks on a critic that could not be asked."""
-        critique = self.conversation.critique if self.conversation is not None else None
-        if critique is None or not critique.error:
-            return []
-        return [f"No critic read the plan: {critique.error}"]
+    def _prompt(self, request: str, scene: Scene | None, images: Sequence[Path]) -> Prompt:
+        symbols = None
+        if scene is None:
+            if self.builder is None or not images:
+                raise InputError(
+                    "there is neither a scene nor a picture for the model to look at: give scene=D.xml, or "
+                    "images=I.png with its camera in poses=poses.yaml"
+                )
+            _ = self.builder.camera  # raises InputError without one
+            symbols = self.builder.symbols
+        settings = self.model_settings
+        prompt = compose(
+            vocabulary(),
+            request,
+            scene,
+            images,
+            symbols=symbols,
+            without=settings.without,
+            style=settings.prompt,
+            comments=settings.comments,
+            arm=self.builder.arm if self.builder else None,
+        )
+        if settings.native:
+            return replace(prompt, user=f"{prompt.user}\n\n{flat.NOTE}")
+        return prompt
 
     def judge(
         self, text: str, scene: Scene | None, request: str | None = ""
     ) -> tuple[Plan | None, list[str]]:
-        """The plan in an answer and what the check finds wrong with it.
+        """The plan in an answer, and the findings on it.
 
-        None as the `request` wants all that the scene leaves out; what any other one means is open.
+        Without a `request` (None) the plan must measure all that the scene misses; with one, the
+        parameters are the model's decision.
         """
         try:
             proposal = read_answer(text)
@@ -117,53 +135,21 @@ class VlmPlanner:
         except InputError as error:
             return None, [str(error)]
 
-    def _prompt(self, request: str, scene: Scene | None, images: Sequence[Path]) -> Prompt:
-        symbols = None
-        if scene is None:
-            symbols = self._names(images)
-        told = self.model_settings
-        prompt = compose(
-            vocabulary(),
-            request,
-            scene,
-            images,
-            symbols,
-            told.without,
-            told.prompt,
-            told.comments,
-            self.builder.arm if self.builder else None,
-        )
-        if told.native:
-            return replace(prompt, user=f"{prompt.user}\n\n{flat.NOTE}")
-        return prompt
-
-    def _names(self, images: Sequence[Path]) -> Symbols:
-        """The names there are without a scene."""
-        if self.builder is None or not images:
-            raise InputError(
-                "there is neither a scene nor a picture for the model to look at: give scene=D.xml, or "
-                "images=I.png with its camera in poses=poses.yaml"
-            )
-        _ = self.builder.camera
-        return self.builder.symbols
-
     def _findings(self, proposal: Proposal, scene: Scene | None, request: str | None) -> list[str]:
         from palpate.planning.check.check import check
 
-        plan = proposal.plan
-        if plan.tree is not None and scene is None:
-            self.seen, scene = self._built(proposal.scene)
-        wanted = None
-        if plan.tree is not None and scene is not None:
-            wanted = self._wanted(request, scene)
+        plan, wanted = proposal.plan, None
+        reads_request = "text" not in self.model_settings.without
+        if plan.tree is not None:
+            if scene is None:
+                scene = self._detect(proposal.scene)
+            if request is None and reads_request:
+                wanted = requested(None, scene, self.remeasure)
         found = check(plan, scene, remeasure=self.remeasure, requested=wanted)
-        told = [f"{finding.path}, {finding.rule}: {finding.message}" for finding in found]
-        return told or self._challenge(plan, scene, request)
-
-    def _challenge(self, plan: Plan, scene: Scene | None, request: str | None) -> list[str]:
-        """Asks once whether a refusal is meant, where what R seems to ask for can be measured."""
-        doubtful = plan.tree is None and not self._challenged and scene is not None
-        if not doubtful or scene is None or "text" in self.model_settings.without:
+        if found:
+            return [f"{finding.path}, {finding.rule}: {finding.message}" for finding in found]
+        # A rejection is questioned once, where the grammar reads from the request what can be measured.
+        if plan.tree is not None or self._challenged or scene is None or not reads_request:
             return []
         wanted = requested(request or None, scene, self.remeasure)
         if not wanted:
@@ -175,14 +161,8 @@ class VlmPlanner:
             "measure; give a tree for what is meant, or return the same answer again if none of it is"
         ]
 
-    def _wanted(self, request: str | None, scene: Scene) -> tuple[Parameter, ...] | None:
-        """Parameters that a plan must measure without a request: all that is missing. With a
-        request the model decides, and None is returned."""
-        if request is not None or "text" in self.model_settings.without:
-            return None
-        return requested(None, scene, self.remeasure)
-
-    def _built(self, objects: tuple[SceneObject, ...]) -> tuple[DetectedScene, Scene]:
+    def _detect(self, objects: tuple[SceneObject, ...]) -> Scene:
+        """The scene of the detected objects, which `seen` keeps."""
         if self.builder is None:
             raise InputError(
                 "there is no simulation description to check the plan against; give one with scene="
@@ -191,5 +171,5 @@ class VlmPlanner:
             raise InputError(
                 "'scene' is missing: there is no D, so list the objects that the image shows"
             )
-        seen = self.builder.detected(objects, self.images)
-        return seen, seen.scene()
+        self.seen = self.builder.detected(objects, self.images)
+        return self.seen.scene()

@@ -1,5 +1,5 @@
-"""The providers of models: names, defaults, and where their keys and addresses come from. No SDK is
-loaded here."""
+"""Providers of models: names, defaults, and the sources of their keys and addresses. No SDK is loaded
+here."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from palpate.errors import InputError, Unavailable, unknown_name
 
 @dataclass(frozen=True, slots=True)
 class Provider:
-    """Source of models.
+    """Provider of models.
 
     Attributes:
         name: prefix in `--planner NAME:MODEL`.
-        extra: pip extra that brings its SDK.
+        extra: pip extra that installs its SDK.
         key_variables: environment variables that may hold its key, the first wins.
         url_variable: environment variable that may hold its address.
-        model: default model; empty where the server decides what there is.
+        model: default model; empty where that depends on the server.
         url: default address, None for the SDK's own, empty where one must be given.
-        key_required: whether it answers without a key.
+        key_required: it needs a key.
     """
 
     name: str
@@ -37,10 +37,7 @@ class Provider:
         return next((value for v in self.key_variables if (value := os.environ.get(v))), None)
 
     def require_key(self) -> None:
-        """
-        Raises:
-            Unavailable: the provider needs a key and the environment has none.
-        """
+        """Raise Unavailable if the provider needs a key and the environment has none."""
         if self.key_required and not self.key():
             raise Unavailable(
                 f"the planner '{self.name}' needs a key: set {self.key_variables[0]} in the environment, "
@@ -68,6 +65,12 @@ class Provider:
         return url
 
 
+def _local(name: str, variables: str, url: str) -> Provider:
+    """A server that speaks OpenAI chat completions and needs no key."""
+    keys, url_variable = (f"{variables}_API_KEY",), f"{variables}_BASE_URL"
+    return Provider(name, "openai", keys, url_variable, url=url, key_required=False)
+
+
 PROVIDERS = {
     p.name: p
     for p in (
@@ -86,30 +89,9 @@ PROVIDERS = {
             "ANTHROPIC_BASE_URL",
             "claude-sonnet-5-5",
         ),
-        Provider(
-            "ollama",
-            "openai",
-            ("OLLAMA_API_KEY",),
-            "OLLAMA_BASE_URL",
-            url="http://localhost:11434/v1",
-            key_required=False,
-        ),
-        Provider(
-            "vllm",
-            "openai",
-            ("VLLM_API_KEY",),
-            "VLLM_BASE_URL",
-            url="http://localhost:8000/v1",
-            key_required=False,
-        ),
-        Provider(
-            "compatible",
-            "openai",
-            ("OPENAI_COMPATIBLE_API_KEY",),
-            "OPENAI_COMPATIBLE_BASE_URL",
-            url="",
-            key_required=False,
-        ),
+        _local("ollama", "OLLAMA", "http://localhost:11434/v1"),
+        _local("vllm", "VLLM", "http://localhost:8000/v1"),
+        _local("compatible", "OPENAI_COMPATIBLE", ""),
     )
 }
 """`compatible` is any other server that speaks OpenAI chat completions, such as llama.cpp's."""
@@ -117,7 +99,7 @@ PROVIDERS = {
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """A model where it is asked: whose it is, its name, and the address, None for the SDK's own."""
+    """Model of a provider with its address, None for the SDK's own."""
 
     provider: Provider
     model: str
@@ -125,7 +107,7 @@ class Endpoint:
 
     @classmethod
     def of(cls, planner: str, base_url: str | None = None) -> Endpoint:
-        """Provider of `PROVIDER:MODEL` or `PROVIDER`.
+        """Endpoint of `PROVIDER:MODEL` or `PROVIDER`.
 
         Raises:
             InputError: unknown provider, no model where there is no default, or no address.

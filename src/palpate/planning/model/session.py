@@ -1,49 +1,89 @@
-"""Dialogue with a provider through pydantic-ai: messages, retries, deadlines, errors in plain
+"""Dialogue with a provider through pydantic-ai: messages, pictures, retries, deadlines, errors in plain
 words.
 
-The home of the model SDK, which is loaded when a model is asked, never before. Of pydantic-ai
-this takes the request alone. Its `Agent` fences feedback and adds a note about the fence to the
-system prompt, which then is not the one that was recorded; it ends at a refusal or an answer cut
-short instead of telling the model; and its `UsageLimits` throw away the answer that reaches a
-limit, be it a valid plan. Its retrying transport sees a status, not that a quota is used up, and
-does not repeat a body that breaks off.
+Only the request of pydantic-ai is used. Its `Agent` fences feedback and adds a note about the fence to
+the system prompt, which then differs from the recorded one; it ends at a refusal or a truncated answer
+instead of returning it to the model; and its `UsageLimits` discard the answer that reaches a limit, even
+a valid plan. Its retrying transport sees the status, not an exhausted quota, and does not repeat a
+body that breaks off.
 """
 
 from __future__ import annotations
 
 import asyncio
+import hashlib
+import io
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from PIL import Image
+
 from palpate.errors import PalpateError, Unavailable
-from palpate.planning.model.dialogue.conversation import Answer
-from palpate.planning.model.failures import NOT_THE_API, TOO_LARGE, may_pass, reason
-from palpate.planning.model.picture import Picture
+from palpate.planning.model.conversation import Answer
 from palpate.planning.model.provider import Endpoint
-from palpate.planning.model.sdk import sdk_model
+from palpate.planning.model.sdk import (
+    NOT_THE_API,
+    TOO_LARGE,
+    bounded_client,
+    is_too_large,
+    may_pass,
+    reason,
+    sdk_model,
+)
 from palpate.planning.model.settings import Budget
-from palpate.planning.model.wire import bounded_client, is_too_large
 from palpate.redaction import redact
+from palpate.scene.camera import load_image
 
 if TYPE_CHECKING:
     from pydantic_ai.exceptions import ModelAPIError
     from pydantic_ai.messages import ModelMessage, ModelResponse
-    from pydantic_ai.models import ModelRequestParameters
-    from pydantic_ai.settings import ModelSettings as RequestSettings
 
 
 BACKOFF = (1.0, 2.0, 4.0, 8.0)
-"""s: waits before a request is repeated when the provider names none; as many repeats as there are
-waits."""
+"""s: waits before each repeat of a request, where the provider names none."""
 LONGEST_ANSWER = 16_000
 """Tokens of one answer, reasoning included."""
+LONGEST_SIDE = 1024
+"""Pixels of the longer side of a picture as sent: larger ones are downscaled, smaller ones kept."""
+JPEG_QUALITY = 90
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """An encoded picture: JPEG bytes and its size in pixels."""
+
+    data: bytes
+    width: int
+    height: int
+    media_type: str = "image/jpeg"
+
+    def note(self) -> dict[str, Any]:
+        """Size and digest of the picture for the record."""
+        return {
+            "width": self.width,
+            "height": self.height,
+            "sha256": hashlib.sha256(self.data).hexdigest(),
+        }
+
+
+def picture(path: Path) -> Picture:
+    """A picture file as it is sent: downscaled, and encoded anew without the file's metadata.
+
+    Raises:
+        InputError: not readable as a picture, or too large.
+    """
+    pixels = load_image(path, LONGEST_SIDE)
+    buffer = io.BytesIO()
+    Image.fromarray(pixels).save(buffer, "JPEG", quality=JPEG_QUALITY)
+    return Picture(buffer.getvalue(), pixels.shape[1], pixels.shape[0])
 
 
 @dataclass(slots=True)
 class Session:
-    """The dialogue as the provider sees it: the messages so far, and the time that is left."""
+    """Dialogue as the provider sees it: the messages so far, and the time that is left."""
 
     endpoint: Endpoint
     system: str
@@ -70,24 +110,35 @@ class Session:
                 f"the planner '{provider.name}' needs its SDK: "
                 f"pip install 'palpate[{provider.extra}]'"
             ) from None
-        answer = _answer(response, time.monotonic() - started, requests)
+        answer = answer_of(response, time.monotonic() - started, requests)
         self.tokens += answer.input_tokens + answer.output_tokens
         return answer
 
     async def _exchange(self, message: str) -> tuple[ModelResponse, int]:
-        """The response to `message`, repeated where that helps, and how many requests it took."""
+        """The response to `message`, and the number of requests that it took."""
         from pydantic_ai.exceptions import ModelAPIError
+        from pydantic_ai.messages import BinaryContent, ModelRequest, TextPart, UserContent
+        from pydantic_ai.messages import UserPromptPart as Prompt
 
-        self.messages.append(self._request(message))
+        content: list[UserContent] = [message]
+        if not self.messages:  # the pictures go with the first message
+            for each in self.pictures:
+                content.append(BinaryContent(each.data, media_type=each.media_type))
+        self.messages.append(ModelRequest([Prompt(content)], instructions=self.system or None))
         for attempt in range(1, len(BACKOFF) + 2):
             try:
-                response = _without_keys(await self._response())
+                response = await self._response()
             except ModelAPIError as error:
-                wait = self._wait(error, attempt)
-            else:
-                self.messages.append(response)
-                return response, attempt
-            await asyncio.sleep(wait)
+                await asyncio.sleep(self._wait(error, attempt))
+                continue
+            # Any key that the answer repeats is removed before it is kept or sent again.
+            parts = [
+                replace(part, content=redact(part.content)) if isinstance(part, TextPart) else part
+                for part in response.parts
+            ]
+            response = replace(response, parts=parts)
+            self.messages.append(response)
+            return response, attempt
         raise AssertionError("unreachable: _wait raises after the last attempt")
 
     async def _response(self) -> ModelResponse:
@@ -95,56 +146,37 @@ class Session:
 
         Raises:
             ModelAPIError: the provider failed or refused.
-            Unavailable: what came back is not its API.
+            Unavailable: the response is not that of its API.
         """
         from pydantic_ai.direct import model_request
         from pydantic_ai.exceptions import ModelAPIError
+        from pydantic_ai.models import ModelRequestParameters
+        from pydantic_ai.output import OutputObjectDefinition
 
-        async with bounded_client(self._patience()) as client:
+        parameters = ModelRequestParameters()
+        if self.schema is not None:
+            wanted = OutputObjectDefinition(json_schema=self.schema, name="plan", strict=True)
+            parameters = ModelRequestParameters(output_mode="native", output_object=wanted)
+        patience = self.budget.patience(self.deadline - time.monotonic())
+        async with bounded_client(patience) as client:
             try:
                 return await model_request(
                     sdk_model(self.endpoint, client),
                     self.messages,
-                    model_settings=self._settings(),
-                    model_request_parameters=self._parameters(),
+                    model_settings={
+                        "max_tokens": max(1, min(LONGEST_ANSWER, self.budget.tokens - self.tokens)),
+                        "request_timeout": patience,
+                        "max_retries": 0,
+                        "cache": True,
+                    },
+                    model_request_parameters=parameters,
                 )
             except (ModelAPIError, ImportError, PalpateError):
                 raise
             except Exception as error:
-                # the SDKs raise kinds of their own on answers that they do not understand
-                if is_too_large(error):
-                    raise self._failure(TOO_LARGE) from None
-                raise self._failure(NOT_THE_API) from None
-
-    def _request(self, message: str) -> ModelMessage:
-        from pydantic_ai.messages import BinaryContent, ModelRequest, UserContent, UserPromptPart
-
-        content: list[UserContent] = [message]
-        if not self.messages:  # the pictures go with the first message
-            for picture in self.pictures:
-                content.append(BinaryContent(picture.data, media_type=picture.media_type))
-        return ModelRequest([UserPromptPart(content)], instructions=self.system or None)
-
-    def _settings(self) -> RequestSettings:
-        return {
-            "max_tokens": max(1, min(LONGEST_ANSWER, self.budget.tokens - self.tokens)),
-            "request_timeout": self._patience(),
-            "max_retries": 0,
-            "cache": True,
-        }
-
-    def _patience(self) -> float:
-        """s that the next request may take."""
-        return self.budget.patience(self.deadline - time.monotonic())
-
-    def _parameters(self) -> ModelRequestParameters:
-        from pydantic_ai.models import ModelRequestParameters
-        from pydantic_ai.output import OutputObjectDefinition
-
-        if self.schema is None:
-            return ModelRequestParameters()
-        wanted = OutputObjectDefinition(json_schema=self.schema, name="plan", strict=True)
-        return ModelRequestParameters(output_mode="native", output_object=wanted)
+                # The SDKs raise exceptions of many kinds on answers that they cannot parse.
+                problem = TOO_LARGE if is_too_large(error) else NOT_THE_API
+                raise self._failure(problem) from None
 
     def _wait(self, error: ModelAPIError, attempt: int) -> float:
         """Seconds until the request may be repeated.
@@ -152,60 +184,44 @@ class Session:
         Raises:
             Unavailable: repeating does not help, or there is no time for it.
         """
-        what = reason(error, self.endpoint)
+        problem = reason(error, self.endpoint)
         if not may_pass(error):
-            raise self._failure(what) from None
+            raise self._failure(problem) from None
         if attempt > len(BACKOFF):
-            raise self._failure(f"{what}, {attempt} times") from None
+            raise self._failure(f"{problem}, {attempt} times") from None
         wait = BACKOFF[attempt - 1]
         if error.retry_after is not None:
             wait = max(0.0, error.retry_after)
-            what += f" and asks to wait {wait:.0f} s"
+            problem += f" and asks to wait {wait:.0f} s"
         left = self.deadline - time.monotonic()
         if wait < left:
             return wait
         of_budget = f"{max(0.0, left):.0f} s of {self.budget.seconds:.0f} s are left"
-        raise self._failure(f"{what}; {of_budget}") from None
+        raise self._failure(f"{problem}; {of_budget}") from None
 
     def _failure(self, reason: str) -> Unavailable:
         return Unavailable(redact(f"{self.endpoint.name}: {reason}"))
 
 
-def _without_keys(response: ModelResponse) -> ModelResponse:
-    """The response as it may be kept, without any key that it repeats."""
-    from pydantic_ai.messages import ModelResponsePart, TextPart
-
-    parts: list[ModelResponsePart] = []
-    for part in response.parts:
-        if isinstance(part, TextPart):
-            parts.append(replace(part, content=redact(part.content)))
-        else:
-            parts.append(part)
-    return replace(response, parts=parts)
-
-
-def _answer(response: ModelResponse, seconds: float, requests: int) -> Answer:
+def answer_of(response: ModelResponse, seconds: float, requests: int) -> Answer:
+    """The answer in a provider's response, with its figures."""
     from pydantic_ai.messages import TextPart
 
     usage = response.usage
     text = "".join(part.content for part in response.parts if isinstance(part, TextPart))
     refusal = str((response.provider_details or {}).get("refusal", ""))
-    return Answer(
-        redact(text or refusal),
-        redact(response.model_name or ""),
-        usage.input_tokens,
-        usage.cache_read_tokens,
-        usage.output_tokens,
-        _cost(response),
-        seconds,
-        requests,
-        redact(response.finish_reason or ""),
-    )
-
-
-def _cost(response: ModelResponse) -> float | None:
-    """US dollars by the list prices that came with the SDK; None for a model they do not know."""
     try:
-        return float(response.cost().total_price)
+        cost = float(response.cost().total_price)  # list prices that came with the SDK
     except (LookupError, ValueError, AssertionError):
-        return None
+        cost = None
+    return Answer(
+        text=redact(text or refusal),
+        model=redact(response.model_name or ""),
+        input_tokens=usage.input_tokens,
+        cached_tokens=usage.cache_read_tokens,
+        output_tokens=usage.output_tokens,
+        cost=cost,
+        seconds=seconds,
+        requests=requests,
+        finish=redact(response.finish_reason or ""),
+    )

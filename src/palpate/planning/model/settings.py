@@ -9,7 +9,7 @@ from urllib.parse import urlsplit, urlunsplit
 from palpate.option import Option
 
 if TYPE_CHECKING:
-    from palpate.planning.model.dialogue.conversation import Conversation
+    from palpate.planning.model.conversation import Conversation
     from palpate.planning.model.prompt.compose import Style
 else:
     Style = str  # `checked` looks at the name: its module loads the vocabulary

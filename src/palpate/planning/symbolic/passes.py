@@ -1,6 +1,5 @@
-"""More work for a parameter than its evidence takes: the ways between grasp and lift gone slowly,
-and the object taken, lifted and put back again and again, so that empty and loaded passes over the
-same path alternate."""
+"""Effort beyond the evidence that a parameter needs: slow passes between grasp and lift, and repeated
+cycles of grasp, lift and put-back, in which empty and loaded passes over the same path alternate."""
 
 from __future__ import annotations
 
@@ -17,8 +16,6 @@ from palpate.vocabulary.motion import MovePose
 from palpate.vocabulary.state import SymbolicState
 
 Efforts = Mapping[Parameter, Effort]
-Lift = tuple[str, str]
-"""Pose expressions at which an object was taken, and to which it was lifted."""
 
 
 def efforts(scene: Scene, parameters: Iterable[Parameter], within: Within) -> Efforts:
@@ -44,71 +41,81 @@ def site_of(scene: Scene, parameter: Parameter, value: Sequence[float] = ()) -> 
     believed = tuple(value) or known or scene.priors.get(parameter)
     if believed is None:
         return None
-    grasp, above = (scene.symbols.resolve(at) for at in _default_lift(name))
+    grasp, above = (scene.symbols.resolve(at) for at in (f"{name}_pose", f"{name}_pose + z_offset"))
     base, gravity = scene.pose_world_base, scene.gravity
-    return Site(parameter, scene.arm, base, grasp, above, believed, gravity, NEAR_SPEED)
+    return Site(
+        parameter=parameter,
+        arm=scene.arm,
+        pose_world_base=base,
+        grasp=grasp,
+        above=above,
+        believed=believed,
+        gravity=gravity,
+        near_speed=NEAR_SPEED,
+    )
 
 
 def with_effort(
     start: SymbolicState, steps: Sequence[Step], state: SymbolicState, name: str, effort: Effort
 ) -> tuple[list[Step], SymbolicState]:
-    """Steps that measure something of an object from `start` on and lead to `state`, with that
-    effort, and the state after them; fewer cycles where something speaks against more."""
-    lift = _lift(state, name)
+    """Add an effort to the steps that measure an object.
+
+    Args:
+        start, steps, state: the state before, the steps, and the state after them.
+        name: the object.
+        effort: speed of the passes and number of cycles; fewer where more would do harm.
+
+    Returns:
+        The steps with the effort, and the state after them.
+    """
+    # The recordings tell at which pose expressions the object was last grasped and held still.
+    lift = next(
+        (
+            (context.grasp, context.at)
+            for _, context in reversed(state.logged)
+            if context.holding == name and context.activity == "still"
+            if context.grasp and context.at
+        ),
+        None,
+    )
     if lift is None:
         return list(steps), state
-    found = list(_slowed(start.at, steps, lift, effort.speed))
-    again = list(_cycle(lift, effort.speed))
+    grasp, above = lift
+    found = list(slowed(start.at, steps, {grasp, above}, effort.speed))
+    # Down, grasp, up; down, release, up.
+    cycle: list[Step] = []
+    for fingers in (CloseGripper(), OpenGripper()):
+        down, up = (MovePose(pose=pose, speed=effort.speed) for pose in lift)
+        cycle += [Step((primitive,)) for primitive in (down, fingers, up)]
     for _ in range(effort.cycles - 1):
-        after = _after(again, state, name, lift)
+        after = after_cycle(cycle, state, name, above)
         if after is None:
             break
-        found += again
+        found += cycle
         state = after
     return found, state
 
 
-def _lift(state: SymbolicState, name: str) -> Lift | None:
-    """Last lift and hold of the object, by the recordings."""
-    for _, context in reversed(state.logged):
-        if context.holding == name and context.activity == "still" and context.grasp and context.at:
-            return context.grasp, context.at
-    return None
-
-
-def _default_lift(name: str) -> Lift:
-    return f"{name}_pose", f"{name}_pose + z_offset"
-
-
-def _slowed(
-    at: str | None, steps: Iterable[Step], lift: Lift, speed: float | None
+def slowed(
+    at: str | None, steps: Iterable[Step], ends: set[str], speed: float | None
 ) -> Iterator[Step]:
-    """The steps, the ways from one end of the lift to the other at that speed."""
+    """The steps from pose `at` on, those between both `ends` of the lift at that speed (m/s)."""
     for step in steps:
         (first, *beside), start = step.primitives, at
         if isinstance(first, MovePose):
             at = first.pose
-            if {start, at} == set(lift) and not beside:
+            if {start, at} == ends and not beside:
                 step = Step((first.model_copy(update={"speed": speed}),), step.touches)
         elif "arm" in first.claims:
             at = None
         yield step
 
 
-def _cycle(lift: Lift, speed: float | None) -> Iterator[Step]:
-    """Down, take, up; down, let go, up."""
-    grasp, above = lift
-    for fingers in (CloseGripper(), OpenGripper()):
-        for primitive in (MovePose(pose=grasp, speed=speed), fingers):
-            yield Step((primitive,))
-        yield Step((MovePose(pose=above, speed=speed),))
-
-
-def _after(
-    steps: Iterable[Step], state: SymbolicState, name: str, lift: Lift
+def after_cycle(
+    steps: Iterable[Step], state: SymbolicState, name: str, above: str
 ) -> SymbolicState | None:
     """The state after a cycle; None where it cannot be made from `state`, or does harm."""
-    if state.at != lift[1] or not is_clear(state):
+    if state.at != above or not is_clear(state):
         return None
     for step in steps:
         after = step.applied(state)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from palpate.parameter import Parameter
-from palpate.planning.check.measured import amount
-from palpate.planning.symbolic.goals import Tail
+from palpate.planning.check.walk import evidence_amount
+from palpate.planning.symbolic.shortest import Tail
 from palpate.planning.symbolic.steps import Step
 from palpate.vocabulary.base import Primitive, Surroundings
 from palpate.vocabulary.registry import Vocabulary
@@ -19,67 +19,61 @@ def yielding(
     words: Vocabulary,
     around: Surroundings,
 ) -> Tail:
-    """The steps that sense and convert a parameter, alone or beside one of the motions."""
-    chains = list(_chains(parameter.quantity, words, around))
+    """Tail of steps that sense and convert a parameter, alone or beside one of the motions."""
+    chains = list(recording_chains(parameter.quantity, words, around))
     motions = [operator for operator in operators if "arm" in operator.claims]
 
     def tail(state: SymbolicState) -> list[Step] | None:
         for first, *others in chains:
             following = [Step((primitive,)) for primitive in others]
             steps = [Step((first,)), *following]
-            if _yields(parameter, steps, state):
+            if adds_evidence(parameter, steps, state):
                 return steps
             for operator in motions:
                 steps = [Step((operator, first)), *following]
-                if not state.contact and _yields(parameter, steps, state):
+                if not state.contact and adds_evidence(parameter, steps, state):
                     return steps
         return None
 
     return tail
 
 
-def _chains(
+def recording_chains(
     quantity: str, words: Vocabulary, around: Surroundings
 ) -> Iterator[tuple[Primitive, ...]]:
-    """Sensing and conversion that end in `quantity`."""
+    """Sensing and conversion that end in `quantity`; of a derived quantity, the sensing alone."""
+
+    def grounded(classes: Iterable[type[Primitive]]) -> Iterator[Primitive]:
+        for cls in classes:
+            yield from cls.groundings(around)
+
     known = around.state.scene.catalogue[quantity]
     if known.derived:
         for buffer in dict.fromkeys(evidence.buffer for evidence in known.evidence):
-            for sensing in _grounded(words.sensors(buffer), around):
+            for sensing in grounded(words.sensors(buffer)):
                 yield (sensing,)
-    for conversion in _grounded(words.converters(quantity), around):
+    for conversion in grounded(words.converters(quantity)):
         if conversion.reads is None:
             yield (conversion,)
             continue
-        for sensing in _grounded(words.sensors(conversion.reads), around):
+        for sensing in grounded(words.sensors(conversion.reads)):
             yield sensing, conversion
 
 
-def _grounded(classes: Iterable[type[Primitive]], around: Surroundings) -> Iterator[Primitive]:
-    for cls in classes:
-        yield from cls.groundings(around)
-
-
-def _yields(parameter: Parameter, steps: Iterable[Step], state: SymbolicState) -> bool:
-    before = amount(parameter, state)
+def adds_evidence(parameter: Parameter, steps: Iterable[Step], state: SymbolicState) -> bool:
+    """True if the steps can be made and add evidence of the parameter."""
+    before, catalogue = evidence_amount(parameter, state), state.scene.catalogue
     for step in steps:
-        if not _may_concern(parameter, step, state):
-            return False
+        if catalogue[parameter.quantity].derived:
+            # Before the slower trial: the context of the recording shows whether it can be evidence.
+            context = during(step.moving, state).context()
+            if not any(
+                primitive.writes and catalogue.piece(parameter, primitive.writes, context)
+                for primitive in step.primitives
+            ):
+                return False
         after = step.applied(state)
         if after is None:
             return False
         state = after
-    return amount(parameter, state) > before
-
-
-def _may_concern(parameter: Parameter, step: Step, state: SymbolicState) -> bool:
-    """True if what a step records may be evidence for a derived parameter: a quick look before the
-    step is tried."""
-    catalogue = state.scene.catalogue
-    if not catalogue[parameter.quantity].derived:
-        return True
-    context = during(step.moving, state).context()
-    for primitive in step.primitives:
-        if primitive.writes and catalogue.piece(parameter, primitive.writes, context):
-            return True
-    return False
+    return evidence_amount(parameter, state) > before

@@ -1,26 +1,26 @@
 """Breadth-first search over symbolic states, for the fewest steps to a goal.
 
-Boxes are looked at in every state; what the exact judgement refuses of a way that was found is told to
-the next search.
+Boxes are tested in every state. The exact judgement is slow: it tests only a found path, and the next
+search avoids the steps that it refuses.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from palpate.planning.symbolic.goals import Tail
-from palpate.planning.symbolic.steps import Step
+from palpate.geometry.pose import Pose
+from palpate.planning.symbolic.steps import Step, is_away, is_clear
 from palpate.vocabulary.base import Primitive
-from palpate.vocabulary.state import SymbolicState
+from palpate.vocabulary.state import RESTORED_POSITION, SymbolicState
 from palpate.vocabulary.violation import PRECONDITION, Violation
 
 MAX_STATES = 5000
-"""States that one search looks at before it gives up."""
+"""States that one search visits before it gives up."""
 FEW_STATES = 60
-"""States that the search for a reason looks at."""
+"""States that the search for a reason visits."""
 MOVE_OR_CLEAR = "make room: move it, or what stands beside it"
 MOVE_OR_TURN = "move it nearer to the middle of the arm's reach, or turn it"
 ADVICE: Mapping[str, str] = {
@@ -34,8 +34,32 @@ ADVICE: Mapping[str, str] = {
     "too-wide": "turn it so that a narrower side faces the fingers",
 }
 """Advice to the user by rule."""
+
+Goal = Callable[[SymbolicState], bool]
+Tail = Callable[[SymbolicState], "list[Step] | None"]
+"""Remaining steps from a state to the goal; None when the goal is not in reach from there."""
 Refusal = tuple[tuple[object, ...], str]
 """A state, and the label of a step that does harm there."""
+
+
+def at_rest(name: str) -> Goal:
+    """The hand empty, open and clear, and `name` where the scene has it."""
+    return lambda state: is_clear(state) and not is_away(state, name)
+
+
+def placed(name: str, pose_world_object: Pose) -> Goal:
+    """The hand empty, open and clear, and `name` at that pose."""
+
+    def reached(state: SymbolicState) -> bool:
+        distance = state.pose_of(name).distance_to(pose_world_object)
+        return is_clear(state) and distance < RESTORED_POSITION
+
+    return reached
+
+
+def when(done: Goal) -> Tail:
+    """Tail without steps, once `done` holds."""
+    return lambda state: [] if done(state) else None
 
 
 def shortest(
@@ -43,19 +67,17 @@ def shortest(
 ) -> tuple[list[Step], SymbolicState] | None:
     """Breadth-first search; ties go to the order of `operators`."""
     queue: deque[tuple[SymbolicState, tuple[Step, ...]]] = deque([(start, ())])
-    seen = {_key(start)}
+    seen = {state_key(start)}
     while queue and len(seen) < MAX_STATES:
         state, steps = queue.popleft()
         rest = tail(state)
-        if rest is not None and not _is_refused(state, rest, refused):
-            for step in rest:
-                state = step.effect(state)
-            return [*steps, *rest], state
+        if rest is not None and (after := final_state(state, rest, refused)) is not None:
+            return [*steps, *rest], after
         for operator in operators:
             after = Step((operator,)).applied(state)
-            if after is None or (_key(state), operator.label) in refused:
+            if after is None or (state_key(state), operator.label) in refused:
                 continue
-            key = _key(after)
+            key = state_key(after)
             if key not in seen:
                 seen.add(key)
                 step = Step((operator,), touches=after.contact is not None)
@@ -63,13 +85,23 @@ def shortest(
     return None
 
 
+def final_state(
+    state: SymbolicState, steps: Iterable[Step], refused: set[Refusal]
+) -> SymbolicState | None:
+    """The state after some steps; None where one of them is `refused`."""
+    for step in steps:
+        if refused and (state_key(state), step.label) in refused:
+            return None
+        state = step.effect(state)
+    return state
+
+
 def first_refused(state: SymbolicState, steps: Iterable[Step]) -> tuple[Refusal, Violation] | None:
-    """The first of some steps that the exact judgement does not let pass, and why; it is too slow
-    to be asked at every step of a search."""
+    """First of some steps that the exact judgement refuses, with its violation."""
     for step in steps:
         harm = step.harm(state)
         if harm is not None:
-            return (_key(state), step.label), harm
+            return (state_key(state), step.label), harm
         state = step.effect(state)
     return None
 
@@ -77,17 +109,16 @@ def first_refused(state: SymbolicState, steps: Iterable[Step]) -> tuple[Refusal,
 def obstacle(state: SymbolicState, operators: Sequence[Primitive]) -> str:
     """Reason why no sequence of actions leads on, with advice to the user: an object would tip, fall
     or turn in the grip. Violations of the order of actions are not reasons."""
-    queue, seen = deque([state]), {_key(state)}
+    queue, seen = deque([state]), {state_key(state)}
     while queue and len(seen) < FEW_STATES:
         here = queue.popleft()
         for operator in operators:
-            taking = "gripper" in operator.claims
-            for violation in operator.requires(here) if taking else ():
+            for violation in operator.requires(here) if "gripper" in operator.claims else ():
                 if violation.rule not in (PRECONDITION, "gripper-state", "unknown-start"):
                     return reason(violation)
             after = Step((operator,)).applied(here)
-            if after is not None and _key(after) not in seen:
-                seen.add(_key(after))
+            if after is not None and state_key(after) not in seen:
+                seen.add(state_key(after))
                 queue.append(after)
     return ""
 
@@ -98,15 +129,7 @@ def reason(violation: Violation) -> str:
     return f"{violation.finding}; {advice}" if advice else violation.finding
 
 
-def _is_refused(state: SymbolicState, steps: Iterable[Step], refused: set[Refusal]) -> bool:
-    for step in steps if refused else ():
-        if (_key(state), step.label) in refused:
-            return True
-        state = step.effect(state)
-    return False
-
-
-def _key(state: SymbolicState) -> tuple[object, ...]:
+def state_key(state: SymbolicState) -> tuple[object, ...]:
     """Key of a state: poses to a tenth of a millimetre."""
     moved: list[object] = []
     for name, pose in sorted(state.moved.items()):

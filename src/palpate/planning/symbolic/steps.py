@@ -1,13 +1,14 @@
-"""Step of a plan under construction: its effect, and this planner's preference."""
+"""Step of a plan under construction: its effect, and this planner's preferences."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any, cast
 
 from palpate.errors import InputError
-from palpate.planning.nodes import node_of
 from palpate.planning.plan import Node
+from palpate.scene.raised import TEMPORARY
 from palpate.vocabulary.admissible import motion
 from palpate.vocabulary.admissible.clearance import straddled
 from palpate.vocabulary.base import Primitive
@@ -22,14 +23,12 @@ from palpate.vocabulary.state import (
 )
 from palpate.vocabulary.violation import Violation
 
-TEMPORARY = "_temporary"
-"""Ending of the name of the free place to which an object is carried out of the way."""
 TURNED = 0.1
-"""rad by which an object may be turned and still be as it was."""
+"""rad by which an object may be turned and still count as restored."""
 SLIDE = 0.06
-"""m: how far an object is slid for its friction, at least."""
+"""m: least length of a slide for friction."""
 ASIDE = 0.03
-"""m: how far along the other axis."""
+"""m: least length of its way along the other axis."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,16 +50,6 @@ class Step:
         return [primitive for primitive in self.primitives if not primitive.claims]
 
     @property
-    def senses(self) -> bool:
-        """True if nothing moves."""
-        return not self.moving
-
-    @property
-    def leads_to_sensing(self) -> bool:
-        """True if sensing after it belongs to it: it senses itself, or touches what is sensed."""
-        return self.senses or self.touches or bool(self.sensing)
-
-    @property
     def label(self) -> str:
         """Label for people."""
         return " beside ".join(primitive.label for primitive in self.primitives)
@@ -76,15 +65,17 @@ class Step:
         """The state after it.
 
         Raises:
-            InputError: it goes to a pose that does not exist.
+            InputError: it goes to an unknown pose.
         """
         moving, sensing = self.moving, self.sensing
         branches = [sensing] if sensing else []
-        return parallel(state, during(moving, state), moving, branches, _after)
+        meanwhile = during(moving, state)
+        return parallel(
+            state, meanwhile, moving, branches, lambda leaf, before: leaf.effects(before)
+        )
 
     def applied(self, state: SymbolicState) -> SymbolicState | None:
-        """The state after it; None where something speaks against it, or this planner would not
-        take it."""
+        """The state after it; None where it breaks a precondition, or is not preferred."""
         moving, sensing = self.moving, self.sensing
         try:
             meanwhile = during(moving, state)
@@ -94,69 +85,69 @@ class Step:
         except InputError:
             return None
         for primitive in moving:
-            if not _would_take(primitive, state, after, recorded=bool(sensing)):
+            if not is_preferred(primitive, state, after, recorded=bool(sensing)):
                 return None
             if primitive.requires(state):
                 return None
         return after
 
+    def node(self) -> Node:
+        """Node of a plan, with the primitives' arguments as they are written in a file."""
+        made: list[Node] = []
+        for primitive in self.primitives:
+            arguments: list[tuple[str, Any]] = []
+            for name, value in primitive.model_dump(mode="json", exclude_none=True).items():
+                if isinstance(value, list):
+                    value = tuple(cast("list[object]", value))
+                arguments.append((name, value))
+            made.append(Node(type(primitive).__name__, tuple(arguments)))
+        return made[0] if len(made) == 1 else Node("Parallel", children=tuple(made))
 
-def _after(primitive: Primitive, state: SymbolicState) -> SymbolicState:
-    return primitive.effects(state)
 
-
-def _would_take(
+def is_preferred(
     primitive: Primitive, before: SymbolicState, after: SymbolicState, recorded: bool
 ) -> bool:
-    """True if this planner takes an action: it is more careful than the check has to be, and does
-    nothing that leads nowhere."""
+    """True if this planner takes an action: it is stricter than the check, and takes no detours.
+
+    `recorded`: something is sensed beside it.
+    """
     if before.pose_world_tcp is None:
         return after.at == HOME_CONFIG
     if "gripper" in primitive.claims:
-        folds = after.gripper == "closed" and after.at is not None and after.at.endswith(TOP)
-        closes = folds or _closes_on_something(after)
-        return closes if after.gripper == "closed" else _lets_go_well(before)
+        if after.gripper != "closed":
+            return releases_in_place(before)
+        # The empty hand closes only above the top of an object, to probe it with its fingertips.
+        probes = after.at is not None and after.at.endswith(TOP)
+        return probes or after.holding is not None
     if after.contact:
         # A guarded motion begins in free air.
-        return not before.contact and not _straddles(before)
+        return not before.contact and not straddles(before)
     if after.is_bent:
         # The joints move with a free hand.
-        return not (before.contact or before.holding or _straddles(before))
+        return not (before.contact or before.holding or straddles(before))
     if after.at == before.at and not before.contact and not (primitive.tilts and recorded):
         return False
-    if _slides(before, after) and not _slides_well(before, after, recorded):
+    dragged = before.holding is not None and not before.lifted and not after.lifted
+    if dragged and not slides_well(before, after, recorded):
         return False
     return next(motion.conservative_violations(before, after), None) is None
 
 
-def _straddles(state: SymbolicState) -> bool:
-    """True if an object stands between the open fingers."""
-    return not state.holding and straddled(state, state.pose_world_tcp) is not None
-
-
-def _closes_on_something(after: SymbolicState) -> bool:
-    return after.holding is not None
-
-
-def _lets_go_well(before: SymbolicState) -> bool:
-    """Objects are let go of where and as the scene has them, or at their temporary place."""
+def releases_in_place(before: SymbolicState) -> bool:
+    """True if an object is released where and as the scene has it, or at its temporary place; or if the
+    hand is closed and empty."""
     held = before.holding
-    if before.gripper == "open":
-        return False
-    if held is None:
-        return True
+    if before.gripper == "open" or held is None:
+        return before.gripper != "open"
     turned = before.pose_of(held).angle_to(before.scene.body(held).pose_world)
     if not is_away(before, held) and turned < TURNED:
         return True
     return before.at == f"{held}{TEMPORARY}"
 
 
-def _slides(before: SymbolicState, after: SymbolicState) -> bool:
-    return before.holding is not None and not before.lifted and not after.lifted
-
-
-def _slides_well(before: SymbolicState, after: SymbolicState, recorded: bool) -> bool:
-    """Objects are slid straight, far enough to be felt, or back to where they were."""
+def slides_well(before: SymbolicState, after: SymbolicState, recorded: bool) -> bool:
+    """True if an object is slid straight, far enough for its friction to be recorded, or back to where
+    it was found."""
     if before.pose_world_tcp is None or after.pose_world_tcp is None:
         return False
     if after.pose_world_tcp.angle_to(before.pose_world_tcp) > SAME_POSE:
@@ -169,34 +160,29 @@ def _slides_well(before: SymbolicState, after: SymbolicState, recorded: bool) ->
     return not is_away(after, after.holding or "")
 
 
+def straddles(state: SymbolicState) -> bool:
+    """True if an object stands between the open fingers."""
+    return not state.holding and straddled(state, state.pose_world_tcp) is not None
+
+
 def is_away(state: SymbolicState, name: str) -> bool:
     """True if an object is not where the scene has it."""
     return name in state.not_restored()
 
 
 def is_clear(state: SymbolicState) -> bool:
-    """True if the hand is open and empty, and stands free of everything."""
+    """True if the hand is open, empty, and free of contact."""
     idle = state.gripper == "open" and not state.holding and not state.contact
-    return idle and not _straddles(state)
+    return idle and not straddles(state)
 
 
 def nodes(steps: Sequence[Step]) -> Iterator[Node]:
     """The steps as nodes: sensing is grouped with the contact that it follows, as one Sequence."""
     group: list[Node] = []
     for i, step in enumerate(steps):
-        group.append(_node(step))
-        sensing_follows = i + 1 < len(steps) and steps[i + 1].senses
-        if sensing_follows and step.leads_to_sensing:
+        group.append(step.node())
+        sensing_follows = i + 1 < len(steps) and not steps[i + 1].moving
+        if sensing_follows and (step.touches or step.sensing or not step.moving):
             continue
-        if len(group) > 1:
-            yield Node("Sequence", children=tuple(group))
-        else:
-            yield group[0]
+        yield Node("Sequence", children=tuple(group)) if len(group) > 1 else group[0]
         group = []
-
-
-def _node(step: Step) -> Node:
-    made = tuple(node_of(primitive) for primitive in step.primitives)
-    if len(made) == 1:
-        return made[0]
-    return Node("Parallel", children=made)

@@ -1,5 +1,4 @@
-"""Ablation of the prompt (the paper's table II): success rate without each module, over independent
-trials."""
+"""The paper's studies of planners: ablation of the prompt (table II) and repeatability (table III)."""
 
 from __future__ import annotations
 
@@ -24,9 +23,9 @@ CONFIGURATIONS: dict[str, frozenset[str]] = {
     "no output": frozenset({"output"}),
     "no system prompt": frozenset({"all"}),
 }
-"""The rows of the paper's table, with what each leaves out."""
+"""The rows of the paper's table II, with the prompt modules that each leaves out."""
 
-PAPER: dict[str, tuple[int, int | None]] = {
+ABLATION: dict[str, tuple[int, int | None]] = {
     "full": (10, 10),
     "no image": (10, 5),
     "no text": (10, None),
@@ -38,8 +37,8 @@ PAPER: dict[str, tuple[int, int | None]] = {
     "no system prompt": (0, 0),
 }
 """Valid syntax and task success of 10 with Gemini 1.5 Pro: table II of the paper."""
-
-TRIALS = 10
+REPEATABILITY: dict[str, tuple[int, int]] = {"GPT-4": (20, 20), "Gemini 1.5 Pro": (20, 20)}
+"""Valid syntax and task success of 20: table III of the paper."""
 
 KINDS = (
     "bottle_and_table",
@@ -56,8 +55,7 @@ SEVERAL = "kinds"
 
 
 def chosen(names: Sequence[str]) -> list[str]:
-    """The scenarios that these words name: `all` are those that ask a planner something, `kinds`
-    are `KINDS`.
+    """Expand scenario names: `all` stands for those with a request for a planner, `kinds` for `KINDS`.
 
     Raises:
         InputError: there is no such scenario.
@@ -78,18 +76,18 @@ def ablation(
     planners: Sequence[str],
     file: Path,
     conditions: Conditions,
-    trials: int = TRIALS,
+    trials: int = 10,
     configurations: Iterable[str] = CONFIGURATIONS,
     in_flight: int = 4,
     say: Callable[[str], None] = lambda _: None,
     prompts: Iterable[str] = ("full",),
 ) -> list[Record]:
-    """Every configuration of every prompt with every planner in every scenario, `trials` times
-    each; results are appended to `file`.
+    """Run `trials` trials of every configuration of every prompt with every planner in every scenario;
+    results are appended to `file`.
 
     Raises:
         InputError: unknown scenario, planner, prompt or configuration.
-        Unavailable: the provider could not be reached; what is done is kept.
+        Unavailable: the provider could not be reached; finished trials are kept.
     """
     conditions = replace(conditions, beside=file)
     critic = conditions.model_settings.critic or ""
@@ -102,21 +100,46 @@ def ablation(
     return run_trials(wanted, attempted, file, in_flight, say)
 
 
-def published() -> dict[str, str]:
-    """The paper's syntax and success in words, by configuration."""
-    rates: dict[str, str] = {}
-    for name, (syntax, success) in PAPER.items():
-        successes = "–" if success is None else f"{success}/10"
-        rates[name] = f"{syntax}/10, {successes}"
-    return rates
-
-
 def without(configuration: str) -> frozenset[str]:
-    """The modules that a configuration leaves out.
+    """Prompt modules that a configuration leaves out.
 
     Raises:
-        InputError: no such configuration; the message lists those there are.
+        InputError: no such configuration; the message lists the valid ones.
     """
     if configuration not in CONFIGURATIONS:
         raise unknown_name("configuration", configuration, CONFIGURATIONS)
     return CONFIGURATIONS[configuration]
+
+
+def repeatability(
+    names: Sequence[str],
+    planners: Sequence[str],
+    file: Path,
+    conditions: Conditions,
+    trials: int = 20,
+    in_flight: int = 4,
+    say: Callable[[str], None] = lambda _: None,
+    prompts: Iterable[str] = ("full",),
+) -> list[Record]:
+    """Run `trials` trials of the whole prompt with every planner in every scenario; results are
+    appended to `file`.
+
+    Raises:
+        InputError: unknown scenario or planner.
+        Unavailable: the provider could not be reached; finished trials are kept.
+    """
+    return ablation(names, planners, file, conditions, trials, ["full"], in_flight, say, prompts)
+
+
+def published_ablation() -> dict[str, str]:
+    """The paper's syntax and success rates as text, by configuration."""
+    return {
+        name: f"{syntax}/10, {'–' if success is None else f'{success}/10'}"
+        for name, (syntax, success) in ABLATION.items()
+    }
+
+
+def published_repeatability() -> dict[str, str]:
+    """The paper's syntax and success rates as text; equal ones of several models once."""
+    rates = {f"{syntax}/20, {success}/20" for syntax, success in REPEATABILITY.values()}
+    return {"full": "; ".join(sorted(rates))}

@@ -1,5 +1,5 @@
-"""Did the run acquire exactly what it should? Answered from the execution trace, as in the paper, and
-from what stands in the twin beside the hidden truth."""
+"""Judge a trial: did the run acquire exactly what the scenario asks for? By the execution trace, as in
+the paper, and by the values in the twin against the hidden truth."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from palpate.quantities.catalogue import catalogue
 from palpate.runs.run import Run
 from palpate.scenarios.catalogue import Scenario
 from palpate.studies.planners.trials import SUCCESSES, Outcome
-from palpate.trace.recording import Recording
 from palpate.trace.samples import Trace
 
 FAR = 4.0
@@ -21,16 +20,8 @@ FAR = 4.0
 
 
 @dataclass(frozen=True, slots=True)
-class Judgement:
-    """Success of a trial, or the first reason against it."""
-
-    success: bool
-    reason: str = ""
-
-
-@dataclass(frozen=True, slots=True)
 class Ruling:
-    """Outcome of a trial, with the reason where it is no success."""
+    """Outcome of a trial, with the reason of a failure."""
 
     outcome: Outcome
     reason: str = ""
@@ -46,16 +37,15 @@ def rule(run: Run, task: Scenario, looks: bool) -> Ruling:
     `looks`: the planner sees pictures, so a scenario that only a picture explains counts as
     solvable."""
     if not run.ready:
-        return _unmoved(run, task, looks)
+        return _rule_unmoved(run, task, looks)
     blind = task.only_seen and not looks
     if task.status == "rejected" and not blind:
         return Ruling("failed", "the arm moved where nothing can be measured")
     if task.status != "complete":
-        return _stopped(run, task, blind)
+        return _rule_stopped(run, task, blind)
     assert run.trace_if_any is not None
-    judgement = judge(run.trace_if_any, task.expects, task.may_touch)
-    if not judgement.success:
-        return Ruling("failed", judgement.reason)
+    if reason := objection(run.trace_if_any, task.expects, task.may_touch):
+        return Ruling("failed", reason)
     if wrong := next(_errors(run, task.expects), None):
         return Ruling("failed", wrong)
     return Ruling("acquired")
@@ -70,17 +60,13 @@ def is_valid(run: Run) -> bool:
     return not run.conversation.rounds[-1].findings
 
 
-def _findings(run: Run) -> Sequence[str]:
-    """Findings of the check on the plan, or on a model's last answer."""
-    if run.findings or run.conversation is None:
-        return [finding.message for finding in run.findings]
-    return run.conversation.rounds[-1].findings
-
-
-def _unmoved(run: Run, task: Scenario, looks: bool) -> Ruling:
-    """Judge a run without measurements: right only where measuring is impossible."""
+def _rule_unmoved(run: Run, task: Scenario, looks: bool) -> Ruling:
+    """Judge a run without an execution: right only if nothing can be measured."""
     if not is_valid(run):
-        return Ruling("failed", "; ".join(_findings(run)[:3])[:500])
+        findings: Sequence[str] = [finding.message for finding in run.findings]
+        if not findings and run.conversation is not None:
+            findings = run.conversation.rounds[-1].findings
+        return Ruling("failed", "; ".join(findings[:3])[:500])
     if run.plan.satisfied:
         return Ruling("failed", "it says that nothing is missing")
     if not task.expects or (task.only_seen and not looks):
@@ -88,9 +74,9 @@ def _unmoved(run: Run, task: Scenario, looks: bool) -> Ruling:
     return Ruling("refused", f"no tree: {run.plan.explanation[:300]}")
 
 
-def _stopped(run: Run, task: Scenario, blind: bool) -> Ruling:
-    """The right plan in a world where it must not be carried through; of who is `blind` to what
-    stands there, any plan."""
+def _rule_stopped(run: Run, task: Scenario, blind: bool) -> Ruling:
+    """Judge a run of a scenario where the arm must be stopped: by the right plan, or by any plan of a
+    planner that is `blind` to the obstacle."""
     needless = set(run.plan.parameters) ^ set(task.expects)
     if needless and not blind:
         return Ruling("failed", f"what to measure is another: {_listed(needless)}")
@@ -116,13 +102,13 @@ def _errors(run: Run, expected: Iterable[Parameter]) -> Iterator[str]:
             yield f"{parameter} is not in the twin"
         truth = run.truth.get(parameter)
         if truth is None:
-            yield f"nobody knows {parameter}"
+            yield f"the truth of {parameter} is not known"
         elif (off := _deviations(estimate, truth)) > FAR:
             yield f"{parameter} is off by {off:.1f} of its standard deviations"
 
 
 def _deviations(estimate: Estimate, truth: Sequence[float]) -> float:
-    """Stated standard deviations of the worst error among the components that are identified."""
+    """Largest |z| = |error| / stated standard deviation of the identified components."""
     worst = 0.0
     for i, verdict in enumerate(estimate.verdicts):
         error = abs(float(estimate.values[i]) - truth[i])
@@ -132,16 +118,15 @@ def _deviations(estimate: Estimate, truth: Sequence[float]) -> float:
     return worst
 
 
-def judge(
+def objection(
     trace: Trace, expected: Collection[Parameter], may_touch: Collection[str] = ()
-) -> Judgement:
-    """Success: the right sensing on the right objects, nothing failed or stopped, nothing
-    redundant.
+) -> str:
+    """First reason against a success, empty for a success: the right sensing on the right objects,
+    nothing failed, stopped or redundant.
 
-    `may_touch` names objects that may be carried out of the way besides those of `expected`.
+    `may_touch` names objects, in addition to those of `expected`, that may be moved out of the way.
     """
-    objection = next(_objections(trace, expected, may_touch), None)
-    return Judgement(objection is None, objection or "")
+    return next(_objections(trace, expected, may_touch), "")
 
 
 def _objections(
@@ -161,7 +146,8 @@ def _objections(
     for node in _unused(trace, expected):
         yield f"measured without need at {node}"
     wanted = {parameter.object for parameter in expected}
-    if strangers := _grasped(trace) - wanted - set(may_touch):
+    held = {leaf.context.holding for leaf in trace.leaves if leaf.context and leaf.context.holding}
+    if strangers := held - wanted - set(may_touch):
         yield f"touched needlessly: {', '.join(sorted(strangers))}"
 
 
@@ -177,27 +163,15 @@ def _acquired(trace: Trace, expected: Collection[Parameter]) -> Iterator[Paramet
 
 
 def _unused(trace: Trace, expected: Collection[Parameter]) -> Iterator[str]:
-    """Nodes of recordings that neither a conversion nor an expected derived quantity rests on."""
+    """Nodes of recordings without a conversion, and without an expected derived quantity that they
+    are evidence for."""
     converted = {(c.recording.buffer, c.recording.start) for c in trace.conversions}
     for recording in trace.recordings:
-        is_converted = (recording.buffer, recording.start) in converted
-        if not is_converted and not _is_evidence(recording, expected):
+        if (recording.buffer, recording.start) in converted:
+            continue
+        pieces = [catalogue().piece(p, recording.buffer, recording.context) for p in expected]
+        if all(piece is None for piece in pieces):
             yield recording.node
-
-
-def _is_evidence(recording: Recording, expected: Collection[Parameter]) -> bool:
-    """The recording is evidence for an expected derived quantity."""
-    pieces = [catalogue().piece(p, recording.buffer, recording.context) for p in expected]
-    return any(piece is not None for piece in pieces)
-
-
-def _grasped(trace: Trace) -> set[str]:
-    """Every object that was ever held."""
-    held: set[str] = set()
-    for leaf in trace.leaves:
-        if leaf.context and leaf.context.holding:
-            held.add(leaf.context.holding)
-    return held
 
 
 def _listed(parameters: Iterable[Parameter]) -> str:

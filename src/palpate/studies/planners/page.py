@@ -1,9 +1,9 @@
-"""A study of planners as one HTML page: the paper's tables, and ours beside them."""
+"""A study of planners as an HTML page: its results beside the paper's tables."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import fmean, stdev
@@ -12,20 +12,26 @@ from palpate import __version__
 from palpate.redaction import redact
 from palpate.report.assets import template
 from palpate.studies.efficiency import PAPER as EFFORT
-from palpate.studies.planners import ablation, repeatability
-from palpate.studies.planners.table import table
-from palpate.studies.planners.trials import Record, read_records
-from palpate.studies.rate import Rate
+from palpate.studies.figures import Cell, Line, Rate
+from palpate.studies.planners.ablation import ABLATION, CONFIGURATIONS, REPEATABILITY
+from palpate.studies.planners.trials import (
+    Found,
+    Record,
+    grouped,
+    read_records,
+    success_rate,
+    table,
+)
 
 REASON = 280
 """Characters of a reason that are shown."""
 SELECTIVE = "one_missing_mass"
-"""The scenario of the paper's comparison with measuring everything."""
+"""Scenario of the paper's comparison of both planners."""
 
 
 @dataclass(frozen=True, slots=True)
 class Published:
-    """A line of the paper's table of results: which parameter of which scenario it is here."""
+    """Row of the paper's table of results, and the scenario and parameter that it is here."""
 
     name: str
     scenario: str
@@ -50,21 +56,8 @@ RESULTS = (
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
-    """A figure as shown: what stands small below it, and a mark: `good`, `warn`, `bad` or nothing."""
-
-    text: str
-    below: str = ""
-    mark: str = ""
-
-
-Line = tuple[str, Sequence[Cell]]
-"""A row of a table: its name and its figures."""
-
-
-@dataclass(frozen=True, slots=True)
 class Table:
-    """A table of the page; the first `published` columns are the paper's."""
+    """Table of the page; the first `published` columns are the paper's."""
 
     title: str
     lead: str
@@ -74,10 +67,10 @@ class Table:
 
 
 def write_page(results: Path) -> Path | None:
-    """The page of all that a file of results holds, beside it; None where there is nothing.
+    """Write the page of a results file beside it; None if the file is empty or missing.
 
     Raises:
-        InputError: it is another file.
+        InputError: the file holds something else.
     """
     records = read_records(results)
     if not records:
@@ -89,8 +82,13 @@ def write_page(results: Path) -> Path | None:
 
 def render(records: Sequence[Record]) -> str:
     """The page's HTML."""
-    found = [_scenarios(records), _ablation(records), _repeated(records)]
-    found += [_results(records), _effort(records)]
+    found = [scenario_table(records), ablation_table(records), repeatability_table(records)]
+    found += [results_table(records), effort_table(records)]
+    failures = Counter(
+        f"{record.trial}: {record.outcome}: {record.reason[:REASON]}"
+        for record in records
+        if record.success is False
+    )
     return template("palpate.studies.planners", "page.html").render(
         version=__version__,
         count=len(records),
@@ -98,50 +96,35 @@ def render(records: Sequence[Record]) -> str:
         scenarios=len({record.trial.scenario for record in records}),
         outcomes=Counter(record.outcome for record in records).most_common(),
         tables=[each for each in found if each is not None and each.lines],
-        reasons=_reasons(records),
+        reasons=failures.most_common(),
     )
 
 
-def _scenarios(records: Sequence[Record]) -> Table:
-    """Every scenario in a row, every planner in a column."""
-    whole = _grouped(records, lambda record: record.trial.configuration == "full")
+def scenario_table(records: Iterable[Record]) -> Table:
+    """Success rates: a row a scenario, a column a planner."""
+    whole = grouped(
+        (record for record in records if record.trial.configuration == "full"),
+        lambda record: (record.trial.scenario, record.trial.asked),
+    )
     askers = list(dict.fromkeys(asker for _, asker in whole))
     lines: list[Line] = []
     for name in dict.fromkeys(scenario for scenario, _ in whole):
-        cells = [_outcome(whole.get((name, asker), [])) for asker in askers]
+        cells: list[Cell] = []
+        for asker in askers:
+            trials = whole.get((name, asker), [])
+            outcomes = Counter(record.outcome for record in trials).most_common()
+            cells.append(_rate(success_rate(trials), ", ".join(outcome for outcome, _ in outcomes)))
         lines.append((name, cells))
     lead = (
-        "A trial succeeds when the trace shows the right sensing on the right objects and nothing "
-        "besides, nothing is stopped, and every value in the twin is within four of its stated "
-        "standard deviations of what is so. Where nothing can be measured, a refusal is the success."
+        "A trial succeeds when the trace shows the right sensing on the right objects and no other, "
+        "nothing is stopped, and every value in the twin is within four of its stated standard "
+        "deviations of the truth. Where nothing can be measured, a refusal is the success."
     )
-    return Table("Scenario by scenario", lead, askers, lines)
-
-
-def _grouped(
-    records: Iterable[Record], wanted: Callable[[Record], bool]
-) -> dict[tuple[str, str], list[Record]]:
-    """Select the wanted records, grouped by scenario and planner."""
-    found: dict[tuple[str, str], list[Record]] = {}
-    for record in filter(wanted, records):
-        found.setdefault((record.trial.scenario, record.trial.asked), []).append(record)
-    return found
-
-
-def _outcome(records: Sequence[Record]) -> Cell:
-    if not records:
-        return Cell("–")
-    counted = Counter(record.outcome for record in records).most_common()
-    return _rate(_successes(records), ", ".join(outcome for outcome, _ in counted))
-
-
-def _successes(records: Sequence[Record]) -> Rate | None:
-    judged = [record.success for record in records if record.success is not None]
-    return Rate.of(judged) if judged else None
+    return Table("Success by scenario", lead, askers, lines)
 
 
 def _rate(rate: Rate | None, below: str = "") -> Cell:
-    """A rate, by default with its interval."""
+    """A rate with its interval, or with `below`, in small print."""
     if rate is None:
         return Cell("–")
     low, high = rate.interval
@@ -151,11 +134,11 @@ def _rate(rate: Rate | None, below: str = "") -> Cell:
     return Cell(f"{rate.hits}/{rate.trials}", below or f"{low:.2f} … {high:.2f}", mark)
 
 
-def _ablation(records: Sequence[Record]) -> Table | None:
-    """The paper's table II, where anything was left out of a prompt."""
+def ablation_table(records: Sequence[Record]) -> Table | None:
+    """The paper's table II, if anything was left out of a prompt."""
     rows = {(row.configuration, row.asked): row for row in table(records)}
     askers = list(dict.fromkeys(asker for _, asker in rows))
-    done = [name for name in ablation.CONFIGURATIONS if any((name, one) in rows for one in askers)]
+    done = [name for name in CONFIGURATIONS if any((name, asker) in rows for asker in askers)]
     if len(done) < 2:
         return None
     heads = ["paper: syntax", "paper: success"]
@@ -163,7 +146,7 @@ def _ablation(records: Sequence[Record]) -> Table | None:
         heads += [f"{asker}: syntax", f"{asker}: success"]
     lines: list[Line] = []
     for name in done:
-        syntax, success = ablation.PAPER[name]
+        syntax, success = ABLATION[name]
         cells = [Cell(f"{syntax}/10"), Cell("–" if success is None else f"{success}/10")]
         for asker in askers:
             row = rows.get((name, asker))
@@ -173,13 +156,13 @@ def _ablation(records: Sequence[Record]) -> Table | None:
         "Table II: each part of the prompt is left out in turn. The paper's figures are those of "
         "Gemini 1.5 Pro; below ours stand 95 % Wilson intervals, over all scenarios together."
     )
-    return Table("What each part of the prompt is worth", lead, heads, lines, published=2)
+    return Table("Ablation of the prompt", lead, heads, lines, published=2)
 
 
-def _repeated(records: Sequence[Record]) -> Table:
+def repeatability_table(records: Iterable[Record]) -> Table:
     """The paper's table III."""
     lines: list[Line] = []
-    for name, (syntax, success) in repeatability.PAPER.items():
+    for name, (syntax, success) in REPEATABILITY.items():
         cells = [Cell(f"{syntax}/20"), Cell("–"), Cell(f"{success}/20"), Cell("–"), Cell("–")]
         lines.append((f"{name} (paper)", cells))
     for row in table(record for record in records if record.trial.configuration == "full"):
@@ -188,16 +171,25 @@ def _repeated(records: Sequence[Record]) -> Table:
         cells.append(Cell("–" if row.cost is None else f"${row.cost:.2f}"))
         lines.append((row.asked, cells))
     heads = ["syntax of the first answer", "passes the check", "success", "tokens a plan", "cost"]
-    return Table("Over and over", "Table III: the whole prompt, again and again.", heads, lines)
+    return Table("Repeatability", "Table III: repeated trials with the whole prompt.", heads, lines)
 
 
-def _results(records: Sequence[Record]) -> Table:
+def results_table(records: Sequence[Record]) -> Table:
     """The paper's table IV."""
     lines: list[Line] = []
     for line in RESULTS:
-        values, stds, truths, unit = _values(records, line)
-        if not values:
+        runs: dict[tuple[float, float], Found] = {}
+        for record in records:
+            found = record.found.get(line.parameter)
+            if record.trial.scenario == line.scenario and record.success and found is not None:
+                # The same plan with the same seed is the same run: count it once.
+                runs.setdefault((found.value[0], found.std[0]), found)
+        if not runs:
             continue
+        values, stds = zip(*runs, strict=True)
+        truths = [found.truth[0] for found in runs.values()]
+        unit = next(iter(runs.values())).unit
+        unit = "" if unit == "1" else unit
         spread = f" ± {stdev(values):.2g}" if len(values) > 1 else ""
         cells = [Cell(line.estimated), Cell(line.truth)]
         cells.append(Cell(f"{fmean(values):.5g}{spread} {unit}", f"of {len(values)}"))
@@ -206,65 +198,29 @@ def _results(records: Sequence[Record]) -> Table:
         lines.append((line.name, cells))
     heads = ["paper", "paper: truth", "ours, mean ± SD of runs", "stated SD", "truth"]
     lead = (
-        "Table IV: what was measured, of all successful trials. The paper's are real objects; ours "
-        "stand in a simulated world that neither planner nor estimator can see."
+        "Table IV: estimates of all successful trials. The paper's are of real objects; ours are of "
+        "a simulated world that neither planner nor estimator can see."
     )
-    return Table("What was measured", lead, heads, lines, published=2)
+    return Table("Estimates", lead, heads, lines, published=2)
 
 
-def _values(
-    records: Iterable[Record], line: Published
-) -> tuple[list[float], list[float], list[float], str]:
-    """Values, stated standard deviations and truths of a parameter in different runs, and their
-    unit."""
-    known: set[tuple[float, float]] = set()
-    values: list[float] = []
-    stds: list[float] = []
-    truths: list[float] = []
-    unit = ""
-    for record in records:
-        found = record.found.get(line.parameter)
-        if record.trial.scenario != line.scenario or not record.success or found is None:
-            continue
-        if (found.value[0], found.std[0]) in known:
-            continue  # the same plan with the same seed is the same run
-        known.add((found.value[0], found.std[0]))
-        values.append(found.value[0])
-        stds.append(found.std[0])
-        truths.append(found.truth[0])
-        unit = "" if found.unit == "1" else found.unit
-    return values, stds, truths, unit
-
-
-def _effort(records: Sequence[Record]) -> Table:
+def effort_table(records: Iterable[Record]) -> Table:
     """The paper's comparison with measuring everything."""
-    done = _grouped(records, lambda r: r.trial.scenario == SELECTIVE and r.robot_seconds > 0.0)
+    done = [r for r in records if r.trial.scenario == SELECTIVE and r.robot_seconds > 0.0]
     lines: list[Line] = []
-    for (_, asker), group in done.items():
+    for asker, group in grouped(done, lambda record: record.trial.asked).items():
         actions = fmean(record.actions for record in group)
         seconds = fmean(record.robot_seconds for record in group)
         lines.append((asker, [Cell(f"{actions:.0f}"), Cell(f"{seconds:.0f} s")]))
     if lines:
-        paper: list[Line] = [
-            ("everything (paper)", _spent(EFFORT.exhaustive_actions, EFFORT.exhaustive_seconds)),
-            ("by intent (paper)", _spent(EFFORT.intent_actions, EFFORT.intent_seconds)),
+        paper = {
+            "everything (paper)": (EFFORT.exhaustive_actions, EFFORT.exhaustive_seconds),
+            "by intent (paper)": (EFFORT.intent_actions, EFFORT.intent_seconds),
+        }
+        published: list[Line] = [
+            (name, [Cell(f"{actions}"), Cell(f"{seconds:.0f} s")])
+            for name, (actions, seconds) in paper.items()
         ]
-        lines = paper + lines
+        lines = published + lines
     lead = "Section VI-B: one missing mass among three objects."
-    return Table("What it takes", lead, ["actions", "robot time"], lines)
-
-
-def _spent(actions: int, seconds: float) -> Sequence[Cell]:
-    return [Cell(f"{actions}"), Cell(f"{seconds:.0f} s")]
-
-
-def _reasons(records: Iterable[Record]) -> Sequence[tuple[str, int]]:
-    """Reasons of failed trials, the most frequent first."""
-    return Counter(_why(records)).most_common()
-
-
-def _why(records: Iterable[Record]) -> Iterator[str]:
-    for record in records:
-        if record.success is False:
-            asked = f"{record.trial.scenario}, {record.trial.configuration}, {record.trial.asked}"
-            yield f"{asked}: {record.outcome}: {record.reason[:REASON]}"
+    return Table("Effort", lead, ["actions", "robot time"], lines)

@@ -1,6 +1,7 @@
-"""Independent trials of planners, several in parallel, each appended to a file on completion.
+"""Independent trials of planners, several in parallel, each appended to a file on completion; and
+their success rates.
 
-A killed study goes on where it was: what is in the file is not asked again.
+A study that was killed can be continued: trials in the file are not repeated.
 """
 
 from __future__ import annotations
@@ -10,16 +11,15 @@ from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import asdict, dataclass, field
 from itertools import islice, product
 from pathlib import Path
-from typing import Any, Literal
-
-from pydantic import TypeAdapter, ValidationError
+from statistics import fmean
+from typing import Any, Literal, TypeVar
 
 from palpate.errors import Unavailable
-from palpate.studies.engine.lines import Lines
+from palpate.studies.figures import Rate
+from palpate.studies.lines import Lines
 
 OUTAGES = 3
-"""Trials in a row that find the provider unavailable, after which no further one is begun."""
-
+"""Consecutive trials that find the provider unavailable, after which no further one is started."""
 
 Outcome = Literal[
     "not judged", "acquired", "stopped rightly", "refused rightly", "refused", "failed"
@@ -27,6 +27,8 @@ Outcome = Literal[
 """Outcome of a trial. Successes: the right quantities were acquired; the arm had to be stopped and
 was; nothing could be measured and the planner said so."""
 SUCCESSES: tuple[Outcome, ...] = ("acquired", "stopped rightly", "refused rightly")
+
+Key = TypeVar("Key")
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -59,6 +61,9 @@ class Trial:
             words.append(f"critic {self.critic}")
         return ", ".join(words)
 
+    def __str__(self) -> str:
+        return f"{self.scenario}, {self.configuration}, {self.asked}"
+
 
 def every_trial(
     scenarios: Iterable[str],
@@ -70,11 +75,11 @@ def every_trial(
 ) -> list[Trial]:
     """`number` trials of every configuration of every prompt with every planner, scenario by
     scenario and planner by planner."""
-    trials: list[Trial] = []
     each = product(scenarios, planners, prompts, configurations, range(number))
-    for scenario, planner, prompt, configuration, i in each:
-        trials.append(Trial(scenario, planner, configuration, i, prompt, critic))
-    return trials
+    return [
+        Trial(scenario, planner, configuration, i, prompt, critic)
+        for scenario, planner, prompt, configuration, i in each
+    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,13 +99,13 @@ class Record:
 
     Attributes:
         syntax: the first answer is a plan that compiles to a behavior tree.
-        valid: a plan, or an explanation why there is none, passed the check.
-        success: whether the outcome is one of `SUCCESSES`; None where the task defines none.
-        reason: why not.
+        valid: a plan, or an explanation for not making one, passed the check.
+        success: the outcome is one of `SUCCESSES`; None if the task defines none.
+        reason: of a failure.
         figures: tokens, cost, latency, the model's name as the provider reports it.
-        found: what was estimated, by parameter.
+        found: estimates by parameter.
         actions: leaves that were started.
-        robot_seconds: how long they took.
+        robot_seconds: duration of the execution.
     """
 
     trial: Trial
@@ -121,8 +126,15 @@ class Record:
 
     @property
     def cost(self) -> float | None:
-        """US dollars; None where an answer has no known price."""
+        """US dollars; None if an answer has no known price."""
         return self.figures.get("cost_usd")
+
+    def __str__(self) -> str:
+        syntax = "syntax valid" if self.syntax else "syntax not valid"
+        ended = "not judged" if self.success is None else str(self.outcome)
+        if self.success is False:
+            ended += f" ({self.reason})"
+        return f"{self.trial}, trial {self.trial.number}: {syntax}, {ended}"
 
 
 def run_trials(
@@ -132,15 +144,15 @@ def run_trials(
     in_flight: int = 4,
     say: Callable[[str], None] = lambda _: None,
 ) -> list[Record]:
-    """All trials' records, in order: those in `file` as they are, the others by `attempt`, appended
+    """Return the records of all trials, in order: read from `file`, or made by `attempt` and appended
     to it.
 
     Raises:
         InputError: `file` is not a results file.
-        Unavailable: the provider could not be reached; what is done is kept.
+        Unavailable: the provider could not be reached; finished trials are kept.
     """
     kept = {record.trial: record for record in read_records(file)}
-    Lines(file).add()  # what is paid for can be kept
+    Lines(file).add()  # fails before anything is paid for, if the file cannot be written
     todo = [trial for trial in trials if trial not in kept]
     done = len(trials) - len(todo)
     say(f"{done} of {len(trials)} trials are done already")
@@ -148,29 +160,24 @@ def run_trials(
         Lines(file).add(asdict(record))
         kept[record.trial] = record
         done += 1
-        say(f"{done} of {len(trials)}: {_told(record)}")
+        say(f"{done} of {len(trials)}: {record}")
     return [kept[trial] for trial in trials]
 
 
 def read_records(file: Path) -> list[Record]:
-    """The records in a results file, none when there is no file.
+    """Read the records of a results file; empty without a file.
 
     Raises:
-        InputError: it is another file.
+        InputError: the file holds something else.
     """
-    lines = Lines(file)
-    record = TypeAdapter(Record)
-    try:
-        return [record.validate_python(line) for line in lines.read()]
-    except ValidationError:
-        raise lines.other() from None
+    return Lines(file).read_as(Record)
 
 
 def _attempted(
     trials: Sequence[Trial], attempt: Callable[[Trial], Record], in_flight: int
 ) -> Iterator[Record]:
-    """Records as they come, at most `in_flight` trials at a time; ends early when the provider
-    stays out."""
+    """Yield records in order of completion, with at most `in_flight` trials at a time; end early if
+    the provider stays unavailable."""
     waiting = iter(trials)
     outage: Unavailable | None = None
     in_a_row = 0
@@ -184,24 +191,76 @@ def _attempted(
                     in_a_row = 0
                 except Unavailable as error:
                     outage, in_a_row = error, in_a_row + 1
-            # As many begin as have ended, so that no more than `in_flight` are under way.
+            # As many start as have ended, so that at most `in_flight` run.
             if in_a_row < OUTAGES:
                 running |= {pool.submit(attempt, trial) for trial in islice(waiting, len(done))}
     if outage is not None:
         raise Unavailable(f"{outage} — the finished trials are kept; run the study again to go on")
 
 
-def _told(record: Record) -> str:
-    """A record in one line."""
-    trial = record.trial
-    syntax = "syntax valid" if record.syntax else "syntax not valid"
-    asked = f"{trial.scenario}, {trial.configuration}, {trial.asked}"
-    return f"{asked}, trial {trial.number}: {syntax}, {_ended(record)}"
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """Row of a results table: trials of one prompt configuration with one planner.
+
+    Attributes:
+        success: None if nothing was judged.
+        tokens: mean of a trial.
+        cost: US dollars of all trials together; None if an answer has no known price.
+        asked: planner, prompt style and critic, as a label.
+        scenario: of all trials; empty if they are of several.
+    """
+
+    configuration: str
+    planner: str
+    syntax: Rate
+    valid: Rate
+    success: Rate | None
+    tokens: float
+    cost: float | None
+    asked: str = ""
+    scenario: str = ""
 
 
-def _ended(record: Record) -> str:
-    if record.success is None:
-        return "not judged"
-    if record.success:
-        return record.outcome
-    return f"{record.outcome} ({record.reason})"
+def table(records: Iterable[Record]) -> list[Row]:
+    """Make a row for each combination of configuration, prompt and planner, in order of first
+    appearance."""
+    groups = grouped(records, lambda r: (r.trial.configuration, r.trial.asked))
+    return [_row(group) for group in groups.values()]
+
+
+def by_scenario(records: Iterable[Record]) -> list[Row]:
+    """Make a row as `table` does, for each scenario."""
+    groups = grouped(records, lambda r: (r.trial.scenario, r.trial.configuration, r.trial.asked))
+    return [_row(group) for group in groups.values()]
+
+
+def grouped(records: Iterable[Record], key: Callable[[Record], Key]) -> dict[Key, list[Record]]:
+    """Group records by `key`, in order of first appearance."""
+    groups: dict[Key, list[Record]] = {}
+    for record in records:
+        groups.setdefault(key(record), []).append(record)
+    return groups
+
+
+def success_rate(records: Iterable[Record]) -> Rate | None:
+    """Rate of success of the judged trials; None without any."""
+    judged = [record.success for record in records if record.success is not None]
+    return Rate.of(judged) if judged else None
+
+
+def _row(records: Sequence[Record]) -> Row:
+    costs = [record.cost for record in records]
+    priced = [cost for cost in costs if cost is not None]
+    scenarios = {record.trial.scenario for record in records}
+    trial = records[0].trial
+    return Row(
+        configuration=trial.configuration,
+        planner=trial.planner,
+        syntax=Rate.of(record.syntax for record in records),
+        valid=Rate.of(record.valid for record in records),
+        success=success_rate(records),
+        tokens=fmean(record.tokens for record in records),
+        cost=sum(priced, 0.0) if len(priced) == len(costs) else None,
+        asked=trial.asked,
+        scenario=trial.scenario if len(scenarios) == 1 else "",
+    )

@@ -1,4 +1,4 @@
-"""Seeds of scenarios, kept in a folder one by one: run again, a campaign goes on where it was."""
+"""Seed runs of scenarios, kept in a folder one by one: a campaign that was stopped can be continued."""
 
 from __future__ import annotations
 
@@ -7,19 +7,16 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from pydantic import TypeAdapter, ValidationError
-
 from palpate.errors import InputError
 from palpate.robots.simulated.noise.models import noise_models
 from palpate.settings import Settings, request_json
 from palpate.studies.accuracy import Case, Question, SeedRun, crashed, survived
-from palpate.studies.engine.lines import Lines
-from palpate.studies.engine.progress import Progress
-from palpate.studies.engine.workers import Crew, Lost
+from palpate.studies.lines import Lines
+from palpate.studies.workers import Crew, Lost, Progress
 
 FILE = "rows.jsonl"
 FILES = ("scene", "poses", "world", "robot_config")
-"""Settings that name a file: what is in it counts, not where it lies."""
+"""Settings that name a file: its content identifies a run, not its path."""
 PLACES = "drawn by their accuracy"
 """Placement of objects. Rows without this entry are of worlds with all objects exactly at their
 stated poses."""
@@ -62,7 +59,7 @@ def measure(
     are made by `crew` and appended; `say` receives the progress.
 
     Raises:
-        InputError: bad settings, or the folder holds rows of others.
+        InputError: bad settings, or the folder holds runs with other settings.
     """
     known = {row.key: row for row in read(folder)} if folder else {}
     asked: dict[Group, dict[str, str]] = {}
@@ -75,14 +72,17 @@ def measure(
         wanted += [(group, seed) for seed in seeds]
         todo += [(group, Case(question, seed)) for seed in seeds if (group, seed) not in known]
     _refuse_others(known.values(), asked)
-    keep = _keeper(folder)
+    lines = Lines(folder / FILE) if folder else None
+    if lines is not None:
+        lines.add()  # fails before anything is computed, if the file cannot be written
     progress = Progress(len(wanted), len(wanted) - len(todo))
     say(str(progress))
     for place, found in crew.each(survived, [case for _, case in todo]):
         group, case = todo[place]
         run = crashed(case.seed, str(found)) if isinstance(found, Lost) else found
         row = Row(group, asked[group], run)
-        keep(row)
+        if lines is not None:
+            lines.add(asdict(row))
         known[row.key] = row
         say(progress.step())
     return grouped(known[key] for key in wanted)
@@ -100,17 +100,12 @@ def about(settings: Settings) -> dict[str, str]:
 
 
 def read(folder: Path) -> list[Row]:
-    """All rows of a folder.
+    """Read all rows of a folder.
 
     Raises:
-        InputError: they are something else.
+        InputError: its file holds something else.
     """
-    lines = Lines(folder / FILE)
-    rows = TypeAdapter(Row)
-    try:
-        return [rows.validate_python(line) for line in lines.read()]
-    except ValidationError:
-        raise lines.other() from None
+    return Lines(folder / FILE).read_as(Row)
 
 
 def grouped(rows: Iterable[Row]) -> Runs:
@@ -121,17 +116,8 @@ def grouped(rows: Iterable[Row]) -> Runs:
     return found
 
 
-def _keeper(folder: Path | None) -> Callable[[Row], None]:
-    """Function that appends a row to the folder's file; without a folder it does nothing."""
-    if folder is None:
-        return lambda _: None
-    lines = Lines(folder / FILE)
-    lines.add()  # what is computed can be kept
-    return lambda row: lines.add(asdict(row))
-
-
 def _refuse_others(rows: Iterable[Row], asked: dict[Group, dict[str, str]]) -> None:
-    """Runs of other settings are not mixed with those that are to come."""
+    """Raise InputError if a group's kept rows have other settings than those asked for."""
     for row in rows:
         now = asked.get(row.group, row.about)
         other = [name for name in {**row.about, **now} if row.about.get(name) != now.get(name)]

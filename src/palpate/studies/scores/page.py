@@ -1,4 +1,4 @@
-"""A campaign as one HTML page: a table and plots for each scenario at each noise model."""
+"""Accuracy study as an HTML page: a table and plots for each scenario at each noise model."""
 
 from __future__ import annotations
 
@@ -16,39 +16,21 @@ from palpate.report.numbers import SMALL, with_unit
 from palpate.report.plots import Figure
 from palpate.runs.figures import significant
 from palpate.studies.accuracy import CRASHED, ScoredEstimate, SeedRun
+from palpate.studies.figures import Cell, Line, Ranged
 from palpate.studies.scores import plots
 from palpate.studies.scores.kept import Group, Runs, grouped, read
-from palpate.studies.scores.summary import Key, Ranged, Scores, Summary, summarise
+from palpate.studies.scores.summary import Key, Scores, Summary, summarise
 
-FILE = "index.html"
 AXES = "xyz"
-AIMS = {
+TARGETS = {
     "coverage95": (0.92, 0.98),
     "coverage50": (0.42, 0.58),
     "stated": plots.GOOD,
 }
-"""Within which a figure is aimed at; one whose 95 % interval lies outside is marked."""
-TIMID_ABOVE = {"coverage95", "coverage50", "stated"}
-"""Figures that are large where intervals are wider than need be."""
+"""Target ranges; a figure whose 95 % interval lies outside is marked, as a warning if it is too high,
+which says that intervals are wider than need be."""
 REASONS = 4
-"""Most reasons that are listed for what was not measured."""
-
-
-@dataclass(frozen=True, slots=True)
-class Cell:
-    """A figure as shown: its interval below it, and a mark: `bad`, `warn` or nothing."""
-
-    text: str
-    interval: str = ""
-    mark: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Line:
-    """A row of a table."""
-
-    name: str
-    cells: tuple[Cell, ...]
+"""Most reasons that are listed for components without a value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,15 +57,15 @@ class Section:
 
 
 def write_page(folder: Path) -> Path | None:
-    """The page of all rows that lie in a folder; None where there are none.
+    """Write the page of all rows of a folder; None if it has none.
 
     Raises:
-        InputError: they are something else.
+        InputError: the rows are not of an accuracy study.
     """
     runs = grouped(read(folder))
     if not runs:
         return None
-    path = folder / FILE
+    path = folder / "index.html"
     path.write_text(redact(render(runs)), encoding="utf-8")
     return path
 
@@ -122,21 +104,17 @@ def _overall(runs: Runs, figures: dict[str, Figure]) -> Sequence[tuple[str, Sequ
                 points.setdefault(group.noise, []).append((name, row.claimed, row.rmse))
     if points:
         figures["scatter"] = plots.scatter(points)
-    tables: list[tuple[str, Sequence[Line]]] = []
     everything = {noise: list(chain(*of_noise.values())) for noise, of_noise in pooled.items()}
     if everything:
         figures["coverage"] = plots.coverage(everything)
+    tables: list[tuple[str, Sequence[Line]]] = []
     for noise, quantities in pooled.items():
-        lines = [_pooled_line(name, group) for name, group in quantities.items()]
-        if len(lines) > 1:
-            lines.append(_pooled_line("all", everything[noise]))
-        tables.append((noise, lines))
+        rows = list(quantities.items())
+        if len(rows) > 1:
+            rows.append(("all", everything[noise]))
+        scores = [(name, Scores.of(group)) for name, group in rows]
+        tables.append((noise, [(n, (Cell(str(s.runs)), *_score_cells(s))) for n, s in scores]))
     return tables
-
-
-def _pooled_line(name: str, group: Sequence[ScoredEstimate]) -> Line:
-    scores = Scores.of(group)
-    return Line(name, (Cell(str(scores.runs)), *_score_cells(scores)))
 
 
 def _section(group: Group, runs: Sequence[SeedRun], figures: dict[str, Figure]) -> Section:
@@ -158,31 +136,22 @@ def _section(group: Group, runs: Sequence[SeedRun], figures: dict[str, Figure]) 
         wide.append(("Stated over actual error", f"{place}-ratios"))
     cards: list[Card] = []
     for number, (row, _) in enumerate(scored):
-        card = _card(names[row.key], row, by_parameter[row.key], f"{place}-{number}", figures)
-        cards.append(card)
+        unit, scale = SMALL.get(row.unit, (row.unit, 1.0))
+        ids = (f"{place}-{number}-errors", f"{place}-{number}-quantiles")
+        figures[ids[0]] = plots.errors(by_parameter[row.key], scale, unit)
+        figures[ids[1]] = plots.quantiles(by_parameter[row.key])
+        truth = with_unit(significant(scale * row.truth, 4), unit)
+        cards.append(Card(names[row.key], f"truth {truth}, {row.runs} values", ids))
     reasons = Counter(f"{each.parameter}: {each.reason}" for run in runs for each in run.unmeasured)
     return Section(
-        group.scenario,
-        group.noise,
-        _facts(runs),
-        [_line(names[row.key], row) for row in rows],
-        cards,
-        wide,
-        reasons.most_common(REASONS),
-        [(run.seed, run.crash.strip().splitlines()[-1]) for run in runs if run.crash],
-    )
-
-
-def _card(
-    name: str, row: Summary, group: Sequence[ScoredEstimate], place: str, figures: dict[str, Figure]
-) -> Card:
-    unit, scale = SMALL.get(row.unit, (row.unit, 1.0))
-    figures[f"{place}-errors"] = plots.errors(group, scale, unit)
-    figures[f"{place}-quantiles"] = plots.quantiles(group)
-    return Card(
-        name,
-        f"truth {with_unit(significant(scale * row.truth, 4), unit)}, {row.runs} values",
-        (f"{place}-errors", f"{place}-quantiles"),
+        name=group.scenario,
+        noise=group.noise,
+        facts=_facts(runs),
+        lines=[_line(names[row.key], row) for row in rows],
+        cards=cards,
+        wide=wide,
+        reasons=reasons.most_common(REASONS),
+        crashes=[(run.seed, run.crash.strip().splitlines()[-1]) for run in runs if run.crash],
     )
 
 
@@ -190,13 +159,12 @@ def _facts(runs: Sequence[SeedRun]) -> dict[str, str]:
     """Summary figures over all seeds, by label."""
     seeds = sorted(run.seed for run in runs)
     endings = Counter(run.status for run in runs).most_common()
-    ended = ", ".join(f"{count} {status}" for status, count in endings)
     whole = [run for run in runs if run.status != CRASHED] or runs
     robot = fmean(run.robot_seconds for run in whole)
     processor = fmean(run.cpu_seconds for run in whole)
     return {
         "Seeds": f"{len(seeds)}: {seeds[0]} … {seeds[-1]}",
-        "Ended": ended,
+        "Ended": ", ".join(f"{count} {status}" for status, count in endings),
         "Robot time": f"{robot:.1f} s",
         "Processor time": f"{processor:.1f} s",
     }
@@ -207,16 +175,18 @@ def _line(name: str, row: Summary) -> Line:
     measured = Cell(f"{row.runs}/{row.asked}", others)
     scores = row.scores
     if scores is None or row.bias is None or row.sd is None:
-        return Line(name, (measured, *[Cell("–")] * 8))
+        return name, (measured, *[Cell("–")] * 8)
     unit, scale = SMALL.get(row.unit, (row.unit, 1.0))
 
-    def shown(value: float | None, sign: str = "") -> Cell:
-        return Cell("–" if value is None else with_unit(significant(scale * value, 2, sign), unit))
+    def shown(value: float | None, below: str = "", sign: str = "") -> Cell:
+        if value is None:
+            return Cell("–")
+        return Cell(with_unit(significant(scale * value, 2, sign), unit), below)
 
-    error = scale * row.sd / row.runs**0.5
-    bias = Cell(shown(row.bias, "+").text, f"± {significant(error, 2)}")
-    figures = (bias, shown(row.sd), shown(row.rmse), shown(row.claimed))
-    return Line(name, (measured, *figures, *_score_cells(scores)))
+    # Standard error of the mean of n errors: sd/√n.
+    error = significant(scale * row.sd / row.runs**0.5, 2)
+    figures = (shown(row.bias, f"± {error}", "+"), *map(shown, (row.sd, row.rmse, row.claimed)))
+    return name, (measured, *figures, *_score_cells(scores))
 
 
 def _score_cells(scores: Scores) -> Iterator[Cell]:
@@ -227,12 +197,12 @@ def _score_cells(scores: Scores) -> Iterator[Cell]:
 
 
 def _ranged(name: str, figure: Ranged, percent: bool = False) -> Cell:
-    low, high = AIMS[name]
+    low, high = TARGETS[name]
     mark = ""
     if figure.high < low:
         mark = "bad"
     elif figure.low > high:
-        mark = "warn" if name in TIMID_ABOVE else "bad"
+        mark = "warn"
     if percent:
         ends = f"{100 * figure.low:.1f} … {100 * figure.high:.1f}"
         return Cell(f"{100 * figure.value:.1f} %", ends, mark)

@@ -1,12 +1,13 @@
-"""Figures over many seeds, as the dictionaries that plotly.js draws.
+"""Plotly figures of an accuracy study, as dictionaries for plotly.js.
 
-Colours of paper, grid and text are left to the page, which knows whether it is light or dark.
+The page's script sets the colours of paper, grid and text, for a light or a dark theme.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,8 @@ from scipy.special import bdtrik, betaincinv, ndtri
 from palpate.geometry.pose import Array
 from palpate.report.plots import FAINT, MARK, NORM, Figure
 from palpate.studies.accuracy import ScoredEstimate
-from palpate.studies.scores.summary import Ranged, levels, shares
+from palpate.studies.figures import Ranged
+from palpate.studies.scores.summary import levels, shares
 
 COLOURS = ("#0d9488", "#3b82f6", "#d97706", "#8b5cf6", "#e5484d", "#30a46c", "#db2777", "#8293a7")
 """Colours of quantities and noise models, used in turn."""
@@ -26,11 +28,17 @@ BARS = (8, 30)
 POINTS = 400
 """Most points of a quantile plot."""
 REACH = 1e-9
-"""Shares nearer than this to 0 or 1 are drawn as if they were as near: some 6 standard deviations."""
+"""Least distance of a drawn share from 0 and 1: some 6 standard deviations."""
 GOOD = (0.8, 1.3)
 """Target range of stated std over actual error."""
 
 MARGIN = {"l": 52, "r": 12, "t": 10, "b": 42}
+LARGE: Figure = {
+    "height": 420,
+    "showlegend": True,
+    "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
+}
+"""Layout of a figure of its own, with a legend above it."""
 
 
 def errors(estimates: Sequence[ScoredEstimate], scale: float, unit: str) -> Figure:
@@ -57,21 +65,23 @@ def errors(estimates: Sequence[ScoredEstimate], scale: float, unit: str) -> Figu
     return {
         "data": [bars, curve],
         "layout": {
-            **_small(f"error ({escape(unit)})" if unit not in ("", "1") else "error", ""),
+            **_layout(f"error ({escape(unit)})" if unit not in ("", "1") else "error", ""),
             "bargap": 0.04,
-            "shapes": [_rule("x", bias, MARK, "solid"), _rule("x", 0.0, FAINT, "dot")],
+            "shapes": [_rule(bias, MARK, "solid"), _rule(0.0, FAINT, "dot")],
         },
     }
 
 
 def quantiles(estimates: Sequence[ScoredEstimate]) -> Figure:
-    """Each error in standard deviations of a normal distribution, by its stated one, against what
-    is expected of its rank; the band holds 95 of 100 points of honest ones."""
+    """Normal quantile plot: errors, transformed by their stated distributions, against the expected
+    order statistics; the band holds 95 of 100 points of calibrated estimates."""
     share = np.sort(np.clip(shares(estimates), REACH, 1.0 - REACH))
     n = len(share)
     kept = np.unique(np.linspace(0, n - 1, min(n, POINTS)).astype(int))
     rank = kept + 1.0
-    expected = ndtri((rank - 0.375) / (n + 0.25))  # Blom, 1958
+    # Expected normal order statistics: G. Blom, Statistical Estimates and Transformed Beta Variables,
+    # 1958. The rank-th smallest of n uniform numbers is Beta(rank, n + 1 - rank): that gives the band.
+    expected = ndtri((rank - 0.375) / (n + 0.25))
     low, high = (ndtri(betaincinv(rank, n + 1.0 - rank, p)) for p in (0.025, 0.975))
     ends = expected[[0, -1]] if n > 1 else np.array([-1.0, 1.0])
     points = {
@@ -84,8 +94,12 @@ def quantiles(estimates: Sequence[ScoredEstimate]) -> Figure:
         "hovertemplate": "%{y:.2f}, expected %{x:.2f}<extra></extra>",
     }
     return {
-        "data": [*_band(expected, low, high), _line("honest", ends, ends, FAINT, "dot"), points],
-        "layout": _small("z expected", "z found"),
+        "data": [
+            *_band(expected, low, high),
+            _line("calibrated", ends, ends, FAINT, "dot"),
+            points,
+        ],
+        "layout": _layout("z expected", "z found"),
     }
 
 
@@ -94,20 +108,19 @@ def coverage(groups: Mapping[str, Sequence[ScoredEstimate]]) -> Figure:
     everything = [each for group in groups.values() for each in group]
     nominal = np.linspace(0.005, 0.995, 199)
     n = len(everything)
+    # Of n calibrated intervals, a binomial number holds the truth.
     low, high = (bdtrik(p, n, nominal) / n for p in (0.025, 0.975))
     lines = [*_band(100 * nominal, 100 * low, 100 * high)]
     ends = np.array([0.0, 100.0])
-    lines.append(_line("honest", ends, ends, FAINT, "dot"))
-    for (name, group), colour in zip(groups.items(), _colours(), strict=False):
+    lines.append(_line("calibrated", ends, ends, FAINT, "dot"))
+    for (name, group), colour in zip(groups.items(), cycle(COLOURS), strict=False):
         lines.append(_covering(f"{escape(name)} ({len(group)})", group, colour, 1.6))
     if len(groups) > 1:
         lines.append(_covering(f"all ({n})", everything, NORM, 3.0))
-    percent = {"range": [0, 100], "dtick": 25, "ticksuffix": " %"}
-    layout = _small("interval of level", "holds the truth")
-    layout["xaxis"] |= percent
-    layout["yaxis"] |= percent
-    legend = {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0}
-    return {"data": lines, "layout": layout | {"height": 420, "showlegend": True, "legend": legend}}
+    layout = _layout("interval of level", "holds the truth") | LARGE
+    for name in ("xaxis", "yaxis"):
+        layout[name] |= {"range": [0, 100], "dtick": 25, "ticksuffix": " %"}
+    return {"data": lines, "layout": layout}
 
 
 def ratios(rows: Sequence[tuple[str, Ranged]]) -> Figure:
@@ -116,8 +129,36 @@ def ratios(rows: Sequence[tuple[str, Ranged]]) -> Figure:
     rows = [(escape(name), stated) for name, stated in reversed(rows)]
     scale = {"type": "log", "range": [np.log10(0.2), np.log10(5.0)], "showgrid": True}
     scale |= {"tickvals": [0.25, 0.5, 1, 2, 4], "ticktext": ["¼", "½", "1", "2", "4"]}
+    aim = {
+        "type": "rect",
+        "xref": "x",
+        "yref": "paper",
+        "x0": GOOD[0],
+        "x1": GOOD[1],
+        "y0": 0,
+        "y1": 1,
+    }
+    aim |= {"fillcolor": BAND, "line": {"width": 0}, "layer": "below"}
+    dots = {
+        "type": "scatter",
+        "mode": "markers",
+        "x": [figure.value for _, figure in rows],
+        "y": [name for name, _ in rows],
+        "xaxis": "x",
+        "marker": {"color": MARK, "size": 7},
+        "error_x": {
+            "array": [figure.high - figure.value for _, figure in rows],
+            "arrayminus": [figure.value - figure.low for _, figure in rows],
+            "color": MARK,
+            "thickness": 1.6,
+            "width": 4,
+        },
+        "customdata": [[figure.low, figure.high] for _, figure in rows],
+        "hovertemplate": "%{y}: %{x:.2f} (%{customdata[0]:.2f} … %{customdata[1]:.2f})"
+        "<extra></extra>",
+    }
     return {
-        "data": [_dots(rows, "x")],
+        "data": [dots],
         "layout": {
             "height": 130 + 30 * len(rows),
             "margin": {"l": 10, "r": 12, "t": 10, "b": 46},
@@ -130,7 +171,7 @@ def ratios(rows: Sequence[tuple[str, Ranged]]) -> Figure:
                 "range": [-0.6, len(rows) - 0.4],
                 "ticks": "",
             },
-            "shapes": [*_aim("x", GOOD), _rule("x", 1.0, FAINT, "dot")],
+            "shapes": [aim, _rule(1.0, FAINT, "dot")],
         },
     }
 
@@ -146,37 +187,14 @@ def _covering(name: str, group: Sequence[ScoredEstimate], colour: str, width: fl
     return line | {"showlegend": True, "hovertemplate": "%{x:.0f} %: %{y:.0f} %"}
 
 
-def _dots(rows: Sequence[tuple[str, Ranged]], axis: str) -> Figure:
-    values = [figure.value for _, figure in rows]
-    return {
-        "type": "scatter",
-        "mode": "markers",
-        "x": values,
-        "y": [name for name, _ in rows],
-        "xaxis": axis,
-        "marker": {"color": MARK, "size": 7},
-        "error_x": {
-            "array": [figure.high - figure.value for _, figure in rows],
-            "arrayminus": [figure.value - figure.low for _, figure in rows],
-            "color": MARK,
-            "thickness": 1.6,
-            "width": 4,
-        },
-        "customdata": [[figure.low, figure.high] for _, figure in rows],
-        "hovertemplate": "%{y}: %{x:.2f} (%{customdata[0]:.2f} … %{customdata[1]:.2f})"
-        "<extra></extra>",
-    }
-
-
 def scatter(points: Mapping[str, Sequence[tuple[str, float, float]]]) -> Figure:
-    """Root mean square error against mean stated deviation, SI units, a colour a noise model;
+    """Root mean square error against mean stated standard deviation, SI units, a colour a noise model;
     `points`: names, stated, actual."""
-    drawn: list[Figure] = []
     numbers = [number for row in points.values() for _, *both in row for number in both]
     ends = np.array([min(numbers), max(numbers)]) * np.array([0.4, 2.5])
-    drawn += _band(ends, ends / GOOD[1], ends / GOOD[0])
+    drawn = _band(ends, ends / GOOD[1], ends / GOOD[0])
     drawn.append(_line("as stated", ends, ends, FAINT, "dot"))
-    for (noise, rows), colour in zip(points.items(), _colours(), strict=False):
+    for (noise, rows), colour in zip(points.items(), cycle(COLOURS), strict=False):
         drawn.append(
             {
                 "type": "scatter",
@@ -190,16 +208,15 @@ def scatter(points: Mapping[str, Sequence[tuple[str, float, float]]]) -> Figure:
                 "hovertemplate": "%{text}: stated %{x:.2g}, actual %{y:.2g}<extra></extra>",
             }
         )
-    layout = _small("stated standard deviation (SI unit)", "root mean square error")
+    layout = _layout("stated standard deviation (SI unit)", "root mean square error") | LARGE
     for name in ("xaxis", "yaxis"):
         layout[name] |= {"type": "log", "exponentformat": "power", "dtick": 1}
         layout[name]["range"] = np.log10(ends).tolist()
-    legend = {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0}
-    return {"data": drawn, "layout": layout | {"height": 420, "showlegend": True, "legend": legend}}
+    return {"data": drawn, "layout": layout}
 
 
-def _small(across: str, up: str) -> dict[str, Any]:
-    """A layout of one panel."""
+def _layout(across: str, up: str) -> dict[str, Any]:
+    """Layout of a small panel, with the titles of its axes."""
     return {
         "height": 230,
         "margin": dict(MARGIN),
@@ -230,25 +247,13 @@ def _band(x: Array, low: Array, high: Array) -> list[Figure]:
     return [edge | {"y": _listed(low)}, edge | upper]
 
 
-def _rule(axis: str, at: float, colour: str, dash: str) -> Figure:
-    """A line across a panel."""
+def _rule(at: float, colour: str, dash: str) -> Figure:
+    """Vertical line through a panel."""
     line = {"color": colour, "width": 1.2, "dash": dash}
-    return {"type": "line", "xref": axis, "yref": "paper", "x0": at, "x1": at, "y0": 0, "y1": 1} | {
-        "line": line
-    }
-
-
-def _aim(axis: str, ends: tuple[float, float]) -> list[Figure]:
-    low, high = ends
-    box = {"type": "rect", "xref": axis, "yref": "paper", "x0": low, "x1": high, "y0": 0, "y1": 1}
-    return [box | {"fillcolor": BAND, "line": {"width": 0}, "layer": "below"}]
-
-
-def _colours() -> Iterable[str]:
-    while True:
-        yield from COLOURS
+    place = {"xref": "x", "yref": "paper", "x0": at, "x1": at, "y0": 0, "y1": 1}
+    return {"type": "line", **place, "line": line}
 
 
 def _listed(values: Array) -> list[float]:
-    """Five digits are more than a screen shows."""
+    # Five digits are more than a screen shows.
     return [float(f"{value:.5g}") for value in values.tolist()]

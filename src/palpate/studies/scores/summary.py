@@ -3,55 +3,24 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
-from math import sqrt
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from statistics import fmean, stdev
 
 import numpy as np
-from scipy.special import chdtri, stdtr, stdtrit
+from scipy.special import stdtr, stdtrit
 
 from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
 from palpate.studies.accuracy import ScoredEstimate, SeedRun, Unmeasured
-from palpate.studies.rate import Rate
+from palpate.studies.figures import Ranged
 
 Key = tuple[Parameter, int]
-"""A parameter and a component of it."""
+"""Parameter and index of its component."""
 FREEDOMS = np.geomspace(1.0, 1e6, 2000)
-"""Degrees of freedom among which those of an interval are looked up."""
+"""Degrees of freedom of the table from which those of an interval are interpolated."""
 QUANTILES = stdtrit(FREEDOMS, 0.975)
-"""Half the width of their 95 % intervals, in standard deviations."""
-
-
-@dataclass(frozen=True, slots=True)
-class Ranged:
-    """A figure with its 95 % interval."""
-
-    value: float
-    low: float
-    high: float
-
-    @classmethod
-    def share(cls, outcomes: Iterable[bool]) -> Ranged:
-        """Share of true outcomes, with the Wilson interval."""
-        rate = Rate.of(outcomes)
-        return cls(rate.hits / max(rate.trials, 1), *rate.interval)
-
-    @classmethod
-    def rms(cls, numbers: Array) -> Ranged:
-        """Root mean square of (n,) independent normal numbers about zero: n RMS²/σ² is χ² with n
-        degrees of freedom (Kay, Fundamentals of Statistical Signal Processing I, 1993, app. 3)."""
-        n, value = len(numbers), float(np.sqrt(np.mean(numbers**2)))
-        low, high = n / chdtri(n, 0.025), n / chdtri(n, 0.975)
-        return cls(value, value * sqrt(low), value * sqrt(high))
-
-    @property
-    def inverse(self) -> Ranged:
-        """1/value with its interval; zero for zero."""
-        if self.value == 0.0:
-            return Ranged(0.0, 0.0, 0.0)
-        return Ranged(1.0 / self.value, 1.0 / self.high, 1.0 / self.low)
+"""Half widths of the 95 % intervals of Student's t with these, in standard deviations."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,10 +28,10 @@ class Scores:
     """Coverage and calibration of n estimates.
 
     Attributes:
-        runs: how many.
+        runs: n.
         coverage95, coverage50: share of the 95 % and 50 % intervals that hold the truth.
-        stated: one over the root mean square of the errors in stated standard deviations.
-        worst: the largest of these.
+        stated: 1 / RMS(z), z = error / stated standard deviation; 1 for calibrated estimates.
+        worst: largest |z|.
     """
 
     runs: int
@@ -73,7 +42,7 @@ class Scores:
 
     @classmethod
     def of(cls, estimates: Sequence[ScoredEstimate]) -> Scores:
-        """Of at least one."""
+        """Score at least one estimate."""
         z = errors_in_std(estimates)
         return cls(
             len(estimates),
@@ -87,19 +56,19 @@ class Scores:
 @dataclass(frozen=True, slots=True)
 class Summary:
     """A parameter's component over all seeds, in its SI unit. Its figures are those of the seeds
-    that identified it, None where none did.
+    that identified it, None without any.
 
     Attributes:
-        runs: seeds that identified it.
-        truth, mean: over these.
+        runs: number of seeds that identified it.
+        truth, mean: mean true and estimated value of these.
         bias: mean error.
         sd: standard deviation of the errors.
-        claimed: mean of the stated standard deviations, which an honest estimator holds near `rmse`.
-        covered: how many 95 % intervals hold the truth.
-        single_shot_sd: as `sd`, of the naive weighing; None where there is none.
+        claimed: mean of the stated standard deviations; near `rmse` for calibrated estimates.
+        covered: number of 95 % intervals that hold the truth.
+        single_shot_sd: as `sd`, of the naive mean of F_z/g; None for quantities without one.
         unit: as printed.
-        asked: seeds that should have identified it.
-        verdicts: how many ended with which.
+        asked: number of all seeds.
+        verdicts: number of seeds by verdict.
         rmse: root mean square of the errors.
     """
 
@@ -107,12 +76,12 @@ class Summary:
     component: int
     runs: int
     truth: float
-    mean: float | None
-    bias: float | None
-    sd: float | None
-    claimed: float | None
-    covered: int
-    single_shot_sd: float | None
+    mean: float | None = None
+    bias: float | None = None
+    sd: float | None = None
+    claimed: float | None = None
+    covered: int = 0
+    single_shot_sd: float | None = None
     unit: str = ""
     asked: int = 0
     verdicts: dict[str, int] = field(default_factory=dict[str, int])
@@ -137,25 +106,28 @@ def _summary(key: Key, found: Sequence[ScoredEstimate | Unmeasured], asked: int)
     verdicts = Counter(each.verdict for each in found)
     identified = [each for each in found if isinstance(each, ScoredEstimate)]
     identified = [each for each in identified if each.verdict == "identified"]
-    about = (found[0].unit, asked, dict(verdicts))
+    summary = Summary(
+        *key,
+        runs=len(identified),
+        truth=fmean(each.truth for each in identified or found),
+        unit=found[0].unit,
+        asked=asked,
+        verdicts=dict(verdicts),
+    )
     if not identified:
-        truth = fmean(each.truth for each in found)
-        return Summary(*key, 0, truth, None, None, None, None, 0, None, *about)
+        return summary
     errors = [each.error for each in identified]
     naive = [each.single_shot - each.truth for each in identified if each.single_shot is not None]
-    return Summary(
-        *key,
-        len(identified),
-        fmean(each.truth for each in identified),
-        fmean(each.value for each in identified),
-        fmean(errors),
-        _sd(errors),
-        fmean(each.std for each in identified),
-        sum(each.covered for each in identified),
-        _sd(naive) if naive else None,
-        *about,
-        float(np.sqrt(np.mean(np.square(errors)))),
-        Scores.of(identified),
+    return replace(
+        summary,
+        mean=fmean(each.value for each in identified),
+        bias=fmean(errors),
+        sd=_sd(errors),
+        claimed=fmean(each.std for each in identified),
+        covered=sum(each.covered for each in identified),
+        single_shot_sd=_sd(naive) if naive else None,
+        rmse=float(np.sqrt(np.mean(np.square(errors)))),
+        scores=Scores.of(identified),
     )
 
 
@@ -165,21 +137,22 @@ def errors_in_std(estimates: Sequence[ScoredEstimate]) -> Array:
 
 
 def shares(estimates: Sequence[ScoredEstimate]) -> Array:
-    """(n,) of each the share of its stated distribution that lies below an error as large as its
-    own; of honest ones they are even in 0…1.
+    """Probability integral transform of each error, (n,): its stated distribution function at the
+    error; uniform in 0…1 for calibrated estimates.
 
-    The distribution is Student's t with as many degrees of freedom as make the stated upper half of
-    the 95 % interval; the lower one may be cut off where a quantity ends.
+    The stated distribution is Student's t, with the degrees of freedom that give the stated upper half
+    of the 95 % interval.
     """
+    # The lower half may be cut off at a bound of the quantity, such as a mass of zero.
     halves = np.array([(each.high - each.value) / each.std for each in estimates])
-    # The quantile falls with the degrees of freedom.
+    # np.interp needs increasing abscissae, and the quantile falls with the degrees of freedom.
     freedom = np.interp(-halves, -QUANTILES, FREEDOMS)
     return stdtr(freedom, errors_in_std(estimates))
 
 
 def levels(estimates: Sequence[ScoredEstimate]) -> Array:
-    """(n,) of each the level of the narrowest central interval that holds the truth; of honest
-    ones they are even in 0…1."""
+    """Level of the narrowest central interval that holds the truth, (n,); uniform in 0…1 for
+    calibrated estimates."""
     return np.abs(2.0 * shares(estimates) - 1.0)
 
 

@@ -10,10 +10,8 @@ from rich.text import Text
 
 from palpate.cli.console import out, print_json
 from palpate.cli.show.layout import Cell, Column, print_rows
-from palpate.studies.planners import table as tabulated
-from palpate.studies.planners.table import Row
-from palpate.studies.planners.trials import Record
-from palpate.studies.rate import Rate
+from palpate.studies.figures import Rate
+from palpate.studies.planners.trials import Record, Row, by_scenario, table
 
 TRIALS = (
     Column("configuration", words=True),
@@ -30,8 +28,8 @@ PAPER = Column("paper: syntax, success")
 def show_trials(records: Sequence[Record], published: Mapping[str, str], as_json: bool) -> None:
     """Rates with their 95 % Wilson intervals, beside the published syntax and success; where there
     are several scenarios, each of them below."""
-    rows = tabulated.table(records)
-    single = tabulated.by_scenario(records)
+    rows = table(records)
+    single = by_scenario(records)
     if as_json:
         content = {"rows": [_row_json(row) for row in rows]}
         print_json(content | {"scenarios": [_row_json(row) for row in single]})

@@ -1,13 +1,13 @@
-"""Puts the prompt together: the system prompt from the module files, the vocabulary's declarations and
-the rules of the check; the rest from the task.
+"""Composition of the prompt: the system prompt from the module files, the vocabulary's declarations and
+the rules of the check; the user's message from the task.
 
-There are two of it. The full one tells how each quantity is measured; the lean one has the paper's six
-modules with capabilities, safety and format, and leaves the strategy to the model. A module is the
-file in the style's own folder, or the one that both share.
+The full system prompt has the method for each quantity; the lean one has the paper's six modules with
+capabilities, safety and format, and leaves the strategy to the model. A module is the file in the
+style's own folder, or the one that both share.
 
-The system prompt holds nothing of the task and is therefore the same bytes for every one, so that
-providers can cache it. In what the model reads, as in the paper, S is the system prompt, R the
-request, D the incomplete simulation description, I the picture and Φ the unknown parameters.
+The system prompt is the same bytes for every task, so that providers can cache it. In the prompt, as in
+the paper, S is the system prompt, R the request, D the incomplete simulation description, I the picture
+and Φ the unknown parameters.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
 from palpate.errors import InputError, unknown_name
-from palpate.planning.check.rules import CATALOGUE
+from palpate.planning.check.rules import CATALOGUE, mm
 from palpate.planning.request.wording import english
 from palpate.quantities.catalogue import catalogue
 from palpate.quantities.quantity import Quantity
@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from palpate.vocabulary.registry import Vocabulary
 
 Style = Literal["full", "lean"]
-"""Style of the system prompt: with measuring procedures (full), or only the scene and the safety
-rules (lean)."""
+"""Style of the system prompt: with methods of measurement (full), or without (lean)."""
+STYLES: tuple[Style, ...] = get_args(Style)
 SYSTEM_MODULES = {
     "role": "role.md",
     "actions": "actions.md",
@@ -48,8 +48,6 @@ SYSTEM_MODULES = {
     "output": "output.md",
 }
 """Modules of the system prompt in the order in which they are sent, with their files."""
-
-STYLES: tuple[Style, ...] = get_args(Style)
 
 MODULES = (*SYSTEM_MODULES, "image", "text", "all")
 """Names for `--without`: a module of the system prompt, an input, or the whole system prompt."""
@@ -83,12 +81,12 @@ def compose(
     """The whole prompt for one task.
 
     Args:
-        vocabulary: what plans are made of.
+        vocabulary: primitives and composites of plans.
         request, scene, images: R, D and I.
-        symbols: names of poses, and arm: whose measures are told, where there is no scene.
+        symbols, arm: named poses and robot, where there is no scene.
         without: modules and inputs to leave out.
-        style: which system prompt.
-        comments: whether those in the scene's file are sent; they may give the answer away.
+        style: style of the system prompt.
+        comments: sends the comments in the scene's file, which may give the answer away.
 
     Raises:
         InputError: an unknown module in `without`, neither a request nor a scene, or one that is
@@ -131,11 +129,11 @@ def system_prompt(
     """The system prompt, less the modules in `without`; empty without all of them."""
     if "all" in without:
         return ""
-    filled: list[str] = []
-    for name, file in SYSTEM_MODULES.items():
-        if name not in without:
-            filled.append(_filled(file, vocabulary, style))
-    return "\n".join(filled)
+    return "\n".join(
+        filled_module(file, vocabulary, style)
+        for name, file in SYSTEM_MODULES.items()
+        if name not in without
+    )
 
 
 def user_prompt(
@@ -147,7 +145,7 @@ def user_prompt(
     comments: bool = True,
     arm: RobotDescription | None = None,
 ) -> str:
-    """The request, the scene, the robot and the poses, data of others in fences. Without a scene,
+    """The request, the scene, the robot and the poses; untrusted text is fenced. Without a scene,
     `symbols` name the poses of `arm`."""
     if not (request.strip() or scene):
         raise InputError(
@@ -155,82 +153,76 @@ def user_prompt(
         )
     parts: list[str] = []
     if "text" not in without:
-        parts += [_request(request), _description(scene, comments)]
+        asked = fenced(request) if request.strip() else "None: acquire what D leaves out."
+        parts += [f"# Request R\n{asked}", scene_section(scene, comments)]
     if scene is not None:
         symbols, arm = scene.symbols, scene.arm
     if arm is not None and "metadata" not in without:
-        parts.append(_robot(arm, scene.pose_world_base if scene is not None else None))
+        parts.append(robot_section(arm, scene.pose_world_base if scene is not None else None))
     if symbols and "metadata" not in without:
-        parts.append(_poses(symbols))
+        parts.append(poses_section(symbols))
     if images and "image" not in without:
-        parts.append(_pictures(images))
+        views = "the workspace now" if images == 1 else f"{images} views of the workspace now"
+        parts.append(f"# Image I\nAttached: {views}.")
     parts.append("Return Φ, the explanation and the behavior tree.")
     return "\n\n".join(parts)
 
 
 def fenced(text: str, language: str = "") -> str:
-    """`text` in a Markdown fence that nothing in it can close."""
+    """`text` in a Markdown fence longer than any in it."""
     ticks = "```"
     while ticks in text:
         ticks += "`"
     return f"{ticks}{language}\n{text.rstrip()}\n{ticks}"
 
 
-def _filled(file: str, vocabulary: Vocabulary, style: Style) -> str:
-    """A module of the system prompt, with what is declared elsewhere in place of its marks, such as
+def filled_module(file: str, vocabulary: Vocabulary, style: Style) -> str:
+    """A module of the system prompt, with generated descriptions in place of its marks, such as
     `{{quantities}}`."""
     folder = resources.files("palpate.planning.model.prompt")
     own = folder.joinpath(style, file)
     text = (own if own.is_file() else folder.joinpath(file)).read_text(encoding="utf-8")
     if "{{" not in text:
         return text
-    for name, words in _declared(vocabulary, style).items():
-        text = text.replace(f"{{{{{name}}}}}", words)
+    for name, description in descriptions(vocabulary, style).items():
+        text = text.replace(f"{{{{{name}}}}}", description)
     return text
 
 
-def _declared(vocabulary: Vocabulary, style: Style) -> dict[str, str]:
+def descriptions(vocabulary: Vocabulary, style: Style) -> dict[str, str]:
     """Generated descriptions of primitives, composites, quantities and rules, by mark."""
     general: list[str] = []
     conversion: list[str] = []
     for primitive in vocabulary.primitives.values():
         group = conversion if primitive.group == "conversion" else general
-        group.append(_primitive_entry(primitive, style))
-    composites = [f"- {c.name}: {c.summary}" for c in vocabulary.composites.values()]
-    quantities = [_quantity_entry(quantity) for quantity in catalogue().values()]
-    named = [_quantity_named(quantity) for quantity in catalogue().values()]
-    return {
-        "general": "\n".join(general),
-        "conversion": "\n".join(conversion),
-        "composites": "\n".join(composites),
-        "quantities": "\n".join(quantities),
-        "names of quantities": "\n".join(named),
-        "purposes": _purposes(),
-        "rules of parameters": _rules("parameters", style),
-        "rules of the tree": _rules("tree", style),
-    }
-
-
-def _rules(about: str, style: Style) -> str:
-    """Rules of the check, one per line, by the names that findings use."""
-    lines: list[str] = []
-    for rule in CATALOGUE.values():
-        if rule.about == about and not (rule.recipe and style == "lean"):
-            lines.append(f"- {rule.id}: {rule.asks}")
-    return "\n".join(lines)
-
-
-def _purposes() -> str:
-    """Quantities that each purpose of a simulation needs, as for requests that are read without a
-    model."""
+        group.append(primitive_entry(primitive, style))
+    heads = {quantity: quantity_head(quantity) for quantity in catalogue().values()}
+    # Quantities that each purpose of a simulation needs, as the grammar of requests has them.
     verbs: dict[tuple[str, ...], list[str]] = {}
     for verb, quantities in english().purposes.items():
         verbs.setdefault(quantities, []).append(verb)
-    told = [f"to {'/'.join(named[:3])}: {', '.join(q)}" for q, named in verbs.items()]
-    return "; ".join(told)
+    marks = {
+        "general": general,
+        "conversion": conversion,
+        "composites": [f"- {c.name}: {c.summary}" for c in vocabulary.composites.values()],
+        "quantities": [f"{head}: {acquisition(q)}" for q, head in heads.items()],
+        "names of quantities": [
+            head + (", derived" if q.derived else "") for q, head in heads.items()
+        ],
+    }
+    for mark, about in (("rules of parameters", "parameters"), ("rules of the tree", "tree")):
+        marks[mark] = [
+            f"- {rule.id}: {rule.asks}"
+            for rule in CATALOGUE.values()
+            if rule.about == about and not (rule.recipe and style == "lean")
+        ]
+    purposes = [f"to {'/'.join(named[:3])}: {', '.join(q)}" for q, named in verbs.items()]
+    texts = {mark: "\n".join(lines) for mark, lines in marks.items()}
+    return {**texts, "purposes": "; ".join(purposes)}
 
 
-def _primitive_entry(primitive: type[Primitive], style: Style) -> str:
+def primitive_entry(primitive: type[Primitive], style: Style) -> str:
+    """Line of a primitive: signature, docstring, buffer and arguments."""
     fields = primitive.model_fields
     said = primitive.summary() if style == "full" else primitive.capability()
     entry = f"- {primitive.__name__}({', '.join(fields)}): {said}"
@@ -249,15 +241,7 @@ _SUBJECTS = {
 }
 
 
-def _quantity_entry(quantity: Quantity) -> str:
-    return f"{_quantity_head(quantity)}: {acquisition(quantity)}"
-
-
-def _quantity_named(quantity: Quantity) -> str:
-    return _quantity_head(quantity) + (", derived" if quantity.derived else "")
-
-
-def _quantity_head(quantity: Quantity) -> str:
+def quantity_head(quantity: Quantity) -> str:
     """Name, unit and subject of a quantity."""
     unit = "" if quantity.unit == "1" else f" {quantity.unit}"
     kind = "" if quantity.identifiable else ", not measurable"
@@ -265,13 +249,8 @@ def _quantity_head(quantity: Quantity) -> str:
     return f"- {quantity.id}{unit}, of {subject}{kind}"
 
 
-def _request(request: str) -> str:
-    if request.strip():
-        return f"# Request R\n{fenced(request)}"
-    return "# Request R\nNone: acquire what D leaves out."
-
-
-def _description(scene: Scene | None, comments: bool) -> str:
+def scene_section(scene: Scene | None, comments: bool) -> str:
+    """Section of the user's MJCF, or of the objects to list in its place."""
     if scene is None:
         return (
             "# Simulation description D\nNone: list what the image shows in `scene`. What you list as X there has "
@@ -286,55 +265,50 @@ def _description(scene: Scene | None, comments: bool) -> str:
     return f"# Simulation description D (MJCF; absent or `?` is unknown)\n{fenced(text, 'xml')}"
 
 
-def _robot(arm: RobotDescription, pose_world_base: Pose | None) -> str:
-    """The measures by which the check judges what fits and what is in the way."""
+def robot_section(arm: RobotDescription, pose_world_base: Pose | None) -> str:
+    """Section of the robot's dimensions and limits by which the check judges fit and clearance."""
     hand, limits = arm.hand, arm.limits
     half_x, half_y = hand.half_extents
     beside = hand.opening / 2 + hand.finger
     low, high = limits.workspace_min.tolist(), limits.workspace_max.tolist()
+    within = (f"{axis} {a:.3g} to {b:.3g} m" for axis, a, b in zip("xyz", low, high, strict=True))
     lines = [
+        "# Robot",
         "Hand, pointing down: the gripper's pose is that of the point between its fingertips; "
-        f"{_mm(hand.opening)} between the open fingers, which close along the gripper's y; the palm is "
-        f"{_mm(hand.palm)} above the fingertips. At a grasp the open fingers take up {_mm(beside)} to either "
-        f"side along y and {_mm(hand.pad)} along x, above the palm the hand {_mm(half_y)} and {_mm(half_x)}: "
+        f"{mm(hand.opening)} between the open fingers, which close along the gripper's y; the palm is "
+        f"{mm(hand.palm)} above the fingertips. At a grasp the open fingers take up {mm(beside)} to either "
+        f"side along y and {mm(hand.pad)} along x, above the palm the hand {mm(half_y)} and {mm(half_x)}: "
         "whatever else reaches in there blocks.",
         f"Payload {limits.payload:g} kg. The gripper's point stays, from the base, within "
-        + ", ".join(
-            f"{axis} {a:.3g} to {b:.3g} m" for axis, a, b in zip("xyz", low, high, strict=True)
-        )
-        + ", where the arm reaches.",
+        f"{', '.join(within)}, where the arm reaches.",
     ]
     if pose_world_base is not None:
         lines.append(
-            f"Base in the world, with the direction of its x axis: {_at(pose_world_base)}."
+            f"Base in the world, with the direction of its x axis: {position_and_yaw(pose_world_base)}."
         )
-    return "# Robot\n" + "\n".join(lines)
+    return "\n".join(lines)
 
 
-def _mm(length: float) -> str:
-    return f"{1e3 * length:.3g} mm"
-
-
-def _pictures(count: int) -> str:
-    if count == 1:
-        return "# Image I\nAttached: the workspace now."
-    return f"# Image I\nAttached: {count} views of the workspace now."
-
-
-def _poses(symbols: Symbols) -> str:
-    """Every name that a pose expression may use, with where it is or what it stands for."""
-    lines = [_pose(name, pose) for name, pose in symbols.poses.items()]
-    for name in symbols.later:
+def poses_section(symbols: Symbols) -> str:
+    """Section of every name that a pose expression may use, with its place or purpose."""
+    lines = [f"{name}: {position_and_yaw(pose)}" for name, pose in symbols.poses.items()]
+    for name in symbols.later:  # computed when they are used
         if name not in symbols.poses:
-            lines.append(f"{name}: {_later(name, symbols.subjects.get(name, 'it'))}")
+            subject = symbols.subjects.get(name, "it")
+            purpose = f"a free spot to put {subject} down"
+            if name.endswith("_top"):
+                purpose = f"above the top of {subject}"
+            elif name.endswith("_across"):
+                purpose = f"a grasp of {subject} a quarter turn on"
+            lines.append(f"{name}: {purpose}")
     for name in symbols.lines:
         subject = symbols.subjects[name]
         lines.append(f"{name}: where {subject} balances, as its grasps before have shown")
     for name in symbols.configurations:
         lines.append(f"{name}: joint configuration")
     for name, own in symbols.own_offsets.items():
-        lines.append(f"offsets of {name}: {_offsets(own)}")
-    lines.append(f"offsets of other poses: {_offsets(symbols.offsets)}")
+        lines.append(f"offsets of {name}: {offset_list(own)}")
+    lines.append(f"offsets of other poses: {offset_list(symbols.offsets)}")
     for name, reason in symbols.ungraspable.items():
         lines.append(f"{name} cannot be grasped: {reason}")
     return (
@@ -343,33 +317,19 @@ def _poses(symbols: Symbols) -> str:
     )
 
 
-def _pose(name: str, pose: Pose) -> str:
-    return f"{name}: {_at(pose)}"
-
-
-def _at(pose: Pose) -> str:
+def position_and_yaw(pose: Pose) -> str:
+    """Position (m) and direction of the x axis (degrees)."""
     x, y, z = pose.position
     direction = degrees(atan2(pose.rotation[1, 0], pose.rotation[0, 0]))
     return f"{x:.3f} {y:.3f} {z:.3f}, {direction:.0f}"
 
 
-def _later(name: str, subject: str) -> str:
-    """Purpose of a pose that is computed when it is used."""
-    if name.endswith("_top"):
-        return f"above the top of {subject}"
-    if name.endswith("_across"):
-        return f"a grasp of {subject} a quarter turn on"
-    return f"a free spot to put {subject} down"
-
-
-def _offsets(offsets: Mapping[str, Array]) -> str:
-    return ", ".join(f"{name} {_offset(vector)}" for name, vector in offsets.items())
-
-
-def _offset(vector: Array) -> str:
-    """The length, with its sign, of an offset along one axis; the vector of any other."""
-    axes = [component for component in vector if abs(component) > 1e-9]
-    if len(axes) <= 1:
-        return f"{max(vector, key=abs):.3f}"
-    x, y, z = vector
-    return f"({x:.3f}, {y:.3f}, {z:.3f})"
+def offset_list(offsets: Mapping[str, Array]) -> str:
+    """Offsets by name: the length, with its sign, of one along an axis; the vector of any other."""
+    found: list[str] = []
+    for name, vector in offsets.items():
+        axes = [component for component in vector if abs(component) > 1e-9]
+        x, y, z = vector
+        shown = f"({x:.3f}, {y:.3f}, {z:.3f})" if len(axes) > 1 else f"{max(vector, key=abs):.3f}"
+        found.append(f"{name} {shown}")
+    return ", ".join(found)

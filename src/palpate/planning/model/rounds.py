@@ -1,7 +1,6 @@
-"""The dialogue with a model: ask, check, feed the findings back, a bounded number of times.
+"""Rounds of a dialogue with a model: ask, check, feed the findings back, a bounded number of times.
 
-Nothing here knows a provider: whoever answers is a function. The same loop therefore runs on a live
-model and on a recorded conversation.
+The model is a function of a message, so the same loop runs on a provider and on a recorded conversation.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from dataclasses import replace
 from difflib import unified_diff
 
 from palpate.errors import InputError, PlanRejected, Unavailable
-from palpate.planning.model.dialogue.conversation import Answer, Conversation, Round
+from palpate.planning.model.conversation import Answer, Conversation, Round
 from palpate.planning.model.settings import FEEDBACK_ROUNDS
 from palpate.planning.plan import Plan
 
@@ -19,7 +18,7 @@ MAX_FINDINGS = 20
 MAX_FINDING = 500
 """Findings in one message, and characters of each."""
 MAX_CHANGES = 40
-"""Lines that tell how one plan differs from the one before."""
+"""Lines that list the differences of a plan from the one before."""
 MAX_COMPARED = 500
 """Nodes of a plan that are compared."""
 
@@ -27,13 +26,13 @@ Ask = Callable[[str], Answer]
 """Sends the next user message of a dialogue and returns the answer."""
 
 Judge = Callable[[str], tuple[Plan | None, Sequence[str]]]
-"""Reads an answer: the plan in it, if any, and what is wrong with it."""
+"""Reads an answer: its plan, if any, and the findings on it."""
 
 Object = Callable[[Plan], str | None]
 """Objection of a critic to a plan that passed the check; None for none."""
 
 MayGoOn = Callable[[Conversation], str | None]
-"""Asked before another round: the reason why there is no budget left, or None."""
+"""Reason against another round, such as a used-up budget, or None."""
 
 
 def converse(
@@ -45,68 +44,53 @@ def converse(
     may_go_on: MayGoOn = lambda _: None,
     critic: Object = lambda _: None,
 ) -> Plan:
-    """The first plan that nothing is wrong with; every round is appended to `conversation`.
+    """The first plan without findings; every round is appended to `conversation`.
 
-    The first of them is shown to the `critic`, and goes back to the model once more if that objects.
-    If no other plan comes of it that passes, it stands.
+    It is shown to the `critic`, whose objection goes back to the model once. It stands if no other plan
+    passes after that.
 
     Raises:
-        PlanRejected: none after `rounds` rounds of feedback, or the budget is used up. Whatever
-            `ask` raises.
+        PlanRejected: none after `rounds` rounds of feedback, or the budget is used up.
+        Unavailable: as `ask`.
     """
-    plan, findings = _asked(conversation, message, ask, judge, None)
+
+    def once(message: str, before: Plan | None) -> tuple[Plan | None, Sequence[str]]:
+        """One round: the plan, if any, and the findings on it."""
+        answer = ask(message)
+        plan, findings = judge(answer.text)
+        kept = tuple(finding[:MAX_FINDING] for finding in findings)
+        promised = tuple(str(parameter) for parameter in plan.parameters) if plan else ()
+        changed = differences(before, plan) if before and plan else ()
+        conversation.rounds.append(Round(message, answer, kept, promised, changed))
+        return plan, findings
+
+    plan, findings = once(message, None)
     left = rounds
     while plan is None or findings:
         why = may_go_on(conversation)
         if left == 0:
             why = f"{rounds} round(s) of feedback were not enough"
         if why:
-            raise PlanRejected(_rejection(conversation, why))
+            raise PlanRejected(rejection(conversation, why))
         left -= 1
-        plan, findings = _asked(conversation, feedback(findings), ask, judge, plan)
+        plan, findings = once(feedback(findings), plan)
     objection = critic(plan)
     if objection is None:
         return plan
     conversation.rounds[-1] = replace(conversation.rounds[-1], objection=objection)
-    return _reconsidered(conversation, objected(objection), ask, judge, left, may_go_on, plan)
-
-
-def _reconsidered(
-    conversation: Conversation,
-    message: str,
-    ask: Ask,
-    judge: Judge,
-    left: int,
-    may_go_on: MayGoOn,
-    plan: Plan,
-) -> Plan:
-    """The plan that passes after an objection to `plan`, within what is `left` of the rounds; `plan`
-    itself where there is none."""
-    latest: Plan | None = plan
+    message, latest = objected(objection), plan
+    # The plan passes the check already: whatever ends the reconsideration, it stands.
     for _ in range(left + 1):
         if may_go_on(conversation):
             break
         try:
-            latest, findings = _asked(conversation, message, ask, judge, latest)
+            latest, findings = once(message, latest)
         except Unavailable:
             break
         if latest is not None and not findings:
             return latest
         message = feedback(findings)
     return plan
-
-
-def _asked(
-    conversation: Conversation, message: str, ask: Ask, judge: Judge, before: Plan | None
-) -> tuple[Plan | None, Sequence[str]]:
-    """Do one round: return the plan, if any, and its findings."""
-    answer = ask(message)
-    plan, findings = judge(answer.text)
-    kept = tuple(finding[:MAX_FINDING] for finding in findings)
-    promised = tuple(str(parameter) for parameter in plan.parameters) if plan is not None else ()
-    changed = differences(before, plan) if before is not None and plan is not None else ()
-    conversation.rounds.append(Round(message, answer, kept, promised, changed))
-    return plan, findings
 
 
 def differences(before: Plan, after: Plan) -> tuple[str, ...]:
@@ -118,15 +102,14 @@ def differences(before: Plan, after: Plan) -> tuple[str, ...]:
         texts.append([*promised, *tree[:MAX_COMPARED]])
     old, new = texts
     compared = unified_diff(old, new, n=0, lineterm="")
-    lines = [f"{line[0]} {line[1:].strip()}" for line in compared if _is_change(line)]
+    lines = [
+        f"{line[0]} {line[1:].strip()}"
+        for line in compared
+        if line[:1] in ("-", "+") and line not in ("--- ", "+++ ")  # these head the diff
+    ]
     if len(lines) > MAX_CHANGES:
         lines[MAX_CHANGES:] = [f"and {len(lines) - MAX_CHANGES} more"]
     return tuple(lines)
-
-
-def _is_change(line: str) -> bool:
-    """True if a line of a unified diff is one that came or went."""
-    return line[:1] in ("-", "+") and line not in ("--- ", "+++ ")
 
 
 def objected(objection: str) -> str:
@@ -151,10 +134,7 @@ def feedback(findings: Sequence[str]) -> str:
 
 
 def recorded(conversation: Conversation) -> Ask:
-    """Answers in the order in which they were given.
-
-    The returned function raises `InputError` when asked for more than were recorded.
-    """
+    """Function that returns the recorded answers in order, and raises `InputError` after the last."""
     answers = iter([r.answer for r in conversation.rounds])
 
     def ask(message: str) -> Answer:
@@ -170,7 +150,7 @@ def recorded(conversation: Conversation) -> Ask:
 
 
 def replayed(kept: Conversation, again: Conversation, judge: Judge) -> Plan:
-    """The plan of a recorded conversation, judged anew, without network; every round is appended to
+    """The plan of a recorded conversation, checked again without network; every round is appended to
     `again`.
 
     Raises:
@@ -190,7 +170,8 @@ def replayed(kept: Conversation, again: Conversation, judge: Judge) -> Plan:
     )
 
 
-def _rejection(conversation: Conversation, why: str) -> str:
+def rejection(conversation: Conversation, why: str) -> str:
+    """Reason why a dialogue ended without a plan, with the last findings and words."""
     last = conversation.rounds[-1]
     words = " ".join(last.answer.text.split())[:200]
     findings = "; ".join(last.findings[:3]) or "no plan"

@@ -6,8 +6,8 @@ import pytest
 
 from palpate.errors import InputError, PlanRejected
 from palpate.parameter import Parameter
-from palpate.planning.model.dialogue.conversation import Answer, Conversation, load
-from palpate.planning.model.dialogue.rounds import (
+from palpate.planning.model.conversation import Answer, Conversation, load
+from palpate.planning.model.rounds import (
     MAX_FINDINGS,
     converse,
     feedback,

@@ -1,15 +1,16 @@
-"""Independent tasks, spread over processes.
+"""Independent tasks, distributed over processes, and their progress.
 
-A `Crew` does them, wherever: `Processes` on this machine, `engine.cluster` on a Ray cluster.
+A `Crew` executes them: `Processes` on this machine, `studies.cluster` on a Ray cluster.
 """
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol, TypeVar
 
 from palpate.interrupt import ignore_signals
@@ -22,7 +23,7 @@ AHEAD = 2
 
 
 class Lost(Exception):
-    """A task took its process with it."""
+    """The process that executed a task died."""
 
 
 class Crew(Protocol):
@@ -41,7 +42,7 @@ class Crew(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Processes:
-    """Processes of this machine; a single one is this process itself."""
+    """Processes of this machine; with a `count` of 1, this process itself."""
 
     count: int
 
@@ -56,15 +57,20 @@ class Processes:
         waiting = deque(range(len(tasks)))
         while waiting:
             under_way = yield from self._pooled(work, tasks, waiting)
-            # Which of them broke the pool shows when each has a process of its own.
+            # A broken pool does not say which task broke it: repeat each in a process of its own.
             for place in under_way:
-                yield place, _alone(work, tasks[place])
+                with ProcessPoolExecutor(1, initializer=ignore_signals) as pool:
+                    try:
+                        result = pool.submit(work, tasks[place]).result()
+                    except BrokenProcessPool:
+                        result = Lost("the process that executed it ended")
+                yield place, result
 
     def _pooled(
         self, work: Callable[[Task], Result], tasks: Sequence[Task], waiting: deque[int]
     ) -> Generator[tuple[int, Result], None, list[int]]:
         """Work through the queue until it is empty or a process dies; return the tasks in progress."""
-        # A signal to all of them is this process's affair: the others finish what they are at.
+        # Only this process handles signals; the others finish their tasks.
         pool = ProcessPoolExecutor(self.count, initializer=ignore_signals)
         running: dict[Future[Result], int] = {}
         try:
@@ -87,7 +93,7 @@ def spread(work: Callable[[Task], Result], tasks: Sequence[Task], workers: int) 
     """Map `work` over the tasks with `workers` processes; results in the order of the tasks.
 
     Raises:
-        Lost: a task took its process with it.
+        Lost: the process that executed a task died.
     """
     found: dict[int, Result] = {}
     for place, result in Processes(workers).each(work, tasks):
@@ -97,10 +103,38 @@ def spread(work: Callable[[Task], Result], tasks: Sequence[Task], workers: int) 
     return [found[place] for place in range(len(tasks))]
 
 
-def _alone(work: Callable[[Task], Result], task: Task) -> Result | Lost:
-    """Result of a task in a process of its own; `Lost` if the process dies."""
-    with ProcessPoolExecutor(1, initializer=ignore_signals) as pool:
-        try:
-            return pool.submit(work, task).result()
-        except BrokenProcessPool:
-            return Lost("the process that was at it ended")
+@dataclass(slots=True)
+class Progress:
+    """Tasks done of `total`, `before` of them in an earlier session; rate and time left as text."""
+
+    total: int
+    before: int = 0
+    clock: Callable[[], float] = time.monotonic
+    done: int = field(init=False)
+    began: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.done, self.began = self.before, self.clock()
+
+    def step(self) -> str:
+        """Count one more finished task; return the progress as a line of text."""
+        self.done += 1
+        return str(self)
+
+    def __str__(self) -> str:
+        so_far, elapsed = self.done - self.before, self.clock() - self.began
+        if not so_far or elapsed <= 0.0:
+            return f"{self.done}/{self.total}"
+        each = elapsed / so_far
+        line = f"{self.done}/{self.total} · {60.0 / each:.3g} a minute"
+        if self.done == self.total:
+            return line
+        seconds = each * (self.total - self.done)
+        minutes = round(seconds / 60.0)
+        # Two minutes and two hours each switch to the coarser unit.
+        left = f"{minutes // 60} h {minutes % 60:02d} min"
+        if seconds < 120.0:
+            left = f"{seconds:.0f} s"
+        elif seconds < 7200.0:
+            left = f"{seconds / 60.0:.0f} min"
+        return f"{line} · {left} left"

@@ -1,4 +1,4 @@
-"""Results of a study that are kept one by one: a study that was killed goes on where it was."""
+"""Results files of studies, written line by line: a study that was killed can be continued."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO, cast
+from typing import Any, TypeVar, cast
+
+from pydantic import TypeAdapter, ValidationError
 
 from palpate.display import json_text
 from palpate.errors import InputError
@@ -17,18 +19,21 @@ from palpate.files.read import read_bytes
 LARGEST = 1_000_000_000
 """Bytes of the largest results file that is read."""
 
+Row = TypeVar("Row")
+
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """A file of JSON objects, one a line, that grows."""
+    """Growing file of JSON objects, one a line."""
 
     file: Path
 
     def read(self) -> list[dict[str, Any]]:
-        """All whole lines, none when there is no file; what a kill cut short is left out.
+        """Read all complete lines; a last one without its end was cut off and is left out. Empty
+        without a file.
 
         Raises:
-            InputError: it is another file.
+            InputError: the file holds something else.
         """
         if not self.file.exists():
             return []
@@ -36,8 +41,20 @@ class Lines:
         whole = content[: content.rfind(b"\n") + 1]
         return [self._object(line) for line in whole.splitlines()]
 
+    def read_as(self, kind: type[Row]) -> list[Row]:
+        """Read all complete lines as objects of a dataclass.
+
+        Raises:
+            InputError: the file holds something else.
+        """
+        adapter = TypeAdapter(kind)
+        try:
+            return [adapter.validate_python(line) for line in self.read()]
+        except ValidationError:
+            raise self.other() from None
+
     def add(self, *rows: Mapping[str, Any]) -> None:
-        """More lines, on the disk before anything else is done; without any, the file is there.
+        """Append rows and wait until they are on the disk; without rows, just create the file.
 
         Raises:
             InputError: the file cannot be written.
@@ -46,7 +63,11 @@ class Lines:
         try:
             self.file.parent.mkdir(parents=True, exist_ok=True)
             with self.file.open("ab+") as file:
-                _end_cleanly(file)
+                size = file.seek(0, os.SEEK_END)
+                file.seek(max(size - 1, 0))
+                if size and file.read(1) != b"\n":  # a kill has left a line without its end
+                    file.seek(0)
+                    file.truncate(file.read().rfind(b"\n") + 1)
                 file.write("".join(lines).encode())
                 file.flush()
                 os.fsync(file.fileno())
@@ -70,7 +91,7 @@ class Lines:
 
 
 def _strict(content: Any) -> Any:
-    """The same with words (`inf`, `nan`) for what JSON has no numbers for; pydantic reads them."""
+    """Replace infinities and NaN, which JSON lacks, by words (`inf`, `nan`); pydantic reads them."""
     if isinstance(content, Mapping):
         named = cast("Mapping[str, Any]", content)
         return {name: _strict(value) for name, value in named.items()}
@@ -79,15 +100,3 @@ def _strict(content: Any) -> Any:
     if isinstance(content, float) and not math.isfinite(content):
         return str(content)
     return content
-
-
-def _end_cleanly(file: BinaryIO) -> None:
-    """Cut off a last line that a kill has left without its end."""
-    size = file.seek(0, os.SEEK_END)
-    if size == 0:
-        return
-    file.seek(size - 1)
-    if file.read(1) == b"\n":
-        return
-    file.seek(0)
-    file.truncate(file.read().rfind(b"\n") + 1)

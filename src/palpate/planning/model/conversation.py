@@ -1,5 +1,5 @@
-"""A dialogue with a model as it is kept: complete without any header or key, so that it can be judged
-again without a network."""
+"""Record of a dialogue with a model: complete but for headers and keys, so that it can be replayed without a
+network."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from palpate.files.read import read_text
 from palpate.planning.plan import MAX_BYTES
 
 MAX_CONVERSATION = 20 * MAX_BYTES
-"""Bytes of one in a file, and of a file that may be one."""
+"""Bytes of a file that may be a conversation."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,12 +24,12 @@ class Answer:
 
     Attributes:
         text: the model's words.
-        model: the name the provider reports.
+        model: the name that the provider reports.
         input_tokens, cached_tokens, output_tokens: as the provider counts them.
         cost: US dollars by the list price, None where no price is known.
         seconds: wall time, waits for retries included.
-        requests: how many it took.
-        finish: why the model stopped, e.g. `stop`, `length`, `content_filter`.
+        requests: number of requests, retries included.
+        finish: the provider's reason for the end, e.g. `stop`, `length`, `content_filter`.
     """
 
     text: str
@@ -48,10 +48,10 @@ class Round:
     """Message to the model, its answer, and the outcome.
 
     Attributes:
-        findings: what the check found wrong with it.
-        parameters: what its plan promises, `object.quantity` each.
-        changed: how its plan differs from the one before, a line each: `-` gone, `+` new.
-        objection: what a critic said against it.
+        findings: findings of the check on the answer.
+        parameters: promised parameters of its plan, `object.quantity` each.
+        changed: differences from the plan before, a line each: `-` removed, `+` new.
+        objection: objection of a critic to the plan.
     """
 
     message: str
@@ -67,10 +67,10 @@ class Critique:
     """Remarks of a critic on a plan that passed the check.
 
     Attributes:
-        planner: as asked for.
-        system, message: what it was sent.
-        answer: what came back; None where nothing did, and `error` says why.
-        objection: what it objects to; empty for nothing.
+        planner: the critic's `PROVIDER:MODEL`, as configured.
+        system, message: the prompt and the message that it was sent.
+        answer: its answer; None with a reason in `error`.
+        objection: its objection; empty for none.
     """
 
     planner: str
@@ -83,13 +83,13 @@ class Critique:
 
 @dataclass(slots=True)
 class Conversation:
-    """A whole dialogue, as it is kept in the run folder.
+    """Whole dialogue, as it is kept in the run folder.
 
     Attributes:
-        planner: as asked for, e.g. `openai:gpt-4o`.
+        planner: `PROVIDER:MODEL`, as configured, e.g. `openai:gpt-4o`.
         system: the system prompt as sent.
         images: width and height in pixels and SHA-256 of every picture as sent.
-        critique: what a second model said of the plan, if one was asked.
+        critique: remarks of a second model on the plan, if one was asked.
     """
 
     planner: str
@@ -100,7 +100,7 @@ class Conversation:
 
     @property
     def answers(self) -> list[Answer]:
-        """Everything that was answered, a critic's words too."""
+        """All answers, those of a critic included."""
         found = [r.answer for r in self.rounds]
         if self.critique is not None and self.critique.answer is not None:
             found.append(self.critique.answer)
@@ -114,67 +114,42 @@ class Conversation:
     @property
     def cost(self) -> float | None:
         """US dollars so far; None when an answer has no known price."""
-        total: float = 0
-        for answer in self.answers:
-            if answer.cost is None:
-                return None
-            total += answer.cost
-        return total
+        costs = [answer.cost for answer in self.answers if answer.cost is not None]
+        return sum(costs) if len(costs) == len(self.answers) else None
 
     def summary(self) -> dict[str, Any]:
-        """The figures that go into `plan.json`."""
-        sent = received = cached = 0
-        seconds: float = 0
-        for answer in self.answers:
-            sent += answer.input_tokens
-            cached += answer.cached_tokens
-            received += answer.output_tokens
-            seconds += answer.seconds
-        reported = self.rounds[-1].answer.model if self.rounds else ""
-        findings = [list(r.findings) for r in self.rounds]
-        cost = self.cost
-        critic = {} if self.critique is None else {"critic": self._criticism(self.critique)}
-        return {
-            "model": {
-                "asked": self.planner,
-                "reported": reported,
-                "rounds": len(self.rounds),
-                "valid_first": findings[:1] == [[]],
-                "valid_after_feedback": [] in findings,
-                "input_tokens": sent,
-                "cached_tokens": cached,
-                "output_tokens": received,
-                "cost_usd": None if cost is None else round(cost, 6),
-                "seconds": round(seconds, 3),
-                "findings": findings,
-                "parameters": [list(r.parameters) for r in self.rounds],
-                "changed": [list(r.changed) for r in self.rounds],
-                **critic,
+        """Figures for `plan.json`."""
+        answers, rounds, cost = self.answers, self.rounds, self.cost
+        findings = [list(r.findings) for r in rounds]
+        figures: dict[str, Any] = {
+            "asked": self.planner,
+            "reported": rounds[-1].answer.model if rounds else "",
+            "rounds": len(rounds),
+            "valid_first": findings[:1] == [[]],
+            "valid_after_feedback": [] in findings,
+            "input_tokens": sum(answer.input_tokens for answer in answers),
+            "cached_tokens": sum(answer.cached_tokens for answer in answers),
+            "output_tokens": sum(answer.output_tokens for answer in answers),
+            "cost_usd": None if cost is None else round(cost, 6),
+            "seconds": round(sum(answer.seconds for answer in answers), 3),
+            "findings": findings,
+            "parameters": [list(r.parameters) for r in rounds],
+            "changed": [list(r.changed) for r in rounds],
+        }
+        if self.critique is not None:
+            # Heeded: the plan changed in a round after the objection.
+            objected = next((i for i, r in enumerate(rounds, start=1) if r.objection), len(rounds))
+            figures["critic"] = {
+                "asked": self.critique.planner,
+                "reported": self.critique.answer.model if self.critique.answer else "",
+                "objection": self.critique.objection or None,
+                "heeded": any(r.changed for r in rounds[objected:]),
+                "error": self.critique.error or None,
             }
-        }
-
-    def _criticism(self, critique: Critique) -> dict[str, Any]:
-        """Entry of a critic in `plan.json`."""
-        reported = "" if critique.answer is None else critique.answer.model
-        return {
-            "asked": critique.planner,
-            "reported": reported,
-            "objection": critique.objection or None,
-            "heeded": self._heeded(),
-            "error": critique.error or None,
-        }
-
-    def _heeded(self) -> bool:
-        """True if the plan changed after an objection."""
-        objected = False
-        for one in self.rounds:
-            if objected and one.changed:
-                return True
-            objected = objected or bool(one.objection)
-        return False
+        return {"model": figures}
 
     def dump(self) -> str:
-        """Serialise as JSON text; `load` reads it back."""
+        """JSON text, which `load` reads back."""
         return json_text(asdict(self), indent=2) + "\n"
 
     @classmethod
@@ -197,7 +172,7 @@ class Conversation:
 
 
 def read_conversation(path: Path) -> Conversation:
-    """A conversation that was kept.
+    """A conversation from its file.
 
     Raises:
         InputError: no such file, or not a conversation.

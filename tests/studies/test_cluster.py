@@ -17,8 +17,8 @@ import pytest
 from palpate.errors import InputError, Unavailable
 from palpate.settings import Settings
 from palpate.studies.accuracy import Case, Question, SeedRun, accuracy, run_seed, survived
-from palpate.studies.engine.cluster import RayCrew, crew
-from palpate.studies.engine.workers import Lost, Processes
+from palpate.studies.cluster import RayCrew, crew
+from palpate.studies.workers import Lost, Processes
 
 NODES = ("127.0.0.2", "127.0.0.3")
 """Two places of this machine that nobody else reaches. Ray takes 127.0.0.1 for another one."""

@@ -1,7 +1,7 @@
-"""Tasks on a Ray cluster (https://docs.ray.io) that somebody has started.
+"""Tasks on an existing Ray cluster (https://docs.ray.io).
 
-Every node runs the code of this machine: the package travels with the tasks. What else it needs has
-to be installed there, for the same version of Python.
+Every node runs the code of this machine: the package travels with the tasks. Its dependencies must be
+installed on the nodes, for the same version of Python.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from typing import Any
 
 import palpate
 from palpate.errors import InputError, Unavailable
-from palpate.studies.engine.workers import AHEAD, Crew, Lost, Processes, Result, Task
+from palpate.studies.workers import AHEAD, Crew, Lost, Processes, Result, Task
 
 LOCAL = "local"
-"""The address of no cluster: processes of this machine."""
+"""Address without a cluster: processes of this machine."""
 PATIENCE = 5.0
 """s in which the head of a cluster must answer."""
-_ADDRESS = re.compile(r"(?:ray://)?(?P<host>[\w.-]+):(?P<port>\d{1,5})")
+ADDRESS = re.compile(r"(?:ray://)?(?P<host>[\w.-]+):(?P<port>\d{1,5})")
 
 
 @contextmanager
@@ -34,11 +34,12 @@ def crew(address: str, workers: int | None = None) -> Generator[Crew]:
 
     Raises:
         InputError: it is no address.
-        Unavailable: Ray is not installed, or nobody answers.
+        Unavailable: Ray is not installed, or the cluster does not answer.
     """
     if address == LOCAL:
         yield Processes(workers or os.cpu_count() or 1)
         return
+    require_answer(address)
     ray = _joined(address)
     try:
         processors = int(ray.cluster_resources().get("CPU", 1))
@@ -53,7 +54,7 @@ class RayCrew:
 
     Attributes:
         ray: the library.
-        room: tasks that are handed over at once.
+        room: tasks that are submitted at a time.
     """
 
     ray: Any
@@ -64,10 +65,11 @@ class RayCrew:
     ) -> Iterator[tuple[int, Result | Lost]]:
         """See `Crew.each`."""
 
-        def done_there(task: Task) -> Result:
+        # Ray wraps functions only, not any callable.
+        def remote_work(task: Task) -> Result:
             return work(task)
 
-        remote = self.ray.remote(num_cpus=1, max_retries=1)(done_there)
+        remote = self.ray.remote(num_cpus=1, max_retries=1)(remote_work)
         waiting, running = deque(range(len(tasks))), dict[Any, int]()
         while waiting or running:
             while waiting and len(running) < self.room:
@@ -83,12 +85,33 @@ class RayCrew:
         except self.ray.exceptions.RayTaskError as error:
             raise error.as_instanceof_cause() from None
         except self.ray.exceptions.RayError as error:
-            return Lost(f"the process or the node that was at it ended ({type(error).__name__})")
+            return Lost(f"the process or the node that executed it ended ({type(error).__name__})")
+
+
+def require_answer(address: str) -> None:
+    """Require a head of a cluster at the address, within `PATIENCE`; Ray itself waits for minutes.
+
+    Raises:
+        InputError: it is no address.
+        Unavailable: no answer.
+    """
+    if address == "auto":
+        return
+    found = ADDRESS.fullmatch(address)
+    if found is None:
+        raise InputError(
+            f"'{address}' is no address of a cluster; valid: {LOCAL}, auto, HOST:PORT, "
+            "ray://HOST:PORT"
+        )
+    try:
+        place = found["host"], int(found["port"])
+        socket.create_connection(place, timeout=PATIENCE).close()
+    except (OSError, OverflowError) as error:
+        raise Unavailable(f"no Ray cluster at '{address}': {error}") from None
 
 
 def _joined(address: str) -> Any:
     """Import Ray and join the cluster at `address`, with usage reports off."""
-    _require_answer(address)
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     try:
         import ray  # pyright: ignore[reportMissingImports]
@@ -106,20 +129,3 @@ def _joined(address: str) -> Any:
         reason = str(error).strip().splitlines()[:1]
         raise Unavailable(f"no Ray cluster at '{address}': {' '.join(reason)}") from None
     return library
-
-
-def _require_answer(address: str) -> None:
-    """Ray itself would wait for minutes."""
-    if address == "auto":
-        return
-    found = _ADDRESS.fullmatch(address)
-    if found is None:
-        raise InputError(
-            f"'{address}' is no address of a cluster; valid: {LOCAL}, auto, HOST:PORT, "
-            "ray://HOST:PORT"
-        )
-    try:
-        place = found["host"], int(found["port"])
-        socket.create_connection(place, timeout=PATIENCE).close()
-    except (OSError, OverflowError) as error:
-        raise Unavailable(f"no Ray cluster at '{address}': {error}") from None

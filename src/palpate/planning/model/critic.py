@@ -1,7 +1,7 @@
-"""A second model that reads a plan which passed the check, and may object to it once.
+"""Critic: a second model that reads a plan which passed the check, and may object to it once.
 
-It sees what the planner saw, and the plan. What it says goes to the planner as one round of feedback;
-the planner may heed it or stay with its plan. A critic that fails costs nothing but its opinion.
+It receives the planner's message and pictures, and the plan. Its objection goes to the planner as one
+round of feedback; the planner may change its plan or keep it. If the critic fails, the plan stands.
 """
 
 from __future__ import annotations
@@ -13,11 +13,10 @@ from importlib import resources
 
 from palpate.errors import Unavailable
 from palpate.planning.model.answer import json_objects
-from palpate.planning.model.dialogue.conversation import Conversation, Critique
-from palpate.planning.model.picture import Picture
+from palpate.planning.model.conversation import Conversation, Critique
 from palpate.planning.model.prompt.compose import fenced
 from palpate.planning.model.provider import Endpoint
-from palpate.planning.model.session import Session
+from palpate.planning.model.session import Picture, Session
 from palpate.planning.model.settings import Budget, ModelSettings
 from palpate.planning.plan import Plan, plan_json
 
@@ -27,7 +26,7 @@ LONGEST_OBJECTION = 1000
 
 @dataclass(slots=True)
 class Critic:
-    """Critic: a second model with the planner's prompt; one call is one question."""
+    """Second model with the planner's message and pictures; one call is one question."""
 
     endpoint: Endpoint
     budget: Budget
@@ -44,8 +43,8 @@ class Critic:
         pictures: Sequence[Picture],
         conversation: Conversation,
     ) -> Critic | None:
-        """The critic that the settings name, if any. The planner's address is its own, too, where both
-        have one provider.
+        """The critic that the settings name, if any; at the planner's address where both have the same
+        provider.
 
         Raises:
             InputError: no such provider.
@@ -58,16 +57,21 @@ class Critic:
         return cls(endpoint, settings.budget, message, pictures, conversation)
 
     def __call__(self, plan: Plan) -> str | None:
-        """Ask the critic; return its objection, or None. The conversation keeps its answer."""
-        asked = self.endpoint.name
+        """Ask the critic; return its objection, or None. Its answer is kept in the conversation."""
+        asked, spent = self.endpoint.name, self.conversation.rounds
+        rest = replace(  # of the dialogue's budget
+            self.budget,
+            seconds=max(0.1, self.budget.seconds - sum(round.answer.seconds for round in spent)),
+            tokens=max(1, self.budget.tokens - self.conversation.tokens),
+        )
         folder = resources.files("palpate.planning.model.prompt")
         system = folder.joinpath("critic.md").read_text(encoding="utf-8")
         shown = fenced(json.dumps(plan_json(plan), ensure_ascii=False), "json")
         message = f"{self.message}\n\n# The plan\n{shown}\n\nIs there an objection?"
-        session = Session(self.endpoint, system, self.pictures, None, self._left())
+        session = Session(self.endpoint, system, self.pictures, None, rest)
         try:
-            if spent := self.budget.exhausted(self.conversation):
-                raise Unavailable(spent)
+            if exhausted := self.budget.exhausted(self.conversation):
+                raise Unavailable(exhausted)
             answer = session.ask(message)
         except Unavailable as error:
             self.conversation.critique = Critique(asked, system, message, error=str(error))
@@ -76,18 +80,9 @@ class Critic:
         self.conversation.critique = Critique(asked, system, message, answer, objection)
         return objection or None
 
-    def _left(self) -> Budget:
-        """Rest of the dialogue's budget."""
-        spent = sum(round.answer.seconds for round in self.conversation.rounds)
-        return replace(
-            self.budget,
-            seconds=max(0.1, self.budget.seconds - spent),
-            tokens=max(1, self.budget.tokens - self.conversation.tokens),
-        )
-
 
 def read_objection(text: str) -> str:
-    """Parse the objection of a critic's answer; empty for none, or in another form."""
+    """The last objection in a critic's answer; empty for none, or one in another form."""
     said = ""
     for found in json_objects(text):
         objection = found.get("objection")

@@ -12,7 +12,7 @@ from plans import GOOD, REQUEST, SCENE, answer, weighing
 
 from palpate.errors import InputError, Unavailable
 from palpate.planning.model import session as session_module
-from palpate.planning.model.dialogue.critic import LONGEST_OBJECTION, read_objection
+from palpate.planning.model.critic import LONGEST_OBJECTION, read_objection
 from palpate.planning.model.planner import VlmPlanner
 from palpate.planning.model.settings import Budget, ModelSettings
 from palpate.planning.plan import Plan, dump_plan

@@ -1,12 +1,13 @@
-"""Tasks in processes: the same results whatever their number, and one that dies costs no other."""
+"""Tasks in processes: results do not depend on their number, and a process that dies costs one task."""
 
 from __future__ import annotations
 
 import os
+from itertools import chain, repeat
 
 import pytest
 
-from palpate.studies.engine.workers import Lost, Processes, spread
+from palpate.studies.workers import Lost, Processes, Progress, spread
 
 FATAL = 3
 
@@ -44,6 +45,26 @@ def test_a_task_that_ends_its_process_is_lost_alone() -> None:
     assert found == {i: i**2 for i in range(9) if i != FATAL}
 
 
-def test_where_every_result_is_needed_a_lost_one_is_an_error() -> None:
+def test_spread_raises_a_lost_task() -> None:
     with pytest.raises(Lost, match="ended"):
         spread(deadly, range(FATAL + 1), 2)
+
+
+def test_progress_states_rate_and_time_left_of_tasks_since_the_start() -> None:
+    clock = chain([100.0], repeat(130.0))
+    progress = Progress(total=1010, before=1000, clock=lambda: next(clock))
+    assert progress.step() == "1001/1010 · 2 a minute · 4 min left"
+
+
+def test_progress_without_finished_tasks_has_no_rate() -> None:
+    assert str(Progress(5)) == "0/5"
+
+
+def test_progress_of_a_finished_study_has_no_time_left() -> None:
+    clock = chain([0.0], repeat(20.0))
+    assert Progress(1, clock=lambda: next(clock)).step() == "1/1 · 3 a minute"
+
+
+def test_progress_states_long_times_in_hours() -> None:
+    clock = chain([0.0], repeat(60.0))
+    assert Progress(201, clock=lambda: next(clock)).step().endswith("· 3 h 20 min left")

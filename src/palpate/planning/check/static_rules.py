@@ -1,0 +1,200 @@
+"""Rules on the text of a plan: its parameters and the form of its tree. No scene state is needed.
+
+Each rule yields a path and a message for every place where a plan breaks it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from pydantic import ValidationError
+
+from palpate.errors import perhaps
+from palpate.parameter import Parameter
+from palpate.planning.check.case import Case
+from palpate.quantities.catalogue import catalogue
+
+SHOWN = 4
+"""Leaves that one message names."""
+
+Fault = tuple[str, str]
+"""Path in the plan, and message with a remedy."""
+
+
+def unknown_parameter(case: Case) -> Iterator[Fault]:
+    """Parameters name objects or surfaces of the scene and quantities of the catalogue."""
+    for path, parameter in case.listed():
+        if parameter.quantity not in catalogue():
+            # A word of a request ("weight") is a better guess than a similar spelling.
+            meant = catalogue().meant(parameter.quantity)
+            guess = (
+                f" did you mean '{meant}'?" if meant else perhaps(parameter.quantity, catalogue())
+            )
+            valid = ", ".join(catalogue())
+            yield path, f"'{parameter.quantity[:80]}' is not a quantity;{guess} valid: {valid}"
+        elif not case.exists(parameter):
+            assert case.scene is not None
+            valid = ", ".join(case.scene.bodies) or "none"
+            guess = perhaps(parameter.object, case.scene.bodies)
+            yield path, f"the scene has no '{parameter.object[:80]}';{guess} valid: {valid}"
+
+
+def unmeasurable(case: Case) -> Iterator[Fault]:
+    """A parameter is a quantity that can be measured of its object."""
+    for path, parameter in case.listed():
+        quantity = catalogue().get(parameter.quantity)
+        if quantity is None:
+            continue
+        if not quantity.identifiable:
+            yield (
+                path,
+                f"{parameter} cannot be measured: {quantity.how}; remove it and say so in the "
+                "explanation",
+            )
+        elif case.scene is not None and not case.is_of_its_kind(parameter):
+            subject, role = (
+                f"an {noun}" if noun[0] in "aeiou" else f"a {noun}"
+                for noun in (quantity.subject, case.scene.bodies[parameter.object].role)
+            )
+            yield (
+                path,
+                f"{quantity.label} is a quantity of {subject}, and "
+                f"'{parameter.object}' is {role}; remove it",
+            )
+
+
+def duplicate_parameter(case: Case) -> Iterator[Fault]:
+    """A parameter is listed once."""
+    seen: set[Parameter] = set()
+    for path, parameter in case.listed():
+        if parameter in seen:
+            yield path, f"{parameter} is listed twice; list it once"
+        seen.add(parameter)
+
+
+def requested(case: Case) -> Iterator[Fault]:
+    """The parameters are those requested, no more and no fewer."""
+    if case.requested is None:
+        return
+    for parameter in case.requested:
+        if parameter not in case.plan.parameters:
+            yield "parameters", f"{parameter} is requested and missing; measure it too"
+    for path, parameter in case.listed():
+        if parameter not in case.requested:
+            yield path, f"{parameter} is not requested; leave it out"
+
+
+def known_parameter(case: Case) -> Iterator[Fault]:
+    """The scene does not state a parameter, unless measuring again is allowed."""
+    if case.scene is None or case.remeasure:
+        return
+    for path, parameter in case.listed():
+        quantity = catalogue().get(parameter.quantity)
+        if quantity is None or not quantity.identifiable or not case.is_known(parameter):
+            continue
+        if case.is_of_its_kind(parameter):
+            values = case.scene.bodies[parameter.object].known[parameter.quantity]
+            stated = ", ".join(f"{value:.6g}" for value in values)
+            yield (
+                path,
+                f"{parameter} is stated by the scene ({stated} {quantity.unit}); remove it and what "
+                "measures it",
+            )
+
+
+def unknown_primitive(case: Case) -> Iterator[Fault]:
+    """Every node's type is a primitive or composite of the vocabulary."""
+    names = [*case.words.primitives, *case.words.composites]
+    for path, node in case.form.nodes.items():
+        if node.type not in names:
+            hint = perhaps(node.type, names) or f" valid: {', '.join(names)}"
+            yield path, f"there is no '{node.type[:80]}';{hint}"
+
+
+def bad_argument(case: Case) -> Iterator[Fault]:
+    """A leaf's arguments are those its primitive declares, of the declared types; composites have none."""
+    for path, node in case.form.nodes.items():
+        if node.type in case.words.composites and node.args:
+            given = ", ".join(repr(key[:40]) for key, _ in node.args)
+            yield path, f"{node.type} takes only 'children' and 'name', not {given}"
+        elif path in case.form.refused:
+            for problem in argument_problems(case, node.type, case.form.refused[path]):
+                yield path, problem
+
+
+def argument_problems(case: Case, name: str, error: ValidationError | TypeError) -> Iterator[str]:
+    """Describe the first three arguments of a primitive that do not fit."""
+    if isinstance(error, TypeError):
+        yield f"the arguments of {name} have no proper names"
+        return
+    fields = case.words.primitives[name].model_fields
+    takes = ", ".join(f"'{field}' ({info.description})" for field, info in fields.items())
+    problems = error.errors(include_url=False)[:3]
+    lacking = [str(problem["loc"][0]) for problem in problems if problem["type"] == "missing"]
+    for problem in problems:
+        where = ".".join(str(part) for part in problem["loc"])[:60]
+        # One argument too many and one missing: most likely it is misspelt.
+        misspelt = problem["type"] == "extra_forbidden" and len(lacking) == 1
+        guess = f"; did you mean '{lacking[0]}'?" if misspelt else ""
+        yield f"{name}: '{where}': {problem['msg']}{guess}; it takes {takes or 'no arguments'}"
+
+
+def leaf_children(case: Case) -> Iterator[Fault]:
+    """Only composites have children."""
+    for path, node in case.form.nodes.items():
+        if node.type in case.words.primitives and node.children:
+            yield path, f"{node.type} takes no children; put them beside it, in a Sequence"
+
+
+def empty_composite(case: Case) -> Iterator[Fault]:
+    """A Sequence or Parallel has at least one child."""
+    for path, node in case.form.nodes.items():
+        if node.type in case.words.composites and not node.children:
+            yield path, f"an empty {node.type} does nothing; give it children or remove it"
+
+
+def one_owner(case: Case) -> Iterator[Fault]:
+    """At most one leaf below a Parallel moves the arm, and at most one the gripper."""
+    for path, node in case.form.nodes.items():
+        owned = case.form.owners(path) if node.type == "Parallel" else {}
+        for resource, owners in owned.items():
+            if len(owners) > 1:
+                more = " …" if len(owners) > SHOWN else ""
+                yield (
+                    path,
+                    f"{len(owners)} leaves would move the {resource} at once "
+                    f"({', '.join(owners[:SHOWN])}{more}); there is one: put all but one after "
+                    "another, in a Sequence",
+                )
+
+
+def order_of_buffers(case: Case) -> Iterator[Fault]:
+    """A conversion comes after the sensing that fills its buffer."""
+    # With a scene, the walk judges this branch by branch of a Parallel.
+    if case.scene is not None:
+        return
+    written: set[str | None] = set()
+    for path, primitive in case.form.primitives.items():
+        if primitive.reads and primitive.reads not in written:
+            yield path, primitive.unwritten().message
+        written.add(primitive.writes)
+
+
+def no_explanation(case: Case) -> Iterator[Fault]:
+    """A plan without a tree says why."""
+    if case.plan.tree is None and not case.plan.explanation.strip():
+        yield (
+            "explanation",
+            "'tree' is null; say in 'explanation' what cannot be measured, and why",
+        )
+
+
+def promised_without_tree(case: Case) -> Iterator[Fault]:
+    """A plan without a tree promises no parameters."""
+    if case.plan.tree is None and case.plan.parameters:
+        promised = ", ".join(str(parameter) for parameter in case.plan.parameters)
+        yield (
+            "parameters",
+            f"'tree' is null, yet {promised} is promised; give a tree, or leave the parameters "
+            "empty and explain",
+        )

@@ -1,1 +1,0 @@
-"""Dialogue with a model: rounds of feedback, a critic, the record."""
