@@ -12,6 +12,8 @@ from palpate.pictures.dress import Looks, looks_in
 from palpate.pictures.renderer import Painter, extent, forwarded, padded, png
 from palpate.pictures.stage import staged
 
+SIZE = (960, 640)
+"""Width and height of a picture, pixels."""
 AROUND, BELOW = 0.15, 0.10
 """m of the surroundings in view, around and below what can move."""
 
@@ -20,10 +22,8 @@ def render_before_after(
     before: mujoco.MjSpec,
     after: mujoco.MjSpec,
     bodies: Collection[str] = (),
-    *,
     looks: Looks | None = None,
-    width: int = 960,
-    height: int = 640,
+    size: tuple[int, int] = SIZE,
 ) -> tuple[bytes, bytes]:
     """Two PNGs from one camera that has the named bodies (all, when none is named) of both scenes
     in view. `looks` replaces those that the scene `before` states.
@@ -33,28 +33,25 @@ def render_before_after(
     """
     looks = looks_in(before) if looks is None else looks
     points = np.concatenate([_points(spec, bodies) for spec in (before, after)])
-    size = (width, height)
     return _still(before, looks, points, size), _still(after, looks, points, size)
 
 
 def render_scene(
-    spec: mujoco.MjSpec, bodies: Collection[str] = (), *, width: int = 960, height: int = 640
+    spec: mujoco.MjSpec, bodies: Collection[str] = (), size: tuple[int, int] = SIZE
 ) -> bytes:
     """A PNG of the scene in its initial configuration.
 
     Raises:
         RuntimeError: no usable OpenGL.
     """
-    return _still(spec, looks_in(spec), _points(spec, bodies), (width, height))
+    return _still(spec, looks_in(spec), _points(spec, bodies), size)
 
 
 def render_moment(
     model: mujoco.MjModel,
     qpos: Array,
     drawn: mujoco.MjModel | None = None,
-    *,
-    width: int = 960,
-    height: int = 640,
+    size: tuple[int, int] = SIZE,
 ) -> bytes:
     """A PNG of a world at configuration `qpos` (nq,), robot included. `drawn`: the model for
     pictures.
@@ -65,7 +62,7 @@ def render_moment(
     data = forwarded(model, qpos)
     points = in_view(model, extent(model, data, moving_bodies(model)))
     painted = drawn or model
-    with Painter(painted, width, height) as painter:
+    with Painter(painted, *size) as painter:
         return png(painter.paint(forwarded(painted, qpos), painter.around(points)))
 
 

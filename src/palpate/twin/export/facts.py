@@ -4,7 +4,7 @@ compared."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import mujoco
 import numpy as np
@@ -22,34 +22,23 @@ CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shape:
-    """A geom.
-
-    Attributes:
-        box: (2, 3) m, lowest and highest coordinates in the world.
-        friction: sliding coefficient; None where it does not collide, or none is stated.
-    """
-
-    box: Array
-    friction: float | None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Facts:
-    """A body.
+    """A body, with its n shapes in the order of the file.
 
     Attributes:
         pose: (4, 4) of its frame in the world.
-        mass: kg.
+        mass: (1,) kg.
         com: (3,) m, and inertia: (3, 3) kg m^2 about it, in the body's frame.
-        shapes: in the order of the file.
+        shape: (n, 2, 3) m, lowest and highest world coordinates of each.
+        friction: (k,) sliding coefficients of those that collide and state one.
     """
 
     pose: Array
-    mass: float
+    mass: Array
     com: Array
     inertia: Array
-    shapes: tuple[Shape, ...]
+    shape: Array
+    friction: Array
 
 
 def facts_of(model: mujoco.MjModel, colliding: bool = False) -> dict[str, Facts]:
@@ -59,19 +48,18 @@ def facts_of(model: mujoco.MjModel, colliding: bool = False) -> dict[str, Facts]
     mujoco.mj_kinematics(model, data)
     found: dict[str, Facts] = {}
     for body in range(model.nbody):
-        shapes: list[Shape] = []
-        for geom in geoms_of(model, body):
-            touching = collides(model, geom)
-            if touching or not colliding:
-                frame = homogeneous(data.geom_xmat[geom], data.geom_xpos[geom])
-                friction = float(model.geom_friction[geom, 0]) if touching else None
-                shapes.append(Shape(_box(model, geom, frame), friction))
+        touching = [geom for geom in geoms_of(model, body) if collides(model, geom)]
+        boxes: list[Array] = []
+        for geom in touching if colliding else geoms_of(model, body):
+            frame = homogeneous(data.geom_xmat[geom], data.geom_xpos[geom])
+            boxes.append(_box(model, geom, frame))
         found[body_name(model, body)] = Facts(
             homogeneous(data.xmat[body], data.xpos[body]),
-            float(model.body_mass[body]),
+            np.array([model.body_mass[body]]),
             model.body_ipos[body].copy(),
             tensor(model.body_inertia[body], model.body_iquat[body]),
-            tuple(shapes),
+            np.array(boxes).reshape(-1, 2, 3),
+            np.array([float(model.geom_friction[geom, 0]) for geom in touching]),
         )
     return found
 
@@ -160,10 +148,11 @@ def differences(
         if other is None:
             yield name, "it is missing"
             continue
-        for what, mine, its in zip(NUMBERS, _numbers(facts), _numbers(other), strict=True):
+        for what in (field.name for field in fields(Facts)):
             of_mass = what in ("mass", "com", "inertia")
-            if (of_mass and not facts.mass > 0.0) or (what == "friction" and not friction):
+            if (of_mass and not facts.mass[0] > 0.0) or (what == "friction" and not friction):
                 continue
+            mine, its = getattr(facts, what), getattr(other, what)
             if mine.shape != its.shape:
                 yield name, f"its {what} has {its.size} numbers instead of {mine.size}"
                 continue
@@ -172,13 +161,3 @@ def differences(
             if not np.allclose(its, mine, CLOSE, least):
                 i = int(np.argmax(np.abs(its - mine)))
                 yield name, f"its {what} has {its.flat[i]:.8g} instead of {mine.flat[i]:.8g}"
-
-
-NUMBERS = ("pose", "mass", "com", "inertia", "shape", "friction")
-
-
-def _numbers(facts: Facts) -> tuple[Array, ...]:
-    """The `NUMBERS` of a body."""
-    boxes = np.array([shape.box for shape in facts.shapes]).reshape(-1, 2, 3)
-    frictions = np.array([s.friction for s in facts.shapes if s.friction is not None])
-    return facts.pose, np.array([facts.mass]), facts.com, facts.inertia, boxes, frictions

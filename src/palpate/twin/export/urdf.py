@@ -20,7 +20,6 @@ from palpate.mjcf.hulls import mesh_corners
 from palpate.twin.export.facts import (
     GROUND,
     Facts,
-    Shape,
     body_name,
     collides,
     facts_of,
@@ -108,12 +107,14 @@ def read_urdf(path: Path, written: Written) -> dict[str, Facts]:
     spec.compiler.boundmass = spec.compiler.boundinertia = 1e-12  # links between two joints
     found = facts_of(spec.compile())
     for name, facts in found.items():
-        left = iter(facts.shapes)
-        shapes: list[Shape] = []
+        joined: list[Array] = []
+        first = 0
         for number in written.parts.get(name, []):
-            boxes = np.array([next(left).box for _ in range(number)])
-            shapes.append(Shape(np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]), None))
-        found[name] = replace(facts, shapes=(*shapes, *left))
+            parts = facts.shape[first : first + number]
+            joined.append(np.array([parts[:, 0].min(axis=0), parts[:, 1].max(axis=0)]))
+            first += number
+        shape = np.array([*joined, *facts.shape[first:]]).reshape(-1, 2, 3)
+        found[name] = replace(facts, shape=shape)
     return found
 
 

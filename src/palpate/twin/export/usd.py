@@ -17,7 +17,6 @@ from palpate.twin.export.facts import (
     CORNERS,
     WORLD,
     Facts,
-    Shape,
     around,
     plane_box,
     round_box,
@@ -76,31 +75,35 @@ def read_usd(path: Path) -> dict[str, Facts]:
     """Facts about a stage's rigid bodies and colliders."""
     geometry, physics = _module("pxr.UsdGeom"), _module("pxr.UsdPhysics")
     stage = _module("pxr.Usd").Stage.Open(str(path))
-    shapes: dict[str, list[Shape]] = {WORLD: []}
+    shapes: dict[str, list[Array]] = {WORLD: []}
+    frictions: dict[str, list[float]] = {WORLD: []}
     bodies: dict[str, Any] = {}
     for prim in stage.Traverse():
         if prim.HasAPI(physics.RigidBodyAPI):
             bodies[_name(prim)] = prim
-            shapes[_name(prim)] = []
+            shapes[_name(prim)], frictions[_name(prim)] = [], []
         elif prim.IsA(geometry.Gprim) and not _is_guide(prim):
             owner = prim.GetParent()
             while owner and not (owner.IsPseudoRoot() or owner.HasAPI(physics.RigidBodyAPI)):
                 owner = owner.GetParent()
-            is_body = owner and not owner.IsPseudoRoot()
-            shape = Shape(_box(prim, _frame(prim)), _friction(prim))
-            shapes[_name(owner) if is_body else WORLD].append(shape)
-    found = {WORLD: Facts(np.eye(4), 0.0, np.zeros(3), np.zeros((3, 3)), tuple(shapes[WORLD]))}
-    for name, prim in bodies.items():
-        stated = physics.MassAPI(prim)
-        axes = stated.GetPrincipalAxesAttr().Get()
-        diagonal = np.array(stated.GetDiagonalInertiaAttr().Get(), dtype=float)
-        found[name] = Facts(
-            _frame(prim),
-            float(stated.GetMassAttr().Get()),
-            np.array(stated.GetCenterOfMassAttr().Get(), dtype=float),
-            tensor(diagonal, np.array([axes.GetReal(), *axes.GetImaginary()], dtype=float)),
-            tuple(shapes[name]),
-        )
+            name = _name(owner) if owner and not owner.IsPseudoRoot() else WORLD
+            shapes[name].append(_box(prim, _frame(prim)))
+            friction = _friction(prim)
+            if friction is not None:
+                frictions[name].append(friction)
+    found: dict[str, Facts] = {}
+    for name, boxes in shapes.items():
+        pose, mass, com, inertia = np.eye(4), 0.0, np.zeros(3), np.zeros((3, 3))
+        if name in bodies:
+            stated = physics.MassAPI(bodies[name])
+            axes = stated.GetPrincipalAxesAttr().Get()
+            diagonal = np.array(stated.GetDiagonalInertiaAttr().Get(), dtype=float)
+            pose, mass = _frame(bodies[name]), float(stated.GetMassAttr().Get())
+            com = np.array(stated.GetCenterOfMassAttr().Get(), dtype=float)
+            inertia = tensor(diagonal, np.array([axes.GetReal(), *axes.GetImaginary()]))
+        shape = np.array(boxes).reshape(-1, 2, 3)
+        friction = np.array(frictions[name])
+        found[name] = Facts(pose, np.array([mass]), com, inertia, shape, friction)
     return found
 
 

@@ -41,38 +41,14 @@ LOAD = (FORCE_Z, TORQUE_X, TORQUE_Y)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Known:
-    """A value with its errors.
+class Believed:
+    """A believed value: a mass, kg, a centre of mass, m, the load's horizontal lever from the TCP, m, or
+    its wrench on the hand (F in N, M_x and M_y about the TCP in N m, world axes).
 
     Attributes:
         value: (n,).
-        own: (n,) standard deviation of what no other estimate shares.
-        gains: (n, m) change of the value by one standard deviation of each of m gains.
-    """
-
-    value: Array
-    own: Array
-    gains: Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Lever:
-    """Horizontal lever of the load from the TCP: (2,) m, its covariance (2, 2) without the gains, and
-    its change (2, m) by one standard deviation of each gain."""
-
-    offset: Array
-    covariance: Array
-    gains: Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Wrench:
-    """Believed wrench of a load on the hand.
-
-    Attributes:
-        value: (3,) F in N, M_x and M_y about the TCP in N m, world axes.
-        covariance: (3, 3) of it, without the gains.
-        gains: (3, m) change of it by one standard deviation of the gain of each of m signals.
+        covariance: (n, n) of errors that the motion does not share, without the gains.
+        gains: (n, m) change of the value by one standard deviation of the gain of each of m signals.
     """
 
     value: Array
@@ -124,10 +100,11 @@ class Predicted:
 
 def known(
     estimate: Estimate | None, stated: tuple[float, ...] | None, signals: int
-) -> Known | None:
+) -> Believed | None:
     """The estimate without the motion, else the value that the scene states; None without either."""
     if estimate is None and stated is not None:
-        return Known(np.array(stated), np.zeros(len(stated)), np.zeros((len(stated), signals)))
+        n = len(stated)
+        return Believed(np.array(stated), np.zeros((n, n)), np.zeros((n, signals)))
     if estimate is None or not estimate.identified:
         return None
     # Causes common to all grasps act in the motion as well, and cancel; priors do not, nor do the
@@ -139,21 +116,22 @@ def known(
     effects = {part.cause: part.effect for part in estimate.shared}
     nothing = (0.0,) * len(own)
     columns = [effects.get(f"gain of joint {i + 1}", nothing) for i in range(signals)]
-    return Known(estimate.values, own, np.array(columns).T)
+    return Believed(estimate.values, np.diag(own**2), np.array(columns).T)
 
 
-def mass_part(fitted: Sequence[Estimate], signals: int) -> Known | None:
+def mass_part(fitted: Sequence[Estimate], signals: int) -> Believed | None:
     """The mass that is a part of the estimate of a centre of mass or an inertia."""
     for estimate in fitted:
         mass = estimate.parts.get("mass")
         if estimate.identified and mass is not None:
-            return Known(np.array([mass.value]), np.array([mass.std]), np.zeros((1, signals)))
+            covariance = np.array([[mass.std]]) ** 2
+            return Believed(np.array([mass.value]), covariance, np.zeros((1, signals)))
     return None
 
 
 def lever_of(
     scene: Scene, trace: Trace, name: str, recording: Recording, fitted: Estimate | None
-) -> Lever:
+) -> Believed:
     """The lever by the fitted or stated centre of mass, else by the one that MuJoCo would infer, with
     the accuracy of a prior."""
     body, signals = scene.bodies[name], len(trace.hand.joints)
@@ -168,26 +146,27 @@ def lever_of(
     if centre is None:
         spread = tuning.COM_PRIOR * np.maximum(body.size, 1e-3)
         inferred = whole(scene.spec().compile(), name).com
-        centre = Known(inferred, spread, np.zeros((3, signals)))
+        centre = Believed(inferred, np.diag(spread**2), np.zeros((3, signals)))
     offset = (pose_world_body.position - pose_world_tcp.position)[:2] + horizontal @ centre.value
-    covariance = horizontal @ np.diag(centre.own**2) @ horizontal.T + place * np.eye(2)
-    return Lever(offset, covariance, horizontal @ centre.gains)
+    covariance = horizontal @ centre.covariance @ horizontal.T + place * np.eye(2)
+    return Believed(offset, covariance, horizontal @ centre.gains)
 
 
-def wrench_of(mass: Known, lever: Lever, gravity: float) -> Wrench:
+def wrench_of(mass: Believed, lever: Believed, gravity: float) -> Believed:
     """The weight F at r = (x, y) from the TCP, which has the moment (y F, -x F)."""
     force = float(mass.value[0]) * gravity
-    x, y = lever.offset.tolist()
+    x, y = lever.value.tolist()
     # Derivatives of the wrench by F and by r.
     by_force = np.array([1.0, y, -x])
     by_offset = force * np.array([[0.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
-    own = (float(mass.own[0]) * gravity) ** 2 * np.outer(by_force, by_force)
+    std = float(np.sqrt(mass.covariance[0, 0])) * gravity
+    own = std**2 * np.outer(by_force, by_force)
     gains = np.outer(by_force, gravity * mass.gains[0]) + by_offset @ lever.gains
-    return Wrench(force * by_force, own + by_offset @ lever.covariance @ by_offset.T, gains)
+    return Believed(force * by_force, own + by_offset @ lever.covariance @ by_offset.T, gains)
 
 
 def predicted(
-    weighing: Weighing, motion: Sequence[Segment], wrench: Wrench, gravity: float, hand: Hand
+    weighing: Weighing, motion: Sequence[Segment], wrench: Believed, gravity: float, hand: Hand
 ) -> Predicted | None:
     """Predict the segments of `motion` from the empty ones of `weighing`; None without either of them."""
     empty = [segment for segment in weighing.segments if not segment.loaded]
@@ -228,7 +207,7 @@ def predicted(
     )
 
 
-def _bias(rows: Rows, wrench: Wrench, hand: Hand, signals: int) -> Array:
+def _bias(rows: Rows, wrench: Believed, hand: Hand, signals: int) -> Array:
     """(n, n) covariance of the arm's errors in n rows: noise and drift, forces to the side, gains,
     friction."""
     design = rows.wrench[:, LOAD]
