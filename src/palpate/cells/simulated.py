@@ -166,8 +166,8 @@ def simulated_cell(
     Args:
         scene: None: the world is to be looked at, with `arm` in it.
         tolerance: largest difference of an object's extents in scene and world, m.
-        seen: the scene was detected in a picture and has names and shapes of its own: its objects are
-            the nearest ones of the world, and the arm will not find one without a partner.
+        seen: the scene was detected in a picture, with other names and shapes: its objects are the
+            nearest ones of the world, and the arm will not find one without a partner.
         root: the folder outside of which none of the world's files is read.
         robot_body: as `load_scene` takes it.
 

@@ -169,5 +169,5 @@ def bar(force: float) -> str:
 
 
 def _clean(text: str) -> str:
-    """One line without terminal commands: names may come from a model."""
+    """Text on one line, without terminal commands: names may come from a model."""
     return visible(text.replace("\n", " "))

@@ -42,7 +42,7 @@ def in_one(document: Document, texts: Texts) -> OneText:
         return OneText(texts.main)
     parts = {**document.texts, **texts.parts}
     names: dict[Path, str] = {}
-    changed = [item for item in document.attached().items() if _has_changed(item[1], texts)]
+    changed = [item for item in document.attached().items() if has_changed(item[1], texts)]
     for path, model in changed:
         assert model.path is not None
         name, count = f"{BESIDE}{model.path.name}", 1
@@ -56,12 +56,12 @@ def in_one(document: Document, texts: Texts) -> OneText:
     return OneText(_one(document, texts.main, parts, texts, names), beside)
 
 
-def _has_changed(model: Document, texts: Texts) -> bool:
+def has_changed(model: Document, texts: Texts) -> bool:
     """Test for a change in a model, in its includes or in the models that it attaches."""
     files = {model.path, *model.includes.values()}
     if not files.isdisjoint(texts.parts):
         return True
-    return any(_has_changed(inner, texts) for inner in model.attached().values())
+    return any(has_changed(inner, texts) for inner in model.attached().values())
 
 
 def _one(
@@ -110,7 +110,7 @@ def write_files(texts: Texts, document: Document | None, path: Path) -> tuple[Pa
     layout: _Layout | None = None
     try:
         if document is not None and document.folder is not None and document.files:
-            texts = _with_folders(texts, document, path)
+            texts = with_absolute_folders(texts, document, path)
             layout = _Layout(reparsed(texts, document), texts, path)
         written = {path: texts.main} if layout is None else layout.texts()
         for file, text in written.items():
@@ -128,7 +128,7 @@ def write_files(texts: Texts, document: Document | None, path: Path) -> tuple[Pa
     return (*written, *copies.values())
 
 
-def _with_folders(texts: Texts, document: Document, path: Path) -> Texts:
+def with_absolute_folders(texts: Texts, document: Document, path: Path) -> Texts:
     """The texts with absolute paths for the folders that `<compiler>` sets outside of the scene's own,
     so that the names of the files in them stay."""
     after = reparsed(texts, document)
@@ -145,11 +145,11 @@ def _with_folders(texts: Texts, document: Document, path: Path) -> Texts:
     parts = dict(texts.parts)
     for file, values in made.items():
         if file is not None:
-            parts[file] = _with_values(parts.get(file, after.texts[file]), values)
-    return Texts(_with_values(texts.main, made.get(None, {})), parts)
+            parts[file] = with_values(parts.get(file, after.texts[file]), values)
+    return Texts(with_values(texts.main, made.get(None, {})), parts)
 
 
-def _with_values(text: str, values: Attributes) -> str:
+def with_values(text: str, values: Attributes) -> str:
     """A text with other values of attributes."""
     tags = spans.scan(text)
     changes: list[spans.Change] = []
@@ -173,26 +173,26 @@ class _Layout:
         self.places: dict[Path, Path] = {}
         for original in after.files:
             # An unchanged file is copied, unless another one has its place already.
-            place = self._same_place(original)
-            taken = place is not None and place.exists() and not _same_file(place, original)
+            place = self.same_place(original)
+            taken = place is not None and place.exists() and not same_file(place, original)
             self.places[original] = original if place is None or taken else place
-        below = all(self._same_place(original) is not None for original in after.files)
+        below = all(self.same_place(original) is not None for original in after.files)
         for named in after.named:
             # The files of an attached model are found from its own place.
             apart = (named.element.tag == "model" or named.model) and not below
             if apart or Path(named.located).is_absolute():
                 self.places[named.path] = named.path
         for original, text in texts.parts.items():
-            self._change(original, text)
+            self.change(original, text)
         # A changed file has a new place, which may change the file that includes it, and so on.
-        while self._rename_one():
+        while self.rename_one():
             pass
 
     def texts(self) -> dict[Path, str]:
         """The main text and the changed files, by their new places."""
-        found = {self.path: self._renamed(None, self.after.text)}
+        found = {self.path: self.with_new_names(None, self.after.text)}
         for original, text in self.changed.items():
-            found[self.places[original]] = self._renamed(original, text)
+            found[self.places[original]] = self.with_new_names(original, text)
         return found
 
     def copies(self) -> dict[Path, Path]:
@@ -203,19 +203,19 @@ class _Layout:
                 found[original] = place
         return found
 
-    def _rename_one(self) -> bool:
+    def rename_one(self) -> bool:
         """Change the first unchanged file that needs a new name in its text; False without one."""
         for named in self.after.named:
             file = self.after.index[named.element].file
-            if file is not None and file not in self.changed and self._needs_new_name(named):
-                self._change(file, self.after.texts[file])
+            if file is not None and file not in self.changed and self.needs_new_name(named):
+                self.change(file, self.after.texts[file])
                 return True
         return False
 
-    def _change(self, original: Path, text: str) -> None:
+    def change(self, original: Path, text: str) -> None:
         """Give a changed file a free place: its own, else one with the twin's name before its own."""
         self.changed[original] = text
-        place = self._same_place(original)
+        place = self.same_place(original)
         if place is None or place.exists():
             beside = self.path.parent / original.name if place is None else place
             place = beside.with_name(f"{self.path.stem}_{original.name}")
@@ -223,34 +223,34 @@ class _Layout:
                 raise InputError(f"'{place}' exists already: choose another name for the twin")
         self.places[original] = place
 
-    def _renamed(self, file: Path | None, text: str) -> str:
+    def with_new_names(self, file: Path | None, text: str) -> str:
         """A text with new names for the files that would not be found: relative ones below the folder
         from which they are found, else absolute ones."""
         values: dict[tuple[int, str], str] = {}
         for named in self.after.named:
             index = self.after.index[named.element]
-            if index.file == file and self._needs_new_name(named):
-                place, folder = self.places[named.path], self._folder(named)
+            if index.file == file and self.needs_new_name(named):
+                place, folder = self.places[named.path], self.folder_of(named)
                 relative = named.located == named.name and place.is_relative_to(folder)
                 name = place.relative_to(folder).as_posix() if relative else str(place)
                 values[index.number, named.attribute] = name
-        return _with_values(text, values)
+        return with_values(text, values)
 
-    def _needs_new_name(self, named: Named) -> bool:
+    def needs_new_name(self, named: Named) -> bool:
         """Test if MuJoCo would not find a file: from the main text, else from the file that names it."""
         wanted = self.places[named.path]
-        found = Path(os.path.normpath(self._folder(named) / named.located))
+        found = Path(os.path.normpath(self.folder_of(named) / named.located))
         file = self.after.index[named.element].file
         will_exist = found.exists() or found in self.places.values()
         if file is not None and found != wanted and not will_exist:
             found = Path(os.path.normpath(self.places[file].parent / named.name))
         return found != wanted
 
-    def _folder(self, named: Named) -> Path:
+    def folder_of(self, named: Named) -> Path:
         """Folder to which a name is relative."""
         return (self.path if named.model is None else self.places[named.model]).parent
 
-    def _same_place(self, original: Path) -> Path | None:
+    def same_place(self, original: Path) -> Path | None:
         """Place below the twin's folder like that below the scene's; None outside of that."""
         assert self.after.folder is not None
         folder = self.after.folder.resolve()
@@ -259,7 +259,7 @@ class _Layout:
         return self.path.parent / original.relative_to(folder)
 
 
-def _same_file(one: Path, other: Path) -> bool:
+def same_file(one: Path, other: Path) -> bool:
     if one.samefile(other):
         return True
     return one.stat().st_size == other.stat().st_size and one.read_bytes() == other.read_bytes()

@@ -52,8 +52,8 @@ def inject(
     """
     description = describe(parse_document(text, folder), Poses(), catalogue())
     texts = _injected(description, catalogue(), values, records)
-    std = _deviations(records)
-    for parameter, reason in _misread(description, texts, values, std, catalogue()):
+    std = deviations(records)
+    for parameter, reason in misread(description, texts, values, std, catalogue()):
         raise InputError(f"{parameter} cannot be stated in this file: {reason}")
     made = in_one(description.document, texts)
     if made.beside:
@@ -63,7 +63,7 @@ def inject(
 
 def unfilled(text: str, folder: Path | None = None) -> list[Parameter]:
     """Attributes written `?` that must be filled before MuJoCo reads the file, in document order."""
-    return _marked(describe(parse_document(text, folder), Poses(), catalogue()), catalogue())
+    return marked_unknown(describe(parse_document(text, folder), Poses(), catalogue()), catalogue())
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,22 +94,22 @@ def complete(
             # The file states another quantity in its place.
             estimate = replace(estimate, parameter=Parameter(name, quantity.stands_for))
         stated.append(estimate)
-    values, notes = _values(scene, stated, asked)
+    values, notes = values_to_write(scene, stated, asked)
 
     # The twin's text leaves out the poses that came with the scene.
     description = resolved.description
     if description.placed:
         description = describe(resolved.document, Poses(), quantities)
-    marked = _marked(description, quantities)
+    marked = marked_unknown(description, quantities)
     reasons: dict[Parameter, str] = {}
     for parameter in values:
-        if reason := _unfit(scene, parameter, values, marked):
+        if reason := reason_against(scene, parameter, values, marked):
             reasons[parameter] = reason
     fitting = {parameter: value for parameter, value in values.items() if parameter not in reasons}
     texts, filled = _filled(scene, description, marked, fitting, stated)
     try:
-        std = _deviations(stated)
-        wrong = dict(_misread(resolved.description, texts, fitting, std, quantities))
+        std = deviations(stated)
+        wrong = dict(misread(resolved.description, texts, fitting, std, quantities))
     except InputError as error:  # MuJoCo does not accept the file
         wrong = dict.fromkeys(fitting, str(error))
     if wrong:
@@ -130,7 +130,7 @@ def complete(
     return Completed(texts, tuple(notes), unwritten)
 
 
-def _values(
+def values_to_write(
     scene: Scene, estimates: Sequence[Estimate], asked: Collection[Parameter]
 ) -> tuple[dict[Parameter, tuple[float, ...]], list[str]]:
     """Values to be written, and remarks on those that were not asked for: missing quantities that are
@@ -156,7 +156,7 @@ def _values(
     return values, notes
 
 
-def _marked(description: Description, quantities: Catalogue) -> list[Parameter]:
+def marked_unknown(description: Description, quantities: Catalogue) -> list[Parameter]:
     """Parameters that are missing and written `?`, so that the file does not compile without them."""
     found: list[Parameter] = []
     for body in description.bodies.values():
@@ -169,7 +169,9 @@ def _marked(description: Description, quantities: Catalogue) -> list[Parameter]:
     return found
 
 
-def _unfit(scene: Scene, parameter: Parameter, values: Values, marked: Sequence[Parameter]) -> str:
+def reason_against(
+    scene: Scene, parameter: Parameter, values: Values, marked: Sequence[Parameter]
+) -> str:
     """Reason why a value cannot be written together with the others, or ""."""
     others = dict(values)
     for unknown in marked:
@@ -194,16 +196,16 @@ def _filled(
     unmeasured = {p: scene.priors[p] for p in marked if p not in fitting}
     filled = scene.resolved.completed(unmeasured, fitting)
     records = [estimate for estimate in estimates if estimate.parameter in fitting]
-    moved = tuple(_moved_along(scene, description, fitting, records))
+    moved = tuple(moved_along(scene, description, fitting, records))
     return _injected(description, scene.catalogue, filled, records, moved), filled
 
 
-def _moved_along(
+def moved_along(
     scene: Scene, description: Description, values: Values, records: Sequence[Estimate]
 ) -> Iterator[Edit]:
     """The z of each object that stands on a surface of measured height, as precise as that."""
     heights = [parameter for parameter in values if parameter.quantity == "height"]
-    std = min((_deviations(records)[parameter] for parameter in heights), default=None)
+    std = min((deviations(records)[parameter] for parameter in heights), default=None)
     for name, rise in at_heights(scene, values).rises.items():
         body = description.bodies[name]
         element = body.elements.element
@@ -223,26 +225,26 @@ def _injected(
     records: Sequence[Estimate],
     moved: Sequence[Edit] = (),
 ) -> Texts:
-    edits = list(changes(description.bodies, quantities, values, {}, _deviations(records)))
+    edits = list(changes(description.bodies, quantities, values, {}, deviations(records)))
     edits += moved
-    edits += _leftovers(description, quantities, values, edits)
+    edits += leftovers(description, quantities, values, edits)
     texts = rewritten(description.document, edits)
     return replace(texts, main=recorded(texts.main, records))
 
 
-def _deviations(records: Sequence[Estimate]) -> dict[Parameter, float]:
+def deviations(records: Sequence[Estimate]) -> dict[Parameter, float]:
     """The smallest standard deviation of each, which decides how many digits are written."""
     return {record.parameter: float(min(record.stds)) for record in records if record.has_value}
 
 
-def _leftovers(
+def leftovers(
     description: Description, quantities: Catalogue, values: Values, edits: Sequence[Change]
 ) -> Iterator[Edit]:
     """Removal of each `?` that has no meaning once every mass, or friction, is known: in a defaults
     class, mostly."""
     answered = {(edit.element, edit.attribute) for edit in edits if isinstance(edit, Edit)}
     needed: set[str] = set()
-    for parameter in _marked(description, quantities):
+    for parameter in marked_unknown(description, quantities):
         if parameter not in values:
             body = description.bodies[parameter.object]
             for slot in quantities[parameter.quantity].slots(body.elements):
@@ -255,7 +257,7 @@ def _leftovers(
                 yield leftover
 
 
-def _misread(
+def misread(
     before: Description,
     texts: Texts,
     values: Values,

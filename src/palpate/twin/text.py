@@ -77,11 +77,11 @@ def _rewritten(document: Document, text: str, edits: Sequence[Change]) -> str:
         content = spans.element(insert.tag, insert.attributes)
         made.append(spans.first_child(data, parent, content))
     result = spans.changed(text, made)
-    _require_same(document, text, result, values, inserts)
+    require_same(document, text, result, values, inserts)
     return result
 
 
-def _require_same(
+def require_same(
     document: Document, text: str, result: str, values: Attributes, inserts: Sequence[Insert]
 ) -> None:
     """Compare the parsed result with the parsed text after the same changes.
@@ -99,13 +99,13 @@ def _require_same(
     for insert in inserts:
         new = etree.Element(insert.tag, dict(insert.attributes))
         listed[document.index[insert.parent].number].insert(0, new)
-    if _content(before) != _content(after):
+    if content_of(before) != content_of(after):
         raise InputError(
             "the estimates cannot be written into this MJCF without changing more than their numbers"
         )
 
 
-def _content(root: Element) -> list[tuple[str, dict[str, str]]]:
+def content_of(root: Element) -> list[tuple[str, dict[str, str]]]:
     """Name and attributes of every element, with normalized white space."""
     found: list[tuple[str, dict[str, str]]] = []
     for element in elements(root):
@@ -126,7 +126,7 @@ def recorded(text: str, records: Sequence[Estimate]) -> str:
             present[tag.value(data, "name")] = tag
     made: list[spans.Change] = []
     added: list[str] = []
-    for tag, name, content in _entries(records):
+    for tag, name, content in entries_of(records):
         if name in present:
             made.append(spans.set_attribute(present[name], "data", content))
         else:
@@ -136,7 +136,7 @@ def recorded(text: str, records: Sequence[Estimate]) -> str:
     return spans.changed(text, made)
 
 
-def _entries(records: Iterable[Estimate]) -> Iterator[tuple[str, str, str]]:
+def entries_of(records: Iterable[Estimate]) -> Iterator[tuple[str, str, str]]:
     """Tag, name and data of the elements of `<custom>`."""
     for record in records:
         name = f"palpate_{record.parameter.object}_{record.parameter.quantity}"

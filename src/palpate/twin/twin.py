@@ -105,7 +105,7 @@ def build_twin(
 ) -> Twin:
     """Inject the measured values, then check that the result comes to rest and, with a `trace` and a
     `replay`, that it behaves as recorded, if any value was measured."""
-    written = _written(estimates)
+    written = held_by_twin(estimates)
     made = complete(scene, written, {estimate.parameter for estimate in estimates})
     notes: list[str] = []
     for estimate in estimates:
@@ -119,7 +119,7 @@ def build_twin(
     one = in_one(document, made.texts)
     twin = Twin(
         one.main,
-        _diff(document, made.texts),
+        diff_of(document, made.texts),
         tuple(notes),
         None,
         unwritten=made.unwritten,
@@ -128,7 +128,7 @@ def build_twin(
         beside=one.beside,
     )
     try:
-        read = scene_from_text(made.texts, scene, _measured_places(scene, written))
+        read = scene_from_text(made.texts, scene, measured_places(scene, written))
         validation = validate(read, scene, trace, replay if written else None)
     except PalpateError as error:
         return replace(twin, notes=(*notes, f"the twin was not simulated: {error}"))
@@ -159,17 +159,17 @@ def read_twin(
     Raises:
         InputError: the MJCF does not belong to the scene.
     """
-    written = _written(estimates)
+    written = held_by_twin(estimates)
     document = scene.resolved.document
     texts = Texts(xml)
     if document.includes or document.models:
         texts = complete(scene, written, {estimate.parameter for estimate in estimates}).texts
     read = None
     if validation is not None and scene.bodies:
-        read = scene_from_text(texts, scene, _measured_places(scene, written))
+        read = scene_from_text(texts, scene, measured_places(scene, written))
     return Twin(
         xml,
-        _diff(document, texts),
+        diff_of(document, texts),
         tuple(notes),
         validation,
         scene=read,
@@ -180,12 +180,12 @@ def read_twin(
     )
 
 
-def _written(estimates: Sequence[Estimate]) -> list[Estimate]:
+def held_by_twin(estimates: Sequence[Estimate]) -> list[Estimate]:
     """Estimates whose values the twin holds."""
     return [e for e in estimates if e.verdict in ("identified", "prior-dominated")]
 
 
-def _diff(document: Document, texts: Texts) -> str:
+def diff_of(document: Document, texts: Texts) -> str:
     """Unified diff of the main text, and of every included file that has changed."""
     pairs = [(document.text, texts.main, "scene.xml", "twin.xml")]
     for path, text in texts.parts.items():
@@ -197,7 +197,7 @@ def _diff(document: Document, texts: Texts) -> str:
     return found
 
 
-def _measured_places(scene: Scene, estimates: Sequence[Estimate]) -> dict[str, Pose]:
+def measured_places(scene: Scene, estimates: Sequence[Estimate]) -> dict[str, Pose]:
     """Poses of the objects whose position, or whose support's height, was measured. The poses that
     came with the scene overrule the MJCF, but not these."""
     values = {estimate.parameter: tuple(estimate.values.tolist()) for estimate in estimates}

@@ -89,8 +89,8 @@ def touched(
     was started before."""
     return replace(
         validation,
-        twin=_residual(recorded, lambda: replay(restful(twin))),
-        template=_residual(recorded, given or (lambda: replay(restful(template)))),
+        twin=residual_of(recorded, lambda: replay(restful(twin))),
+        template=residual_of(recorded, given or (lambda: replay(restful(template)))),
     )
 
 
@@ -116,7 +116,7 @@ def settle(scene: Scene) -> tuple[bool, float]:
     return bool(np.isfinite(speed) and speed < REST_SPEED), drift
 
 
-def _residual(recorded: Trace, replay: Replayed) -> Residual:
+def residual_of(recorded: Trace, replay: Replayed) -> Residual:
     try:
         replayed = replay()
     except PalpateError as error:
@@ -133,14 +133,14 @@ def compare(recorded: Trace, replayed: Trace) -> Residual:
     position: list[Array] = []
     for then, now in zip(recorded.recordings, replayed.recordings, strict=False):
         if then.buffer == FORCES:
-            force.append(_mean_force(recorded, then) - _mean_force(replayed, now))
+            force.append(mean_force(recorded, then) - mean_force(replayed, now))
         else:
             places = [
                 trace.of(recording).pose_world_tcp[:, :3].mean(axis=0)
                 for trace, recording in ((recorded, then), (replayed, now))
             ]
             position.append(places[0] - places[1])
-    return Residual(_rms(force), _rms(position))
+    return Residual(rms(force), rms(position))
 
 
 def compared_until(trace: Trace) -> float:
@@ -149,22 +149,22 @@ def compared_until(trace: Trace) -> float:
     for recording in trace.recordings:
         ends.append(recording.end)
         if recording.buffer == FORCES:
-            ends += [leaf.end for leaf in _empty(trace, recording)]
+            ends += [leaf.end for leaf in empty_motions(trace, recording)]
     return max(ends)
 
 
-def _mean_force(trace: Trace, recording: Recording) -> Array:
+def mean_force(trace: Trace, recording: Recording) -> Array:
     """(3,) N, the recording's mean force less the empty hand's at rest at the same pose, which is the
     arm's own bias."""
     force: Array = trace.of(recording).wrench[:, :3].mean(axis=0)
     empty: list[Array] = []
-    for leaf in _empty(trace, recording):
+    for leaf in empty_motions(trace, recording):
         at_rest = trace.samples.between(leaf.end - REST, leaf.end)
         empty.append(at_rest.wrench[:, :3].mean(axis=0))
     return force - np.mean(empty, axis=0) if empty else force
 
 
-def _empty(trace: Trace, recording: Recording) -> Iterator[LeafRun]:
+def empty_motions(trace: Trace, recording: Recording) -> Iterator[LeafRun]:
     """Motions that ended with the empty hand at the pose of the recording."""
     for leaf in trace.leaf_runs("MovePose"):
         after = leaf.context
@@ -172,7 +172,7 @@ def _empty(trace: Trace, recording: Recording) -> Iterator[LeafRun]:
             yield leaf
 
 
-def _rms(differences: list[Array]) -> float | None:
+def rms(differences: list[Array]) -> float | None:
     """Root mean square of the lengths of vectors."""
     if not differences:
         return None

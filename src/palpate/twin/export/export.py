@@ -87,7 +87,7 @@ def export_twin(
             # The description is without robots: numbers of unnamed bodies are ambiguous.
             for body in range(model.nbody):
                 facts.pop(unnamed(body), None)
-        _require_same(facts, facts_of(packed))
+        require_same(facts, facts_of(packed))
         file, notes = WRITERS[chosen](scene, folder)
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())[:600]
@@ -98,11 +98,11 @@ def export_twin(
         parameter = estimate.parameter
         is_in_twin = estimate.verdict in ("identified", "prior-dominated")
         if is_in_twin and parameter not in twin.unwritten:
-            (held if _states(chosen, description, parameter) else lost).append(parameter)
+            (held if can_state(chosen, description, parameter) else lost).append(parameter)
     return Export(chosen, file, tuple(held), tuple(lost), tuple(notes))
 
 
-def _states(chosen: Format, description: Description, parameter: Parameter) -> bool:
+def can_state(chosen: Format, description: Description, parameter: Parameter) -> bool:
     """Test if a format can state a parameter."""
     if chosen == "mjcf":
         return True  # `<custom>` has a place for everything
@@ -122,7 +122,7 @@ def _urdf(scene: Path, folder: Path) -> tuple[Path, list[str]]:
     model = spec.compile()
     file = folder / "scene.urdf"
     written = write_urdf(model, file)
-    _require_same(facts_of(model, colliding=True), read_urdf(file, written), friction=False)
+    require_same(facts_of(model, colliding=True), read_urdf(file, written), friction=False)
     return file, [NO_FRICTION, *notes, *written.notes]
 
 
@@ -131,7 +131,7 @@ def _usd(scene: Path, folder: Path) -> tuple[Path, list[str]]:
     spec.modelname = scene.stem
     twin = facts_of(spec.compile())
     file = write_usd(spec, scene.with_name("ready.xml"), folder)
-    _require_same(twin, read_usd(file))
+    require_same(twin, read_usd(file))
     return file, [COMBINED, *notes, *left_behind(spec)]
 
 
@@ -143,7 +143,7 @@ WRITERS: Mapping[Format, Callable[[Path, Path], tuple[Path, list[str]]]] = {
 """Each writes the contained scene into a folder and returns the main file, with notes."""
 
 
-def _require_same(
+def require_same(
     twin: Mapping[str, Facts], made: Mapping[str, Facts], friction: bool = True
 ) -> None:
     for name, difference in differences(twin, made, friction):

@@ -52,7 +52,7 @@ def facts_of(model: mujoco.MjModel, colliding: bool = False) -> dict[str, Facts]
         boxes: list[Array] = []
         for geom in touching if colliding else geoms_of(model, body):
             frame = homogeneous(data.geom_xmat[geom], data.geom_xpos[geom])
-            boxes.append(_box(model, geom, frame))
+            boxes.append(box_of(model, geom, frame))
         found[body_name(model, body)] = Facts(
             homogeneous(data.xmat[body], data.xpos[body]),
             np.array([model.body_mass[body]]),
@@ -100,7 +100,7 @@ def tensor(principal: Array, quaternion: Array) -> Array:
     return rotation @ np.diag(principal) @ rotation.T
 
 
-def _box(model: mujoco.MjModel, geom: int, frame: Array) -> Array:
+def box_of(model: mujoco.MjModel, geom: int, frame: Array) -> Array:
     kind, size = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom]
     radius, half = float(size[0]), float(size[1])
     match kind:

@@ -65,7 +65,7 @@ class _Packing:
         for named in flat.named:
             if named.model == flat.path:
                 if named.path not in self.names:
-                    self._add(named.path, named.element.tag == "model", flat)
+                    self.add(named.path, named.element.tag == "model", flat)
                 tag = tags[flat.index[named.element].number]
                 packed = self.names[named.path]
                 changes.append(spans.set_attribute(tag, named.attribute, packed))
@@ -76,7 +76,7 @@ class _Packing:
         text = spans.changed(flat.text, changes)
         (self.folder / name).write_text(redact(text), encoding="utf-8", newline="")
 
-    def _add(self, path: Path, is_model: bool, document: Document) -> None:
+    def add(self, path: Path, is_model: bool, document: Document) -> None:
         """Pack a file under a free name. An asset keeps its own, by which MuJoCo refers to it. Models
         are beside the scene: the files that they name are found from the same folder."""
         taken = {SCENE, *self.names.values()}
@@ -99,7 +99,7 @@ def ready(scene: Path) -> tuple[mujoco.MjSpec, list[str]]:
     geom and joint has a name, every body its mass as a number, and no shape is an ellipsoid or a height
     field."""
     spec = mujoco.MjSpec.from_file(str(scene))
-    _state_inertia(spec, spec.compile())
+    state_inertia(spec, spec.compile())
     for body in spec.bodies:
         body.name = body.name or unnamed(body.id)
     for things, kind in ((spec.geoms, "geom"), (spec.joints, "joint")):
@@ -117,11 +117,11 @@ def ready(scene: Path) -> tuple[mujoco.MjSpec, list[str]]:
         elif geom.type == mujoco.mjtGeom.mjGEOM_HFIELD:
             notes.append(f"the height field '{geom.name}' is left out")
             spec.delete(geom)
-    _file_meshes(spec, scene.parent)
+    file_meshes(spec, scene.parent)
     return spec, notes
 
 
-def _state_inertia(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
+def state_inertia(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
     """State every mass and inertia as compiled, in place of the options from which they follow."""
     for body in spec.bodies:
         if model.body_mass[body.id] > 0.0:
@@ -137,7 +137,7 @@ def _state_inertia(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
     spec.compiler.boundmass = spec.compiler.boundinertia = 0.0
 
 
-def _file_meshes(spec: mujoco.MjSpec, folder: Path) -> None:
+def file_meshes(spec: mujoco.MjSpec, folder: Path) -> None:
     """Write STL files of the meshes that stand in the scene itself, or in rarely readable formats."""
     model = spec.compile()
     for mesh in spec.meshes:

@@ -63,13 +63,13 @@ def write_urdf(model: mujoco.MjModel, path: Path) -> Written:
     root = etree.Element("robot", {"name": path.stem})
     written = Written()
     for body in range(model.nbody):
-        _add_link(root, model, body, written)
+        add_link(root, model, body, written)
     for body in range(1, model.nbody):
-        _add_joints(root, model, body, written)
+        add_joints(root, model, body, written)
     if model.nmesh:
         (path.parent / MESHES).mkdir()
     for mesh in range(model.nmesh):
-        write_stl(path.parent / _mesh_file(mesh), mesh_corners(model, mesh))
+        write_stl(path.parent / mesh_file(mesh), mesh_corners(model, mesh))
     etree.indent(root)
     path.write_bytes(etree.tostring(root, encoding="utf-8", xml_declaration=True))
     return written
@@ -84,14 +84,14 @@ def urdf_to_look_at(model: mujoco.MjModel) -> str:
         for geom in geoms_of(model, body):
             if model.geom_group[geom] > SHOWN:
                 continue
-            insets = _insets(model, geom)
+            insets = insets_of(model, geom)
             if mujoco.mjtGeom(model.geom_type[geom]) in NOT_SIMPLE:
                 centre, half = np.split(model.geom_aabb[geom], 2)
                 pose = Pose.of(model.geom_pos[geom], model.geom_quat[geom]) @ Pose.of(centre)
                 insets = [(pose, "box", {"size": _numbers(2 * half)})]
-            _add_visuals(link, model, geom, insets)
+            add_visuals(link, model, geom, insets)
     for body in range(1, model.nbody):
-        _add_joints(root, model, body, Written())
+        add_joints(root, model, body, Written())
     return etree.tostring(root, encoding="unicode")
 
 
@@ -118,12 +118,12 @@ def read_urdf(path: Path, written: Written) -> dict[str, Facts]:
     return found
 
 
-def _add_link(root: Element, model: mujoco.MjModel, body: int, written: Written) -> None:
+def add_link(root: Element, model: mujoco.MjModel, body: int, written: Written) -> None:
     name = body_name(model, body)
     link = etree.SubElement(root, "link", {"name": name})
     if model.body_mass[body] > 0.0:
         inertial = etree.SubElement(link, "inertial")
-        _add_origin(inertial, Pose.of(model.body_ipos[body]))
+        add_origin(inertial, Pose.of(model.body_ipos[body]))
         etree.SubElement(inertial, "mass", {"value": _number(model.body_mass[body])})
         inertia = tensor(model.body_inertia[body], model.body_iquat[body])
         entries: dict[str, str] = {}
@@ -131,12 +131,12 @@ def _add_link(root: Element, model: mujoco.MjModel, body: int, written: Written)
             entries[f"i{'xyz'[i]}{'xyz'[j]}"] = _number(inertia[i, j])
         etree.SubElement(inertial, "inertia", entries)
     for geom in geoms_of(model, body):
-        insets = list(_insets(model, geom))
+        insets = list(insets_of(model, geom))
         if model.geom_group[geom] <= SHOWN:
-            _add_visuals(link, model, geom, insets)
+            add_visuals(link, model, geom, insets)
         if collides(model, geom):
             for inset in insets:
-                _add_shape(link, "collision", inset)
+                add_shape(link, "collision", inset)
             written.parts.setdefault(name, []).append(len(insets))
         if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE:
             plane = model.geom(geom).name
@@ -145,14 +145,14 @@ def _add_link(root: Element, model: mujoco.MjModel, body: int, written: Written)
             )
 
 
-def _insets(model: mujoco.MjModel, geom: int) -> Iterable[Inset]:
+def insets_of(model: mujoco.MjModel, geom: int) -> Iterable[Inset]:
     """A geom in URDF's shapes, in its link's frame."""
     x, y, z = model.geom_size[geom].tolist()
     pose = Pose.of(model.geom_pos[geom], model.geom_quat[geom])
     ball = {"radius": _number(x)}
     match mujoco.mjtGeom(model.geom_type[geom]):
         case mujoco.mjtGeom.mjGEOM_MESH | mujoco.mjtGeom.mjGEOM_SDF:
-            yield pose, "mesh", {"filename": _mesh_file(int(model.geom_dataid[geom]))}
+            yield pose, "mesh", {"filename": mesh_file(int(model.geom_dataid[geom]))}
         case mujoco.mjtGeom.mjGEOM_PLANE:
             below = Pose.of([0.0, 0.0, -GROUND[2]])
             yield pose @ below, "box", {"size": _numbers(2 * GROUND)}
@@ -167,47 +167,47 @@ def _insets(model: mujoco.MjModel, geom: int) -> Iterable[Inset]:
                     yield pose @ Pose.of([0.0, 0.0, end]), "sphere", ball
 
 
-def _add_visuals(link: Element, model: mujoco.MjModel, geom: int, insets: Iterable[Inset]) -> None:
+def add_visuals(link: Element, model: mujoco.MjModel, geom: int, insets: Iterable[Inset]) -> None:
     material = int(model.geom_matid[geom])
     rgba = model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]
     name = model.geom(geom).name or f"geom_{geom}"
     for inset in insets:
-        visual = _add_shape(link, "visual", inset)
+        visual = add_shape(link, "visual", inset)
         colour = etree.SubElement(visual, "material", {"name": f"{name}_colour"})
         etree.SubElement(colour, "color", {"rgba": _numbers(rgba)})
 
 
-def _add_shape(link: Element, tag: str, inset: Inset) -> Element:
+def add_shape(link: Element, tag: str, inset: Inset) -> Element:
     pose, kind, attributes = inset
     shape = etree.SubElement(link, tag)
-    _add_origin(shape, pose)
+    add_origin(shape, pose)
     etree.SubElement(etree.SubElement(shape, "geometry"), kind, attributes)
     return shape
 
 
-def _add_joints(root: Element, model: mujoco.MjModel, body: int, written: Written) -> None:
+def add_joints(root: Element, model: mujoco.MjModel, body: int, written: Written) -> None:
     """Add the joints from a body's parent to it. A link's frame is its joint's: where a joint is away
     from the body's origin, or is one of several, there is a link in between."""
     name, parent = body_name(model, body), body_name(model, int(model.body_parentid[body]))
     way = Pose.of(model.body_pos[body], model.body_quat[body])
     first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
     for joint in range(first, first + count):
-        kind, attributes = _kind(model, joint, written)
+        kind, attributes = joint_type(model, joint, written)
         at = Pose.of(model.jnt_pos[joint])
         is_last = joint == first + count - 1 and not model.jnt_pos[joint].any()
         joint_name = model.joint(joint).name or f"joint_{joint}"
         child = name if is_last else f"{joint_name}_link"
         if not is_last:
             etree.SubElement(root, "link", {"name": child})
-        element = _add_joint(root, joint_name, kind, (parent, child), way @ at)
+        element = add_joint(root, joint_name, kind, (parent, child), way @ at)
         for tag, values in attributes.items():
             etree.SubElement(element, tag, values)
         parent, way = child, at.inverse()
     if parent != name:
-        _add_joint(root, f"{name}_mount", "fixed", (parent, name), way)
+        add_joint(root, f"{name}_mount", "fixed", (parent, name), way)
 
 
-def _kind(
+def joint_type(
     model: mujoco.MjModel, joint: int, written: Written
 ) -> tuple[str, dict[str, dict[str, str]]]:
     """A joint's type, and its axis and limits. URDF's zero is MuJoCo's initial configuration."""
@@ -228,20 +228,20 @@ def _kind(
     return "revolute" if hinge else "prismatic", {**axis, "limit": bounds}
 
 
-def _add_joint(root: Element, name: str, kind: str, links: tuple[str, str], way: Pose) -> Element:
+def add_joint(root: Element, name: str, kind: str, links: tuple[str, str], way: Pose) -> Element:
     joint = etree.SubElement(root, "joint", {"name": name, "type": kind})
     for tag, link in zip(("parent", "child"), links, strict=True):
         etree.SubElement(joint, tag, {"link": link})
-    _add_origin(joint, way)
+    add_origin(joint, way)
     return joint
 
 
-def _add_origin(element: Element, pose: Pose) -> None:
-    origin = {"xyz": _numbers(pose.position), "rpy": _numbers(_roll_pitch_yaw(pose.rotation))}
+def add_origin(element: Element, pose: Pose) -> None:
+    origin = {"xyz": _numbers(pose.position), "rpy": _numbers(roll_pitch_yaw(pose.rotation))}
     etree.SubElement(element, "origin", origin)
 
 
-def _roll_pitch_yaw(rotation: Array) -> Array:
+def roll_pitch_yaw(rotation: Array) -> Array:
     """(3,) rad about the fixed x, then y, then z. At ±90 degrees of pitch, roll is 0."""
     level = float(np.hypot(rotation[0, 0], rotation[1, 0]))
     pitch = np.arctan2(-rotation[2, 0], level)
@@ -251,7 +251,7 @@ def _roll_pitch_yaw(rotation: Array) -> Array:
     return np.array([roll, pitch, np.arctan2(rotation[1, 0], rotation[0, 0])])
 
 
-def _mesh_file(mesh: int) -> str:
+def mesh_file(mesh: int) -> str:
     return f"{MESHES}/mesh_{mesh}.stl"
 
 

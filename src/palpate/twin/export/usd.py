@@ -80,15 +80,15 @@ def read_usd(path: Path) -> dict[str, Facts]:
     bodies: dict[str, Any] = {}
     for prim in stage.Traverse():
         if prim.HasAPI(physics.RigidBodyAPI):
-            bodies[_name(prim)] = prim
-            shapes[_name(prim)], frictions[_name(prim)] = [], []
-        elif prim.IsA(geometry.Gprim) and not _is_guide(prim):
+            bodies[name_of(prim)] = prim
+            shapes[name_of(prim)], frictions[name_of(prim)] = [], []
+        elif prim.IsA(geometry.Gprim) and not is_guide(prim):
             owner = prim.GetParent()
             while owner and not (owner.IsPseudoRoot() or owner.HasAPI(physics.RigidBodyAPI)):
                 owner = owner.GetParent()
-            name = _name(owner) if owner and not owner.IsPseudoRoot() else WORLD
-            shapes[name].append(_box(prim, _frame(prim)))
-            friction = _friction(prim)
+            name = name_of(owner) if owner and not owner.IsPseudoRoot() else WORLD
+            shapes[name].append(box_of(prim, frame_of(prim)))
+            friction = friction_of(prim)
             if friction is not None:
                 frictions[name].append(friction)
     found: dict[str, Facts] = {}
@@ -98,7 +98,7 @@ def read_usd(path: Path) -> dict[str, Facts]:
             stated = physics.MassAPI(bodies[name])
             axes = stated.GetPrincipalAxesAttr().Get()
             diagonal = np.array(stated.GetDiagonalInertiaAttr().Get(), dtype=float)
-            pose, mass = _frame(bodies[name]), float(stated.GetMassAttr().Get())
+            pose, mass = frame_of(bodies[name]), float(stated.GetMassAttr().Get())
             com = np.array(stated.GetCenterOfMassAttr().Get(), dtype=float)
             inertia = tensor(diagonal, np.array([axes.GetReal(), *axes.GetImaginary()]))
         shape = np.array(boxes).reshape(-1, 2, 3)
@@ -107,24 +107,24 @@ def read_usd(path: Path) -> dict[str, Facts]:
     return found
 
 
-def _is_guide(prim: Any) -> bool:
+def is_guide(prim: Any) -> bool:
     """Test for a site, which is seen in editors alone."""
     return str(_module("pxr.UsdGeom").Gprim(prim).GetPurposeAttr().Get()) == "guide"
 
 
-def _name(prim: Any) -> str:
+def name_of(prim: Any) -> str:
     """MuJoCo's name of a prim: USD's own names have fewer characters."""
     return str(prim.GetDisplayName() or prim.GetName())
 
 
-def _frame(prim: Any) -> Array:
+def frame_of(prim: Any) -> Array:
     """(4, 4) in the world, stretched by the prim's scale."""
     cache = _module("pxr.UsdGeom").XformCache()
     # USD multiplies rows from the left.
     return np.array(cache.GetLocalToWorldTransform(prim), dtype=float).T
 
 
-def _box(prim: Any, frame: Array) -> Array:
+def box_of(prim: Any, frame: Array) -> Array:
     def number(attribute: str) -> float:
         return float(prim.GetAttribute(attribute).Get())
 
@@ -143,7 +143,7 @@ def _box(prim: Any, frame: Array) -> Array:
             return round_box(frame, number("radius"), number("height") / 2, axes=2)
 
 
-def _friction(prim: Any) -> float | None:
+def friction_of(prim: Any) -> float | None:
     """Friction of the physics material; None where a shape does not collide, or has none."""
     physics, shade = _module("pxr.UsdPhysics"), _module("pxr.UsdShade")
     if not prim.HasAPI(physics.CollisionAPI):

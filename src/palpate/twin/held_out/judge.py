@@ -57,9 +57,9 @@ def held_out(
     evidence = sound(trace)
     motions: list[Motion] = []
     notes: list[str] = []
-    lifted = (recording.context.holding for recording in _held_still(evidence))
+    lifted = (recording.context.holding for recording in held_still(evidence))
     for name in dict.fromkeys(name for name in lifted if name is not None):
-        judged = _judge(scene, evidence, estimates, name, choice)
+        judged = judge(scene, evidence, estimates, name, choice)
         if isinstance(judged, str):
             notes.append(f"{name}: {judged}")
         else:
@@ -86,7 +86,7 @@ def with_tests(estimates: Sequence[Estimate], held: HeldOut) -> tuple[Estimate, 
     return tuple(found)
 
 
-def _held_still(trace: Trace, name: str | None = None) -> Iterator[Recording]:
+def held_still(trace: Trace, name: str | None = None) -> Iterator[Recording]:
     """Recordings of forces while an object, or `name`, was held still in the air."""
     for recording in trace.recordings:
         context = recording.context
@@ -95,13 +95,13 @@ def _held_still(trace: Trace, name: str | None = None) -> Iterator[Recording]:
             yield recording
 
 
-def _cut(trace: Trace, name: str) -> Cut | None:
+def cut_of(trace: Trace, name: str) -> Cut | None:
     """The last lift of several, else the way down after the object was measured."""
     grasps = load_of(trace, name).grasps
     lifts: list[Cut] = []
     # Grasps and releases alternate.
     for start, end in list(pairwise([*grasps, float(trace.t[-1])]))[::2]:
-        measured = [r for r in _held_still(trace, name) if start <= r.start and r.end <= end]
+        measured = [r for r in held_still(trace, name) if start <= r.start and r.end <= end]
         if measured:
             # Along the way up to the first recording: later it may be tilted.
             lifts.append(Cut("", start, end, measured[0]))
@@ -120,7 +120,7 @@ def _cut(trace: Trace, name: str) -> Cut | None:
     return replace(last, words=words, start=float(np.nextafter(max(kept), np.inf)))
 
 
-def _judge(
+def judge(
     scene: Scene,
     trace: Trace,
     estimates: Sequence[Estimate],
@@ -129,7 +129,7 @@ def _judge(
 ) -> Motion | str:
     """The held-out motion of an object, or the reason why there is none."""
     body = scene.bodies.get(name)
-    cut = _cut(trace, name)
+    cut = cut_of(trace, name)
     if body is None or cut is None:
         return "nothing was recorded of it that could be held out"
     wanted = [e.parameter for e in estimates if e.parameter.object == name and e.identified]
@@ -151,10 +151,10 @@ def _judge(
     # For comparison: the same load, had it the mass that was believed before.
     believed = scene.priors.get(Parameter(name, "mass"), tuple(mass.value.tolist()))
     guess = found.instead(wrench.value * believed[0] / float(mass.value[0]))
-    return _motion(name, cut, found, guess, trace)
+    return judged_motion(name, cut, found, guess, trace)
 
 
-def _motion(name: str, cut: Cut, found: Predicted, guess: Predicted, trace: Trace) -> Motion:
+def judged_motion(name: str, cut: Cut, found: Predicted, guess: Predicted, trace: Trace) -> Motion:
     from scipy.special import fdtrc
 
     more, covariance = found.beyond()
@@ -168,16 +168,16 @@ def _motion(name: str, cut: Cut, found: Predicted, guess: Predicted, trace: Trac
         dof=dof,
         p=float(fdtrc(dof, found.freedom, misfit / dof)),
         chi2_template=guess.misfit,
-        rms=_rms(found.residual),
-        rms_template=_rms(guess.residual),
+        rms=rms(found.residual),
+        rms_template=rms(guess.residual),
         weight=float(more[0]) / trace.gravity,
         weight_std=float(np.sqrt(covariance[0, 0])) / trace.gravity,
-        tests=tuple(_tests(name, found, more, covariance, trace.gravity)),
-        curve=_curve(found, guess, trace),
+        tests=tuple(tests_of(name, found, more, covariance, trace.gravity)),
+        curve=curve_of(found, guess, trace),
     )
 
 
-def _tests(
+def tests_of(
     name: str, found: Predicted, more: Array, covariance: Array, gravity: float
 ) -> Iterator[FitTest]:
     """Tests of the wrench `more` (3,) than predicted, and of the whole residual."""
@@ -199,17 +199,16 @@ def _tests(
         f"{held} the moment of the {name} is {moment:.2g} N·m off what the twin predicts.",
         found.freedom,
     )
-    rms = _rms(found.residual)
     yield chi_squared(
         TORQUES,
         found.misfit,
         len(found.residual),
-        f"{held} {rms:.2g} N·m (rms) of the joint torques are not explained.",
+        f"{held} {rms(found.residual):.2g} N·m (rms) of the joint torques are not explained.",
         found.freedom,
     )
 
 
-def _curve(found: Predicted, guess: Predicted, trace: Trace) -> Curve:
+def curve_of(found: Predicted, guess: Predicted, trace: Trace) -> Curve:
     order = np.argsort(found.t)
     std = np.sqrt(np.diag(found.covariance)).reshape(found.measured.shape)
     names = trace.hand.joints
@@ -224,5 +223,5 @@ def _curve(found: Predicted, guess: Predicted, trace: Trace) -> Curve:
     return Curve(names, times, *map(rows, parts))
 
 
-def _rms(values: Array) -> float:
+def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))

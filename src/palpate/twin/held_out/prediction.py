@@ -189,7 +189,7 @@ def predicted(
         return None
 
     # Conditional of the target rows on the given ones, Bishop, equations 2.81 and 2.82.
-    bias = _bias(rows, wrench, hand, signals)
+    bias = bias_covariance(rows, wrench, hand, signals)
     cross = bias[np.ix_(given, target)]
     gain: Array = np.linalg.solve(bias[np.ix_(given, given)], cross).astype(np.float64).T
     remaining = bias[np.ix_(target, target)] - gain @ cross
@@ -207,7 +207,7 @@ def predicted(
     )
 
 
-def _bias(rows: Rows, wrench: Believed, hand: Hand, signals: int) -> Array:
+def bias_covariance(rows: Rows, wrench: Believed, hand: Hand, signals: int) -> Array:
     """(n, n) covariance of the arm's errors in n rows: noise and drift, forces to the side, gains,
     friction."""
     design = rows.wrench[:, LOAD]
