@@ -21,7 +21,8 @@ Finding = tuple[bool, str, str]
 
 
 class Cell(Protocol):
-    """A workplace with one robot in it, simulated or real.
+    """A workplace with one robot in it, simulated or real. A class that inherits from this one has a
+    real robot, and no camera.
 
     A run calls in this order: `picture` before planning, where a picture is wanted; `robot` once there
     is a checked plan; `footage` when the robot has been closed; `truth` when the estimates are made,
@@ -36,12 +37,12 @@ class Cell(Protocol):
     @property
     def simulated(self) -> bool:
         """True if no real robot moves."""
-        ...
+        return False
 
     def picture(self, camera: CameraEntry | None = None) -> bytes | None:
         """The workspace before anything moves, as PNG, seen by `camera` if there is one; None without
         a camera."""
-        ...
+        return None
 
     def robot(self) -> Robot:
         """Return the robot, at rest with open fingers; the caller closes it.
@@ -54,11 +55,11 @@ class Cell(Protocol):
 
     def footage(self) -> Footage | None:
         """Return the camera's recording since the last call of `robot`, or None."""
-        ...
+        return None
 
     def truth(self, parameter: Parameter) -> tuple[float, ...] | None:
         """Return the true value in the quantity's unit; None if unknown, as for a real workplace."""
-        ...
+        return None
 
 
 @runtime_checkable

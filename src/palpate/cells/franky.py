@@ -6,10 +6,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from palpate.cells.cell import Driver, Finding
+from palpate.cells.cell import Cell, Driver, Finding
 from palpate.errors import InputError
 from palpate.geometry.pose import Pose
-from palpate.parameter import Parameter
 from palpate.robots.franky.control_box import (
     SCHEME,
     Address,
@@ -20,17 +19,15 @@ from palpate.robots.franky.control_box import (
 
 if TYPE_CHECKING:
     from palpate.cells.teach import GuidedHand
-    from palpate.pictures.film import Footage
     from palpate.robots.description import RobotDescription
     from palpate.robots.franky.robot import FrankyRobot
-    from palpate.scene.poses import CameraEntry
     from palpate.scene.scene import Scene
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FrankyCell:
-    """A real workplace with a Franka in it. Implements `palpate.cells.cell.Cell` and, for an arm that
-    is stopped before it is connected, `palpate.robots.robot.Recoverable`."""
+class FrankyCell(Cell):
+    """A real workplace with a Franka in it. Implements `palpate.robots.robot.Recoverable` for an arm
+    that is stopped before it is connected."""
 
     address: Address
     scene: Scene | None
@@ -39,15 +36,6 @@ class FrankyCell:
     def description(self) -> str:
         """See `Cell`."""
         return f"Franka at {self.address}"
-
-    @property
-    def simulated(self) -> bool:
-        """False, whatever answers at the address."""
-        return False
-
-    def picture(self, camera: CameraEntry | None = None) -> bytes | None:
-        """None: the cell has no camera; give images=."""
-        return None
 
     def robot(self) -> FrankyRobot:
         """See `Cell`."""
@@ -67,14 +55,6 @@ class FrankyCell:
     def recover(self) -> None:
         """See `Recoverable`."""
         clear(self.address)
-
-    def footage(self) -> Footage | None:
-        """None."""
-        return None
-
-    def truth(self, parameter: Parameter) -> tuple[float, ...] | None:
-        """None: unknown."""
-        return None
 
 
 def connect(url: str, scene: Scene | None) -> FrankyCell:

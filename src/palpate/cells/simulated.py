@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from palpate.cells.view import closer_png, workspace_png
 from palpate.errors import InputError
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
+from palpate.pictures.annotate import closer_png
 from palpate.pictures.film import Footage
+from palpate.pictures.moments import render_workspace
 from palpate.pictures.renderer import gl_available
 from palpate.scene.load import load_scene
 from palpate.scene.scene import Scene
@@ -80,7 +81,7 @@ class SimulatedCell:
         """See `Cell`. None without a usable OpenGL."""
         if not gl_available()[0]:
             return None
-        return workspace_png(self.world.spec(self.drawn), camera)
+        return render_workspace(self.world.spec(self.drawn), camera)
 
     def closer(self) -> bytes | None:
         """See `Close`. None without a usable OpenGL."""

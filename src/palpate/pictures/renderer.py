@@ -186,15 +186,11 @@ class Painter:
         """`framing` of `points` for this model and picture."""
         return framing(points, aspect=self.aspect, fovy=float(self.model.vis.global_.fovy), **view)
 
-    def close(self) -> None:
-        """Free the OpenGL context. May be called twice."""
-        self._renderer.close()
-
     def __enter__(self) -> Painter:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.close()
+        self._renderer.close()
 
 
 def png(pixels: Pixels) -> bytes:
