@@ -46,6 +46,7 @@ class FrankyCell(Cell):
         if scene is None:
             raise InputError("a robot needs a scene to work in: give scene=D.xml")
         session = Session(self.address)
+        # A robot that cannot be made leaves no session open.
         try:
             return FrankyRobot(session, scene.arm.real(), scene.pose_world_base, scene.gravity)
         except BaseException:

@@ -56,5 +56,5 @@ def drivers() -> Drivers:
     for module in extensions("palpate.cells"):
         for thing in public(module):
             if isinstance(thing, Driver):
-                found.setdefault(thing.scheme, thing)
+                found.setdefault(thing.scheme, thing)  # no package replaces palpate's own driver
     return Drivers(found)

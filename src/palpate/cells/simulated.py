@@ -131,8 +131,10 @@ class SimulatedCell:
         if quantity is None:
             return body.known.get(parameter.quantity)
         if quantity.stands_for is not None:
+            # The file states another quantity in its place.
             return self.truth(Parameter(parameter.object, quantity.stands_for))
         stated = body.known.get(parameter.quantity, quantity.shown(body))
+        # The acting value may differ from the stated one: MuJoCo combines the frictions of a pair.
         if stated is None:
             return None
         return quantity.acting(self.world.resolved.description.bodies[body.name], stated)
@@ -186,6 +188,7 @@ def simulated_cell(
         world = load_scene(world, arm=arm, root=root, robot_body=robot_body)
     names: dict[str, str] = {}
     if scene is not None and seen:
+        # A detected scene has other names and rough sizes: only the arm's place must agree.
         _require_same_base(scene, world)
         names = _names_by_place(scene, world)
     elif scene is not None:
@@ -244,6 +247,7 @@ def _names_by_place(scene: Scene, world: Scene) -> dict[str, str]:
         distance = float(np.linalg.norm(middle(mine) - middle(theirs)))
         pairs.append((distance, mine.name, theirs.name))
     names = dict.fromkeys(scene.bodies, "")
+    # Greedy: the nearest pair first, each body once.
     for distance, name, partner in sorted(pairs):
         if distance < NEAR and not names[name] and partner not in names.values():
             names[name] = partner

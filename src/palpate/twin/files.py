@@ -41,6 +41,7 @@ def in_one(document: Document, texts: Texts) -> OneText:
     if not texts.parts:
         return OneText(texts.main)
     parts = {**document.texts, **texts.parts}
+    # A free file name beside the main text for each changed model.
     names: dict[Path, str] = {}
     changed = [item for item in document.attached().items() if has_changed(item[1], texts)]
     for path, model in changed:

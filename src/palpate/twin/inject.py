@@ -101,6 +101,7 @@ def complete(
     if description.placed:
         description = describe(resolved.document, Poses(), quantities)
     marked = marked_unknown(description, quantities)
+    # First each value against the others, then all of them as MuJoCo reads them back.
     reasons: dict[Parameter, str] = {}
     for parameter in values:
         if reason := reason_against(scene, parameter, values, marked):
@@ -113,6 +114,7 @@ def complete(
     except InputError as error:  # MuJoCo does not accept the file
         wrong = dict.fromkeys(fitting, str(error))
     if wrong:
+        # The others are written again without these.
         reasons |= wrong
         fitting = {p: value for p, value in fitting.items() if p not in wrong}
         texts, filled = _filled(scene, description, marked, fitting, stated)

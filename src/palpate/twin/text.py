@@ -49,7 +49,7 @@ def rewritten(document: Document, edits: Sequence[Change]) -> Texts:
 
 
 def _rewritten(document: Document, text: str, edits: Sequence[Change]) -> str:
-    """One text with its changes made."""
+    """Text of one file with its changes made."""
     tags = spans.scan(text)
     data = text.encode("utf-8")
     # Several edits of one attribute add up.

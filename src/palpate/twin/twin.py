@@ -162,6 +162,7 @@ def read_twin(
     written = held_by_twin(estimates)
     document = scene.resolved.document
     texts = Texts(xml)
+    # With several files, `xml` is all of them in one text: the changed ones are made again.
     if document.includes or document.models:
         texts = complete(scene, written, {estimate.parameter for estimate in estimates}).texts
     read = None

@@ -23,7 +23,7 @@ Replayed = Callable[[], Trace]
 SETTLE_TIME = 2.0
 """s of free simulation before the twin's objects must be at rest."""
 FINEST_STEP = 1e-4
-"""Least time step of that simulation, s; smaller ones would take minutes."""
+"""Least time step of that simulation, s."""
 REST_SPEED = 0.01
 """Speed of an object at rest, m/s and rad/s."""
 REST = 0.3
@@ -104,6 +104,7 @@ def restful(scene: Scene) -> mujoco.MjSpec:
 def settle(scene: Scene) -> tuple[bool, float]:
     """Test for rest of all objects after `SETTLE_TIME` s, with the largest displacement, m."""
     model = scene.spec().compile()
+    # A scene that asks for smaller steps would take minutes.
     model.opt.timestep = max(model.opt.timestep, FINEST_STEP)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -113,6 +114,7 @@ def settle(scene: Scene) -> tuple[bool, float]:
     drift = float(np.linalg.norm(data.xpos[bodies] - start, axis=1).max(initial=0.0))
     moving = [data.qvel[first : first + 6] for first in model.body_dofadr[bodies]]
     speed = float(np.abs(moving).max(initial=0.0))
+    # An unstable simulation is not at rest: its speed is no number.
     return bool(np.isfinite(speed) and speed < REST_SPEED), drift
 
 

@@ -74,6 +74,7 @@ class _Packing:
                 if attribute in tag.attributes:
                     changes.append(spans.remove_attribute(data, tag, attribute))
         text = spans.changed(flat.text, changes)
+        # Keys of the environment reach no file that is handed on.
         (self.folder / name).write_text(redact(text), encoding="utf-8", newline="")
 
     def add(self, path: Path, is_model: bool, document: Document) -> None:
@@ -106,7 +107,7 @@ def ready(scene: Path) -> tuple[mujoco.MjSpec, list[str]]:
         for i, thing in enumerate(things):
             thing.name = thing.name or f"{kind}_{i}"
     notes: list[str] = []
-    for geom in list(spec.geoms):
+    for geom in list(spec.geoms):  # a copy: geoms are deleted on the way
         if geom.type == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
             mesh = spec.add_mesh()
             mesh.name = f"{geom.name}_mesh"

@@ -161,6 +161,7 @@ def insets_of(model: mujoco.MjModel, geom: int) -> Iterable[Inset]:
         case mujoco.mjtGeom.mjGEOM_SPHERE:
             yield pose, "sphere", ball
         case kind:
+            # URDF has no capsules: a cylinder with a ball at either end.
             yield pose, "cylinder", {**ball, "length": _number(2 * y)}
             if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
                 for end in (-y, y):
@@ -223,6 +224,7 @@ def joint_type(
         return "continuous", axis
     low, high = model.jnt_range[joint] - model.qpos0[model.jnt_qposadr[joint]]
     if not limited:
+        # URDF has no slide without limits: as far as the ground reaches.
         low, high = -GROUND[0], GROUND[0]
     bounds = {"lower": _number(low), "upper": _number(high), "effort": EFFORT, "velocity": SPEED}
     return "revolute" if hinge else "prismatic", {**axis, "limit": bounds}

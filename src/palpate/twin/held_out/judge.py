@@ -58,7 +58,7 @@ def held_out(
     motions: list[Motion] = []
     notes: list[str] = []
     lifted = (recording.context.holding for recording in held_still(evidence))
-    for name in dict.fromkeys(name for name in lifted if name is not None):
+    for name in dict.fromkeys(name for name in lifted if name is not None):  # each once, in order
         judged = judge(scene, evidence, estimates, name, choice)
         if isinstance(judged, str):
             notes.append(f"{name}: {judged}")
