@@ -15,7 +15,7 @@ import numpy as np
 
 from palpate.errors import unknown_name
 from palpate.geometry.pose import Array
-from palpate.pictures.looks import boxes, things, vessels
+from palpate.pictures.looks import boxes, things
 from palpate.pictures.looks.mesh import Fit, Part
 from palpate.pictures.renderer import CORNERS, SCENERY, Pixels, geom_rgba
 
@@ -31,20 +31,20 @@ LOOKS: Mapping[str, Callable[[Fit, str], list[Part]]] = {
     "ball": things.ball,
     "block": boxes.block,
     "board": boxes.board,
-    "bottle": vessels.bottle,
-    "bowl": vessels.bowl,
+    "bottle": things.bottle,
+    "bowl": things.bowl,
     "candle": things.candle,
     "carton": boxes.carton,
     "cloth": things.cloth,
-    "cup": vessels.cup,
+    "cup": things.cup,
     "hammer": things.hammer,
-    "mug": vessels.mug,
+    "mug": things.mug,
     "open_box": boxes.open_box,
     "shut_box": boxes.shut,
     "soap": things.soap,
     "table": boxes.table,
     "thermometer": things.thermometer,
-    "tin": vessels.tin,
+    "tin": things.tin,
 }
 TABLE = "table"
 """The look of supports. It is fitted to the largest shape alone: the top, without its legs."""
