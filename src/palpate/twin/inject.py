@@ -1,7 +1,7 @@
 """Injection of estimates into the user's own MJCF text: a minimal change that leaves every other byte
 as it is, and is read back by MuJoCo.
 
-Each quantity declares where its value is written (`palpate.scene.fill`); every estimate is also recorded
+Each quantity declares where its value is written (`palpate.scene.resolve`); every estimate is also recorded
 in `<custom>`. Much in a file can overrule a number that stands in it: `settotalmass`, a mesh's way to be
 weighed, a second geom, a defaults class. A value that MuJoCo does not read back is not in the twin.
 """
@@ -16,7 +16,7 @@ import numpy as np
 
 from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate, rounded
-from palpate.mjcf.defaults import answered_elsewhere
+from palpate.mjcf.defaults import INHERITED, unknowns_replaced
 from palpate.mjcf.document import Element, Texts, elements, has_unknown, tokens
 from palpate.mjcf.edits import Change, Edit, number
 from palpate.mjcf.reading import parse_document, reparsed
@@ -24,9 +24,9 @@ from palpate.parameter import Parameter
 from palpate.quantities.catalogue import Catalogue, catalogue
 from palpate.quantities.quantity import Values
 from palpate.scene.describe import Description, describe
-from palpate.scene.fill import changes
 from palpate.scene.poses import Poses
 from palpate.scene.raised import at_heights
+from palpate.scene.resolve import changes
 from palpate.scene.scene import Scene
 from palpate.twin.files import in_one
 from palpate.twin.text import as_text, recorded, rewritten
@@ -253,7 +253,7 @@ def leftovers(
                 needed.add(slot.attribute)
     geoms: list[Element] = [e for e in elements(description.document.root) if e.tag == "geom"]
     for geom in geoms:
-        for leftover in answered_elsewhere(geom):
+        for leftover in unknowns_replaced(geom, INHERITED):
             is_answered = (geom, leftover.attribute) in answered
             if leftover.attribute not in needed and not is_answered:
                 yield leftover

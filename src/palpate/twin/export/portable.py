@@ -17,8 +17,8 @@ import numpy as np
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf import spans
 from palpate.mjcf.document import Document, Texts
-from palpate.mjcf.hulls import mesh_corners
 from palpate.mjcf.reading import reparsed
+from palpate.mjcf.shapes import mesh_corners
 from palpate.redaction import redact
 from palpate.twin.export.facts import unnamed
 

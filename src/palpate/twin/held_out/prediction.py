@@ -31,7 +31,7 @@ from palpate.estimation.load.equations import FORCE_Z, SIDEWAYS, TORQUE_X, TORQU
 from palpate.estimation.load.segments import Segment, Weighing
 from palpate.estimation.windows import mean_pose
 from palpate.geometry.pose import Array
-from palpate.mjcf.whole import whole
+from palpate.mjcf.inertial import whole
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Hand, Recording
 from palpate.trace.samples import Trace
