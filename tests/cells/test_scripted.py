@@ -51,7 +51,7 @@ def test_a_plan_is_executed_and_estimated_on_an_arm_that_is_not_simulated() -> N
 
 
 @pytest.mark.usefixtures("registered")
-def test_its_url_is_all_that_names_it_up_to_the_report(tmp_path: Path) -> None:
+def test_a_url_is_enough_for_a_run_with_its_report(tmp_path: Path) -> None:
     run = pp.run(
         DESK,
         "how heavy is the mug?",
@@ -83,6 +83,6 @@ def test_a_real_cell_is_rehearsed_for_unless_told_otherwise() -> None:
     assert "executing on the real robot" in told
 
 
-def test_what_the_arm_felt_is_in_the_trace() -> None:
+def test_measured_forces_are_in_the_trace() -> None:
     run = pp.load(DESK).plan("how heavy is the mug?").run(Bench(), rehearse=False, fast=True)
     assert np.isclose(run.trace.wrench[:, 2].max(), MASS * 9.81)

@@ -96,7 +96,7 @@ def test_a_world_that_is_not_the_scenes_is_refused(
         simulated_cell(parse_scene(text()), world)
 
 
-def test_what_was_seen_in_a_picture_has_names_and_shapes_of_its_own(tmp_path: Path) -> None:
+def test_objects_of_a_picture_have_names_and_shapes_of_their_own(tmp_path: Path) -> None:
     world = world_file(tmp_path, size=".03 .04 .08")
     seen = parse_scene(text().replace('"cup"', '"beaker"'))
     cell = simulated_cell(seen, world, seen=True)
@@ -107,7 +107,7 @@ def test_what_was_seen_in_a_picture_has_names_and_shapes_of_its_own(tmp_path: Pa
         simulated_cell(parse_scene(text()), world)
 
 
-def test_what_was_seen_and_is_not_there_has_no_truth(tmp_path: Path) -> None:
+def test_a_detected_object_without_a_partner_has_no_truth(tmp_path: Path) -> None:
     seen = parse_scene(text().replace("0.5 0.1 0.05", "0.2 -0.3 0.05"))
     cell = simulated_cell(seen, world_file(tmp_path), seen=True)
     assert cell.truth(Parameter("cup", "mass")) is None
@@ -176,7 +176,7 @@ def felt_by(nominal: NominalArm, samples: Samples) -> Array:
     return wrenches(jacobians, samples.tau_ext[:, :, None])[:, :, 0]
 
 
-def test_what_a_world_hides_nobody_is_told(tmp_path: Path) -> None:
+def test_hidden_values_reach_neither_robot_nor_scene(tmp_path: Path) -> None:
     scene = parse_scene(text())
     worlds = [
         elsewhere(tmp_path, "plain", gravity=-9.81, x=0.0, hidden="extends: none"),

@@ -16,7 +16,7 @@ from py_trees.common import Status
 from palpate.errors import Unavailable
 from palpate.execution.build import build
 from palpate.execution.runner import Snapshot, run
-from palpate.live.groot.publisher import GrootPublisher
+from palpate.live.groot import GrootPublisher
 from palpate.planning.plan import Plan
 
 zmq = pytest.importorskip("zmq")
@@ -109,7 +109,7 @@ def test_a_node_that_is_stopped_from_outside_was_running(node, scene, robot, wor
         assert statuses(ask) == {1: FAILURE, 2: LEFT + RUNNING, 3: FAILURE}
 
 
-def test_the_tree_and_its_statuses_are_told_as_btcpp_tells_them(tree, words, blackboard) -> None:
+def test_tree_and_statuses_are_answered_as_by_btcpp(tree, words, blackboard) -> None:
     """The same tree in BT.CPP, asked by the same Groot2."""
     factory = bt.BehaviorTreeFactory()
     for kind in words.primitives:
@@ -137,7 +137,7 @@ def test_the_tree_and_its_statuses_are_told_as_btcpp_tells_them(tree, words, bla
     del published
 
 
-def test_what_changes_is_recorded(tree, scene, robot, words) -> None:
+def test_transitions_are_recorded(tree, scene, robot, words) -> None:
     with GrootPublisher(port=0) as publisher, groot2(publisher.url) as ask:
         run(Plan((), tree, ""), scene, robot, words=words, observer=publisher)
         head, began = ask("r", b"start")
@@ -154,7 +154,7 @@ def test_what_changes_is_recorded(tree, scene, robot, words) -> None:
     assert times == sorted(times)
 
 
-def test_nobody_holds_up_the_arm_from_a_viewer(tree, words, blackboard) -> None:
+def test_breakpoints_are_refused(tree, words, blackboard) -> None:
     root = build(tree, words, blackboard)
     with GrootPublisher(port=0) as publisher, groot2(publisher.url) as ask:
         assert ask("T") == [b"error", b"no tree is being run yet"]
@@ -176,7 +176,7 @@ def test_bytes_that_are_no_request_are_answered(words) -> None:
         assert line.recv_multipart() == [b"error", b"wrong request header"]
 
 
-def test_it_listens_on_this_machine_alone_and_says_when_it_cannot() -> None:
+def test_the_publisher_listens_on_this_machine_alone_and_reports_a_taken_port() -> None:
     with GrootPublisher(port=0) as publisher:
         assert publisher.url.startswith("tcp://127.0.0.1:")
         with pytest.raises(Unavailable, match="Groot2 cannot be served at port"):

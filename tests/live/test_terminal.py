@@ -8,8 +8,7 @@ from rich.console import Console
 
 from palpate.execution.build import build
 from palpate.execution.runner import Snapshot, run
-from palpate.live.console import TOLD
-from palpate.live.remaining import Remaining
+from palpate.live.console import LIVE_LOGGER
 from palpate.live.terminal import LiveTree, bar, render
 from palpate.planning.plan import Plan
 
@@ -71,7 +70,7 @@ def test_a_failure_shows_its_reason_and_what_was_interrupted(watched, node):
     assert last[5:] == ["  · Go(0.3, 0.1)", "stopping: Refuse(): it refuses"]
 
 
-def test_what_the_stop_did_is_shown_below_the_tree(watched, node, robot):
+def test_the_measures_of_a_stop_are_shown_below_the_tree(watched, node, robot):
     robot.support_z, robot.weight = 0.1, 2.5
     last = watched(node("Go", z=0.1), node("Grasp"), node("Go", z=0.2), node("Refuse"))[
         -1
@@ -95,7 +94,7 @@ def test_a_tree_taller_than_the_terminal_shows_the_active_part(node, words, blac
     assert lines[-1].startswith("  ▶ Go(0.2, 0.1)")
 
 
-def test_elsewhere_every_leaf_gives_one_line(plan, node, scene, robot, words):
+def test_without_a_terminal_every_leaf_gives_one_line(plan, node, scene, robot, words):
     out = console(False)
     with LiveTree(out) as live:
         live.progress("touching")
@@ -117,38 +116,15 @@ def test_a_force_is_a_bar_to_its_side(force, shown):
     assert bar(force) == shown
 
 
-def test_the_time_left_is_that_of_the_steps_to_come_by_what_their_like_took(
-    plan, node, scene, robot, words
-):
-    found = []
-
-    class Watcher:
-        def __init__(self):
-            self.remaining = Remaining()
-
-        def on_tick(self, snapshot):
-            time.sleep(0.0005)
-            found.append((snapshot.elapsed, self.remaining.seconds(snapshot)))
-
-    steps = [node("Wait", seconds=0.5) for _ in range(6)]
-    run(plan(*steps), scene, robot, words=words, observer=Watcher())
-    assert found[10][1] is None, "nobody knows yet"
-    # Where half is done as much is left, whatever a second of robot time takes.
-    half = next(left for elapsed, left in found if elapsed > 1.6)
-    later = next(left for elapsed, left in found if elapsed > 2.6)
-    assert half > later > 0.0
-    assert found[-1][1] == 0.0
-
-
-def test_what_it_shows_is_in_the_log_too(plan, node, scene, robot, words, caplog):
-    caplog.set_level("INFO", logger=TOLD)
+def test_the_log_has_what_the_terminal_shows(plan, node, scene, robot, words, caplog):
+    caplog.set_level("INFO", logger=LIVE_LOGGER)
     with LiveTree(console(True)) as live:
         live.progress("touching")
         run(plan(node("Go", z=0.28)), scene, robot, words=words, observer=live)
     assert [record.message.split()[-1] for record in caplog.records] == ["touching", "(1/1)"]
 
 
-def test_on_a_terminal_it_is_redrawn_seldom_and_the_end_stays(plan, node, scene, robot, words):
+def test_the_tree_is_redrawn_seldom_and_its_end_stays(plan, node, scene, robot, words):
     out = console(True)
     began = time.monotonic()
     with LiveTree(out) as live:

@@ -35,7 +35,7 @@ def red(
 
 @needs_gl
 def test_a_bare_scene_is_lit_framed_and_has_a_sky() -> None:
-    image = pixels(render_scene(spec(), width=320, height=200))
+    image = pixels(render_scene(spec(), size=(320, 200)))
     assert image.shape == (200, 320, 3)
     assert image[0].mean() > 120
     rows, columns = np.nonzero(red(image))
@@ -46,9 +46,7 @@ def test_a_bare_scene_is_lit_framed_and_has_a_sky() -> None:
 @needs_gl
 def test_before_and_after_share_a_camera() -> None:
     given = spec(0.45)
-    before, after = (
-        pixels(p) for p in render_before_after(given, spec(0.5), width=320, height=200)
-    )
+    before, after = (pixels(p) for p in render_before_after(given, spec(0.5), size=(320, 200)))
     assert list(given.textures) == []
     np.testing.assert_array_equal(
         np.nonzero(red(before))[1].mean().round(), np.nonzero(red(after))[1].mean().round()
@@ -60,7 +58,7 @@ def test_before_and_after_share_a_camera() -> None:
 def test_a_moment_shows_objects_where_they_were() -> None:
     model = spec().compile()
     low, high = (
-        pixels(render_moment(model, np.array([0, 0, z, 1, 0, 0, 0]), width=320, height=200))
+        pixels(render_moment(model, np.array([0, 0, z, 1, 0, 0, 0]), size=(320, 200)))
         for z in (0.6, 0.9)
     )
     assert red(low).sum() > 100

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from palpate.cells.draw import draw_truth
+from palpate.cells.simulated import draw_truth
 from palpate.parameter import Parameter
 from palpate.quantities.mass import PRIOR_MASS
 from palpate.scene.load import parse_scene

@@ -47,7 +47,7 @@ def judged(trace: Trace | None, mass: float, x: float | None = None) -> Motion:
     return found.motions[0]
 
 
-def test_the_way_down_is_predicted_from_what_was_recorded_before(run: pp.Run) -> None:
+def test_the_way_down_is_predicted_from_the_recordings_before(run: pp.Run) -> None:
     assert run.held_out is not None
     (motion,) = run.held_out.motions
     assert motion.motion == "the way down with the mug, after it was measured"
@@ -61,7 +61,7 @@ def test_the_way_down_is_predicted_from_what_was_recorded_before(run: pp.Run) ->
     assert motion.chi2_template > 3 * motion.chi2
 
 
-def test_nothing_of_that_motion_is_in_what_it_is_predicted_from(run: pp.Run) -> None:
+def test_the_prediction_uses_nothing_of_the_held_out_motion(run: pp.Run) -> None:
     """Loads that act in it alone are found, whatever the estimate was made of."""
     assert run.held_out is not None
     motion = run.held_out.motions[0]
@@ -91,7 +91,7 @@ def test_a_centre_of_mass_that_is_30_mm_off_is_found(run: pp.Run) -> None:
     assert abs(wrong.weight) < 4 * wrong.weight_std
 
 
-def test_what_another_motion_contradicts_does_not_count_as_measured(run: pp.Run) -> None:
+def test_an_estimate_that_another_motion_contradicts_is_not_measured(run: pp.Run) -> None:
     estimate: Estimate = run["mug.mass"]
     wrong = judged(run.trace, 1.1 * MASS)
     assert run.held_out is not None
@@ -102,7 +102,7 @@ def test_what_another_motion_contradicts_does_not_count_as_measured(run: pp.Run)
     assert with_tests((estimate,), run.held_out)[0].identified
 
 
-def test_it_is_written_and_read_back(run: pp.Run) -> None:
+def test_held_out_motions_are_written_and_read_back(run: pp.Run) -> None:
     document = json.loads(json.dumps(held_out_json(run.held_out)))
     assert document["motion"].startswith("the way down with the mug")
     assert document["agrees"] is True
@@ -113,7 +113,7 @@ def test_it_is_written_and_read_back(run: pp.Run) -> None:
     assert held_out_from(None) is None
 
 
-def test_the_report_shows_the_joints_that_feel_most_of_it(run: pp.Run) -> None:
+def test_the_report_shows_the_joints_with_most_of_the_load(run: pp.Run) -> None:
     (shown,) = predictions(run.held_out)
     assert shown.agrees
     assert len(shown.panels) == 3
@@ -123,7 +123,7 @@ def test_the_report_shows_the_joints_that_feel_most_of_it(run: pp.Run) -> None:
     assert predictions(None) == []
 
 
-def test_where_nothing_is_lifted_nothing_is_held_out(run: pp.Run) -> None:
+def test_a_trace_without_lifts_has_no_held_out_motion(run: pp.Run) -> None:
     assert held_out(run.scene, replace(run.trace, recordings=()), ()) is None
     unknown = held_out(run.scene, run.trace, ())
     assert unknown is not None

@@ -409,7 +409,7 @@ HANDLE = '<geom type="box" pos=".04 0 0" size=".01 .01 .02"'
         (f'{WALL} shellinertia="true" density="?"/>', ""),
     ],
 )
-def test_what_is_written_is_what_mujoco_reads(mug: str, before: str) -> None:
+def test_mujoco_reads_the_written_value(mug: str, before: str) -> None:
     scene = parse_scene(ODD.format(before=before, mug=mug))
     assert "mass" in scene.body("mug").missing
     made = complete(scene, [estimate("mug", "mass", 0.18)])
@@ -418,7 +418,7 @@ def test_what_is_written_is_what_mujoco_reads(mug: str, before: str) -> None:
     assert model.body_subtreemass[model.body("mug").id] == pytest.approx(0.18, rel=1e-5)
 
 
-def test_what_something_else_in_the_file_decides_is_not_in_the_twin() -> None:
+def test_a_value_that_the_file_overrules_is_not_in_the_twin() -> None:
     before = '<compiler settotalmass="2"/>'
     scene = parse_scene(ODD.format(before=before, mug=f"{WALL}/>"))
     made = complete(scene, [estimate("mug", "mass", 0.18)])
@@ -428,7 +428,7 @@ def test_what_something_else_in_the_file_decides_is_not_in_the_twin() -> None:
         inject(scene.text, {Parameter("mug.mass"): (0.18,)})
 
 
-def test_parts_that_outweigh_the_whole_are_told() -> None:
+def test_parts_that_outweigh_the_whole_are_reported() -> None:
     scene = parse_scene(ODD.format(before="", mug=f'{WALL}/>{HANDLE} mass="0.3"/>'))
     made = complete(scene, [estimate("mug", "mass", 0.18)])
     assert made.unwritten == (Parameter("mug.mass"),)
@@ -595,7 +595,7 @@ def test_a_friction_that_would_not_act_is_not_in_the_twin(text: str, reason: str
         ('balanceinertia="true"', "inertia", (1e-4, 2e-4, 4e-4, 0, 0, 0)),
     ],
 )
-def test_what_the_compiler_overrules_is_not_in_the_twin(
+def test_a_value_that_the_compiler_overrules_is_not_in_the_twin(
     compiler: str, quantity: str, value: tuple[float, ...]
 ) -> None:
     text = rubbing(f"<compiler {compiler}/>", cup='friction="0.4"')
@@ -614,7 +614,7 @@ def test_a_hollow_part_beside_a_stated_one_is_weighed() -> None:
 @pytest.mark.parametrize(
     "tie", ['<weld body1="cup" body2="lid"/>', '<connect body1="lid" body2="cup" anchor="0 0 0"/>']
 )
-def test_what_is_tied_to_something_was_not_weighed_alone(tie: str) -> None:
+def test_a_tied_object_was_not_weighed_alone(tie: str) -> None:
     lid = '<body name="lid" pos="0 0 0.13"><freejoint/><geom size=".01" mass="0.1" friction="1"/></body>'
     text = rubbing(cup='friction="0.4"', after=f"<equality>{tie}</equality>")
     text = text.replace('mass="0.2"', "").replace("</worldbody>", f"{lid}</worldbody>")
@@ -637,16 +637,14 @@ def test_what_is_tied_to_something_was_not_weighed_alone(tie: str) -> None:
         ("<freejoint/>", "", '<option gravity="0 0 0"/>'),
     ],
 )
-def test_what_more_than_its_weight_acts_on_was_not_weighed(
-    joint: str, body: str, before: str
-) -> None:
+def test_an_object_under_other_forces_was_not_weighed(joint: str, body: str, before: str) -> None:
     text = ODD.format(before=before, mug=f"{WALL}/>").replace("<freejoint/>", joint)
     scene = parse_scene(text.replace('name="mug"', f'name="mug" {body}'))
     made = complete(scene, [estimate("mug", "mass", 0.18)])
     assert made.unwritten == (Parameter("mug.mass"),)
 
 
-def test_what_would_not_be_weighed_alone_is_said_beforehand() -> None:
+def test_an_object_that_cannot_be_weighed_alone_is_noted_beforehand() -> None:
     text = ODD.format(before="", mug=f"{WALL}/>").replace('"mug"', '"mug" gravcomp="1"')
     told = " ".join(remarks(parse_scene(text)))
     assert (
@@ -654,7 +652,7 @@ def test_what_would_not_be_weighed_alone_is_said_beforehand() -> None:
     )
 
 
-def test_what_hardly_acts_on_a_thing_does_not_keep_it_from_being_weighed() -> None:
+def test_weak_forces_do_not_keep_an_object_from_being_weighed() -> None:
     joint = '<joint type="free" damping="0.0005" armature="0.001"/>'
     text = ODD.format(before='<option density="1.2"/>', mug=f"{WALL}/>")
     scene = parse_scene(text.replace("<freejoint/>", joint))
@@ -665,6 +663,6 @@ def test_keyframes_keep_their_places_and_a_note_says_so() -> None:
     text = SCENE.replace("</mujoco>", '<keyframe><key qpos="{}"/></keyframe></mujoco>')
     text = text.format("0.5 0.1 0.28 1 0 0 0 0.5 -0.2 0.23 1 0 0 0")
     made = complete(parse_scene(text), [estimate("table", "height", 0.181)])
-    assert "the keyframes state places of their own, which were left as they are" in made.notes
+    assert "the keyframes keep the poses that they state" in made.notes
     weighed = complete(parse_scene(SCENE), [estimate("table", "height", 0.181)])
     assert not any("keyframes" in note for note in weighed.notes)

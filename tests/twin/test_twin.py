@@ -50,7 +50,7 @@ def build(scene: Scene, *estimates: Estimate) -> Twin:
 MASS = estimate(Parameter("cup", "mass"), 0.2541)
 
 
-def test_only_the_gap_is_closed() -> None:
+def test_only_the_missing_value_is_written() -> None:
     twin = build(scene(), MASS)
     kept = [line for line in SCENE.format(pos="0.5 0 0.05").splitlines() if "cup" not in line]
     assert [line for line in twin.xml.splitlines() if line in kept] == kept
@@ -62,33 +62,33 @@ def test_only_the_gap_is_closed() -> None:
     assert twin.validation.settled
 
 
-def test_what_is_not_identified_stays_open() -> None:
+def test_an_estimate_that_is_not_identified_is_not_written() -> None:
     twin = build(scene(), not_identified(Parameter("cup", "mass"), "kg", "It slipped."))
     assert twin.xml == SCENE.format(pos="0.5 0 0.05")
     assert twin.diff == ""
 
 
-def test_what_is_contradicted_stays_open_and_says_why() -> None:
+def test_a_contradicted_estimate_is_not_written_and_noted() -> None:
     pulled = FitTest("along the lift", 30.0, 4.2, "Something pulls on it.")
     twin = build(scene(), replace(MASS, tests=(pulled,)))
     assert twin.xml == SCENE.format(pos="0.5 0 0.05")
     assert twin.notes == ("cup.mass is not in the twin: Something pulls on it.",)
 
 
-def test_a_mass_that_was_found_besides_is_written_and_said() -> None:
+def test_a_mass_that_was_estimated_with_a_com_is_written_and_noted() -> None:
     balanced = replace(
         estimate(Parameter("cup", "com"), 0.001, 0.0, 0.0), parts={"mass": Part(0.341, 0.001, "kg")}
     )
     twin = build(scene(), balanced)
     assert parse_scene(twin.xml).body("cup").known["mass"] == pytest.approx((0.341,))
     assert twin.notes == (
-        "cup.mass was not asked for; the twin holds 0.3410 ± 0.0010 kg, found besides",
+        "cup.mass was not asked for; the twin holds 0.3410 ± 0.0010 kg, from cup.com",
     )
     asked = not_identified(Parameter("cup", "mass"), "kg", "It slipped.")
     assert "0.341" not in build(scene(), balanced, asked).diff.split("<custom>")[0]
 
 
-def test_what_is_prior_dominated_is_marked() -> None:
+def test_a_prior_dominated_estimate_is_marked() -> None:
     twin = build(scene(), replace(MASS, verdict="prior-dominated"))
     assert parse_scene(twin.xml).body("cup").known["mass"] == (0.2541,)
     assert '<text name="palpate_cup_mass_verdict" data="prior-dominated"/>' in twin.xml

@@ -58,7 +58,7 @@ def trace(force: float, z: float, bias: float = 0.0, empty: bool = True) -> Trac
     return Trace(samples, leaves if empty else (), recordings, (), HAND)
 
 
-def test_what_stands_rests_and_what_hangs_in_the_air_moves() -> None:
+def test_a_standing_object_rests_and_one_in_the_air_falls() -> None:
     rests, drift = settle(scene(TABLE, CUP.format(z=0.05)))
     assert rests
     assert drift < 1e-3

@@ -6,11 +6,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from palpate.cells.driver import Driver, Finding
-from palpate.cells.teach import GuidedHand
+from palpate.cells.cell import Cell, Driver, Finding
 from palpate.errors import InputError
 from palpate.geometry.pose import Pose
-from palpate.parameter import Parameter
 from palpate.robots.franky.control_box import (
     SCHEME,
     Address,
@@ -20,45 +18,36 @@ from palpate.robots.franky.control_box import (
 )
 
 if TYPE_CHECKING:
-    from palpate.pictures.film import Footage
+    from palpate.cells.teach import GuidedHand
     from palpate.robots.description import RobotDescription
     from palpate.robots.franky.robot import FrankyRobot
-    from palpate.scene.poses import CameraEntry
     from palpate.scene.scene import Scene
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FrankyCell:
-    """A real workplace with a Franka in it. Implements `palpate.cells.cell.Cell` and, of an arm that is
-    stopped before it is connected, `palpate.robots.robot.Recoverable`."""
+class FrankyCell(Cell):
+    """A real workplace with a Franka in it. Implements `palpate.robots.robot.Recoverable` for an arm
+    that is stopped before it is connected."""
 
     address: Address
     scene: Scene | None
 
     @property
     def description(self) -> str:
-        """For the report."""
+        """See `Cell`."""
         return f"Franka at {self.address}"
 
-    @property
-    def simulated(self) -> bool:
-        """Never, as far as it knows."""
-        return False
-
-    def picture(self, camera: CameraEntry | None = None) -> bytes | None:
-        """It has no camera: give images=."""
-        return None
-
     def robot(self) -> FrankyRobot:
-        """The arm, as it stands; see `Cell`."""
+        """See `Cell`."""
         from palpate.robots.franky.robot import FrankyRobot
         from palpate.robots.franky.session import Session
 
-        if self.scene is None:
+        scene = self.scene
+        if scene is None:
             raise InputError("a robot needs a scene to work in: give scene=D.xml")
         session = Session(self.address)
+        # A robot that cannot be made leaves no session open.
         try:
-            scene = self.scene
             return FrankyRobot(session, scene.arm.real(), scene.pose_world_base, scene.gravity)
         except BaseException:
             session.close()
@@ -67,14 +56,6 @@ class FrankyCell:
     def recover(self) -> None:
         """See `Recoverable`."""
         clear(self.address)
-
-    def footage(self) -> Footage | None:
-        """None."""
-        return None
-
-    def truth(self, parameter: Parameter) -> tuple[float, ...] | None:
-        """Nobody knows."""
-        return None
 
 
 def connect(url: str, scene: Scene | None) -> FrankyCell:
@@ -102,7 +83,7 @@ def examine(url: str, arm: RobotDescription, may_hold: Callable[[], bool]) -> It
 
 
 def guided(url: str, scene: Scene) -> GuidedHand:
-    """The hand at a URL, to be led by a person.
+    """The hand at a URL, for guiding by a person.
 
     Raises:
         InputError: no such URL.

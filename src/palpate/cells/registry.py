@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
-from palpate.cells.cell import Cell
-from palpate.cells.driver import Driver
+from palpate.cells.cell import Cell, Driver
 from palpate.cells.franky import driver as franky
 from palpate.errors import Unavailable
 from palpate.extensions import extensions, public
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Drivers:
-    """The drivers there are, by scheme."""
+    """Known drivers, by scheme."""
 
     known: Mapping[str, Driver]
 
@@ -46,20 +45,16 @@ class Drivers:
         return self.known[scheme]
 
 
-OWN = (franky,)
-"""The drivers that come with palpate."""
-
-
 @cache
 def drivers() -> Drivers:
-    """palpate's own, and everything in the entry-point group `palpate.cells`.
+    """palpate's own drivers, and those of the entry-point group `palpate.cells`.
 
     Raises:
         InputError: an entry point's module cannot be loaded; the message names it.
     """
-    found = {own.scheme: own for own in OWN}
+    found = {franky.scheme: franky}
     for module in extensions("palpate.cells"):
         for thing in public(module):
             if isinstance(thing, Driver):
-                found.setdefault(thing.scheme, thing)
+                found.setdefault(thing.scheme, thing)  # no package replaces palpate's own driver
     return Drivers(found)

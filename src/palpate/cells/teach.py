@@ -17,15 +17,15 @@ from palpate.geometry.pose import Pose
 from palpate.scene.scene import Scene
 
 DECIMALS = 4
-"""0.1 mm, and 0.1 mrad: finer than a hand can be led."""
+"""0.1 mm, and 0.1 mrad: finer than a hand can be guided."""
 LEVEL = math.cos(math.radians(10.0))
-"""Of how far a hand may lean that points down."""
+"""Cosine of the largest tilt of a hand that points down."""
 APART = 0.003
-"""m by which a width may differ from the believed one: what `CloseGripper` lets pass."""
+"""Largest difference of a measured width from the scene's, m, as `CloseGripper` has it."""
 
 
 class GuidedHand(Protocol):
-    """A hand that somebody leads."""
+    """A hand that a person guides."""
 
     def where(self) -> tuple[Pose, float]:
         """Pose of the TCP in the world, and m between the fingers.
@@ -36,7 +36,7 @@ class GuidedHand(Protocol):
         ...
 
     def close(self) -> None:
-        """Let go of the connection."""
+        """Close the connection."""
         ...
 
 
@@ -47,7 +47,7 @@ class Lesson:
     Attributes:
         scene: D.
         objects, places: entries of poses.yaml.
-        others: what its other sections say.
+        others: its other sections.
     """
 
     scene: Scene
@@ -63,85 +63,84 @@ class Lesson:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """The objects that nobody has shown yet."""
+        """The objects that are not taught yet."""
         return tuple(name for name in self.scene.objects if name not in self.objects)
 
     @property
     def content(self) -> dict[str, Any]:
-        """Of the poses.yaml."""
+        """Content of the poses.yaml."""
         sections = {"objects": self.objects, "places": self.places}
-        return {name: said for name, said in sections.items() if said} | self.others
+        return {name: entries for name, entries in sections.items() if entries} | self.others
 
     def shown(self, name: str, pose_world_tcp: Pose, width: float | None = None) -> str:
-        """Note that the hand is at an object, or at a place; returns what was understood.
+        """Enter an object, or a place, at the pose of the hand, with m between the fingers; return the
+        entry in words.
 
         Raises:
             InputError: the hand does not point down, or the object cannot be grasped from above.
         """
         if pose_world_tcp.rotation[2, 2] > -LEVEL:
             raise InputError("the hand leans: lead it until it points straight down")
+        yaw = _heading(pose_world_tcp)
         if name not in self.scene.objects:
-            self.places[name] = _entry(pose_world_tcp, _heading(pose_world_tcp))
-            return f"{name}: the hand at {_spot(pose_world_tcp)}"
+            place = [round(float(part), DECIMALS) for part in pose_world_tcp.position]
+            self.places[name] = {"pos": place, "yaw": round(yaw, DECIMALS)}
+            return f"{name}: the hand at {_coordinates(pose_world_tcp)}"
         grasp = self.scene.symbols.resolve(f"{name}_pose")
-        turned = _heading(pose_world_tcp) - _heading(grasp)
-        # A hand grasps as well turned by half a turn.
+        turned = yaw - _heading(grasp)
+        # The two fingers are alike: a hand grasps as well turned by half a turn.
         turned -= math.pi * round(turned / math.pi)
-        body = self.scene.body(name).pose_world
-        spot = grasp.inverse() @ body
+        # The object keeps the pose in the hand that it has in the scene's grasp.
+        pose_tcp_body = grasp.inverse() @ self.scene.body(name).pose_world
         level = Pose.top_down(
             (*pose_world_tcp.position[:2], grasp.position[2]), _heading(grasp) + turned
         )
-        self.objects[name] = _entry(level @ spot, None)
-        told = f"{name} at {_spot(level @ spot)}, turned by {math.degrees(turned):+.0f}° from the scene's"
-        return told + self._compared(name, width)
+        return self._enter(name, level @ pose_tcp_body, turned) + self._compared(name, width)
 
     def measured(self, name: str, x: float, y: float, yaw: float = 0.0) -> str:
-        """Note where an object's middle is, from the arm's foot: m ahead of it, m to its left, and
-        rad by which it is turned from how the scene has it.
+        """Enter the middle of an object: m ahead of the arm's base, m to its left, and the rad by which
+        it is turned from its pose in the scene; return the entry in words.
 
         Raises:
             InputError: the scene has no such object.
         """
         if name not in self.scene.objects:
             raise unknown_name("object", name, self.scene.objects)
-        base, body = self.scene.pose_world_base, self.scene.body(name).pose_world
-        spot = base.apply(np.array([x, y, 0.0]))
+        body = self.scene.body(name)
+        middle = self.scene.pose_world_base.apply(np.array([x, y, 0.0]))
         half = Pose.of((0.0, 0.0, 0.0), (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)))
-        turned = half @ Pose(np.zeros(3), body.quaternion)
-        middle = self.scene.body(name).centre
-        away = turned.apply(middle)
-        place = np.array([spot[0] - away[0], spot[1] - away[1], body.position[2]])
-        pose = Pose(place, turned.quaternion)
-        self.objects[name] = _entry(pose, None)
-        return f"{name} at {_spot(pose)}, turned by {math.degrees(yaw):+.0f}° from the scene's"
+        turned = half @ Pose(np.zeros(3), body.pose_world.quaternion)
+        # From the middle of its shapes to the origin of its frame.
+        away = turned.apply(body.centre)
+        place = [middle[0] - away[0], middle[1] - away[1], body.pose_world.position[2]]
+        return self._enter(name, Pose(np.array(place), turned.quaternion), yaw)
+
+    def _enter(self, name: str, pose: Pose, turned: float) -> str:
+        self.objects[name] = {
+            "pos": [round(float(part), DECIMALS) for part in pose.position],
+            "quat": [round(float(part), 6) for part in pose.quaternion],
+        }
+        angle = f"{math.degrees(turned):+.0f}°"
+        return f"{name} at {_coordinates(pose)}, turned by {angle} from the scene's"
 
     def _compared(self, name: str, width: float | None) -> str:
-        """Compare the measured finger width with the object's size in the scene, as a clause for the user."""
-        arm, body = self.scene.arm, self.scene.body(name)
-        if width is None or width > arm.hand.opening - APART:
+        """Compare the finger width, m, with the object's size in the scene, as a clause."""
+        size = self.scene.body(name).size[:2]
+        if width is None or width > self.scene.arm.hand.opening - APART:
             return ""
-        near = [float(size) for size in body.size[:2] if abs(size - width) <= APART]
-        if near:
+        if (abs(size - width) <= APART).any():
             return f"; {1e3 * width:.0f} mm wide, as in the scene"
-        sizes = " × ".join(f"{1e3 * size:.0f}" for size in body.size[:2])
+        sizes = " × ".join(f"{1e3 * side:.0f}" for side in size)
         return f"; {1e3 * width:.0f} mm wide, where the scene has {sizes} mm: is it the same thing?"
 
 
-def _entry(pose: Pose, yaw: float | None) -> dict[str, Any]:
-    place = [round(float(part), DECIMALS) for part in pose.position]
-    if yaw is not None:
-        return {"pos": place, "yaw": round(yaw, DECIMALS)}
-    return {"pos": place, "quat": [round(float(part), 6) for part in pose.quaternion]}
-
-
 def _heading(pose_world_tcp: Pose) -> float:
-    """rad: the yaw of `Pose.top_down` for a hand that points about down."""
+    """The yaw of `Pose.top_down`, rad, for a hand that points about down."""
     reference = Pose.top_down((0.0, 0.0, 0.0), 0.0).rotation[:, 0]
     x, y = pose_world_tcp.rotation[:2, 0]
     return math.atan2(y, x) - math.atan2(reference[1], reference[0])
 
 
-def _spot(pose: Pose) -> str:
+def _coordinates(pose: Pose) -> str:
     x, y, z = pose.position
     return f"({x:.3f}, {y:.3f}, {z:.3f}) m"

@@ -15,7 +15,7 @@ import typer
 from palpate.cli import console
 from palpate.display import visible
 from palpate.errors import InputError
-from palpate.live.console import TOLD
+from palpate.live.console import LIVE_LOGGER
 from palpate.redaction import redact
 
 Verbose = Annotated[
@@ -68,7 +68,7 @@ class Voice:
             spoken = logging.StreamHandler(sys.stderr)
             spoken.setLevel(logging.DEBUG if self.verbose else logging.WARNING)
             # The live view shows these messages already: they go to the log only.
-            spoken.addFilter(lambda record: record.name != TOLD)
+            spoken.addFilter(lambda record: record.name != LIVE_LOGGER)
             yield spoken
         if self.log is not None:
             try:

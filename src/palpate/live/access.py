@@ -1,7 +1,7 @@
 """Access to the live page: a secret token in its address, same-origin requests, loopback hosts.
 
 The page lets a robot move, and every page in a person's browser may open connections to this machine. So a
-request is served only if it knows the token, names a loopback host (a foreign name that resolves to this
+request is served only if it has the token, names a loopback host (a foreign name that resolves to this
 machine is DNS rebinding), and, for a websocket, comes from the page itself (RFC 6455, section 10.2).
 """
 
@@ -37,11 +37,11 @@ FOLLOW_COLOUR_SCHEME = """<script>
 if (matchMedia("(prefers-color-scheme: dark)").matches && !location.search.includes("darkMode"))
   location.replace(location.pathname + "?darkMode");
 </script>"""
-"""viser's client is dark where its address says so."""
+"""viser's client is dark with `?darkMode` in its address."""
 
 LOGGER = logging.getLogger(__name__)
 LOGGER.addHandler(logging.NullHandler())
-LOGGER.propagate = False  # refused requests are no concern of the run's log
+LOGGER.propagate = False  # refused requests do not belong into the run's log
 
 Answer = Callable[[ServerConnection, Request], Response | None]
 
@@ -51,7 +51,7 @@ class Access:
 
     Attributes:
         path: of the page, with the token; 256 bits of it are random.
-        applied: a server asks before it answers.
+        applied: a server consults it.
     """
 
     def __init__(self) -> None:
@@ -80,6 +80,8 @@ class Access:
             websocket_server.serve = serve  # type: ignore[misc]
 
     def _checked(self, answer: Answer) -> Answer:
+        """`answer` for requests that are not refused, with the page's own headers and script."""
+
         def checked(connection: ServerConnection, request: Request) -> Response | None:
             reason = self.refusal(request)
             if reason is not None:
@@ -88,7 +90,14 @@ class Access:
                 return Response(status.value, status.phrase, Headers(HEADERS), text)
             request.headers.pop("Accept-Encoding", None)  # the answer is changed below
             response = answer(connection, replace(request, path="/"))
-            return None if response is None else _page(response)
+            if response is None:
+                return None
+            script = FOLLOW_COLOUR_SCHEME.encode()
+            body = response.body.replace(b"</head>", script + b"</head>", 1)
+            headers = Headers({**dict(response.headers), **HEADERS})
+            del headers["Content-Length"]
+            headers["Content-Length"] = str(len(body))
+            return replace(response, headers=headers, body=body)
 
         return checked
 
@@ -102,15 +111,7 @@ class Access:
             if origin.scheme not in ("http", "https") or origin.netloc != host:
                 return "another page's connection"
         path = urlsplit(request.path).path.rstrip("/") + "/"
+        # In constant time: response times reveal no prefix of the token.
         if not hmac.compare_digest(path.encode(), self.path.encode()):
             return "not the address that palpate has printed"
         return None
-
-
-def _page(response: Response) -> Response:
-    """viser's page with headers of its own, in the colours that the person prefers."""
-    body = response.body.replace(b"</head>", FOLLOW_COLOUR_SCHEME.encode() + b"</head>", 1)
-    headers = Headers({**dict(response.headers), **HEADERS})
-    del headers["Content-Length"]
-    headers["Content-Length"] = str(len(body))
-    return replace(response, headers=headers, body=body)

@@ -1,4 +1,4 @@
-"""A console for text that others wrote."""
+"""A console for text from elsewhere."""
 
 from __future__ import annotations
 
@@ -9,20 +9,19 @@ from rich.segment import Segment
 
 from palpate.display import visible
 
-TOLD = "palpate.told"
-"""The logger of what the live view shows."""
+LIVE_LOGGER = "palpate.told"
+"""Name of the logger of what the live view shows."""
 
 
 class SafeConsole(Console):
     """Rich's console, on which no text is a command: names and explanations may come from a model.
 
-    Rich's own commands are segments of a kind of their own and stay; every piece of text passes
-    here on its way to the terminal, be it in a table, a tree or a line.
+    Every piece of text is made safe on its way to the terminal, be it in a table, a tree or a line.
     """
 
     def prose(self, *markup: str) -> None:
-        """Print a sentence: on a terminal its lines break between words, elsewhere it is one line. What
-        is copied (a command, a path, an address) is printed with `soft_wrap` instead."""
+        """Print a sentence: on a terminal its lines break between words, elsewhere it is one line. Print
+        what is copied (a command, a path, an address) with `soft_wrap` instead."""
         self.print(*markup, soft_wrap=not self.is_terminal)
 
     def render(
@@ -30,6 +29,7 @@ class SafeConsole(Console):
     ) -> Iterable[Segment]:
         """See `rich.console.Console.render`."""
         for segment in super().render(renderable, options):
+            # Rich's own commands are control segments, not text.
             if segment.control:
                 yield segment
             else:

@@ -1,10 +1,9 @@
-"""HTML for the live page. Names, messages and explanations may come from a model: they are escaped here,
-and the page shows text in no other way.
-"""
+"""HTML of all text on the live page. Names, messages and explanations may come from a model: they are
+escaped here."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
 
@@ -16,7 +15,6 @@ MARKS = {
     "RUNNING": ("▶", "#e08a00"),
     "INVALID": ("·", "#9aa0a6"),
 }
-
 _NOTE = "padding: .6em 1em; overflow-wrap: anywhere; line-height: 1.5"
 _TREE = "padding: .5em 1em; overflow-wrap: anywhere; font: 12px/1.6 ui-monospace, monospace"
 
@@ -38,26 +36,24 @@ def note(headline: str, *lines: str) -> str:
 
 
 def preformatted(text: str) -> str:
-    """HTML of text whose line breaks and indentation stay."""
+    """HTML of text with its line breaks and indentation."""
     return f'<div style="{_TREE}; white-space: pre-wrap">{escape(visible(text))}</div>'
 
 
 def outline(lines: Iterable[Line]) -> str:
     """HTML of a tree with the statuses of its nodes; long messages are wrapped."""
-    return f'<div style="{_TREE}">{"".join(_rows(lines))}</div>'
-
-
-def _rows(lines: Iterable[Line]) -> Iterator[str]:
+    rows = ""
     for line in lines:
         mark, colour = MARKS[line.status]
-        # a hanging indent: wrapped text stands below the name, not below the mark
+        # A hanging indent: wrapped text stands below the name, not below the mark.
         indent = f"padding-left: {1.2 * line.depth + 1.4:.1f}em; text-indent: -1.4em"
         weight = "font-weight: 600" if line.status == "RUNNING" else ""
         said = f' <span style="color: #858b92">{_text(line.message)}</span>' if line.message else ""
-        yield (
+        rows += (
             f'<div style="{indent}; {weight}"><span style="color: {colour}">{mark}</span> '
             f"{_text(line.text)}{said}</div>"
         )
+    return f'<div style="{_TREE}">{rows}</div>'
 
 
 def _text(text: str) -> str:

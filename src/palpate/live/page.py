@@ -1,5 +1,5 @@
-"""A run in the browser, as it happens: the cell in 3-D, the tree with statuses, forces, a stop button, and,
-before a real robot moves, the plan and whether it may. When all is done the run can be played again.
+"""The live page, a run in the browser: the cell in 3-D, the tree with statuses, forces, a stop button,
+and, before a real robot moves, the plan and a question. A finished run can be played again.
 
 The page is served by viser, on this machine alone, at a secret address (`live.access`). Text from
 elsewhere (a plan's explanation, names, messages) is escaped: viser's markdown would render HTML in it.
@@ -12,7 +12,6 @@ import signal
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator
 from contextlib import redirect_stdout
 from io import StringIO
 
@@ -25,12 +24,12 @@ from palpate.execution.leaf import PrimitiveLeaf
 from palpate.execution.runner import Snapshot
 from palpate.live.access import Access
 from palpate.live.markup import Line, note, outline, preformatted
-from palpate.live.nodes import step_of, steps_of, walk
-from palpate.live.player import Player
+from palpate.live.observers import step_of, steps_of, walk
 from palpate.live.shapes import Drawn
-from palpate.pictures.posed import PosedCell
+from palpate.pictures.posed import PosedCell, Replay
 from palpate.runs.run import Run
 from palpate.scene.scene import Scene
+from palpate.trace.samples import Trace
 
 HOST = "127.0.0.1"
 REFRESH_PERIOD = 1 / 15
@@ -38,16 +37,24 @@ REFRESH_PERIOD = 1 / 15
 HISTORY = 1500
 """Ticks of force that the plot shows: half a minute."""
 NARROW = 0.8
-"""Width over height of a view below which a screen is taken for a phone's."""
+"""Width over height of a view below which the screen is a phone's."""
 ASK_PERIOD = 0.2
-"""s: how often a signal is looked for while a person is asked."""
+"""s between two looks for a signal while a person is asked."""
+STEP = 0.05
+"""s of the slider."""
+FRAME = 1 / 20
+"""s of wall time between two pictures of a playback."""
+SPEEDS = ("1x", "4x", "16x")
 
 
 class LivePage:
     """The page. A context manager and an `Observer`.
 
     Args:
-        port: where it is served; another one is taken where it is not free.
+        port: to serve it at; another one is taken if it is not free.
+
+    Attributes:
+        closed: a person has closed it, at the page.
 
     Raises:
         Unavailable: no port is free.
@@ -56,14 +63,14 @@ class LivePage:
     def __init__(self, port: int = 8080) -> None:
         self._access = Access()
         try:
-            with _unheard(), self._access.controls():
+            with redirect_stdout(StringIO()), self._access.controls():  # viser prints a greeting
                 self._server = viser.ViserServer(HOST, port, label="palpate", verbose=False)
         except OSError as error:
             raise Unavailable(f"the live page cannot be served: {error}") from None
         if not self._access.applied:
             self._server.stop()
             raise Unavailable(f"the live page cannot be guarded with viser {viser.__version__}")
-        # sharing would put a page that lets a robot move on the internet
+        # Sharing would put a page that lets a robot move on the internet.
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
         self._server.gui.main_panel.dock_right()
         self._server.on_client_connect(_fit_phone)
@@ -73,11 +80,17 @@ class LivePage:
         self._stage = self._server.gui.add_html(note("waiting"))
         self._stop = self._server.gui.add_button("Stop", color="red", visible=False)
         self._stop.on_click(lambda _: os.kill(os.getpid(), signal.SIGINT))
-        self._force = _force_plot(self._server.gui)
+        nothing = np.zeros(1)
+        self._force = self._server.gui.add_uplot(
+            (nothing, nothing),
+            (uplot.Series(label="s"), uplot.Series(label="F_z / N", stroke="#0b8f83", width=2)),
+            scales={"x": uplot.Scale(time=False)},
+            title="vertical force",
+            aspect=2.0,
+        )
         self._tree = self._server.gui.add_html("")
-        self._closed = False
-        self._cell: PosedCell | None = None
-        self._drawn: Drawn | None = None
+        self.closed = False
+        self._shown: tuple[PosedCell, Drawn] | None = None
         self._painted = -np.inf
         self._times: deque[float] = deque(maxlen=HISTORY)
         self._forces: deque[float] = deque(maxlen=HISTORY)
@@ -86,7 +99,7 @@ class LivePage:
         return self
 
     def __exit__(self, *_: object) -> None:
-        with _unheard():
+        with redirect_stdout(StringIO()):
             self._server.stop()
 
     @property
@@ -94,18 +107,13 @@ class LivePage:
         """Address of the page, with the token that it is served to."""
         return f"http://{HOST}:{self._server.get_port()}{self._access.path}"
 
-    @property
-    def closed(self) -> bool:
-        """True if somebody has closed it, at the page."""
-        return self._closed
-
     def progress(self, stage: str) -> None:
         """Name the present stage of the work."""
         self._stop.visible = False
         self._say(f"{stage} …")
 
     def confirm(self, run: Run) -> bool:
-        """Show the plan and wait for the person at the page to let the robot move, or not."""
+        """Show the plan and ask the person at the page whether the robot may move."""
         self._show_scene(run.scene)
         self._say("May the robot move?", run.plan.explanation)
         self._tree.content = preformatted(str(run.plan.tree))
@@ -129,7 +137,7 @@ class LivePage:
         return said[0]
 
     def on_tick(self, snapshot: Snapshot) -> None:
-        """Take note of a tick; draws at most fifteen times a second."""
+        """Record a tick; draw at most fifteen times a second."""
         self._times.append(snapshot.elapsed)
         self._forces.append(float(snapshot.robot.wrench[2]))
         if time.monotonic() - self._painted < REFRESH_PERIOD:
@@ -141,41 +149,49 @@ class LivePage:
         """Let the run be played again."""
         self._stop.visible = False
         self._say(run.status, *(repr(estimate).strip("<>") for estimate in run.estimates))
-        done = self._server.gui.add_button("Close", order=0.7)
-        done.on_click(lambda _: self._close())
-        if run.trace_if_any is None or not len(run.trace_if_any.t):
-            return
-        self._show_scene(run.scene)
-        assert self._cell is not None
-        assert self._drawn is not None
-        self._plot(run.trace_if_any.t - run.trace_if_any.t[0], run.trace_if_any.wrench[:, 2])
-        Player(self._server.gui, run.trace_if_any, self._cell, self._drawn, self._tree)
 
-    def _close(self) -> None:
-        self._closed = True
+        def close(_: object) -> None:
+            self.closed = True
+
+        self._server.gui.add_button("Close", order=0.7).on_click(close)
+        trace = run.trace_if_any
+        if trace is not None and len(trace.t):
+            cell, drawn = self._show_scene(run.scene)
+            self._plot(trace.t - trace.t[0], trace.wrench[:, 2])
+            _Player(self._server.gui, self._tree, trace, cell, drawn)
 
     def _paint(self, snapshot: Snapshot) -> None:
-        state = snapshot.robot
-        leaf = steps_of(snapshot)[0]
+        state, blackboard = snapshot.robot, steps_of(snapshot)[0].blackboard
+        step, steps = step_of(snapshot)
+        headline = [
+            f"step {step} of {steps}",
+            f"{snapshot.elapsed:.1f} s · F_z {float(state.wrench[2]):.1f} N",
+        ]
+        if snapshot.stopping:
+            headline.append(f"stopping: {snapshot.stopping}")
+        messages = {leaf.node: leaf.message for leaf in snapshot.leaves}
+        lines: list[Line] = []
+        for node, depth in walk(snapshot.root):
+            message = messages.get(node.node, "") if isinstance(node, PrimitiveLeaf) else ""
+            lines.append(Line(node.name, depth, node.status.value, message))
         with self._server.atomic():
-            self._show_scene(leaf.blackboard.scene)
-            assert self._cell is not None
-            assert self._drawn is not None
-            holding = leaf.blackboard.state.holding
-            self._cell.show(state.q, state.width, state.pose_world_tcp, holding)
-            self._drawn.move(self._cell.data)
+            cell, drawn = self._show_scene(blackboard.scene)
+            cell.show(state.q, state.width, state.pose_world_tcp, blackboard.state.holding)
+            drawn.move(cell.data)
             self._plot(np.array(self._times), np.array(self._forces))
-            self._tree.content = outline(_lines(snapshot))
+            self._tree.content = outline(lines)
             self._stop.visible = True
-            self._say(*_headline(snapshot))
+            self._say(*headline)
 
-    def _show_scene(self, scene: Scene) -> None:
-        if self._cell is None:
-            self._cell = PosedCell(scene)
-            self._drawn = Drawn(self._server.scene, self._cell.model)
-            arm = scene.arm
-            self._cell.show(arm.home, arm.hand.opening, scene.pose_world_base, None)
-            self._drawn.move(self._cell.data)
+    def _show_scene(self, scene: Scene) -> tuple[PosedCell, Drawn]:
+        """The cell and its bodies in the view, which are made at the first call."""
+        if self._shown is None:
+            cell, arm = PosedCell(scene), scene.arm
+            drawn = Drawn(self._server.scene, cell.model)
+            cell.show(arm.home, arm.hand.opening, scene.pose_world_base, None)
+            drawn.move(cell.data)
+            self._shown = cell, drawn
+        return self._shown
 
     def _plot(self, times: np.ndarray, forces: np.ndarray) -> None:
         step = max(1, len(times) // HISTORY)
@@ -185,39 +201,63 @@ class LivePage:
         self._stage.content = note(headline, *lines)
 
 
-def _unheard() -> redirect_stdout[StringIO]:
-    """viser greets on stdout, where results are expected."""
-    return redirect_stdout(StringIO())
-
-
 def _fit_phone(client: viser.ClientHandle) -> None:
-    """On a narrow screen the panel covers the lower part: put the cell into the upper one."""
+    """On a narrow screen the panel covers the lower part: move the cell into the upper one."""
     if client.camera.aspect < NARROW:
         client.camera.position = (2.0, -1.7, 1.1)
         client.camera.look_at = (0.35, 0.0, -0.35)
 
 
-def _force_plot(gui: viser.GuiApi) -> viser.GuiUplotHandle:
-    nothing = np.zeros(1)
-    return gui.add_uplot(
-        (nothing, nothing),
-        (uplot.Series(label="s"), uplot.Series(label="F_z / N", stroke="#0b8f83", width=2)),
-        scales={"x": uplot.Scale(time=False)},
-        title="vertical force",
-        aspect=2.0,
-    )
+class _Player:
+    """Playback of a finished run: a slider over its time, and a button that moves it."""
 
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        tree: viser.GuiHtmlHandle,
+        trace: Trace,
+        cell: PosedCell,
+        drawn: Drawn,
+    ) -> None:
+        self._tree, self._trace, self._cell, self._drawn = tree, trace, cell, drawn
+        self._replay = Replay(cell, trace)
+        self._last = max(float(trace.t[-1] - trace.t[0]), STEP)
+        self._playing = threading.Event()
+        self._button = gui.add_button("Play", order=0.4)
+        self._button.on_click(lambda _: self._toggle())
+        self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="4x", order=0.45)
+        self._slider = gui.add_slider("time / s", 0.0, self._last, STEP, self._last, order=0.5)
+        self._slider.on_update(lambda _: self._show(float(self._slider.value)))
+        self._show(self._last)
 
-def _headline(snapshot: Snapshot) -> Iterator[str]:
-    step, steps = step_of(snapshot)
-    yield f"step {step} of {steps}"
-    yield f"{snapshot.elapsed:.1f} s · F_z {float(snapshot.robot.wrench[2]):.1f} N"
-    if snapshot.stopping:
-        yield f"stopping: {snapshot.stopping}"
+    def _show(self, seconds: float) -> None:
+        """Pose everything at a time after the beginning, s."""
+        t = float(self._trace.t[0]) + seconds
+        self._replay.show(t)
+        self._drawn.move(self._cell.data)
+        lines: list[Line] = []
+        for leaf in self._trace.leaves:
+            if t < leaf.end:
+                lines.append(Line(leaf.label, 0, "INVALID" if t < leaf.start else "RUNNING"))
+            else:
+                lines.append(Line(leaf.label, 0, leaf.status, leaf.message))
+        self._tree.content = outline(lines)
 
+    def _toggle(self) -> None:
+        if self._playing.is_set():
+            self._playing.clear()
+            return
+        self._playing.set()
+        threading.Thread(target=self._play, name="playback", daemon=True).start()
 
-def _lines(snapshot: Snapshot) -> Iterator[Line]:
-    said = {leaf.node: leaf.message for leaf in snapshot.leaves}
-    for node, depth in walk(snapshot.root):
-        message = said.get(node.node, "") if isinstance(node, PrimitiveLeaf) else ""
-        yield Line(node.name, depth, node.status.value, message)
+    def _play(self) -> None:
+        """Move the slider from its place, or from the beginning, to the end."""
+        self._button.label = "Pause"
+        if self._slider.value >= self._last - STEP:
+            self._slider.value = 0.0
+        while self._playing.is_set() and self._slider.value < self._last:
+            speed = float(self._speed.value.removesuffix("x"))
+            self._slider.value = min(self._slider.value + speed * FRAME, self._last)
+            time.sleep(FRAME)
+        self._playing.clear()
+        self._button.label = "Play"

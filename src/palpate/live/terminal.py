@@ -1,16 +1,13 @@
-"""A run as it happens, on the terminal: the tree with statuses, robot time, force; plain lines
-elsewhere.
+"""The terminal's view of a run: the tree with statuses, robot time and force; elsewhere plain lines.
 
-`py_trees.display` draws statuses alone: no durations or messages, no clipping to the screen, and names as
-they come, escape sequences included.
+`py_trees.display` draws statuses alone: no durations or messages, no clipping to the screen, and names
+with their escape sequences.
 """
 
 from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator
-from typing import TypeGuard
 
 import numpy as np
 from py_trees.behaviour import Behaviour
@@ -22,16 +19,14 @@ from rich.text import Text
 from palpate.display import visible
 from palpate.execution.leaf import PrimitiveLeaf
 from palpate.execution.runner import STOP_NODE, Snapshot
-from palpate.live.console import TOLD, SafeConsole
-from palpate.live.nodes import step_of, steps_of, walk
-from palpate.live.remaining import Remaining
+from palpate.live.console import LIVE_LOGGER, SafeConsole
+from palpate.live.observers import Remaining, step_of, steps_of, walk
 from palpate.trace.recording import LeafRun
 
-log = logging.getLogger(TOLD)
+log = logging.getLogger(LIVE_LOGGER)
 
 REFRESH_PERIOD = 0.125
-"""s of wall time: more often, nobody can read it."""
-
+"""s of wall time: a person reads no faster."""
 ICONS = {
     Status.SUCCESS: ("✓", "green"),
     Status.FAILURE: ("✗", "bold red"),
@@ -42,7 +37,7 @@ STOPPED = ("–", "magenta")
 WORDS = {"SUCCESS": "ok", "FAILURE": "FAILED", "INVALID": "stopped"}
 BAR, BAR_FORCE = 5, 20.0
 """Characters to either side of a bar's middle, and the vertical force, N, that fills them: a kilogram
-and a contact are both seen."""
+and a contact are both visible."""
 
 
 class LiveTree:
@@ -75,7 +70,7 @@ class LiveTree:
     def on_tick(self, snapshot: Snapshot) -> None:
         """Take note of a tick; draws at most every 125 ms."""
         self._latest = snapshot
-        self._tell_ended(snapshot)
+        self._print_ended(snapshot)
         if self._in_place and time.monotonic() - self._drawn >= REFRESH_PERIOD:
             self._draw()
 
@@ -92,12 +87,13 @@ class LiveTree:
         if self._live is None:
             self._live = Live(console=self._console, auto_refresh=False, redirect_stdout=False)
             self._live.start()
-        room = max(3, self._console.height - 6)
+        room = max(3, self._console.height - 6)  # lines for the header, a stop and the prompt
         left = self._remaining.seconds(self._latest)
         self._live.update(render(self._latest, room, left), refresh=True)
         self._drawn = time.monotonic()
 
-    def _tell_ended(self, snapshot: Snapshot) -> None:
+    def _print_ended(self, snapshot: Snapshot) -> None:
+        """Log the leaves that have ended since the last tick, and print them where no tree is drawn."""
         ended = snapshot.leaves[self._printed :]
         steps = len(steps_of(snapshot)) if ended else 0
         for step, leaf in enumerate(ended, self._printed + 1):
@@ -113,8 +109,18 @@ class LiveTree:
 
 
 def render(snapshot: Snapshot, room: int, left: float | None = None) -> Group:
-    """The snapshot in at most `room` lines of tree: those around the active leaf, when there are
-    more. `left`: s that it will still take, where that is known."""
+    """The snapshot with a header, at most `room` lines of tree, and the stop, if there is one. Of a
+    taller tree the lines around the active leaf are drawn. `left`: remaining time, s, if known."""
+    step, steps = step_of(snapshot)
+    figures = f"{snapshot.elapsed:7.1f} s robot time   step {step}/{steps}"
+    if left is not None:
+        figures += f"   about {left:.0f} s left"
+    header = Text(figures, "bold", no_wrap=True, overflow="ellipsis")
+    force = float(snapshot.robot.wrench[2])
+    header.append(f"   Fz {bar(force)} {force:+6.1f} N", "cyan")
+    running = [leaf.name for leaf in steps_of(snapshot) if leaf.status is Status.RUNNING]
+    header.append(f"   {_clean(', '.join(running))}", "yellow")
+
     ended = {leaf.node: leaf for leaf in snapshot.leaves}
     lines: list[Text] = []
     active = 0
@@ -123,19 +129,32 @@ def render(snapshot: Snapshot, room: int, left: float | None = None) -> Group:
         if node.status is not Status.INVALID:
             active = row
     first = min(max(0, active - room // 2), max(0, len(lines) - room))
-    return Group(_header(snapshot, left), *lines[first : first + room], *_stop(snapshot))
+
+    # The reason of a stop, and the measures taken.
+    stop: list[Text] = []
+    if snapshot.stopping is not None:
+        stop.append(Text(f"stopping: {_clean(snapshot.stopping)}", "bold red"))
+    for leaf in snapshot.leaves:
+        if leaf.node == STOP_NODE:
+            icon, style = ICONS[Status[leaf.status]]
+            measure = (f"{icon} {leaf.label}", style)
+            stop.append(Text.assemble(measure, (f"  {_clean(leaf.message)}", "dim")))
+    return Group(header, *lines[first : first + room], *stop)
 
 
-def _header(snapshot: Snapshot, left: float | None) -> Text:
-    step, steps = step_of(snapshot)
-    figures = f"{snapshot.elapsed:7.1f} s robot time   step {step}/{steps}"
-    if left is not None:
-        figures += f"   about {left:.0f} s left"
-    force = float(snapshot.robot.wrench[2])
-    header = Text(figures, "bold", no_wrap=True, overflow="ellipsis")
-    header.append(f"   Fz {bar(force)} {force:+6.1f} N", "cyan")
-    running = [node.name for node in steps_of(snapshot) if _is_running(node)]
-    return header.append(f"   {_clean(', '.join(running))}", "yellow")
+def _line(node: Behaviour, depth: int, snapshot: Snapshot, ended: dict[str, LeafRun]) -> Text:
+    """A node with its status, and a leaf with its duration so far."""
+    run = ended.get(node.node) if isinstance(node, PrimitiveLeaf) else None
+    icon, style = ICONS[node.status]
+    if run is not None and node.status is Status.INVALID:
+        icon, style = STOPPED
+    line = Text("  " * depth, no_wrap=True, overflow="ellipsis")
+    line.append(f"{icon} {_clean(node.name)}", style)
+    if run is not None:
+        line.append(f"  {run.end - run.start:.1f} s  {_clean(run.message)}", "dim")
+    elif isinstance(node, PrimitiveLeaf) and node.status is Status.RUNNING:
+        line.append(f"  {snapshot.robot.t - node.started:.1f} s", "dim")
+    return line
 
 
 def bar(force: float) -> str:
@@ -149,40 +168,6 @@ def bar(force: float) -> str:
     return f"{left:>{BAR}}│{right:<{BAR}}"
 
 
-def _is_running(node: Behaviour) -> TypeGuard[PrimitiveLeaf]:
-    return isinstance(node, PrimitiveLeaf) and node.status is Status.RUNNING
-
-
-def _stop(snapshot: Snapshot) -> Iterator[Text]:
-    """Reason of a stop, and the measures taken."""
-    if snapshot.stopping is not None:
-        yield Text(f"stopping: {_clean(snapshot.stopping)}", "bold red")
-    for leaf in snapshot.leaves:
-        if leaf.node == STOP_NODE:
-            icon, style = ICONS[Status[leaf.status]]
-            yield Text.assemble(
-                (f"{icon} {leaf.label}", style), (f"  {_clean(leaf.message)}", "dim")
-            )
-
-
-def _line(node: Behaviour, depth: int, snapshot: Snapshot, ended: dict[str, LeafRun]) -> Text:
-    """A node with its status, and how long a leaf took or has taken so far."""
-    run = None
-    if isinstance(node, PrimitiveLeaf):
-        run = ended.get(node.node)
-    icon, style = ICONS[node.status]
-    if run is not None and node.status is Status.INVALID:
-        icon, style = STOPPED
-    line = Text("  " * depth, no_wrap=True, overflow="ellipsis")
-    line.append(f"{icon} {_clean(node.name)}", style)
-    if run is not None:
-        line.append(f"  {run.end - run.start:.1f} s  {_clean(run.message)}", "dim")
-    elif _is_running(node):
-        line.append(f"  {snapshot.robot.t - node.started:.1f} s", "dim")
-    return line
-
-
 def _clean(text: str) -> str:
-    """Names may come from a model: one line, with nothing that a terminal would take for a
-    command."""
+    """Text on one line, without terminal commands: names may come from a model."""
     return visible(text.replace("\n", " "))

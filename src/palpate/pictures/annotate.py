@@ -1,4 +1,4 @@
-"""A picture with annotations: names above the objects, the world's axes, and a grid of 10 cm on the
+"""Annotated pictures: names above the objects, the world's axes, and a grid of 10 cm on the
 table."""
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from palpate.geometry.pose import Array, Pose
-from palpate.pictures.renderer import Pixels, directions
-from palpate.pictures.stage import add_box
+from palpate.pictures.renderer import Painter, Pixels, directions, forwarded, png
+from palpate.pictures.stage import add_box, free_bodies, ground_level, loose_things, staged
 from palpate.scene.camera import Camera
 
 STEP = 0.1
@@ -36,6 +36,10 @@ OUTSIDE = 0.025
 """m from the grid's edge to its figures."""
 CORNER = (-0.13, 0.0)
 """m from the grid's corner to the axes, clear of its figures."""
+SIZE = (1024, 768)
+"""Width and height of a close-up, pixels."""
+STEEP, EDGE = -46.0, 1.16
+"""Its elevation, degrees, from which gaps show, and room for the grid's figures at the edges."""
 PLACES = ((0.0, -1.0), (-1.0, -0.6), (1.0, -0.6), (-1.2, 0.2), (1.2, 0.2), (0.0, -2.2))
 """Candidate positions of a label: offset in half widths beside its object, and in heights above;
 best first."""
@@ -54,7 +58,7 @@ class Ground:
     high: tuple[float, float]
 
     @classmethod
-    def under(cls, points: Array, level: float, margin: float = MARGIN) -> Ground:
+    def under(cls, points: Array, level: float, margin: float) -> Ground:
         """The ground of `points` (n, 3) and `margin` m around, at world z `level`, m."""
         low, high = points.min(axis=0), points.max(axis=0)
         west, south = (STEP * np.floor((low[:2] - margin) / STEP)).tolist()
@@ -72,6 +76,28 @@ class Ground:
         (west, south), (east, north) = self.low, self.high
         flat = [(west, south), (east, south), (east, north), (west, north)]
         return np.array([[x, y, self.z] for x, y in flat])
+
+
+def closer_png(world: mujoco.MjSpec, names: Mapping[str, Array]) -> bytes:
+    """A close-up of the objects from above, as PNG, with `names` at their believed places (3,) m, axes
+    and a grid.
+
+    Raises:
+        RuntimeError: no usable OpenGL.
+    """
+    things = loose_things(world)
+    # Where nothing is loose, the table itself is in view, and the grid stays on it.
+    margin = MARGIN if free_bodies(world.compile()) else -STEP
+    ground = Ground.under(things, ground_level(world, things), margin)
+    spec = world.copy()
+    ruled(spec, ground)
+    model = staged(spec)
+    with Painter(model, *SIZE) as painter:
+        points = np.concatenate([things, ground.corners])
+        view = painter.around(points, elevation=STEEP, margin=EDGE)
+        pixels = painter.paint(forwarded(model), view)
+    camera = camera_of(view, float(model.vis.global_.fovy), *SIZE)
+    return png(annotated(pixels, camera, names, ground))
 
 
 def ruled(spec: mujoco.MjSpec, ground: Ground) -> None:

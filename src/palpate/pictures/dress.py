@@ -15,9 +15,9 @@ import numpy as np
 
 from palpate.errors import unknown_name
 from palpate.geometry.pose import Array
-from palpate.pictures.looks import boxes, things, vessels
+from palpate.pictures.looks import boxes, things
 from palpate.pictures.looks.mesh import Fit, Part
-from palpate.pictures.renderer import CORNERS, Pixels, geom_rgba
+from palpate.pictures.renderer import CORNERS, SCENERY, Pixels, geom_rgba
 
 WORD = "look:"
 """Prefix of the `<text>` that states a body's look."""
@@ -31,23 +31,23 @@ LOOKS: Mapping[str, Callable[[Fit, str], list[Part]]] = {
     "ball": things.ball,
     "block": boxes.block,
     "board": boxes.board,
-    "bottle": vessels.bottle,
-    "bowl": vessels.bowl,
+    "bottle": things.bottle,
+    "bowl": things.bowl,
     "candle": things.candle,
     "carton": boxes.carton,
     "cloth": things.cloth,
-    "cup": vessels.cup,
+    "cup": things.cup,
     "hammer": things.hammer,
-    "mug": vessels.mug,
+    "mug": things.mug,
     "open_box": boxes.open_box,
     "shut_box": boxes.shut,
     "soap": things.soap,
     "table": boxes.table,
     "thermometer": things.thermometer,
-    "tin": vessels.tin,
+    "tin": things.tin,
 }
 TABLE = "table"
-"""The look of supports. It is fitted to the largest shape alone: the top, without legs of its own."""
+"""The look of supports. It is fitted to the largest shape alone: the top, without its legs."""
 
 
 def looks_in(spec: mujoco.MjSpec) -> dict[str, str]:
@@ -143,15 +143,13 @@ def _add(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, part: Part) -> No
         type=mujoco.mjtGeom.mjGEOM_MESH,
         meshname=name,
         material=name,
-        mass=0.0,
-        contype=0,
-        conaffinity=0,
         group=SHOWN,
+        **SCENERY,
     )
 
 
 def add_texture(spec: mujoco.MjSpec, material: mujoco.MjsMaterial, pixels: Pixels) -> None:
-    """Give a material a texture of its own name."""
+    """Give a material a texture with the same name."""
     texture = spec.add_texture(name=material.name, type=mujoco.mjtTexture.mjTEXTURE_2D)
     texture.height, texture.width, texture.nchannel = pixels.shape
     texture.data = np.ascontiguousarray(pixels).tobytes()

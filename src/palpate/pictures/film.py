@@ -67,8 +67,8 @@ class Film:
 
 
 class Filming:
-    """Makes the film of a footage on a thread of its own; drawing and encoding run outside of Python's
-    lock. A context manager, which cancels unfinished work when it is left."""
+    """Makes the film of a footage on a separate thread; drawing and encoding run outside of Python's lock.
+    A context manager, which cancels unfinished work when it is left."""
 
     def __init__(self, footage: Footage, trace: Trace | None) -> None:
         self._cancelled = threading.Event()

@@ -15,14 +15,14 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from palpate.pictures.dress import HIDDEN, SHOWN
+from palpate.pictures.renderer import SCENERY
 from palpate.robots.model import PREFIX
 
 log = logging.getLogger(__name__)
 
 PANDA, IIWA = "franka_emika_panda", "kuka_iiwa_14"
 FILES = {PANDA: "panda.xml", IIWA: "iiwa14.xml"}
-SHOWN, HIDDEN = 2, 3
-"""Groups of shapes that are drawn, and that are not."""
 SAME = 1e-3
 """m, and of a quaternion's parts: frames that differ by more belong to another arm."""
 MARK = "menagerie:"
@@ -91,10 +91,8 @@ def _add_mesh(
         pos=geom.pos,
         quat=geom.quat,
         material=paint,
-        mass=0.0,
-        contype=0,
-        conaffinity=0,
         group=SHOWN,
+        **SCENERY,
     )
 
 

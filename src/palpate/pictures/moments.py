@@ -1,8 +1,10 @@
-"""The report's still pictures: the scene before and after, and a moment of the run."""
+"""Still pictures, as PNG: a simulated workspace, the scene before and after, a moment of the run. All
+raise RuntimeError without a usable OpenGL."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -10,62 +12,74 @@ import numpy as np
 from palpate.geometry.pose import Array
 from palpate.pictures.dress import Looks, looks_in
 from palpate.pictures.renderer import Painter, extent, forwarded, padded, png
-from palpate.pictures.stage import staged
+from palpate.pictures.stage import loose_things, staged
 
+if TYPE_CHECKING:
+    from palpate.scene.poses import CameraEntry
+
+CAMERA = "workspace"
+"""Name of the world's own camera."""
+TAKEN = "palpate_camera"
+"""Name of the camera of `poses.yaml` in the simulated world."""
+WORKSPACE = (1024, 768)
+"""Width and height of the workspace's picture, pixels."""
+FROM_ABOVE, ABOVE = -30.0, 0.05
+"""Its elevation, degrees, and m of air in view above the objects."""
+SIZE = (960, 640)
+"""Width and height of a picture, pixels."""
 AROUND, BELOW = 0.15, 0.10
 """m of the surroundings in view, around and below what can move."""
+
+
+def render_workspace(world: mujoco.MjSpec, camera: CameraEntry | None = None) -> bytes:
+    """A simulated workspace before anything moves, seen by `camera`, else by the world's own camera,
+    else by one that frames the objects."""
+    spec, (width, height), name = world.copy(), WORKSPACE, CAMERA
+    if camera is not None:
+        spec.worldbody.add_camera(name=TAKEN, pos=camera.pos, quat=camera.quat, fovy=camera.fovy)
+        height, name = round(width * camera.size[1] / camera.size[0]), TAKEN
+    model = staged(spec)
+    with Painter(model, width, height) as painter:
+        view: mujoco.MjvCamera | str = name
+        if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name) < 0:
+            points = padded(loose_things(world), (AROUND, AROUND, 0.0), (AROUND, AROUND, ABOVE))
+            view = painter.around(points, elevation=FROM_ABOVE)
+        return png(painter.paint(forwarded(model), view))
 
 
 def render_before_after(
     before: mujoco.MjSpec,
     after: mujoco.MjSpec,
     bodies: Collection[str] = (),
-    *,
     looks: Looks | None = None,
-    width: int = 960,
-    height: int = 640,
+    size: tuple[int, int] = SIZE,
 ) -> tuple[bytes, bytes]:
     """Two PNGs from one camera that has the named bodies (all, when none is named) of both scenes
-    in view. `looks` replaces those that the scene `before` states.
-
-    Raises:
-        RuntimeError: no usable OpenGL.
-    """
+    in view. `looks` replaces those that the scene `before` states."""
     looks = looks_in(before) if looks is None else looks
     points = np.concatenate([_points(spec, bodies) for spec in (before, after)])
-    size = (width, height)
     return _still(before, looks, points, size), _still(after, looks, points, size)
 
 
 def render_scene(
-    spec: mujoco.MjSpec, bodies: Collection[str] = (), *, width: int = 960, height: int = 640
+    spec: mujoco.MjSpec, bodies: Collection[str] = (), size: tuple[int, int] = SIZE
 ) -> bytes:
-    """A PNG of the scene in its initial configuration.
-
-    Raises:
-        RuntimeError: no usable OpenGL.
-    """
-    return _still(spec, looks_in(spec), _points(spec, bodies), (width, height))
+    """A PNG of the scene in its initial configuration."""
+    return _still(spec, looks_in(spec), _points(spec, bodies), size)
 
 
 def render_moment(
     model: mujoco.MjModel,
     qpos: Array,
     drawn: mujoco.MjModel | None = None,
-    *,
-    width: int = 960,
-    height: int = 640,
+    size: tuple[int, int] = SIZE,
 ) -> bytes:
     """A PNG of a world at configuration `qpos` (nq,), robot included. `drawn`: the model for
-    pictures.
-
-    Raises:
-        RuntimeError: no usable OpenGL.
-    """
+    pictures."""
     data = forwarded(model, qpos)
     points = in_view(model, extent(model, data, moving_bodies(model)))
     painted = drawn or model
-    with Painter(painted, width, height) as painter:
+    with Painter(painted, *size) as painter:
         return png(painter.paint(forwarded(painted, qpos), painter.around(points)))
 
 

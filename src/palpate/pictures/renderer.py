@@ -15,6 +15,7 @@ from collections.abc import Collection, Sequence
 from copy import copy
 from functools import cache
 from itertools import product
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -40,6 +41,8 @@ AZIMUTH, ELEVATION = 145.0, -22.0
 from above."""
 EMPTY_EXTENT = np.array([[-0.5, -0.5, 0.0], [0.5, 0.5, 0.8]])
 """m: view of an empty scene, about a table top."""
+SCENERY: dict[str, Any] = {"mass": 0.0, "contype": 0, "conaffinity": 0}
+"""Attributes of a geom that is seen and neither weighs nor collides."""
 CORNERS = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
 """(8, 3) signs of a box's corners."""
 
@@ -89,7 +92,7 @@ def _backends(chosen: str) -> tuple[str, ...]:
 def _usable() -> tuple[bool, str]:
     """Select the first backend that works, or state why none does.
 
-    Each backend is tried in a process of its own, because a driver that fails may take its process
+    Each backend is tried in a separate process, because a driver that fails may take its process
     along and PyOpenGL binds to the first backend for good. The first that works is put in
     `MUJOCO_GL`.
     """
@@ -183,15 +186,11 @@ class Painter:
         """`framing` of `points` for this model and picture."""
         return framing(points, aspect=self.aspect, fovy=float(self.model.vis.global_.fovy), **view)
 
-    def close(self) -> None:
-        """Free the OpenGL context. May be called twice."""
-        self._renderer.close()
-
     def __enter__(self) -> Painter:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.close()
+        self._renderer.close()
 
 
 def png(pixels: Pixels) -> bytes:

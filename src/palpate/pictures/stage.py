@@ -13,7 +13,7 @@ from palpate.geometry.pose import Array
 from palpate.pictures.dress import TABLE, Looks, add_texture, dress, looks_in
 from palpate.pictures.looks.prints import concrete
 from palpate.pictures.menagerie import shape_arm
-from palpate.pictures.renderer import extent
+from palpate.pictures.renderer import SCENERY, extent
 
 UNSEEN = 5
 """Group of what is not drawn."""
@@ -205,12 +205,5 @@ def _walls(spec: mujoco.MjSpec, floor: float, behind: float, beside: float) -> N
 
 def add_box(spec: mujoco.MjSpec, material: str, pos: list[float], size: list[float]) -> None:
     """Add a box to the world that is seen and collides with nothing."""
-    spec.worldbody.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        pos=pos,
-        size=size,
-        material=material,
-        mass=0.0,
-        contype=0,
-        conaffinity=0,
-    )
+    box = mujoco.mjtGeom.mjGEOM_BOX
+    spec.worldbody.add_geom(type=box, pos=pos, size=size, material=material, **SCENERY)

@@ -75,7 +75,7 @@ def _cell(run: Run, trace: Trace) -> Iterator[Message]:
 
 def _transforms(model: mujoco.MjModel, times: Array, poses: Array) -> Iterator[Message]:
     """Transforms of the moving links from their parents, of world poses (n, bodies, 7)."""
-    from palpate.twin.export.urdf import body_name
+    from palpate.twin.export.facts import body_name
 
     layout = Layout()
     signals: dict[str, NDArray[Any]] = {"stamp": stamps(times)}

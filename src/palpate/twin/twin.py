@@ -1,9 +1,9 @@
-"""The finished twin: the user's own MJCF with the estimates in it, its marks and its diff."""
+"""The finished twin: the user's own MJCF with the estimates in it, its validation and its diff."""
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -19,9 +19,8 @@ from palpate.scene.load import scene_from_text
 from palpate.scene.raised import at_heights
 from palpate.scene.scene import Scene
 from palpate.trace.samples import Trace
+from palpate.twin.files import in_one, write_files
 from palpate.twin.inject import complete
-from palpate.twin.one_text import in_one
-from palpate.twin.tree import write_tree
 from palpate.twin.validate import Replay, Replayed, Validation, touched, validate
 
 if TYPE_CHECKING:
@@ -33,16 +32,17 @@ class Twin:
     """The digital twin M = ⟨G, P⟩.
 
     Attributes:
-        xml: MJCF in one text, into which included files are put where something was measured in one.
+        xml: MJCF in one text, with the content of included files where a value was measured in one.
         diff: unified diff from the user's files.
-        notes: remarks, e.g. which unknowns nobody asked for and hence hold a prior.
-        validation: None when the twin could not be simulated; `notes` then says why.
+        notes: remarks, e.g. which unknowns were not measured and hold a prior.
+        validation: None when the twin could not be simulated; `notes` states the reason.
         scene: the twin read back, with the poses that came with the user's scene; None likewise.
-        unwritten: what was measured of objects and surfaces and is not in it; `notes` say why.
+        unwritten: measured parameters of objects and surfaces that are not in it; `notes` state the
+            reasons.
         document: the user's files.
         texts: those of them that have changed.
-        beside: by name, the texts that belong into the folder of `xml`: attached models in which
-            something was measured.
+        beside: by name, the texts that belong into the folder of `xml`: attached models in which a
+            value was measured.
     """
 
     xml: str
@@ -60,17 +60,17 @@ class Twin:
         """The twin compiled, without any robot.
 
         Raises:
-            InputError: the twin cannot be simulated; the message says why.
+            InputError: the twin cannot be simulated; the message states the reason.
         """
         if self.scene is None:
             raise InputError("; ".join(self.notes) or "the twin was not simulated")
         return self.scene.spec().compile()
 
     def save(self, path: str | Path) -> tuple[Path, ...]:
-        """Write the MJCF to `path`, with what it needs there: its own text and its includes, byte for
-        byte but for what was measured, and their meshes and pictures.
+        """Write the MJCF to `path`, with its includes, meshes and pictures: texts byte for byte but for
+        measured values.
 
-        Beside the user's scene, only files that have changed are written, with the twin's name before
+        In the folder of the user's scene, only changed files are written, with the twin's name before
         their own; nothing is overwritten.
 
         Returns:
@@ -79,7 +79,7 @@ class Twin:
         Raises:
             InputError: a file that exists, or cannot be written.
         """
-        return write_tree(self.texts or Texts(self.xml), self.document, Path(path))
+        return write_files(self.texts or Texts(self.xml), self.document, Path(path))
 
     def __repr__(self) -> str:
         if self.validation is None:
@@ -91,7 +91,7 @@ class Twin:
         return table(repr(self), ("changed lines",), [(line,) for line in self._changes()])
 
     def _changes(self) -> list[str]:
-        """The lines that the user's file does not have."""
+        """The added lines of the diff."""
         lines = self.diff.splitlines()
         added = [line for line in lines if line.startswith("+") and not line.startswith("+++ ")]
         return [line[1:].strip() for line in added]
@@ -103,17 +103,24 @@ def build_twin(
     trace: Trace | None = None,
     replay: Replay | None = None,
 ) -> Twin:
-    """Inject what was measured, then check that the result rests and, where there is a `trace` and a
-    `replay`, that it behaves as recorded. Where nothing was measured, there is nothing to compare."""
-    written = _written(estimates)
+    """Inject the measured values, then check that the result comes to rest and, with a `trace` and a
+    `replay`, that it behaves as recorded, if any value was measured."""
+    written = held_by_twin(estimates)
     made = complete(scene, written, {estimate.parameter for estimate in estimates})
-    notes = (*_remarks(estimates), *made.notes)
+    notes: list[str] = []
+    for estimate in estimates:
+        if estimate.verdict == "contradicted":
+            notes.append(f"{estimate.parameter} is not in the twin: {estimate.contradiction}")
+        if estimate.verdict == "prior-dominated":
+            dominated = "prior-dominated: what was believed before says as much"
+            notes.append(f"{estimate.parameter} is {dominated}")
+    notes += made.notes
     document = scene.resolved.document
     one = in_one(document, made.texts)
-    unmarked = Twin(
+    twin = Twin(
         one.main,
-        _diff(document, made.texts),
-        notes,
+        diff_of(document, made.texts),
+        tuple(notes),
         None,
         unwritten=made.unwritten,
         document=document,
@@ -121,23 +128,22 @@ def build_twin(
         beside=one.beside,
     )
     try:
-        twin = scene_from_text(made.texts, scene, _measured_places(scene, written))
-        marks = validate(twin, scene, trace, replay if written else None)
+        read = scene_from_text(made.texts, scene, measured_places(scene, written))
+        validation = validate(read, scene, trace, replay if written else None)
     except PalpateError as error:
-        return replace(unmarked, notes=(*notes, f"the twin was not simulated: {error}"))
-    return replace(unmarked, validation=marks, scene=twin)
+        return replace(twin, notes=(*notes, f"the twin was not simulated: {error}"))
+    return replace(twin, validation=validation, scene=read)
 
 
 def touch(
     twin: Twin, template: Scene, trace: Trace, replay: Replay, given: Replayed | None = None
 ) -> Twin:
-    """The twin with marks of how it behaves where it was recorded, and of how `template` does, in
-    which unknowns are at their priors. `given`: the template's replay, where that has begun
-    elsewhere."""
+    """The twin with the residuals of replays in it and in `template`, in which unknowns have their
+    priors. `given`: the template's replay, if it was started before."""
     if twin.validation is None or twin.scene is None:
         return twin
-    marks = touched(twin.validation, twin.scene, template, trace, replay, given)
-    return replace(twin, validation=marks)
+    validation = touched(twin.validation, twin.scene, template, trace, replay, given)
+    return replace(twin, validation=validation)
 
 
 def read_twin(
@@ -148,58 +154,54 @@ def read_twin(
     validation: Validation | None,
     unwritten: Sequence[Parameter] = (),
 ) -> Twin:
-    """The twin of `scene` that was built before, with the marks it got then.
+    """The twin of `scene` that was built before, with its validation.
 
     Raises:
         InputError: the MJCF does not belong to the scene.
     """
-    written = _written(estimates)
+    written = held_by_twin(estimates)
     document = scene.resolved.document
     texts = Texts(xml)
+    # With several files, `xml` is all of them in one text: the changed ones are made again.
     if document.includes or document.models:
         texts = complete(scene, written, {estimate.parameter for estimate in estimates}).texts
-    diff = _diff(document, texts)
-    beside = in_one(document, texts).beside
-    read = Twin(
-        xml, diff, tuple(notes), validation, None, tuple(unwritten), document, texts, beside
+    read = None
+    if validation is not None and scene.bodies:
+        read = scene_from_text(texts, scene, measured_places(scene, written))
+    return Twin(
+        xml,
+        diff_of(document, texts),
+        tuple(notes),
+        validation,
+        scene=read,
+        unwritten=tuple(unwritten),
+        document=document,
+        texts=texts,
+        beside=in_one(document, texts).beside,
     )
-    if validation is None or not scene.bodies:
-        return read
-    return replace(read, scene=scene_from_text(texts, scene, _measured_places(scene, written)))
 
 
-def _written(estimates: Sequence[Estimate]) -> list[Estimate]:
-    """Parameters that the twin holds."""
-    in_twin = ("identified", "prior-dominated")
-    return [estimate for estimate in estimates if estimate.verdict in in_twin]
+def held_by_twin(estimates: Sequence[Estimate]) -> list[Estimate]:
+    """Estimates whose values the twin holds."""
+    return [e for e in estimates if e.verdict in ("identified", "prior-dominated")]
 
 
-def _remarks(estimates: Sequence[Estimate]) -> Iterator[str]:
-    """Remarks on values that do not count as measured."""
-    for estimate in estimates:
-        if estimate.verdict == "contradicted":
-            yield f"{estimate.parameter} is not in the twin: {estimate.contradiction}"
-        if estimate.verdict == "prior-dominated":
-            yield f"{estimate.parameter} is prior-dominated: what was believed before says as much"
-
-
-def _diff(document: Document, texts: Texts) -> str:
-    """Of the main text, and of every included file that has changed."""
-    found = _unified(document.text, texts.main, "scene.xml", "twin.xml")
+def diff_of(document: Document, texts: Texts) -> str:
+    """Unified diff of the main text, and of every included file that has changed."""
+    pairs = [(document.text, texts.main, "scene.xml", "twin.xml")]
     for path, text in texts.parts.items():
-        found += _unified(document.texts[path], text, path.name, path.name)
+        pairs.append((document.texts[path], text, path.name, path.name))
+    found = ""
+    for before, after, name, new_name in pairs:
+        lines, new = before.splitlines(keepends=True), after.splitlines(keepends=True)
+        found += "".join(difflib.unified_diff(lines, new, name, new_name))
     return found
 
 
-def _unified(before: str, after: str, name: str, new_name: str) -> str:
-    lines, new = before.splitlines(keepends=True), after.splitlines(keepends=True)
-    return "".join(difflib.unified_diff(lines, new, name, new_name))
-
-
-def _measured_places(scene: Scene, estimates: Sequence[Estimate]) -> dict[str, Pose]:
-    """Measured places of objects: the poses that came with the scene overrule the MJCF, but not
-    measurements of them or of their supports."""
-    values = {one.parameter: tuple(one.values.tolist()) for one in estimates}
+def measured_places(scene: Scene, estimates: Sequence[Estimate]) -> dict[str, Pose]:
+    """Poses of the objects whose position, or whose support's height, was measured. The poses that
+    came with the scene overrule the MJCF, but not these."""
+    values = {estimate.parameter: tuple(estimate.values.tolist()) for estimate in estimates}
     scene = at_heights(scene, values)
     found: dict[str, Pose] = {}
     for name in scene.rises:
@@ -208,8 +210,7 @@ def _measured_places(scene: Scene, estimates: Sequence[Estimate]) -> dict[str, P
     for parameter, value in values.items():
         body = scene.bodies.get(parameter.object)
         quantity = scene.catalogue.get(parameter.quantity)
-        if body is not None and quantity is not None:
-            pose = quantity.places(body, value)
-            if pose is not None:
-                found[body.name] = pose
+        pose = quantity.places(body, value) if body is not None and quantity is not None else None
+        if body is not None and pose is not None:
+            found[body.name] = pose
     return found

@@ -1,5 +1,5 @@
-"""Does the twin behave as was measured? It must compile, come to rest, and give back the recorded
-forces and positions."""
+"""Validation of a twin: it must compile, come to rest, and reproduce the recorded forces and
+positions."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from palpate.trace.recording import LeafRun, Recording
 from palpate.trace.samples import FORCES, Trace
 
 Replay = Callable[[mujoco.MjSpec], Trace]
-"""Executes the plan again in a world made of the given model, and returns what is recorded there."""
+"""Executes the plan again in a world made of the given model, and returns the trace."""
 Replayed = Callable[[], Trace]
-"""The same in a world of its own."""
+"""Waits for a replay and returns its trace."""
 
 SETTLE_TIME = 2.0
-"""s of free simulation before the twin's objects must rest."""
+"""s of free simulation before the twin's objects must be at rest."""
 FINEST_STEP = 1e-4
-"""s: a scene that asks for smaller steps is settled with these, or it would take minutes."""
+"""Least time step of that simulation, s."""
 REST_SPEED = 0.01
-"""m/s and rad/s."""
+"""Speed of an object at rest, m/s and rad/s."""
 REST = 0.3
-"""s at the end of a motion in which the arm stands still."""
+"""s at the end of a motion during which the arm stands still."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class Residual:
         force: N, root mean square over the force recordings of the difference of mean wrench
             forces.
         position: m, the same for the TCP positions of the pose recordings.
-        note: why there are no figures, or empty.
+        note: reason for missing figures, or empty.
     """
 
     force: float | None
@@ -48,13 +48,12 @@ class Residual:
 
 @dataclass(frozen=True, slots=True)
 class Validation:
-    """The twin's marks.
+    """Result of a validation.
 
     Attributes:
-        settled: every object rests after `SETTLE_TIME`.
-        drift: m, largest way an object moved while settling.
-        twin, template: residuals of the twin and of the untouched template (unknowns at their
-            priors).
+        settled: every object is at rest after `SETTLE_TIME`.
+        drift: m, largest displacement of an object while settling.
+        twin, template: residuals of the twin and of the template (unknowns at their priors).
     """
 
     settled: bool
@@ -64,40 +63,39 @@ class Validation:
 
 
 NOT_REPLAYED = Residual(None, None, "not replayed")
-"""Of a twin that nobody has touched in simulation."""
+"""Residual of a twin without a replay."""
 
 
 def validate(
     twin: Scene, template: Scene, recorded: Trace | None, replay: Replay | None
 ) -> Validation:
-    """All marks of a twin scene against what was recorded; without that or a replay, whether it
-    rests."""
+    """Test a twin's scene for rest and, with a recording and a replay, compare these."""
     settled, drift = settle(twin)
-    marks = Validation(settled, drift, NOT_REPLAYED, NOT_REPLAYED)
+    validation = Validation(settled, drift, NOT_REPLAYED, NOT_REPLAYED)
     if recorded is None or replay is None:
-        return marks
-    return touched(marks, twin, template, recorded, replay)
+        return validation
+    return touched(validation, twin, template, recorded, replay)
 
 
 def touched(
-    marks: Validation,
+    validation: Validation,
     twin: Scene,
     template: Scene,
     recorded: Trace,
     replay: Replay,
     given: Replayed | None = None,
 ) -> Validation:
-    """The marks with the residuals of twin and template; `given`: the template's replay, where that
-    has begun elsewhere."""
+    """The validation with the residuals of twin and template; `given`: the template's replay, if it
+    was started before."""
     return replace(
-        marks,
-        twin=_residual(recorded, lambda: replay(restful(twin))),
-        template=_residual(recorded, given or (lambda: replay(restful(template)))),
+        validation,
+        twin=residual_of(recorded, lambda: replay(restful(twin))),
+        template=residual_of(recorded, given or (lambda: replay(restful(template)))),
     )
 
 
 def restful(scene: Scene) -> mujoco.MjSpec:
-    """The scene, in which what stands still and is not touched takes no time to simulate."""
+    """The scene for simulation, in which bodies at rest take no time until they are touched."""
     spec = scene.spec()
     spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
     return spec
@@ -106,6 +104,7 @@ def restful(scene: Scene) -> mujoco.MjSpec:
 def settle(scene: Scene) -> tuple[bool, float]:
     """Test for rest of all objects after `SETTLE_TIME` s, with the largest displacement, m."""
     model = scene.spec().compile()
+    # A scene that asks for smaller steps would take minutes.
     model.opt.timestep = max(model.opt.timestep, FINEST_STEP)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -115,21 +114,18 @@ def settle(scene: Scene) -> tuple[bool, float]:
     drift = float(np.linalg.norm(data.xpos[bodies] - start, axis=1).max(initial=0.0))
     moving = [data.qvel[first : first + 6] for first in model.body_dofadr[bodies]]
     speed = float(np.abs(moving).max(initial=0.0))
+    # An unstable simulation is not at rest: its speed is no number.
     return bool(np.isfinite(speed) and speed < REST_SPEED), drift
 
 
-def _residual(recorded: Trace, replay: Replayed) -> Residual:
+def residual_of(recorded: Trace, replay: Replayed) -> Residual:
     try:
         replayed = replay()
     except PalpateError as error:
         return Residual(None, None, str(error))
-    if len(replayed.recordings) < len(recorded.recordings):
-        return Residual(
-            None,
-            None,
-            f"the replay stopped after {len(replayed.recordings)} of "
-            f"{len(recorded.recordings)} recordings",
-        )
+    made, wanted = len(replayed.recordings), len(recorded.recordings)
+    if made < wanted:
+        return Residual(None, None, f"the replay stopped after {made} of {wanted} recordings")
     return compare(recorded, replayed)
 
 
@@ -139,48 +135,47 @@ def compare(recorded: Trace, replayed: Trace) -> Residual:
     position: list[Array] = []
     for then, now in zip(recorded.recordings, replayed.recordings, strict=False):
         if then.buffer == FORCES:
-            force.append(_mean_force(recorded, then) - _mean_force(replayed, now))
+            force.append(mean_force(recorded, then) - mean_force(replayed, now))
         else:
-            position.append(_mean_position(recorded, then) - _mean_position(replayed, now))
-    return Residual(_rms(force), _rms(position))
+            places = [
+                trace.of(recording).pose_world_tcp[:, :3].mean(axis=0)
+                for trace, recording in ((recorded, then), (replayed, now))
+            ]
+            position.append(places[0] - places[1])
+    return Residual(rms(force), rms(position))
 
 
 def compared_until(trace: Trace) -> float:
-    """s: end of the last motion or recording that `compare` looks at; 0 where there is none."""
+    """End of the last motion or recording that `compare` uses, s; 0 without any."""
     ends = [0.0]
     for recording in trace.recordings:
         ends.append(recording.end)
         if recording.buffer == FORCES:
-            ends += [leaf.end for leaf in _empty(trace, recording)]
+            ends += [leaf.end for leaf in empty_motions(trace, recording)]
     return max(ends)
 
 
-def _mean_force(trace: Trace, recording: Recording) -> Array:
-    """The recording's mean force less the empty hand's at rest at the same pose: the arm's own
-    bias."""
+def mean_force(trace: Trace, recording: Recording) -> Array:
+    """(3,) N, the recording's mean force less the empty hand's at rest at the same pose, which is the
+    arm's own bias."""
     force: Array = trace.of(recording).wrench[:, :3].mean(axis=0)
     empty: list[Array] = []
-    for leaf in _empty(trace, recording):
+    for leaf in empty_motions(trace, recording):
         at_rest = trace.samples.between(leaf.end - REST, leaf.end)
         empty.append(at_rest.wrench[:, :3].mean(axis=0))
-    if not empty:
-        return force
-    return force - np.mean(empty, axis=0)
+    return force - np.mean(empty, axis=0) if empty else force
 
 
-def _empty(trace: Trace, recording: Recording) -> Iterator[LeafRun]:
-    """Motions that ended with the empty hand where the recording was made."""
+def empty_motions(trace: Trace, recording: Recording) -> Iterator[LeafRun]:
+    """Motions that ended with the empty hand at the pose of the recording."""
     for leaf in trace.leaf_runs("MovePose"):
         after = leaf.context
         if after is not None and after.holding is None and after.at == recording.context.at:
             yield leaf
 
 
-def _mean_position(trace: Trace, recording: Recording) -> Array:
-    return trace.of(recording).pose_world_tcp[:, :3].mean(axis=0)
-
-
-def _rms(differences: list[Array]) -> float | None:
+def rms(differences: list[Array]) -> float | None:
+    """Root mean square of the lengths of vectors."""
     if not differences:
         return None
     return float(np.sqrt(np.mean([d @ d for d in differences])))

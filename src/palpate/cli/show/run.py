@@ -24,10 +24,9 @@ if TYPE_CHECKING:
     from palpate.estimation.estimate import Estimate
     from palpate.execution.runner import Observer
     from palpate.interrupt import Interrupts
-    from palpate.live.groot.publisher import GrootPublisher
-    from palpate.live.pace import RealTime
+    from palpate.live.groot import GrootPublisher
+    from palpate.live.observers import RealTime, View
     from palpate.live.page import LivePage
-    from palpate.live.together import View
     from palpate.runs.run import Run
     from palpate.settings import Settings
     from palpate.twin.held_out.judged import Motion
@@ -41,11 +40,11 @@ MANY_MOTIONS = 4
 def live_view(*others: View | None) -> Generator[tuple[Observer, Callable[[str], None]]]:
     """Show the run on stderr and on other views; yield the observer and the callback that names the
     present stage."""
+    from palpate.live.observers import Views
     from palpate.live.terminal import LiveTree
-    from palpate.live.together import Together
 
     with LiveTree(err) as live:
-        views = Together(live, *(view for view in others if view is not None))
+        views = Views(live, *(view for view in others if view is not None))
         yield views, views.progress
 
 
@@ -80,7 +79,7 @@ def groot(wanted: WatchOptions) -> Generator[GrootPublisher | None]:
     if not wanted.groot:
         yield None
         return
-    from palpate.live.groot.publisher import GrootPublisher
+    from palpate.live.groot import GrootPublisher
 
     with GrootPublisher(wanted.groot_port) as publisher:
         err.print(f"[dim]Groot2[/] {publisher.url}", soft_wrap=True)
@@ -89,7 +88,7 @@ def groot(wanted: WatchOptions) -> Generator[GrootPublisher | None]:
 
 def pace(wanted: WatchOptions, settings: Settings) -> RealTime | None:
     """Pace of a real arm for a simulated one that somebody watches on the page or in Groot2."""
-    from palpate.live.pace import RealTime
+    from palpate.live.observers import RealTime
 
     watched = wanted.live or wanted.groot
     return RealTime() if watched and settings.robot is None else None

@@ -1,4 +1,4 @@
-"""A twin for other simulators: MJCF that loads anywhere, URDF, or USD. What is written is read back
+"""Export of a twin for other simulators: MJCF that loads anywhere, URDF, or USD. Every file is read back
 and compared, body by body, before it is handed out."""
 
 from __future__ import annotations
@@ -17,21 +17,17 @@ from palpate.mjcf.reading import reparsed
 from palpate.parameter import Parameter
 from palpate.scene.describe import Description, describe
 from palpate.scene.poses import Poses
-from palpate.twin.export.contained import SCENE, write_contained
 from palpate.twin.export.facts import Facts, differences, facts_of, unnamed
-from palpate.twin.export.ready import ready
+from palpate.twin.export.portable import SCENE, ready, write_contained
 from palpate.twin.export.urdf import read_urdf, write_urdf
 from palpate.twin.export.usd import left_behind, read_usd, require_usd, write_usd
 from palpate.twin.twin import Twin
-
-Written = tuple[Path, list[str]]
-"""A file, and notes."""
 
 Format = Literal["mjcf", "urdf", "usd"]
 FORMATS: tuple[Format, ...] = get_args(Format)
 
 ONLY_NUMBERS = ("stiffness", "velocity", "momentum")
-"""Quantities that no model has an attribute for."""
+"""Quantities without an attribute in any model."""
 NO_FRICTION = "URDF has no friction: each simulator takes its own"
 COMBINED = "how the friction of two things is combined is up to each simulator of USD"
 
@@ -41,11 +37,10 @@ class Export:
     """Export of a twin.
 
     Attributes:
-        format: which.
-        file: what another simulator is given, in its folder.
-        held: what was measured and has been read back from it.
-        lost: what was measured and it has no place for.
-        notes: what else is not as it was, a line each.
+        file: the main file, in its folder.
+        held: measured parameters that it states, as read back.
+        lost: measured parameters that the format cannot state.
+        notes: other differences from the twin, a line each.
     """
 
     format: Format
@@ -56,11 +51,11 @@ class Export:
 
 
 def require_format(name: str) -> Format:
-    """The format of that name, once what it takes is there.
+    """The format of that name, whose writer is installed.
 
     Raises:
         InputError: there is none.
-        Unavailable: what writes it is not installed.
+        Unavailable: its writer is not installed.
     """
     for known in FORMATS:
         if name == known:
@@ -73,11 +68,11 @@ def require_format(name: str) -> Format:
 def export_twin(
     twin: Twin, estimates: Sequence[Estimate], chosen: Format, folder: Path, scratch: Path
 ) -> Export:
-    """Write a twin into `folder`, which is empty, as `scratch` is, for what comes in between.
+    """Write a twin into the empty `folder`, with intermediate files in the empty `scratch`.
 
     Raises:
-        InputError: the twin cannot be simulated, so that nothing could be compared.
-        PalpateError: what was written does not say what the twin says.
+        InputError: the twin cannot be simulated, so that it could not be compared.
+        PalpateError: what was written differs from the twin.
     """
     if twin.scene is None:
         raise InputError(f"there is no twin to export: {'; '.join(twin.notes) or 'nothing moved'}")
@@ -86,7 +81,13 @@ def export_twin(
     write_contained(document, scratch)
     scene = scratch / SCENE
     try:
-        _require_same(*_known_in_both(description.shapes.model, _compiled(scene)))
+        packed = mujoco.MjModel.from_xml_path(str(scene))
+        facts, model = facts_of(description.shapes.model), description.shapes.model
+        if model.nbody != packed.nbody:
+            # The description is without robots: numbers of unnamed bodies are ambiguous.
+            for body in range(model.nbody):
+                facts.pop(unnamed(body), None)
+        require_same(facts, facts_of(packed))
         file, notes = WRITERS[chosen](scene, folder)
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())[:600]
@@ -97,70 +98,54 @@ def export_twin(
         parameter = estimate.parameter
         is_in_twin = estimate.verdict in ("identified", "prior-dominated")
         if is_in_twin and parameter not in twin.unwritten:
-            (held if _holds(chosen, description, parameter) else lost).append(parameter)
+            (held if can_state(chosen, description, parameter) else lost).append(parameter)
     return Export(chosen, file, tuple(held), tuple(lost), tuple(notes))
 
 
-def _holds(chosen: Format, description: Description, parameter: Parameter) -> bool:
-    """True if a format has a place for it. In MJCF, `<custom>` has one for everything."""
+def can_state(chosen: Format, description: Description, parameter: Parameter) -> bool:
+    """Test if a format can state a parameter."""
     if chosen == "mjcf":
-        return True
+        return True  # `<custom>` has a place for everything
     if chosen == "urdf" and parameter.quantity == "friction":
         return False
     return parameter.object in description.bodies and parameter.quantity not in ONLY_NUMBERS
 
 
-def _mjcf(scene: Path, folder: Path) -> Written:
+def _mjcf(scene: Path, folder: Path) -> tuple[Path, list[str]]:
     for path in scene.parent.iterdir():
         path.rename(folder / path.name)
     return folder / scene.name, []
 
 
-def _urdf(scene: Path, folder: Path) -> Written:
+def _urdf(scene: Path, folder: Path) -> tuple[Path, list[str]]:
     spec, notes = ready(scene)
     model = spec.compile()
     file = folder / "scene.urdf"
     written = write_urdf(model, file)
-    _require_same(facts_of(model, colliding=True), read_urdf(file, written), friction=False)
+    require_same(facts_of(model, colliding=True), read_urdf(file, written), friction=False)
     return file, [NO_FRICTION, *notes, *written.notes]
 
 
-def _usd(scene: Path, folder: Path) -> Written:
+def _usd(scene: Path, folder: Path) -> tuple[Path, list[str]]:
     spec, notes = ready(scene)
     spec.modelname = scene.stem
     twin = facts_of(spec.compile())
     file = write_usd(spec, scene.with_name("ready.xml"), folder)
-    _require_same(twin, read_usd(file))
+    require_same(twin, read_usd(file))
     return file, [COMBINED, *notes, *left_behind(spec)]
 
 
-WRITERS: Mapping[Format, Callable[[Path, Path], Written]] = {
+WRITERS: Mapping[Format, Callable[[Path, Path], tuple[Path, list[str]]]] = {
     "mjcf": _mjcf,
     "urdf": _urdf,
     "usd": _usd,
 }
+"""Each writes the contained scene into a folder and returns the main file, with notes."""
 
 
-def _compiled(scene: Path) -> mujoco.MjModel:
-    return mujoco.MjModel.from_xml_path(str(scene))
-
-
-def _known_in_both(
-    twin: mujoco.MjModel, packed: mujoco.MjModel
-) -> tuple[dict[str, Facts], dict[str, Facts]]:
-    """Facts of the twin, which is without robots, and of the whole scene; without unnamed bodies
-    where these are ambiguous."""
-    known = facts_of(twin)
-    if twin.nbody != packed.nbody:
-        for body in range(twin.nbody):
-            known.pop(unnamed(body), None)
-    return known, facts_of(packed)
-
-
-def _require_same(
+def require_same(
     twin: Mapping[str, Facts], made: Mapping[str, Facts], friction: bool = True
 ) -> None:
-    """Every body is as it was."""
     for name, difference in differences(twin, made, friction):
         raise PalpateError(
             f"the twin's '{name}' is not the same when it is read back: {difference}"

@@ -1,10 +1,10 @@
-"""Facts about a model's bodies, independent of its format: read from a twin and from its export,
-and compared."""
+"""Facts about a model's bodies, independent of its format: read from a twin and from its export, and
+compared."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
 
 import mujoco
 import numpy as np
@@ -16,51 +16,57 @@ CLOSE = 1e-5
 """Relative: single precision of USD and of meshes, six digits of MuJoCo's own MJCF."""
 WORLD = "world"
 GROUND = np.array([10.0, 10.0, 0.01])
-"""m: half the sizes of the box whose top stands in for a plane."""
-
-_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Shape:
-    """A geom: what it takes of the world, and how it rubs.
-
-    Attributes:
-        box: (2, 3) m, lowest and highest coordinates in the world.
-        friction: its sliding coefficient; None where it touches nothing, or nobody says.
-    """
-
-    box: Array
-    friction: float | None
+"""m: half extents of the box whose top stands in for a plane."""
+CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+"""(8, 3) of a cube with edges of 2."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Facts:
-    """A body.
+    """A body, with its n shapes in the order of the file.
 
     Attributes:
         pose: (4, 4) of its frame in the world.
-        mass: kg.
+        mass: (1,) kg.
         com: (3,) m, and inertia: (3, 3) kg m^2 about it, in the body's frame.
-        shapes: in the order of the file.
+        shape: (n, 2, 3) m, lowest and highest world coordinates of each.
+        friction: (k,) sliding coefficients of those that collide and state one.
     """
 
     pose: Array
-    mass: float
+    mass: Array
     com: Array
     inertia: Array
-    shapes: tuple[Shape, ...]
+    shape: Array
+    friction: Array
 
 
 def facts_of(model: mujoco.MjModel, colliding: bool = False) -> dict[str, Facts]:
-    """The bodies of a model where it starts, the world among them; with `colliding`, of their geoms
-    only those that touch something."""
+    """The bodies of a model in its initial configuration, the world among them; with `colliding`, only
+    the geoms that collide."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     found: dict[str, Facts] = {}
-    for i in range(model.nbody):
-        found[model.body(i).name or unnamed(i)] = _facts(model, data, i, colliding)
+    for body in range(model.nbody):
+        touching = [geom for geom in geoms_of(model, body) if collides(model, geom)]
+        boxes: list[Array] = []
+        for geom in touching if colliding else geoms_of(model, body):
+            frame = homogeneous(data.geom_xmat[geom], data.geom_xpos[geom])
+            boxes.append(box_of(model, geom, frame))
+        found[body_name(model, body)] = Facts(
+            homogeneous(data.xmat[body], data.xpos[body]),
+            np.array([model.body_mass[body]]),
+            model.body_ipos[body].copy(),
+            tensor(model.body_inertia[body], model.body_iquat[body]),
+            np.array(boxes).reshape(-1, 2, 3),
+            np.array([float(model.geom_friction[geom, 0]) for geom in touching]),
+        )
     return found
+
+
+def body_name(model: mujoco.MjModel, body: int) -> str:
+    """Name of a body, its link and its frame."""
+    return model.body(body).name or unnamed(body)
 
 
 def unnamed(body: int) -> str:
@@ -68,117 +74,90 @@ def unnamed(body: int) -> str:
     return f"body_{body}"
 
 
-def _facts(model: mujoco.MjModel, data: mujoco.MjData, body: int, colliding: bool) -> Facts:
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = data.xmat[body].reshape(3, 3), data.xpos[body]
-    axes = np.empty(9)
-    mujoco.mju_quat2Mat(axes, model.body_iquat[body])
-    turned = axes.reshape(3, 3)
-    inertia = turned @ np.diag(model.body_inertia[body]) @ turned.T
-    shapes: list[Shape] = []
+def geoms_of(model: mujoco.MjModel, body: int) -> range:
+    """The geoms of a body."""
     first = int(model.body_geomadr[body])
-    for geom in range(first, first + int(model.body_geomnum[body])):
-        if touches(model, geom) or not colliding:
-            shapes.append(_shape(model, data, geom))
-    mass, com = float(model.body_mass[body]), model.body_ipos[body].copy()
-    return Facts(pose, mass, com, inertia, tuple(shapes))
+    return range(first, first + int(model.body_geomnum[body]))
 
 
-def touches(model: mujoco.MjModel, geom: int) -> bool:
-    """True if a geom collides with anything."""
+def collides(model: mujoco.MjModel, geom: int) -> bool:
+    """Test if a geom collides with anything."""
     return bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
 
 
-def _shape(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Shape:
+def homogeneous(rotation: Array, position: Array) -> Array:
+    """(4, 4) transformation of a rotation matrix, (9,) or (3, 3), and a position (3,)."""
     pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom]
-    friction = float(model.geom_friction[geom, 0]) if touches(model, geom) else None
-    return Shape(_box(model, geom, pose), friction)
+    pose[:3, :3], pose[:3, 3] = rotation.reshape(3, 3), position
+    return pose
 
 
-def _box(model: mujoco.MjModel, geom: int, pose: Array) -> Array:
+def tensor(principal: Array, quaternion: Array) -> Array:
+    """(3, 3) inertia tensor R diag(I) R^T of principal moments (3,) and their axes' quaternion (4,)."""
+    axes = np.empty(9)
+    mujoco.mju_quat2Mat(axes, quaternion)
+    rotation = axes.reshape(3, 3)
+    return rotation @ np.diag(principal) @ rotation.T
+
+
+def box_of(model: mujoco.MjModel, geom: int, frame: Array) -> Array:
     kind, size = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom]
-    if kind in (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF):
-        return around(pose, mesh_vertices(model, int(model.geom_dataid[geom])))
-    if kind == mujoco.mjtGeom.mjGEOM_PLANE:
-        return plane_box(pose)
-    if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
-        return round_box(pose, float(size[0]))
-    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
-        return round_box(pose, float(size[0]), float(size[1]))
-    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
-        return cylinder_box(pose, float(size[0]), float(size[1]))
-    if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-        return round_box(pose @ np.diag([*size, 1.0]), 1.0)
-    return around(pose, _CORNERS * size)
+    radius, half = float(size[0]), float(size[1])
+    match kind:
+        case mujoco.mjtGeom.mjGEOM_MESH | mujoco.mjtGeom.mjGEOM_SDF:
+            return around(frame, mesh_vertices(model, int(model.geom_dataid[geom])))
+        case mujoco.mjtGeom.mjGEOM_PLANE:
+            return plane_box(frame)
+        case mujoco.mjtGeom.mjGEOM_SPHERE:
+            return round_box(frame, radius)
+        case mujoco.mjtGeom.mjGEOM_CAPSULE:
+            return round_box(frame, radius, half)
+        case mujoco.mjtGeom.mjGEOM_CYLINDER:
+            return round_box(frame, radius, half, axes=2)
+        case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+            return round_box(frame @ np.diag([*size, 1.0]), 1.0)
+        case _:
+            return around(frame, CORNERS * size)
 
 
 def around(frame: Array, points: Array) -> Array:
-    """(2, 3) the box around points (n, 3) of a frame (4, 4), which may be stretched."""
+    """(2, 3) box around points (n, 3) of a frame (4, 4), which may be stretched."""
     there = points @ frame[:3, :3].T + frame[:3, 3]
     return np.array([there.min(axis=0), there.max(axis=0)])
 
 
-def round_box(frame: Array, radius: float, half: float = 0.0) -> Array:
-    """Box as `around`, of a ball, or of a capsule of that half length along z."""
-    reach = half * np.abs(frame[:3, 2]) + radius * np.linalg.norm(frame[:3, :3], axis=1)
-    return np.array([frame[:3, 3] - reach, frame[:3, 3] + reach])
-
-
-def cylinder_box(frame: Array, radius: float, half: float) -> Array:
-    """Box as `around`, of a cylinder along z."""
-    reach = half * np.abs(frame[:3, 2]) + radius * np.linalg.norm(frame[:3, :2], axis=1)
+def round_box(frame: Array, radius: float, half: float = 0.0, axes: int = 3) -> Array:
+    """(2, 3) box of a capsule of that half length along z, of a ball where that is 0, or, with two
+    `axes`, of a cylinder; the frame may be stretched."""
+    reach = half * np.abs(frame[:3, 2]) + radius * np.linalg.norm(frame[:3, :axes], axis=1)
     return np.array([frame[:3, 3] - reach, frame[:3, 3] + reach])
 
 
 def plane_box(frame: Array) -> Array:
-    """Box as `around`, of a plane, which is infinite: of the box that replaces it."""
-    return around(frame, _CORNERS * GROUND - [0.0, 0.0, GROUND[2]])
+    """(2, 3) box around the box that stands in for an infinite plane."""
+    return around(frame, CORNERS * GROUND - [0.0, 0.0, GROUND[2]])
 
 
 def differences(
     twin: Mapping[str, Facts], made: Mapping[str, Facts], friction: bool = True
 ) -> Iterator[tuple[str, str]]:
-    """Each body of the twin that was made into something else, and what of it; `friction` is
-    whether the format has any."""
+    """Bodies of the twin that differ in what was made of it, each with a difference in words;
+    `friction`: the format has any."""
     for name, facts in twin.items():
         other = made.get(name)
         if other is None:
             yield name, "it is missing"
             continue
-        for what, mine, its in _pairs(facts, other, friction):
-            if mine.shape != its.shape or not np.allclose(its, mine, CLOSE, _least(mine)):
-                yield name, _differing(what, mine, its)
-
-
-def _pairs(one: Facts, other: Facts, friction: bool) -> Iterator[tuple[str, Array, Array]]:
-    """Pairs of corresponding facts of a body."""
-    yield "pose", one.pose, other.pose
-    if one.mass > 0.0:
-        yield "mass", np.array([one.mass]), np.array([other.mass])
-        yield "com", one.com, other.com
-        yield "inertia", one.inertia, other.inertia
-    yield "shape", _boxes(one.shapes), _boxes(other.shapes)
-    if friction:
-        yield "friction", _frictions(one.shapes), _frictions(other.shapes)
-
-
-def _least(values: Array) -> float:
-    """The absolute difference that does not count, of numbers beside larger ones."""
-    return max(CLOSE * float(np.abs(values).max(initial=0.0)), 1e-15)
-
-
-def _boxes(shapes: Sequence[Shape]) -> Array:
-    return np.array([shape.box for shape in shapes]).reshape(-1, 2, 3)
-
-
-def _frictions(shapes: Sequence[Shape]) -> Array:
-    return np.array([shape.friction for shape in shapes if shape.friction is not None])
-
-
-def _differing(what: str, mine: Array, its: Array) -> str:
-    """The first number that differs, with the digits that show it."""
-    if mine.shape != its.shape:
-        return f"its {what} has {its.size} numbers instead of {mine.size}"
-    apart = int(np.argmax(np.abs(its - mine)))
-    return f"its {what} has {its.flat[apart]:.8g} instead of {mine.flat[apart]:.8g}"
+        for what in (field.name for field in fields(Facts)):
+            of_mass = what in ("mass", "com", "inertia")
+            if (of_mass and not facts.mass[0] > 0.0) or (what == "friction" and not friction):
+                continue
+            mine, its = getattr(facts, what), getattr(other, what)
+            if mine.shape != its.shape:
+                yield name, f"its {what} has {its.size} numbers instead of {mine.size}"
+                continue
+            # A small number beside large ones has their absolute precision.
+            least = max(CLOSE * float(np.abs(mine).max(initial=0.0)), 1e-15)
+            if not np.allclose(its, mine, CLOSE, least):
+                i = int(np.argmax(np.abs(its - mine)))
+                yield name, f"its {what} has {its.flat[i]:.8g} instead of {mine.flat[i]:.8g}"

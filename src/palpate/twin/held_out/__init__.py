@@ -1,9 +1,8 @@
-"""The twin judged on motions that it was not fitted to.
+"""Validation of the twin on motions to which it was not fitted.
 
-Of every object that was lifted, one motion is held out: the last lift where there are several, else
-the way back down after it was measured. All that was recorded of it is cut out of the trace, the
-estimates are made again from the rest, and the joint torques of the motion are predicted from them
-(`palpate.twin.held_out.prediction`). What was measured then passes three tests, with the false alarms of all
-tests of fit: whether the object weighs what was predicted, whether it hangs where its centre of mass
-says, and whether anything else is left in the torques.
+Of every lifted object one motion is held out: the last lift of several, else the way back down after the
+measurement. It is cut out of the trace, the estimates are made again from the rest, and the joint
+torques of the motion are predicted from them (`palpate.twin.held_out.prediction`). The measured ones pass
+three tests, with the false alarms of all tests of fit: the object's weight, its balance about the
+predicted centre of mass, and the rest of the torques.
 """

@@ -1,28 +1,48 @@
-"""Holds motions out, makes the estimates again without them, and tests what they predict."""
+"""Judge of the estimates: hold a motion of each object out, make the estimates again without it, and
+test their prediction of it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.estimate import Estimate
-from palpate.estimation.load.segments import weighing
+from palpate.estimation.load.segments import load_rows, weighing
 from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
 from palpate.quantities.estimators import estimate_all
 from palpate.scene.scene import Scene
-from palpate.trace.samples import Trace
+from palpate.trace.recording import Recording
+from palpate.trace.samples import FORCES, Trace
 from palpate.trace.soundness import sound
-from palpate.twin.held_out.believed import besides, hanging_of, known, wrench_of
-from palpate.twin.held_out.cut import Cut, cut_of, lifted
 from palpate.twin.held_out.judged import BALANCE, JUDGED, TORQUES, WEIGHT, Curve, HeldOut, Motion
-from palpate.twin.held_out.prediction import Predicted, predicted
+from palpate.twin.held_out.prediction import (
+    Predicted,
+    known,
+    lever_of,
+    mass_part,
+    predicted,
+    wrench_of,
+)
 
 FITTED = ("mass", "com", "inertia")
-"""Quantities that tell how an object weighs on the hand."""
+"""Quantities on which the wrench of a held object depends."""
+IN_THE_AIR = ("still", "swinging")
+"""Activities of recordings from which these are estimated."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """A held-out time, s, in words, and the recording along whose path the object moves in it."""
+
+    words: str
+    start: float
+    end: float
+    recording: Recording
 
 
 def held_out(
@@ -31,13 +51,14 @@ def held_out(
     estimates: Sequence[Estimate],
     choice: Mapping[str, str] | None = None,
 ) -> HeldOut | None:
-    """Judge what is believed of every object that was lifted; None where nothing was. `choice` names
-    the estimators by quantity, where `estimates` were not made by the default ones."""
+    """Judge the estimates of every lifted object; None without any. `choice` names the estimators by
+    quantity, where `estimates` were not made by the default ones."""
     evidence = sound(trace)
     motions: list[Motion] = []
     notes: list[str] = []
-    for name in lifted(evidence):
-        judged = _judged(scene, evidence, estimates, name, choice)
+    lifted = (recording.context.holding for recording in held_still(evidence))
+    for name in dict.fromkeys(name for name in lifted if name is not None):  # each once, in order
+        judged = judge(scene, evidence, estimates, name, choice)
         if isinstance(judged, str):
             notes.append(f"{name}: {judged}")
         else:
@@ -48,7 +69,7 @@ def held_out(
 
 
 def with_tests(estimates: Sequence[Estimate], held: HeldOut) -> tuple[Estimate, ...]:
-    """The estimates with the tests of what was held out: a mass that does not predict the weight in
+    """The estimates with the tests on the held-out motions: a mass that does not predict the weight in
     another motion, or a centre of mass the balance, is contradicted."""
     tests: dict[Parameter, FitTest] = {}
     for motion in held.motions:
@@ -64,14 +85,48 @@ def with_tests(estimates: Sequence[Estimate], held: HeldOut) -> tuple[Estimate, 
     return tuple(found)
 
 
-def _judged(
+def held_still(trace: Trace, name: str | None = None) -> Iterator[Recording]:
+    """Recordings of forces while an object, or `name`, was held still in the air."""
+    for recording in trace.recordings:
+        context = recording.context
+        held = context.holding is not None and name in (None, context.holding)
+        if held and recording.buffer == FORCES and context.activity == "still":
+            yield recording
+
+
+def cut_of(trace: Trace, name: str) -> Cut | None:
+    """The last lift of several, else the way down after the object was measured."""
+    grasps = load_rows(trace, name).grasps
+    lifts: list[Cut] = []
+    # Grasps and releases alternate.
+    for start, end in list(pairwise([*grasps, float(trace.t[-1])]))[::2]:
+        measured = [r for r in held_still(trace, name) if start <= r.start and r.end <= end]
+        if measured:
+            # Along the way up to the first recording: later it may be tilted.
+            lifts.append(Cut("", start, end, measured[0]))
+    if not lifts:
+        return None
+    last = lifts[-1]
+    if len(lifts) > 1:
+        return replace(last, words=f"the last of {len(lifts)} lifts of the {name}")
+    # All recordings of it in the air are kept for the estimates.
+    kept = [last.recording.end]
+    for recording in trace.recordings:
+        inside = last.start <= recording.start and recording.end <= last.end
+        if inside and recording.context.activity in IN_THE_AIR:
+            kept.append(recording.end)
+    words = f"the way down with the {name}, after it was measured"
+    return replace(last, words=words, start=float(np.nextafter(max(kept), np.inf)))
+
+
+def judge(
     scene: Scene,
     trace: Trace,
     estimates: Sequence[Estimate],
     name: str,
     choice: Mapping[str, str] | None,
 ) -> Motion | str:
-    """The motion that was held out of an object's, or why there is none."""
+    """The held-out motion of an object, or the reason why there is none."""
     body = scene.bodies.get(name)
     cut = cut_of(trace, name)
     if body is None or cut is None:
@@ -82,93 +137,90 @@ def _judged(
     again = {estimate.parameter.quantity: estimate for estimate in fitted}
     signals = len(trace.hand.joints)
 
-    mass = known(again.get("mass"), body.known.get("mass"), signals) or besides(fitted, signals)
+    mass = known(again.get("mass"), body.known.get("mass"), signals) or mass_part(fitted, signals)
     if mass is None:
         return "its mass is not known well enough to predict another motion"
     along = weighing(trace, cut.recording)
     motion = [s for s in along.segments if s.loaded and cut.start <= s.start and s.end <= cut.end]
-    hanging = hanging_of(scene, trace, name, cut.recording, again.get("com"))
-    wrench = wrench_of(mass, hanging, trace.gravity)
+    lever = lever_of(scene, trace, name, cut.recording, again.get("com"))
+    wrench = wrench_of(mass, lever, trace.gravity)
     found = predicted(along, motion, wrench, trace.gravity, trace.hand)
     if found is None:
         return "nothing was recorded of the empty hand along the motion that could be held out"
+    # For comparison: the same load, had it the mass that was believed before.
     believed = scene.priors.get(Parameter(name, "mass"), tuple(mass.value.tolist()))
     guess = found.instead(wrench.value * believed[0] / float(mass.value[0]))
-    return _motion(name, cut, found, guess, trace)
+    return judged_motion(name, cut, found, guess, trace)
 
 
-def _motion(name: str, cut: Cut, found: Predicted, guess: Predicted, trace: Trace) -> Motion:
+def judged_motion(name: str, cut: Cut, found: Predicted, guess: Predicted, trace: Trace) -> Motion:
     from scipy.special import fdtrc
 
-    more, spread = found.beyond()
-    dof, misfit = len(found.left), found.misfit
+    more, covariance = found.beyond()
+    dof, misfit = len(found.residual), found.misfit
     return Motion(
-        name,
-        cut.words,
-        cut.start,
-        cut.end,
-        misfit,
-        dof,
-        float(fdtrc(dof, found.freedom, misfit / dof)),
-        guess.misfit,
-        _rms(found.left),
-        _rms(guess.left),
-        float(more[0]) / trace.gravity,
-        float(np.sqrt(spread[0, 0])) / trace.gravity,
-        tuple(_tests(name, found, more, spread, trace.gravity)),
-        _curve(found, guess, trace),
+        object=name,
+        motion=cut.words,
+        start=cut.start,
+        end=cut.end,
+        chi2=misfit,
+        dof=dof,
+        p=float(fdtrc(dof, found.freedom, misfit / dof)),
+        chi2_template=guess.misfit,
+        rms=rms(found.residual),
+        rms_template=rms(guess.residual),
+        weight=float(more[0]) / trace.gravity,
+        weight_std=float(np.sqrt(covariance[0, 0])) / trace.gravity,
+        tests=tuple(tests_of(name, found, more, covariance, trace.gravity)),
+        curve=curve_of(found, guess, trace),
     )
 
 
-def _tests(
-    name: str, found: Predicted, more: Array, spread: Array, gravity: float
+def tests_of(
+    name: str, found: Predicted, more: Array, covariance: Array, gravity: float
 ) -> Iterator[FitTest]:
+    """Tests of the wrench `more` (3,) than predicted, and of the whole residual."""
+    held = "In a motion that was held out,"
     mass = float(more[0]) / gravity
     way = "heavier" if mass > 0 else "lighter"
     yield chi_squared(
         WEIGHT,
-        float(more[0] ** 2 / spread[0, 0]),
+        float(more[0] ** 2 / covariance[0, 0]),
         1,
-        f"In a motion that was held out, the {name} is {1e3 * abs(mass):.3g} g {way} than the twin "
-        "predicts.",
+        f"{held} the {name} is {1e3 * abs(mass):.3g} g {way} than the twin predicts.",
         found.freedom,
     )
     moment = float(np.hypot(more[1], more[2]))
     yield chi_squared(
         BALANCE,
-        float(more[1:] @ np.linalg.solve(spread[1:, 1:], more[1:])),
+        float(more[1:] @ np.linalg.solve(covariance[1:, 1:], more[1:])),
         2,
-        f"In a motion that was held out, the moment of the {name} is {moment:.2g} N·m off what the "
-        "twin predicts.",
+        f"{held} the moment of the {name} is {moment:.2g} N·m off what the twin predicts.",
         found.freedom,
     )
     yield chi_squared(
         TORQUES,
         found.misfit,
-        len(found.left),
-        f"In a motion that was held out, {_rms(found.left):.2g} N·m (rms) of the joint torques are not "
-        "explained.",
+        len(found.residual),
+        f"{held} {rms(found.residual):.2g} N·m (rms) of the joint torques are not explained.",
         found.freedom,
     )
 
 
-def _curve(found: Predicted, guess: Predicted, trace: Trace) -> Curve:
+def curve_of(found: Predicted, guess: Predicted, trace: Trace) -> Curve:
     order = np.argsort(found.t)
-    std = np.sqrt(np.diag(found.covariance)).reshape(found.felt.shape)
+    std = np.sqrt(np.diag(found.covariance)).reshape(found.measured.shape)
     names = trace.hand.joints
-    if len(found.felt) != len(names):
+    if len(found.measured) != len(names):
         names = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
-    parts = (found.felt, std, found.expected, guess.expected)
-    return Curve(names, _rounded(found.t[order]), *(_rows(part[:, order]) for part in parts))
+
+    def rows(values: Array) -> tuple[tuple[float, ...], ...]:
+        return tuple(tuple(row) for row in values[:, order].round(5).tolist())
+
+    (times,) = rows(found.t[None])
+    parts = (found.measured, std, found.expected, guess.expected)
+    return Curve(names, times, *map(rows, parts))
 
 
-def _rows(values: Array) -> tuple[tuple[float, ...], ...]:
-    return tuple(_rounded(row) for row in values)
-
-
-def _rounded(values: Array) -> tuple[float, ...]:
-    return tuple(np.round(values, 5).tolist())
-
-
-def _rms(values: Array) -> float:
+def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))

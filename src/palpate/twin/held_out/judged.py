@@ -1,4 +1,4 @@
-"""Judgement of the estimates by a held-out motion."""
+"""Result of the judgement by held-out motions."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ WEIGHT = "held-out weight"
 BALANCE = "held-out balance"
 TORQUES = "held-out torques"
 JUDGED = {WEIGHT: "mass", BALANCE: "com"}
-"""Tests that judge a quantity; what is left in the torques besides judges none."""
+"""Quantities that tests judge; the test of the remaining torques judges none."""
 
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """Signals over a motion, bin by bin, for the plot: what the load made of them, N m (N of a force).
+    """Effect of the load on the signals of a motion, bin by bin, for the plot, N m (N of a force).
 
     Attributes:
-        signals: (m,) their names.
+        signals: (m,) names.
         t: (k,) s, the middle of each bin.
         measured: (m, k).
-        std: (m, k) of what was measured.
-        twin: (m, k) as predicted by what was estimated.
-        template: (m, k) as predicted by what was believed before.
+        std: (m, k) of the measured ones.
+        twin: (m, k) as predicted from the estimates.
+        template: (m, k) as predicted from the priors.
     """
 
     signals: tuple[str, ...]
@@ -36,17 +36,17 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """A motion that was held out, and how it was predicted.
+    """A held-out motion with its prediction.
 
     Attributes:
-        object: what was in the hand.
-        motion: which motion, in words.
+        object: in the hand.
+        motion: in words.
         start, end: s.
-        chi2, dof, p: of the joint torques, over all joints and bins, and how probable so much is.
-        chi2_template: the same, had the object weighed what was believed before.
+        chi2, dof, p: of the joint torques, over all joints and bins.
+        chi2_template: the same for the mass of the prior.
         rms, rms_template: root mean square of measured less predicted torques, N m.
-        weight, weight_std: kg, how much more it weighed than predicted, and 1 sigma of that.
-        tests: what was tested.
+        weight, weight_std: kg, measured less predicted mass, and its standard deviation.
+        tests: of weight, balance and torques.
         curve: for the plot.
     """
 
@@ -67,8 +67,7 @@ class Motion:
 
     @property
     def agrees(self) -> bool:
-        """True if the object weighs and hangs as predicted. What is left in the torques besides may
-        be the arm's own."""
+        """True if weight and balance are as predicted; remaining torques may be the arm's own."""
         return all(test.passed for test in self.tests if test.name in JUDGED)
 
     @property
@@ -79,12 +78,12 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class HeldOut:
-    """All motions that were held out, one an object; `notes`: why there is none of an object."""
+    """Held-out motions, one an object; `notes`: reasons why there is none of an object."""
 
     motions: tuple[Motion, ...]
     notes: tuple[str, ...] = ()
 
     @property
     def agrees(self) -> bool:
-        """True if all were as predicted."""
+        """True if all are as predicted."""
         return all(motion.agrees for motion in self.motions)

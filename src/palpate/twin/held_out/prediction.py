@@ -7,9 +7,9 @@ along the same path, y_0, and the load's wrench w = (F, M_x, M_y):
     y = X w + E[bias | y_0] + error,   S = cov(bias | y_0) + X cov(w) X^T + gains
 
 The bias of the arm (friction, drift, noise) has the covariance that a weighing has for it
-(`estimation.load.equations`), and what the empty hand showed of it is taken off (conditional normal
+(`estimation.load.equations`), and its part in the empty hand's signals is subtracted (conditional normal
 distribution, e.g. Bishop, Pattern Recognition and Machine Learning, section 2.3.1). A gain error is
-in the belief and in the motion alike: it counts with its difference.
+in the belief and in the motion alike: only the difference counts.
 """
 
 from __future__ import annotations
@@ -22,25 +22,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
+from palpate.estimation.balance import BELIEVED, accuracy
+from palpate.estimation.estimate import Estimate
+from palpate.estimation.holds import pose_in_hand
+from palpate.estimation.load.causes import LINK
 from palpate.estimation.load.equations import FORCE_Z, SIDEWAYS, TORQUE_X, TORQUE_Y, Rows, equations
 from palpate.estimation.load.observation import gain_root
 from palpate.estimation.load.segments import Segment, Weighing
+from palpate.estimation.motion import mean_pose
 from palpate.geometry.pose import Array
-from palpate.trace.recording import Hand
+from palpate.mjcf.inertial import whole
+from palpate.scene.scene import Scene
+from palpate.trace.recording import Hand, Recording
+from palpate.trace.samples import Trace
 
 LOAD = (FORCE_Z, TORQUE_X, TORQUE_Y)
 """Columns of a wrench that a weight has."""
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Wrench:
-    """Believed wrench of a load on the hand.
+class Believed:
+    """A believed value: a mass, kg, a centre of mass, m, the load's horizontal lever from the TCP, m, or
+    its wrench on the hand (F in N, M_x and M_y about the TCP in N m, world axes).
 
     Attributes:
-        value: (3,) F in N, M_x and M_y about the TCP in N m, world axes.
-        covariance: (3, 3) of it, without the gains.
-        gains: (3, m) what one standard deviation of the gain of each of m signals did to it.
+        value: (n,).
+        covariance: (n, n) of errors that the motion does not share, without the gains.
+        gains: (n, m) change of the value by one standard deviation of the gain of each of m signals.
     """
 
     value: Array
@@ -54,106 +62,163 @@ class Predicted:
 
     Attributes:
         t: (k,) s.
-        felt: (m, k) what the load made of the signals, by the empty hand.
-        expected: (m, k) by the belief.
-        left: (n,) felt less expected.
-        covariance: (n, n) of it.
-        design: (n, 3) what unit wrenches make of the rows.
+        measured: (m, k) effect of the load on the signals, from the loaded and the empty hand.
+        expected: (m, k) effect of the believed load.
+        residual: (n,) measured less expected.
+        covariance: (n, n) of the residual.
+        design: (n, 3) rows of unit wrenches.
         freedom: degrees of freedom of the noise.
     """
 
     t: Array
-    felt: Array
+    measured: Array
     expected: Array
-    left: Array
+    residual: Array
     covariance: Array
     design: Array
     freedom: float
 
     @property
     def misfit(self) -> float:
-        """Sum of as many squares of unit variance as there are rows."""
-        return float(self.left @ np.linalg.solve(self.covariance, self.left))
+        """chi-squared of the residual."""
+        return float(self.residual @ np.linalg.solve(self.covariance, self.residual))
 
     def beyond(self) -> tuple[Array, Array]:
-        """(3,) the wrench that the belief lacks, and its covariance (3, 3)."""
+        """Least-squares wrench (3,) of the residual, which the belief lacks, and its covariance
+        (3, 3)."""
         information = self.design.T @ np.linalg.solve(self.covariance, self.design)
         covariance: Array = np.linalg.inv(information).astype(np.float64)
-        return covariance @ self.design.T @ np.linalg.solve(self.covariance, self.left), covariance
+        solved = np.linalg.solve(self.covariance, self.residual)
+        return covariance @ self.design.T @ solved, covariance
 
     def instead(self, wrench: Array) -> Predicted:
-        """The same motion, had the belief been another `wrench` (3,), as sure."""
+        """The same motion for the belief in another `wrench` (3,) with the same covariance."""
         expected = self.design @ wrench
-        return replace(
-            self,
-            expected=expected.reshape(self.felt.shape),
-            left=self.felt.ravel() - expected,
-        )
+        residual = self.measured.ravel() - expected
+        return replace(self, expected=expected.reshape(self.measured.shape), residual=residual)
+
+
+def known(
+    estimate: Estimate | None, stated: tuple[float, ...] | None, signals: int
+) -> Believed | None:
+    """The estimate without the motion, else the value that the scene states; None without either."""
+    if estimate is None and stated is not None:
+        n = len(stated)
+        return Believed(np.array(stated), np.zeros((n, n)), np.zeros((n, signals)))
+    if estimate is None or not estimate.identified:
+        return None
+    # Causes common to all grasps act in the motion as well, and cancel; priors do not, nor do the
+    # weights of the links, which the empty hand's motion contains.
+    apart = (BELIEVED, LINK)
+    common = tuple(part for part in estimate.shared if not part.cause.startswith(apart))
+    alike = replace(estimate, shared=common).shared_std
+    own = np.sqrt(np.maximum(estimate.stds**2 - alike**2, 0.0))
+    effects = {part.cause: part.effect for part in estimate.shared}
+    nothing = (0.0,) * len(own)
+    columns = [effects.get(f"gain of joint {i + 1}", nothing) for i in range(signals)]
+    return Believed(estimate.values, np.diag(own**2), np.array(columns).T)
+
+
+def mass_part(fitted: Sequence[Estimate], signals: int) -> Believed | None:
+    """The mass that is a part of the estimate of a centre of mass or an inertia."""
+    for estimate in fitted:
+        mass = estimate.parts.get("mass")
+        if estimate.identified and mass is not None:
+            covariance = np.array([[mass.std]]) ** 2
+            return Believed(np.array([mass.value]), covariance, np.zeros((1, signals)))
+    return None
+
+
+def lever_of(
+    scene: Scene, trace: Trace, name: str, recording: Recording, fitted: Estimate | None
+) -> Believed:
+    """The lever by the fitted or stated centre of mass, else by the one that MuJoCo would infer, with
+    the accuracy of a prior."""
+    body, signals = scene.bodies[name], len(trace.hand.joints)
+    pose_world_tcp = mean_pose(trace.of(recording))
+    pose_world_body = pose_world_tcp @ pose_in_hand(trace, recording, body)
+    horizontal = pose_world_body.rotation[:2]
+    # The grasp's own error; errors common to all grasps count only where none were compared.
+    place = tuning.GRASP_SHIFT**2 + 2.0 * trace.hand.pose_repeatability**2
+    centre = known(fitted, body.known.get("com"), signals)
+    if fitted is None or centre is None:
+        place += accuracy(body) ** 2 + trace.hand.tip_offset_std**2
+    if centre is None:
+        spread = tuning.COM_PRIOR * np.maximum(body.size, 1e-3)
+        inferred = whole(scene.spec().compile(), name).com
+        centre = Believed(inferred, np.diag(spread**2), np.zeros((3, signals)))
+    offset = (pose_world_body.position - pose_world_tcp.position)[:2] + horizontal @ centre.value
+    covariance = horizontal @ centre.covariance @ horizontal.T + place * np.eye(2)
+    return Believed(offset, covariance, horizontal @ centre.gains)
+
+
+def wrench_of(mass: Believed, lever: Believed, gravity: float) -> Believed:
+    """The weight F at r = (x, y) from the TCP, which has the moment (y F, -x F)."""
+    force = float(mass.value[0]) * gravity
+    x, y = lever.value.tolist()
+    # Derivatives of the wrench by F and by r.
+    by_force = np.array([1.0, y, -x])
+    by_offset = force * np.array([[0.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
+    std = float(np.sqrt(mass.covariance[0, 0])) * gravity
+    own = std**2 * np.outer(by_force, by_force)
+    gains = np.outer(by_force, gravity * mass.gains[0]) + by_offset @ lever.gains
+    return Believed(force * by_force, own + by_offset @ lever.covariance @ by_offset.T, gains)
 
 
 def predicted(
-    weighing: Weighing, motion: Sequence[Segment], wrench: Wrench, gravity: float, hand: Hand
+    weighing: Weighing, motion: Sequence[Segment], wrench: Believed, gravity: float, hand: Hand
 ) -> Predicted | None:
-    """The segments of `motion` by the empty ones of `weighing`; None without either of them.
-
-    Where the arm changes its speed it is its own inertia that is judged, and left out.
-    """
+    """Predict the segments of `motion` from the empty ones of `weighing`; None without either of them."""
     empty = [segment for segment in weighing.segments if not segment.loaded]
     if not motion or not empty:
         return None
     segments = [*motion, *empty]
+
+    def bins(of: Callable[[Segment], NDArray[Any]]) -> NDArray[Any]:
+        """A signal of all segments, bin by bin."""
+        return np.concatenate([of(segment) for segment in segments])
+
     rows = equations(replace(weighing, segments=segments), gravity)
     signals = int(rows.signal.max()) + 1
-    loaded = _each(segments, lambda s: np.full(len(s.t), s.loaded))
-    steady = np.abs(_each(segments, lambda s: s.acceleration)) < tuning.STEADY
-    told = np.tile(loaded & steady, signals)
-    other = np.tile(~loaded, signals)
-    if not told.any():
+    loaded = bins(lambda s: np.full(len(s.t), s.loaded))
+    # While the arm accelerates its own inertia would be judged.
+    steady = np.abs(bins(lambda s: s.acceleration)) < tuning.STEADY
+    target = np.tile(loaded & steady, signals)
+    given = np.tile(~loaded, signals)
+    if not target.any():
         return None
 
-    bias = _bias(rows, wrench, hand, signals)
-    carried, left = _conditional(bias, told, other)
-    felt = rows.observed[told] - carried @ rows.observed[other]
-    design = rows.wrench[:, LOAD][told]
-    shape = (signals, -1)
+    # Conditional of the target rows on the given ones, Bishop, equations 2.81 and 2.82.
+    bias = bias_covariance(rows, wrench, hand, signals)
+    cross = bias[np.ix_(given, target)]
+    gain: Array = np.linalg.solve(bias[np.ix_(given, given)], cross).astype(np.float64).T
+    remaining = bias[np.ix_(target, target)] - gain @ cross
+    measured = rows.observed[target] - gain @ rows.observed[given]
+    design = rows.wrench[:, LOAD][target]
     expected = design @ wrench.value
     return Predicted(
-        _each(segments, lambda s: s.t)[loaded & steady],
-        felt.reshape(shape),
-        expected.reshape(shape),
-        felt - expected,
-        left + design @ wrench.covariance @ design.T,
-        design,
-        rows.freedom,
+        bins(lambda s: s.t)[loaded & steady],
+        measured.reshape(signals, -1),
+        expected.reshape(signals, -1),
+        measured - expected,
+        remaining + design @ wrench.covariance @ design.T,
+        design=design,
+        freedom=rows.freedom,
     )
 
 
-def _bias(rows: Rows, wrench: Wrench, hand: Hand, signals: int) -> Array:
-    """(n, n) covariance of what the arm adds to each of n rows: noise and drift, friction, gains, and
-    what it is pushed aside by."""
+def bias_covariance(rows: Rows, wrench: Believed, hand: Hand, signals: int) -> Array:
+    """(n, n) covariance of the arm's errors in n rows: noise and drift, forces to the side, gains,
+    friction."""
     design = rows.wrench[:, LOAD]
     tilt = tuning.TILT * abs(float(wrench.value[0])) + tuning.FLOOR
-    aside = rows.wrench[:, SIDEWAYS] * np.array([tilt, tilt, tilt * tuning.TORQUE_LEVER])
+    sideways = rows.wrench[:, SIDEWAYS] * np.array([tilt, tilt, tilt * tuning.TORQUE_LEVER])
+    # A gain error acts on the load's torques, and acted on the estimate of the wrench.
     borne = (design @ wrench.value)[:, None] * gain_root(hand, signals)[rows.signal]
     gained = borne - design @ wrench.gains
-    rubbed = tuning.JOINT_LEVEL * rows.dahl
+    dahl = tuning.JOINT_LEVEL * rows.dahl
     stuck = hand.force_repeatability * rows.stiction.stuck
     bias = rows.root @ rows.root.T
-    for causes in (aside, gained, rubbed, stuck):
+    for causes in (sideways, gained, dahl, stuck):
         bias += causes @ causes.T
     return bias
-
-
-def _conditional(bias: Array, told: Mask, other: Mask) -> tuple[Array, Array]:
-    """Conditional of the rows `told` on the rows `other`: gain (t, o), and remaining covariance (t,
-    t); Bishop, equations 2.81 and 2.82."""
-    solved: Array = np.linalg.solve(bias[np.ix_(other, other)], bias[np.ix_(other, told)]).astype(
-        np.float64
-    )
-    carried = solved.T
-    return carried, bias[np.ix_(told, told)] - carried @ bias[np.ix_(other, told)]
-
-
-def _each(segments: Sequence[Segment], of: Callable[[Segment], NDArray[Any]]) -> NDArray[Any]:
-    """Something of each bin, in all segments."""
-    return np.concatenate([of(segment) for segment in segments])

@@ -1,7 +1,11 @@
 """Publisher for Groot2: the tree with its statuses, live, over ZeroMQ on this machine alone.
 
 Read-only: breakpoints and substituted results are refused, so that no viewer stops or steers a moving arm.
-The protocol knows no password; a web page cannot speak it (ZMTP's greeting is no HTTP request).
+The protocol has no password; a web page cannot speak it (ZMTP's greeting is no HTTP request).
+
+The protocol is that of BehaviorTree.CPP 4.8 (groot2_protocol.h, groot2_publisher.cpp). A request's first
+part is six bytes: protocol, kind, a number. The first part of an answer repeats them and adds 16 bytes
+that identify the tree; its second part is the content.
 """
 
 # zmq is typed in part.
@@ -9,6 +13,7 @@ The protocol knows no password; a web page cannot speak it (ZMTP's greeting is n
 
 from __future__ import annotations
 
+import struct
 import threading
 import time
 import uuid
@@ -21,16 +26,13 @@ from py_trees.common import Status
 from palpate.errors import Unavailable
 from palpate.execution.btcpp import TREE_ID, running_xml
 from palpate.execution.runner import Snapshot
-from palpate.live.groot import protocol
-from palpate.live.groot.protocol import NotUnderstood, Request, Transition
-from palpate.live.nodes import steps_of, walk
+from palpate.live.observers import steps_of, walk
 
 if TYPE_CHECKING:
     import zmq
 
-HOST = "127.0.0.1"
-PORT = 1667
-"""Groot2's own default (source: BehaviorTree.CPP 4.8, groot2_publisher.h)."""
+HOST, PORT = "127.0.0.1", 1667
+"""Groot2's own default port."""
 PATIENCE_MS = 100
 """Timeout of a wait for requests, ms, after which the end is checked."""
 MOST_BYTES = 1 << 20
@@ -38,16 +40,28 @@ MOST_BYTES = 1 << 20
 MOST_TRANSITIONS = 1000
 """A recording keeps the newest."""
 
+PROTOCOL = 2
+_REQUEST = struct.Struct("<BcI")
+_ANSWER = struct.Struct("<BcI16s")
+_NODE = struct.Struct("<HB")
+CODES = {Status.INVALID: 0, Status.RUNNING: 1, Status.SUCCESS: 2, Status.FAILURE: 3}
+"""BT.CPP's `NodeStatus`; a node that no longer runs is IDLE."""
+LEFT = 10
+"""Added to the last status of a node when it becomes IDLE."""
+
+
+class NotUnderstood(ValueError):
+    """A request that cannot be answered; the message is sent to Groot2."""
+
 
 class GrootPublisher:
     """Answers Groot2. A context manager and an `Observer`.
 
     Args:
-        port: where it listens; 0 takes any that is free.
-        paced: hold a simulated run to real time, so that a person can follow.
+        port: to listen at; 0 takes any that is free.
 
     Attributes:
-        url: where Groot2 connects.
+        url: address to enter in Groot2.
 
     Raises:
         Unavailable: the port is taken, or pyzmq is not installed.
@@ -57,7 +71,8 @@ class GrootPublisher:
         self._lock = threading.Lock()
         self._tree: _Tree | None = None
         self._values: dict[str, float | str] = {}
-        self._recording: _Recording | None = None
+        self._recorded: deque[bytes] | None = None
+        self._began = 0.0
         self._over = threading.Event()
         self._socket, self.url = _listening(port)
         self._server = threading.Thread(target=self._serve, name="groot", daemon=True)
@@ -72,17 +87,24 @@ class GrootPublisher:
         self._socket.close()
 
     def progress(self, stage: str) -> None:
-        """Groot2 shows no stages."""
+        """Do nothing: Groot2 shows no stages."""
 
     def on_tick(self, snapshot: Snapshot) -> None:
-        """Take note of a tick."""
+        """Record the statuses of a tick, and the values in Groot2's table of the blackboard."""
         with self._lock:
             if self._tree is None or self._tree.root is not snapshot.root:
                 self._tree = _Tree(snapshot.root)
             changed = self._tree.update()
-            if self._recording is not None:
-                self._recording.add(changed)
-            self._values = _values(snapshot)
+            if self._recorded is not None:
+                microseconds = round(1e6 * (time.perf_counter() - self._began))
+                time_bytes = microseconds.to_bytes(6, "little")
+                self._recorded += [time_bytes + _NODE.pack(*change) for change in changed]
+            self._values = {
+                "robot_time_s": snapshot.elapsed,
+                "vertical_force_N": float(snapshot.robot.wrench[2]),
+                "opening_m": float(snapshot.robot.width),
+                "holding": steps_of(snapshot)[0].blackboard.state.holding or "nothing",
+            }
 
     def _serve(self) -> None:
         while not self._over.is_set():
@@ -92,49 +114,47 @@ class GrootPublisher:
 
     def _answer(self, parts: list[bytes]) -> list[bytes]:
         try:
-            request = Request.read(parts[0])
+            if len(parts[0]) != _REQUEST.size:
+                raise NotUnderstood("wrong request header")
+            _, kind, number = _REQUEST.unpack(parts[0])
             with self._lock:
                 if self._tree is None:
                     raise NotUnderstood("no tree is being run yet")
-                told = self._told(request.kind, self._tree, parts[1:])
-                return [request.head(self._tree.id), *told]
+                content = self._content(kind, self._tree, parts[1:])
+                return [_ANSWER.pack(PROTOCOL, kind, number, self._tree.id), *content]
         except NotUnderstood as error:
             return [b"error", str(error).encode()]
 
-    def _told(self, kind: bytes, tree: _Tree, said: list[bytes]) -> list[bytes]:
-        """Body of the answer."""
+    def _content(self, kind: bytes, tree: _Tree, more: list[bytes]) -> list[bytes]:
+        """Content of the answer to a request of a kind, with `more` parts."""
         match kind:
-            case protocol.FULL_TREE:
+            case b"T":  # full tree
                 return [tree.xml]
-            case protocol.STATUS:
-                return [protocol.statuses(tree.codes)]
-            case protocol.BLACKBOARD:
-                return [self._blackboards(said)]
-            case protocol.TOGGLE_RECORDING:
-                return self._toggled(said)
-            case protocol.GET_TRANSITIONS:
-                return [protocol.transitions(self._recording.take() if self._recording else ())]
-            case protocol.HOOKS_DUMP:
+            case b"S":  # statuses
+                return [b"".join(_NODE.pack(i, code) for i, code in enumerate(tree.codes, 1))]
+            case b"B":  # blackboards of the named trees
+                from msgspec import msgpack
+
+                wanted = b";".join(more).decode(errors="replace").split(";")
+                return [msgpack.encode({TREE_ID: self._values} if TREE_ID in wanted else {})]
+            case b"r":  # begin or end a recording; the answer is its beginning, µs since 1970
+                if more != [b"start"]:
+                    self._recorded = None
+                    return []
+                self._recorded = deque(maxlen=MOST_TRANSITIONS)
+                self._began = time.perf_counter()
+                return [str(time.time_ns() // 1000).encode()]
+            case b"t":  # transitions of the recording since the last request
+                transitions = b"".join(self._recorded or ())
+                if self._recorded is not None:
+                    self._recorded.clear()
+                return [transitions]
+            case b"D":  # list the breakpoints: there are none
                 return [b"[]"]
-            case protocol.REMOVE_ALL_HOOKS | protocol.DISABLE_ALL_HOOKS:
+            case b"A" | b"X":  # remove or disable all breakpoints
                 return []
             case _:
                 raise NotUnderstood("palpate runs its trees without breakpoints")
-
-    def _blackboards(self, names: list[bytes]) -> bytes:
-        """Present forces, where the blackboard of the tree is requested."""
-        from msgspec import msgpack
-
-        wanted = b";".join(names).decode(errors="replace").split(";")
-        return msgpack.encode({TREE_ID: self._values} if TREE_ID in wanted else {})
-
-    def _toggled(self, said: list[bytes]) -> list[bytes]:
-        """Begin a recording, or end it; when it began: µs since 1970."""
-        if said != [b"start"]:
-            self._recording = None
-            return []
-        self._recording = _Recording()
-        return [str(time.time_ns() // 1000).encode()]
 
 
 def _listening(port: int) -> tuple[zmq.Socket[bytes], str]:
@@ -156,7 +176,7 @@ def _listening(port: int) -> tuple[zmq.Socket[bytes], str]:
 
 
 class _Tree:
-    """A tree as Groot2 knows it: its nodes are numbered from 1."""
+    """A tree in Groot2's form: its nodes are numbered from 1."""
 
     def __init__(self, root: Behaviour) -> None:
         self.root = root
@@ -167,47 +187,12 @@ class _Tree:
         self._known = [Status.INVALID] * len(self._nodes)
 
     def update(self) -> list[tuple[int, int]]:
-        """Look at the nodes: those that changed, with what they are now."""
+        """Read the nodes' statuses; return number and new status of those that changed."""
         changed: list[tuple[int, int]] = []
         for i, node in enumerate(self._nodes):
             before, now = self._known[i], node.status
-            if now is before:
-                continue
-            self._known[i], self.codes[i] = now, _code(before, now)
-            changed.append((i + 1, protocol.CODES[now]))
+            if now is not before:
+                self._known[i] = now
+                self.codes[i] = LEFT + CODES[before] if now is Status.INVALID else CODES[now]
+                changed.append((i + 1, CODES[now]))
         return changed
-
-
-def _code(before: Status, now: Status) -> int:
-    if now is Status.INVALID:
-        return protocol.LEFT + protocol.CODES[before]
-    return protocol.CODES[now]
-
-
-class _Recording:
-    """Transitions since a recording began."""
-
-    def __init__(self) -> None:
-        self._began = time.perf_counter()
-        self._changes: deque[Transition] = deque(maxlen=MOST_TRANSITIONS)
-
-    def add(self, changed: list[tuple[int, int]]) -> None:
-        now = round(1e6 * (time.perf_counter() - self._began))
-        self._changes += [Transition(now, node, code) for node, code in changed]
-
-    def take(self) -> list[Transition]:
-        taken = list(self._changes)
-        self._changes.clear()
-        return taken
-
-
-def _values(snapshot: Snapshot) -> dict[str, float | str]:
-    """Values in Groot2's table of the blackboard."""
-    leaf = steps_of(snapshot)[0]
-    robot = snapshot.robot
-    return {
-        "robot_time_s": snapshot.elapsed,
-        "vertical_force_N": float(robot.wrench[2]),
-        "opening_m": float(robot.width),
-        "holding": leaf.blackboard.state.holding or "nothing",
-    }

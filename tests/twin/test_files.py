@@ -69,7 +69,7 @@ def mass_in(path: Path, name: str) -> float:
     return float(mujoco.MjModel.from_xml_path(str(path)).body(name).mass[0])
 
 
-def test_what_is_measured_in_an_included_file_is_written_there(cell: Path, tmp_path: Path) -> None:
+def test_a_value_of_an_included_file_is_written_there(cell: Path, tmp_path: Path) -> None:
     twin = twin_of(cell / "scene.xml", mug=0.25)
     written = twin.save(tmp_path / "out" / "twin.xml")
     names = {path.relative_to(tmp_path / "out").as_posix() for path in written}
@@ -88,7 +88,7 @@ def test_what_is_measured_in_an_included_file_is_written_there(cell: Path, tmp_p
     assert mass_in(tmp_path / "out/twin.xml", "mug") == pytest.approx(0.25)
 
 
-def test_beside_the_scene_only_what_has_changed_is_written(cell: Path) -> None:
+def test_beside_the_scene_only_changed_files_are_written(cell: Path) -> None:
     twin = twin_of(cell / "scene.xml", mug=0.25, ball=0.1)
     before = {path: path.read_bytes() for path in cell.rglob("*.*")}
     written = twin.save(cell / "twin.xml")
@@ -116,7 +116,7 @@ def test_files_from_elsewhere_are_found_where_they_are(cell: Path, tmp_path: Pat
     assert f'meshdir="{cell / "meshes"}"' in out.read_text()
 
 
-def test_nothing_is_overwritten(cell: Path) -> None:
+def test_existing_files_are_not_overwritten(cell: Path) -> None:
     twin = twin_of(cell / "scene.xml", mug=0.25)
     with pytest.raises(InputError, match="exists already"):
         twin.save(cell / "scene.xml")
@@ -158,7 +158,7 @@ def attaching(tmp_path: Path) -> Path:
     return folder
 
 
-def test_what_is_measured_in_an_attached_model_is_written_there(
+def test_a_value_of_an_attached_model_is_written_there(
     attaching: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     twin = twin_of(attaching / "scene.xml", a_b_mug=0.25)

@@ -1,0 +1,165 @@
+"""Portable scenes: MJCF in one folder with its files, and a model whose bodies, masses and shapes other
+formats can state.
+
+The text of the MJCF does not change, but for its includes, which are replaced by their contents, and the
+names of files, which are copied to `assets/`.
+"""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from palpate.geometry.pose import Array, Pose
+from palpate.mjcf import spans
+from palpate.mjcf.document import Document, Texts
+from palpate.mjcf.reading import reparsed
+from palpate.mjcf.shapes import mesh_corners
+from palpate.redaction import redact
+from palpate.twin.export.facts import unnamed
+
+SCENE = "scene.xml"
+"""The name of the scene among its files."""
+ASSETS = "assets"
+FOLDERS = ("meshdir", "texturedir", "assetdir", "strippath")
+"""Attributes of `<compiler>` that name folders."""
+SUBDIVISIONS = 3
+"""Of an icosahedron: an ellipsoid is then a mesh of 642 points."""
+READ = (".obj", ".stl")
+"""Formats of meshes that are read everywhere."""
+_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
+
+
+def write_contained(document: Document, folder: Path) -> None:
+    """Write the document as `scene.xml`, attached models beside it, and its files as `assets/…`, into
+    an existing folder.
+
+    Raises:
+        InputError: a file has gone since the document was read.
+    """
+    _Packing(folder).pack(document, SCENE)
+
+
+@dataclass(slots=True)
+class _Packing:
+    """A folder that is being filled, and the names that files have got in it."""
+
+    folder: Path
+    names: dict[Path, str] = field(default_factory=dict[Path, str])
+
+    def pack(self, document: Document, name: str) -> None:
+        """Write a model and its files."""
+        flat = document
+        if document.includes:
+            inline = spans.inline_includes(
+                document.text, document.includes, document.beside, document.texts
+            )
+            flat = reparsed(Texts(inline), document)
+        tags = spans.scan(flat.text)
+        data = flat.text.encode("utf-8")
+        changes: list[spans.Change] = []
+        for named in flat.named:
+            if named.model == flat.path:
+                if named.path not in self.names:
+                    self.add(named.path, named.element.tag == "model", flat)
+                tag = tags[flat.index[named.element].number]
+                packed = self.names[named.path]
+                changes.append(spans.set_attribute(tag, named.attribute, packed))
+        for tag in tags:
+            for attribute in FOLDERS if tag.name == "compiler" else ():
+                if attribute in tag.attributes:
+                    changes.append(spans.remove_attribute(data, tag, attribute))
+        text = spans.changed(flat.text, changes)
+        # Keys of the environment reach no file that is handed on.
+        (self.folder / name).write_text(redact(text), encoding="utf-8", newline="")
+
+    def add(self, path: Path, is_model: bool, document: Document) -> None:
+        """Pack a file under a free name. An asset keeps its own, by which MuJoCo refers to it. Models
+        are beside the scene: the files that they name are found from the same folder."""
+        taken = {SCENE, *self.names.values()}
+        name, number = (path.name if is_model else f"{ASSETS}/{path.name}"), 1
+        while name in taken:
+            number += 1
+            numbered = f"{path.stem}-{number}{path.suffix}"
+            name = numbered if is_model else f"{ASSETS}/{number}/{path.name}"
+        self.names[path] = name
+        if is_model:
+            self.pack(document.attached()[path], name)
+        else:
+            target = self.folder / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(path, target)
+
+
+def ready(scene: Path) -> tuple[mujoco.MjSpec, list[str]]:
+    """The scene in a file, prepared for another format, and a note for each replaced shape: every body,
+    geom and joint has a name, every body its mass as a number, and no shape is an ellipsoid or a height
+    field."""
+    spec = mujoco.MjSpec.from_file(str(scene))
+    state_inertia(spec, spec.compile())
+    for body in spec.bodies:
+        body.name = body.name or unnamed(body.id)
+    for things, kind in ((spec.geoms, "geom"), (spec.joints, "joint")):
+        for i, thing in enumerate(things):
+            thing.name = thing.name or f"{kind}_{i}"
+    notes: list[str] = []
+    for geom in list(spec.geoms):  # a copy: geoms are deleted on the way
+        if geom.type == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+            mesh = spec.add_mesh()
+            mesh.name = f"{geom.name}_mesh"
+            mesh.make_sphere(SUBDIVISIONS)
+            mesh.scale = geom.size
+            geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, mesh.name
+            notes.append(f"the ellipsoid '{geom.name}' is a mesh")
+        elif geom.type == mujoco.mjtGeom.mjGEOM_HFIELD:
+            notes.append(f"the height field '{geom.name}' is left out")
+            spec.delete(geom)
+    file_meshes(spec, scene.parent)
+    return spec, notes
+
+
+def state_inertia(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
+    """State every mass and inertia as compiled, in place of the options from which they follow."""
+    for body in spec.bodies:
+        if model.body_mass[body.id] > 0.0:
+            body.explicitinertial = True
+            body.mass = model.body_mass[body.id]
+            body.ipos = model.body_ipos[body.id]
+            body.iquat = model.body_iquat[body.id]
+            body.inertia = model.body_inertia[body.id]
+            body.fullinertia = np.full(6, np.nan)
+            body.ialt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+    spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
+    spec.compiler.settotalmass = -1.0
+    spec.compiler.boundmass = spec.compiler.boundinertia = 0.0
+
+
+def file_meshes(spec: mujoco.MjSpec, folder: Path) -> None:
+    """Write STL files of the meshes that stand in the scene itself, or in rarely readable formats."""
+    model = spec.compile()
+    for mesh in spec.meshes:
+        if Path(mesh.file).suffix.lower() in READ or mesh.plugin.active:
+            continue
+        # MuJoCo has moved the vertices into the mesh's principal frame; this moves them back.
+        was = Pose.of(model.mesh_pos[mesh.id], model.mesh_quat[mesh.id])
+        corners = mesh_corners(model, mesh.id) @ was.rotation.T + was.position
+        mesh.file = f"filed_{mesh.id}.stl"
+        write_stl(folder / mesh.file, corners)
+        mesh.content_type = ""
+        mesh.scale, mesh.refpos, mesh.refquat = np.ones(3), np.zeros(3), [1.0, 0.0, 0.0, 0.0]
+        mesh.uservert, mesh.userface, mesh.usernormal = [], [], []
+        mesh.usertexcoord, mesh.userfacenormal, mesh.userfacetexcoord = [], [], []
+
+
+def write_stl(path: Path, corners: Array) -> None:
+    """Write binary STL of triangles: `corners` (n, 3, 3) in m, each corner a row."""
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    triangles = np.zeros(len(corners), _TRIANGLE)
+    triangles["corners"] = corners
+    triangles["normal"] = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-30)
+    # A header of 80 bytes, the number of triangles, and the triangles.
+    path.write_bytes(bytes(80) + np.uint32(len(corners)).tobytes() + triangles.tobytes())

@@ -1,0 +1,266 @@
+"""The files of a twin: written where it is wanted, so that it loads there, or in one text."""
+
+from __future__ import annotations
+
+import html
+import os
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from palpate.errors import InputError
+from palpate.mjcf import spans
+from palpate.mjcf.document import Document, Named, Texts, read_text
+from palpate.mjcf.reading import parse_document, reparsed
+
+BESIDE = "twin_"
+"""Prefix of the names of copies of attached models."""
+
+Attributes = Mapping[tuple[int, str], str]
+"""New values, by number of the element and name of the attribute."""
+
+
+@dataclass(frozen=True, slots=True)
+class OneText:
+    """A twin's text.
+
+    Attributes:
+        main: the scene's, with the content of all included files in it where one of them has changed.
+        beside: the texts of attached models that have changed, by the file names that `main` and each
+            other refer to them by: they belong into the same folder.
+    """
+
+    main: str
+    beside: Mapping[str, str] = field(default_factory=dict[str, str])
+
+
+def in_one(document: Document, texts: Texts) -> OneText:
+    """A twin in as few texts as possible: one, and those of attached models that have changed, which
+    cannot stand in another."""
+    if not texts.parts:
+        return OneText(texts.main)
+    parts = {**document.texts, **texts.parts}
+    # A free file name beside the main text for each changed model.
+    names: dict[Path, str] = {}
+    changed = [item for item in document.attached().items() if has_changed(item[1], texts)]
+    for path, model in changed:
+        assert model.path is not None
+        name, count = f"{BESIDE}{model.path.name}", 1
+        while name in names.values():
+            count += 1
+            name = f"{BESIDE}{model.path.stem}_{count}{model.path.suffix}"
+        names[path] = name
+    beside: dict[str, str] = {}
+    for path, model in changed:
+        beside[names[path]] = _one(model, parts[path], parts, texts, names)
+    return OneText(_one(document, texts.main, parts, texts, names), beside)
+
+
+def has_changed(model: Document, texts: Texts) -> bool:
+    """Test for a change in a model, in its includes or in the models that it attaches."""
+    files = {model.path, *model.includes.values()}
+    if not files.isdisjoint(texts.parts):
+        return True
+    return any(has_changed(inner, texts) for inner in model.attached().values())
+
+
+def _one(
+    document: Document,
+    text: str,
+    parts: Mapping[Path, str],
+    texts: Texts,
+    names: Mapping[Path, str],
+) -> str:
+    """Text of one model, with new names for the models that it attaches."""
+    renamed: dict[str, str] = {}
+    in_includes = not texts.parts.keys().isdisjoint(document.includes.values())
+    for named in document.named:
+        is_own = named.element.tag == "model" and named.model == document.path
+        if is_own and named.path in names:
+            renamed[named.name] = renamed[document.beside[named.name]] = names[named.path]
+            in_includes |= document.index[named.element].file != document.path
+    if in_includes:
+        text = spans.inline_includes(text, document.includes, document.beside, parts)
+    data = text.encode("utf-8")
+    changes: list[spans.Change] = []
+    for tag in spans.scan(text):
+        name = html.unescape(tag.value(data, "file"))
+        if tag.name == "model" and name in renamed:
+            changes.append(spans.set_attribute(tag, "file", renamed[name]))
+    return spans.changed(text, changes)
+
+
+def write_files(texts: Texts, document: Document | None, path: Path) -> tuple[Path, ...]:
+    """Write a twin of `document` to `path`, which must not exist, with the files that it needs there.
+
+    Files below the scene's folder are written to the same places below the folder of `path`, unless
+    they are there already; all others stay in their places. Names of files that MuJoCo would not find
+    are changed: these names, and the measured numbers, are all that differs from the user's files.
+
+    Returns:
+        Every file written, `path` first.
+
+    Raises:
+        InputError: a file that exists, or cannot be written, or a twin that does not find its files
+            from there.
+    """
+    path = path.parent.resolve() / path.name
+    if path.exists():
+        raise InputError(f"'{path}' exists already: choose another name, nothing is overwritten")
+    layout: _Layout | None = None
+    try:
+        if document is not None and document.folder is not None and document.files:
+            texts = with_absolute_folders(texts, document, path)
+            layout = _Layout(reparsed(texts, document), texts, path)
+        written = {path: texts.main} if layout is None else layout.texts()
+        for file, text in written.items():
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(text, encoding="utf-8", newline="")
+        copies = {} if layout is None else layout.copies()
+        for original, copy in copies.items():
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(original, copy)
+    except OSError as error:
+        raise InputError(f"cannot write '{error.filename or path}': {error.strerror}") from error
+    if layout is not None:
+        # Read it back: its files must be found from their new places.
+        parse_document(read_text(path), path.parent, str(path), Path(path.anchor))
+    return (*written, *copies.values())
+
+
+def with_absolute_folders(texts: Texts, document: Document, path: Path) -> Texts:
+    """The texts with absolute paths for the folders that `<compiler>` sets outside of the scene's own,
+    so that the names of the files in them stay."""
+    after = reparsed(texts, document)
+    assert after.folder is not None
+    folder = after.folder.resolve()
+    made: dict[Path | None, dict[tuple[int, str], str]] = {}
+    for compiler in after.root.iterfind("compiler"):
+        place = after.index[compiler]
+        for attribute in ("assetdir", "meshdir", "texturedir"):
+            name = compiler.get(attribute) or ""
+            meant, found = (folder / name).resolve(), (path.parent / name).resolve()
+            if not meant.is_relative_to(folder) and found != meant:
+                made.setdefault(place.file, {})[place.number, attribute] = str(meant)
+    parts = dict(texts.parts)
+    for file, values in made.items():
+        if file is not None:
+            parts[file] = with_values(parts.get(file, after.texts[file]), values)
+    return Texts(with_values(texts.main, made.get(None, {})), parts)
+
+
+def with_values(text: str, values: Attributes) -> str:
+    """A text with other values of attributes."""
+    tags = spans.scan(text)
+    changes: list[spans.Change] = []
+    for (number, attribute), value in values.items():
+        changes.append(spans.set_attribute(tags[number], attribute, value))
+    return spans.changed(text, changes)
+
+
+class _Layout:
+    """Layout of a twin's files about the `path` of its main text.
+
+    Attributes:
+        after: the twin, read from the user's folder.
+        changed: its included files that differ from those in the user's folder.
+        places: of every file but the main text, by its original.
+    """
+
+    def __init__(self, after: Document, texts: Texts, path: Path) -> None:
+        self.after, self.path = after, path
+        self.changed: dict[Path, str] = {}
+        self.places: dict[Path, Path] = {}
+        for original in after.files:
+            # An unchanged file is copied, unless another one has its place already.
+            place = self.same_place(original)
+            taken = place is not None and place.exists() and not same_file(place, original)
+            self.places[original] = original if place is None or taken else place
+        below = all(self.same_place(original) is not None for original in after.files)
+        for named in after.named:
+            # The files of an attached model are found from its own place.
+            apart = (named.element.tag == "model" or named.model) and not below
+            if apart or Path(named.located).is_absolute():
+                self.places[named.path] = named.path
+        for original, text in texts.parts.items():
+            self.change(original, text)
+        # A changed file has a new place, which may change the file that includes it, and so on.
+        while self.rename_one():
+            pass
+
+    def texts(self) -> dict[Path, str]:
+        """The main text and the changed files, by their new places."""
+        found = {self.path: self.with_new_names(None, self.after.text)}
+        for original, text in self.changed.items():
+            found[self.places[original]] = self.with_new_names(original, text)
+        return found
+
+    def copies(self) -> dict[Path, Path]:
+        """New places of the unchanged files that have to be copied."""
+        found: dict[Path, Path] = {}
+        for original, place in self.places.items():
+            if original not in self.changed and not place.exists():
+                found[original] = place
+        return found
+
+    def rename_one(self) -> bool:
+        """Change the first unchanged file that needs a new name in its text; False without one."""
+        for named in self.after.named:
+            file = self.after.index[named.element].file
+            if file is not None and file not in self.changed and self.needs_new_name(named):
+                self.change(file, self.after.texts[file])
+                return True
+        return False
+
+    def change(self, original: Path, text: str) -> None:
+        """Give a changed file a free place: its own, else one with the twin's name before its own."""
+        self.changed[original] = text
+        place = self.same_place(original)
+        if place is None or place.exists():
+            beside = self.path.parent / original.name if place is None else place
+            place = beside.with_name(f"{self.path.stem}_{original.name}")
+            if place.exists():
+                raise InputError(f"'{place}' exists already: choose another name for the twin")
+        self.places[original] = place
+
+    def with_new_names(self, file: Path | None, text: str) -> str:
+        """A text with new names for the files that would not be found: relative ones below the folder
+        from which they are found, else absolute ones."""
+        values: dict[tuple[int, str], str] = {}
+        for named in self.after.named:
+            index = self.after.index[named.element]
+            if index.file == file and self.needs_new_name(named):
+                place, folder = self.places[named.path], self.folder_of(named)
+                relative = named.located == named.name and place.is_relative_to(folder)
+                name = place.relative_to(folder).as_posix() if relative else str(place)
+                values[index.number, named.attribute] = name
+        return with_values(text, values)
+
+    def needs_new_name(self, named: Named) -> bool:
+        """Test if MuJoCo would not find a file: from the main text, else from the file that names it."""
+        wanted = self.places[named.path]
+        found = Path(os.path.normpath(self.folder_of(named) / named.located))
+        file = self.after.index[named.element].file
+        will_exist = found.exists() or found in self.places.values()
+        if file is not None and found != wanted and not will_exist:
+            found = Path(os.path.normpath(self.places[file].parent / named.name))
+        return found != wanted
+
+    def folder_of(self, named: Named) -> Path:
+        """Folder to which a name is relative."""
+        return (self.path if named.model is None else self.places[named.model]).parent
+
+    def same_place(self, original: Path) -> Path | None:
+        """Place below the twin's folder like that below the scene's; None outside of that."""
+        assert self.after.folder is not None
+        folder = self.after.folder.resolve()
+        if not original.is_relative_to(folder):
+            return None
+        return self.path.parent / original.relative_to(folder)
+
+
+def same_file(one: Path, other: Path) -> bool:
+    if one.samefile(other):
+        return True
+    return one.stat().st_size == other.stat().st_size and one.read_bytes() == other.read_bytes()

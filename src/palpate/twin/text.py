@@ -1,0 +1,175 @@
+"""Changes of the user's own text that leave every other byte as it is, and records in its `<custom>`.
+
+The records of an estimate:
+
+- numeric `palpate_<object>_<quantity>`: value, standard deviation, low and high end of the 95 %
+  interval; with several components all values come first, then all deviations, and so on;
+- numeric `palpate_<object>_<quantity>_<component>`: value and deviation of a further result (static
+  friction);
+- text `palpate_<object>_<quantity>_method`: how it was found;
+- text `palpate_<object>_<quantity>_verdict`: how far it is to be trusted, where it is not identified.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+from lxml import etree
+
+from palpate.errors import InputError
+from palpate.estimation.estimate import Estimate
+from palpate.mjcf import spans
+from palpate.mjcf.document import Document, Element, Texts, elements, parse_xml
+from palpate.mjcf.edits import Change, Insert
+
+MAX_SENTENCE = 1000
+"""Characters of a method that are kept."""
+
+Attributes = Mapping[tuple[int, str], str | None]
+"""New text of an attribute by the number of its element and its name; None: remove it."""
+
+
+def rewritten(document: Document, edits: Sequence[Change]) -> Texts:
+    """The document's texts with the changes in them, each in the file of its element.
+
+    Raises:
+        InputError: something else would change.
+    """
+    by_file: dict[Path | None, list[Change]] = {None: []}
+    for edit in edits:
+        element = edit.parent if isinstance(edit, Insert) else edit.element
+        by_file.setdefault(document.index[element].file, []).append(edit)
+    main = _rewritten(document, document.text, by_file.pop(None))
+    parts: dict[Path, str] = {}
+    for file, made in by_file.items():
+        if file is not None:
+            parts[file] = _rewritten(document, document.texts[file], made)
+    return Texts(main, parts)
+
+
+def _rewritten(document: Document, text: str, edits: Sequence[Change]) -> str:
+    """Text of one file with its changes made."""
+    tags = spans.scan(text)
+    data = text.encode("utf-8")
+    # Several edits of one attribute add up.
+    values: dict[tuple[int, str], str | None] = {}
+    inserts: list[Insert] = []
+    for edit in edits:
+        if isinstance(edit, Insert):
+            inserts.append(edit)
+        else:
+            i, name = document.index[edit.element].number, edit.attribute
+            now = edit.element.get(name)
+            # As written it has its own line breaks, which parsing turns into spaces; references such
+            # as &#63; are resolved by parsing alone.
+            if now is not None and "&" not in (written := tags[i].value(data, name)):
+                now = written
+            values[i, name] = edit.value(values.get((i, name), now))
+    made: list[spans.Change] = []
+    for (i, name), value in values.items():
+        if value is None:
+            made.append(spans.remove_attribute(data, tags[i], name))
+        else:
+            made.append(spans.set_attribute(tags[i], name, value))
+    for insert in inserts:
+        parent = tags[document.index[insert.parent].number]
+        content = spans.element(insert.tag, insert.attributes)
+        made.append(spans.first_child(data, parent, content))
+    result = spans.changed(text, made)
+    require_same(document, text, result, values, inserts)
+    return result
+
+
+def require_same(
+    document: Document, text: str, result: str, values: Attributes, inserts: Sequence[Insert]
+) -> None:
+    """Compare the parsed result with the parsed text after the same changes.
+
+    Raises:
+        InputError: they differ.
+    """
+    before, after = parse_xml(text, "the scene"), parse_xml(result, "the twin")
+    listed = list(elements(before))
+    for (i, name), value in values.items():
+        if value is None:
+            del listed[i].attrib[name]
+        else:
+            listed[i].set(name, value)
+    for insert in inserts:
+        new = etree.Element(insert.tag, dict(insert.attributes))
+        listed[document.index[insert.parent].number].insert(0, new)
+    if content_of(before) != content_of(after):
+        raise InputError(
+            "the estimates cannot be written into this MJCF without changing more than their numbers"
+        )
+
+
+def content_of(root: Element) -> list[tuple[str, dict[str, str]]]:
+    """Name and attributes of every element, with normalized white space."""
+    found: list[tuple[str, dict[str, str]]] = []
+    for element in elements(root):
+        attributes = {str(key): " ".join(str(v).split()) for key, v in element.items()}
+        found.append((str(element.tag), attributes))
+    return found
+
+
+def recorded(text: str, records: Sequence[Estimate]) -> str:
+    """The MJCF with `records` in its `<custom>`: present ones get new data, the others are added."""
+    if not records:
+        return text
+    tags = spans.scan(text)
+    data = text.encode("utf-8")
+    present: dict[str, spans.Tag] = {}
+    for tag in tags:
+        if tag.name in ("numeric", "text") and tag.depth == 2:
+            present[tag.value(data, "name")] = tag
+    made: list[spans.Change] = []
+    added: list[str] = []
+    for tag, name, content in entries_of(records):
+        if name in present:
+            made.append(spans.set_attribute(present[name], "data", content))
+        else:
+            added.append(spans.element(tag, {"name": name, "data": content}))
+    if added:
+        made.append(_added(data, tags, added))
+    return spans.changed(text, made)
+
+
+def entries_of(records: Iterable[Estimate]) -> Iterator[tuple[str, str, str]]:
+    """Tag, name and data of the elements of `<custom>`."""
+    for record in records:
+        name = f"palpate_{record.parameter.object}_{record.parameter.quantity}"
+        low, high = record.intervals.T
+        yield "numeric", name, as_text([*record.values, *record.stds, *low, *high])
+        for further, part in record.parts.items():
+            further = further.replace(" ", "_")
+            yield "numeric", f"{name}_{further}", as_text([part.value, part.std])
+        printable = "".join(c if c.isprintable() else " " for c in record.method)
+        method = " ".join(printable.split())[:MAX_SENTENCE]
+        yield "text", f"{name}_method", method or "measured"
+        if not record.identified:
+            yield "text", f"{name}_verdict", record.verdict
+
+
+def as_text(values: Iterable[float]) -> str:
+    """Numbers with seven significant digits."""
+    return " ".join(f"{value:.7g}" for value in values)
+
+
+def _added(data: bytes, tags: list[spans.Tag], added: list[str]) -> spans.Change:
+    """Elements added to `<custom>`, which is made where there is none, indented as the file is."""
+    # Line break and indentation before the first element inside the root; none in a text of one line.
+    before = data[tags[0].end : tags[1].start]
+    line = ""
+    if b"\n" in before:
+        line = "\r\n" if b"\r\n" in before else "\n"
+        line += before[len(before.rstrip(b" \t")) :].decode("utf-8")
+    deeper = line + (line.lstrip("\r\n") or "  ") if line else ""
+    content = f"<custom>{''.join(deeper + element for element in added)}{line}</custom>"
+    custom = next((tag for tag in tags if tag.name == "custom" and tag.depth == 1), None)
+    if custom is None:
+        return spans.last_children(data, tags[0], [content], line)
+    if custom.empty:
+        return spans.Change(custom.start, custom.last, content)
+    return spans.last_children(data, custom, added, deeper)
