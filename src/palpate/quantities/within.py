@@ -1,8 +1,8 @@
 """Requested half widths of 95 % intervals, and their fulfilment.
 
-`--within mass=1g` asks for a 95 % interval of every mass that reaches 1 g to either side. Repeating a
-measurement narrows what is noise; what other measurements share, such as a sensor's gain, is a floor
-that no repetition goes below.
+`--within mass=1g` requests a 95 % interval of every mass that reaches 1 g to either side. Repetition
+narrows the part of the interval that is noise. The part that all measurements share, such as a sensor's
+gain, is a floor.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     "N/m": {"N/m": 1.0, "kN/m": 1e3},
     "1": {"": 1.0},
 }
-"""In which a width may be given, by SI unit."""
+"""Units in which a width may be given, by SI unit."""
 NEAR_FLOOR = 1.1
-"""An interval that is wider than what no repetition narrows by no more than this factor is at its
-floor: all further work together would narrow it by a tenth."""
+"""An interval up to this factor wider than its floor is at its floor: further work would narrow it by a
+tenth at most."""
 SPARE = 0.9
-"""Part of the noise that may be left, at which work aims: what is foreseen is not quite what comes."""
+"""Share of the permitted noise at which work aims, because predictions are not exact."""
 JOINT = re.compile(r"joint \d+$")
 CURES = {
     "arm": "; calibrate the arm to go below",
@@ -47,11 +47,10 @@ class Precision:
     """Requested and reached precision of an estimate.
 
     Attributes:
-        asked, reached, floor: half widths of the 95 % interval in the estimate's unit: as asked, as
-            it is (infinite without a value), and what would be left after any number of
-            repetitions.
-        cause: what sets the floor most, in words; empty where nothing does.
-        of: whose it is, the `arm`'s or the `scene`'s.
+        asked, reached, floor: half widths of the 95 % interval in the estimate's unit: requested, present
+            (infinite without a value), and in the limit of many repetitions.
+        cause: main cause of the floor, in words; empty without one.
+        of: owner of that cause, `arm` or `scene`.
     """
 
     asked: float
@@ -62,8 +61,7 @@ class Precision:
 
     @property
     def outcome(self) -> Outcome:
-        """`reached`; `floor`, where repetition would not narrow it further; else `rounds used
-        up`."""
+        """`reached`; `floor` if repetition would not narrow it further; else `rounds used up`."""
         if self.reached <= self.asked:
             return "reached"
         if self.reached <= NEAR_FLOOR * self.floor:
@@ -71,7 +69,7 @@ class Precision:
         return "rounds used up"
 
     def in_words(self, unit: str) -> str:
-        """A sentence for people."""
+        """Describe the outcome in a sentence for people."""
         asked, reached = shown(self.asked, unit), shown(self.reached, unit)
         if self.outcome == "reached":
             return f"Within {asked} was asked: {reached} is reached."
@@ -86,27 +84,24 @@ class Precision:
 
     @property
     def further_std(self) -> float:
-        """1 sigma that the noise of further work alone may leave, so that with what there is the
-        interval becomes as narrow as asked, or as it can be."""
-        present, wanted = self._noise, self._wanted
+        """1 sigma of noise permitted for further work alone, so that combined with the present estimate the
+        interval becomes as narrow as requested, or as possible."""
+        present, wanted = self._noise, noise_std(self.asked, self.floor / Z95)
         if wanted >= present:
             return present
+        # Precisions (inverse variances) add.
         return 1.0 / math.sqrt(wanted**-2 - present**-2)
 
     def further(self, times: int) -> int:
         """Number of further repetitions after `times`, at least one: the std of a mean falls with
         the root of their number."""
-        return max(1, math.ceil(times * ((self._noise / self._wanted) ** 2 - 1.0)))
+        wanted = noise_std(self.asked, self.floor / Z95)
+        return max(1, math.ceil(times * ((self._noise / wanted) ** 2 - 1.0)))
 
     @property
     def _noise(self) -> float:
-        """1 sigma of what repetition narrows, as it is."""
+        """1 sigma of the part that repetition narrows."""
         return math.sqrt(max(self.reached**2 - self.floor**2, 0.0)) / Z95
-
-    @property
-    def _wanted(self) -> float:
-        """1 sigma of it, as it is to be."""
-        return noise_std(self.asked, self.floor / Z95)
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,13 +112,13 @@ class Within:
 
     @classmethod
     def read(cls, asked: Mapping[str, str | float]) -> Within:
-        """From `{"mass": "1g", "bottle.height": 0.001}`.
+        """Parse a request such as `{"mass": "1g", "bottle.height": 0.001}`.
 
         Raises:
             InputError: no such quantity or unit, or no positive number; the message lists the valid
                 ones.
         """
-        return cls(tuple((name, _width(name, value)) for name, value in asked.items()))
+        return cls(tuple((name, parse_width(name, value)) for name, value in asked.items()))
 
     def __bool__(self) -> bool:
         return bool(self.widths)
@@ -132,16 +127,16 @@ class Within:
         return iter(self.widths)
 
     def of(self, parameter: Parameter) -> float | None:
-        """Requested half width of a parameter, by its own name before that of its quantity; None if
-        there is none."""
+        """Requested half width of a parameter, of itself or else of its quantity; None if there is
+        none."""
         widths = dict(self.widths)
         return widths.get(str(parameter), widths.get(parameter.quantity))
 
     def check(self, names: Collection[str]) -> None:
-        """Look whether what it names is there.
+        """Check that the objects in it exist.
 
         Raises:
-            InputError: an object that is none of `names`; the message lists them.
+            InputError: an object is none of `names`; the message lists them.
         """
         for name, _ in self.widths:
             object = name.rpartition(".")[0]
@@ -149,10 +144,8 @@ class Within:
                 raise unknown_name("object in within=", object, names)
 
     def precision(self, estimate: Estimate) -> Precision | None:
-        """Precision of the widest component; None without a request.
-
-        A component that no recording says anything of is no matter of width: nobody can narrow it.
-        """
+        """Precision of the widest component; None without a request. Components without evidence do not
+        count, because no repetition narrows them."""
         asked = self.of(estimate.parameter)
         if asked is None:
             return None
@@ -163,10 +156,16 @@ class Within:
         candidates = narrowable if len(narrowable) else np.arange(len(half))
         widest = int(candidates[half[candidates].argmax()])
         floor = Z95 * float(estimate.shared_std[widest])
-        return Precision(asked, float(half[widest]), floor, *_cause(estimate, widest))
+        # Sum of squares by cause and owner; causes that differ only in the joint are added.
+        squares: dict[tuple[str, str], float] = {}
+        for shared in estimate.shared:
+            kind = JOINT.sub("the joints", shared.cause), shared.of
+            squares[kind] = squares.get(kind, 0.0) + shared.effect[widest] ** 2
+        cause, owner = max(squares, key=lambda kind: squares[kind], default=("", ""))
+        return Precision(asked, float(half[widest]), floor, cause, owner)
 
     def told(self, estimate: Estimate) -> Estimate:
-        """The estimate; where something was asked of it, its method says what came of that."""
+        """Return the estimate; if a width was requested, with the outcome added to its method."""
         precision = self.precision(estimate)
         if precision is None or not estimate.has_value:
             return estimate
@@ -174,24 +173,14 @@ class Within:
 
 
 def noise_std(width: float, floor: float) -> float:
-    """1 sigma that noise may leave beside a `floor` (1 sigma), so that a 95 % interval reaches no
-    farther than `width` to either side, or is at its floor."""
+    """1 sigma of noise permitted with a `floor` (1 sigma), so that the half width of the 95 % interval is
+    `width`, or the interval is at its floor."""
     aim = max(width / Z95, NEAR_FLOOR * floor)
     return SPARE * math.sqrt(aim**2 - floor**2)
 
 
-def _cause(estimate: Estimate, component: int) -> tuple[str, str]:
-    """Main cause of a component's floor, and its owner; causes that differ only in the joint are
-    added."""
-    squares: dict[tuple[str, str], float] = {}
-    for shared in estimate.shared:
-        kind = JOINT.sub("the joints", shared.cause), shared.of
-        squares[kind] = squares.get(kind, 0.0) + shared.effect[component] ** 2
-    return max(squares, key=lambda kind: squares[kind], default=("", ""))
-
-
 def shown(width: float, unit: str) -> str:
-    """A width for people, in a unit that suits it: `0.0009` kg is `0.9 g`."""
+    """Format a width in a suitable unit: `0.0009` kg is `0.9 g`."""
     if not math.isfinite(width):
         return "any"
     scales = sorted(UNITS.get(unit, {unit: 1.0}).items(), key=lambda scale: scale[1])
@@ -199,8 +188,8 @@ def shown(width: float, unit: str) -> str:
     return f"{width / size:.2g} {name}".rstrip()
 
 
-def _width(name: str, value: str | float) -> float:
-    """SI, of what is asked of `name`, a quantity or a parameter."""
+def parse_width(name: str, value: str | float) -> float:
+    """Parse the width requested for `name`, a quantity or a parameter, to SI units."""
     id = name.rpartition(".")[2]
     quantity = catalogue().get(id)
     if quantity is None:
