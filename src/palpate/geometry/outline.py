@@ -63,7 +63,7 @@ def slab(shape: Convex, low: float, high: float) -> Array:
 
 
 def rim(points: Array) -> Array:
-    """Those of (n, 2) points that are the extreme one in some of 72 directions."""
+    """Subset of (n, 2) points that are extreme in one of 72 directions."""
     if len(points) < 3:
         return points
     return points[np.unique(np.argmax(_fan(_CORNERS) @ points.T, axis=1))]

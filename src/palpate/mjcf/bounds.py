@@ -156,9 +156,10 @@ def _amounts(element: Element) -> Iterator[tuple[str, float]]:
     match element.tag:
         case "flexcomp":
             # MuJoCo's own count where none is stated; trilinear cells have a point at each corner.
-            yield POINTS, prod(_numbers(element, "count") or (10.0, 10.0, 10.0))
+            if element.get("file") is None:
+                yield POINTS, _weight(element) * prod(_numbers(element, "count") or (10.0,) * 3)
             yield POINTS, prod(cells + 1.0 for cells in _numbers(element, "cellcount")) - 1.0
-            yield POINTS, len(tokens(element.get("point"))) / 3
+            yield POINTS, _weight(element) * len(tokens(element.get("point"))) / 3
         case "flex":
             yield POINTS, len(tokens(element.get("vertex"))) / 3
         case "hfield":
@@ -196,8 +197,13 @@ def _file_amounts(document: Document) -> dict[Element, list[tuple[str, float]]]:
             if path.suffix.lower() == ".obj":
                 content = read_bytes(path, LIMITS[MESHES], "points of a flexible thing")
                 points = len(re.findall(rb"(?m)^[ \t]*v[ \t]", content))
-            amounts.append((POINTS, points))
+            amounts.append((POINTS, _weight(named.element) * points))
     return found
+
+
+def _weight(flexcomp: Element) -> float:
+    """Weight of a point: of a rigid one, which is a single body, a tenth."""
+    return 0.1 if flexcomp.get("rigid") == "true" else 1.0
 
 
 def _picture_pixels(path: Path) -> int:
