@@ -1,23 +1,21 @@
-"""Measured windows: what each recording is evidence of, and what it shows at a glance."""
+"""Measured windows: the parameters that each recording is evidence of, its situation and its reading."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from palpate.estimation.contact.descent import tip_height
 from palpate.estimation.estimate import Estimate, rounded
-from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
 from palpate.quantities.catalogue import catalogue
-from palpate.trace.recording import Context, Recording
+from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, Trace
 
 FINEST = 1e-5
-"""N or m: what a recording's spread is not shown below."""
+"""N or m: least spread of a recording that is shown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,22 +27,14 @@ class Evidence:
     reading: str
 
 
-class _Signal(NamedTuple):
-    """Signal of a recording for the overview."""
-
-    name: str
-    unit: str
-    values: Array
-
-
 def quantity_label(id: str) -> str:
-    """In words, or the id itself where a quantity is not in the catalogue."""
+    """The quantity's name in words; its id if the catalogue lacks it."""
     return catalogue()[id].label if id in catalogue() else id
 
 
 def windows(trace: Trace, estimates: Sequence[Estimate]) -> dict[Recording, str]:
-    """Every recording with the names of what it is evidence of, by an estimate's or a conversion's
-    word; with its situation where nobody claims it."""
+    """Name of each recording: the parameters whose estimates or conversions use it, else its
+    situation."""
     names: dict[Recording, list[str]] = {recording: [] for recording in trace.recordings}
 
     def claim(recording: Recording, parameter: Parameter) -> None:
@@ -59,26 +49,15 @@ def windows(trace: Trace, estimates: Sequence[Estimate]) -> dict[Recording, str]
         claim(conversion.recording, Parameter(conversion.object, conversion.quantity))
     for recording, claimed in names.items():
         if not claimed:
-            claimed.append(_situation(recording.context))
+            context = recording.context
+            about = context.holding or context.support or ""
+            claimed.append(f"{context.activity} {about}".strip())
     return {recording: ", ".join(claimed) for recording, claimed in names.items()}
 
 
-def _situation(context: Context) -> str:
-    about = context.holding or context.support or ""
-    return f"{context.activity} {about}".strip()
-
-
 def evidence(recording: Recording, trace: Trace) -> Evidence:
-    """Evidence of one measured window."""
-    signal = _signal(recording, trace)
-    return Evidence(
-        _in_words(recording.context),
-        f"{recording.start:.2f}–{recording.end:.2f} s",
-        _reading(signal),
-    )
-
-
-def _in_words(context: Context) -> str:
+    """Describe one measured window."""
+    context = recording.context
     words: list[str] = [context.activity]
     if context.holding:
         words.append(f"holding {context.holding}")
@@ -86,23 +65,21 @@ def _in_words(context: Context) -> str:
         words.append(f"on {context.support}")
     if context.at:
         words.append(f"at {context.at}")
-    return ", ".join(words)
+    when = f"{recording.start:.2f}–{recording.end:.2f} s"
+    return Evidence(", ".join(words), when, reading_text(recording, trace))
 
 
-def _signal(recording: Recording, trace: Trace) -> _Signal:
-    if recording.reading:
-        return _Signal("reading", "", np.array(recording.reading))
+def reading_text(recording: Recording, trace: Trace) -> str:
+    """Mean ± standard deviation of the recording's main signal, and the number of samples."""
     samples = trace.of(recording)
-    if recording.buffer == FORCES:
-        return _Signal("Fz", " N", samples.wrench[:, 2])
-    return _Signal("fingertips z", " m", tip_height(samples, trace.hand))
-
-
-def _reading(signal: _Signal) -> str:
-    count = len(signal.values)
+    if recording.reading:
+        name, unit, values = "reading", "", np.array(recording.reading)
+    elif recording.buffer == FORCES:
+        name, unit, values = "Fz", " N", samples.wrench[:, 2]
+    else:
+        name, unit, values = "fingertips z", " m", tip_height(samples, trace.hand)
+    count = len(values)
     if not count:
         return "no samples"
-    std = max(float(signal.values.std()), FINEST)
-    mean, std = rounded(float(signal.values.mean()), std)
-    samples = "1 sample" if count == 1 else f"{count} samples"
-    return f"{signal.name} = {mean} ± {std}{signal.unit}, {samples}"
+    mean, std = rounded(float(values.mean()), max(float(values.std()), FINEST))
+    return f"{name} = {mean} ± {std}{unit}, {'1 sample' if count == 1 else f'{count} samples'}"
