@@ -12,8 +12,8 @@ from palpate.errors import InputError
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.contact.descent import probes
-from palpate.estimation.contact.plane import Plane, fit_plane
-from palpate.estimation.contact.touch import Touch, touch_views, touches_of
+from palpate.estimation.contact.plane import Plane
+from palpate.estimation.contact.touch import Touch, plane_of, touch_views, touches_of
 from palpate.estimation.estimate import Estimate, Part, Shared, not_identified, not_measured
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body, BodyDescription
@@ -210,9 +210,7 @@ def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Es
     found = touches_of(trace, recordings)
     if not found:
         return not_identified(parameter, UNIT, NOTHING, tuple(recordings))
-    spots = np.array([touch.spot for touch in found])
-    stds = [touch.height_std(trace.hand) for touch in found]
-    plane = fit_plane(spots, [touch.height for touch in found], stds)
+    plane = plane_of(found, trace.hand)
     made = Estimate.normal(
         parameter,
         UNIT,
@@ -222,7 +220,7 @@ def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Es
         tuple(touch.recording for touch in found),
         parts=_parts(found, plane),
         tests=tuple(_tests(found, plane)),
-        views=touch_views(found, plane, trace.hand),
+        views=touch_views(found, plane),
     )
     tip = Shared("length of the fingertips", "arm", (trace.hand.tip_offset_std,))
     return replace(made, shared=(tip,))

@@ -11,8 +11,7 @@ import numpy as np
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest
 from palpate.estimation.contact.descent import probes
-from palpate.estimation.contact.plane import fit_plane
-from palpate.estimation.contact.touch import Touch, touch_views, touches_of
+from palpate.estimation.contact.touch import Touch, plane_of, touch_views, touches_of
 from palpate.estimation.estimate import Estimate, not_identified
 from palpate.estimation.motion import mean_pose
 from palpate.estimation.view import FitView, closing_samples, constant, unit_slopes
@@ -228,10 +227,7 @@ def _top_views(trace: Trace, touches: Sequence[Touch], body: Body) -> tuple[FitV
     upright = np.abs(body.pose_world.rotation[2]) > tuning.ALIGNED
     if not touches or not upright.any():
         return ()
-    spots = np.array([touch.spot for touch in touches])
-    stds = [touch.height_std(trace.hand) for touch in touches]
-    plane = fit_plane(spots, [touch.height for touch in touches], stds)
-    return touch_views(touches, plane, trace.hand, upright.astype(float))
+    return touch_views(touches, plane_of(touches, trace.hand), upright.astype(float))
 
 
 def _held(trace: Trace, name: str) -> list[Recording]:
@@ -286,9 +282,7 @@ def _heights(trace: Trace, touches: Sequence[Touch], body: Body) -> Iterator[_Ex
 
 def _height(touches: Sequence[Touch], hand: Hand) -> tuple[float, float]:
     """World z, m, and its standard deviation without the length of the tips."""
-    spots = np.array([touch.spot for touch in touches])
-    stds = [touch.height_std(hand) for touch in touches]
-    plane = fit_plane(spots, [touch.height for touch in touches], stds)
+    plane = plane_of(touches, hand)
     return plane.height, plane.std
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.contact.descent import probes
-from palpate.estimation.contact.plane import Plane, fit_plane, plane_view
-from palpate.estimation.contact.touch import Touch, touches_of
+from palpate.estimation.contact.plane import Plane
+from palpate.estimation.contact.touch import Touch, plane_of, touches_of
 from palpate.estimation.estimate import Estimate, Part, not_identified
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
@@ -59,10 +59,7 @@ def estimate_tilt(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
     """
     recordings = tuple(probes(trace, parameter))
     touches = touches_of(trace, recordings)
-    spots = np.array([touch.spot for touch in touches])
-    heights = [touch.height for touch in touches]
-    stds = [touch.height_std(trace.hand) for touch in touches]
-    plane = fit_plane(spots, heights, stds) if touches else None
+    plane = plane_of(touches, trace.hand) if touches else None
     if plane is None or plane.tilt is None or plane.slope is None or plane.slope_std is None:
         few = (
             f"{parameter.object} was touched at {len(touches)} spots; three that are {1e3 * tuning.APART:.0f} "
@@ -78,7 +75,7 @@ def estimate_tilt(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
         recordings,
         parts={"angle": Part(*plane.tilt)},
         tests=tuple(_tests(touches, plane)),
-        views=(plane_view(plane, spots, heights, stds, of_tilt=True),),
+        views=(plane.view(of_tilt=True),),
     )
 
 
