@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from palpate.estimation.estimate import Estimate
-from palpate.execution.held import Held
+from palpate.execution.stop import Held
 from palpate.planning.plan import Plan
 from palpate.trace.samples import Trace
 from palpate.twin.held_out.judged import HeldOut

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from palpate.execution.held import Held
+from palpate.execution.stop import Held
 from palpate.report.data import ReportData
 from palpate.report.tree import Branch
 

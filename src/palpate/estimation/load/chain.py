@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.geometry.inertia import tensor_of
-from palpate.geometry.pose import Array
+from palpate.geometry.pose import Array, tensor_of
 from palpate.trace.recording import Chain
 
 
