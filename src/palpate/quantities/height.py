@@ -12,8 +12,8 @@ from palpate.errors import InputError
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.contact.descent import probes
-from palpate.estimation.contact.plane import Plane, fit_plane, plane_view
-from palpate.estimation.contact.touch import Touch, touch_views, touches_of
+from palpate.estimation.contact.plane import Plane
+from palpate.estimation.contact.touch import Touch, plane_of, touch_views, touches_of
 from palpate.estimation.estimate import Estimate, Part, Shared, not_identified, not_measured
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body, BodyDescription
@@ -23,7 +23,6 @@ from palpate.mjcf.elements import Elements, half_height_index
 from palpate.mjcf.shapes import RESTING
 from palpate.parameter import Parameter
 from palpate.quantities.quantity import Evidence, Prior, Quantity, Status, Values
-from palpate.trace.recording import Hand
 from palpate.trace.samples import POSE, Trace
 
 UNIT, TILT_UNIT = "m", "rad"
@@ -174,13 +173,6 @@ def is_carried(surface: BodyDescription, foot: Array) -> bool:
     return any(abs(foot[2] - s.top_z) < RESTING and s.reaches_over(foot) for s in known)
 
 
-def heights_of(touches: Sequence[Touch], hand: Hand) -> tuple[Array, list[float], list[float]]:
-    """Spots (n, 2), heights and their standard deviations, m, without the uncertainty of the tip length,
-    which all touches share."""
-    spots = np.array([touch.spot for touch in touches])
-    return spots, [touch.height for touch in touches], [touch.height_std(hand) for touch in touches]
-
-
 def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
     """World z of the rigid surface under the fingertips, from all its touches.
 
@@ -198,7 +190,7 @@ def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Es
     if not found:
         nothing = "The descent ended with nothing pressing back on the fingertips."
         return not_identified(parameter, UNIT, nothing, tuple(recordings))
-    plane, tip_std = fit_plane(*heights_of(found, trace.hand)), trace.hand.tip_offset_std
+    plane, tip_std = plane_of(found, trace.hand), trace.hand.tip_offset_std
     made = Estimate.normal(
         parameter,
         UNIT,
@@ -208,7 +200,7 @@ def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Es
         evidence=tuple(touch.recording for touch in found),
         parts=height_parts(found, plane),
         tests=tuple(height_tests(found, plane)),
-        views=touch_views(found, plane, trace.hand),
+        views=touch_views(found, plane),
     )
     return replace(made, shared=(Shared("length of the fingertips", "arm", (tip_std,)),))
 
@@ -296,7 +288,7 @@ def estimate_tilt(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
     """
     recordings = tuple(probes(trace, parameter))
     touches = touches_of(trace, recordings)
-    plane = fit_plane(*heights_of(touches, trace.hand)) if touches else None
+    plane = plane_of(touches, trace.hand) if touches else None
     if plane is None or plane.tilt is None or plane.slope is None or plane.slope_std is None:
         few = (
             f"{parameter.object} was touched at {len(touches)} spots; three that are {1e3 * tuning.APART:.0f} "
@@ -317,5 +309,5 @@ def estimate_tilt(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
         evidence=recordings,
         parts={"angle": Part(*plane.tilt)},
         tests=tuple(tests),
-        views=(plane_view(plane, *heights_of(touches, trace.hand), of_tilt=True),),
+        views=(plane.view(of_tilt=True),),
     )

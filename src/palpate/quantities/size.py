@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from palpate.errors import InputError
 from palpate.estimation import tuning
 from palpate.estimation.contact.descent import probes
-from palpate.estimation.contact.plane import fit_plane
-from palpate.estimation.contact.touch import touch_views, touches_of
+from palpate.estimation.contact.touch import plane_of, touch_views, touches_of
 from palpate.estimation.estimate import Estimate, not_identified
 from palpate.estimation.motion import mean_pose
 from palpate.estimation.view import FitView, closing_samples, constant, unit_slopes
@@ -24,7 +23,6 @@ from palpate.mjcf.document import UNKNOWN, Element, has_unknown, label, tokens
 from palpate.mjcf.edits import Edit, Slot, number, unknown_only
 from palpate.mjcf.elements import Elements
 from palpate.parameter import Parameter
-from palpate.quantities.height import heights_of
 from palpate.quantities.position import support_z
 from palpate.quantities.quantity import Evidence, Prior, Quantity, Status, Values
 from palpate.trace.recording import Recording
@@ -179,10 +177,10 @@ def estimate_size(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
     top_views: tuple[FitView, ...] = ()
     upright = np.abs(body.pose_world.rotation[2]) > tuning.ALIGNED
     if touches and upright.any():
-        top, below = fit_plane(*heights_of(touches, trace.hand)), support(trace, body)
+        top, below = plane_of(touches, trace.hand), support(trace, body)
         std = float(np.hypot(top.std, below[1]))
         found.append(Extent(int(upright.argmax()), top.height - below[0], std))
-        top_views = touch_views(touches, top, trace.hand, upright.astype(float))
+        top_views = touch_views(touches, top, upright.astype(float))
     if not found:
         why = f"'{name}' was touched only at an angle to its own axes, along which its size is stated."
         return not_identified(parameter, UNIT, why, tuple(held))
@@ -285,7 +283,7 @@ def support(trace: Trace, body: Body) -> tuple[float, float]:
     for name in sorted(filter(None, names)):
         touches = touches_of(trace, probes(trace, Parameter(name, "height")))
         if touches:
-            plane = fit_plane(*heights_of(touches, trace.hand))
+            plane = plane_of(touches, trace.hand)
             if abs(plane.height - bottom) < tuning.SAME_SUPPORT:
                 near.append((plane.height, plane.std))
     stated = bottom, float(np.hypot(tuning.PLACE_ACCURACY, trace.hand.tip_offset_std))

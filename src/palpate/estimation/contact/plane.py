@@ -24,6 +24,7 @@ class Plane:
         slope: (2,) rise along x and along y, and slope_std; None where they do not.
         misfit: sum of the squared residuals over their variances.
         freedom: number of touches beyond the unknowns.
+        beside, heights, stds: of the touches: (n, 2) m from their middle, (n,) m, (n,) m.
     """
 
     height: float
@@ -31,13 +32,39 @@ class Plane:
     tilt: tuple[float, float] | None
     misfit: float
     freedom: int
-    slope: Array | None = None
-    slope_std: Array | None = None
+    slope: Array | None
+    slope_std: Array | None
+    beside: Array
+    heights: Array
+    stds: Array
 
-    def at(self, spots: Array) -> Array:
-        """(n,) m, its height at spots (n, 2) relative to the middle of the touches."""
-        rise: Array = np.zeros(len(spots)) if self.slope is None else spots @ self.slope
-        return self.height + rise
+    @property
+    def fitted(self) -> Array:
+        """(n,) m, height of the plane at each touch."""
+        rise = 0.0 if self.slope is None else self.beside @ self.slope
+        return np.full(len(self.heights), self.height) + rise
+
+    def view(self, of_tilt: bool) -> FitView:
+        """Touches against the plane, from the side along its steepest direction; `of_tilt`: of an estimate of its
+        tilt, else of its height."""
+        # Touches too close together for a slope are shown along world x.
+        slope = np.array([1.0, 0.0]) if self.slope is None else self.slope
+        uphill = slope / max(float(np.linalg.norm(slope)), 1e-12)
+        heading = float(np.degrees(np.arctan2(uphill[1], uphill[0])))
+        rises = (
+            "is level" if self.slope is None else f"rises most towards {heading:.0f}° from world x"
+        )
+        return FitView(
+            name=f"The {len(self.heights)} touches, from the side.",
+            note=f"Height of each touch and the fitted plane, which {rises}.",
+            axes=("along the way uphill (mm)", f"height above {self.height:.4f} m (mm)"),
+            x=1e3 * self.beside @ uphill,
+            measured=1e3 * (self.heights - self.height),
+            predicted=1e3 * (self.fitted - self.height),
+            std=1e3 * self.stds,
+            groups="a touch",
+            slopes=1e3 * (self.beside if of_tilt else np.ones((len(self.heights), 1))),
+        )
 
 
 def fit_plane(spots: Array, heights: Sequence[float], stds: Sequence[float]) -> Plane:
@@ -64,31 +91,8 @@ def fit_plane(spots: Array, heights: Sequence[float], stds: Sequence[float]) -> 
         variance += float(np.mean(rise**2))
     freedom = len(z) - len(solution)
     height, std = float(solution[0]), float(np.sqrt(variance))
-    return Plane(height, std, tilt, misfit, freedom, slope, slope_std)
-
-
-def plane_view(
-    plane: Plane, spots: Array, heights: Sequence[float], stds: Sequence[float], of_tilt: bool
-) -> FitView:
-    """Touches of a surface against the plane through them, from the side along its steepest direction;
-    of an estimate of its tilt, or of its height."""
-    beside = spots - spots.mean(axis=0)
-    # Touches too close together for a slope are shown along world x.
-    slope = np.array([1.0, 0.0]) if plane.slope is None else plane.slope
-    uphill = slope / max(float(np.linalg.norm(slope)), 1e-12)
-    heading = float(np.degrees(np.arctan2(uphill[1], uphill[0])))
-    rises = "is level" if plane.slope is None else f"rises most towards {heading:.0f}° from world x"
-    return FitView(
-        name=f"The {len(spots)} touches, from the side.",
-        note=f"Height of each touch and the fitted plane, which {rises}.",
-        axes=("along the way uphill (mm)", f"height above {plane.height:.4f} m (mm)"),
-        x=1e3 * beside @ uphill,
-        measured=1e3 * (np.array(heights) - plane.height),
-        predicted=1e3 * (plane.at(beside) - plane.height),
-        std=1e3 * np.array(stds),
-        groups="a touch",
-        slopes=1e3 * (beside if of_tilt else np.ones((len(spots), 1))),
-    )
+    touches = spots - middle, z, np.asarray(stds)
+    return Plane(height, std, tilt, misfit, freedom, slope, slope_std, *touches)
 
 
 def spans_plane(spots: Array) -> bool:

@@ -33,7 +33,7 @@ from palpate.estimation.contact.descent import (
     leans,
     running_median,
 )
-from palpate.estimation.contact.plane import Plane, plane_view
+from palpate.estimation.contact.plane import Plane, fit_plane
 from palpate.estimation.contact.spring import Onset, Spring, fit_spring
 from palpate.estimation.motion import mean_pose
 from palpate.estimation.view import FitView
@@ -196,23 +196,24 @@ def touches_of(trace: Trace, recordings: Iterable[Recording]) -> list[Touch]:
     return [touch for touch in met if touch is not None]
 
 
-def touch_views(
-    touches: Sequence[Touch], plane: Plane, hand: Hand, slopes: Array | None = None
-) -> tuple[FitView, ...]:
-    """Charts of the touches and of the `plane` through them. `slopes` (p,) m: change of the height with each
-    component of the estimate; by default it is the height itself."""
+def plane_of(touches: Sequence[Touch], hand: Hand) -> Plane:
+    """Fit the plane through touches of a surface."""
     spots = np.array([touch.spot for touch in touches])
-    beside = spots - spots.mean(axis=0)
-    effect = np.ones(1) if slopes is None else slopes
-    curves = [
-        loading_curve_view(touch, height, effect)
-        for touch, height in zip(touches, plane.at(beside).tolist(), strict=True)
-    ]
-    if len(touches) == 1 or slopes is not None:
-        return tuple(curves)
-    heights = [touch.height for touch in touches]
     stds = [touch.height_std(hand) for touch in touches]
-    return plane_view(plane, spots, heights, stds, of_tilt=False), *curves
+    return fit_plane(spots, [touch.height for touch in touches], stds)
+
+
+def touch_views(
+    touches: Sequence[Touch], plane: Plane, slopes: Array | None = None
+) -> tuple[FitView, ...]:
+    """Charts of the touches and of the `plane` through them. `slopes` (p,): change of the height with each
+    component of the estimate; by default it is the height itself."""
+    effect = np.ones(1) if slopes is None else slopes
+    pairs = zip(touches, plane.fitted.tolist(), strict=True)
+    curves = tuple(loading_curve_view(touch, height, effect) for touch, height in pairs)
+    if len(touches) == 1 or slopes is not None:
+        return curves
+    return plane.view(of_tilt=False), *curves
 
 
 def loading_curve_view(touch: Touch, height: float, effect: Array) -> FitView:
