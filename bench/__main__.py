@@ -127,7 +127,7 @@ def variety(
 ) -> None:
     """Ten scenes of other objects, heights and gaps, one run each."""
     from bench.variety import run_all
-    from palpate.cli.show.studies.scores import show_seed_runs
+    from palpate.cli.show.studies import show_seed_runs
 
     runs = {name: [run] for name, run in run_all(noise, seed, workers).items()}
     show_seed_runs(runs, f"--noise {noise}", as_json)

@@ -25,7 +25,7 @@ def test_a_signal_is_raised_where_it_comes() -> None:
 
 
 def test_a_noted_signal_waits_to_be_heard() -> None:
-    with interrupts() as signals, signals.noted():
+    with interrupts() as signals, signals.deferred():
         press()
         assert signals.pressed() == 1
         press()
@@ -33,14 +33,14 @@ def test_a_noted_signal_waits_to_be_heard() -> None:
 
 
 def test_one_that_finds_the_last_one_unheard_is_raised() -> None:
-    with interrupts() as signals, signals.noted():
+    with interrupts() as signals, signals.deferred():
         press()
         with pytest.raises(Interrupted):
             press()
 
 
 def test_who_takes_them_first_takes_them_for_all() -> None:
-    with interrupts() as outer, outer.noted(), interrupts() as inner, inner.noted():
+    with interrupts() as outer, outer.deferred(), interrupts() as inner, inner.deferred():
         press()
         assert inner is outer
         assert outer.pressed() == 1
@@ -48,8 +48,8 @@ def test_who_takes_them_first_takes_them_for_all() -> None:
 
 def test_those_from_before_are_not_counted() -> None:
     with interrupts() as signals:
-        with signals.noted():
+        with signals.deferred():
             press()
             assert signals.pressed() == 1
-        with signals.noted():
+        with signals.deferred():
             assert signals.pressed() == 0

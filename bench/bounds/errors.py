@@ -20,6 +20,7 @@ from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription
 from palpate.robots.simulated.noise.disturbances import NEW_APPROACH, REACH, REST_SPEED
 from palpate.robots.simulated.noise.model import (
+    Drawn,
     Friction,
     Model,
     NoiseModel,
@@ -27,7 +28,6 @@ from palpate.robots.simulated.noise.model import (
     Sticking,
     Torque,
 )
-from palpate.robots.simulated.noise.values import Drawn
 from palpate.trace.samples import Samples
 
 ZERO = 10.0

@@ -94,7 +94,7 @@ def cases(worlds: Iterable[str], noises: Iterable[str], seeds: Iterable[int]) ->
     found: list[Case] = []
     for noise, world, seed in product(noises, worlds, seeds):
         found.append(Case(deception(world).name, noise, seed))
-        noise_models().check(_path(noise))
+        noise_models().load(_path(noise))
     return found
 
 

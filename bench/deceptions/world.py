@@ -15,7 +15,7 @@ from typing import Literal
 from pydantic import Field
 
 from palpate.errors import unknown_name
-from palpate.files.worded import Section
+from palpate.files.plain_yaml import Section
 from palpate.scenarios.catalogue import scenario
 from palpate.settings import Settings
 

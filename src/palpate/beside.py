@@ -1,4 +1,4 @@
-"""Work that is done in a process of its own while this one does something else."""
+"""Work in a forked copy of this process."""
 
 from __future__ import annotations
 
@@ -18,44 +18,44 @@ T = TypeVar("T")
 
 
 class Beside(Generic[T]):
-    """Result of `work`, computed by a copy of this process. A context manager; an unused result is
-    given up on exit.
+    """Result of `work`, computed by a forked copy of this process. A context manager; leaving it ends
+    the copy.
 
-    Where there can be no copy, or it has failed, the work is done here, when it is asked for.
+    Without a copy, or if it fails, `result()` does the work in this process.
     """
 
     def __init__(self, work: Callable[[], T]) -> None:
-        """Begin."""
+        """Begin the work."""
         self._work = work
         self._copy: ForkProcess | None = None
-        self._told: Connection | None = None
+        self._receiver: Connection | None = None
         if can_copy():
             self._begin()
 
     def result(self) -> T:
-        """Wait for it; ask once."""
-        if self._told is not None:
-            # A copy that failed says nothing: what is wrong is found again here.
+        """Wait for the result; call once."""
+        if self._receiver is not None:
+            # A failed copy sends nothing: its error is raised again here.
             with suppress(EOFError, OSError):
-                return self._told.recv()
+                return self._receiver.recv()
         return self._work()
 
     def close(self) -> None:
-        """Give it up."""
-        if self._copy is not None and self._told is not None:
+        """End the copy."""
+        if self._copy is not None and self._receiver is not None:
             self._copy.kill()
             self._copy.join()
-            self._told.close()
-        self._copy = self._told = None
+            self._receiver.close()
+        self._copy = self._receiver = None
 
     def _begin(self) -> None:
         from multiprocessing import get_context
 
         context = get_context("fork")
-        self._told, telling = context.Pipe(duplex=False)
-        self._copy = context.Process(target=_tell, args=(telling, self._work), daemon=True)
+        self._receiver, sender = context.Pipe(duplex=False)
+        self._copy = context.Process(target=_work_and_send, args=(sender, self._work), daemon=True)
         self._copy.start()
-        telling.close()
+        sender.close()
 
     def __enter__(self) -> Beside[T]:
         return self
@@ -65,15 +65,16 @@ class Beside(Generic[T]):
 
 
 def can_copy() -> bool:
-    """True if a copy of this process runs beside it: there is a second processor, and no thread
-    whose locks the copy would wait for in vain."""
+    """Test that forking is safe and useful: a second processor, and no other thread, whose locks the
+    copy would wait for forever."""
     if sys.platform != "linux" or threading.active_count() > 1:
         return False
     return len(os.sched_getaffinity(0)) > 1
 
 
-def _tell(telling: Connection, work: Callable[[], T]) -> None:
-    """In the copy; a signal to end the run is for the original to hear."""
+def _work_and_send(sender: Connection, work: Callable[[], T]) -> None:
+    """Do the work in the copy and send its result."""
+    # Ctrl-C ends the run in the original process, which then ends the copy.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(BaseException):
-        telling.send(work())
+        sender.send(work())

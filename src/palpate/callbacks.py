@@ -31,6 +31,11 @@ def unasked(_: Run) -> bool:
     return True
 
 
+def unconfirmed(_: Run) -> bool:
+    """Confirm no proposal."""
+    return False
+
+
 def unheard(_: Run) -> None:
     """Show the values to nobody before all is done."""
 
@@ -43,6 +48,7 @@ class RunCallbacks:
         observer: called at every tick of the execution.
         progress: called with the name of the stage that begins.
         may_move: called with the run before a real robot moves; True lets it move.
+        may_measure: called with a run whose plan is a proposal; True measures what it proposes.
         may_resume: called with the reason why a real robot stopped; True lets it go on.
         measured: called with the run as soon as its values are final.
     """
@@ -50,6 +56,7 @@ class RunCallbacks:
     observer: Observer | None = None
     progress: Progress = quiet
     may_move: Confirm = unasked
+    may_measure: Confirm = unconfirmed
     may_resume: Resume = nobody
     measured: Measured = unheard
 

@@ -20,13 +20,13 @@ _UNSEEN = re.compile(
 
 
 def visible(text: str) -> str:
-    """`text` with every control character as its escape, `\\x1b`: nothing in it moves a cursor, sets
-    a colour or turns the order of writing round. Tabs and line feeds stay."""
+    """Escape every control character of `text` (`\\x1b`), so that it cannot move the cursor, set colours
+    or reverse the writing order of a terminal. Tabs and line feeds stay."""
     return _UNSEEN.sub(_escape, text)
 
 
 def json_text(content: Any, indent: int | None = None) -> str:
-    """Strict JSON (no NaN) with every control character escaped: the same document.
+    """Dump strict JSON (no NaN) with every control character escaped.
 
     Raises:
         ValueError: a number is not finite.
@@ -50,7 +50,7 @@ def _json_escape(found: re.Match[str]) -> str:
 
 
 def table(caption: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """HTML of a table with a caption above it; line breaks and spaces of the cells are kept."""
+    """Format a table as HTML with a caption; line breaks and spaces of the cells are kept."""
     lines = [f"<table><caption>{escape(caption.strip('<>'))}</caption>", _row("th", headings)]
     for row in rows:
         lines.append(_row("td", row))
@@ -58,7 +58,7 @@ def table(caption: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) 
 
 
 def text_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Lines of a table in columns, two spaces apart."""
+    """Format a table as text in columns, two spaces apart."""
     table = [headings, *rows]
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     lines: list[str] = []

@@ -15,6 +15,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from palpate.parameter import Parameter
 
 
 class PalpateError(Exception):
@@ -26,7 +30,22 @@ class InputError(PalpateError):
 
 
 class PlanRejected(PalpateError):
-    """No plan exists for the request, or none passed the check. The text is the explanation."""
+    """No plan exists for the request, or none passed the check. The text is the explanation.
+
+    Attributes:
+        proposal: parameters that the request may ask for, if some of its words were not understood;
+            to be confirmed before use.
+        not_used: those words.
+    """
+
+    def __init__(
+        self,
+        explanation: str,
+        proposal: tuple[Parameter, ...] = (),
+        not_used: tuple[str, ...] = (),
+    ) -> None:
+        super().__init__(explanation)
+        self.proposal, self.not_used = proposal, not_used
 
 
 class ExecutionAborted(PalpateError):

@@ -1,13 +1,13 @@
-"""Extensions by other packages: the modules that their entry points name.
+"""Extensions by other packages through entry points.
 
-Every group works alike (`palpate.primitives`, `palpate.planners`, …): an entry point names a
-module, and what is public in it and of the group's kind is registered.
+Every group (`palpate.primitives`, `palpate.planners`, …) works alike: an entry point names a module, and
+its public members of the group's kind are registered.
 
     [project.entry-points."palpate.planners"]
     cautious = "my_package.cautious"
 
-Where a group has very many heavy members of which few are used (`palpate.estimators`), an entry
-point names one of them, and is loaded when it is.
+In a group with many heavy members (`palpate.estimators`) an entry point names a single member, which is
+loaded at first use.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from palpate.errors import InputError
 
 
 def extensions(group: str) -> Iterator[ModuleType]:
-    """The modules that the entry points of `group` name, in the order of the entry points' names.
+    """Load the modules that the entry points of `group` name, sorted by name of the entry point.
 
-    What is palpate's own needs none; metadata of an older palpate that names it is passed over.
+    Entry points of palpate itself, from metadata of an older version, are ignored.
 
     Raises:
         InputError: a module cannot be loaded; the message names it.
@@ -33,14 +33,13 @@ def extensions(group: str) -> Iterator[ModuleType]:
 
 
 def references(group: str) -> dict[str, str]:
-    """Of a group whose members are loaded only when they are used: what each entry point's name
-    refers to, `package.module:function`, in the order of the names."""
+    """References of a lazy group, `package.module:function` by name of the entry point."""
     entries = sorted(entry_points(group=group), key=lambda entry: entry.name)
     return {entry.name: entry.value for entry in entries}
 
 
 def public(module: ModuleType) -> list[object]:
-    """Public names of `module`: its `__all__`, else all without a leading underscore."""
+    """Public members of `module`: its `__all__`, else all without a leading underscore."""
     without_underscore = [name for name in vars(module) if not name.startswith("_")]
     names: list[str] = getattr(module, "__all__", without_underscore)
     return [getattr(module, name) for name in names]

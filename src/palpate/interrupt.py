@@ -1,9 +1,8 @@
 """Signals that ask a run to end.
 
-A signal is raised where it comes, as `Interrupted`. Where something is under way that has to be
-brought to an end first, such as a moving arm or a file that is being written, it is only noted, and
-whoever is at work asks for it. One that finds the noted one before it unheard is raised all the
-same: whatever hangs can be interrupted.
+A signal raises `Interrupted` where it arrives. While an arm moves or a file is written it is deferred: the
+work in progress polls `pressed()` and stops in order. A second signal raises if the first is still
+pending, so that a program that hangs can be interrupted.
 """
 
 from __future__ import annotations
@@ -18,17 +17,17 @@ from palpate.errors import ExecutionAborted
 
 
 class Interrupted(KeyboardInterrupt):
-    """A signal came while nothing was under way that had to be brought to an end first."""
+    """A signal arrived outside of a `deferred` block."""
 
 
 class Interrupts:
-    """The signals that have come, and what becomes of the next one."""
+    """Handler and counter of signals."""
 
     def __init__(self) -> None:
         self._count = 0
-        self._heard = 0
+        self._handled = 0
         self._before = 0
-        self._noting = False
+        self._deferring = False
         self._latest = ""
 
     @property
@@ -40,72 +39,72 @@ class Interrupts:
         return f"<Interrupts: {self._count} so far>"
 
     def take(self, number: int, _frame: FrameType | None = None) -> None:
-        """The handler of a signal.
+        """Handle a signal.
 
         Raises:
-            Interrupted: unless it is noted.
+            Interrupted: it is not deferred, or an earlier one is still pending.
         """
-        hurried = self._heard < self._count
+        pending = self._handled < self._count
         self._count += 1
         self._latest = signal.Signals(number).name
-        if self._noting and not hurried:
+        if self._deferring and not pending:
             return
-        self._heard = self._count
+        self._handled = self._count
         raise Interrupted(self.reason)
 
     @contextmanager
-    def noted(self) -> Generator[None]:
-        """Signals are only noted inside the block."""
-        noting, before = self._noting, self._before
-        if not noting:
+    def deferred(self) -> Generator[None]:
+        """Defer signals inside the block."""
+        deferring, before = self._deferring, self._before
+        if not deferring:
             self._before = self._count
-        self._noting = True
+        self._deferring = True
         try:
             yield
         finally:
-            self._noting, self._before = noting, before
+            self._deferring, self._before = deferring, before
 
     @contextmanager
     def raised(self) -> Generator[None]:
-        """Signals are raised inside the block: at its beginning one that was noted and nobody has
-        heard, at its end one that was noted inside it, or raised where Python ignores exceptions.
+        """Raise signals inside the block: a pending one at its beginning, and at its end one that was
+        deferred inside it or raised where Python ignores exceptions.
 
         Raises:
-            Interrupted: a signal came.
+            Interrupted: a signal arrived.
         """
-        noting, before, self._noting = self._noting, self._heard, False
+        deferring, before, self._deferring = self._deferring, self._handled, False
         try:
             self._raise_beyond(before)
             yield
             self._raise_beyond(before)
         finally:
-            self._noting = noting
+            self._deferring = deferring
 
     def _raise_beyond(self, before: int) -> None:
         if self._count > before:
-            self._heard = self._count
+            self._handled = self._count
             raise Interrupted(self.reason)
 
     def pressed(self) -> int:
-        """Number of signals since they are noted; they count as handled now."""
-        self._heard = self._count
+        """Number of signals since the outermost `deferred` block began; they count as handled now."""
+        self._handled = self._count
         return self._count - self._before
 
     def forget(self) -> None:
         """Forget the signals so far: they only ended a wait after everything was done."""
-        self._count = self._heard = self._before = 0
+        self._count = self._handled = self._before = 0
 
     @property
     def reason(self) -> str:
-        """The latest one in words."""
+        """The latest signal in words."""
         return "interrupted" if self._latest in ("", "SIGINT") else f"interrupted by {self._latest}"
 
 
 @contextmanager
 def interrupts(signals: Iterable[signal.Signals] = (signal.SIGINT,)) -> Generator[Interrupts]:
-    """Signal handling of this process, if active, else a new one for `signals` inside the block.
+    """Yield the active signal handling of this process, else install one for `signals`.
 
-    Off the main thread, where Python takes none, nothing is taken.
+    Outside the main thread Python delivers no signals, and nothing is installed.
     """
     taken = getattr(signal.getsignal(signal.SIGINT), "__self__", None)
     if isinstance(taken, Interrupts):
@@ -125,13 +124,13 @@ def interrupts(signals: Iterable[signal.Signals] = (signal.SIGINT,)) -> Generato
 
 @contextmanager
 def before_anything_moves(doing: str) -> Generator[None]:
-    """A signal that comes inside the block is told as an `ExecutionAborted`.
+    """Convert a signal inside the block to an `ExecutionAborted`.
 
     Args:
-        doing: what is being done, in a word: `planning`.
+        doing: name of the work: `planning`.
 
     Raises:
-        ExecutionAborted: a signal came.
+        ExecutionAborted: a signal arrived.
     """
     try:
         with interrupts() as signals, signals.raised():
@@ -141,7 +140,7 @@ def before_anything_moves(doing: str) -> Generator[None]:
 
 
 def ending_signals() -> tuple[signal.Signals, ...]:
-    """Signals that ask a program to end; a hang-up unless it is ignored (nohup)."""
+    """Signals that ask a program to end; SIGHUP unless it is ignored (nohup)."""
     hang_up = getattr(signal, "SIGHUP", None)
     if hang_up is None or signal.getsignal(hang_up) == signal.SIG_IGN:
         return (signal.SIGINT, signal.SIGTERM)
@@ -149,6 +148,6 @@ def ending_signals() -> tuple[signal.Signals, ...]:
 
 
 def ignore_signals() -> None:
-    """Let a process that is ending already end."""
+    """Ignore further signals in a process that is ending."""
     for number in ending_signals():
         signal.signal(number, signal.SIG_IGN)

@@ -1,4 +1,4 @@
-"""Parameter: an unknown, the thread through everything."""
+"""Parameter: an unknown quantity of a named object."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ class Parameter:
     quantity: str
 
     def __init__(self, object: str, quantity: str | None = None) -> None:
-        """A parameter by its two names, or by both in one.
+        """Construct from two names, or from one with a dot.
 
         Raises:
-            InputError: one name alone, and no quantity in it.
+            InputError: a single name without a quantity.
         """
         if quantity is None:
             object, quantity = _split(object)

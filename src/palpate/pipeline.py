@@ -78,7 +78,10 @@ def run(settings: Settings, callbacks: RunCallbacks = SILENT) -> Run:
         preflight(settings)
         scene = load(settings)
         callbacks.progress("planning")
-        made = replace(plan(settings, scene), begun=began)
+        made = plan(settings, scene)
+        if made.plan.proposal and callbacks.may_measure(made):
+            made = plan(settings.having(measure=made.plan.proposal), scene)
+        made = replace(made, begun=began)
     return carry_out(made, callbacks, folder=folder)
 
 

@@ -1,8 +1,8 @@
-"""Keys of the environment, blotted out of whatever is kept or shown.
+"""Redaction of keys of the environment in everything that is stored or shown.
 
-A server is sent its key with every request. A hostile one can say it back: as its model's name, in
-an error, in a plan, in pieces, or written otherwise. Text is redacted where it enters
-(`planning.model.session`), and once more where files are written.
+A server receives its key with every request. A hostile one can echo it: as a model's name, in an error, in
+a plan, in pieces, or encoded. Text is redacted where it enters (`planning.model.session`), and again
+where files are written.
 """
 
 from __future__ import annotations
@@ -20,38 +20,38 @@ T = TypeVar("T")
 BLOT = "[key]"
 
 SHORTEST = 6
-"""Characters: a shorter value is a placeholder such as `none`, and no key."""
+"""Minimum length of a key; shorter values are placeholders such as `none`."""
 
 STRETCH = 12
-"""Characters of a key that are blotted out wherever they stand in a row; of a shorter key, all."""
+"""Length of a part of a key that is redacted; of a shorter key, all of it."""
 
 _KEY_NAME = re.compile(r".*_API_KEY$")
 _KEY_LIKE = re.compile(r"\b(?:sk-[\w-]{12,}|AIza[\w-]{20,})|(?i:bearer\s+)[\w.~+/-]{12,}=*")
 _CREDENTIALS = re.compile(r"(?<=://)[^\s/@\"'<>]+@")
-"""User and password in an address."""
+"""User and password in a URL."""
 _QUERY = re.compile(
     r"([?&;](?:[\w-]*(?:key|token|secret|passw(?:or)?d|signature)|auth|sig|pwd)=)[^&;#\s\"'<>]+",
     re.I,
 )
-"""A key in the query of an address."""
+"""A key in the query of a URL."""
 
 _BETWEEN = r"[\s\u00ad\u200b-\u200f\u2060\ufeff]*"
 """Separators inside a spread key: white space and invisible characters."""
 
 
 def redact(text: str) -> str:
-    """`text` without any key that is in the environment, or looks like one, however it is written:
-    in part, spread, escaped, percent-encoded, in base64 or hexadecimal."""
+    """Redact keys of the environment, and texts that look like keys, in any form: parts of a key, spread
+    by white space, escaped, percent-encoded, in base64 or hexadecimal."""
     return _without(_keys(), text)
 
 
 def redacted(content: T) -> T:
-    """A JSON document with every text in it redacted, those that name fields as well."""
+    """Redact every string of a JSON document, names of fields included."""
     return cast("T", _redacted(content, _keys()))
 
 
 def _without(keys: Iterable[str], text: str) -> str:
-    """`text` without `keys`, and without what looks like one."""
+    """Redact `keys`, credentials, and texts that look like keys."""
     text = _CREDENTIALS.sub(f"{BLOT}@", _KEY_LIKE.sub(BLOT, text))
     text = _QUERY.sub(rf"\1{BLOT}", text)
     for key in keys:
@@ -71,8 +71,7 @@ def _redacted(content: Any, keys: tuple[str, ...]) -> Any:
 
 
 def _keys() -> tuple[str, ...]:
-    """Every key in the environment, the longest first: one may begin with another. Reading it takes
-    longer than looking through a short text does."""
+    """Keys in the environment, the longest first, because one may begin with another."""
     names = [name for name in os.environ if _KEY_NAME.match(name)]
     values = {os.environ[name].strip() for name in names}
     long_enough = [value for value in values if len(value) >= SHORTEST]
@@ -81,7 +80,7 @@ def _keys() -> tuple[str, ...]:
 
 @lru_cache(maxsize=64)
 def _spread(key: str) -> re.Pattern[str]:
-    """The key with each character plain or escaped (JSON, URL, XML), and blanks between them."""
+    """Pattern of the key with each character plain or escaped (JSON, URL, XML) and blanks between."""
     return re.compile(_BETWEEN.join(_spellings(character) for character in key))
 
 
@@ -93,7 +92,7 @@ def _spellings(character: str) -> str:
 
 @lru_cache(maxsize=64)
 def _forms(key: str) -> tuple[str, ...]:
-    """The key as it may be written as a whole."""
+    """Encodings of the whole key."""
     data = key.encode("utf-8")
     forms = {
         key,
@@ -105,7 +104,7 @@ def _forms(key: str) -> tuple[str, ...]:
         data.hex().upper(),
     }
     for offset in range(3):
-        # What depends on the key alone, wherever in the encoded text it begins (3 bytes: 4 letters).
+        # Base64 encodes 3 bytes in 4 letters: the part that depends on the key alone, at each offset.
         encoded = base64.b64encode(bytes(offset) + data)
         first, last = (0, 2, 3)[offset], (len(data) + offset) * 4 // 3
         form = encoded.decode("ascii")[first:last]
@@ -114,7 +113,7 @@ def _forms(key: str) -> tuple[str, ...]:
 
 
 def _without_stretches(text: str, forms: Iterable[str]) -> str:
-    """`text` without those parts of it that are parts of a form, if they are long enough."""
+    """Redact parts of `text` that are long enough parts of a form of the key."""
     covered: list[tuple[int, int]] = []
     for form in forms:
         covered += _stretches(text, form)
@@ -127,7 +126,7 @@ def _without_stretches(text: str, forms: Iterable[str]) -> str:
 
 
 def _stretches(text: str, form: str) -> Iterator[tuple[int, int]]:
-    """Stretches of `text` with `STRETCH` characters of the form in a row."""
+    """Spans of `text` that equal `STRETCH` successive characters of the form."""
     width = min(STRETCH, len(form))
     for i in range(len(form) - width + 1):
         start = text.find(form[i : i + width])
@@ -137,7 +136,7 @@ def _stretches(text: str, form: str) -> Iterator[tuple[int, int]]:
 
 
 def _joined(spans: list[tuple[int, int]]) -> Iterator[tuple[int, int]]:
-    """Spans that overlap or touch, as one."""
+    """Join spans that overlap or touch."""
     first = last = -1
     for start, end in sorted(spans):
         if start > last:

@@ -18,23 +18,24 @@ from palpate.planning.model.settings import ModelSettings
 
 if TYPE_CHECKING:
     from palpate.execution.recovery import OnFailure
-    from palpate.quantities.precision.within import Within
+    from palpate.quantities.within import Within
     from palpate.robots.description import RobotDescription
 
     Names = tuple[str, ...]
 else:
     # Read when settings are made: a command's help, which is derived from this page, loads no numpy.
     def _widths(given: Any) -> Any:
-        from palpate.quantities.precision.within import Within
+        from palpate.quantities.within import Within
 
         return given if isinstance(given, Within) else Within.read(given or {})
 
     OnFailure = str
     Within = Annotated[Any, BeforeValidator(_widths)]
-    Names = Annotated[
-        tuple[str, ...],
-        BeforeValidator(lambda given: (given,) if isinstance(given, str) else given),
-    ]
+
+    def _names(given: Any) -> tuple[str, ...]:
+        return (given,) if isinstance(given, str) else tuple(str(name) for name in given)
+
+    Names = Annotated[tuple[str, ...], BeforeValidator(_names)]
 
 Arm = Annotated[str, BeforeValidator(str)]
 """Name of an arm, or folder of its description, which may be a path."""
@@ -85,6 +86,16 @@ class Settings:
     planner: Annotated[
         str, Option("symbolic | exhaustive | replay:FILE | PROVIDER:MODEL", "NAME", "Planner")
     ] = "symbolic"
+    measure: Annotated[
+        Names,
+        Option(
+            "Parameter to measure, e.g. bottle.mass; bottle.* for all that is missing of it, missing for "
+            "everything; comma lists, may be repeated.",
+            "OBJECT.QUANTITY",
+            "Scene",
+            ("-m", "--measure"),
+        ),
+    ] = ()
     remeasure: Annotated[
         bool,
         Option("Measure requested quantities even if the scene states them.", None, "Planner"),
@@ -167,7 +178,7 @@ class Settings:
             InputError: nothing is asked, or a value is out of range; the message names the argument.
         """
         from palpate.execution.recovery import OnFailure
-        from palpate.robots.owner.registered import own_arm
+        from palpate.robots.owner.arm import own_arm
         from palpate.robots.simulated.noise.models import noise_models
 
         replayed = self.planner.startswith("replay:")
@@ -181,7 +192,7 @@ class Settings:
             raise InputError(
                 f"'{self.root}' is no folder: give root= the one the scene's files lie in"
             )
-        noise_models().check(self.noise)
+        noise_models().load(self.noise)
         own_arm(self.arm, self.cautious, self.robot_config)
         self.model_settings.checked()
         if self.on_failure not in get_args(OnFailure):
@@ -205,7 +216,7 @@ class Settings:
         Raises:
             InputError: no such arm or noise model, or its robot.yaml cannot be used.
         """
-        from palpate.robots.owner.registered import own_arm
+        from palpate.robots.owner.arm import own_arm
         from palpate.robots.registry import load_description
         from palpate.robots.simulated.noise.models import noise_models
 

@@ -12,8 +12,8 @@ from threadpoolctl import threadpool_limits
 def single_threaded_blas() -> Generator[None]:
     """Limit BLAS to one thread while the block runs, and restore the caller's limit.
 
-    The estimators' matrices are small: more threads wait for each other, and cost ten times the
-    processor time.
+    The estimators' matrices are small: more threads block each other and take ten times the processor
+    time.
     """
     with threadpool_limits(1, "blas"):
         yield

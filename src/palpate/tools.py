@@ -1,6 +1,5 @@
-"""Questions without a run: check of a plan, prompt for a model, vocabulary of plans.
-
-With `palpate.api` this is all that the command line stands on.
+"""Functions of the command line without a run: check of a plan, prompt for a model, teaching of poses,
+vocabulary of plans.
 """
 
 from __future__ import annotations
@@ -16,12 +15,13 @@ from palpate.errors import InputError, Unavailable
 from palpate.files.plain_yaml import yaml_text
 from palpate.files.read import read_text
 from palpate.planning.check.check import check
+from palpate.planning.measure import in_words, named_parameters
 from palpate.planning.model.prompt.compose import Prompt, compose
 from palpate.planning.model.provider import PROVIDERS
 from palpate.planning.recorded import load_proposal, plan_file
 from palpate.planning.registry import planners
 from palpate.quantities.catalogue import catalogue
-from palpate.robots.owner.registered import own_arm
+from palpate.robots.owner.arm import own_arm
 from palpate.robots.registry import load_description
 from palpate.scaffold.folder import POSES, SCENE, Scaffold, new_scene, written
 from palpate.scene.load import load_scene
@@ -57,25 +57,25 @@ __all__ = [
 
 
 def examined(asked: Settings, may_hold: Callable[[], bool]) -> Iterator[tuple[bool, str, str]]:
-    """Examine the real robot that the settings name: lines with passed or not, subject, and finding
-    or remedy. `may_hold` is asked whether the arm may hold itself for some seconds.
+    """Examine the real robot that the settings name; yield (passed, subject, finding or remedy).
+    `may_hold` asks for permission to let the arm hold itself for some seconds.
 
     Raises:
         InputError: no such URL or arm.
-        Unavailable: no driver, or one that can say nothing.
+        Unavailable: no driver, or one without an examination.
     """
     url = asked.robot or ""
     driver = drivers().of(url)
     if driver.examine is None:
-        raise Unavailable(f"the driver for '{url}' has nothing to say of its robot")
+        raise Unavailable(f"the driver for '{url}' cannot examine its robot")
     return driver.examine(url, own_arm(asked.arm, False, asked.robot_config, real=True), may_hold)
 
 
 def examined_planner(
     planner: str, base_url: str | None, seconds: float
 ) -> Iterator[tuple[bool, str, str]]:
-    """Examine a planner, as `examined` does a robot: a model's server is asked for its models, and
-    the model for a word and for the colour of a picture, `seconds` each at most.
+    """Examine a planner, with the results of `examined`: a model's server is asked for its models, the
+    model for a word and for the colour of a picture, at most `seconds` each.
 
     Raises:
         InputError: no such planner or address.
@@ -89,7 +89,7 @@ def examined_planner(
 
 
 def lesson(asked: Settings) -> Lesson:
-    """Lesson for teaching the poses of the settings' scene, with the known ones.
+    """Prepare the teaching of the poses of the settings' scene, with the known ones.
 
     Raises:
         InputError: a file that cannot be read.
@@ -103,11 +103,11 @@ def lesson(asked: Settings) -> Lesson:
 
 
 def guided_hand(url: str, taught: Lesson) -> GuidedHand:
-    """The hand of the real robot at a URL, to be led by a person.
+    """Connect to the hand of the real robot at a URL, for guiding by a person.
 
     Raises:
         InputError: no such URL.
-        Unavailable: no driver, no answer, or a robot that cannot be led.
+        Unavailable: no driver, no answer, or a robot that cannot be guided.
     """
     driver = drivers().of(url)
     if driver.guided is None:
@@ -116,7 +116,7 @@ def guided_hand(url: str, taught: Lesson) -> GuidedHand:
 
 
 def write_poses(path: Path, taught: Lesson) -> None:
-    """A poses.yaml of what was taught; an existing file is not overwritten.
+    """Write the taught poses to a new poses.yaml.
 
     Raises:
         InputError: it exists, or cannot be written.
@@ -131,12 +131,12 @@ def write_poses(path: Path, taught: Lesson) -> None:
 
 
 def check_file(plan: Path, asked: Settings) -> tuple[Finding, ...]:
-    """Findings of the check on a plan in a file.
+    """Check a plan in a file; return the findings.
 
     Args:
         plan: a plan, a chat's answer, or a run folder.
-        asked: the scene and the arm; without a scene the plan is checked against the objects that
-            came with it, or, where none did, by itself.
+        asked: the scene and the arm; without a scene the plan is checked against the objects in its
+            file, or without any.
 
     Raises:
         InputError: a file that cannot be read, or a scene without room for the arm.
@@ -155,7 +155,7 @@ def check_file(plan: Path, asked: Settings) -> tuple[Finding, ...]:
 
 
 def prompt(settings: Settings) -> Prompt:
-    """System prompt, user message and images, as a model would be sent them.
+    """Compose the system prompt, user message and images for a model.
 
     Raises:
         InputError: a value out of range, or a file that cannot be read.
@@ -169,10 +169,15 @@ def prompt(settings: Settings) -> Prompt:
             settings.described_arm(),
         )
         symbols = SceneBuilder(poses, arm).symbols
+    request = settings.request or ""
+    if settings.measure:
+        if scene is None:
+            raise InputError("measure= names parameters of a scene: give scene=D.xml")
+        request = f"{request} {in_words(named_parameters(settings.measure, scene))}".lstrip()
     told = settings.model_settings
     return compose(
         vocabulary(),
-        settings.request or "",
+        request,
         scene,
         settings.images,
         symbols,
@@ -184,7 +189,7 @@ def prompt(settings: Settings) -> Prompt:
 
 
 def replayed(plan: Path) -> str:
-    """The planner that answers with the plan in a file or in a run folder.
+    """Name of the planner that replays a plan file or the plan of a run folder.
 
     Raises:
         InputError: there is no such file.
@@ -193,7 +198,7 @@ def replayed(plan: Path) -> str:
 
 
 def paper_notation(node: Node, depth: int = 0) -> Iterator[str]:
-    """A tree as the paper writes it, a line a node: {-} Sequence, /_/ Parallel, → action."""
+    """Format a tree in the paper's notation, a line per node: {-} Sequence, /_/ Parallel, → action."""
     indent = "    " * depth
     if node.type in COMPOSITES:
         yield f"{indent}{COMPOSITES[node.type].symbol} {node.type}"
@@ -205,7 +210,7 @@ def paper_notation(node: Node, depth: int = 0) -> Iterator[str]:
 
 
 def units() -> dict[str, str]:
-    """The unit of each quantity; `1` where there is none."""
+    """Unit of each quantity; `1` for dimensionless ones."""
     return {quantity.id: quantity.unit for quantity in catalogue().values()}
 
 
@@ -224,15 +229,14 @@ def tree_nodes_model() -> str:
 
 
 def pictures() -> tuple[bool, str]:
-    """Test for a renderer: availability, and the backend or a remedy."""
+    """Test for a renderer; return its availability, and the backend or a remedy."""
     from palpate.pictures.renderer import gl_available
 
     return gl_available()
 
 
 def scene_from_picture(settings: Settings, folder: Path) -> Scaffold:
-    """Write the scene that a model sees in a picture, with the poses it was seen from; what the model
-    would measure in it is left aside.
+    """Write the scene that a model detects in a picture, with its poses; the model's plan is not used.
 
     Raises:
         InputError: no picture, no camera, a planner that is no model, nothing seen, or a folder

@@ -236,7 +236,7 @@ def test_unknown_planner_and_scenario_list_the_choices(palpate: Palpate, scene: 
 
 
 @pytest.mark.parametrize("command", ["gap", "plan", "run"])
-def test_an_unknown_arm_lists_those_there_are(
+def test_an_unknown_arm_lists_the_valid_names(
     palpate: Palpate, scene: SceneMaker, command: str
 ) -> None:
     file = ["--scene", scene(cube())] if command != "gap" else [scene(cube())]

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from palpate.estimation.rigid import about_centre, linear, moved, of_box, pseudo_inertia
-from palpate.geometry.inertia import tensor_of
-from palpate.geometry.pose import Pose
+from palpate.geometry.pose import Pose, tensor_of
 
 
 def test_a_box_is_what_it_weighs():

@@ -148,7 +148,7 @@ def test_btcpp_accepts_the_document_and_runs_it():
     ]
 
 
-def test_in_btcpp_too_the_first_failure_of_a_parallel_fails_the_tree():
+def test_first_failure_of_a_parallel_fails_the_tree_in_btcpp_too():
     status, ticked = run_in_btcpp(PLAN, fails={"MovePose"})
     assert status == bt.NodeStatus.FAILURE
     assert "MoveUntilContact" not in ticked

@@ -1,3 +1,5 @@
+"""The tree of a plan: structure, claims, recordings beside motions, and parts by leaf paths."""
+
 from __future__ import annotations
 
 import pytest
@@ -5,8 +7,8 @@ from py_trees.common import Status
 from standin import TICK, tick
 
 from palpate.errors import InputError
-from palpate.execution.build import build, leaves
-from palpate.planning.plan import Node
+from palpate.execution.build import build, leaves, part_of
+from palpate.planning.plan import Node, Plan
 
 
 def run(root, robot):
@@ -109,7 +111,7 @@ def test_leaves_know_their_path_in_the_plan(node, words, blackboard):
         (Node("Go", (("z", float("nan")),)), "tree: Go: z: .*finite"),
     ],
 )
-def test_what_cannot_be_built_is_one_clear_message(words, blackboard, tree, message):
+def test_tree_that_cannot_be_built_is_one_clear_message(words, blackboard, tree, message):
     with pytest.raises(InputError, match=message):
         build(tree, words, blackboard)
 
@@ -141,3 +143,29 @@ def test_a_tick_on_25_nodes_asks_only_the_one_that_runs(node, words, blackboard,
     asked = [asked.name for asked in root.tick()]
     assert root.status is Status.RUNNING
     assert asked == ["Wait(29.0)", "Sequence"]
+
+
+def plan(*children: Node) -> Plan:
+    return Plan((), Node("Sequence", children=children), "")
+
+
+def leaf(name: str) -> Node:
+    return Node(name)
+
+
+def test_part_of_a_plan_keeps_the_order_and_parallel_branches() -> None:
+    beside = Node("Parallel", children=(leaf("MovePose"), leaf("MeasureForces")))
+    inner = Node("Sequence", children=(leaf("OpenGripper"), leaf("CloseGripper")))
+    whole = plan(leaf("MoveJoints"), inner, beside, leaf("MovePose"))
+    part = part_of(whole, {"tree.children[2].children[0]", "tree.children[1].children[0]"})
+    assert part.tree is not None
+    assert str(part.tree).split() == [
+        *("Sequence", "Sequence", "OpenGripper"),
+        *("Parallel", "MovePose", "MeasureForces"),
+    ]
+    assert part_of(whole, [path for path, _ in whole.tree.walk()]) == whole  # type: ignore[union-attr]
+
+
+def test_plan_without_wanted_leaves_has_no_tree() -> None:
+    assert part_of(plan(leaf("MovePose")), ()).tree is None
+    assert part_of(Plan((), None, "why"), {"tree"}).tree is None

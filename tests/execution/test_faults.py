@@ -25,7 +25,9 @@ def lifting(robot, node, plan):
 @pytest.mark.parametrize(
     "member", ["state", "advance", "drain", "hold", "move_pose", "close_gripper"]
 )
-def test_nothing_is_lost(lifting, scene, robot, words, member, moment, lasting):
+def test_fault_of_the_robot_loses_no_recording(
+    lifting, scene, robot, words, member, moment, lasting
+):
     failing = Failing(robot, member, moment, 10**9 if lasting else 1)
     done = run(lifting, scene, failing, words=words)
     if done.status == "complete":
@@ -60,7 +62,7 @@ def test_a_run_goes_on_when_nobody_can_watch_it(plan, node, scene, robot, words,
     assert "unwatched" in caplog.text
 
 
-def test_what_is_written_down_meanwhile_is_all_there_is(plan, node, scene, robot, words):
+def test_growing_trace_has_all_samples(plan, node, scene, robot, words):
     kept = []
     ended = []
 

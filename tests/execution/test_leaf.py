@@ -126,7 +126,7 @@ def test_a_slip_fails_the_motion(words, blackboard, robot):
     assert "slip" in leaf.feedback_message
 
 
-def test_stopped_from_outside_closes_the_generator_and_holds(words, blackboard, robot):
+def test_leaf_stopped_from_outside_closes_its_generator_and_holds(words, blackboard, robot):
     leaf = make(words, blackboard, "Go", z=0.1)
     tick(leaf, robot, 3)
     leaf.stop(Status.INVALID)
@@ -188,7 +188,7 @@ def test_two_sensing_leaves_at_once_both_leave_their_mark(base, one, two):
     assert both.logged == (*base.logged, ("a", one), ("b", two))
 
 
-def test_what_another_leaf_changed_meanwhile_stays():
+def test_changes_of_another_leaf_meanwhile_stay():
     base = SymbolicState(None, gripper="closed")  # type: ignore[arg-type]
     now = replace(base, gripper="open")
     after = replace(base, at="home", pose_world_tcp=Pose.of((0, 0, 0)))

@@ -164,7 +164,9 @@ def test_a_real_arm_that_was_stopped_never_goes_on_by_itself(
     assert robot.asked == int(says)
 
 
-def test_a_person_lets_it_go_on_and_the_result_says_so(scene: Scene, ended: Execution) -> None:
+def test_person_may_let_a_stopped_arm_continue_and_the_result_says_so(
+    scene: Scene, ended: Execution
+) -> None:
     robot, plan = StoppedArm(), planned(scene, Parameter("dry", "mass"))
     first = replace(ended, status="stopped", stopped_by="stopped", fault="the user stop")
     attempts: list[Plan] = []
@@ -180,7 +182,9 @@ def test_a_person_lets_it_go_on_and_the_result_says_so(scene: Scene, ended: Exec
     assert done.setbacks[0].startswith("stopped (a person let the robot go on at ")
 
 
-def test_signals_without_sense_are_nobody_s_to_confirm(scene: Scene, ended: Execution) -> None:
+def test_implausible_signals_cannot_be_confirmed_by_a_person(
+    scene: Scene, ended: Execution
+) -> None:
     robot, plan = StoppedArm(), planned(scene, Parameter("dry", "mass"))
     robot.state.fault = None
     first = replace(ended, status="stopped", stopped_by="frozen", fault="signals are frozen")
@@ -210,7 +214,7 @@ def test_replanning_gets_over_bad_luck(scene: Scene) -> None:
 
 
 @pytest.mark.parametrize("attempt", ["", "replan[1]."])
-def test_the_failed_leaf_tells_its_object_whatever_it_is_called(scene: Scene, attempt: str) -> None:
+def test_object_of_a_failed_leaf_is_found_under_any_node_prefix(scene: Scene, attempt: str) -> None:
     way = Node("MovePose", (("pose", "wet_pose + z_offset"),), name="go and (gently) see")
     plan = Plan(BOTH, Node("Sequence", (), (Node("OpenGripper"), way)), "")
     failed = LeafRun(

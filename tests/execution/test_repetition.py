@@ -1,4 +1,4 @@
-"""What is wider than asked is measured again, until it is narrow enough or at its floor."""
+"""Repetition of too wide intervals, until they are narrow enough or at their floor."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from palpate.parameter import Parameter
 from palpate.planning.plan import Plan
 from palpate.planning.symbolic.planner import SymbolicPlanner
 from palpate.quantities.estimators import estimate_all
-from palpate.quantities.precision.within import Within
+from palpate.quantities.within import Within
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.runs.run import Run
 from palpate.scene.scene import Scene
@@ -28,7 +28,7 @@ WORLD = CELL.format(cup=" ".join(map(str, CUP)), table=-0.03, mass='mass="0.3"')
 
 
 def count(run: Run, quantity: str) -> int:
-    """How often it was measured."""
+    """Number of its measurements."""
     return sum(c.quantity == quantity for c in run.trace.conversions)
 
 
@@ -64,12 +64,12 @@ def test_a_value_is_measured_until_it_is_as_narrow_as_asked(narrowed, name, half
     assert "was asked: " in narrowed[name].method
 
 
-def test_such_a_run_is_complete(narrowed) -> None:
+def test_repeated_run_is_complete(narrowed) -> None:
     assert narrowed.status == "complete"
     assert narrowed.execution.setbacks == ()
 
 
-def test_all_of_a_round_is_one_way_from_home_and_back(narrowed) -> None:
+def test_round_of_repetition_goes_from_home_and_back(narrowed) -> None:
     """However often it touches in it."""
     rounds = {leaf.node.partition("tree")[0] for leaf in narrowed.trace.leaves}
     assert count(narrowed, "height") > len(rounds)
@@ -77,7 +77,7 @@ def test_all_of_a_round_is_one_way_from_home_and_back(narrowed) -> None:
     assert len(homes) <= 2 * len(rounds)
 
 
-def test_the_result_says_what_was_asked_and_what_came_of_it(narrowed) -> None:
+def test_result_states_the_asked_width_and_the_outcome(narrowed) -> None:
     rows = json.loads((narrowed.folder / "result.json").read_text())["parameters"]
     told = {row["quantity"]: row["within"] for row in rows}
     assert told["mass"]["asked"] == 0.0035
@@ -100,7 +100,7 @@ class Weighed:
     execution: Execution
 
     def again(self, runner: Any, done: Execution, within: str) -> tuple[Execution, Estimate]:
-        """What repetition by a `runner` makes of an execution, and the mass from it."""
+        """Execution after repetition by a `runner`, and the mass from it."""
         asked = Within.read({"mass": within})
         robot: Any = None
         whole = repeat(done, self.plan, self.scene, robot, asked, runner, lambda _: None)

@@ -116,10 +116,10 @@ def test_a_motion_that_is_broken_off_half_way_up_puts_down_as_well(
 
 
 @pytest.mark.parametrize("times", [1, 9])
-def test_what_gives_way_as_it_is_put_down_is_pressed_upon_again(
+def test_object_that_yields_as_it_is_put_down_is_pressed_again(
     plan, node, scene, robot, words, carrying, times
 ):
-    """What hung askew lies flat once it is pressed; what goes on giving way is no support."""
+    """An object that hung askew lies flat once pressed; a support that keeps yielding is none."""
     given: list[float] = []
 
     def give_way(r):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from faulty import Faulty
 
-from palpate.execution.held import Held
 from palpate.execution.runner import run
+from palpate.execution.stop import Held
 from palpate.planning.plan import Node, Plan
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.scene.load import parse_scene
@@ -141,7 +141,7 @@ def test_a_missing_object_is_noticed():
 
 
 def pushed(robot, newtons):
-    """The hand bears that much more, downwards, on top of what it feels."""
+    """Add a downward force to the measured one."""
     world = robot.world._data
     hand = robot.world.model.body("robot/hand").id
     world.xfrc_applied[hand, 2] = -newtons
@@ -149,7 +149,7 @@ def pushed(robot, newtons):
 
 @pytest.mark.parametrize("push", [20.0, 60.0])
 def test_a_push_that_comes_and_goes_is_no_support(push):
-    """Somebody presses on the hand that holds the cup in the air, and lets go."""
+    """A person presses on the hand that holds the cup in the air, and stops."""
     pressing = {"until": 0.0}
 
     def push_and_stop(robot):
@@ -191,7 +191,7 @@ def test_an_object_that_would_tip_stays_in_the_fingers():
     assert robot.world.true_pose("cup").position[2] > 0.2
 
 
-def test_where_the_robot_tells_nothing_any_more_what_ran_is_ended_and_the_arm_holds():
+def test_robot_without_a_state_ends_running_leaves_and_holds():
     def gone(*_):
         raise OSError("no answer")
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from palpate.cells.simulated import SimulatedCell, simulated_cell
-from palpate.robots.owner.calibrated import known, unmeasured
+from palpate.robots.owner.arm import known, unmeasured
+from palpate.robots.simulated.noise.model import Streams
 from palpate.robots.simulated.noise.models import noise_models
 from palpate.robots.simulated.noise.true_arm import Truth
-from palpate.robots.simulated.noise.values import Streams
 from palpate.scene.load import load_scene
 
 from .believed import BelievedArm

@@ -14,10 +14,8 @@ from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription
 from palpate.robots.nominal import RIDGE, wrench
 from palpate.robots.simulated.noise.disturbances import Motion
-from palpate.robots.simulated.noise.encoders import PAD_TIME, Encoders
-from palpate.robots.simulated.noise.model import NoiseModel
-from palpate.robots.simulated.noise.sensors import Sensors
-from palpate.robots.simulated.noise.values import JOINTS, Streams
+from palpate.robots.simulated.noise.model import JOINTS, NoiseModel, Streams
+from palpate.robots.simulated.noise.sensors import PAD_TIME, Encoders, Sensors
 from palpate.robots.simulated.readout import OBSERVER_TIME
 from palpate.robots.simulated.timing import BLOCK, PERIOD, TIMESTEP
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from palpate.geometry.pose import Array
+from palpate.robots.simulated.noise.model import Streams
 from palpate.robots.simulated.noise.models import noise_models
-from palpate.robots.simulated.noise.values import Streams
 
 from .bench import Setup, Workbench
 from .served import files, own_address

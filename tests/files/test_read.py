@@ -30,7 +30,7 @@ READERS: dict[str, Callable[[Path], object]] = {
 
 
 @pytest.mark.parametrize("kind", READERS)
-def test_nothing_is_read_from_what_is_no_regular_file(kind: str, tmp_path: Path) -> None:
+def test_files_that_are_not_regular_are_refused(kind: str, tmp_path: Path) -> None:
     fifo = tmp_path / "fifo"
     os.mkfifo(fifo)
     with pytest.raises(InputError, match="a FIFO, not a regular file; give"):
@@ -45,7 +45,7 @@ def test_a_fifo_for_an_arm_is_no_arm(tmp_path: Path) -> None:
         load_description(str(tmp_path))
 
 
-def test_a_folder_and_a_link_to_a_device(tmp_path: Path) -> None:
+def test_folders_and_links_to_devices_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="a folder, not a regular file; give a plan"):
         read_bytes(tmp_path, 10, "a plan")
     link = tmp_path / "link"
@@ -69,7 +69,7 @@ def test_a_file_that_grows_while_it_is_read_has_the_same_limit() -> None:
         read_bytes(Path("/proc/self/status"), 10, "a plan")
 
 
-def test_what_is_not_there_or_not_text(tmp_path: Path) -> None:
+def test_absent_and_binary_files_are_refused(tmp_path: Path) -> None:
     with (
         pytest.raises(InputError, match=r"cannot read .*: No such file"),
         opened(tmp_path / "a", 10, "a plan"),

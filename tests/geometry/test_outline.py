@@ -12,6 +12,9 @@ from palpate.geometry.outline import (
     Obstacle,
     above,
     clearance,
+    clipped,
+    depth,
+    hull,
     profile,
     rectangle,
     rim,
@@ -31,7 +34,7 @@ def pyramid(half: float, height: float) -> Convex:
 
 @given(st.floats(0.02, 0.1), st.floats(0.05, 0.3), st.floats(0.05, 0.9))
 @settings(max_examples=50, deadline=None)
-def test_a_slice_of_a_pyramid(half: float, height: float, share: float) -> None:
+def test_a_slice_of_a_pyramid_is_a_square(half: float, height: float, share: float) -> None:
     outline = slab(pyramid(half, height), share * height, height)
     assert width(outline, unit(0)) == pytest.approx(2 * half * (1 - share))
 
@@ -40,7 +43,7 @@ def test_a_slice_beside_the_shape_is_empty() -> None:
     assert len(slab(pyramid(0.1, 0.1), 0.2, 0.3)) == 0
 
 
-def test_the_profile_of_a_disc() -> None:
+def test_the_profile_of_a_disc_is_its_circle() -> None:
     angle = np.arange(360) * np.pi / 180
     disc = 0.05 * np.column_stack([np.cos(angle), np.sin(angle)])
     stations = np.array([-0.06, -0.03, 0.0, 0.03])
@@ -75,3 +78,33 @@ def test_obstacles_count_from_their_tops() -> None:
     )
     assert len(above([low, high], 0.2)) == 1
     assert len(above([low, high], 0.05)) == 2
+
+
+SQUARE = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+
+
+def test_a_hull_is_made_of_corners_alone() -> None:
+    found = hull(np.concatenate([SQUARE[::-1], [[0.5, 0.5], [1, 0.5], [0, 0]]]))
+    assert sorted(found.tolist()) == sorted(SQUARE.tolist())
+    assert depth(found, np.array([0.5, 0.5])) > 0  # counterclockwise
+
+
+def test_a_polygon_without_area_has_no_inside() -> None:
+    line = np.array([[1.0, 1], [0, 0], [2, 2], [0.5, 0.5]])
+    assert hull(line).tolist() == [[0, 0], [2, 2]]
+    assert hull(line[:1]).tolist() == [[1, 1]]
+    assert hull(line[:0]).shape == (0, 2)
+    assert depth(hull(line), np.array([1.0, 1.0])) == -np.inf
+    assert clipped(SQUARE, hull(line)).shape == (0, 2)
+
+
+def test_a_polygon_is_clipped_by_another() -> None:
+    shared = clipped(SQUARE, SQUARE + 0.5)
+    assert sorted(shared.tolist()) == [[0.5, 0.5], [0.5, 1], [1, 0.5], [1, 1]]
+    assert clipped(SQUARE, SQUARE * 3 - 1).tolist() == SQUARE.tolist()
+    assert len(clipped(SQUARE, SQUARE + 2.0)) == 0
+
+
+def test_depth_is_the_way_to_the_nearest_side() -> None:
+    assert depth(SQUARE, np.array([0.25, 0.5])) == pytest.approx(0.25)
+    assert depth(SQUARE, np.array([-0.5, 0.5])) == pytest.approx(-0.5)

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from palpate.geometry.pose import Pose
+from palpate.errors import InputError
+from palpate.geometry.pose import SPACING, Line, Pose
 
 finite = st.floats(-10, 10, allow_subnormal=False)
 points = st.tuples(finite, finite, finite)
@@ -106,11 +107,11 @@ def test_top_down_points_down_and_closes_along_its_yaw(
 
 
 @given(poses())
-def test_its_vector_is_position_then_quaternion(pose: Pose) -> None:
+def test_the_vector_of_a_pose_is_position_then_quaternion(pose: Pose) -> None:
     assert same(Pose(pose.vector[:3], pose.vector[3:]), pose)
 
 
-def test_turning_by_a_right_angle() -> None:
+def test_a_right_angle_turns_x_to_y() -> None:
     quarter = Pose.of((1, 0, 0), (np.sqrt(0.5), 0, 0, np.sqrt(0.5)))
     assert quarter.apply((1, 0, 0)) == pytest.approx([1, 1, 0])
     assert quarter.angle_to(IDENTITY) == pytest.approx(np.pi / 2)
@@ -119,7 +120,7 @@ def test_turning_by_a_right_angle() -> None:
 @pytest.mark.parametrize(
     "quaternion", [(0, 0, 0, 0), (np.nan, 0, 0, 1), (np.inf, 0, 0, 0), (1e-12, 0, 0, 0)]
 )
-def test_what_is_no_rotation_is_refused(quaternion: tuple[float, ...]) -> None:
+def test_a_quaternion_of_zeros_or_nan_is_refused(quaternion: tuple[float, ...]) -> None:
     with pytest.raises(ValueError, match="not a rotation quaternion"):
         Pose.of((0, 0, 0), quaternion)
 
@@ -127,3 +128,26 @@ def test_what_is_no_rotation_is_refused(quaternion: tuple[float, ...]) -> None:
 def test_local_undoes_apply() -> None:
     pose = Pose.of((0.3, -0.2, 0.5), (0.5, 0.1, -0.7, 0.2))
     assert pose.local(pose.apply((0.1, 0.2, -0.3))) == pytest.approx((0.1, 0.2, -0.3))
+
+
+LINE = Line.through(
+    Pose.of([0.5, 0.0, 0.1]), np.array([0.0, 0.05, 0.0]), np.array([0.6, 0.02, 0.0])
+)
+
+
+def test_a_line_believes_the_place_nearest_to_a_point():
+    assert LINE.believed == pytest.approx(0.02)
+    assert LINE.at(LINE.believed).position == pytest.approx([0.5, 0.02, 0.1])
+
+
+def test_no_place_is_outside_the_region():
+    assert LINE.nearest(np.array([0.5, 0.3, 0.0])) == pytest.approx(0.05)
+    with pytest.raises(InputError, match="60 mm along is outside -50 to 50 mm"):
+        LINE.at(0.06)
+
+
+def test_places_hold_both_ends_and_are_close():
+    places = LINE.places()
+    assert places[0] == pytest.approx(-0.05)
+    assert places[-1] == pytest.approx(0.05)
+    assert np.diff(places).max() <= SPACING + 1e-12

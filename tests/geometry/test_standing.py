@@ -43,7 +43,7 @@ def test_a_hammer_that_is_balanced_on_its_head_stays() -> None:
     assert tipped(HAMMER, np.array([0.15, 0.0, 0.018])).quaternion[0] == 1.0
 
 
-def test_what_would_fall_is_left_where_the_scene_has_it() -> None:
+def test_a_body_that_would_fall_keeps_its_pose() -> None:
     leaning = corners((0.0, 0.0, 0.1), (0.02, 0.02, 0.1)) @ np.array(
         [[0.9, 0.0, -0.436], [0.0, 1.0, 0.0], [0.436, 0.0, 0.9]]
     )

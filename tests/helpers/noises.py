@@ -10,9 +10,8 @@ from palpate.geometry.pose import Array, Pose
 from palpate.robots.nominal import NominalArm
 from palpate.robots.registry import load_description
 from palpate.robots.simulated.noise.disturbances import Motion
-from palpate.robots.simulated.noise.model import NoiseModel
+from palpate.robots.simulated.noise.model import NoiseModel, Streams
 from palpate.robots.simulated.noise.sensors import Sensors
-from palpate.robots.simulated.noise.values import Streams
 
 ARM = load_description()
 NOMINAL = NominalArm(ARM, Pose.of([0, 0, 0]), np.array([0, 0, -9.81]))

@@ -10,8 +10,7 @@ import pytest
 
 from palpate.errors import InputError
 from palpate.mjcf.document import MAX_BYTES, MAX_DEPTH, with_tokens
-from palpate.mjcf.reading import parse_document, read_document
-from palpate.mjcf.root import is_too_wide
+from palpate.mjcf.reading import is_too_wide, parse_document, read_document
 from palpate.parameter import Parameter
 from palpate.scene.load import load_scene, scene_from_text
 from palpate.scene.remarks import remarks
@@ -68,7 +67,9 @@ def test_deep_nesting_and_size_are_bounded() -> None:
         (b"", "malformed"),
     ],
 )
-def test_what_is_no_mjcf(tmp_path: Path, content: bytes, complaint: str) -> None:
+def test_other_formats_are_refused_with_their_conversion(
+    tmp_path: Path, content: bytes, complaint: str
+) -> None:
     path = tmp_path / "scene.xml"
     path.write_bytes(content)
     with pytest.raises(InputError, match=complaint):
@@ -176,7 +177,7 @@ def beside(tmp_path: Path, name: str = "share") -> Path:
 
 
 @pytest.mark.parametrize("root", [None, ".", ".."])
-def test_files_beside_the_scenes_folder(tmp_path: Path, root: str | None) -> None:
+def test_files_beside_the_scenes_folder_are_read(tmp_path: Path, root: str | None) -> None:
     scene = beside(tmp_path)
     share = tmp_path / "share"
     found = load_scene(scene, root=None if root is None else share / root)
@@ -187,7 +188,7 @@ def test_files_beside_the_scenes_folder(tmp_path: Path, root: str | None) -> Non
     assert twin.spec().compile().nmesh == 1
 
 
-def test_files_of_a_scene_that_needs_no_others_are_not_told_of(tmp_path: Path) -> None:
+def test_a_scene_without_files_has_no_remark_on_files(tmp_path: Path) -> None:
     write(tmp_path, CUBE, "m.obj")
     scene = tmp_path / "scene.xml"
     scene.write_text(
@@ -218,7 +219,7 @@ def test_folders_that_hold_more_than_scenes_are_too_wide(folder: str) -> None:
     assert not is_too_wide(Path("/data/scenes"))
 
 
-def test_nobody_learns_whether_a_file_of_the_system_exists(tmp_path: Path) -> None:
+def test_the_message_is_the_same_for_existing_and_missing_system_files(tmp_path: Path) -> None:
     said: set[str] = set()
     for name in ("/etc/passwd", "/etc/passwt"):
         (tmp_path / "scene.xml").write_text(f'<mujoco><include file="{name}"/></mujoco>')
@@ -271,6 +272,6 @@ def test_attached_models_are_found_from_any_working_directory(
         ("svg", "its root is <svg>"),
     ],
 )
-def test_what_is_no_scene_is_told_what_it_is(root: str, message: str) -> None:
+def test_files_of_other_kinds_are_refused_with_their_kind(root: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         parse_document(f"<{root}/>")

@@ -9,7 +9,7 @@ import pytest
 
 from palpate.errors import InputError
 from palpate.mjcf.reading import parse_document
-from palpate.mjcf.roles.sorting import find_roles
+from palpate.mjcf.roles import find_roles
 from palpate.parameter import Parameter
 from palpate.scene.load import parse_scene
 from palpate.scene.remarks import remarks
@@ -228,7 +228,7 @@ def test_an_arm_that_nothing_drives_is_known_by_its_hand() -> None:
     assert list(scene(soap).objects) == ["hand_soap"]
 
 
-def test_what_stands_around_a_robot_is_none_of_it() -> None:
+def test_objects_around_a_robot_are_not_part_of_it() -> None:
     room = f'<body name="room">{ARM}<body name="drawer"><joint/><geom size=".1"/></body></body>'
     robots = scene(room + cup(""), after=DRIVEN).resolved.description.roles.robots
     assert [robot.get("name") for robot in robots] == ["link0"]
@@ -276,7 +276,7 @@ def test_a_cupboard_with_a_door_is_left_standing() -> None:
         ),
     ],
 )
-def test_scenes_that_cannot_be_understood(world: str, complaint: str) -> None:
+def test_ambiguous_scenes_are_refused(world: str, complaint: str) -> None:
     with pytest.raises(InputError, match=complaint):
         scene(world)
 
@@ -308,7 +308,7 @@ def test_a_plane_without_a_name_is_the_floor() -> None:
     assert floor.known["height"] == (0.0,)
 
 
-def test_a_free_body_without_a_name_is_called_after_what_it_is() -> None:
+def test_a_free_body_without_a_name_is_named_after_its_shape() -> None:
     ball = '<body pos="0.5 {y} 0.27"><freejoint/><geom size=".03"/></body>'
     mug = '<body pos="0.5 0.3 0.27"><freejoint/><geom name="mug" type="box" size=".03 .03 .05"/></body>'
     found = scene(ball.format(y=0) + ball.format(y=0.2) + mug)
@@ -343,7 +343,7 @@ def test_of_copies_the_first_stands_for_all(opening: str, name: str) -> None:
     assert model.geom_friction[:, 0] == pytest.approx([0.3] * model.ngeom)
 
 
-def test_where_a_copy_stands_cannot_be_measured() -> None:
+def test_the_position_of_a_copy_cannot_be_measured() -> None:
     text = '<replicate count="2" offset="0 .2 0">' + cup("", pos="? 0 0.05") + "</replicate>"
     with pytest.raises(InputError, match="inside a <replicate>"):
         scene(text)

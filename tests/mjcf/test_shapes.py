@@ -8,10 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from palpate.mjcf.hulls import geom_volume, hull_edges, hull_points
 from palpate.mjcf.reading import parse_document
-from palpate.mjcf.roles.sorting import find_roles
-from palpate.mjcf.shapes import Shapes, compile_shapes
+from palpate.mjcf.roles import find_roles
+from palpate.mjcf.shapes import Shapes, compile_shapes, geom_volume, hull_edges, hull_points
 
 KINDS = {"box": 3, "cylinder": 2, "capsule": 2, "sphere": 1, "ellipsoid": 3}
 

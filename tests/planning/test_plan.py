@@ -66,7 +66,7 @@ def test_a_plan_is_read_with_its_paths():
     assert plan.actions == 3
 
 
-def test_what_is_written_is_read_back_unchanged_and_the_same_every_time():
+def test_a_written_plan_is_read_back_unchanged_and_the_same_every_time():
     plan = parse_plan(json.dumps(DOCUMENT | {"planner": "symbolic", "notes": ["n1"]}))
     assert parse_plan(dump_plan(plan)) == plan
     assert dump_plan(plan) == dump_plan(parse_plan(dump_plan(plan)))
@@ -118,7 +118,7 @@ def test_a_null_tree_is_an_answer():
         ('{"parameters": [], "tree": {"type": "\\ud800"}}', "surrogate"),
     ],
 )
-def test_what_is_no_plan_is_refused_in_one_message(text: str | bytes, names: str):
+def test_a_document_that_is_no_plan_is_refused_in_one_message(text: str | bytes, names: str):
     with pytest.raises(InputError) as refusal:
         parse_plan(text)
     assert names in str(refusal.value)
@@ -189,7 +189,7 @@ def test_every_plan_survives_the_file(plan: Plan):
 
 
 @pytest.mark.parametrize("outcome", ["nothing_missing", "cannot", "ambiguous"])
-def test_a_plan_without_a_tree_says_what_comes_of_the_request(outcome: str):
+def test_a_plan_without_a_tree_states_its_outcome(outcome: str):
     text = f'{{"parameters": [], "tree": null, "explanation": "so", "outcome": "{outcome}"}}'
     plan = parse_plan(text)
     assert (plan.outcome, plan.satisfied) == (outcome, outcome == "nothing_missing")

@@ -74,7 +74,7 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callabl
 @pytest.mark.parametrize(
     "spec", ["symbolic", "exhaustive", "replay:some/plan.json", "openai:gpt-4o", "openai"]
 )
-def test_a_planner_is_called_what_it_was_asked_for_as(spec: str):
+def test_a_planner_has_the_name_that_it_was_asked_by(spec: str):
     assert planners().make(spec).name == spec
 
 
@@ -89,7 +89,7 @@ def test_unknown_planners_are_refused_with_the_known_ones(spec: str):
     )
 
 
-def test_a_planner_is_told_the_settings():
+def test_a_planner_receives_the_settings():
     settings = PlannerSettings(remeasure=True)
     assert planners().make("symbolic", settings) == SymbolicPlanner(remeasure=True)
     replay = planners().make("replay:plan.json", settings)
@@ -112,7 +112,7 @@ def test_an_own_planner_is_found_by_its_name(install: Callable[[str], Path]):
     assert planners().make("filed:plan.json").name == "replay:plan.json"
 
 
-def test_what_is_palpates_own_or_not_public_cannot_be_taken(install: Callable[[str], Path]):
+def test_palpates_own_names_and_private_classes_are_not_registered(install: Callable[[str], Path]):
     install(OWN)
     assert isinstance(planners().make("symbolic"), SymbolicPlanner)
     with pytest.raises(InputError, match="cautious, compatible:MODEL, exhaustive, filed:FILE"):

@@ -36,7 +36,7 @@ def test_a_conversation_is_replayed_up_to_its_first_valid_plan(tmp_path: Path):
     assert ReplayPlanner(file).plan(None, bench(BOTTLE)).tree == WEIGHED.tree
 
 
-def test_what_is_not_there_or_no_plan_is_bad_input(tmp_path: Path):
+def test_a_missing_file_or_one_without_a_plan_is_bad_input(tmp_path: Path):
     with pytest.raises(InputError, match="no plan file"):
         load_plan(tmp_path / "none.json")
     with pytest.raises(InputError, match=r"no plan\.json"):

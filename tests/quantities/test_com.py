@@ -63,7 +63,7 @@ def test_perfect_sensors_give_the_horizontal_centre_in_the_body_frame(bench, noi
     assert found.verdict == "identified"
 
 
-def test_along_gravity_only_the_prior_speaks(bench, noises, scene):
+def test_com_along_gravity_is_prior_dominated(bench, noises, scene):
     found = estimate_com(
         lift_at(bench, noises["none"], [0.0, 0.05]), PARAMETER, scene.body("hammer")
     )
@@ -74,7 +74,7 @@ def test_along_gravity_only_the_prior_speaks(bench, noises, scene):
     assert found.verdicts == ("identified", "identified", "prior-dominated")
 
 
-def test_laboratory_noise(bench, noises, scene):
+def test_com_is_within_its_interval_in_laboratory_noise(bench, noises, scene):
     errors = []
     for seed in range(8):
         found = estimate_com(
@@ -95,21 +95,21 @@ def test_mass_is_taken_where_the_torque_is_least(bench, noises, scene):
 
 
 @pytest.mark.parametrize("world", ["lab", "datasheet"])
-def test_what_moves_inside_is_contradicted(bench, noises, scene, world):
+def test_com_is_contradicted_when_something_moves_inside(bench, noises, scene, world):
     trace = lift_at(bench, noises[world], [0.0, 0.05, -0.05], moves=(0.0, 0.02, -0.03))
     found = estimate_com(trace, PARAMETER, scene.body("hammer"))
     assert found.verdict == "contradicted"
     assert "something in the object moves" in found.contradiction
 
 
-def test_where_the_scene_has_it_goes_straight_in_and_is_said(bench, noises, scene):
+def test_com_depends_on_the_pose_in_the_scene_and_says_so(bench, noises, scene):
     trace = lift_at(bench, noises["none"], [0.0, 0.05, -0.05], moves=(0.01, 0.01, 0.01))
     found = estimate_com(trace, PARAMETER, scene.body("hammer"))
     assert found.values[0] == pytest.approx(COM[0] + 0.01, abs=7e-4)
-    assert "from where the scene has the object" in found.method
+    assert "the object's position in the scene" in found.method
 
 
-def test_an_arm_that_is_not_measured_knows_less_where_it_holds(bench, noises, scene):
+def test_an_uncalibrated_arm_widens_the_com(bench, noises, scene):
     trace = lift_at(bench, noises["lab"], [0.0, 0.05, -0.05])
     rough = replace(trace, hand=replace(trace.hand, tip_offset_std=2e-3))
     known, unknown = (
@@ -119,7 +119,7 @@ def test_an_arm_that_is_not_measured_knows_less_where_it_holds(bench, noises, sc
     assert (known < unknown).all()
 
 
-def test_never_lifted_is_not_identified(bench, noises, scene):
+def test_com_of_an_object_never_lifted_is_not_identified(bench, noises, scene):
     b = bench(noises["none"])
     b.go("somewhere", (0.5, 0.0, 0.3))
     found = estimate_com(b.trace(), PARAMETER, scene.body("hammer"))
@@ -127,7 +127,7 @@ def test_never_lifted_is_not_identified(bench, noises, scene):
     assert len(found.values) == 0
 
 
-def test_how_well_poses_are_known_is_in_the_interval(bench, noises):
+def test_com_interval_contains_the_accuracy_of_poses(bench, noises):
     """Where an object stands along the fingers no grasp shows: what is said of its pose counts."""
     trace = lift_at(bench, noises["none"], [0.0, 0.05, -0.05])
     rough = parse_scene(SCENE, poses="accuracy: 0.01").body("hammer")
@@ -138,7 +138,7 @@ def test_how_well_poses_are_known_is_in_the_interval(bench, noises):
     assert "0.5 mm (1 sigma, assumed" in usual.method
 
 
-def test_runs_of_one_scene_share_its_poses_and_what_was_believed(bench, noises, scene):
+def test_coms_of_one_scene_share_its_poses_and_its_prior(bench, noises, scene):
     """Averaging shrinks what is a grasp's and a sensor's own, and neither the poses nor the prior."""
     body = scene.body("hammer")
     sources = []
@@ -154,7 +154,7 @@ def test_runs_of_one_scene_share_its_poses_and_what_was_believed(bench, noises, 
     assert fused.stds[2] == pytest.approx(first.std[2], rel=0.02)
 
 
-def test_a_tilt_that_did_not_end_well_costs_the_height_alone(bench, noises):
+def test_an_aborted_tilt_costs_only_the_height_of_the_com(bench, noises):
     """Three level grasps tell the rest of a centre of mass, one does not."""
     in_space = Parameter("hammer", "com_3d")
     for offsets in ([0.0, 0.05, -0.05], [0.0]):

@@ -63,7 +63,7 @@ def installed(tmp_path, monkeypatch):
     sys.modules.pop("my_estimator", None)
 
 
-def test_converted_and_missing(weighing, noises, bodies):
+def test_a_parameter_without_a_conversion_is_not_identified(weighing, noises, bodies):
     trace = weighing(0.254, noises["none"])
     mass, height = estimate_all([MASS, Parameter("table", "height")], trace, bodies)
     assert mass.values[0] == pytest.approx(0.254, rel=3e-3)
@@ -163,7 +163,7 @@ def test_a_mass_that_was_recorded_before_the_run_was_broken_off_counts(weighing,
     assert found == whole
 
 
-def test_what_was_recorded_while_it_was_broken_off_does_not(weighing, noises, bodies):
+def test_a_mass_recorded_while_the_run_was_broken_off_does_not_count(weighing, noises, bodies):
     trace = weighing(0.254, noises["none"])
     recording = trace.recordings[0]
     slipped = LeafRun("x", "MovePose", "MovePose(up)", recording.start, recording.end, "FAILURE")
@@ -172,7 +172,7 @@ def test_what_was_recorded_while_it_was_broken_off_does_not(weighing, noises, bo
     assert "MovePose(up) and after is no evidence" in found.method
 
 
-def test_inertia_is_not_excited(weighing, noises, bodies):
+def test_inertia_without_swings_is_not_identified(weighing, noises, bodies):
     trace = weighing(0.254, noises["none"])
     (found,) = estimate_all([Parameter("bottle", "inertia")], trace, bodies)
     assert found.verdict == "not identified"
@@ -181,7 +181,7 @@ def test_inertia_is_not_excited(weighing, noises, bodies):
 
 
 @pytest.mark.parametrize("quantity", catalogue().values(), ids=lambda q: q.id)
-def test_every_estimator_of_the_catalogue_keeps_to_the_contract(bench, noises, bodies, quantity):
+def test_every_estimator_of_the_catalogue_fulfils_the_contract(bench, noises, bodies, quantity):
     b = bench(noises["none"])
     b.go("somewhere", (0.5, 0.0, 0.3))
     parameter = Parameter("bottle", quantity.id)

@@ -49,7 +49,7 @@ def released(b):
     return b.trace()
 
 
-def test_perfect_sensors(bench, noises):
+def test_friction_is_exact_with_perfect_sensors(bench, noises):
     found = estimate_friction(drag(bench, noises["none"]), PARAMETER, None)
     assert found.values[0] == pytest.approx(DYNAMIC, abs=2e-3)
     assert found.parts["static"].value == pytest.approx(STATIC, abs=0.03)
@@ -58,7 +58,7 @@ def test_perfect_sensors(bench, noises):
 
 
 @pytest.mark.parametrize("mass", [5.0, 11.0])
-def test_what_mass_an_arm_seems_to_have_does_not_reach_the_breakaway(
+def test_the_apparent_mass_of_the_arm_does_not_reach_the_breakaway(
     bench, noises, monkeypatch, mass
 ):
     """Towards its base it is twice as heavy as to the side; the end of a drag shows it."""
@@ -96,7 +96,7 @@ def test_noise_in_a_constant_pressure_is_no_force_without_pressure(bench, noises
 
 
 @pytest.mark.parametrize("goal", [(0.6, 0.1, 0.2), (0.5, 0.2, 0.2), (0.43, 0.03, 0.2)])
-def test_independent_of_direction(bench, noises, goal):
+def test_friction_is_independent_of_direction(bench, noises, goal):
     found = estimate_friction(drag(bench, noises["none"], goal=goal), PARAMETER, None)
     assert found.values[0] == pytest.approx(DYNAMIC, abs=2e-3)
 
@@ -136,7 +136,7 @@ def gained(values, t):
     return np.diff(values, axis=0, prepend=values[:1]) / np.diff(t, prepend=-1.0)[:, None]
 
 
-def test_what_an_arm_that_sways_takes_to_move_is_no_friction(bench, noises, monkeypatch):
+def test_inertia_of_a_swaying_arm_is_no_friction(bench, noises, monkeypatch):
     """On springs of 800 N/m it sways for a second after each breakaway."""
     monkeypatch.setattr("recordings.APPARENT", 0.0)
     still, sways = (swaying(drag(bench, noises["none"]), size) for size in (0.0, 0.005))
@@ -146,25 +146,25 @@ def test_what_an_arm_that_sways_takes_to_move_is_no_friction(bench, noises, monk
     assert found.parts["static"].value == pytest.approx(STATIC, abs=0.03)
 
 
-def test_nothing_dragged_nothing_known(weighing, noises):
+def test_friction_without_a_drag_is_not_identified(weighing, noises):
     trace = weighing(0.254, noises["none"])
     found = estimate_friction(trace, PARAMETER, None)
     assert found.verdict == "not identified"
     assert len(found.values) == 0
 
 
-def test_a_friction_that_cannot_be_told_from_none_has_no_value(bench, noises):
+def test_friction_indistinguishable_from_zero_has_no_value(bench, noises):
     """Something on ice, under a pressure that tells little."""
     trace = drag(bench, noises["lab"], 1, CONSTANT, static=0.05, dynamic=0.02)
     found = estimate_friction(trace, PARAMETER, None)
     assert found.verdict == "not identified"
     assert len(found.values) == 0
     assert not found.parts
-    assert "cannot be told from none" in found.method
+    assert "cannot be distinguished from zero" in found.method
     assert len(found.evidence) == 4
 
 
-def test_what_is_as_wide_as_what_was_believed_before_is_not_measured(bench, noises):
+def test_friction_as_uncertain_as_its_prior_is_prior_dominated(bench, noises):
     """Sensors whose gains may be off by 40 %, and a pressure that tells nothing of it."""
     trace = drag(bench, noises["none"], press=CONSTANT, static=1.1, dynamic=1.0)
     unsure = replace(trace, hand=replace(trace.hand, torque_gain=0.4))
@@ -205,24 +205,24 @@ def test_a_leash_on_a_slide_one_way(bench, noises):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_slide_one_way_covers(bench, noises, seed):
+def test_friction_of_a_slide_one_way_is_within_its_interval(bench, noises, seed):
     found = slid(bench, noises["datasheet"], seed=seed, there_and_back=False)
     assert is_right(found)
 
 
 @pytest.mark.parametrize("force", [2.0, 12.0])
-def test_a_magnet_presses_and_is_not_felt(bench, noises, force):
+def test_a_magnet_presses_without_changing_the_friction(bench, noises, force):
     found = slid(bench, noises["lab"], attraction=force)
     assert abs(found.z_score(DYNAMIC)) < 3
     assert (found.verdict == "contradicted") == (force > 10)
 
 
-def test_a_magnet_is_felt_where_the_pressure_hardly_changes(bench, noises):
+def test_a_magnet_is_detected_where_the_pressure_hardly_changes(bench, noises):
     found = slid(bench, noises["lab"], press=(0.006, 0.0065, 0.006), attraction=12.0)
     assert found.verdict == "contradicted"
 
 
-def test_what_pulls_on_the_object_in_the_air_contradicts_its_friction(bench, noises):
+def test_a_force_on_the_object_in_the_air_contradicts_its_friction(bench, noises):
     """The drags are measured against the object hanging free."""
     trace = drag(bench, noises["lab"], 1)
     samples = trace.samples
@@ -267,7 +267,7 @@ def triangle(bench, noise, seed=0, frictions=(DYNAMIC,) * 3, fast=1.0):
 
 
 @pytest.mark.parametrize("world", ["lab", "datasheet"])
-def test_what_is_alike_in_a_triangle_is_known_well(bench, noises, world):
+def test_uniform_friction_in_a_triangle_is_precise(bench, noises, world):
     found = [triangle(bench, noises[world], seed) for seed in range(6)]
     assert all(is_right(each) for each in found)
     errors = np.array([each.values[0] - DYNAMIC for each in found])
@@ -275,13 +275,13 @@ def test_what_is_alike_in_a_triangle_is_known_well(bench, noises, world):
 
 
 @pytest.mark.parametrize("frictions", [(0.25, 0.4, 0.4), (0.5, 0.4, 0.4)])
-def test_a_triangle_shows_that_axes_differ(bench, noises, frictions):
+def test_a_triangle_shows_friction_that_differs_between_axes(bench, noises, frictions):
     found = triangle(bench, noises["lab"], frictions=frictions)
     assert found.verdict == "contradicted"
     assert "between axes" in found.contradiction
 
 
-def test_what_differs_by_a_few_per_cent_is_in_the_interval(bench, noises):
+def test_friction_differences_of_a_few_per_cent_are_in_the_interval(bench, noises):
     alike = triangle(bench, noises["lab"])
     found = triangle(bench, noises["lab"], frictions=(0.36, 0.33, 0.33))
     assert found.verdict == "identified"
@@ -289,7 +289,7 @@ def test_what_differs_by_a_few_per_cent_is_in_the_interval(bench, noises):
     assert found.intervals[0, 0] < 0.345 < found.intervals[0, 1]
 
 
-def test_friction_that_changes_with_the_speed_is_not_one(bench, noises):
+def test_friction_that_changes_with_the_speed_is_contradicted(bench, noises):
     found = triangle(bench, noises["lab"], fast=0.7)
     assert found.verdict == "contradicted"
     assert "twice as fast" in found.contradiction
@@ -303,7 +303,7 @@ def test_a_steep_support_is_met_both_ways(bench, noises):
     assert is_right(estimate_friction(released(b), PARAMETER, None))
 
 
-def test_what_slips_in_the_fingers_is_no_friction(bench, noises):
+def test_an_object_slipping_in_the_fingers_has_no_friction(bench, noises):
     """What the fingers hold back is the same however hard they press."""
     b = grasped(bench, noises["lab"])
     for place in (GOAL, GRASP):
@@ -312,7 +312,7 @@ def test_what_slips_in_the_fingers_is_no_friction(bench, noises):
     assert found.verdict != "identified"
 
 
-def test_the_hand_that_is_held_back_slides_nothing(bench, noises):
+def test_a_hand_that_is_held_back_measures_no_friction(bench, noises):
     """An object that sticks and slips: the hand stands still, and jumps."""
     trace = drag(bench, noises["lab"])
     samples = trace.samples

@@ -1,4 +1,4 @@
-"""Height: rigid tables, cloths on them, cushions, slopes, and what lies under one finger."""
+"""Height and tilt: rigid tables, cloths on them, cushions, slopes, and things under one finger."""
 
 from dataclasses import replace
 
@@ -8,7 +8,9 @@ from recordings import HAND
 
 from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
-from palpate.quantities.height import estimate_height
+from palpate.planning.symbolic.planner import SymbolicPlanner
+from palpate.quantities.height import estimate_height, estimate_tilt
+from palpate.scene.load import parse_scene
 from palpate.trace.recording import Context as Where
 from palpate.trace.recording import Recording
 
@@ -45,7 +47,7 @@ def probe(bench, noise, surface, seed=0):
 @pytest.mark.parametrize(
     ("world", "tolerance"), [("none", 1e-5), ("lab", 3e-5), ("datasheet", 3e-5)]
 )
-def test_rigid_surface(bench, noises, world, tolerance):
+def test_height_of_a_rigid_surface(bench, noises, world, tolerance):
     for seed in range(5):
         found = probe(bench, noises[world], rigid, seed)
         assert found.values[0] == pytest.approx(TABLE, abs=tolerance)
@@ -67,12 +69,12 @@ def test_an_arm_that_nobody_has_gauged_says_so_and_what_to_do(bench, noises):
     assert unknown.stds[0] == pytest.approx(5e-3, rel=0.01)
 
 
-def test_penetration_is_corrected(bench, noises):
+def test_height_is_corrected_for_penetration(bench, noises):
     found = probe(bench, noises["none"], rigid)
     assert found.parts["penetration"].value == pytest.approx(8.0 / 4e4, rel=0.1)
 
 
-def test_pose_repeatability_enters_the_standard_deviation(bench, noises):
+def test_height_std_contains_the_pose_repeatability(bench, noises):
     assert probe(bench, noises["none"], rigid).stds[0] >= 1e-4
 
 
@@ -217,7 +219,7 @@ def test_a_mat_is_no_table_to_an_arm_whose_joints_rub(bench, noises, stiffness):
         assert "give" in found.contradiction
 
 
-def test_what_the_tips_give_way_is_not_the_surface(bench, noises):
+def test_compliance_of_the_tips_is_not_that_of_the_surface(bench, noises):
     """Rubber pads under a hand whose owner says so."""
     b = bench(noises["lab"])
     b.go("table_approach", (0.5, 0.0, 0.32))
@@ -343,3 +345,53 @@ def test_no_descent_is_an_error(bench, noises):
     recording = Recording("gripper_pose", 0.1, 0.3, Where("contact", support="table"))
     with pytest.raises(ValueError, match="no guarded descent"):
         estimated(b, recording)
+
+
+TILT = Parameter("table", "tilt")
+TILTED_SPOTS = ((0.45, -0.05), (0.55, -0.05), (0.45, 0.05))
+SCENE = """<mujoco><worldbody>
+  <site name="robot_base"/>
+  <body name="table" pos="0.5 0 ?"><geom type="box" size=".4 .5 .02"/></body>
+  <body name="can" pos="0.5 -0.15 0.05"><freejoint/><geom type="cylinder" size=".03 .05"/></body>
+</worldbody></mujoco>"""
+
+
+def touch_tilted(bench, noise, spots, slope, seed=0):
+    """One touch a spot of a table that rises by `slope` along x and y."""
+    b = bench(noise, seed)
+    for x, y in spots:
+        top = TABLE + slope[0] * (x - 0.5) + slope[1] * y
+        b.go("table_approach", (x, y, 0.32))
+        b.descend(lambda z, top=top: max(0.0, top - z) * 4e4, "table")
+    return estimate_tilt(b.trace(), TILT, None)
+
+
+@pytest.mark.parametrize("slope", [(0.0, 0.0), (0.01, 0.0), (-0.02, 0.015)])
+@pytest.mark.parametrize("noise", ["none", "lab", "datasheet"])
+def test_three_touches_measure_the_tilt_of_a_table(bench, noises, noise, slope):
+    found = touch_tilted(bench, noises[noise], TILTED_SPOTS, slope)
+    assert found.verdict == "identified"
+    assert found.values == pytest.approx(slope, abs=1e-3)
+    assert np.abs(found.z_score(slope)).max() < 3.0
+    assert found.parts["angle"].value == pytest.approx(np.hypot(*slope), abs=1.5e-3)
+
+
+@pytest.mark.parametrize("spots", [TILTED_SPOTS[:2], ((0.45, 0.0), (0.5, 0.0), (0.55, 0.0))])
+def test_touches_in_line_measure_no_tilt(bench, noises, spots):
+    found = touch_tilted(bench, noises["lab"], spots, (0.01, 0.0))
+    assert found.verdict == "not identified"
+    assert "not in line" in found.method
+
+
+def test_a_plan_for_a_tilt_touches_three_spots():
+    scene = parse_scene(SCENE)
+    plan = SymbolicPlanner().plan("how much is the table tilted?", scene)
+    assert plan.parameters == (TILT,)
+    kinds = [node.type for _, node in plan.tree.walk()]
+    assert kinds.count("MoveUntilContact") == kinds.count("MeasureGripperPose") == 3
+
+
+def test_a_plan_for_a_height_touches_once():
+    plan = SymbolicPlanner().plan("how high is the table?", parse_scene(SCENE))
+    kinds = [node.type for _, node in plan.tree.walk()]
+    assert kinds.count("MoveUntilContact") == 1

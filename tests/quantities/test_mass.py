@@ -41,7 +41,7 @@ def test_perfect_sensors_give_the_mass(weighing, noises):
     assert str(found.parameter) == "bottle.mass"
 
 
-def test_laboratory_noise_and_bias_are_removed(weighing, noises):
+def test_mass_is_free_of_laboratory_noise_and_bias(weighing, noises):
     error, std, covers, single = errors(weighing, noises["lab"])
     assert abs(error.mean()) < 5e-4
     assert error.std() < 1.5e-3
@@ -63,7 +63,7 @@ def test_an_end_effector_that_is_told_wrong_is_in_both_and_goes(weighing, noises
         assert found.stds[0] == pytest.approx(right.stds[0], rel=0.1)
 
 
-def test_residual_of_every_approach_does_not_reach_the_estimate(weighing, noises):
+def test_residual_of_every_approach_does_not_reach_the_mass(weighing, noises):
     error, std, covers, single = errors(weighing, noises["datasheet"])
     assert error.std() < 5e-3
     assert single.std() > 0.012
@@ -72,7 +72,7 @@ def test_residual_of_every_approach_does_not_reach_the_estimate(weighing, noises
 
 
 @pytest.mark.parametrize("mass", [0.016, 1.5])
-def test_light_and_heavy_objects(weighing, noises, mass):
+def test_mass_of_light_and_heavy_objects(weighing, noises, mass):
     error, _, covers, _ = errors(weighing, noises["lab"], mass)
     assert np.abs(error).max() < max(3e-3, 0.01 * mass)
     assert covers.sum() >= 17
@@ -94,7 +94,7 @@ def test_passes_at_another_speed_count_for_less(bench, noises):
     assert found.stds[0] > 4e-3
 
 
-def test_before_the_release_the_estimate_is_provisional(weighing, noises):
+def test_mass_before_the_release_is_provisional(weighing, noises):
     trace = weighing(MASS, noises["lab"], 3)
     early = weighed(trace.until(trace.conversions[0].time))
     late = weighed(trace)
@@ -102,7 +102,7 @@ def test_before_the_release_the_estimate_is_provisional(weighing, noises):
     assert abs(early.values[0] - MASS) < 3 * early.stds[0]
 
 
-def test_without_any_reference_the_datasheet_bounds_the_bias(bench, noises):
+def test_mass_without_a_reference_contains_the_bias_of_the_datasheet(bench, noises):
     b = bench(noises["lab"], 2)
     b.close("bottle", MASS)
     b.go("elsewhere", (0.5, 0.2, 0.6))
@@ -138,6 +138,6 @@ def test_another_object_in_the_hand_is_not_a_reference(bench, noises):
     assert found.values[0] == pytest.approx(MASS, rel=3e-3)
 
 
-def test_same_trace_same_estimate(weighing, noises):
+def test_mass_of_the_same_trace_is_the_same(weighing, noises):
     first, second = (weighed(weighing(MASS, noises["lab"], 7)) for _ in range(2))
     assert first == second

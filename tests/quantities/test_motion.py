@@ -6,9 +6,8 @@ import pytest
 from palpate.geometry.pose import Pose
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
-from palpate.quantities.momentum import estimate_momentum
+from palpate.quantities.motion import estimate_momentum, estimate_velocity
 from palpate.quantities.position import estimate_position
-from palpate.quantities.velocity import estimate_velocity
 from palpate.trace.recording import Context as Where
 from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, POSE

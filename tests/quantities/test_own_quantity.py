@@ -49,7 +49,7 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]
 
 
 @pytest.mark.usefixtures("installed")
-def test_it_is_found_missing_where_the_file_writes_a_question_mark() -> None:
+def test_a_third_partys_quantity_is_missing_where_the_file_has_a_question_mark() -> None:
     scene = parse_scene(SCENE)
     assert scene.missing == (ROLLING,)
     assert scene.priors[ROLLING] == (1e-4,)
@@ -63,7 +63,7 @@ def test_it_is_found_missing_where_the_file_writes_a_question_mark() -> None:
 
 @pytest.mark.usefixtures("installed")
 @pytest.mark.parametrize("sentence", [None, "What is the rolling resistance of the block?"])
-def test_it_is_planned_for_from_its_evidence_alone(sentence: str | None) -> None:
+def test_a_third_partys_quantity_is_planned_from_its_evidence_alone(sentence: str | None) -> None:
     scene = parse_scene(SCENE)
     plan = SymbolicPlanner().plan(sentence, scene)
     assert plan.parameters == (ROLLING,)
@@ -72,7 +72,7 @@ def test_it_is_planned_for_from_its_evidence_alone(sentence: str | None) -> None
 
 
 @pytest.mark.usefixtures("installed")
-def test_its_value_is_written_into_the_twin() -> None:
+def test_a_third_partys_value_is_written_into_the_twin() -> None:
     scene = parse_scene(SCENE)
     made = complete(scene, [Estimate.normal(ROLLING, "m", 5e-4, 1e-5, "A stub.", ())])
     assert 'friction="0.4 0.005 0.000500" condim="6"' in made.texts.main
@@ -81,7 +81,7 @@ def test_its_value_is_written_into_the_twin() -> None:
     assert parse_scene(made.texts.main).missing == ()
 
 
-def test_without_the_package_nobody_knows_it() -> None:
+def test_a_third_partys_quantity_is_unknown_without_its_package() -> None:
     scene = parse_scene(SCENE)
     assert scene.missing == ()
     with pytest.raises(InputError, match="unknown quantity 'rolling_friction'"):

@@ -38,7 +38,7 @@ def test_a_word_means_one_quantity() -> None:
     assert sorted(set(words)) == sorted(words)
 
 
-def test_all_of_them_can_be_measured() -> None:
+def test_every_quantity_can_be_measured() -> None:
     assert all(q.identifiable and q.evidence for q in catalogue().values())
 
 
@@ -51,7 +51,7 @@ def test_an_unknown_quantity_lists_the_valid_ones() -> None:
         catalogue().named("weight")
 
 
-def test_gaps_are_values() -> None:
+def test_parameters_are_values() -> None:
     assert str(Parameter("bottle", "mass")) == "bottle.mass"
     assert Parameter("bottle", "mass") == Parameter("bottle", "mass")
     assert sorted([Parameter("b", "mass"), Parameter("a", "mass"), Parameter("a", "com")]) == [

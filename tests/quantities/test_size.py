@@ -10,7 +10,7 @@ from palpate.parameter import Parameter
 from palpate.planning.request.grounding import ground
 from palpate.planning.symbolic.planner import SymbolicPlanner
 from palpate.quantities.estimators import estimate_all
-from palpate.quantities.shape.size import Size, estimate_size
+from palpate.quantities.size import Size, estimate_size
 from palpate.scene.load import parse_scene
 from palpate.twin.inject import inject
 
@@ -72,14 +72,16 @@ def start_of_last_grasp(b):
 
 
 @pytest.mark.parametrize("noise", ["none", "lab", "datasheet"])
-def test_the_fingers_tell_two_widths_and_a_touch_of_the_top_the_height(bench, noises, scene, noise):
+def test_the_fingers_measure_two_widths_and_a_touch_of_the_top_the_height(
+    bench, noises, scene, noise
+):
     b = recorded(bench, noises[noise])
     trace = turned(b.trace(), scene, start_of_last_grasp(b))
     found = estimate_size(trace, SIZE, scene.bodies["crate"])
     assert found.values == pytest.approx([0.062, 0.05, TOP - TABLE], abs=5e-4)
     assert (found.stds < 1.5e-3).all()
     assert found.verdict == "identified"
-    assert "nothing told" not in found.method
+    assert "there is no evidence" not in found.method
 
 
 def test_the_length_of_the_tips_cancels_where_the_support_was_touched_too(bench, noises, scene):
@@ -91,7 +93,9 @@ def test_the_length_of_the_tips_cancels_where_the_support_was_touched_too(bench,
 
 
 @pytest.mark.parametrize(("stiffness", "verdict"), [(1e4, "identified"), (1e3, "contradicted")])
-def test_what_gives_way_a_little_ends_where_it_was_met(bench, noises, scene, stiffness, verdict):
+def test_a_slightly_compliant_object_ends_at_first_contact(
+    bench, noises, scene, stiffness, verdict
+):
     """A light thing on an ordinary table of MuJoCo's does; soft things are another matter."""
     b = recorded(bench, noises["datasheet"], stiffness=stiffness)
     trace = turned(b.trace(), scene, start_of_last_grasp(b))
@@ -100,15 +104,15 @@ def test_what_gives_way_a_little_ends_where_it_was_met(bench, noises, scene, sti
     assert abs(found.values[2] - (TOP - TABLE)) < 3 * found.stds[2] < 3e-3 * (4e4 / stiffness)
 
 
-def test_an_extent_that_nothing_told_stays_as_the_scene_has_it(bench, noises, scene):
+def test_an_extent_without_evidence_stays_as_in_the_scene(bench, noises, scene):
     b = recorded(bench, noises["lab"], across=False)
     found = estimate_size(turned(b.trace(), scene, np.inf), SIZE, scene.bodies["crate"])
     assert found.values[0] == scene.bodies["crate"].size[0] == pytest.approx(0.06)
     assert found.stds[0] == pytest.approx(0.015)
-    assert "Along x nothing told" in found.method
+    assert "Along x there is no evidence" in found.method
 
 
-def test_nothing_recorded_is_not_identified(bench, noises, scene):
+def test_size_without_recordings_is_not_identified(bench, noises, scene):
     b = bench(noises["none"])
     b.go("home", (0.5, 0.0, 0.3))
     assert estimate_size(b.trace(), SIZE, scene.bodies["crate"]).verdict == "not identified"
@@ -147,11 +151,11 @@ def test_the_height_of_an_object_is_part_of_its_size(scene, request_):
     assert ground(request_, scene).asked == (SIZE,)
 
 
-def test_the_height_of_a_table_is_none(scene):
+def test_the_height_of_a_table_is_no_size(scene):
     assert ground("how high is the table?", scene).asked == (Parameter("table", "height"),)
 
 
-def test_what_it_stands_on_is_touched_where_nobody_knows_its_height():
+def test_a_support_of_unknown_height_is_touched_too():
     scene = parse_scene(D.replace('pos="0.5 0 -0.02"', 'pos="0.5 0 ?"'))
     needed = list(Size().needs(scene.bodies["crate"], scene.bodies))
     assert needed == [Parameter("table", "height")]
@@ -190,7 +194,7 @@ def test_a_mesh_is_scaled_where_it_is_named(tmp_path, turned):
     assert after.bottom_z() == pytest.approx(before.bottom_z(), abs=1e-6)
 
 
-def test_a_mesh_that_others_are_made_of_stays(tmp_path):
+def test_a_mesh_shared_with_others_is_not_scaled(tmp_path):
     (tmp_path / "cube.obj").write_text(CUBE)
     more = '<geom name="post" type="mesh" mesh="cube" pos="1 1 0"/>'
     with pytest.raises(InputError, match="mesh 'cube' of 'crate' is that of <geom name=\"post\">"):
@@ -205,7 +209,7 @@ def test_a_mesh_that_others_are_made_of_stays(tmp_path):
         ('size=".03 .025 ?"', 'size=".03 .025 0.06"'),
     ],
 )
-def test_what_is_written_as_unknown_is_missing_and_filled(was, written):
+def test_an_extent_written_as_unknown_is_missing_and_filled(was, written):
     text = D.replace('size=".03 .025 .06"', was)
     found = parse_scene(text)
     assert SIZE in found.missing
@@ -222,7 +226,7 @@ def test_the_radius_of_a_round_thing_is_two_extents():
     assert 'size="0.0305 .05"' in inject(text, {Parameter("can", "size"): (0.061, 0.061, 0.1)})
 
 
-def test_where_several_shapes_make_it_nobody_knows_which_is_meant():
+def test_an_unknown_extent_among_several_shapes_is_refused():
     part = '<geom type="box" size=".01 .01 ?" pos="0 0 .07"/>'
     with pytest.raises(InputError, match="cannot be measured"):
         parse_scene(D.replace('size=".03 .025 .06"/>', f'size=".03 .025 .06"/>{part}'))

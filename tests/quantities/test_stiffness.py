@@ -29,7 +29,7 @@ def pressed(bench, noise, press, seed=0, places=((0.5, 0.0),)):
     ("world", "tolerance"), [("none", 0.01), ("lab", 0.03), ("datasheet", 0.05)]
 )
 @pytest.mark.parametrize("stiffness", [60, 300, 1000, 3000, 10000])
-def test_a_spring_of_any_strength(bench, noises, world, tolerance, stiffness):
+def test_stiffness_of_a_spring_of_any_strength(bench, noises, world, tolerance, stiffness):
     errors = []
     for seed in range(4):
         found = pressed(bench, noises[world], spring(stiffness), seed)
@@ -40,14 +40,14 @@ def test_a_spring_of_any_strength(bench, noises, world, tolerance, stiffness):
     assert np.sqrt(np.mean(np.square(errors))) < tolerance
 
 
-def test_the_first_contact_comes_with_it(bench, noises):
+def test_stiffness_comes_with_the_height_of_first_contact(bench, noises):
     contact = pressed(bench, noises["lab"], spring(1000)).parts["first contact"]
     assert contact.value == pytest.approx(TOP, abs=3e-4)
     assert contact.std >= HAND.tip_offset_std
 
 
 @pytest.mark.parametrize("world", ["none", "lab", "datasheet"])
-def test_a_table_is_stiffer_than_can_be_told(bench, noises, world):
+def test_a_table_is_stiffer_than_the_resolution(bench, noises, world):
     found = pressed(bench, noises[world], spring(1e6))
     assert found.verdict == "not identified"
     assert "stiffer than" in found.method
@@ -62,7 +62,7 @@ def test_a_cloth_is_judged_by_itself_and_not_by_the_table_below(bench, noises):
     assert found.verdict == "identified"
 
 
-def test_what_hardens_is_no_even_spring(bench, noises):
+def test_a_hardening_spring_is_contradicted(bench, noises):
     found = pressed(bench, noises["lab"], lambda z: 3e4 * max(0.0, TOP - z) ** 2)
     assert found.verdict == "contradicted"
     assert "proportion" in found.contradiction
@@ -95,7 +95,7 @@ def test_a_rough_signal_makes_no_spring_uneven(bench, noises):
     assert found.values[0] == pytest.approx(800, rel=0.03)
 
 
-def test_touches_count_together(bench, noises):
+def test_stiffness_averages_all_touches(bench, noises):
     places = ((0.45, 0.0), (0.5, 0.0), (0.55, 0.0))
     once = pressed(bench, noises["lab"], spring(600))
     found = pressed(bench, noises["lab"], spring(600), places=places)
@@ -104,7 +104,7 @@ def test_touches_count_together(bench, noises):
     assert len(found.evidence) == 3
 
 
-def test_places_that_are_not_alike_contradict_each_other(bench, noises):
+def test_places_of_different_stiffness_contradict_each_other(bench, noises):
     b = bench(noises["lab"])
     for x, stiffness in ((0.45, 400), (0.55, 900)):
         b.go("mat_approach", (x, 0.0, 0.32))
@@ -114,7 +114,7 @@ def test_places_that_are_not_alike_contradict_each_other(bench, noises):
     assert "equally stiff" in found.contradiction
 
 
-def test_without_a_touch_there_is_none(bench, noises):
+def test_stiffness_without_a_touch_is_not_identified(bench, noises):
     b = bench(noises["lab"])
     b.go("mat_approach", (0.5, 0.0, 0.32))
     assert estimate_stiffness(b.trace(), STIFFNESS, None).verdict == "not identified"
@@ -128,7 +128,7 @@ COVER = """<body gravcomp="1" pos="0 0 0.006"><joint type="slide" axis="0 0 1" s
   <geom type="box" size=".15 .15 .004" mass="0.3"/></body>"""
 
 
-def test_how_soft_is_the_mat(tmp_path):
+def test_stiffness_of_a_mat_from_the_sentence_to_the_twin(tmp_path):
     """From the sentence to `<custom>`, on an arm whose hidden mat rests on a spring."""
     world = tmp_path / "world.xml"
     world.write_text(SCENE.format(low=' pos="0 0 -0.012"', cover=COVER.format(800, 20)))
@@ -147,7 +147,7 @@ def test_how_soft_is_the_mat(tmp_path):
     ("seed", "stiffness", "damping", "low", "told"),
     [(107, 86, 8, -0.0222, True), (113, 64, 2.4, -0.0124, False)],
 )
-def test_what_hardly_bears_is_not_taken_for_what_is_below(
+def test_a_mat_that_hardly_bears_is_not_taken_for_the_surface_below(
     tmp_path, seed, stiffness, damping, low, told
 ):
     """14 mm of a mat that bear 1.2 N above something rigid are told at `lab`; 4.4 mm that bear 0.3 N are

@@ -7,7 +7,7 @@ import pytest
 from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate, Shared, not_identified
 from palpate.parameter import Parameter
-from palpate.quantities.precision.within import Within, shown
+from palpate.quantities.within import Within, shown
 
 BOTTLE = Parameter("bottle.mass")
 
@@ -47,7 +47,7 @@ def test_a_width_is_a_number_in_a_unit_of_its_quantity(name, value, width) -> No
         ("mass", float("nan"), "give a positive number"),
     ],
 )
-def test_what_is_no_width_is_refused_with_what_would_be_one(name, value, says) -> None:
+def test_text_that_is_no_width_is_refused_with_the_valid_forms(name, value, says) -> None:
     with pytest.raises(InputError, match=says):
         Within.read({name: value})
 
@@ -86,7 +86,7 @@ def test_an_interval_is_reached_at_its_floor_or_could_be_narrower(std, gain, out
     assert within.told(found).method.startswith("Lifted. ")
 
 
-def test_nothing_is_said_where_nothing_was_asked_or_found() -> None:
+def test_an_estimate_without_a_request_or_a_value_stays_unchanged() -> None:
     assert Within.read({"height": "1mm"}).precision(estimate(0.001)) is None
     missed = not_identified(BOTTLE, "kg", "It slipped.")
     within = Within.read({"mass": "1g"})
@@ -105,14 +105,14 @@ def test_widths_are_shown_in_a_unit_that_suits_them(width, unit, text) -> None:
 
 
 @pytest.mark.parametrize(("std", "so_far", "more"), [(0.0006, 1, 1), (0.001, 1, 4), (0.001, 2, 8)])
-def test_noise_says_how_often_to_measure_again(std, so_far, more) -> None:
+def test_noise_determines_the_number_of_further_repetitions(std, so_far, more) -> None:
     """The noise of a mean falls with the root of their number; some of it is kept in reserve."""
     precision = Within.read({"mass": "1g"}).precision(estimate(std))
     assert precision is not None
     assert precision.further(so_far) == more
 
 
-def test_a_component_that_nothing_shows_is_no_matter_of_width() -> None:
+def test_a_component_without_evidence_does_not_count_for_the_width() -> None:
     std = [0.5e-3, 0.8e-3, 9e-3]
     com = Estimate.normal(
         Parameter("hammer", "com"), "m", [0.06, 0.0, 0.0], std, "three grasps", unseen=(2,)

@@ -14,10 +14,9 @@ from recordings import bench, noises
 from palpate.estimation.estimate import Estimate
 from palpate.parameter import Parameter
 from palpate.quantities.friction import estimate_friction
-from palpate.quantities.height import estimate_height
+from palpate.quantities.height import estimate_height, estimate_tilt
 from palpate.quantities.position import estimate_position
-from palpate.quantities.shape.size import estimate_size
-from palpate.quantities.shape.tilt import estimate_tilt
+from palpate.quantities.size import estimate_size
 from palpate.quantities.stiffness import estimate_stiffness
 from palpate.report.charts import Chart, charts
 from palpate.report.data import Measured

@@ -16,7 +16,7 @@ from PIL import Image
 
 from palpate.estimation.agreement import FitTest
 from palpate.estimation.estimate import Estimate, Part, not_identified
-from palpate.execution.held import Held
+from palpate.execution.stop import Held
 from palpate.parameter import Parameter
 from palpate.pictures.renderer import png
 from palpate.planning.plan import Node, Plan

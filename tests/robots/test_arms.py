@@ -63,11 +63,11 @@ def test_a_second_arm_measures_the_same(name: str) -> None:
     assert made.trace.hand.joints[0] == "iiwa_joint1"
 
 
-def test_an_arm_of_ones_own_does_too(tmp_path: Path) -> None:
+def test_an_own_arm_measures_the_same(tmp_path: Path) -> None:
     judge(measured("bottle_and_table", f"{write_arm(tmp_path / 'mine')}/"))
 
 
-def test_menageries_panda_does_too(tmp_path: Path) -> None:
+def test_menageries_panda_measures_the_same(tmp_path: Path) -> None:
     menagerie = pytest.importorskip("mujoco_menagerie")
     try:
         robot = menagerie.get("franka_emika_panda")

@@ -28,7 +28,7 @@ def test_the_figures_are_those_of_folder_and_mjcf() -> None:
     assert load_description("fr3") is arm
 
 
-def test_an_unknown_arm_lists_those_there_are() -> None:
+def test_an_unknown_arm_lists_the_valid_names() -> None:
     with pytest.raises(
         InputError, match=r"unknown arm 'ur5'; valid: fr3, iiwa14\. Or give a folder"
     ):
@@ -78,7 +78,7 @@ def test_an_arm_of_ones_own_is_a_folder(tmp_path: Path) -> None:
         (("label:", "label: ["), "not YAML"),
     ],
 )
-def test_what_is_wrong_is_named_with_file_and_key(
+def test_an_invalid_description_is_refused_with_file_and_key(
     tmp_path: Path, changes: tuple[str, str], message: str
 ) -> None:
     folder = write_arm(tmp_path / "mine", SHEET.replace(*changes))
@@ -87,7 +87,7 @@ def test_what_is_wrong_is_named_with_file_and_key(
     assert str(folder) in str(error.value)
 
 
-def test_six_axes_are_out_of_scope_and_said_so(tmp_path: Path) -> None:
+def test_a_six_axis_arm_is_refused_as_out_of_scope(tmp_path: Path) -> None:
     sheet = SHEET.replace("j6, j7]", "j6]")
     with pytest.raises(
         InputError, match=r"names 6; the arm must have 7 axes.*Six-axis arms are out"
@@ -95,7 +95,7 @@ def test_six_axes_are_out_of_scope_and_said_so(tmp_path: Path) -> None:
         load_description(str(write_arm(tmp_path / "six", sheet, links=6)))
 
 
-def test_what_else_moves_is_named(tmp_path: Path) -> None:
+def test_other_moving_joints_are_named(tmp_path: Path) -> None:
     ball = '<body name="ball"><freejoint name="rolls"/><geom size="0.1"/></body>'
     with pytest.raises(InputError, match="nothing else may move, but rolls does"):
         load_description(str(write_arm(tmp_path / "busy", more=ball)))

@@ -119,6 +119,6 @@ def test_joint_limits():
     assert not within_joint_limits(ARM, np.array([np.nan, *HOME[1:]]))
 
 
-def test_importing_it_does_not_load_mink():
+def test_importing_kinematics_does_not_load_mink():
     code = "import sys, palpate.robots.kinematics; assert 'mink' not in sys.modules and 'daqp' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)

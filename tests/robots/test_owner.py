@@ -15,7 +15,7 @@ from palpate.errors import InputError
 from palpate.estimation.gains import gain_root
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.nominal import NominalArm
-from palpate.robots.owner.calibrated import as_measured, calibrated
+from palpate.robots.owner.arm import as_measured, calibrated
 from palpate.robots.owner.config import Gains, Lean, RobotConfig, Value, read_config, write_config
 from palpate.robots.registry import load_description
 from palpate.robots.simulated.robot import MujocoRobot
@@ -72,7 +72,7 @@ def test_a_camera_that_looks_nowhere_is_bad_input(tmp_path: Path, quat: str) -> 
         read_config(written(tmp_path, text))
 
 
-def test_what_was_measured_comes_before_what_is_told(tmp_path: Path) -> None:
+def test_measured_figures_come_before_the_datasheets(tmp_path: Path) -> None:
     arm = pp.load("<mujoco><worldbody/></mujoco>", robot_config=written(tmp_path)).arm
     hand, limits = arm.nominal, arm.limits
     assert (hand.tip_offset, hand.tip_offset_std) == (0.0095, 5e-5)
@@ -135,7 +135,9 @@ def replace_mass(config: RobotConfig, mass: float) -> RobotConfig:
         ("a: [", ("not YAML",)),
     ],
 )
-def test_what_is_wrong_is_named(tmp_path: Path, text: str, words: tuple[str, ...]) -> None:
+def test_an_invalid_robot_yaml_is_refused_with_its_key(
+    tmp_path: Path, text: str, words: tuple[str, ...]
+) -> None:
     path = written(tmp_path, text)
     with pytest.raises(InputError) as told:
         Settings(scene=tmp_path / "scene.xml", robot_config=path).checked()
@@ -144,12 +146,12 @@ def test_what_is_wrong_is_named(tmp_path: Path, text: str, words: tuple[str, ...
         assert word in str(told.value)
 
 
-def test_a_file_that_is_not_there_is_said() -> None:
+def test_a_missing_robot_yaml_is_named() -> None:
     with pytest.raises(InputError, match=r"cannot read nowhere\.yaml"):
         Settings(scene=Path("scene.xml"), robot_config=Path("nowhere.yaml")).checked()
 
 
-def test_what_is_written_is_read_again(tmp_path: Path) -> None:
+def test_a_written_robot_yaml_reads_the_same(tmp_path: Path) -> None:
     config = read_config(written(tmp_path))
     write_config(tmp_path / "new" / "robot.yaml", config)
     again = read_config(tmp_path / "new" / "robot.yaml")
@@ -198,7 +200,7 @@ def felt(arm: MujocoRobot) -> Array:
     return arm.drain().tau_ext.mean(axis=0)
 
 
-def test_gains_that_were_measured_are_corrected(tmp_path: Path) -> None:
+def test_measured_gains_are_corrected(tmp_path: Path) -> None:
     gains = [0.0, 0.03, 0.0, -0.02, 0.0, 0.0, 0.0]
     hidden = f"torque: {{gain_max: {{fixed: {gains}}}}}"
     config = RobotConfig(torque_gain=Gains(value=np.array(gains), std=np.full(7, 1e-4)))
@@ -208,7 +210,7 @@ def test_gains_that_were_measured_are_corrected(tmp_path: Path) -> None:
     assert np.abs(right).max() < 5e-3
 
 
-def test_what_is_left_of_the_gains_is_what_estimators_hear_of() -> None:
+def test_estimators_know_the_gains_remaining_errors() -> None:
     rng = np.random.default_rng(0)
     root = 1e-3 * rng.standard_normal((7, 7))
     config = RobotConfig(torque_gain=Gains(value=np.full(7, 0.25), covariance=root @ root.T))
@@ -221,7 +223,7 @@ def test_what_is_left_of_the_gains_is_what_estimators_hear_of() -> None:
     assert gain_root(hand, 6) == pytest.approx(hand.torque_gain / np.sqrt(3) * np.eye(6))
 
 
-def test_the_world_keeps_its_truth_whatever_is_believed(tmp_path: Path) -> None:
+def test_the_world_keeps_its_truth_under_a_wrong_robot_yaml(tmp_path: Path) -> None:
     hidden = "model: {tip_offset: {fixed: 3e-4}}"
     config = RobotConfig(tip_offset=Value(value=0.02, std=1e-5))
     plain, believed = (robot(arm, tmp_path, hidden) for arm in (ARM, calibrated(ARM, config)))
@@ -229,7 +231,7 @@ def test_the_world_keeps_its_truth_whatever_is_believed(tmp_path: Path) -> None:
     assert believed.world.model.geom_pos == pytest.approx(plain.world.model.geom_pos)
 
 
-def test_a_base_that_leans_is_reported_so(tmp_path: Path) -> None:
+def test_a_measured_lean_is_in_the_reported_pose(tmp_path: Path) -> None:
     """dz = r_x y - r_y x, of a base at the origin; the hand is half a metre ahead."""
     config = RobotConfig(base_lean=Lean(value=np.array([0.0, 2e-3]), std=np.zeros(2)))
     plain, leaning = (
@@ -241,7 +243,7 @@ def test_a_base_that_leans_is_reported_so(tmp_path: Path) -> None:
     assert np.abs(leaning.drain().wrench[-1]).max() < 0.2, "held up as it is"
 
 
-def test_a_prediction_is_made_with_what_was_measured(tmp_path: Path) -> None:
+def test_a_prediction_uses_the_measured_figures(tmp_path: Path) -> None:
     arm = as_measured(calibrated(ARM, read_config(written(tmp_path))))
     assert arm.tip == 0.0095
     assert np.abs(felt(robot(arm, tmp_path, "name: perfect"))).max() < 5e-3
@@ -261,6 +263,6 @@ def test_another_visit_is_the_same_robot_with_other_noise(tmp_path: Path) -> Non
     assert not np.allclose(readings[0], readings[1], atol=1e-3)
 
 
-def test_nothing_measured_is_the_arm_that_was_told(tmp_path: Path) -> None:
+def test_an_empty_robot_yaml_leaves_the_arm_as_described(tmp_path: Path) -> None:
     arm = calibrated(ARM, read_config(written(tmp_path, "name: Fritz")))
-    assert replace(arm, config=None, told=None).nominal == ARM.nominal
+    assert replace(arm, config=None, described=None).nominal == ARM.nominal

@@ -54,12 +54,12 @@ def test_the_hands_back_may_be_faster_than_the_fingertips() -> None:
     assert free_speed(NOMINAL, ARM, q, UP) > 1.3 * free_speed(NOMINAL, ARM, q, -UP)
 
 
-def test_what_is_met_for_certain_is_met_more_slowly_where_the_arm_is_heavy() -> None:
+def test_contact_speed_is_lower_where_the_arm_is_heavy() -> None:
     near, far = (Pose.top_down((x, 0.0, 0.1), 0.0) for x in (0.35, 0.6))
     assert 0.015 < contact_speed(ARM, near, -UP) < 0.03 < contact_speed(ARM, far, -UP) < 0.06
 
 
-def test_a_way_has_the_speed_of_each_part() -> None:
+def test_a_path_has_the_speed_limit_of_each_part() -> None:
     bent = at(0.35, 0.2), at(0.7, 0.2)
     speeds = free_speeds(NOMINAL, ARM, bent, np.array([0.35, 0.0, 0.0]))
     assert len(speeds) == 8

@@ -13,7 +13,7 @@ def wrench(*force: float, torque: tuple[float, float, float] = (0.0, 0.0, 0.0)) 
     return np.array([*force, *torque])
 
 
-def test_it_says_what_was_felt_and_what_is_allowed() -> None:
+def test_a_reflex_names_the_measured_and_the_allowed_force() -> None:
     reflex = Reflex(20.0, 8.0)
     assert reflex.fired(wrench(0, 12, -12)) is None
     assert reflex.fired(wrench(0, 15, -15)) == (
@@ -23,7 +23,7 @@ def test_it_says_what_was_felt_and_what_is_allowed() -> None:
     assert turning == "unexpected contact: the arm stopped itself at 8.5 N m, more than 8 N m"
 
 
-def test_what_slides_may_be_pressed_more_than_it_is_dragged() -> None:
+def test_sideways_force_has_its_own_threshold() -> None:
     sliding = Reflex(60.0, 15.0, sideways=25.0)
     assert sliding.fired(wrench(20, -14, 50)) is None
     assert sliding.fired(wrench(20, -16, 0)) == (

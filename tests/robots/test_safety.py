@@ -100,7 +100,7 @@ def test_an_arm_at_rest_is_safe_whatever_is_expected():
         ({"width": float("nan")}, "sensor data is not finite: pose or width"),
     ],
 )
-def test_what_is_never_safe_names_its_figures(changes, reason):
+def test_a_violation_names_its_figures(changes, reason):
     for expected in (FREE, HOLDING, CONTACT):
         with np.errstate(invalid="ignore"):
             found = violation(state(**changes), LIMITS, expected)
@@ -143,12 +143,12 @@ def test_the_workspace_box_belongs_to_the_base():
         (Expectation(contact=True, holding=True), (41.0, 0, WEIGHT), "exceeds the limit"),
     ],
 )
-def test_which_forces_are_part_of_the_job(expected, force, reason):
+def test_expected_forces_are_safe_and_others_are_not(expected, force, reason):
     found = violation(state(contact=wrench(*force)), LIMITS, expected)
     assert found is None if reason is None else reason in str(found)
 
 
-def test_torque_beyond_the_limit_is_never_part_of_the_job():
+def test_torque_beyond_the_limit_is_never_safe():
     found = violation(state(contact=wrench(0, 0, 0, torque=(0, 16.0, 0))), LIMITS, CONTACT)
     assert found == "external torque 16.0 N m exceeds the limit of 15 N m"
 
@@ -162,7 +162,7 @@ def test_a_slip_is_only_looked_for_while_something_must_be_held():
     assert violation(lost, LIMITS, FREE) is None
 
 
-def test_stale_data_is_reported_before_what_it_seems_to_say():
+def test_stale_data_is_reported_before_its_values():
     assert "old" in str(violation(state(t=11.0, contact=wrench(99, 0, 0)), LIMITS, FREE))
 
 

@@ -152,7 +152,7 @@ def test_one_torque_sensor_of_seven_stands() -> None:
     assert "in column 3" in str(watched.fault)
 
 
-def test_a_spike_of_one_state_is_neither_felt_nor_a_fault() -> None:
+def test_a_spike_of_one_state_is_filtered_and_no_fault() -> None:
     def once(first: RobotState, now: RobotState) -> RobotState:
         if now.t > first.t:
             return now
@@ -165,7 +165,7 @@ def test_a_spike_of_one_state_is_neither_felt_nor_a_fault() -> None:
     assert max(float(np.abs(state.tau).max()) for state in states) < 87.0
 
 
-def test_a_force_that_stays_is_felt_one_state_later() -> None:
+def test_a_force_that_stays_is_reported_one_state_later() -> None:
     pushed = every(lambda now: replace(now, contact=now.contact + np.array([0, 0, 20.0, 0, 0, 0])))
     watched = Watched(Faulty(arm(), MOMENT, **pushed), ARM)
     felt = [state for state in ticked(watched, 0.95) if state.contact[2] > 15.0]
@@ -186,7 +186,7 @@ def test_friction_that_a_motion_left_in_the_joints_is_no_fault() -> None:
     assert watched.fault is None
 
 
-def test_what_was_felt_before_the_watch_began_stays_evidence() -> None:
+def test_samples_before_the_watch_began_stay_evidence() -> None:
     """A robot that has measured for a while is watched anew when something is measured again."""
     robot = arm("lab")
     robot.advance(1.0)

@@ -1,4 +1,4 @@
-"""Motions: they arrive, keep their speed, and jerk stays bounded."""
+"""Bounded-jerk motions: straight ones, stops and swings."""
 
 from __future__ import annotations
 
@@ -8,9 +8,20 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from palpate.geometry.pose import Pose
-from palpate.robots.trajectory.path import Motion, Path, quintic, still, stop
-from palpate.robots.trajectory.posed import PosePath, rotation_vector, turned
-from palpate.robots.trajectory.straight import Stretch, straight
+from palpate.robots.trajectory import (
+    SWING_PEAK,
+    Motion,
+    Path,
+    PosePath,
+    Stretch,
+    quintic,
+    rotation_vector,
+    still,
+    stop,
+    straight,
+    swing,
+    turned,
+)
 
 ZERO = np.zeros(3)
 
@@ -56,7 +67,7 @@ def test_a_long_motion_cruises_at_its_speed() -> None:
     st.floats(0.5, 3.0),
 )
 @example([(0.003, 0.03125)], 1.0)
-def test_every_stretch_is_gone_no_faster_than_it_may_be(
+def test_every_stretch_keeps_its_speed_limit(
     parts: list[tuple[float, float]], acceleration: float
 ) -> None:
     lengths, speeds = np.array(parts).T
@@ -77,7 +88,7 @@ def test_every_stretch_is_gone_no_faster_than_it_may_be(
     assert (speed >= -1e-9).all()
 
 
-def test_it_slows_down_before_a_slow_stretch_and_does_not_stop_there() -> None:
+def test_a_motion_slows_down_before_a_slow_stretch_and_does_not_stop_there() -> None:
     path = straight(
         0.0, rest(0.0), np.array([0.3]), [Stretch(2 / 3, 0.2 / 0.3), Stretch(1.0, 0.1)], 1.0 / 0.3
     )
@@ -96,7 +107,7 @@ def test_jerk_is_bounded() -> None:
     assert np.abs(jerk).max() < 12.0  # 6 v / T^2 of the ramps, m/s^3
 
 
-def test_before_and_after_it_stands_still() -> None:
+def test_a_path_stands_still_before_and_after() -> None:
     path = straight(1.0, rest(0.2), np.array([0.4]), steadily(1.0), 1.0)
     assert path.sample(np.array([0.0, 99.0]))[:, 0] == pytest.approx([0.2, 0.4])
     assert path.at(99.0).v == pytest.approx([0.0])
@@ -157,3 +168,34 @@ def test_standing_still() -> None:
     path = still(3.0, np.array([1.0, 2.0]))
     assert path.end == 3.0
     assert path.sample(np.array([0.0, 9.0])) == pytest.approx(np.array([[1, 2], [1, 2]]))
+
+
+REST = Motion(np.array([0.4, 0.0]), np.zeros(2), np.zeros(2))
+AMPLITUDE = np.array([0.0, 0.05])
+
+
+@pytest.fixture(scope="module")
+def path():
+    return swing(1.0, REST, AMPLITUDE, 2.0, 3)
+
+
+def test_a_swing_begins_and_ends_at_rest_where_it_was(path):
+    assert path.end == pytest.approx(1.0 + 5 / 2.0)
+    for time in (1.0, path.end - 1e-9, path.end + 1.0):
+        state = path.at(time)
+        assert state.p == pytest.approx(REST.p, abs=1e-7)
+        assert state.v == pytest.approx(np.zeros(2), abs=1e-5)
+
+
+def test_a_swing_is_a_sine_between(path):
+    times = np.linspace(1.0 + 0.5, path.end - 0.5, 301)
+    wanted = REST.p + np.outer(np.sin(2 * np.pi * 2.0 * (times - 1.0)), AMPLITUDE)
+    assert path.sample(times) == pytest.approx(wanted, abs=1e-6)
+
+
+def test_a_growing_swing_accelerates_a_little_more_and_is_never_faster(path):
+    times = np.linspace(1.0, path.end, 2001)
+    states = [path.at(time) for time in times]
+    rate = 2 * np.pi * 2.0
+    assert max(abs(s.v[1]) for s in states) < 1.01 * 0.05 * rate
+    assert max(abs(s.a[1]) for s in states) < SWING_PEAK * 0.05 * rate**2

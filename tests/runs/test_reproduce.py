@@ -6,7 +6,7 @@ import shlex
 from pathlib import Path
 
 from palpate.planning.model.settings import ModelSettings
-from palpate.quantities.precision.within import Within
+from palpate.quantities.within import Within
 from palpate.runs.reproduce import executing, reproducing, running
 from palpate.scenarios.catalogue import scenario
 from palpate.settings import Settings
@@ -29,8 +29,8 @@ def test_only_what_is_not_the_default_is_said() -> None:
     )
     assert shlex.join(running(told)) == (
         "palpate run --scene desk.xml -r 'how heavy is the mug?' --image a.png --image b.png "
-        "--planner openai:gpt --native --robot-body base --robot-body tool --cautious "
-        "--on-failure skip --no-rehearse --within mass=0.001"
+        "--robot-body base --robot-body tool --planner openai:gpt --within mass=0.001 --cautious "
+        "--no-rehearse --on-failure skip --native"
     )
 
 

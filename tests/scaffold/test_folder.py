@@ -7,8 +7,7 @@ from hypothesis import given, settings
 
 import palpate as pp
 from palpate.errors import InputError
-from palpate.scaffold.folder import new_scene
-from palpate.scaffold.things import MAX_THINGS, kinds
+from palpate.scaffold.folder import MAX_THINGS, kinds, new_scene
 
 
 @pytest.fixture(scope="module")
@@ -17,7 +16,7 @@ def made(tmp_path_factory):
     return new_scene(folder, ["red mug", "hammer", "dingus"], surface="desk")
 
 
-def test_its_objects_miss_their_mass_and_friction_and_nothing_else(made):
+def test_objects_of_a_new_scene_miss_mass_and_friction_alone(made):
     scene = pp.load(made.scene, poses=made.poses)
     assert tuple(scene.objects) == ("red_mug", "hammer", "dingus")
     assert tuple(scene.surfaces) == ("desk",)
@@ -44,7 +43,7 @@ def test_a_full_table_stands_apart(tmp_path):
     assert all(table in pair for pair in bodies), "two things touch each other"
 
 
-def test_what_is_there_stays(made):
+def test_existing_files_are_not_overwritten(made):
     before = made.scene.read_text()
     with pytest.raises(InputError, match="is there already"):
         new_scene(made.scene.parent, ["cup"])
@@ -60,7 +59,7 @@ def test_what_is_there_stays(made):
         (["x"] * (MAX_THINGS + 1), "table", "too many"),
     ],
 )
-def test_what_cannot_be_is_said_and_nothing_is_written(tmp_path, names, surface, complaint):
+def test_names_and_folders_that_cannot_be_used_are_refused(tmp_path, names, surface, complaint):
     with pytest.raises(InputError, match=complaint):
         new_scene(tmp_path / "new", names, surface)
     assert not (tmp_path / "new").exists()

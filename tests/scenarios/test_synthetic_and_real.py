@@ -40,7 +40,7 @@ def test_the_answers_agree_on_parameters_and_tree_in_words_of_their_own() -> Non
 
 @pytest.mark.skipif(not gl_available()[0], reason="no OpenGL")
 def test_the_pictures_are_those_that_the_renderer_makes() -> None:
-    from palpate.scenarios.synthetic_and_real.pictures import photo, rendering
+    from bench.pictures import photo, rendering
 
     for kept, made in ((PHOTO.images[0], photo()), (RENDERING.images[0], rendering())):
         difference = np.abs(pixels(kept.read_bytes()) - pixels(made))

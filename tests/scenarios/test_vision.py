@@ -75,14 +75,14 @@ def test_with_the_picture_the_plan_passes_the_check_and_measures_what_is_meant(
 
 
 @pytest.mark.parametrize("name", [name for name in SEEN if scenario(name).expects])
-def test_without_it_nothing_is_measured(name: str, picture: Path) -> None:
+def test_without_the_picture_nothing_is_measured(name: str, picture: Path) -> None:
     run = asked(scenario(name), picture, frozenset({"image"}))
     assert run.status == "rejected"
     assert run.plan.tree is None
 
 
 @pytest.mark.parametrize("name", SEEN)
-def test_the_scene_does_not_tell(name: str) -> None:
+def test_the_scene_alone_does_not_resolve_the_request(name: str) -> None:
     """No colour, no material, no look; and no word of the answer but the request's own."""
     task = scenario(name)
     assert task.only_seen

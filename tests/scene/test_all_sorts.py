@@ -20,7 +20,7 @@ def scene(inside: str = "", before: str = "", after: str = "") -> Scene:
     return parse_scene(f"<mujoco>{before}<worldbody>{CUP}{inside}</worldbody>{after}</mujoco>")
 
 
-def test_a_tendon_around_a_geom() -> None:
+def test_a_wrapping_geom_of_a_tendon_is_no_shape() -> None:
     found = scene(
         '<site name="a" pos="0 0 1"/><site name="b" pos="0 1 1"/><geom name="drum" size=".1" pos="0 .5 1"/>',
         after='<tendon><spatial><site site="a"/><geom geom="drum"/><site site="b"/></spatial></tendon>',
@@ -29,7 +29,7 @@ def test_a_tendon_around_a_geom() -> None:
 
 
 @pytest.mark.parametrize("option", ["discardvisual", "fusestatic"])
-def test_what_the_compiler_would_leave_out_is_there(option: str) -> None:
+def test_visual_geoms_and_fused_bodies_are_in_the_model(option: str) -> None:
     visual = """<body name="pad" pos=".7 0 .1"><freejoint/><geom type="box" size=".02 .02 .02" mass="?"/>
       <geom type="box" size=".02 .02 .03" contype="0" conaffinity="0" mass="0"/></body>"""
     with_option = scene(visual, before=f'<compiler {option}="true"/>')
@@ -37,7 +37,7 @@ def test_what_the_compiler_would_leave_out_is_there(option: str) -> None:
     assert list(with_option.surfaces) == ["table"]
 
 
-def test_what_is_many_shapes_in_one_line_is_left_alone_and_told() -> None:
+def test_bodies_with_replicated_parts_are_no_objects_and_remarked() -> None:
     found = scene(
         """<body name="ring" pos="0 0.3 0.3"><freejoint/><replicate count="30" euler="0 0 12">
         <geom type="box" pos="0 -.12 0" size=".013 .005 .1"/></replicate></body>"""
@@ -47,7 +47,7 @@ def test_what_is_many_shapes_in_one_line_is_left_alone_and_told() -> None:
     assert "'ring'" in told
 
 
-def test_what_speaks_of_a_removed_robot_goes_with_it() -> None:
+def test_references_to_a_removed_robot_are_removed() -> None:
     found = scene(
         """<body name="arm"><joint name="j" axis="0 0 1"/><geom name="link" size=".05"/></body>""",
         before="""<extension><plugin plugin="mujoco.pid"><instance name="pid">
@@ -62,7 +62,7 @@ def test_what_speaks_of_a_removed_robot_goes_with_it() -> None:
     assert "text" not in told
 
 
-def test_a_flexible_thing_from_a_file(tmp_path: Path) -> None:
+def test_a_flexible_body_from_a_file_compiles(tmp_path: Path) -> None:
     (tmp_path / "meshes").mkdir()
     (tmp_path / "meshes" / "sheet.obj").write_text(
         "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv .1 .1 0\nf 1 2 3\nf 2 4 3\n"
@@ -83,7 +83,7 @@ def test_a_body_is_where_the_file_puts_its_frame(compiler: str, joint: str) -> N
     assert found.body("lever").pose_world.position == pytest.approx([0.6, 0.1, 0.1])
 
 
-def test_room_for_many_constraints_is_not_made_beforehand() -> None:
+def test_njmax_reserves_no_memory() -> None:
     found = scene(before='<size njmax="5000" nconmax="5000"/>')
     assert found.spec().compile().narena < 100e6
 
@@ -104,6 +104,8 @@ def test_a_height_field_is_as_high_as_its_highest_point() -> None:
         ('<body name="b" mocap="true"><geom size=".02" mass="?"/></body>', "take mocap away"),
     ],
 )
-def test_an_unknown_of_what_is_no_object_says_why(body: str, advice: str) -> None:
+def test_an_unknown_in_a_body_that_is_no_object_is_refused_with_the_reason(
+    body: str, advice: str
+) -> None:
     with pytest.raises(InputError, match=f"'b'.*{advice}"):
         parse_scene(f"<mujoco><worldbody>{body}</worldbody></mujoco>")

@@ -34,14 +34,14 @@ def test_transparency_and_grey_become_rgb(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "content", [b"", b"not a picture", b"\x89PNG\r\n\x1a\n truncated", b"GIF89a" + b"\0" * 40]
 )
-def test_what_is_no_picture_is_an_input_error(tmp_path: Path, content: bytes) -> None:
+def test_a_file_that_is_no_picture_is_an_input_error(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "a.png"
     path.write_bytes(content)
     with pytest.raises(InputError, match="cannot read"):
         load_image(path)
 
 
-def test_a_truncated_or_absent_or_huge_picture(
+def test_truncated_absent_and_huge_pictures_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "a.png"
@@ -72,7 +72,7 @@ def test_pixels_and_points_on_a_plane_agree(u: float, v: float, z: float) -> Non
     assert overhead().project(point) == pytest.approx((u, v), abs=1e-6)
 
 
-def test_directions_in_the_image() -> None:
+def test_image_axes_point_right_and_down() -> None:
     middle = overhead().on_plane(320, 240, 0)
     right = overhead().on_plane(400, 240, 0)
     down = overhead().on_plane(320, 300, 0)
@@ -85,7 +85,7 @@ def test_directions_in_the_image() -> None:
     assert overhead().project(np.array([0.5, 0, 2.0])) is None
 
 
-def test_a_camera_from_poses() -> None:
+def test_a_camera_is_read_from_poses() -> None:
     entry = parse_poses(
         "camera: {pos: [0, 0, 1], quat: [1, 0, 0, 0], fovy: 90, size: [200, 100]}"
     ).camera

@@ -70,7 +70,7 @@ def test_the_wrist_turns_the_short_way() -> None:
         assert tool @ azimuth >= -1e-6
 
 
-def test_low_tall_and_round_things() -> None:
+def test_grasps_of_low_tall_and_round_objects() -> None:
     flat = scene(thing("b", box(0.03, 0.03, 0.01), half=0.01)).symbols.resolve("b_pose").position[2]
     assert flat == pytest.approx(0.414)
     tall = scene(thing("b", box(0.03, 0.03, 0.1), half=0.1)).symbols.resolve("b_pose").position[2]
@@ -116,7 +116,9 @@ def test_a_hammer_is_taken_by_its_handle_with_offsets_that_stay_on_it() -> None:
         (box(0.03, 0.03, 0.002), 0.002, "too flat"),
     ],
 )
-def test_what_the_hand_cannot_take_is_said(geom: str, half: float, reason: str) -> None:
+def test_objects_that_the_hand_cannot_grasp_have_a_reason(
+    geom: str, half: float, reason: str
+) -> None:
     found = scene(thing("b", geom, half=half))
     assert reason in found.symbols.ungraspable["b"]
     assert found.symbols.resolve("b_pose").position[:2] == pytest.approx([0.5, 0], abs=1e-6)
@@ -218,7 +220,7 @@ def test_a_blocker_has_a_free_place_to_go() -> None:
     assert found.symbols.subject("red_temporary") == "red"
 
 
-def test_what_is_stacked_is_put_down_beside_one_another() -> None:
+def test_stacked_objects_are_put_down_beside_one_another() -> None:
     levels = [thing(f"s{i}", box(0.04 - 0.01 * i, 0.03, 0.02), half=0.02) for i in range(3)]
     stacked = [text.replace("0.42", f"{0.42 + 0.04 * i:g}") for i, text in enumerate(levels)]
     found = scene("".join(stacked))
@@ -238,7 +240,7 @@ def test_beside_the_arm_the_tool_turns_from_home_as_base_and_wrist_do(yaw: float
     assert abs(turned) < np.radians(166)
 
 
-def test_no_room_is_said() -> None:
+def test_a_temporary_pose_without_room_is_an_error() -> None:
     text = (
         '<mujoco><worldbody><geom name="stand" type="box" size="0.05 0.05 0.2" pos="0.5 0 0.2"/>'
         + thing("a", box(0.03, 0.03, 0.03))
@@ -248,7 +250,7 @@ def test_no_room_is_said() -> None:
         parse_scene(text).symbols.resolve("a_temporary")
 
 
-def test_poses_overrule_what_is_derived() -> None:
+def test_poses_overrule_derived_symbols() -> None:
     found = scene(
         thing("a", box(0.02, 0.02, 0.02), half=0.02, yaw=90),
         poses="""

@@ -132,7 +132,7 @@ def test_a_scene_is_built_whose_unknowns_are_left_open() -> None:
     assert scene.body("can").bottom_z() == pytest.approx(scene.body("table").top_z(), abs=1e-4)
 
 
-def test_it_is_mjcf_that_a_user_may_keep(tmp_path) -> None:
+def test_the_built_scene_is_mjcf_that_a_user_may_keep(tmp_path) -> None:
     file = tmp_path / "scene.xml"
     file.write_text(DetectedScene(SceneBuilder(poses()), things()).scene().text, encoding="utf-8")
     assert set(load_scene(file).bodies) == {"table", "can", "block"}
@@ -207,7 +207,7 @@ def test_a_known_place_and_direction_are_kept() -> None:
     assert np.arctan2(block.rotation[1, 0], block.rotation[0, 0]) == pytest.approx(0.5, abs=1e-3)
 
 
-def test_what_the_arm_stands_on_is_no_thing() -> None:
+def test_the_arms_mount_is_no_object() -> None:
     pedestal = SceneObject("pedestal", "box", box_of(corners(0.0, 0.0, (0.1, 0.1, 0.05), 0.0)))
     plate = box_of(np.array([[x, y, 0.0] for x in (-0.15, 0.15) for y in (-0.15, 0.15)]))
     seen = (*things(), pedestal, SceneObject("plate", "plane", plate, 0.0))

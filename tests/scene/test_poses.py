@@ -55,7 +55,7 @@ def test_orientations() -> None:
         ("objects: {a: {pos: [2001-99-99, 0, 0]}}", "not YAML|objects.a.pos"),
     ],
 )
-def test_what_does_not_fit_is_named(text: str, complaint: str) -> None:
+def test_entries_of_the_wrong_form_are_named(text: str, complaint: str) -> None:
     with pytest.raises(InputError, match=complaint):
         parse_poses(text)
 

@@ -15,17 +15,17 @@ def read(inside: str, after: str = "") -> tuple[str, ...]:
     return remarks(parse_scene(f"<mujoco><worldbody>{inside}</worldbody>{after}</mujoco>"))
 
 
-def test_a_scene_that_needs_no_words() -> None:
+def test_a_complete_scene_has_no_remarks() -> None:
     unknown = BALL.replace('mass="0.1"', "")
     assert read(f'<site name="robot_base"/>{TABLE}{unknown}') == ()
 
 
-def test_where_the_arm_is_taken_to_stand() -> None:
+def test_the_assumed_base_of_the_arm_is_remarked() -> None:
     (line,) = read(TABLE + BALL.replace('mass="0.1"', ""))
     assert '<site name="robot_base" pos="x y z"/>' in line
 
 
-def test_what_went_with_the_robot() -> None:
+def test_elements_removed_with_the_robot_are_remarked() -> None:
     after = """<actuator><motor joint="turn"/></actuator><sensor><jointpos joint="turn"/></sensor>
     <keyframe><key qpos="1 0 0 0 0 0 0 0"/></keyframe>"""
     watcher = '<camera name="on" mode="targetbody" target="link"/>'
@@ -35,7 +35,7 @@ def test_what_went_with_the_robot() -> None:
     assert lines[1].startswith("Nothing is missing")
 
 
-def test_what_is_neither() -> None:
+def test_bodies_that_are_neither_object_nor_surface_are_remarked() -> None:
     door = '<body name="door"><joint/><geom size=".1"/></body>'
     lines = read('<site name="robot_base"/>' + door)
     assert "'door'" in lines[0]
@@ -45,7 +45,7 @@ def test_what_is_neither() -> None:
     )
 
 
-def test_who_is_no_robot_can_be_said_to_be_one() -> None:
+def test_a_body_that_is_no_robot_can_be_named_as_one() -> None:
     door = '<body name="door"><joint/><geom size=".1"/></body>'
     site = '<site name="robot_base"/>'
     assert "--robot-body NAME" in read(site + door)[0]
@@ -55,7 +55,7 @@ def test_who_is_no_robot_can_be_said_to_be_one() -> None:
     assert remarks(named)[0].startswith("Robot left out: 'door'")
 
 
-def test_what_the_arm_does_not_reach_and_how_to_place_it() -> None:
+def test_objects_out_of_reach_are_remarked_with_advice() -> None:
     far = BALL.replace('mass="0.1"', "").replace("0.5 0 0.25", "0.5 3 0.25")
     assert any(
         "Out of the reach of the arm, which stands at (0.00, 0.00, 0.00) m: 'ball'" in line
@@ -66,7 +66,7 @@ def test_what_the_arm_does_not_reach_and_how_to_place_it() -> None:
     assert "move the site 'robot_base'" in line
 
 
-def test_what_stands_still_and_is_no_surface() -> None:
+def test_static_bodies_that_are_no_surface_are_remarked() -> None:
     wall = '<geom name="wall" type="box" size=".01 .5 .5" pos="1 0 0"/>'
     ramp = '<geom name="ramp" type="box" size=".3 .3 .1" pos="1 0 0" euler="0 30 0"/>'
     lines = read('<site name="robot_base"/>' + wall + ramp + TABLE + BALL)

@@ -123,14 +123,14 @@ def test_an_empty_surface_is_believed_below_its_approach() -> None:
     assert scene(TABLE).priors[Parameter("table", "height")] == (0.4,)
 
 
-def test_names_that_are_not_there_list_those_that_are() -> None:
+def test_unknown_names_list_the_valid_ones() -> None:
     with pytest.raises(InputError, match="valid: bottle, table"):
         scene(TABLE + BOTTLE, poses="objects: {cup: {pos: [0, 0, 0]}}")
     with pytest.raises(InputError, match="unknown object or surface 'cup'"):
         scene(TABLE + BOTTLE).body("cup")
 
 
-def test_what_mujoco_refuses_is_an_input_error() -> None:
+def test_a_scene_that_mujoco_refuses_is_an_input_error() -> None:
     with pytest.raises(InputError, match="MuJoCo does not accept"):
         scene('<geom type="box" size="1 1 1" colour="red"/>')
     with pytest.raises(InputError, match="MuJoCo does not accept"):

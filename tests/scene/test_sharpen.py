@@ -61,7 +61,7 @@ def test_a_box_beside_its_thing_is_put_around_it_without_its_shadow(
     assert sharpened([TABLE, can], painted(table())) == (TABLE, can), "once is enough"
 
 
-def test_where_nothing_like_it_is_seen_the_models_box_stays() -> None:
+def test_the_models_box_stays_where_no_region_is_like_it() -> None:
     empty = painted(table())
     assert sharpened([TABLE, CAN], empty) == (TABLE, CAN)
     crowd = replace(CAN, bbox=(0.25, 0.25, 0.7, 0.9))

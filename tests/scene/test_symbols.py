@@ -134,7 +134,7 @@ def test_an_objects_own_offsets_come_first() -> None:
         TABLE.resolve("red-box_pose + tilt")
 
 
-def test_subjects_and_configurations() -> None:
+def test_symbols_have_subjects_and_configurations() -> None:
     assert TABLE.subject("hammer + z") == "hammer"
     assert TABLE.subject("table_approach") == "table"
     assert TABLE.joints("home_config").shape == (7,)
@@ -147,7 +147,7 @@ def test_joint_configurations_are_handed_out_as_copies() -> None:
     assert TABLE.joints("home_config")[0] == 0
 
 
-def test_places_worked_out_later_are_worked_out_once() -> None:
+def test_poses_computed_on_demand_are_computed_once() -> None:
     calls: list[int] = []
 
     def find() -> Pose:

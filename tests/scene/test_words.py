@@ -18,7 +18,7 @@ from palpate.scene.words import colour_words, name_words
         ("hammer", {"hammer"}),
     ],
 )
-def test_parts_of_names(name: str, words: set[str]) -> None:
+def test_names_are_split_into_words(name: str, words: set[str]) -> None:
     assert name_words(name) == words
 
 
@@ -38,7 +38,7 @@ def test_parts_of_names(name: str, words: set[str]) -> None:
         ((0.4, 0.25, 0.1), "brown"),
     ],
 )
-def test_colours(rgb: tuple[float, float, float], word: str) -> None:
+def test_colours_have_words(rgb: tuple[float, float, float], word: str) -> None:
     assert word in colour_words(rgb)
 
 

@@ -121,7 +121,7 @@ def test_a_third_partys_primitives_are_found_and_its_quantity_with_them(
     assert words.make("Sniff", {"seconds": 2.0}).label == "Sniff(2.0)"
 
 
-def test_all_decides_what_is_public(installed: Callable[[str], None]) -> None:
+def test_all_decides_which_primitives_are_public(installed: Callable[[str], None]) -> None:
     installed(THIRD_PARTY + '__all__ = ["Sniff"]\n')
     assert "Smell" not in vocabulary().primitives
     assert "Sniff" in vocabulary().primitives
@@ -177,7 +177,7 @@ def test_every_primitive_says_what_it_does_and_who_it_is(cls: type[Primitive]) -
         assert type(catalogue()[cls.measures.id]) is cls.measures
 
 
-def test_a_label_is_what_people_read() -> None:
+def test_label_of_a_primitive_shows_its_arguments() -> None:
     assert (
         vocabulary().make("MovePose", {"pose": "cup_pose + z_offset"}).label
         == "MovePose(cup_pose + z_offset)"

@@ -27,7 +27,7 @@ def test_fingers_close_only_when_open_and_on_something(start, make, after, reach
     assert close.requires(after(start, *reached)) == []
 
 
-def test_what_is_too_wide_is_refused_with_the_reason(start, make, after) -> None:
+def test_too_wide_an_object_is_refused_with_the_reason(start, make, after) -> None:
     (reason,) = make("CloseGripper").requires(
         after(start, "OpenGripper", ("MovePose", "crate_pose"))
     )
@@ -47,7 +47,7 @@ def test_closing_makes_the_object_part_of_the_hand(start, after, reached) -> Non
     assert grasp.angle_to(state.pose_of("cup")) == pytest.approx(0.0, abs=1e-7)
 
 
-def test_closing_on_nothing_only_closes(start, make) -> None:
+def test_closing_on_nothing_has_no_effect_but_closed_fingers(start, make) -> None:
     state = make("CloseGripper").effects(start)
     assert (state.gripper, state.holding) == ("closed", None)
 
@@ -96,7 +96,9 @@ def test_closing_on_nothing_fails_and_says_so(perform, scene) -> None:
     assert state.holding is None
 
 
-def test_what_is_not_as_wide_as_believed_is_let_go_before_it_is_lifted(perform, scene) -> None:
+def test_object_of_another_width_than_believed_is_released_before_it_is_lifted(
+    perform, scene
+) -> None:
     slimmer = parse_scene(
         scene.text.replace('size=".03 .02 .05"', 'size=".03 .016 .05" mass="0.3"')
     )

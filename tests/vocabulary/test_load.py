@@ -1,4 +1,4 @@
-"""What the fingers bear, and whether they may open."""
+"""Load on the fingers, and permission to open them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def wrench(z: float) -> np.ndarray:
     return np.array([0.0, 0.0, z, 0.0, 0.0, 0.0])
 
 
-def test_a_weight_is_what_hangs_more_than_before() -> None:
+def test_weight_is_the_difference_from_the_empty_fingers() -> None:
     load = Load(wrench(0.5), 0.06, wrench(3.5))
     assert load.weight == pytest.approx(3.0)
     assert load.borne(wrench(-1.5)) == pytest.approx(-2.0)
@@ -49,7 +49,7 @@ def test_an_object_that_turns_between_the_pads_is_noticed() -> None:
     assert load.turned(np.array([0.0, 0.0, 5.0, -0.5, 0.0, 0.0]), turned) is None
 
 
-def test_what_the_joint_sensors_deviate_by_is_no_turn() -> None:
+def test_deviation_of_the_joint_sensors_is_no_turn() -> None:
     """A change of 0.3 N m between two places is within the stated accuracies, a drop of 2 is not."""
     arm, up = load_description(), np.array([0.0, 1.0, 0.0])
     q, tau = arm.home, np.array([0.0, -30.0, 0.0, 25.0, 1.0, 3.0, 0.0])
@@ -67,14 +67,14 @@ def test_errors_that_last_cancel_in_one_configuration() -> None:
 
 
 @pytest.mark.parametrize(("felt", "opens"), [(0.9, False), (0.0, False), (-1.2, True)])
-def test_what_is_too_light_to_be_felt_must_be_pressed_on_its_support(
+def test_object_of_unmeasurable_weight_must_be_pressed_on_its_support(
     felt: float, opens: bool
 ) -> None:
     load = Load(wrench(0.0), 0.06, wrench(0.8))
     assert (load.too_much(wrench(felt)) is None) == opens
 
 
-def test_how_rough_a_support_may_be_is_felt_while_the_load_is_dragged():
+def test_friction_of_a_support_is_bounded_while_the_load_is_dragged():
     load = Load(wrench(0.0), 0.06, wrench(3.0))
     assert load.rough == 1.0
     dragged = load.dragged(np.array([4.0, 3.0, -7.0, 0, 0, 0]))

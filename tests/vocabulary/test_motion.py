@@ -181,7 +181,7 @@ def test_the_arm_goes_home_and_to_the_pose_and_settles(perform, scene) -> None:
     assert np.abs(rest.twist).max() < 3e-3
 
 
-def test_a_way_can_be_gone_slowly_but_not_so_that_joints_stick(perform, reached, make) -> None:
+def test_speed_of_a_motion_may_be_low_but_not_so_that_joints_stick(perform, reached, make) -> None:
     done = perform(*reached, ("MovePose", {"pose": "cup_pose + z_offset", "speed": 0.03}))
     assert done.execution.status == "complete"
     slow = done.execution.trace.leaf_runs("MovePose")[-1]
@@ -193,7 +193,7 @@ def test_a_way_can_be_gone_slowly_but_not_so_that_joints_stick(perform, reached,
 
 
 def test_a_slide_presses_hardest_halfway(perform, reached) -> None:
-    """So that what pulls with the place, or is constant, is told from friction."""
+    """Distinguishes friction from a constant pull, and from one that grows with position."""
     side = ("MovePose", "cup_pose + 3*y_offset")
     done = perform(*reached, "CloseGripper", LIFT, AT, side)
     assert done.execution.status == "complete"
@@ -206,7 +206,7 @@ def test_a_slide_presses_hardest_halfway(perform, reached) -> None:
 
 
 def test_across_its_pads_a_hand_presses_no_harder_than_they_hold(reached, start, after) -> None:
-    """What is dragged at its foot would turn about the line between them."""
+    """An object dragged at its foot turns about the line between the pads."""
     held = after(start, *reached, "CloseGripper")
     along, across = held.pose_world_tcp.rotation[:, 1], held.pose_world_tcp.rotation[:, 0]
     assert most_sideways(held, along) > 1e3
@@ -281,7 +281,7 @@ def test_a_probe_from_the_side_is_refused_where_it_would_tip_what_it_meets(start
     assert "from above with -z" in reason.message
 
 
-def test_what_an_object_withstands_is_judged_by_its_lightest_and_its_height(start) -> None:
+def test_force_that_an_object_withstands_follows_from_its_least_mass_and_height(start) -> None:
     low, high = (withstands(start, "cup", z) for z in (0.01, 0.095))
     assert 0.0 < high <= low < SIDE_FORCE
 
@@ -299,7 +299,7 @@ def bar() -> Scene:
 
 
 def estimated(along: float, std: float, verdict: Verdict = "identified") -> Any:
-    """What is estimated in the place of any trace."""
+    """Estimator with a fixed result for any trace."""
 
     def all_of_them(parameters: Any, trace: Any, bodies: Any) -> tuple[Estimate]:
         (parameter,) = parameters
@@ -325,13 +325,13 @@ def along(blackboard: Blackboard) -> float:
     return float(body.pose_world.local(target)[0])
 
 
-def test_before_anything_is_measured_it_is_the_middle_and_says_so(bar, monkeypatch):
+def test_balance_point_without_a_measurement_is_the_middle_and_says_so(bar, monkeypatch):
     found = bound(bar, monkeypatch, estimated(0.0, 0.0, "prior-dominated"))
     assert along(found) == pytest.approx(0.0, abs=1e-3)
     assert "as believed: prior-dominated so far" in found.bound["bar_balance"]
 
 
-def test_afterwards_it_is_the_estimate_and_stays_so(bar, monkeypatch):
+def test_balance_point_is_bound_to_the_estimate_and_stays_bound(bar, monkeypatch):
     found = bound(bar, monkeypatch, estimated(0.03, 0.002))
     assert along(found) == pytest.approx(0.03)
     assert "as measured to ± 2.0 mm" in found.bound["bar_balance"]
@@ -340,13 +340,13 @@ def test_afterwards_it_is_the_estimate_and_stays_so(bar, monkeypatch):
     assert along(found) == pytest.approx(0.03)
 
 
-def test_an_estimate_that_may_as_well_be_the_believed_place_is_not_gone_to(bar, monkeypatch):
+def test_uncertain_estimate_leaves_the_balance_point_as_believed(bar, monkeypatch):
     found = bound(bar, monkeypatch, estimated(0.03, 0.05))
     assert along(found) == pytest.approx(0.0, abs=1e-3)
     assert "as believed: measured +30 ± 50 mm from there" in found.bound["bar_balance"]
 
 
-def test_it_stays_in_the_region_and_a_place_outside_is_refused(bar, monkeypatch):
+def test_balance_point_stays_in_its_region_and_one_outside_is_refused(bar, monkeypatch):
     line = bar.symbols.lines["bar_balance"]
     for far, end in ((1.0, line.most), (-1.0, line.least)):
         found = bound(bar, monkeypatch, estimated(far, 0.002))

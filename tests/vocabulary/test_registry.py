@@ -19,7 +19,7 @@ SCHEMA = plan_schema(vocabulary())
 
 
 def fits(plan: Any) -> bool:
-    """Whether a plan is what the schema describes."""
+    """True if a plan matches the schema."""
     return Draft202012Validator(SCHEMA).is_valid(plan)
 
 
@@ -97,19 +97,19 @@ BAD = [
 
 
 @pytest.mark.parametrize("tree", GOOD, ids=str)
-def test_accepts_what_the_check_accepts(tree: Any) -> None:
+def test_schema_accepts_plans_that_the_check_accepts(tree: Any) -> None:
     assert fits(document(tree))
     assert tree is None or is_accepted(tree)
 
 
 @pytest.mark.parametrize("tree", BAD, ids=str)
-def test_refuses_what_the_check_refuses(tree: Any) -> None:
+def test_schema_refuses_plans_that_the_check_refuses(tree: Any) -> None:
     assert not fits(document(tree))
     assert not is_accepted(tree)
 
 
 @pytest.mark.parametrize("field", ["parameters", "tree"])
-def test_what_a_plan_needs(field: str) -> None:
+def test_plan_schema_requires_parameters_explanation_and_tree(field: str) -> None:
     plan = document(OPEN)
     del plan[field]
     assert not fits(plan)

@@ -39,7 +39,7 @@ def test_a_buffer_is_written_in_the_present_context(start, make, kind: str, buff
     assert primitive.requires(start) == []
 
 
-def test_contact_belongs_to_the_job_only_where_something_is_touched(start, make) -> None:
+def test_contact_is_expected_while_sensing_only_where_a_body_is_touched(start, make) -> None:
     expected = make("MeasureForces").expectation
     assert expected(start) == Expectation()
     assert expected(replace(start, activity="contact")) == Expectation(contact=True)
@@ -93,7 +93,7 @@ ABOUT = {
 
 
 @pytest.mark.parametrize("cls", ABOUT, ids=lambda cls: cls.__name__)
-def test_a_buffer_is_about_what_its_context_says(start, cls) -> None:
+def test_subject_of_a_buffer_follows_from_its_context(start, cls) -> None:
     made = cls()
     for context, about in zip(CONTEXTS, ABOUT[cls], strict=True):
         state = replace(start, buffers={made.reads: context})
@@ -150,7 +150,7 @@ def carried(perform, scene):
     return done, made, {c.primitive: e for c, e in zip(trace.conversions, found, strict=True)}
 
 
-def test_mass_is_the_worlds(carried) -> None:
+def test_measured_mass_agrees_with_the_world(carried) -> None:
     _, _, found = carried
     assert found["Force2Mass"].parameter == Parameter("cup", "mass")
     assert found["Force2Mass"].value == pytest.approx(MASS, abs=1e-3)
@@ -190,7 +190,7 @@ def test_plan_position_is_where_the_fingers_found_the_object(carried, scene) -> 
     assert y == pytest.approx(done.robot.world.true_pose("cup").position[1], abs=1.5e-3)
 
 
-def test_what_is_not_identified_fails_the_leaf(perform, monkeypatch) -> None:
+def test_conversion_without_an_identified_value_fails(perform, monkeypatch) -> None:
     from palpate.estimation.estimate import not_identified
 
     monkeypatch.setattr(

@@ -1,4 +1,4 @@
-"""What is believed between two leaves."""
+"""Beliefs between two leaves."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_an_object_is_looked_for_where_it_was_put(start: SymbolicState) -> None:
     assert body.name == "cup"
 
 
-def test_a_descent_meets_the_highest_thing_below_that_is_not_in_the_hand(
+def test_descent_meets_the_highest_body_below_that_is_not_held(
     start: SymbolicState,
 ) -> None:
     above = Pose.top_down((0.5, 0.1, 0.3), 0.0)

@@ -1,4 +1,4 @@
-"""What a probe feels: free air, which rubs and drifts, and contacts, which grow."""
+"""Baseline of a probe: friction and drift in free air, and contacts, which grow."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class _Arm:
 
 
 def descended(felt, seconds: float = 6.0):
-    """The free air of a descent on which `felt(travelled)` N press back, and what was felt last."""
+    """Free-air baseline of a descent with the reaction force `felt(travelled)`, N, and the last force."""
     arm = _Arm()
     air = FreeAir(arm, DOWN)
     force = 0.0
@@ -48,7 +48,7 @@ def test_friction_that_turns_as_an_arm_sets_out_is_free_air() -> None:
 
 
 @pytest.mark.parametrize("slope", [-15.0, 15.0])
-def test_what_changes_with_the_place_is_free_air(slope) -> None:
+def test_drift_with_position_is_free_air(slope) -> None:
     air, felt = descended(lambda travelled: slope * travelled)
     assert air == pytest.approx(felt, abs=0.1)
 
@@ -60,6 +60,6 @@ def test_a_contact_is_none_however_soft(stiffness) -> None:
     assert 0.0 <= air <= DRIFT_MOST[2]
 
 
-def test_what_is_met_as_an_arm_sets_out_is_no_free_air() -> None:
+def test_contact_as_an_arm_sets_out_is_no_free_air() -> None:
     air, _ = descended(lambda travelled: 2000.0 * max(0.0, travelled - 5e-4), seconds=0.5)
     assert air <= 0.5

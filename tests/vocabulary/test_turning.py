@@ -13,7 +13,7 @@ from palpate.planning.request.grounding import ground
 from palpate.report.charts import charts
 from palpate.report.data import Measured
 from palpate.robots.accuracy import rubbing
-from palpate.robots.trajectory.posed import turned
+from palpate.robots.trajectory import turned
 from palpate.runs.run import Run
 from palpate.scene.load import parse_scene
 from palpate.settings import Settings
@@ -66,7 +66,7 @@ def above(scene, height, holding=None):
     "primitive", [Tilt(degrees=5.0), Tilt(about="x"), Turn(), Turn(degrees=-60), Swing()]
 )
 @pytest.mark.parametrize("holding", [None, "bar"])
-def test_in_free_air_nothing_speaks_against_it_and_all_is_as_it_was(scene, primitive, holding):
+def test_turning_in_free_air_has_no_violation_and_changes_nothing(scene, primitive, holding):
     state = above(scene, 0.15, holding)
     assert primitive.violations(state) == []
     after = primitive.effects(primitive.during(state))
@@ -74,14 +74,14 @@ def test_in_free_air_nothing_speaks_against_it_and_all_is_as_it_was(scene, primi
     assert (after.at, after.holding, after.moved) == (state.at, state.holding, state.moved)
 
 
-def test_what_it_holds_must_not_come_near_anything(across):
+def test_held_object_must_not_come_near_anything_in_a_turn(across):
     rules = {violation.rule for violation in Tilt().violations(above(across, 0.05, "bar"))}
     assert rules == {"collision"}
     assert Tilt(degrees=5.0).violations(above(across, 0.05, "bar")) == []
 
 
 def test_a_tilt_does_not_straighten_the_wrist(scene, across):
-    """There a joint that rubs is felt as a collision: tilted forwards, but not to the side."""
+    """Joint friction near a straight wrist is taken for a collision: tilted forwards, not sideways."""
     for bar, forwards, sideways in ((scene, "y", "x"), (across, "x", "y")):
         state = above(bar, 0.15)
         (refused,) = Tilt(about=forwards).violations(state)
@@ -90,7 +90,7 @@ def test_a_tilt_does_not_straighten_the_wrist(scene, across):
         assert Tilt(about=sideways).violations(state) == []
 
 
-def test_what_rubs_is_felt_more_the_straighter_the_wrist_is(scene):
+def test_joint_friction_weighs_more_the_straighter_the_wrist_is(scene):
     level = above(scene, 0.15).pose_world_tcp
     felt: list[float] = []
     for degrees in (-35.0, 0.0, 20.0):
@@ -100,7 +100,7 @@ def test_what_rubs_is_felt_more_the_straighter_the_wrist_is(scene):
     assert felt[0] < 2.0 < felt[1] < 3.0 < felt[2]
 
 
-def test_it_turns_at_a_pose_in_free_air(scene):
+def test_turning_needs_a_pose_in_free_air(scene):
     state = above(scene, 0.15, "bar")
     for wrong in (
         replace(state, pose_world_tcp=None),
@@ -120,7 +120,7 @@ def test_a_load_that_would_turn_in_the_grip_is_not_swung():
     assert "twist" in rules
 
 
-def test_what_it_turns_about_the_vertical_must_not_sweep_near_anything():
+def test_held_object_must_not_sweep_near_anything_about_the_vertical():
     post = '<body name="post" pos="0.6 0.1 0.15"><geom type="box" size=".004 .004 .15"/></body>'
     beside = parse_scene(
         BAR.format(inertial="", mass="").replace("</worldbody>", post + "</worldbody>")
@@ -140,7 +140,7 @@ def test_no_joint_comes_round_from_its_other_end(scene):
     assert Turn(degrees=150.0).violations(far) == []
 
 
-def test_what_is_recorded_beside_it_tells_what_went_on(scene):
+def test_recording_beside_a_turn_has_its_activity(scene):
     state = above(scene, 0.15, "bar")
     assert Swing().during(state).context().activity == "swinging"
     assert Tilt().during(state).context().activity == "tilting"

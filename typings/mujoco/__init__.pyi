@@ -177,9 +177,7 @@ class _MjModelSiteViews(_Named):
     quat: _Doubles
 
 class _MjModelGeomViews(_Named): ...
-
 class _MjModelActuatorViews(_Named): ...
-
 class _MjModelGeomViews(_Named): ...
 
 class _MjModelNumericViews(_Named):
@@ -385,6 +383,7 @@ class MjsFrame(_SpecElement):
     quat: _Doubles
 
 class MjsDefault: ...
+
 class MjsFlex(_SpecElement):
     contype: int
     conaffinity: int
@@ -411,6 +410,7 @@ class MjsGeom(_SpecElement):
 
 class MjsCamera(_SpecElement): ...
 class MjsSkin(_SpecElement): ...
+
 class _SpecPlugin:
     active: bool
 
@@ -437,6 +437,7 @@ class MjsMesh(_SpecElement):
 
 class MjsSensor(_SpecElement): ...
 class MjsExclude(_SpecElement): ...
+
 class MjsPair(_SpecElement):
     condim: int
     margin: float
@@ -446,6 +447,7 @@ class MjsPair(_SpecElement):
 
 class MjsSite(_SpecElement): ...
 class MjsLight(_SpecElement): ...
+
 class MjsText(_SpecElement):
     data: str
 
@@ -486,9 +488,17 @@ class MjsTexture(_SpecElement):
 
 class MjsActuator(_SpecElement):
     gear: _Doubles
-    def set_to_position(self, kp: _Float, kv: _Float = -1, dampratio: _Float = -1, timeconst: _Float = -1,
-                        inheritrange: bool = False) -> None: ...
-    def set_to_orientation(self, kp: _Float, kv: _Float = -1, dampratio: _Float = -1, ctrlspec: _Int = 0) -> None: ...
+    def set_to_position(
+        self,
+        kp: _Float,
+        kv: _Float = -1,
+        dampratio: _Float = -1,
+        timeconst: _Float = -1,
+        inheritrange: bool = False,
+    ) -> None: ...
+    def set_to_orientation(
+        self, kp: _Float, kv: _Float = -1, dampratio: _Float = -1, ctrlspec: _Int = 0
+    ) -> None: ...
 
 class MjsBody(_SpecElement):
     pos: _Doubles
@@ -502,9 +512,17 @@ class MjsBody(_SpecElement):
     gravcomp: float
     @property
     def ialt(self) -> _SpecOrientation: ...
-    def add_body(self, *, name: str | None = None, pos: _Vector | None = None, quat: _Vector | None = None,
-                 mass: _Float | None = None, ipos: _Vector | None = None, fullinertia: _Vector | None = None,
-                 explicitinertial: bool | None = None) -> MjsBody: ...
+    def add_body(
+        self,
+        *,
+        name: str | None = None,
+        pos: _Vector | None = None,
+        quat: _Vector | None = None,
+        mass: _Float | None = None,
+        ipos: _Vector | None = None,
+        fullinertia: _Vector | None = None,
+        explicitinertial: bool | None = None,
+    ) -> MjsBody: ...
     @property
     def bodies(self) -> list[MjsBody]: ...
     @property
@@ -515,21 +533,56 @@ class MjsBody(_SpecElement):
     def cameras(self) -> list[MjsCamera]: ...
     @property
     def sites(self) -> list[MjsSite]: ...
-    def add_geom(self, *, name: str | None = None, type: _Int | None = None, pos: _Vector | None = None,
-                 size: _Vector | None = None, group: _Int | None = None, mass: _Float | None = None,
-                 contype: _Int | None = None, conaffinity: _Int | None = None, material: str | None = None,
-                 meshname: str | None = None, quat: _Vector | None = None,
-                 rgba: _Vector | None = None) -> MjsGeom: ...
-    def add_frame(self, *, name: str | None = None, pos: _Vector | None = None,
-                  quat: _Vector | None = None) -> MjsFrame: ...
-    def add_site(self, default: MjsDefault | None = None, *, name: str | None = None, pos: _Vector | None = None, quat: _Vector | None = None,
-                 group: _Int | None = None) -> MjsSite: ...
-    def add_camera(self, *, name: str | None = None, pos: _Vector | None = None, quat: _Vector | None = None,
-                   fovy: float | None = None) -> object: ...
-    def add_light(self, *, name: str | None = None, pos: _Vector | None = None, dir: _Vector | None = None,
-                  diffuse: _Vector | None = None, specular: _Vector | None = None,
-                  ambient: _Vector | None = None, type: _Int | None = None, cutoff: _Float | None = None,
-                  exponent: _Float | None = None, castshadow: _Int | None = None) -> MjsLight: ...
+    def add_geom(
+        self,
+        *,
+        name: str | None = None,
+        type: _Int | None = None,
+        pos: _Vector | None = None,
+        size: _Vector | None = None,
+        group: _Int | None = None,
+        mass: _Float | None = None,
+        contype: _Int | None = None,
+        conaffinity: _Int | None = None,
+        material: str | None = None,
+        meshname: str | None = None,
+        quat: _Vector | None = None,
+        rgba: _Vector | None = None,
+    ) -> MjsGeom: ...
+    def add_frame(
+        self, *, name: str | None = None, pos: _Vector | None = None, quat: _Vector | None = None
+    ) -> MjsFrame: ...
+    def add_site(
+        self,
+        default: MjsDefault | None = None,
+        *,
+        name: str | None = None,
+        pos: _Vector | None = None,
+        quat: _Vector | None = None,
+        group: _Int | None = None,
+    ) -> MjsSite: ...
+    def add_camera(
+        self,
+        *,
+        name: str | None = None,
+        pos: _Vector | None = None,
+        quat: _Vector | None = None,
+        fovy: float | None = None,
+    ) -> object: ...
+    def add_light(
+        self,
+        *,
+        name: str | None = None,
+        pos: _Vector | None = None,
+        dir: _Vector | None = None,
+        diffuse: _Vector | None = None,
+        specular: _Vector | None = None,
+        ambient: _Vector | None = None,
+        type: _Int | None = None,
+        cutoff: _Float | None = None,
+        exponent: _Float | None = None,
+        castshadow: _Int | None = None,
+    ) -> MjsLight: ...
 
 class _SpecCompiler:
     usethread: bool
@@ -557,9 +610,15 @@ class MjSpec:
     @property
     def visual(self) -> MjVisual: ...
     def add_mesh(self, *, name: str | None = None) -> MjsMesh: ...
-    def add_material(self, *, name: str | None = None, rgba: _Vector | None = None,
-                     specular: _Float | None = None, shininess: _Float | None = None,
-                     texrepeat: _Vector | None = None) -> MjsMaterial: ...
+    def add_material(
+        self,
+        *,
+        name: str | None = None,
+        rgba: _Vector | None = None,
+        specular: _Float | None = None,
+        shininess: _Float | None = None,
+        texrepeat: _Vector | None = None,
+    ) -> MjsMaterial: ...
     def to_xml(self) -> str: ...
     @property
     def compiler(self) -> _SpecCompiler: ...
@@ -592,33 +651,63 @@ class MjSpec:
     @property
     def keys(self) -> list[MjsKey]: ...
     @staticmethod
-    def from_file(filename: str, include: Mapping[str, bytes] | None = None,
-                  assets: Mapping[str, bytes] | None = None) -> MjSpec: ...
+    def from_file(
+        filename: str,
+        include: Mapping[str, bytes] | None = None,
+        assets: Mapping[str, bytes] | None = None,
+    ) -> MjSpec: ...
     @staticmethod
-    def from_string(xml: str, include: Mapping[str, bytes] | None = None,
-                    assets: Mapping[str, bytes] | None = None) -> MjSpec: ...
+    def from_string(
+        xml: str,
+        include: Mapping[str, bytes] | None = None,
+        assets: Mapping[str, bytes] | None = None,
+    ) -> MjSpec: ...
     def compile(self) -> MjModel: ...
     def copy(self) -> MjSpec: ...
     def delete(self, element: _SpecElement, /) -> None: ...
-    def attach(self, child: MjSpec, prefix: str | None = None, suffix: str | None = None,
-               site: MjsSite | str | None = None, frame: MjsFrame | str | None = None) -> MjsFrame: ...
+    def attach(
+        self,
+        child: MjSpec,
+        prefix: str | None = None,
+        suffix: str | None = None,
+        site: MjsSite | str | None = None,
+        frame: MjsFrame | str | None = None,
+    ) -> MjsFrame: ...
     def body(self, name: str, /) -> MjsBody: ...
     def mesh(self, name: str, /) -> MjsMesh | None: ...
     def material(self, name: str, /) -> MjsMaterial | None: ...
     def joint(self, name: str, /) -> MjsJoint: ...
     def find_default(self, name: str, /) -> MjsDefault: ...
-    def add_actuator(self, default: MjsDefault | None = None, *, name: str | None = None,
-                     trntype: _Int | None = None, target: str | None = None,
-                     refsite: str | None = None, ctrlrange: _Vector | None = None,
-                     forcerange: _Vector | None = None) -> MjsActuator: ...
+    def add_actuator(
+        self,
+        default: MjsDefault | None = None,
+        *,
+        name: str | None = None,
+        trntype: _Int | None = None,
+        target: str | None = None,
+        refsite: str | None = None,
+        ctrlrange: _Vector | None = None,
+        forcerange: _Vector | None = None,
+    ) -> MjsActuator: ...
     def add_exclude(self, *, bodyname1: str, bodyname2: str) -> MjsExclude: ...
-    def add_pair(self, default: MjsDefault | None = None, *, geomname1: str, geomname2: str) -> MjsPair: ...
+    def add_pair(
+        self, default: MjsDefault | None = None, *, geomname1: str, geomname2: str
+    ) -> MjsPair: ...
     def add_tendon(self, *, name: str | None = None) -> MjsTendon: ...
-    def add_equality(self, *, type: _Int | None = None, name1: str | None = None,
-                     name2: str | None = None) -> MjsEquality: ...
-    def add_texture(self, *, name: str | None = None, type: _Int | None = None, builtin: _Int | None = None,
-                    rgb1: _Vector | None = None, rgb2: _Vector | None = None, width: _Int | None = None,
-                    height: _Int | None = None) -> MjsTexture: ...
+    def add_equality(
+        self, *, type: _Int | None = None, name1: str | None = None, name2: str | None = None
+    ) -> MjsEquality: ...
+    def add_texture(
+        self,
+        *,
+        name: str | None = None,
+        type: _Int | None = None,
+        builtin: _Int | None = None,
+        rgb1: _Vector | None = None,
+        rgb2: _Vector | None = None,
+        width: _Int | None = None,
+        height: _Int | None = None,
+    ) -> MjsTexture: ...
 
 # Pictures
 
@@ -629,7 +718,9 @@ class MjvCamera:
     elevation: float
 
 class Renderer:
-    def __init__(self, model: MjModel, height: int = 240, width: int = 320, max_geom: int = 10000) -> None: ...
+    def __init__(
+        self, model: MjModel, height: int = 240, width: int = 320, max_geom: int = 10000
+    ) -> None: ...
     def update_scene(self, data: MjData, camera: int | str | MjvCamera = -1) -> None: ...
     def render(self) -> NDArray[np.uint8]: ...
     def close(self) -> None: ...
@@ -645,14 +736,20 @@ def mj_crb(m: MjModel, d: MjData) -> None: ...
 def mj_comVel(m: MjModel, d: MjData) -> None: ...
 def mj_fwdPosition(m: MjModel, d: MjData) -> None: ...
 def mj_fullM(m: MjModel, d: MjData, dst: _Doubles) -> None: ...
-def mj_jac(m: MjModel, d: MjData, jacp: _Doubles | None, jacr: _Doubles | None, point: _Doubles,
-           body: _Int) -> None: ...
-def mj_jacSite(m: MjModel, d: MjData, jacp: _Doubles | None, jacr: _Doubles | None, site: _Int) -> None: ...
+def mj_jac(
+    m: MjModel, d: MjData, jacp: _Doubles | None, jacr: _Doubles | None, point: _Doubles, body: _Int
+) -> None: ...
+def mj_jacSite(
+    m: MjModel, d: MjData, jacp: _Doubles | None, jacr: _Doubles | None, site: _Int
+) -> None: ...
 def mj_contactForce(m: MjModel, d: MjData, id: _Int, result: _Doubles) -> None: ...
-def mj_jacBody(m: MjModel, d: MjData, jacp: _Doubles | None, jacr: _Doubles | None, body: _Int) -> None: ...
+def mj_jacBody(
+    m: MjModel, d: MjData, jacp: _Doubles | None, jacr: _Doubles | None, body: _Int
+) -> None: ...
 def mj_rne(m: MjModel, d: MjData, flg_acc: _Int, result: _Doubles) -> None: ...
-def mj_geomDistance(m: MjModel, d: MjData, geom1: _Int, geom2: _Int, distmax: _Float,
-                    fromto: _Doubles | None) -> float: ...
+def mj_geomDistance(
+    m: MjModel, d: MjData, geom1: _Int, geom2: _Int, distmax: _Float, fromto: _Doubles | None
+) -> float: ...
 def mj_name2id(m: MjModel, type: _Int, name: str) -> int: ...
 def mju_euler2Quat(quat: _Doubles, euler: _Doubles, seq: str) -> None: ...
 def mju_mat2Quat(quat: _Doubles, mat: _Doubles) -> None: ...

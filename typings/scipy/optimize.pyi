@@ -12,6 +12,12 @@ class OptimizeResult:
     success: bool
     message: str
 
-def least_squares(fun: Callable[[NDArray[np.float64]], NDArray[np.float64]], x0: ArrayLike, *,
-                  bounds: tuple[ArrayLike, ArrayLike] = ..., x_scale: ArrayLike = 1.0, loss: str = "linear",
-                  max_nfev: int | None = None) -> OptimizeResult: ...
+def least_squares(
+    fun: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    x0: ArrayLike,
+    *,
+    bounds: tuple[ArrayLike, ArrayLike] = ...,
+    x_scale: ArrayLike = 1.0,
+    loss: str = "linear",
+    max_nfev: int | None = None,
+) -> OptimizeResult: ...

@@ -14,6 +14,7 @@ from palpate.api.plans import Plan, plan_of
 from palpate.api.runs import Run, run_of
 from palpate.api.scenes import Scene, load
 from palpate.callbacks import SILENT, Confirm, Progress, RunCallbacks, quiet
+from palpate.parameter import Parameter
 from palpate.planning.planner import Planner
 from palpate.settings import Settings
 
@@ -34,6 +35,7 @@ class Options(TypedDict, total=False):
     robot_config: str | Path | None
     root: str | Path | None
     robot_body: str | Sequence[str]
+    measure: str | Sequence[str | Parameter]
     images: Sequence[str | Path]
     remeasure: bool
     within: Widths | None
@@ -66,7 +68,7 @@ def run(
         request: what you want to simulate, in your words; None asks for all that is missing.
         planner: as `Scene.plan`.
         options: as `load`: `poses`, `arm`, `cautious`, `robot_config`, `root`, `robot_body`; as
-            `Scene.plan`: `images`, `remeasure`, `within`, `model_settings`; as `Plan.run`: `seed`,
+            `Scene.plan`: `measure`, `images`, `remeasure`, `within`, `model_settings`; as `Plan.run`: `seed`,
             `noise`, `world`, `robot`, `cell`, `on_failure`, `rehearse`, `fast`, `out`, `confirm`,
             `observer`, `progress`.
 

@@ -17,7 +17,7 @@ from palpate.execution.recovery import OnFailure
 from palpate.planning.check.check import Finding
 from palpate.planning.plan import Plan as InnerPlan
 from palpate.planning.planner import Planner
-from palpate.robots.owner.registered import own_arm
+from palpate.robots.owner.arm import own_arm
 from palpate.runs.run import Run as InnerRun
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene as InnerScene

@@ -9,9 +9,10 @@ from pathlib import Path
 from palpate.api.given import Widths, contents_of, is_text, planner_name
 from palpate.api.plans import Plan, plan_of
 from palpate.display import table
+from palpate.parameter import Parameter
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.planner import Planner
-from palpate.robots.owner.registered import own_arm
+from palpate.robots.owner.arm import own_arm
 from palpate.robots.registry import DEFAULT
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.poses import read_poses
@@ -37,6 +38,7 @@ class Scene(InnerScene):
         request: str | None = None,
         planner: str | Planner = "symbolic",
         *,
+        measure: str | Sequence[str | Parameter] = (),
         images: Sequence[str | Path] = (),
         remeasure: bool = False,
         within: Widths | None = None,
@@ -46,6 +48,9 @@ class Scene(InnerScene):
 
         Args:
             request: what you want to simulate, in your words; None asks for all that is missing.
+            measure: parameters by name, `"bottle.mass"`, `"bottle.*"` or `"missing"`, instead of a
+                request; no language is involved. With a request, which must not ask for others, it
+                decides.
             planner: `symbolic`, `exhaustive`, `replay:FILE`, `PROVIDER:MODEL`, or a planner.
             images: pictures of the workspace, for a model.
             remeasure: measure what is asked even if the scene states it.
@@ -53,7 +58,8 @@ class Scene(InnerScene):
             model_settings: how a model is asked, where the planner is one.
 
         Returns:
-            A plan. One without a tree is a rejection, and its explanation says why.
+            A plan. One without a tree is a rejection, and its explanation says why; what such a
+            request may mean is its `proposal`: `scene.plan(measure=plan.proposal)` accepts it.
 
         Raises:
             InputError: a request or a planner that cannot be used.
@@ -62,6 +68,7 @@ class Scene(InnerScene):
         asked = self.given.having(
             request=request,
             planner=planner_name(planner),
+            measure=measure,
             images=images,
             remeasure=remeasure,
             within=within,

@@ -18,14 +18,8 @@ from palpate.calibration.stated import LENGTH, MASS, Known
 from palpate.callbacks import SILENT, RunCallbacks
 from palpate.errors import InputError
 from palpate.estimation.gains import gain_root
-from palpate.robots.owner.config import (
-    JOINTS,
-    RobotConfig,
-    Simulated,
-    read_config,
-    write_config,
-)
-from palpate.robots.owner.registered import require_same
+from palpate.robots.owner.arm import require_same
+from palpate.robots.owner.config import JOINTS, RobotConfig, Simulated, read_config, write_config
 from palpate.settings import Settings, noise_source
 from palpate.trace.recording import Hand
 
@@ -93,10 +87,7 @@ class Calibration:
 
 
 def calibrate(
-    settings: Settings,
-    wanted: Wanted,
-    out: Path,
-    callbacks: RunCallbacks = SILENT,
+    settings: Settings, wanted: Wanted, out: Path, callbacks: RunCallbacks = SILENT
 ) -> Calibration:
     """Calibrate an arm and write the findings into `out`; other figures of an existing file stay.
 

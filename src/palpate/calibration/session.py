@@ -18,7 +18,7 @@ from palpate.cells.simulated import SimulatedCell
 from palpate.errors import ExecutionAborted, InputError
 from palpate.planning.check.check import check
 from palpate.planning.plan import Plan
-from palpate.robots.owner.calibrated import calibrated
+from palpate.robots.owner.arm import calibrated
 from palpate.robots.owner.config import RobotConfig
 from palpate.runs.run import Run
 from palpate.scene.load import parse_scene

@@ -10,7 +10,7 @@ import typer
 from palpate import __version__
 from palpate.cli.command import command
 from palpate.cli.commands import arms, plans, running, scenes, stored
-from palpate.cli.study.app import app as studies
+from palpate.cli.study import app as studies
 
 COMMANDS: dict[str, Callable[..., None]] = {
     "demo": running.demo,
@@ -60,7 +60,7 @@ def root(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    """Options of palpate itself."""
+    """Options of `palpate` without a command."""
 
 
 for name, function in COMMANDS.items():

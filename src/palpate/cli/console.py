@@ -58,8 +58,8 @@ def aside(line: str) -> None:
 
 @contextmanager
 def printing() -> Generator[None]:
-    """Results are printed inside the block: where they cannot be, a line says so, and the exit
-    status stays that of the work."""
+    """Print results inside the block; a failure to print is reported on stderr and does not change the
+    exit status."""
     try:
         yield
         sys.stdout.flush()
@@ -71,11 +71,10 @@ def printing() -> Generator[None]:
 
 
 class Ticker:
-    """Tells how far something is, on stderr: in one line that changes on a terminal, else now and
-    then, and at the end, in a line of its own."""
+    """Progress line on stderr: rewritten in place on a terminal, else a new line now and then."""
 
     EVERY = 30.0
-    """s between lines where nobody sees them change."""
+    """s between two lines that are not rewritten."""
 
     def __init__(self) -> None:
         self._told = -math.inf
@@ -91,21 +90,21 @@ class Ticker:
             self.end()
 
     def end(self) -> None:
-        """The last line stays."""
+        """Keep the last line."""
         if self._line:
             err.print(Text(self._line, "dim"))
         self._line = ""
 
 
 def escape(text: str) -> str:
-    """Untrusted text for rich."""
+    """Escape untrusted text for rich."""
     from rich.markup import escape as rich_escape
 
     return rich_escape(text)
 
 
 def figure_table(*headings: str, title: str | None = None, no_wrap: bool = False) -> Table:
-    """A table without lines, of figures: the first column names, the others are numbers to the right."""
+    """Make a table without rules: names in the first column, right-aligned numbers in the others."""
     table = Table(title=title, title_justify="left", box=None, header_style="dim", pad_edge=False)
     names, *figures = headings
     table.add_column(names, no_wrap=no_wrap)

@@ -29,7 +29,7 @@ CORE = (
     "mcap",
     "imageio-ffmpeg",
 )
-"""Distributions that nothing works without."""
+"""Required distributions."""
 
 PROVIDERS = {
     "openai": ("openai", "OPENAI_API_KEY"),
@@ -55,7 +55,7 @@ class Line(NamedTuple):
 
 
 def examine() -> int:
-    """Print the table; 0 when the embedded robot and the symbolic planner can work, else 5."""
+    """Print the table; return 0 if the embedded robot and the symbolic planner can work, else 5."""
     core = [_core(name) for name in CORE]
     table = Table(box=None, show_header=False, pad_edge=False)
     for line in (_palpate(), *core, _pictures(), *_robots_and_planners(), *_extras()):
@@ -66,23 +66,22 @@ def examine() -> int:
 
 
 def examine_robot(asked: Settings, may_hold: Callable[[], bool]) -> int:
-    """Print a line for each thing that a real robot needs, as soon as it is known; 0 when all is well,
-    else 5."""
+    """Print a line for each requirement of a real robot; return 0 if all are met, else 5."""
     from palpate.tools import examined
 
     return _told(examined(asked, may_hold))
 
 
 def examine_planner(planner: str, model: ModelSettings) -> int:
-    """Likewise for each thing that a planner needs: a model's server is asked for its models, and the
-    model for a word."""
+    """Print a line for each requirement of a planner, whose server is asked for its models and for a
+    word; return 0 if all are met, else 5."""
     from palpate.tools import examined_planner
 
     return _told(examined_planner(planner, model.base_url, model.budget.seconds))
 
 
 def _told(lines: Iterable[tuple[bool, str, str]]) -> int:
-    """Print the lines as they come; 0 when all is well, else 5."""
+    """Print the lines as they come; return 0 if all are good, else 5."""
     well = True
     for good, what, detail in lines:
         mark = "[green]✓[/]" if good else "[red]✗[/]"

@@ -11,9 +11,11 @@ from palpate.errors import (
     PlanRejected,
     Unavailable,
 )
+from palpate.option import declared
+from palpate.settings import Settings
 
 EXIT = {"complete": 0, "failed": 1, "rejected": 3, "aborted": 4, "running": 4}
-"""Of a run, by its status."""
+"""Exit status of a run, by its status."""
 
 ERRORS: dict[type[PalpateError], int] = {
     InputError: 2,
@@ -22,13 +24,8 @@ ERRORS: dict[type[PalpateError], int] = {
     Unavailable: 5,
 }
 
-FLAGS = {"request": "-r", "images": "--image"}
-"""Flags that differ from the argument's name."""
-
-_ARGUMENT = re.compile(
-    r"\b(request|scene|root|poses|images|world|robot|robot_config|arm|planner|noise|seed|out|base_url|remeasure|within|robot_body|twin)="
-    r"(?=[\s\w,:.]|$)"
-)
+_FLAGS = {option.field.name: option.flags[-1] for option in declared(Settings)}
+_ARGUMENT = re.compile(rf"\b({'|'.join(_FLAGS)})=(?=[\s\w,:.*]|$)")
 
 
 def exit_status(error: PalpateError) -> int:
@@ -38,15 +35,10 @@ def exit_status(error: PalpateError) -> int:
 
 
 def in_flags(message: str) -> str:
-    """A message of the library, which writes arguments as `scene=D.xml`, as `--scene D.xml`."""
+    """Rewrite the library's `scene=D.xml` as `--scene D.xml`, and `scene=` alone as `--scene`."""
 
     def flag(found: re.Match[str]) -> str:
-        name = found.group(1)
-        return FLAGS.get(name, "--" + name.replace("_", "-")) + _gap(message, found.end())
+        value_follows = message[found.end() : found.end() + 1] not in " ,:."
+        return _FLAGS[found.group(1)] + " " * value_follows
 
     return _ARGUMENT.sub(flag, message)
-
-
-def _gap(message: str, end: int) -> str:
-    """A space before a value; none where the argument is named alone."""
-    return " " if message[end : end + 1].isalnum() else ""

@@ -1,5 +1,4 @@
-"""The entry point: it takes the signals, and sees to the threads of linear algebra, before anything heavy
-is loaded."""
+"""Entry point of the command line: signals, threads of linear algebra, and unexpected errors."""
 
 from __future__ import annotations
 
@@ -16,18 +15,18 @@ from palpate.interrupt import ending_signals, ignore_signals, interrupts
 INTERRUPTED = 130
 """Exit status of typer for a signal outside of a command."""
 LITTER = 100_000
-"""Objects more than before, after which Python looks for garbage. While a program is loaded, hardly
-anything is: to look every 700 objects takes a sixth of the time that `palpate plan` does."""
+"""New objects between two garbage collections. Loading a program makes hardly any garbage; Python's
+default of 700 takes a sixth of the time of `palpate plan`."""
 GRACE = 0.1
-"""s that a thread of ours is waited for at the end."""
+"""Wait for a thread of palpate at exit, s."""
 
 
 def main() -> None:
-    """Entry point of the command line; handles what the commands themselves do not."""
-    # Small matrices: the threads of processes side by side wait for each other, ten times as long.
+    """Run the command line; handle signals and errors that the commands do not handle."""
+    # Matrices are small: BLAS threads of parallel processes block each other, ten times slower.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     gc.set_threshold(LITTER)
-    with interrupts(ending_signals()) as signals, signals.noted():
+    with interrupts(ending_signals()) as signals, signals.deferred():
         try:
             _without_broken_opengl()
             from palpate.cli.app import app
@@ -36,7 +35,7 @@ def main() -> None:
         except KeyboardInterrupt:
             status = INTERRUPTED
         except Exception as error:
-            status = _told(error)
+            status = _reported(error)
         if status == INTERRUPTED:
             status = _interrupted(signals.reason)
         elif signals.count and status in (0, 1):
@@ -50,8 +49,8 @@ def main() -> None:
 
 
 def _leave(status: int) -> NoReturn:
-    """End the process. A thread of ours that is still inside a robot's library then would be torn out of
-    it while Python shuts down, which C++ answers by aborting the process."""
+    """End the process. If a thread of palpate is still inside a robot's C++ library, exit without the
+    interpreter's shutdown, which would abort the process there."""
     if not any(_inside_a_library(thread) for thread in threading.enumerate()):
         sys.exit(status)
     atexit._run_exitfuncs()  # pyright: ignore[reportPrivateUsage]
@@ -67,8 +66,7 @@ def _inside_a_library(thread: threading.Thread) -> bool:
 
 
 def _without_broken_opengl() -> None:
-    """Go on without pictures where `MUJOCO_GL` names an OpenGL with which MuJoCo cannot even be
-    imported."""
+    """Disable pictures if `MUJOCO_GL` names an OpenGL with which MuJoCo cannot be imported."""
     chosen = os.environ.get("MUJOCO_GL", "").strip()
     if not chosen:
         return
@@ -82,7 +80,7 @@ def _without_broken_opengl() -> None:
 
 
 def _flushed() -> bool:
-    """True if all that was printed has arrived; results that cannot be told are no success."""
+    """Flush stdout; return whether all results were written."""
     try:
         sys.stdout.flush()
     except OSError:
@@ -101,9 +99,9 @@ def _interrupted(reason: str) -> int:
     return print_error(ExecutionAborted(reason), "--json" in sys.argv)
 
 
-def _told(error: Exception) -> int:
-    """An error of the command line library is told by itself; what nobody expected in one line, by
-    `python -X dev` in full."""
+def _reported(error: Exception) -> int:
+    """Print an error of the command line library in its own words, an unexpected one in one line, with
+    `python -X dev` in full; return the exit status."""
     if type(error).__name__ == "Abort":
         return INTERRUPTED
     if type(error).__module__.split(".")[0] in ("click", "typer"):
@@ -114,7 +112,7 @@ def _told(error: Exception) -> int:
     from palpate.errors import PalpateError
 
     if isinstance(error, OSError):
-        # Mostly the output that is full, or gone: nothing more is printed there.
+        # Mostly a full or closed output: nothing more is printed there.
         say(str(error))
         return 1
 
@@ -123,8 +121,8 @@ def _told(error: Exception) -> int:
 
 
 def usage(error: Any, as_json: bool = False) -> int:
-    """Tell a wrong option or argument in the command line library's own words, and as an object where
-    JSON is wanted; the exit status."""
+    """Print a usage error in the command line library's words, and as JSON with --json; return the
+    exit status."""
     from palpate.cli.console import print_failure, printing
     from palpate.display import visible
 

@@ -1,4 +1,4 @@
-"""`palpate teach`: a line for every thing, until an empty one."""
+"""`palpate teach`: record poses, one line per object, until an empty line."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 LENGTH = {"": 1.0, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
 FARTHEST = 5.0
-"""m from the arm's foot, beyond which no arm reaches: a unit is missing, or wrong."""
+"""Largest distance from the arm's base, m; beyond it a unit is missing or wrong."""
 _NUMBER = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+))\s*(mm|cm|m|°)?")
 
 
 def give_lesson(asked: Settings, file: Path) -> None:
-    """Take lines from stdin, say what was understood and what is still missing, and write the file.
+    """Read lines from stdin, print what was understood and what is still missing, write the file.
 
     Raises:
         InputError: the file exists.
@@ -74,7 +74,7 @@ def _introduce(taught: Lesson, by_hand: bool) -> None:
 
 
 def _lines() -> Iterator[str]:
-    """What somebody types, up to an empty line."""
+    """Lines from stdin up to an empty one."""
     while True:
         err.print("> ", end="")
         line = sys.stdin.readline()

@@ -32,7 +32,7 @@ Log = Annotated[
 
 @dataclass(frozen=True)
 class Voice:
-    """The options."""
+    """Options of verbosity and log file."""
 
     verbose: Verbose = False
     quiet: Quiet = False
@@ -40,7 +40,7 @@ class Voice:
 
     @contextmanager
     def heard(self) -> Generator[None]:
-        """It speaks like this inside the block.
+        """Apply the options inside the block.
 
         Raises:
             InputError: the log cannot be written.
@@ -67,7 +67,7 @@ class Voice:
         if self.verbose or self.log is not None:
             spoken = logging.StreamHandler(sys.stderr)
             spoken.setLevel(logging.DEBUG if self.verbose else logging.WARNING)
-            # What the live view shows already is for the log alone.
+            # The live view shows these messages already: they go to the log only.
             spoken.addFilter(lambda record: record.name != TOLD)
             yield spoken
         if self.log is not None:
@@ -78,7 +78,7 @@ class Voice:
 
 
 class _Redacting(logging.Formatter):
-    """Without keys of the environment, and with nothing that a terminal would take for a command."""
+    """Formatter that removes keys of the environment and control characters of terminals."""
 
     def format(self, record: logging.LogRecord) -> str:
         # Indented, no line of a message looks like the first line of another one.

@@ -15,8 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from palpate.geometry.inertia import components
-from palpate.geometry.pose import Array, Pose
+from palpate.geometry.pose import Array, Pose, components
 
 MASS, RADIUS, SKEW, CENTRE = 0, slice(1, 4), slice(4, 7), slice(7, 10)
 """Places of a, d, s (12, 13, 23) and t in the ten."""

@@ -1,4 +1,4 @@
-"""Plans, trees that are being run, and the vocabulary as BehaviorTree.CPP 4 XML, which Groot2 opens."""
+"""BehaviorTree.CPP 4 XML, which Groot2 opens, of plans, running trees and the vocabulary."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from palpate.execution.build import leaves
 from palpate.execution.leaf import PrimitiveLeaf
 from palpate.planning.plan import Node, Plan
 from palpate.vocabulary.base import Primitive
-from palpate.vocabulary.registry import COMPOSITES, Vocabulary
+from palpate.vocabulary.registry import COMPOSITES, Composite, Vocabulary
 
 TREE_ID = "Plan"
 BUFFER_TYPE = "palpate::Recording"
@@ -35,115 +35,114 @@ def tree_xml(plan: Plan, words: Vocabulary) -> str:
     if plan.tree is None:
         raise InputError(f"the plan has no tree to write: {plan.explanation}")
     root = Element("root", BTCPP_format="4", main_tree_to_execute=TREE_ID)
-    tree = SubElement(root, "BehaviorTree", ID=TREE_ID)
-    _add(tree, plan.tree, words)
-    root.append(_model(words))
-    return _text(root)
+    add_node(SubElement(root, "BehaviorTree", ID=TREE_ID), plan.tree, words)
+    root.append(nodes_model(words))
+    return document_text(root)
 
 
 def running_xml(root: Behaviour, numbers: Mapping[Behaviour, int]) -> str:
-    """A tree that is being run, as Groot2 is told of it: every node under its type, with the number
-    that its statuses go by (source: BehaviorTree.CPP 4.8, `WriteTreeToXML` with metadata)."""
+    """A running tree for Groot2: every node under its type, with the number by which its statuses are
+    sent (source: BehaviorTree.CPP 4.8, `WriteTreeToXML` with metadata)."""
     document = Element("root", BTCPP_format="4")
     tree = SubElement(document, "BehaviorTree", ID=TREE_ID, _fullpath="")
-    _add_running(tree, root, numbers)
+    add_running_node(tree, root, numbers)
     used = {type(leaf.primitive).__name__: type(leaf.primitive) for leaf in leaves(root)}
-    document.append(_model(Vocabulary(used)))
-    return _text(document)
+    document.append(nodes_model(Vocabulary(used)))
+    return document_text(document)
 
 
 def tree_nodes_model(words: Vocabulary) -> str:
     """The TreeNodesModel of a vocabulary: every primitive with its ports, their types and
     descriptions."""
     root = Element("root", BTCPP_format="4")
-    root.append(_model(words))
-    return _text(root)
+    root.append(nodes_model(words))
+    return document_text(root)
 
 
-def _add(parent: Element, node: Node, words: Vocabulary) -> None:
+def add_node(parent: Element, node: Node, words: Vocabulary) -> None:
     if node.type in words.composites:
-        fixed = dict(words.composites[node.type].btcpp)
-        element = SubElement(parent, fixed.pop("tag"), fixed)
-        if node.name:
-            element.set("name", _value(node.name))
-        for child in node.children:
-            _add(element, child, words)
-        return
-    element = SubElement(parent, "Action", ID=node.type)
+        element = add_composite(parent, words.composites[node.type])
+    else:
+        element = SubElement(parent, "Action", ID=node.type)
     if node.name:
-        element.set("name", _value(node.name))
-    _set_ports(element, words.primitive(node.type), words.arguments(node.type, dict(node.args)))
+        element.set("name", port_value(node.name))
+    if node.type not in words.composites:
+        arguments = words.arguments(node.type, dict(node.args))
+        set_ports(element, words.primitive(node.type), arguments)
+        return
+    for child in node.children:
+        add_node(element, child, words)
 
 
-def _add_running(parent: Element, node: Behaviour, numbers: Mapping[Behaviour, int]) -> None:
+def add_running_node(parent: Element, node: Behaviour, numbers: Mapping[Behaviour, int]) -> None:
     if isinstance(node, PrimitiveLeaf):
         kind = type(node.primitive)
         element = SubElement(parent, kind.__name__)
-        _set_ports(element, kind, dict(node.primitive))
+        set_ports(element, kind, dict(node.primitive))
     else:
-        fixed = dict(COMPOSITES[type(node).__name__].btcpp)
-        element = SubElement(parent, fixed.pop("tag"), fixed)
-    element.set("name", _value(node.name))
+        element = add_composite(parent, COMPOSITES[type(node).__name__])
+    element.set("name", port_value(node.name))
     element.set("_uid", str(numbers[node]))
     for child in node.children:
-        _add_running(element, child, numbers)
+        add_running_node(element, child, numbers)
 
 
-def _set_ports(element: Element, primitive: type[Primitive], args: Mapping[str, Any]) -> None:
+def add_composite(parent: Element, composite: Composite) -> Element:
+    fixed = dict(composite.btcpp)
+    return SubElement(parent, fixed.pop("tag"), fixed)
+
+
+def set_ports(element: Element, primitive: type[Primitive], args: Mapping[str, Any]) -> None:
     """A primitive's arguments and buffers."""
     for name, value in args.items():
         if value is not None:
-            element.set(name, _value(value))
+            element.set(name, port_value(value))
     for buffer in (primitive.reads, primitive.writes):
         if buffer:
             element.set(buffer, f"{{{buffer}}}")
 
 
-def _model(words: Vocabulary) -> Element:
+def nodes_model(words: Vocabulary) -> Element:
     model = Element("TreeNodesModel")
     for name, primitive in words.primitives.items():
         action = SubElement(model, "Action", ID=name)
-        _ports(action, primitive)
-        SubElement(
-            SubElement(action, "MetadataFields"), "Metadata", description=primitive.summary()
-        )
+        for argument, field in primitive.model_fields.items():
+            port = SubElement(action, "input_port", name=argument, type=port_type(field.annotation))
+            if not field.is_required() and field.default is not None:
+                port.set("default", port_value(field.default))
+            port.text = field.description
+        for tag, buffer in (("input_port", primitive.reads), ("output_port", primitive.writes)):
+            if buffer:
+                port = SubElement(action, tag, name=buffer, type=BUFFER_TYPE)
+                port.set("default", f"{{{buffer}}}")
+                port.text = "the latest recording"
+        metadata = SubElement(action, "MetadataFields")
+        SubElement(metadata, "Metadata", description=primitive.summary())
     return model
 
 
-def _ports(action: Element, primitive: type[Primitive]) -> None:
-    for name, field in primitive.model_fields.items():
-        port = SubElement(action, "input_port", name=name, type=_type(field.annotation))
-        if not field.is_required() and field.default is not None:
-            port.set("default", _value(field.default))
-        port.text = field.description
-    for tag, buffer in (("input_port", primitive.reads), ("output_port", primitive.writes)):
-        if buffer:
-            port = SubElement(action, tag, name=buffer, type=BUFFER_TYPE)
-            port.set("default", f"{{{buffer}}}")
-            port.text = "the latest recording"
-
-
-def _type(annotation: Any) -> str:
+def port_type(annotation: Any) -> str:
     origin, arguments = get_origin(annotation), get_args(annotation)
     if origin is list:
-        return f"std::vector<{_type(arguments[0])}>"
+        return f"std::vector<{port_type(arguments[0])}>"
     if origin is Literal:
-        return _type(type(arguments[0]))
+        return port_type(type(arguments[0]))
     if origin in (Union, types.UnionType):
-        kinds = {_type(a) for a in arguments if a is not type(None)}
+        kinds = {port_type(a) for a in arguments if a is not type(None)}
         return kinds.pop() if len(kinds) == 1 else "std::string"
     return TYPES.get(annotation, "std::string")
 
 
-def _value(value: Any) -> str:
+def port_value(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, list | tuple):
-        return ";".join(_value(v) for v in value)  # pyright: ignore[reportUnknownVariableType]
+        return ";".join(port_value(v) for v in value)  # pyright: ignore[reportUnknownVariableType]
     text = repr(value) if isinstance(value, float) else str(value)
+    # XML cannot carry control characters.
     return "".join(c if c.isprintable() else "\ufffd" for c in text)
 
 
-def _text(root: Element) -> str:
+def document_text(root: Element) -> str:
     ElementTree.indent(root)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'

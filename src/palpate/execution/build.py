@@ -1,8 +1,9 @@
-"""From a plan's tree to a py_trees tree."""
+"""Py_trees tree of a plan, and a part of a plan by its leaves."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from dataclasses import replace
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy
@@ -11,7 +12,7 @@ from pydantic import ValidationError
 
 from palpate.errors import InputError
 from palpate.execution.leaf import PrimitiveLeaf
-from palpate.planning.plan import Node
+from palpate.planning.plan import Node, Plan
 from palpate.vocabulary.base import Blackboard
 from palpate.vocabulary.registry import Vocabulary
 
@@ -20,7 +21,7 @@ def build(node: Node, words: Vocabulary, blackboard: Blackboard, path: str = "tr
     """The py_trees tree of a plan, its leaves bound to `blackboard`.
 
     A Sequence has memory; a Parallel succeeds when all its children have and fails with the first.
-    Inside a Parallel motions are ticked before sensing leaves, whatever their order in the plan, so
+    Inside a Parallel motions are ticked before sensing leaves, in any order of the plan, so
     that a sensing leaf sees in one tick that the motion beside it has started or ended.
 
     Raises:
@@ -28,7 +29,13 @@ def build(node: Node, words: Vocabulary, blackboard: Blackboard, path: str = "tr
             py_trees would take for a success.
     """
     if node.type not in words.composites:
-        return _leaf(node, words, blackboard, path)
+        try:
+            primitive = words.make(node.type, dict(node.args))
+        except ValidationError as error:
+            problem = error.errors()[0]
+            where = ".".join(str(part) for part in problem["loc"])
+            raise InputError(f"{path}: {node.type}: {where}: {problem['msg']}") from None
+        return PrimitiveLeaf(primitive, blackboard, path, node.name)
     if not node.children:
         raise InputError(
             f"{path}: an empty {node.type} does nothing; give it children or remove it"
@@ -40,9 +47,8 @@ def build(node: Node, words: Vocabulary, blackboard: Blackboard, path: str = "tr
     name = node.name or node.type
     if node.type == "Sequence":
         return Sequence(name, memory=True, children=children)
-    return Parallel(
-        name, policy=ParallelPolicy.SuccessOnAll(), children=sorted(children, key=_only_senses)
-    )
+    children.sort(key=lambda child: not any(leaf.primitive.claims for leaf in leaves(child)))
+    return Parallel(name, policy=ParallelPolicy.SuccessOnAll(), children=children)
 
 
 def leaves(root: Behaviour) -> Iterator[PrimitiveLeaf]:
@@ -50,15 +56,18 @@ def leaves(root: Behaviour) -> Iterator[PrimitiveLeaf]:
     return (node for node in root.iterate() if isinstance(node, PrimitiveLeaf))
 
 
-def _leaf(node: Node, words: Vocabulary, blackboard: Blackboard, path: str) -> PrimitiveLeaf:
-    try:
-        primitive = words.make(node.type, dict(node.args))
-    except ValidationError as error:
-        problem = error.errors()[0]
-        where = ".".join(str(part) for part in problem["loc"])
-        raise InputError(f"{path}: {node.type}: {where}: {problem['msg']}") from None
-    return PrimitiveLeaf(primitive, blackboard, path, node.name)
+def part_of(plan: Plan, leaves: Collection[str]) -> Plan:
+    """The plan with only the leaves of the given paths (`tree.children[3]`), in their order; the
+    branches of a Parallel stay together. Without any leaf it has no tree."""
+    if plan.tree is None:
+        return plan
+    return replace(plan, tree=_part(plan.tree, leaves, "tree"))
 
 
-def _only_senses(root: Behaviour) -> bool:
-    return not any(leaf.primitive.claims for leaf in leaves(root))
+def _part(node: Node, leaves: Collection[str], path: str) -> Node | None:
+    if node.type != "Sequence":
+        wanted = any(found in leaves for found, _ in node.walk(path))
+        return node if wanted else None
+    parts = [_part(child, leaves, f"{path}.children[{i}]") for i, child in enumerate(node.children)]
+    kept = tuple(part for part in parts if part is not None)
+    return replace(node, children=kept) if kept else None

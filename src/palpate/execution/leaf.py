@@ -1,9 +1,9 @@
-"""The one leaf of every tree: it drives a primitive's generator, and nothing else runs on the
-robot."""
+"""Leaf of a behavior tree: the generator of a primitive, the only code that drives the robot."""
 
 from __future__ import annotations
 
 import logging
+from contextlib import suppress
 from dataclasses import replace
 from typing import cast
 
@@ -12,33 +12,31 @@ from py_trees.common import Status
 
 from palpate.trace.recording import LeafRun
 from palpate.vocabulary.base import Blackboard, LeafFailure, Primitive, Steps
-from palpate.vocabulary.state import SymbolicState, merged
+from palpate.vocabulary.state import merged
 
 log = logging.getLogger(__name__)
 
-INTERRUPTED = "interrupted"
-"""Message of a leaf that was stopped from outside."""
+INTERRUPTED = "interrupted"  # Message of a leaf that was stopped from outside
 
 
 class PrimitiveLeaf(Behaviour):
-    """A primitive's life in a tree.
+    """A primitive running in a tree.
 
-    - first tick: what of its arguments is open is found out; its preconditions must hold and its
-      resources be free, else FAILURE before anything moves;
+    - first tick: arguments are bound; its preconditions must hold and its resources be free, else
+      FAILURE before anything moves;
     - every tick: its safety predicate and its timeout (robot time) are checked, then it runs one
       step;
-    - it returns: its effects are applied to the cell's state, SUCCESS;
-    - it raises, whatever: FAILURE with the reason as `feedback_message`;
+    - it returns: SUCCESS, and its effects are applied to the symbolic state;
+    - it raises any exception: FAILURE with the reason as `feedback_message`;
     - stopped from outside (INVALID): its generator is closed.
 
-    However it ends but by SUCCESS, an arm that it claimed is told to hold. Every life leaves one
-    `LeafRun`.
+    Except on SUCCESS, an arm that it claimed holds. Every run of the leaf records one `LeafRun`.
 
     Args:
-        primitive: what to run.
+        primitive: primitive to run.
         blackboard: the robot, the symbolic state and the recorder, shared by all leaves of a run.
         node: path in the plan, e.g. `tree.children[3]`.
-        name: shown to people; the primitive's label by default.
+        name: for people; the primitive's label by default.
     """
 
     def __init__(
@@ -49,25 +47,26 @@ class PrimitiveLeaf(Behaviour):
         self.blackboard = blackboard
         self.node = node
         self.started = 0.0
-        self._life: Steps | None = None
+        self._steps: Steps | None = None
+        # A reflex from before, which no motion has cleared yet.
         self._earlier: str | None = None
-        """A reflex from before, which no motion has cleared yet."""
 
     def initialise(self) -> None:
-        """Begin a new life; nothing moves before the first `update`."""
+        """Begin a new run; nothing moves before the first `update`."""
         self.feedback_message = ""
         self.started = self.blackboard.robot.state.t
         self._earlier = self.blackboard.robot.state.reflex
-        self._life = self._live()
+        self._steps = self._run()
 
     def update(self) -> Status:
-        """Do one step; none beside a leaf that has failed, which is about to end this one, too."""
-        assert self._life is not None
+        """Run one step; none after another leaf has failed, whose failure ends this one as well."""
+        assert self._steps is not None
         if self.blackboard.failed:
             return Status.RUNNING
-        logged = len(self.blackboard.recorder.recordings)
+        recordings = self.blackboard.recorder.recordings
+        logged = len(recordings)
         try:
-            next(self._life)
+            next(self._steps)
         except StopIteration as done:
             self.feedback_message = str(done.value)
             return Status.SUCCESS
@@ -80,43 +79,79 @@ class PrimitiveLeaf(Behaviour):
             self.terminate(Status.INVALID)
             raise
         finally:
-            self._sign(logged)
+            # The primitive does not know its own node.
+            recordings[logged:] = [replace(r, node=self.node) for r in recordings[logged:]]
         return Status.RUNNING
 
+    def _failed(self, reason: str) -> Status:
+        self.feedback_message = reason
+        self.blackboard.failed = True
+        return Status.FAILURE
+
     def terminate(self, new_status: Status) -> None:
-        """Close the generator and record the life, once."""
-        life, self._life = self._life, None
-        if life is None:
+        """Close the generator and record the run, once."""
+        steps, self._steps = self._steps, None
+        if steps is None:
             return
         try:
-            life.close()
+            steps.close()
         finally:
             self._record(new_status)
 
-    def _live(self) -> Steps:
-        """The whole life: from the preconditions to the effects, whatever happens between."""
-        self.primitive.bind(self.blackboard)
+    def _record(self, status: Status) -> None:
+        message = self.feedback_message or (INTERRUPTED if status is Status.INVALID else "")
+        end = self.started
+        with suppress(Exception):  # a robot that no longer responds has no time
+            end = self.blackboard.robot.state.t
+        run = LeafRun(
+            self.node,
+            type(self.primitive).__name__,
+            self.name,
+            start=self.started,
+            end=end,
+            status=status.name,  # pyright: ignore[reportArgumentType]
+            message=message,
+            context=self.blackboard.state.context(),
+        )
+        self.blackboard.recorder.leaves.append(run)
+
+    def _run(self) -> Steps:
+        """All of a run: preconditions, steps, effects."""
+        blackboard, claims = self.blackboard, self.primitive.claims
+        self.primitive.bind(blackboard)
         self._require()
-        before, during = self._begin()
+        before = blackboard.state
+        for resource in claims:
+            blackboard.owner[resource] = self
+        blackboard.motions += bool(claims)
+        during = blackboard.state = self.primitive.during(before)
         try:
-            message = yield from self._guarded()
-            self._apply(before, during)
+            message = yield from self._checked()
+            after = self.primitive.effects(before)
+            after = self.primitive.observed(after, blackboard.robot.state)
+            # Folded as by the check; changes by other leaves in the meantime are kept.
+            blackboard.state = merged(blackboard.state, during, after)
         except BaseException:
-            if "arm" in self.primitive.claims:
-                self.blackboard.robot.hold()
+            if "arm" in claims:
+                blackboard.robot.hold()
             raise
         finally:
-            self._release()
+            blackboard.motions -= bool(claims)
+            for resource in claims:
+                del blackboard.owner[resource]
         return message
 
     def _require(self) -> None:
-        """Fail before anything moves: what it claims must be free, and nothing may speak against
-        it."""
+        """Require free resources and no violation.
+
+        Raises:
+            LeafFailure: with the reason.
+        """
         for resource in sorted(self.primitive.claims & self.blackboard.owner.keys()):
             owner = cast(PrimitiveLeaf, self.blackboard.owner[resource])
             raise LeafFailure(f"the {resource} is in use by {owner.name}: one motion at a time")
         if self.primitive.claims:
-            # Before the first motion only the robot knows where it is.
+            # Before the first motion only the robot knows its pose.
             robot = self.blackboard.robot.state
             state = self.blackboard.state.standing(robot.q, robot.pose_world_tcp)
             self.blackboard.state = state
@@ -124,27 +159,8 @@ class PrimitiveLeaf(Behaviour):
         if violations:
             raise LeafFailure("; ".join(str(violation) for violation in violations))
 
-    def _begin(self) -> tuple[SymbolicState, SymbolicState]:
-        """Claim the resources; the state before, and what is so from now on."""
-        blackboard, claims = self.blackboard, self.primitive.claims
-        before = blackboard.state
-        for resource in claims:
-            blackboard.owner[resource] = self
-        blackboard.motions += bool(claims)
-        blackboard.state = self.primitive.during(before)
-        return before, blackboard.state
-
-    def _apply(self, before: SymbolicState, during: SymbolicState) -> None:
-        """The effects, as the check folds them; what other leaves changed meanwhile stays."""
-        after = self.primitive.observed(self.primitive.effects(before), self.blackboard.robot.state)
-        self.blackboard.state = merged(self.blackboard.state, during, after)
-
-    def _release(self) -> None:
-        self.blackboard.motions -= bool(self.primitive.claims)
-        for resource in self.primitive.claims:
-            del self.blackboard.owner[resource]
-
-    def _guarded(self) -> Steps:
+    def _checked(self) -> Steps:
+        """Steps of the primitive, each after a check of its safety predicate and timeout."""
         steps = self.primitive.run(self.blackboard)
         try:
             while True:
@@ -158,47 +174,13 @@ class PrimitiveLeaf(Behaviour):
             steps.close()
 
     def _check(self) -> None:
-        # What the predicate says of a state in which the arm stopped itself is more than that it did.
-        if reason := self.primitive.unsafe(self.blackboard) or self._reflex():
+        reflex = self.blackboard.robot.state.reflex
+        if reflex is None:
+            self._earlier = None
+        # The predicate's reason says more than that the arm stopped itself.
+        new_reflex = reflex if reflex != self._earlier else None
+        if reason := self.primitive.unsafe(self.blackboard) or new_reflex:
             raise LeafFailure(reason)
         limit = self.primitive.timeout
         if self.blackboard.robot.state.t - self.started > limit:
             raise LeafFailure(f"not done after {limit:g} s of robot time")
-
-    def _reflex(self) -> str | None:
-        """Reason why the arm stopped itself since this leaf began."""
-        reflex = self.blackboard.robot.state.reflex
-        if reflex is None:
-            self._earlier = None
-        return reflex if reflex != self._earlier else None
-
-    def _failed(self, reason: str) -> Status:
-        self.feedback_message = reason
-        self.blackboard.failed = True
-        return Status.FAILURE
-
-    def _sign(self, first: int) -> None:
-        recordings = self.blackboard.recorder.recordings
-        recordings[first:] = [replace(r, node=self.node) for r in recordings[first:]]
-
-    def _record(self, status: Status) -> None:
-        message = self.feedback_message or (INTERRUPTED if status is Status.INVALID else "")
-        self.blackboard.recorder.leaves.append(
-            LeafRun(
-                self.node,
-                type(self.primitive).__name__,
-                self.name,
-                self.started,
-                self._now(),
-                status.name,  # pyright: ignore[reportArgumentType]
-                message,
-                self.blackboard.state.context(),
-            )
-        )
-
-    def _now(self) -> float:
-        """Robot time, or, from a robot that does not answer any more, when the life began."""
-        try:
-            return self.blackboard.robot.state.t
-        except Exception:
-            return self.started

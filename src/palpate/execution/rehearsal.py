@@ -1,5 +1,5 @@
-"""Rehearsal: the plan is executed in a simulation of the scene, its unknowns at their priors,
-before the arm moves."""
+"""Rehearsal: execution of a plan in a simulation of the scene, its unknowns at their priors, before
+the arm moves."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.execution.runner import Execution, run
+from palpate.execution.runner import run
 from palpate.interrupt import interrupts
 from palpate.planning.plan import Plan
-from palpate.robots.owner.calibrated import as_measured
+from palpate.robots.owner.arm import as_measured
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.scene.scene import Scene
 
@@ -20,10 +20,10 @@ class Rehearsal:
     """Prediction of a run.
 
     Attributes:
-        actions: leaves started.
+        actions: number of leaves started.
         robot_seconds: s.
         peak_force: N, largest external force at the TCP.
-        failure: why it would stop, or None.
+        failure: reason why it would stop, or None.
     """
 
     actions: int
@@ -40,18 +40,14 @@ def rehearse(plan: Plan, scene: Scene) -> Rehearsal:
     """Execute the plan with perfect sensors in a world made of the scene alone.
 
     Raises:
-        Interrupted: a signal came meanwhile.
+        Interrupted: by a signal.
     """
     robot = MujocoRobot(scene.spec(), scene.pose_world_base, as_measured(scene.arm))
     try:
         with interrupts() as signals, signals.raised():
-            return _predicted(run(plan, scene, robot))
+            done = run(plan, scene, robot)
     finally:
         robot.close()
-
-
-def _predicted(done: Execution) -> Rehearsal:
     force = np.linalg.norm(done.trace.samples.wrench[:, :3], axis=1)
-    return Rehearsal(
-        done.actions, done.robot_seconds, float(force.max(initial=0.0)), done.stopped_by
-    )
+    peak = float(force.max(initial=0.0))
+    return Rehearsal(done.actions, done.robot_seconds, peak, done.stopped_by)

@@ -1,8 +1,8 @@
-"""Repetition for `--within`: parameters with wider intervals are measured again by the same robot,
-until they are narrow enough or at the floor that no repetition lowers.
+"""Repetition for `--within`: the same robot measures parameters with wider intervals again, until
+they are narrow enough or at the floor that no repetition lowers.
 
-As in a recovery, a further tree is planned from where things stand now, checked and run, and its
-trace is joined to what there is. All of it makes the estimate.
+As in a recovery, a further tree is planned for the present cell, checked and run, and its trace is joined
+to the earlier ones. The estimate is made from all of it.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from palpate.planning.plan import Plan
 from palpate.planning.symbolic.passes import Efforts, site_of
 from palpate.planning.symbolic.planner import assemble
 from palpate.quantities.estimators import estimate_all
-from palpate.quantities.precision.effort import Effort
-from palpate.quantities.precision.within import Precision, Within, shown
+from palpate.quantities.quantity import Effort
+from palpate.quantities.within import Precision, Within, shown
 from palpate.robots.robot import Robot
 from palpate.scene.load import rearranged
 from palpate.scene.raised import as_measured
@@ -31,20 +31,15 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-MAX_ROUNDS = 5
-"""Largest number of rounds of repetition."""
-
+MAX_ROUNDS = 5  # Largest number of rounds of repetition
 MOST_TIMES = 4
 """Largest number of repetitions in one round: the noise seen in the first round is uncertain."""
-
 LONGEST = 100.0
-"""s of robot time after whose further rounds no other one begins: in a third of a drift's time constant
-(300 s, `robots/simulated/noise/lab.yaml`) what is repeated is no longer compared with the same arm; and
-what an estimate takes to be computed grows with the cube of what it rests on. A round of twelve
-grasps of a hammer takes 115 s."""
-
+"""s of robot time of further rounds after which none begins. In a third of a drift's time constant
+(300 s, `robots/simulated/noise/lab.yaml`) the arm is no longer the same one; and the cost of an estimate
+grows with the cube of its data. A round of twelve grasps of a hammer takes 115 s."""
 FUTILE = 0.98
-"""Part of an interval that a round must leave at most, for another one to be worth it."""
+"""Largest part of an interval that may remain after a round, for another one to follow."""
 
 Lacking = dict[Parameter, Precision]
 """Parameter with a wider interval than requested."""
@@ -59,37 +54,38 @@ def repeat(
     run: Runner,
     say: Callable[[str], None],
 ) -> Execution:
-    """The execution with all further rounds joined to it that `within` makes necessary; `say` is
-    told what each is for."""
+    """The execution joined with all further rounds that `within` requires; `say` shows the purpose of
+    each."""
     done, before = first, Lacking()
     asked = [parameter for parameter in plan.parameters if within.of(parameter) is not None]
     so_far = Counter(asked)
     for count in range(1, MAX_ROUNDS + 1):
-        if not asked or done.status != "complete" or _took(done, first) > LONGEST:
+        took = done.robot_seconds - first.robot_seconds
+        if not asked or done.status != "complete" or took > LONGEST:
             break
-        lacking = dict(_lacking(asked, done, scene, within))
-        asked = [parameter for parameter in lacking if _is_worth_it(parameter, lacking, before)]
+        lacking = dict(too_wide(asked, done, scene, within))
+        # Another round only where the last one narrowed the interval, if there was any.
+        asked = [
+            parameter
+            for parameter, now in lacking.items()
+            if parameter not in before or now.reached < FUTILE * before[parameter].reached
+        ]
         before = lacking = {parameter: lacking[parameter] for parameter in asked}
-        efforts = _efforts(lacking, scene, done, so_far)
-        again = _planned(efforts, scene, done, plan.planner, mirrored=count % 2 == 1)
+        efforts = efforts_for(lacking, scene, done, so_far)
+        again = replanned(efforts, done, plan.planner, mirrored=count % 2 == 1)
         if again is None:
             break
         for parameter, effort in efforts.items():
             so_far[parameter] += effort.times
-        say(f"measuring again, {_in_words(lacking, scene)}")
+        say(f"measuring again, {widths_in_words(lacking, scene)}")
         done = joined(done, run(*again, robot), f"repeat[{count}].")
     return done
 
 
-def _took(done: Execution, first: Execution) -> float:
-    """s of robot time that further rounds took."""
-    return done.robot_seconds - first.robot_seconds
-
-
-def _lacking(
+def too_wide(
     asked: Sequence[Parameter], done: Execution, scene: Scene, within: Within
 ) -> Iterator[tuple[Parameter, Precision]]:
-    """Parameters that repetition would narrow: not those contradicted or not identified."""
+    """Parameters whose interval repetition would narrow; none contradicted or not identified."""
     for estimate in estimate_all(asked, done.trace, as_measured(scene, done.trace).bodies):
         precision = within.precision(estimate)
         if precision is None or estimate.contradiction or not estimate.has_value:
@@ -98,16 +94,11 @@ def _lacking(
             yield estimate.parameter, precision
 
 
-def _is_worth_it(parameter: Parameter, now: Lacking, before: Lacking) -> bool:
-    """True if another round may narrow it: the last one has, if there was any."""
-    return parameter not in before or now[parameter].reached < FUTILE * before[parameter].reached
-
-
-def _efforts(
+def efforts_for(
     lacking: Lacking, scene: Scene, done: Execution, so_far: Counter[Parameter]
 ) -> dict[Parameter, Effort]:
-    """Effort that they need with the noise that the arm has shown, as their quantities predict it,
-    else extrapolated from `so_far`."""
+    """Effort for each, predicted by its quantity from the arm's noise in the trace, else extrapolated
+    from the repetitions `so_far`."""
     found: dict[Parameter, Effort] = {}
     for parameter, precision in lacking.items():
         site, effort = site_of(scene, parameter), None
@@ -119,11 +110,11 @@ def _efforts(
     return found
 
 
-def _planned(
-    efforts: Efforts, scene: Scene, done: Execution, planner: str, mirrored: bool
+def replanned(
+    efforts: Efforts, done: Execution, planner: str, mirrored: bool
 ) -> tuple[Plan, Scene] | None:
-    """A checked plan for them in the scene as it is now, `mirrored` every other time; what was
-    executed outlives a planning that fails."""
+    """A checked plan for the parameters in the present scene, `mirrored` every other time; None
+    without one, or where planning fails."""
     if not efforts:
         return None
     try:
@@ -140,8 +131,8 @@ def _planned(
         return None
 
 
-def _in_words(lacking: Lacking, scene: Scene) -> str:
-    """`bottle.mass: ± 3.1 g where ± 1 g is asked`."""
+def widths_in_words(lacking: Lacking, scene: Scene) -> str:
+    """List in words: `bottle.mass: ± 3.1 g where ± 1 g is asked`."""
     said: list[str] = []
     for parameter, precision in lacking.items():
         unit = scene.catalogue[parameter.quantity].unit

@@ -1,15 +1,15 @@
 """Controlled stop with a held object: it is put down, or held still, never dropped.
 
-It is put down only where its support is proven: believed to be below with a margin, met at about
-that height, and pressed upon by the whole weight and more, at rest and for a while. Anything less,
-an edge, a push that comes and goes, leaves it in the closed fingers.
+It is put down only on a proven support: believed to be below with a margin, met at about that height,
+and bearing the whole weight and more, at rest and for a while. Anything less, an edge, a push that comes
+and goes, leaves it in the closed fingers.
 """
 
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import replace
-from typing import ClassVar
+from dataclasses import dataclass, replace
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -17,30 +17,58 @@ from palpate.geometry.pose import Pose
 from palpate.robots.safety import Expectation
 from palpate.vocabulary.admissible.profile import GUARDED_SPEED, POSE_ERROR
 from palpate.vocabulary.admissible.support import footing, stable
-from palpate.vocabulary.base import Blackboard, LeafFailure, Primitive, Resource, Steps
+from palpate.vocabulary.base import ARM, GRIPPER, Blackboard, LeafFailure, Primitive, Steps
 from palpate.vocabulary.gripper import finish_fingers
 from palpate.vocabulary.guarding import DOWN
 from palpate.vocabulary.state import SymbolicState
-from palpate.vocabulary.touch import Feeling, finish, guarded, settle
+from palpate.vocabulary.touch import WrenchFilter, finish, guarded, settle
 
 AT_GRASP = 0.003
-"""m: an object this near to the height where it was grasped still stands on its support."""
+"""m from the height of an object's grasp up to which it still stands on its support."""
 EXTRA_TRAVEL = 0.015
 """m below the believed support: covers the arm's sag, the pose's error and a soft support."""
 PRESSED = 5.0
-"""N that the object presses on its support, its whole weight aside, before it counts as borne."""
-STILL_PRESSED = 2.0
-"""N of it that must be left after `PROVEN`."""
-PROVEN = 0.5
-"""s that it must bear it, at rest."""
+"""N that the object presses on its support, besides its whole weight, before it counts as borne."""
+STILL_PRESSED = 2.0  # N of it that must remain after `PROVEN`
+PROVEN = 0.5  # s that the support must bear it, at rest
 PRESSES = 3
-"""times that it is pressed upon for that, each by `PRESSED` more: what hung askew between the pads turns as
-it comes to lie flat, and gives way meanwhile."""
+"""Number of presses, each by `PRESSED` more: an object that hung askew between the pads turns as it comes
+to lie flat, and yields meanwhile."""
 STAYS = "it stays in the fingers"
-RETREAT_SPEED = 0.05
-"""m/s."""
-RETREAT = 0.10
-"""m."""
+RETREAT_SPEED = 0.05  # m/s
+RETREAT = 0.10  # m
+
+Fate = Literal["put down", "held", "lost"]
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """Object in the fingers as a run was stopped, and its fate.
+
+    Attributes:
+        object: its name; None for an object that was just grasped.
+        became: `put down` on a support that bears it; still `held`; or `lost`: it slipped out of the
+            fingers, and its place is unknown.
+    """
+
+    object: str | None
+    became: Fate
+
+    @property
+    def name(self) -> str:
+        """Name for people."""
+        return f"'{self.object}'" if self.object else "what was grasped"
+
+    @property
+    def warning(self) -> str | None:
+        """Warning about it; None where it was put down."""
+        if self.became == "held":
+            return f"the fingers still hold {self.name}"
+        if self.became == "lost":
+            return (
+                f"{self.name} was not put down and is not in the fingers any more: see where it is"
+            )
+        return None
 
 
 class PutDown(Primitive):
@@ -50,16 +78,15 @@ class PutDown(Primitive):
     vocabulary: only the runner uses it, on its way to a controlled stop.
     """
 
-    claims: ClassVar[frozenset[Resource]] = frozenset({"arm", "gripper"})
+    claims: ClassVar = ARM | GRIPPER
     group: ClassVar = "motion"
     timeout: ClassVar[float] = 60.0
 
     def expectation(self, state: SymbolicState) -> Expectation:
-        held = state.holding is not None
-        return Expectation(contact=True, grasped=held)
+        return Expectation(contact=True, grasped=state.holding is not None)
 
     def slipping(self, blackboard: Blackboard) -> str | None:
-        """A slipping object is put down nevertheless, as long as the fingers have it."""
+        """None: a slipping object is put down, too, as long as the fingers have it."""
         return None
 
     def run(self, blackboard: Blackboard) -> Steps:
@@ -75,89 +102,71 @@ class PutDown(Primitive):
         yield from settle(blackboard)
         return f"put {name or 'what was just grasped'} down"
 
-    def _to_support(self, blackboard: Blackboard, name: str) -> Steps:
-        """Onto a support that bears it; where the object was grasped and never lifted, it is
-        there."""
-        place = self._place(blackboard, name)
-        if reason := stable(blackboard.state, name, place):
+    def _to_support(self, blackboard: Blackboard, name: str) -> Generator[None]:
+        """Lower the object onto a support; an object that was never lifted is on it."""
+        state, held = blackboard.state, held_pose(blackboard)
+        # It would stand straight below.
+        gap = footing(state, name, held).gap
+        place = held.translated((0.0, 0.0, -gap)) if np.isfinite(gap) else held
+        if reason := stable(state, name, place):
             raise LeafFailure(f"'{name}' cannot be put down here, {reason}: {STAYS}")
-        if blackboard.state.lifted or self._height(blackboard) > AT_GRASP:
+        height = 0.0
+        if state.grasp is not None:
+            tcp = blackboard.robot.state.pose_world_tcp
+            height = float(tcp.position[2] - state.resolve(state.grasp).position[2])
+        if state.lifted or height > AT_GRASP:
             yield from self._lower(blackboard, name, place)
-        return "supported"
 
-    def _place(self, blackboard: Blackboard, name: str) -> Pose:
-        """Pose in which the object would stand, straight below where it is held."""
-        held = _held(blackboard)
-        gap = footing(blackboard.state, name, held).gap
-        return held.translated((0.0, 0.0, -gap)) if np.isfinite(gap) else held
-
-    def _height(self, blackboard: Blackboard) -> float:
-        """Height of the object above the place of its grasp, m; 0 if it was not lifted since."""
-        grasp = blackboard.state.grasp
-        if grasp is None:
-            return 0.0
-        z = blackboard.state.resolve(grasp).position[2]
-        return float(blackboard.robot.state.pose_world_tcp.position[2] - z)
-
-    def _lower(self, blackboard: Blackboard, name: str, place: Pose) -> Steps:
-        """Down to the support, until it bears the object."""
-        robot, feeling, load = blackboard.robot, Feeling(blackboard.robot), blackboard.load
-        travel = max(_above(blackboard, place), 0.0) + EXTRA_TRAVEL
-        nowhere = f"no support within {1e3 * travel:.0f} mm below '{name}': {STAYS}"
+    def _lower(self, blackboard: Blackboard, name: str, place: Pose) -> Generator[None]:
+        """Move down to the support, until it bears the object."""
+        robot, filtered, load = blackboard.robot, WrenchFilter(blackboard.robot), blackboard.load
+        travel = max(height_above(blackboard, place), 0.0) + EXTRA_TRAVEL
         robot.move_axis(DOWN, GUARDED_SPEED, travel)
-        if not (yield from guarded(blackboard, lambda: -load.borne(feeling.now()) > PRESSED)):
-            raise LeafFailure(nowhere)
+        if not (yield from guarded(blackboard, lambda: -load.borne(filtered.now()) > PRESSED)):
+            raise LeafFailure(f"no support within {1e3 * travel:.0f} mm below '{name}': {STAYS}")
         yield from finish(blackboard)
         yield from settle(blackboard)
-        early = _above(blackboard, place)
+        early = height_above(blackboard, place)
         if early > POSE_ERROR:
             raise LeafFailure(
                 f"'{name}' met something {1e3 * early:.0f} mm above its support: {STAYS}"
             )
-        yield from self._prove(blackboard, name)
-        return "supported"
-
-    def _prove(self, blackboard: Blackboard, name: str) -> Steps:
-        """Stand there for a while, all of which the support must bear the object."""
-        robot = blackboard.robot
-        for _ in range(PRESSES - 1):
-            if (yield from _is_borne(blackboard)):
-                return "proven"
-            robot.move_axis(
-                DOWN, GUARDED_SPEED, PRESSED / blackboard.scene.arm.stiffness.translation
-            )
-            yield from finish(blackboard)
-            yield from settle(blackboard)
-        if not (yield from _is_borne(blackboard)):
-            raise LeafFailure(f"nothing bears '{name}' for long: {STAYS}")
-        return "proven"
+        for press in range(PRESSES):
+            if press > 0:
+                deeper = PRESSED / blackboard.scene.arm.stiffness.translation
+                robot.move_axis(DOWN, GUARDED_SPEED, deeper)
+                yield from finish(blackboard)
+                yield from settle(blackboard)
+            if (yield from is_borne(blackboard)):
+                return
+        raise LeafFailure(f"nothing bears '{name}' for long: {STAYS}")
 
 
-def _is_borne(blackboard: Blackboard) -> Generator[None, None, bool]:
-    """Wait for `PROVEN` s, or less; whether the support bore the object all that time."""
-    robot, feeling = blackboard.robot, Feeling(blackboard.robot)
+def is_borne(blackboard: Blackboard) -> Generator[None, None, bool]:
+    """Wait for `PROVEN` s; False as soon as the support does not bear the object."""
+    robot, filtered = blackboard.robot, WrenchFilter(blackboard.robot)
     start = robot.state.t
     while robot.state.t - start < PROVEN:
-        if -blackboard.load.borne(feeling.now()) < STILL_PRESSED:
+        if -blackboard.load.borne(filtered.now()) < STILL_PRESSED:
             return False
         yield
     return True
 
 
-def _held(blackboard: Blackboard) -> Pose:
+def held_pose(blackboard: Blackboard) -> Pose:
     """Pose of the held object by the present pose of the arm."""
     held = blackboard.state.pose_tcp_object
     tcp = blackboard.robot.state.pose_world_tcp
     return tcp if held is None else tcp @ held
 
 
-def _above(blackboard: Blackboard, place: Pose) -> float:
-    """m that the held object is above where it would stand."""
-    return float(_held(blackboard).position[2] - place.position[2])
+def height_above(blackboard: Blackboard, place: Pose) -> float:
+    """Height of the held object above a pose, m."""
+    return float(held_pose(blackboard).position[2] - place.position[2])
 
 
 def released(blackboard: Blackboard) -> SymbolicState:
-    """The symbolic state once the fingers let go where they are now."""
+    """Symbolic state after the fingers opened at their present pose."""
     state, tcp = blackboard.state, blackboard.robot.state.pose_world_tcp
     moved = dict(state.moved)
     if state.holding is not None and state.pose_tcp_object is not None:
@@ -178,10 +187,8 @@ def released(blackboard: Blackboard) -> SymbolicState:
 
 
 def lost(blackboard: Blackboard) -> SymbolicState:
-    """The symbolic state once an object has slipped out of the fingers: the best guess is that it
-    never left its place, as fingers that slip mostly do so before the object is far from its
-    support."""
+    """Symbolic state after an object slipped out of the fingers: the best guess is its place in the
+    scene, as most slip before they are far from their support."""
     state, name = released(blackboard), blackboard.state.holding
-    return replace(
-        state, moved={other: pose for other, pose in state.moved.items() if other != name}
-    )
+    moved = {other: pose for other, pose in state.moved.items() if other != name}
+    return replace(state, moved=moved)

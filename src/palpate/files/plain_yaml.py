@@ -1,10 +1,11 @@
-"""YAML from somebody else: plain values, without what makes a short text a large one."""
+"""YAML of users: plain values of bounded size, and schemas whose errors use the file's own keys."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import yaml
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from palpate.errors import InputError
 
@@ -26,28 +27,40 @@ _CLOSING = (yaml.BlockEndToken, yaml.FlowMappingEndToken, yaml.FlowSequenceEndTo
 
 
 def plain_yaml(text: str, where: str) -> Any:
-    """The content of a YAML text without aliases, whose expansion is unbounded, and without deep
-    nesting, which takes forever to read. `where` names it in messages.
+    """Parse a YAML text; `where` names it in messages.
 
     Raises:
-        InputError: not YAML, or one of those; with line and column where the parser knows them.
+        InputError: not YAML, an alias, or too deep nesting; with line and column where the parser
+            knows them.
     """
     try:
-        _require_plain(text)
+        # Aliases expand without bound, and deep nesting takes the parser quadratic time.
+        depth, problem = 0, ""
+        for token in yaml.scan(text, Loader=Loader):
+            depth += isinstance(token, _OPENING) - isinstance(token, _CLOSING)
+            if isinstance(token, yaml.AliasToken):
+                problem = "aliases are not accepted"
+            elif depth > MAX_DEPTH:
+                problem = f"nested deeper than {MAX_DEPTH}"
+            if problem:
+                raise yaml.MarkedYAMLError(problem=problem, problem_mark=token.start_mark)
         return yaml.load(text, Loader)
     except yaml.YAMLError as error:
-        raise InputError(_not_yaml(where, error)) from None
+        mark = getattr(error, "problem_mark", None)
+        if mark is not None:
+            where += f", line {mark.line + 1}, column {mark.column + 1}"
+        raise InputError(f"{where}: not YAML: {getattr(error, 'problem', None) or error}") from None
     except (ValueError, RecursionError) as error:
         raise InputError(f"{where}: not YAML: {error}") from None
 
 
 def yaml_text(content: Any) -> str:
-    """Plain values as YAML that `plain_yaml` reads, in the order in which they are given."""
+    """Write plain values as YAML that `plain_yaml` reads, in the given order."""
     return yaml.dump(content, Dumper=_Plain, sort_keys=False, allow_unicode=True, width=1000)
 
 
 class _Plain(yaml.SafeDumper):
-    """A value that is there twice is written twice; lists of numbers stand on one line."""
+    """Dumper without aliases, with lists of numbers on one line."""
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
@@ -59,24 +72,35 @@ class _Plain(yaml.SafeDumper):
         return super().represent_sequence(tag, sequence, flow_style=numbers or flow_style)
 
 
-def _require_plain(text: str) -> None:
-    depth = 0
-    for token in yaml.scan(text, Loader=Loader):
-        if isinstance(token, yaml.AliasToken):
-            raise yaml.MarkedYAMLError(
-                problem="aliases are not accepted", problem_mark=token.start_mark
-            )
-        depth += isinstance(token, _OPENING) - isinstance(token, _CLOSING)
-        if depth > MAX_DEPTH:
-            raise yaml.MarkedYAMLError(
-                problem=f"nested deeper than {MAX_DEPTH}", problem_mark=token.start_mark
-            )
+class Section(BaseModel):
+    """Base of a file's schema: other keys than its own are errors."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
 
 
-def _not_yaml(where: str, error: yaml.YAMLError) -> str:
-    """Error with the reason, and the position in the text if the parser gives one."""
-    problem = getattr(error, "problem", None) or error
-    mark = getattr(error, "problem_mark", None)
-    if mark is not None:
-        where += f", line {mark.line + 1}, column {mark.column + 1}"
-    return f"{where}: not YAML: {problem}"
+def plain_number(value: Any) -> Any:
+    """Validate a key that takes a number.
+
+    Raises:
+        ValueError: a truth value.
+    """
+    # YAML reads `1e-3` as a text, which pydantic converts, and `yes` as a truth value.
+    if isinstance(value, bool):
+        raise ValueError("give a number")
+    return value
+
+
+def worded(error: ValidationError, form: type[BaseModel]) -> str:
+    """Describe the first error: its key and the valid choices."""
+    first = error.errors()[0]
+    key = ".".join(str(part) for part in first["loc"]) or "content"
+    if first["type"] == "missing":
+        return f"'{key}' is missing"
+    if first["type"] != "extra_forbidden":
+        return f"'{key}': {first['msg'].removeprefix('Value error, ')}"
+    section = form  # the one that the path to the key leads to
+    for part in first["loc"][:-1]:
+        inner = section.model_fields[str(part)].annotation if isinstance(part, str) else None
+        if isinstance(inner, type) and issubclass(inner, BaseModel):
+            section = inner
+    return f"unknown key '{key}'; valid: {', '.join(sorted(section.model_fields))}"

@@ -1,9 +1,8 @@
-"""The one way in which palpate opens a file that somebody hands it: regular files only, and never
-more of them than their kind may have.
+"""Reading of users' files: regular files only, of bounded size.
 
-A FIFO or a terminal would wait for ever, a device may never end, and a file may grow while it is
-read. So the path is looked at before it is opened, the opening does not wait, what was opened is
-looked at again, and one byte more than the limit is enough to refuse it.
+A FIFO or a terminal would block, a device may never end, and a file may grow while it is read. So the
+path is examined before it is opened, it is opened without blocking, the open file is examined again,
+and reading stops one byte beyond the limit.
 """
 
 from __future__ import annotations
@@ -32,8 +31,8 @@ _FLAGS = sum({getattr(os, name, 0) for name in ("O_NONBLOCK", "O_NOCTTY", "O_CLO
 
 
 def require_regular(path: Path, limit: int, what: str) -> None:
-    """A file that a library will read by its path; `what` it is for ("an MJCF scene"), and how many
-    bytes it may have.
+    """Check a file that a library will read by its path: at most `limit` bytes; `what` names its
+    purpose ("an MJCF scene").
 
     Raises:
         InputError: it cannot be read, is no regular file, or is larger.
@@ -46,7 +45,7 @@ def require_regular(path: Path, limit: int, what: str) -> None:
 
 @contextmanager
 def opened(path: Path, limit: int, what: str) -> Generator[BinaryIO]:
-    """The file, open for reading; a size beyond `limit` bytes is refused before the first is read.
+    """Open a file of at most `limit` bytes for reading.
 
     Raises:
         InputError: as `require_regular`.
@@ -62,7 +61,7 @@ def opened(path: Path, limit: int, what: str) -> Generator[BinaryIO]:
 
 
 def read_bytes(path: Path, limit: int, what: str) -> bytes:
-    """All of a file of at most `limit` bytes.
+    """Read a file of at most `limit` bytes.
 
     Raises:
         InputError: as `require_regular`; also when it grows beyond the limit while it is read.
@@ -91,26 +90,16 @@ def read_text(path: Path, limit: int, what: str) -> str:
 
 def _require(status: os.stat_result, path: Path, limit: int, what: str) -> None:
     if not stat.S_ISREG(status.st_mode):
-        raise InputError(f"{path} is {_kind(status.st_mode)}, not a regular file; give {what}")
+        kinds = (name for is_kind, name in _KINDS if is_kind(status.st_mode))
+        kind = next(kinds, "something else")
+        raise InputError(f"{path} is {kind}, not a regular file; give {what}")
     if status.st_size > limit:
         raise _too_large(path, limit, what)
 
 
-def _kind(mode: int) -> str:
-    for is_kind, name in _KINDS:
-        if is_kind(mode):
-            return name
-    return "something else"
-
-
 def _too_large(path: Path, limit: int, what: str) -> InputError:
-    return InputError(f"{path} is larger than {_size(limit)}, too large for {what}; give another")
-
-
-def _size(limit: int) -> str:
-    if limit >= MB:
-        return f"{limit // MB} MB"
-    return f"{limit // 1000} kB"
+    size = f"{limit // MB} MB" if limit >= MB else f"{limit // 1000} kB"
+    return InputError(f"{path} is larger than {size}, too large for {what}; give another")
 
 
 def _unreadable(path: Path, error: OSError | ValueError) -> InputError:

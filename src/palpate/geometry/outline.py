@@ -1,8 +1,9 @@
-"""Outlines of convex shapes seen from above: slices, widths, clearances. All points are in the
-world, m.
+"""Outlines of convex shapes seen from above: slices, widths, clearances, polygons. All points are in
+the world, m.
 
-A thing is handled as what it looks like from above: the hull of (k, 2) x-y points. The part of it
-between two heights, which is what fingers at these heights meet, is again such a hull.
+A body is represented by its outline from above: the hull of (k, 2) x-y points. The part of it between
+two heights, which fingers at these heights touch, is again such a hull. Polygons are (k, 2) corners,
+counterclockwise; with fewer than three corners they have no inside.
 """
 
 from __future__ import annotations
@@ -17,12 +18,14 @@ from numpy.typing import NDArray
 from palpate.geometry.pose import Array
 
 _CORNERS = 72
-"""Directions in which outlines are sampled; round things are true to 0.1 %."""
+"""Directions in which outlines are sampled; round shapes are true to 0.1 %."""
+_STRAIGHT = 1e-12
+"""Share of the squared size: a corner that adds less to a hull's area lies on one of its sides."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Obstacle:
-    """Something solid: its outline from above, (k, 2), and the world z of its top, m."""
+    """A solid body: its outline from above, (k, 2), and the world z of its top, m."""
 
     outline: Array
     top: float
@@ -34,26 +37,22 @@ class Obstacle:
 
 
 def above(obstacles: Iterable[Obstacle], height: float) -> list[Array]:
-    """Outlines of what reaches above a height."""
+    """Outlines of the obstacles that reach above a height."""
     return [obstacle.outline for obstacle in obstacles if obstacle.top > height]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Convex:
-    """A convex shape: (n, 3) points, and (m, 2) index pairs among which all edges of its hull
-    are."""
+    """A convex shape: (n, 3) points, and (m, 2) index pairs that include all edges of its hull."""
 
     points: Array
     edges: NDArray[np.intp]
 
 
 def slab(shape: Convex, low: float, high: float) -> Array:
-    """(k, 2) x-y points whose hull is the part of the shape between two heights.
-
-    Its corners are those of the shape that lie between, and the points at which an edge of the
-    shape passes through either height.
-    """
+    """(k, 2) x-y points whose hull is the part of the shape between two heights."""
     z = shape.points[:, 2]
+    # Its corners are those of the shape between the heights, and where an edge crosses either.
     parts = [shape.points[(z >= low) & (z <= high), :2]]
     start, end = shape.points[shape.edges[:, 0]], shape.points[shape.edges[:, 1]]
     for level in (low, high):
@@ -64,14 +63,14 @@ def slab(shape: Convex, low: float, high: float) -> Array:
 
 
 def rim(points: Array) -> Array:
-    """Points of (n, 2) that are farthest out in one of many directions."""
+    """Those of (n, 2) points that are the extreme one in some of 72 directions."""
     if len(points) < 3:
         return points
-    return points[np.unique(np.argmax(fan(_CORNERS) @ points.T, axis=1))]
+    return points[np.unique(np.argmax(_fan(_CORNERS) @ points.T, axis=1))]
 
 
 @cache
-def fan(count: int) -> Array:
+def _fan(count: int) -> Array:
     """(count, 2) unit vectors evenly around the circle."""
     angle = np.arange(count) * 2 * np.pi / count
     return np.column_stack([np.cos(angle), np.sin(angle)])
@@ -91,15 +90,13 @@ def width(points: Array, direction: Array) -> float:
 def profile(
     outlines: Sequence[Array], along: Array, across: Array, stations: Array
 ) -> tuple[Array, Array]:
-    """Lowest and highest coordinate across at each station along, over convex outlines; nan where
-    there is none.
-
-    A line across at one station meets the hull of an outline first and last on chords between two
-    of its points; so every pair of points is tried, and the lowest and highest chord win.
-    """
+    """Lowest and highest coordinate across at each station along, over convex outlines; nan at
+    stations that no outline reaches."""
     low, high = np.full(len(stations), np.inf), np.full(len(stations), -np.inf)
     for outline in outlines:
         s, w = outline @ along, outline @ across
+        # A line across enters and leaves the hull on chords between two of its points: the lowest
+        # and the highest chord over all pairs of points are its ends.
         first, second = np.triu_indices(len(s), 1)
         near, far = np.minimum(s[first], s[second]), np.maximum(s[first], s[second])
         slanted = far - near > 1e-12
@@ -123,20 +120,76 @@ def rectangle(centre: Array, along: Array, half_along: float, half_across: float
 
 def clearance(shape: Array, spots: Array, obstacles: Sequence[Array]) -> Array:
     """(n,) horizontal distance from `shape` (k, 2), moved by each of `spots` (n, 2), to the nearest
-    obstacle.
+    obstacle, m.
 
-    Negative where they overlap (by how much one must move), inf without obstacles; a lower bound,
-    at most a twentieth of the shapes' size too small, from separating lines in 64 directions.
-
-    Two convex outlines are apart if some line runs between them. Looking along each direction, the
-    gap is how far the shape's nearest point is beyond the obstacle's farthest one; the widest gap
-    of all directions is the distance.
+    Negative where they overlap (by the depth), inf without obstacles; a lower bound, too small by at
+    most a twentieth of the shapes' size.
     """
+    # Two convex outlines are apart if a line separates them. The gap in a direction is from the
+    # shape's nearest point to the obstacle's farthest one; the distance is the widest gap, here of
+    # 64 directions.
     best = np.full(len(spots), np.inf)
-    directions = fan(64)
+    directions = _fan(64)
     reach = (shape @ -directions.T).max(axis=0)
     travel = spots @ directions.T
     for obstacle in obstacles:
         gap = travel - reach - (obstacle @ directions.T).max(axis=0)
         best = np.minimum(best, gap.max(axis=1))
     return best
+
+
+def hull(points: Array) -> Array:
+    """(m, 2) corners of the convex hull of (k, 2) points; the two ends where all lie on a line."""
+    if len(points) < 2:
+        return points
+    # Andrew's monotone chain: the lower half from left to right, the upper half from right to left.
+    in_order = points[np.lexsort(points.T[::-1])]
+    least = _STRAIGHT * float(np.ptp(points, axis=0).max()) ** 2
+    corners: list[list[float]] = in_order.tolist()
+    below, over = _turning_left(corners, least), _turning_left(corners[::-1], least)
+    return np.array([*below[:-1], *over[:-1]])
+
+
+def _turning_left(points: list[list[float]], least: float) -> list[list[float]]:
+    """Subset of points in order that makes left turns only."""
+    kept: list[list[float]] = []
+    for x, y in points:
+        while len(kept) > 1:
+            (x0, y0), (x1, y1) = kept[-2:]
+            if (x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) > least:
+                break
+            kept.pop()
+        kept.append([x, y])
+    return kept
+
+
+def clipped(polygon: Array, by: Array) -> Array:
+    """(m, 2) corners of the intersection of two polygons (Sutherland and Hodgman)."""
+    if len(by) < 3:
+        return np.zeros((0, 2))
+    left = polygon
+    for start, end in zip(by, np.roll(by, -1, axis=0), strict=True):
+        # Each side of `by` cuts off what lies to its right.
+        inside = _cross(end - start, left - start)
+        before, came_from = np.roll(left, 1, axis=0), np.roll(inside, 1)
+        kept: list[Array] = []
+        for corner, there, last, here in zip(left, inside, before, came_from, strict=True):
+            if here * there < 0:
+                kept.append(last + here / (here - there) * (corner - last))
+            if there >= 0:
+                kept.append(corner)
+        left = np.array(kept).reshape(-1, 2)
+    return left
+
+
+def depth(polygon: Array, point: Array) -> float:
+    """Distance from a point inside to the polygon's nearest side, m; negative outside."""
+    if len(polygon) < 3:
+        return -np.inf
+    sides = np.roll(polygon, -1, axis=0) - polygon
+    return float((_cross(sides, point - polygon) / np.hypot(sides[:, 0], sides[:, 1])).min())
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """(k,) third component of the cross products of (k, 2) vectors."""
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

@@ -1,8 +1,9 @@
-"""Rigid poses. Quaternions are (w, x, y, z), as in MuJoCo."""
+"""Rigid poses, lines of poses, and inertia tensors. Quaternions are (w, x, y, z), as in MuJoCo."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,11 +11,19 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from palpate.errors import InputError
+
 Array = NDArray[np.float64]
+
+SPACING = 0.02
+"""m: largest distance between the places of a line at which a plan is judged, less than the width of
+the fingers' pads, so that what they sweep at two neighbouring places overlaps."""
+ROUNDING = 1e-9
+"""m."""
 
 
 def digits(values: Array) -> bytes:
-    """Numbers to a millionth, for a key."""
+    """Numbers rounded to a millionth, as a key for caches."""
     return values.round(6).tobytes()
 
 
@@ -52,7 +61,7 @@ class Pose:
         """Rotation matrix (3, 3)."""
         out = np.empty(9)
         mujoco.mju_quat2Mat(out, self.quaternion)
-        out.flags.writeable = False  # shared by all who ask
+        out.flags.writeable = False  # cached, so shared by all callers
         return out.reshape(3, 3)
 
     @property
@@ -62,7 +71,7 @@ class Pose:
 
     @cached_property
     def digits(self) -> bytes:
-        """The `vector` to a millionth, for a key: a search asks for the same poses again and again."""
+        """The `vector` to a millionth, a key for caches: a search repeats its poses."""
         return digits(self.vector)
 
     def __matmul__(self, other: Pose) -> Pose:
@@ -108,3 +117,64 @@ def rotations(quaternions: Array) -> Array:
         [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x**2 + y**2)],
     ]
     return np.moveaxis(np.array(rows), -1, 0)
+
+
+def tensor_of(parts: Sequence[float]) -> Array:
+    """(3, 3) inertia tensor from xx yy zz xy xz yz, kg m², MJCF's order."""
+    xx, yy, zz, xy, xz, yz = parts
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def components(tensor: Array) -> list[float]:
+    """xx yy zz xy xz yz of a (3, 3) inertia tensor."""
+    rows, columns = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
+    return tensor[rows, columns].tolist()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Line:
+    """Poses that differ only in their position on a line segment, of which a run measures the best.
+
+    Attributes:
+        pose: pose_world_tcp at 0.
+        along: (3,) level unit vector in the world.
+        least, most: m along it, the ends of the segment.
+        believed: m along it, the position taken until a measurement.
+    """
+
+    pose: Pose
+    along: Array
+    least: float
+    most: float
+    believed: float
+
+    @classmethod
+    def through(cls, pose: Pose, half: Array, point: Array) -> Line:
+        """The segment from -`half` to +`half`, (3,) m in the world, about a pose; `believed` is the
+        position nearest to `point` (3,) in the world."""
+        length = float(np.linalg.norm(half))
+        line = cls(pose, half / length, -length, length, 0.0)
+        return cls(line.pose, line.along, line.least, line.most, line.nearest(point))
+
+    def at(self, place: float) -> Pose:
+        """The pose at `place`, m along.
+
+        Raises:
+            InputError: outside the segment.
+        """
+        if not self.least - ROUNDING <= place <= self.most + ROUNDING:
+            raise InputError(
+                f"{1e3 * place:.0f} mm along is outside {1e3 * self.least:.0f} to "
+                f"{1e3 * self.most:.0f} mm, for which the plan was judged"
+            )
+        return self.pose.translated(place * self.along)
+
+    def nearest(self, point: Array) -> float:
+        """Position on the segment nearest to a point (3,) in the world, m along."""
+        place = float((point - self.pose.position) @ self.along)
+        return min(max(place, self.least), self.most)
+
+    def places(self) -> list[float]:
+        """Positions from end to end, m along, no farther apart than `SPACING`."""
+        steps = int(np.ceil((self.most - self.least) / SPACING))
+        return np.linspace(self.least, self.most, steps + 1).tolist()

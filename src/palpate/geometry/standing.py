@@ -1,27 +1,28 @@
-"""Resting pose of a body on a level plane, from one in which it cannot stay."""
+"""Resting pose of a body on a level plane, from a pose in which it is not stable."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from palpate.geometry.polygon import depth, hull
+from palpate.geometry.outline import depth, hull
 from palpate.geometry.pose import Array, Pose
 
 TOUCHING = 1e-4
 """m above the plane, up to which a point touches it."""
 STEADY = 5e-4
-"""m that a centre of mass may be beside what it stands on: round things are polygons here."""
+"""m that a centre of mass may be outside its support polygon: round bodies are polygons here."""
 MOST = np.radians(5.0)
-"""rad: what would turn by more does not stand on that plane alone, or is meant to be held."""
+"""rad: a body that would turn by more does not rest on that plane alone, or is to be held."""
 TIPS = 8
-"""edges over which it tips, one after the other, at most."""
+"""Largest number of edges over which a body tips in turn."""
 
 
 def tipped(points: Array, centre: Array) -> Pose:
-    """The motion in the world that brings something to rest on the level plane through its lowest
-    point: it tips over what it stands on until more of it touches, again and again, as long as its
-    centre of mass (3,) is beside that. `points` (k, 3) are its convex hull's corners. Nothing moves
-    where it is steady, or would turn by more than `MOST`.
+    """Motion in the world that brings a body to rest on the level plane through its lowest point.
+
+    `points` (k, 3) are the corners of its convex hull, `centre` (3,) its centre of mass. As long as
+    that is outside the support polygon, the body tips over the nearest edge until more of it touches.
+    No motion for a body that is stable, or that would turn by more than `MOST`.
     """
     unmoved = Pose.of(np.zeros(3))
     moved, turned = unmoved, 0.0
@@ -37,7 +38,7 @@ def tipped(points: Array, centre: Array) -> Pose:
 
 
 def _tip(points: Array, centre: Array) -> Pose | None:
-    """Tip once about the support until something else touches; None where it is stable."""
+    """Tip once about the support until another point touches; None where the body is stable."""
     plane = float(points[:, 2].min())
     touching = points[:, 2] < plane + TOUCHING
     edge = _nearest(hull(points[touching, :2]), centre[:2])
@@ -50,6 +51,7 @@ def _tip(points: Array, centre: Array) -> Pose | None:
     landing = ~touching & (along > 0.0)
     if not landing.any():
         return None
+    # The point that lands first subtends the smallest angle with the plane at the edge.
     angle = float(np.arctan2(points[landing, 2] - plane, along[landing]).min())
     half = 0.5 * angle
     axis = np.array([-way[1], way[0], 0.0])
@@ -59,7 +61,7 @@ def _tip(points: Array, centre: Array) -> Pose | None:
 
 
 def _nearest(polygon: Array, point: Array) -> Array:
-    """(2,) of a convex polygon, which may be a line or a point, what is nearest to a point."""
+    """(2,) point of a convex polygon, a line or a single point, nearest to `point`."""
     if depth(polygon, point) >= 0.0:
         return point
     best = polygon[0]

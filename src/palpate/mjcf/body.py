@@ -1,4 +1,4 @@
-"""An object or a surface: as its file describes it, and as the scene believes it to be."""
+"""An object or a surface: as its file describes it, and with the scene's beliefs filled in."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ import numpy as np
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.defaults import Defaults
 from palpate.mjcf.document import Element, has_unknown
-from palpate.mjcf.roles.elements import Elements, Role, has_open_height
+from palpate.mjcf.elements import Elements, Role, has_open_height
 from palpate.mjcf.shapes import Shapes, box_around
 
 
 @dataclass(frozen=True, eq=False)
 class BodyDescription:
-    """An object or a surface as its file describes it: what a quantity is read from and written to.
+    """An object or a surface as its file describes it, from which quantities are read.
 
     Attributes:
-        elements: where it stands in the file.
-        shapes: the compiled scene, stand-ins in place of everything unknown.
-        others: every object and surface of the scene by name, this one among them.
-        given: pose of its frame that came with the scene, which overrules the file.
+        elements: its elements in the file.
+        shapes: the compiled scene, with stand-ins in place of everything unknown.
+        others: every object and surface of the scene by name, itself included.
+        given: pose of its frame from poses.yaml, which overrules the file.
         given_top: world z of a surface's top that a given approach pose implies, m.
     """
 
@@ -46,26 +46,26 @@ class BodyDescription:
 
     @property
     def defaults(self) -> Defaults:
-        """Defaults that its elements inherit."""
+        """Defaults classes of its elements."""
         return self.elements.defaults
 
     @property
     def given_z(self) -> float | None:
-        """World z of its frame, m, where the file leaves it open and the poses do not."""
+        """World z of its frame, m, where the file leaves it open and poses.yaml states it."""
         if self.given is None or not has_unknown(self.elements.element, "pos", 2):
             return None
         return float(self.given.position[2])
 
     @property
     def pose_world(self) -> Pose:
-        """Of its frame: the body's, or the geom's that stands in the worldbody."""
+        """Pose of its frame: of the body, or of the geom that is a child of the worldbody."""
         if self.elements.element.tag == "body":
             return self.shapes.body_pose(self.name)
         return self.shapes.geom_pose(self.elements.element)
 
     @cached_property
     def cloud(self) -> Array:
-        """(k, 3) points of an object's geoms in the world, or of the geom whose top carries."""
+        """(k, 3) points of an object's geoms in the world, or of a surface's carrier, m."""
         if self.role == "surface":
             return self.shapes.points(self.carrier)
         return self.shapes.cloud(self.elements.colliding)
@@ -73,16 +73,18 @@ class BodyDescription:
     @cached_property
     def carrier(self) -> Element:
         """The geom of a surface with the largest footprint (the higher of equals)."""
-        return max(self.elements.geoms, key=self._footprint)
 
-    def _footprint(self, geom: Element) -> tuple[float, float]:
-        cloud = self.shapes.points(geom)
-        x, y, _ = cloud.max(axis=0) - cloud.min(axis=0)
-        return round(float(x * y), 6), float(cloud[:, 2].max())
+        def footprint(geom: Element) -> tuple[float, float]:
+            cloud = self.shapes.points(geom)
+            x, y, _ = cloud.max(axis=0) - cloud.min(axis=0)
+            # Rounded, so that equal footprints compare equal despite their float error.
+            return round(float(x * y), 6), float(cloud[:, 2].max())
+
+        return max(self.elements.geoms, key=footprint)
 
     @property
     def top_is_open(self) -> bool:
-        """True if one of the numbers that place a surface's top is `?`."""
+        """True if the height of a surface's top is written `?`."""
         marked = [has_open_height(geom, self.defaults) for geom in self.elements.geoms]
         return any(marked) or has_unknown(self.elements.element, "pos", 2)
 
@@ -101,12 +103,12 @@ class BodyDescription:
         return box_around(self.pose_world, self.cloud)
 
     def footing(self) -> Array:
-        """(3,) the middle of the bottom of the level box around it, world, m."""
+        """(3,) middle of the bottom of the world-aligned box around it, world, m."""
         low, high = self.cloud.min(axis=0), self.cloud.max(axis=0)
         return np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
 
     def reaches_over(self, point: Array) -> bool:
-        """True if a point's x-y is within the level box around it."""
+        """True if a point's x-y is within the world-aligned box around it."""
         low, high = self.cloud.min(axis=0), self.cloud.max(axis=0)
         return bool(np.all(point[:2] >= low[:2]) and np.all(point[:2] <= high[:2]))
 
@@ -119,7 +121,7 @@ class BodyDescription:
         return [body for body in self.others.values() if body.role == "surface"]
 
     def surfaces_below(self) -> list[BodyDescription]:
-        """The surfaces that reach under the middle of an object, however high they are."""
+        """Surfaces whose box in x-y contains the middle of an object, at any height."""
         middle = (self.cloud.max(axis=0) + self.cloud.min(axis=0)) / 2
         return [surface for surface in self.surfaces() if surface.reaches_over(middle)]
 
@@ -132,19 +134,18 @@ class Body:
         name: as in the MJCF.
         role: `object` or `surface`.
         words: lower-case words a request may use for it: parts of its name, its colour, its shape.
-        pose_world: believed pose of the body frame (of a geom that stands in the worldbody: its
-            frame); unknown numbers hold a prior.
-        centre, size: (3,) box around its geoms in its own frame: centre and full extents, m. Of a
-            surface: the box around the geom whose top carries.
+        pose_world: believed pose of the body frame (of a geom in the worldbody: its frame); unknown
+            numbers hold a prior.
+        centre, size: (3,) centre and full extents of the box around its geoms, of a surface around
+            its carrier, in its own frame, m.
         known: quantity id to value, for what the MJCF states.
         missing: quantity ids that the MJCF leaves out or writes `?`.
         assumed: quantity ids MuJoCo would infer (com, inertia from uniform density).
         carries: names of the objects that rest on a surface.
-        accuracy: m (1 sigma), how far it may be from where it is believed to stand; None where
-            nobody said.
-        tipped: the motion in the world by which it comes to rest on what carries it, where it could
-            not stay as the scene has it.
-        seen: its shape was read off a picture, and is as uncertain as its place.
+        accuracy: standard deviation of its believed position, m; None where not stated.
+        tipped: motion in the world by which it comes to rest on its support, where its pose in the
+            scene is not stable.
+        seen: True if its shape was fitted to a picture, and is as uncertain as its position.
     """
 
     name: str
@@ -162,7 +163,7 @@ class Body:
     seen: bool = False
 
     reach: float = field(init=False)
-    """No point of its box is farther than this from its frame's origin, m."""
+    """Upper bound of the distance of its box's points from its frame's origin, m."""
 
     def __post_init__(self) -> None:
         object.__setattr__(
@@ -171,7 +172,7 @@ class Body:
 
     @property
     def pose_at_rest(self) -> Pose:
-        """`pose_world`, tipped."""
+        """`pose_world` after `tipped`."""
         return self.tipped @ self.pose_world
 
     def __repr__(self) -> str:
@@ -179,7 +180,7 @@ class Body:
         return f"<Body '{self.name}': {self.role}{missing}>"
 
     def top_z(self, pose_world: Pose | None = None) -> float:
-        """World z of the top of its box, at its believed pose or at `pose_world`, m."""
+        """World z of the top of its box at `pose_world`, by default the believed pose, m."""
         middle, half = self._vertical(pose_world or self.pose_world)
         return middle + half
 
@@ -189,11 +190,12 @@ class Body:
         return middle - half
 
     def covers(self, x: float, y: float, pose_world: Pose | None = None) -> bool:
-        """True if the point is above its box's footprint."""
+        """True if the vertical line through a point meets its box."""
         pose = pose_world or self.pose_world
         at_x, at_y, _ = pose.position.tolist()
-        if not self.is_near(x - at_x, y - at_y):
+        if not self.is_near(x - at_x, y - at_y):  # most bodies are far away
             return False
+        # Slab method: the vertical line is within all three pairs of the box's faces.
         down = pose.rotation[2]
         start = pose.local((x, y, pose.position[2])) - self.centre
         along = np.where(np.abs(down) > 1e-9, down, 1e-9)
@@ -201,10 +203,12 @@ class Body:
         return bool(np.minimum(near, far).max() <= np.maximum(near, far).min() + 1e-9)
 
     def is_near(self, x: float, y: float, margin: float = 0.0) -> bool:
-        """True if a point `x`, `y` m beside its frame's origin may be within `margin` m of its box:
-        a quick bound."""
+        """False if a point `x`, `y` m beside its frame's origin is farther than `margin` m from its
+        box; a quick bound."""
         return math.hypot(x, y) <= self.reach + margin
 
     def _vertical(self, pose: Pose) -> tuple[float, float]:
+        """World z of the middle of its box, and half its extent along z, m."""
+        # Row z of the rotation: |R_z| · size is the vertical extent of a turned box.
         up = pose.rotation[2]
         return float(pose.position[2] + up @ self.centre), float(np.abs(up) @ self.size / 2)

@@ -12,28 +12,41 @@ import re
 import struct
 import zlib
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import inf, prod
 from pathlib import Path
 from typing import BinaryIO
 
 from palpate.errors import InputError
-from palpate.files.read import opened
-from palpate.mjcf.attached import ATTACH, brought
-from palpate.mjcf.document import MAX_ASSET_BYTES, Document, Element, elements, label, tokens
+from palpate.files.read import opened, read_bytes
+from palpate.mjcf.document import (
+    ATTACH,
+    MAX_ASSET_BYTES,
+    Document,
+    Element,
+    brought,
+    elements,
+    label,
+    tokens,
+)
 
-ELEMENTS, REPLICATED, POINTS = "elements", "replicated elements", "points of flexible things"
-CELLS, PIXELS, MESHES = "cells of height fields", "pixels of textures", "bytes of meshes"
+ELEMENTS, REPLICATED, COPIES = "elements", "replicated elements", "elements with all their copies"
+(
+    POINTS,
+    CELLS,
+) = "points of flexible things", "cells of height fields"
+PIXELS, MESHES = "pixels of textures", "bytes of meshes"
 
 LIMITS: Mapping[str, int] = {
     ELEMENTS: 10_000,  # a kitchen with its furniture cut into convex pieces has some five thousand
     REPLICATED: 3_000,  # MuJoCo's time for them grows with the square of their number
+    COPIES: 50_000,  # those by `<attach>` are cheap: 2 s
     POINTS: 4_000,
     CELLS: 4_000_000,
     PIXELS: 64_000_000,
     MESHES: 30_000_000,  # each MB takes at most 0.9 s and 60 MB of memory, once hulls are bounded
 }
-"""Largest amounts in a scene, copies by `<replicate>` and `<attach>` counted."""
+"""Largest amounts in a scene."""
 
 LARGE_MESHES = 250_000
 """Bytes of all meshes from which on their hulls are bounded: qhull needs 0.2 s for the worst mesh of
@@ -49,40 +62,19 @@ MAX_UNPACKED = 300_000_000
 """Bytes to which one picture may unpack."""
 
 SIZES: Mapping[str, float] = {
-    "actdim": 1_000,
-    "gridlayout": 1_000,
-    "interval": 1_000,
-    "iterations": 10_000,
-    "ls_iterations": 10_000,
-    "noslip_iterations": 10_000,
-    "ccd_iterations": 10_000,
-    "sdf_iterations": 1_000,
-    "sdf_initpoints": 1_000,
-    "nconmax": 100_000,
-    "njmax": 100_000,
-    "nkey": 1_000,
-    "nsample": 10_000,
+    **dict.fromkeys(("actdim", "dim", "gridlayout", "interval", "nkey", "num"), 1_000),
+    **dict.fromkeys(("numquads", "numslices", "numstacks"), 1_000),
+    **dict.fromkeys(("nuser_body", "nuser_jnt", "nuser_geom", "nuser_site"), 1_000),
+    **dict.fromkeys(("nuser_cam", "nuser_tendon", "nuser_actuator", "nuser_sensor"), 1_000),
+    **dict.fromkeys(("sdf_iterations", "sdf_initpoints"), 1_000),
+    **dict.fromkeys(("iterations", "ls_iterations", "noslip_iterations"), 10_000),
+    **dict.fromkeys(("ccd_iterations", "nsample"), 10_000),
+    **dict.fromkeys(("nconmax", "njmax", "nuserdata"), 100_000),
+    **dict.fromkeys(("offheight", "offwidth", "resolution", "shadowsize"), 16_384),
     "nstack": 50_000_000,
-    "nuserdata": 100_000,
-    "nuser_body": 1_000,
-    "nuser_jnt": 1_000,
-    "nuser_geom": 1_000,
-    "nuser_site": 1_000,
-    "nuser_cam": 1_000,
-    "nuser_tendon": 1_000,
-    "nuser_actuator": 1_000,
-    "nuser_sensor": 1_000,
-    "num": 1_000,
-    "numquads": 1_000,
-    "numslices": 1_000,
-    "numstacks": 1_000,
     "octree_maxdepth": 8,
-    "offheight": 16_384,
     "offsamples": 64,
-    "offwidth": 16_384,
     "params": 128,
-    "resolution": 16_384,
-    "shadowsize": 16_384,
 }
 """Attributes that size something, and the largest number in each."""
 
@@ -92,8 +84,8 @@ _PACKED = (b"IDAT", b"zTXt", b"iTXt", b"iCCP")
 _DEFLATE_RATIO = 1032
 """A byte of deflated data becomes at most so many (zlib's Technical Details)."""
 _UNITS = {"": 1, "k": 1 << 10, "m": 1 << 20, "g": 1 << 30, "t": 1 << 40, "p": 1 << 50, "e": 1 << 60}
-_POINT_BYTES = 12
-"""Least bytes of a point in a mesh file: three floats."""
+_POINT_BYTES = 16
+"""Bytes of a point in a binary mesh file: 50 for the three of a triangle of an STL."""
 _SDF_BYTES = 1_000_000
 """A mesh made by an SDF plugin takes as long as a file of this size, 0.5 s."""
 _BUILT_IN = "mujoco."
@@ -112,50 +104,55 @@ def require_bounded(document: Document, where: str = "the scene") -> None:
             _require_sizes(element, where)
     files = _file_amounts(document)
     total: defaultdict[str, float] = defaultdict(float)
-    for element, times in _copies(document):
+    # Counted while walking, and refused at the first excess: a bomb is never walked to its end.
+    for element, own, copies in _copies(document):
+        # Each `<attach>` copies the assets of its model, whatever replicates that `<attach>`.
+        amounts = [(ELEMENTS, own), (REPLICATED, max(own - 1.0, 0.0)), (COPIES, copies)]
         for what, amount in (*_amounts(element), *files.get(element, ())):
-            total[what] += times * amount
+            amounts.append((what, amount * (copies if what == POINTS else 1.0)))
+        for what, amount in amounts:
+            total[what] += amount
             if total[what] > LIMITS[what]:
                 raise _too_many(element, where, what)
-        total[REPLICATED] += times - 1.0
-        if total[REPLICATED] > LIMITS[REPLICATED]:
-            raise _too_many(element, where, REPLICATED)
 
 
-def mesh_bytes(document: Document) -> float:
-    """Bytes of the meshes of a scene and of the models that it attaches, in files and in the text."""
-    files = [named for named in document.named if named.element.tag == "mesh"]
-    total = sum((named.path.stat().st_size for named in files), 0.0)
+def mesh_bytes(document: Document, is_kept: Callable[[Element], bool]) -> float:
+    """Bytes of the meshes that are kept, of a scene and the models that it attaches, in files and in
+    the text."""
+    total = 0.0
+    for named in document.named:
+        if named.element.tag == "mesh" and is_kept(named.element):
+            total += named.path.stat().st_size
     for model in (document, *document.attached().values()):
-        for mesh in model.root.iter("mesh"):
+        for mesh in filter(is_kept, model.root.iter("mesh")):
             total += sum(amount for what, amount in _amounts(mesh) if what == MESHES)
     return total
 
 
-def _copies(document: Document) -> Iterator[tuple[Element, float]]:
-    """Yield every element with the number of its copies: those of an attached model each time that
-    it is attached, of a model that nothing attaches once."""
+def _copies(document: Document) -> Iterator[tuple[Element, float, float]]:
+    """Yield every element with the number of its copies in its own model (0 after the first visit of
+    the model) and in the scene; a model is visited by each `<attach>`, at least once."""
     seen: set[Document] = set()
     for start in (document, *document.attached().values()):
-        pending = [] if start in seen else [(start.root, start, 1.0)]
+        pending = [] if start in seen else [(start.root, start, 1.0, 1.0)]
+        seen.add(start)
         while pending:
-            element, model, times = pending.pop()
-            yield element, times
-            seen.add(model)
+            element, model, own, copies = pending.pop()
+            yield element, own, copies
             if element.tag == "replicate":
-                times *= max([1.0, *_numbers(element, "count")])
+                count = max([1.0, *_numbers(element, "count")])
+                own, copies = own * count, copies * count
             if element.tag == ATTACH and (part := brought(element, model, ())) is not None:
-                # MuJoCo copies the assets of another model too, so all of it counts.
                 copied = part.content if part.is_own else part.model.root
-                pending.append((copied, part.model, times))
-            pending += [
-                (child, model, times) for child in reversed(element) if isinstance(child.tag, str)
-            ]
+                pending.append((copied, part.model, float(part.model not in seen), copies))
+                seen.add(part.model)
+            for child in reversed(element):
+                if isinstance(child.tag, str):
+                    pending.append((child, model, own, copies))
 
 
 def _amounts(element: Element) -> Iterator[tuple[str, float]]:
     """Amounts that one copy of an element adds to the scene, its files aside."""
-    yield ELEMENTS, 1.0
     match element.tag:
         case "flexcomp":
             # MuJoCo's own count where none is stated; trilinear cells have a point at each corner.
@@ -174,7 +171,7 @@ def _amounts(element: Element) -> Iterator[tuple[str, float]]:
         case "mesh":
             grid = max([0.0, *_numbers(element, "params")]) if element.get("builtin") else 0.0
             is_sdf = element.find("plugin") is not None
-            yield MESHES, 2 * _POINT_BYTES * grid**2 + is_sdf * _SDF_BYTES
+            yield MESHES, 24 * grid**2 + is_sdf * _SDF_BYTES
             yield MESHES, len(element.get("vertex") or "")
         case _:
             pass
@@ -192,10 +189,14 @@ def _file_amounts(document: Document) -> dict[Element, list[tuple[str, float]]]:
             pixels[path] = _picture_pixels(path)
         if pixels[path]:
             amounts.append((PIXELS, pixels[path]))
-        else:
-            amounts.append((MESHES, path.stat().st_size))
-            if named.element.tag == "flexcomp":
-                amounts.append((POINTS, path.stat().st_size / _POINT_BYTES))
+            continue
+        amounts.append((MESHES, path.stat().st_size))
+        if named.element.tag == "flexcomp":
+            points = path.stat().st_size / _POINT_BYTES
+            if path.suffix.lower() == ".obj":
+                content = read_bytes(path, LIMITS[MESHES], "points of a flexible thing")
+                points = len(re.findall(rb"(?m)^[ \t]*v[ \t]", content))
+            amounts.append((POINTS, points))
     return found
 
 
@@ -222,10 +223,11 @@ def _picture_pixels(path: Path) -> int:
 
 
 def _require_unpacked(path: Path, file: BinaryIO) -> None:
+    """Unpack a picture piece by piece, which takes little memory, up to the limit."""
     unpacked = 0
     stream = zlib.decompressobj()
     for kind, content in _packed(file):
-        if kind != b"IDAT":
+        if kind != b"IDAT":  # text and colour profile: the worst case
             unpacked += len(content) * _DEFLATE_RATIO
         elif not stream.eof:
             try:
@@ -243,7 +245,7 @@ def _packed(file: BinaryIO) -> Iterator[tuple[bytes, bytes]]:
     file.seek(len(PNG))
     while len(head := file.read(8)) == 8:
         length, kind = struct.unpack(">I4s", head)
-        if kind not in _PACKED:
+        if kind not in _PACKED:  # skip the chunk and its checksum
             file.seek(length + 4, 1)
             continue
         while length > 0 and (content := file.read(min(length, 1 << 16))):
@@ -257,8 +259,6 @@ def _require_sizes(element: Element, where: str) -> None:
     for attribute in SIZES.keys() & set(element.keys()):
         if max(_numbers(element, attribute), default=0.0) > SIZES[attribute]:
             raise _beyond(element, where, attribute, SIZES[attribute])
-    if element.tag == "user" and max(_numbers(element, "dim"), default=0.0) > 1_000:
-        raise _beyond(element, where, "dim", 1_000)
     if element.tag == "size" and _memory(element) > MAX_MEMORY:
         raise _beyond(element, where, "memory", f"{MAX_MEMORY >> 20}M")
     plugin = element.get("plugin")

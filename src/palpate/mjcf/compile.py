@@ -1,80 +1,69 @@
-"""The scene as a MuJoCo model: the robot taken out, changes applied, compiled from the scene's
-folder."""
+"""The scene as a MuJoCo model: robots removed, changes applied, compiled with the scene's folder."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass
+from copy import deepcopy
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mujoco
 from lxml import etree
 
 from palpate.errors import InputError
-from palpate.geometry.pose import Array
-from palpate.mjcf.attached import ATTACH, attached_names, brought
 from palpate.mjcf.bounds import HULL_POINTS, LARGE_MESHES, mesh_bytes
-from palpate.mjcf.defaults import standing_in
+from palpate.mjcf.defaults import STAND_INS, unknowns_replaced
 from palpate.mjcf.document import (
+    ATTACH,
     Document,
     Element,
+    attached_names,
+    brought,
     children,
     compiler_settings,
-    copy_root,
     elements,
 )
 from palpate.mjcf.edits import Edit, Insert, apply
-from palpate.mjcf.roles.elements import PLACING
-from palpate.mjcf.roles.roles import Roles
+from palpate.mjcf.elements import PLACING
+from palpate.mjcf.roles import Roles
 
 BASE_SITE = "robot_base"
 
 _ASSETS = ("mesh", "material", "texture", "hfield", "model")
-"""The robot's, which would only cost time."""
+"""Assets that are removed with a robot where nothing else uses them."""
 
 _REFERRING = ("actuator", "sensor", "tendon", "equality", "contact", "deformable", "custom")
-"""Sections whose entries refer to others; of `<custom>`, its tuples do."""
+"""Sections whose entries refer to other elements; in `<custom>` only tuples do."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelTree:
-    """A document's elements copied, to be changed and compiled.
+    """A copy of a document's elements, to be changed and compiled.
 
     Attributes:
-        root: the scene's.
-        attached: those of the models that it attaches, by where they lie.
-        twin_of: the copy of each element.
-        folder: where relative file names start.
-        mesh_bytes: size of all meshes, robots' among them.
+        root: the scene's root element.
+        attached: root elements of attached models, by path.
+        twin_of: copy of each element.
+        folder: start of relative file names.
+        mesh_bytes: size of its meshes.
     """
 
     root: Element
     attached: dict[Path, Element]
     twin_of: dict[Element, Element]
     folder: Path | None
-    mesh_bytes: float
+    mesh_bytes: float = 0.0
 
     @classmethod
     def of(cls, document: Document) -> ModelTree:
         """An unchanged copy."""
-        root, twin_of = copy_root(document)
-        attached: dict[Path, Element] = {}
-        for path, model in document.attached().items():
-            attached[path], twins = copy_root(model)
-            twin_of |= twins
-        return cls(root, attached, twin_of, document.folder, mesh_bytes(document))
-
-    def text(self) -> str:
-        """The scene's own."""
-        return etree.tostring(self.root, encoding="unicode")
-
-    def parts(self) -> dict[str, str]:
-        """The texts of what it attaches, by the names that it calls them by."""
-        found: dict[str, str] = {}
-        for path, root in self.attached.items():
-            found[str(path)] = etree.tostring(root, encoding="unicode")
-        return found
+        twin_of: dict[Element, Element] = {}
+        attached = document.attached()
+        for model in (document, *attached.values()):
+            twin_of |= zip(elements(model.root), elements(deepcopy(model.root)), strict=True)
+        roots = {path: twin_of[model.root] for path, model in attached.items()}
+        return cls(twin_of[document.root], roots, twin_of, document.folder)
 
 
 def model_tree(document: Document, roles: Roles, edits: Iterable[Edit | Insert]) -> ModelTree:
@@ -82,17 +71,26 @@ def model_tree(document: Document, roles: Roles, edits: Iterable[Edit | Insert])
     tree = ModelTree.of(document)
     apply(edits, tree.twin_of)
     for root in (tree.root, *tree.attached.values()):
-        _settle_defaults(root)
+        # A `?` in a defaults class is answered on each element; MuJoCo must not see it.
+        for element in elements(root):
+            for edit in unknowns_replaced(element, STAND_INS):
+                edit.apply(element)
         _keep_all(root)
         for keyframe in root.findall("keyframe"):
             root.remove(keyframe)
     _remove_robots(tree, document, roles)
-    return tree
+    roots = {tree.root, *tree.attached.values()}
+
+    def is_kept(mesh: Element) -> bool:
+        return tree.twin_of[mesh].getroottree().getroot() in roots
+
+    return replace(tree, mesh_bytes=mesh_bytes(document, is_kept))
 
 
 def removed_with_robots(document: Document, roles: Roles) -> dict[str, int]:
     """Number of elements removed together with the robots, by tag."""
     tree = ModelTree.of(document)
+    # Difference of the counts before and after, without the robots' own elements and assets.
     before = Counter(str(part.tag) for part in elements(tree.root))
     for robot in roles.robots:
         before -= Counter(str(part.tag) for part in elements(tree.twin_of[robot]))
@@ -102,20 +100,23 @@ def removed_with_robots(document: Document, roles: Roles) -> dict[str, int]:
 
 
 def compile_spec(tree: ModelTree) -> mujoco.MjSpec:
-    """An editable model; files are found below the tree's folder.
+    """Parse the tree into an editable model; files are found below its folder.
 
     Raises:
-        InputError: MuJoCo does not accept the scene; the message is MuJoCo's.
+        InputError: MuJoCo does not accept the scene.
     """
-    include = {name: text.encode("utf-8") for name, text in tree.parts().items()}
+    include: dict[str, bytes] = {}
+    for path, root in tree.attached.items():
+        include[str(path)] = etree.tostring(root, encoding="unicode").encode("utf-8")
     try:
-        spec = mujoco.MjSpec.from_string(tree.text(), include=include)
+        text = etree.tostring(tree.root, encoding="unicode")
+        spec = mujoco.MjSpec.from_string(text, include=include)
     except (ValueError, mujoco.FatalError) as error:
         raise refused(error) from None
     if tree.folder is not None:
         spec.modelfiledir = str(tree.folder)
     if tree.mesh_bytes > LARGE_MESHES:
-        # The hull of a hostile mesh takes minutes; bounding it changes no mesh of a usual size.
+        # The hull of a hostile mesh takes minutes, so each hull gets at most so many points.
         for mesh in spec.meshes:
             if not 0 <= mesh.maxhullvert <= HULL_POINTS:
                 mesh.maxhullvert = HULL_POINTS
@@ -123,7 +124,7 @@ def compile_spec(tree: ModelTree) -> mujoco.MjSpec:
 
 
 def compile_model(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """The compiled model.
+    """Compile a model.
 
     Raises:
         InputError: MuJoCo does not accept the scene.
@@ -135,21 +136,16 @@ def compile_model(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 
 def refused(error: Exception) -> InputError:
-    """MuJoCo's complaint in one line."""
+    """Error with MuJoCo's message in one line."""
     return InputError(f"MuJoCo does not accept the scene: {' '.join(str(error).split())[:600]}")
 
 
-def _settle_defaults(root: Element) -> None:
-    """A `?` in a defaults class is answered on each element; MuJoCo must not see it."""
-    for element in elements(root):
-        for edit in standing_in(element):
-            edit.apply(element)
-
-
 def _keep_all(root: Element) -> None:
-    """Every body and geom of the file is in the model: physics are the same without, and what is
-    known of them is looked up there, in their own frames. `njmax`, which MuJoCo keeps for old files alone, says no more
-    than how much memory to take (XMLreference, size-njmax): gigabytes, where it is 5000."""
+    """Remove settings by which MuJoCo would leave out or turn bodies and geoms.
+
+    They do not change the physics, and elements are looked up in the model in their own frames.
+    """
+    # The deprecated `njmax` only reserves memory (XMLreference, size-njmax): gigabytes at 5000.
     for tag, attributes in (
         ("compiler", ("discardvisual", "fusestatic", "alignfree")),
         ("size", ("njmax",)),
@@ -162,31 +158,32 @@ def _keep_all(root: Element) -> None:
 
 
 def _remove_robots(tree: ModelTree, document: Document, roles: Roles) -> None:
-    """Take out the robots, all of which begin in the scene's own tree, and what refers to them."""
+    """Remove the robots, whose roots are in the scene's own tree, and what refers to them."""
     if not roles.robots:
         return
     root = tree.root
     removed: set[str] = set()
     for robot in roles.robots:
-        removed |= _names(robot) | attached_names(robot, document)
+        names = {part.get("name") for part in elements(robot)}
+        removed |= {name for name in names if name} | attached_names(robot, document)
         _leave_site(root, robot, tree.twin_of[robot], document)
     for keyframe in root.findall("keyframe"):
         root.remove(keyframe)
     _remove_watching(root, removed)
+    # What refers to the robot may itself be referred to: an actuator of a tendon over its joints.
     while removed:
         removed = _remove_referring(root, removed)
     _remove_unused_assets(root)
-    _remove_unused_plugins(root)
-
-
-def _names(element: Element) -> set[str]:
-    """Names of an element and all below it."""
-    found = {part.get("name") for part in elements(element)}
-    return {name for name in found if name}
+    # Instances of plugins of the robot's actuators and sensors.
+    used = _references(root, "instance")
+    for instance in list(root.iterfind("extension/plugin/instance")):
+        plugin = instance.getparent()
+        if plugin is not None and instance.get("name") not in used:
+            plugin.remove(instance)
 
 
 def _leave_site(root: Element, original: Element, robot: Element, document: Document) -> None:
-    """The arm stands where the scene's own robot stood, unless a site says otherwise."""
+    """Replace a robot by the site of the arm's base, unless the scene has that site."""
     parent = robot.getparent()
     assert parent is not None
     if root.find(f".//site[@name='{BASE_SITE}']") is None:
@@ -199,12 +196,13 @@ def _leave_site(root: Element, original: Element, robot: Element, document: Docu
 
 
 def _attached_place(attach: Element, document: Document) -> dict[str, str]:
-    """Pose of the first body of an attached robot, from its `<attach>`: its model may use another
-    angle unit."""
+    """Pose of the first body of an attached robot relative to its `<attach>`, compiled with the
+    settings of its own model, which may use another angle unit."""
     part = brought(attach, document, ())
     body = None if part is None else next(part.content.iter("body"), None)
     if part is None or body is None:
         return {}
+    # The frames and bodies around it, as frames of an otherwise empty model.
     above = [outer for outer in body.iterancestors() if part.content in outer.iterancestors()]
     inner = etree.Element("mujoco")
     inner.append(etree.Element("compiler", compiler_settings(part.model.root)))
@@ -215,15 +213,12 @@ def _attached_place(attach: Element, document: Document) -> dict[str, str]:
     etree.SubElement(at, "site", name=BASE_SITE)
     model = compile_model(mujoco.MjSpec.from_string(etree.tostring(inner, encoding="unicode")))
     site = model.site(BASE_SITE)
-    return {"pos": _text(site.pos), "quat": _text(site.quat)}
-
-
-def _text(numbers: Array) -> str:
-    return " ".join(repr(number) for number in numbers.tolist())
+    pos, quat = (" ".join(map(repr, values.tolist())) for values in (site.pos, site.quat))
+    return {"pos": pos, "quat": quat}
 
 
 def _remove_referring(root: Element, names: set[str]) -> set[str]:
-    """Take out what refers to removed elements; the names that go with it."""
+    """Remove entries that refer to removed elements; return the names of the entries."""
     gone: set[str] = set()
     for tag in _REFERRING:
         for section in root.iterfind(tag):
@@ -236,18 +231,18 @@ def _remove_referring(root: Element, names: set[str]) -> set[str]:
 
 
 def _remove_watching(root: Element, names: set[str]) -> None:
-    """Take out cameras and lights that follow removed bodies, and skins that lie on them: all of
-    those whose bodies stand in a file of their own."""
+    """Remove cameras and lights that follow removed bodies, and skins on them."""
     for tag in ("camera", "light", "skin"):
         for watching in list(root.iter(tag)):
             parent = watching.getparent()
+            # The bodies of a skin in a file are not read.
             unknown = tag == "skin" and watching.get("file") is not None
             if parent is not None and (unknown or _mentioned(watching) & names):
                 parent.remove(watching)
 
 
 def _mentioned(entry: Element) -> set[str]:
-    """Names to which an element and those below it refer, or may refer."""
+    """Values of all attributes, in an element and below it, that may be references."""
     found: set[str] = set()
     for part in elements(entry):
         found |= {str(value) for key, value in part.items() if key not in ("name", "class")}
@@ -255,30 +250,18 @@ def _mentioned(entry: Element) -> set[str]:
 
 
 def _remove_unused_assets(root: Element) -> None:
-    """The robot's meshes and materials."""
+    """Remove meshes, materials and other assets that no element refers to."""
     for tag in _ASSETS:
         used = _references(root, tag)
         for section in root.iterfind("asset"):
             for asset in section.findall(tag):
-                name = asset.get("name") or _name_by_file(asset)
+                # MuJoCo names an asset after its file; a model has its own name.
+                stem = "" if tag == "model" else Path(asset.get("file") or "").stem
+                name = asset.get("name") or stem
                 if name and name not in used and asset.get("type") != "skybox":
                     section.remove(asset)
 
 
-def _name_by_file(asset: Element) -> str:
-    """MuJoCo's name of an asset without a name; a model has its own name."""
-    return "" if asset.tag == "model" else Path(asset.get("file") or "").stem
-
-
-def _remove_unused_plugins(root: Element) -> None:
-    """Remove the plugins of the robot's actuators and sensors."""
-    used = _references(root, "instance")
-    for instance in list(root.iterfind("extension/plugin/instance")):
-        plugin = instance.getparent()
-        if plugin is not None and instance.get("name") not in used:
-            plugin.remove(instance)
-
-
 def _references(root: Element, attribute: str) -> set[str]:
-    """Every value of an attribute of that name."""
+    """All values of an attribute of that name."""
     return {str(e.get(attribute)) for e in elements(root) if e.get(attribute) is not None}

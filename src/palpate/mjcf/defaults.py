@@ -1,4 +1,4 @@
-"""MJCF's defaults classes, and what MuJoCo takes for an attribute that nobody states."""
+"""MJCF's defaults classes, and MuJoCo's values of attributes that are not stated."""
 
 from __future__ import annotations
 
@@ -15,87 +15,63 @@ INHERITED: Mapping[str, tuple[str, ...] | None] = {
     "density": None,
     "friction": MUJOCO_FRICTION,
 }
-"""Attributes of geoms that a defaults class may leave open: the numbers that take the place of a
-`?` once every element has its own, or None where the attribute is left out then."""
-
+"""Attributes of geoms that a defaults class may leave open. Once every element has its own value, the
+`?` is replaced by these numbers, or the attribute is removed (None)."""
 
 STAND_INS: Mapping[str, tuple[str, ...]] = {
     "mass": ("1",),
     "density": ("1000",),
     "friction": MUJOCO_FRICTION,
 }
-"""Placeholders for a `?` in defaults while models are compiled; without them a class above would
-apply."""
+"""Numbers in place of a `?` while models are compiled; without them an outer class would apply."""
 
 
-def standing_in(element: Element) -> Iterator[Edit]:
-    """The changes after which MuJoCo sees no `?` in an element's inherited attributes."""
-    for attribute, usual in STAND_INS.items():
-        parts = tokens(element.get(attribute))
-        unknown = {i: usual[min(i, 2)] for i, part in enumerate(parts) if part == UNKNOWN}
-        if unknown:
-            yield Edit(element, attribute, unknown)
-
-
-def answered_elsewhere(element: Element) -> Iterator[Edit]:
-    """Replacement of a `?` in an element's inherited attributes that have lost their meaning."""
-    for attribute, usual in INHERITED.items():
+def unknowns_replaced(
+    element: Element, values: Mapping[str, tuple[str, ...] | None]
+) -> Iterator[Edit]:
+    """Yield the changes that replace each `?` in an element's inherited attributes by its number in
+    `values`, or remove the attribute (None)."""
+    for attribute, numbers in values.items():
         parts = tokens(element.get(attribute))
         unknown = [i for i, part in enumerate(parts) if part == UNKNOWN]
-        if unknown and usual is None:
+        if unknown and numbers is None:
             yield Edit(element, attribute, None)
-        elif unknown and usual is not None:
-            yield Edit(element, attribute, {i: usual[min(i, 2)] for i in unknown})
+        elif unknown and numbers is not None:
+            yield Edit(element, attribute, {i: numbers[min(i, 2)] for i in unknown})
 
 
 class Defaults:
-    """The `<default>` classes of a document and of the models that it attaches, each of which has its
-    own: what an element's attribute is when the element leaves it out."""
+    """The `<default>` classes of a document and of each model that it attaches."""
 
     def __init__(self, root: Element, *attached: Element) -> None:
-        self._models = {model: _Classes(model) for model in (root, *attached)}
-        self._only = None if attached else self._models[root]
+        # For each class of a model its `<default>` elements, the outermost first.
+        self._models: dict[Element, dict[str, list[Element]]] = {}
+        for model in (root, *attached):
+            classes = self._models[model] = {}
+            pending = [(top, [top]) for top in model.iterfind("default")]
+            while pending:
+                default, chain = pending.pop(0)
+                classes.setdefault(default.get("class") or "main", []).extend(chain)
+                inner = [(child, [*chain, child]) for child in default.iterfind("default")]
+                pending = [*inner, *pending]
+        self._only = None if attached else root
 
     def attribute(self, element: Element, name: str) -> str | None:
-        """The attribute as MuJoCo would see it, or None when nothing states it."""
+        """The attribute with defaults applied, or None if nothing states it."""
         own = element.get(name)
         if own is not None:
             return own
-        classes = self._only or self._models[element.getroottree().getroot()]
-        return classes.inherited(element, name)
-
-
-class _Classes:
-    """Default classes of one model."""
-
-    def __init__(self, root: Element) -> None:
-        self._classes: dict[str, list[Element]] = {"": []}
-        for top in root.iterfind("default"):
-            self._collect(top, ())
-        first = root.find("default")
-        self._root_class = "" if first is None else first.get("class") or "main"
-
-    def inherited(self, element: Element, name: str) -> str | None:
-        """Attributes of an element's classes, the innermost first."""
-        for default in reversed(self._classes.get(self._class_of(element), [])):
+        # Its own class, else the `childclass` of the nearest ancestor, else the top class.
+        outer = element.iterancestors("body", "frame", "worldbody")
+        called = element.get("class")
+        called = called or next((c for above in outer if (c := above.get("childclass"))), None)
+        root = element.getroottree().getroot() if self._only is None else self._only
+        if called is None:
+            top = root.find("default")
+            called = "" if top is None else top.get("class") or "main"
+        for default in reversed(self._models[root].get(called, [])):
             for entry in default.iterfind(str(element.tag)):
                 inherited = entry.get(name)
                 if inherited is not None:
                     return inherited
         return None
-
-    def _collect(self, default: Element, above: tuple[Element, ...]) -> None:
-        chain = (*above, default)
-        name = default.get("class") or "main"
-        self._classes.setdefault(name, []).extend(chain)
-        for child in default.iterfind("default"):
-            self._collect(child, chain)
-
-    def _class_of(self, element: Element) -> str:
-        if element.get("class"):
-            return element.get("class") or ""
-        for above in element.iterancestors("body", "frame", "worldbody"):
-            inherited = above.get("childclass")
-            if inherited:
-                return inherited
-        return self._root_class

@@ -1,14 +1,14 @@
-"""A parsed MJCF file, and its XML, which is untrusted input: no DTD, no entities, no network.
+"""A parsed MJCF file with the models that it attaches, and safe parsing of its XML: no DTD, no
+entities, no network.
 
-A `Document` is the main file with its includes expanded, which remembers what stood in the main
+A `Document` is the main file with its includes expanded, and knows the place of each element in its
 text; `mjcf.reading` reads it.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
-from copy import deepcopy
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
@@ -30,7 +30,7 @@ MAX_ASSET_BYTES = 200_000_000
 """Most bytes of all meshes, textures and height fields of a scene together."""
 
 UNKNOWN = "?"
-"""Written in place of a number that is to be measured."""
+"""Placeholder of a number that is to be measured."""
 
 COUNTS = {"pos": 3, "diaginertia": 3, "fullinertia": 6}
 """Number of values that a single `?` stands for."""
@@ -38,8 +38,8 @@ COUNTS = {"pos": 3, "diaginertia": 3, "fullinertia": 6}
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Place of an element: an included file or an attached model, or the main text (None), and the
-    number of start tags before its own there."""
+    """Place of an element: the included file or attached model, None for the main text, and the
+    number of start tags before its own in it."""
 
     file: Path | None
     number: int
@@ -67,8 +67,7 @@ class Named:
 
 @dataclass(frozen=True, slots=True)
 class Texts:
-    """A scene's own text, and those of included files and attached models that are not as they lie
-    there."""
+    """A scene's own text, and changed texts of included files and attached models."""
 
     main: str
     parts: Mapping[Path, str] = field(default_factory=dict[Path, str])
@@ -81,19 +80,18 @@ class Document:
     Attributes:
         text: the main file.
         root: its elements, included files expanded in place.
-        index: where each element stands, those of `<include>` that it was expanded from among them,
-            and those of the models that it attaches.
-        folder: where relative file names start, None for text without files.
+        index: place of each element, of `<include>` elements and those of attached models too.
+        folder: start of relative file names, None for text without files.
         home: the folder outside of which nothing is read, None for text without files.
         files: every other file it needs, absolute.
-        includes: those of them that are included, by the names that they are included by.
-        beside: the asset files of these that lie beside them, from `folder`, by the names that they
-            have there.
-        texts: the text of each included file, and of all of the attached models.
-        named: what names a file in all of them.
-        models: those that it attaches itself, by the names that `<attach>` calls them by.
-        robots: names of the bodies that robots begin with, where somebody said so.
-        path: where it lies, of an attached model; None for a scene.
+        includes: included files by the names in `<include>`.
+        beside: asset files found beside an included file, relative to `folder`, by their names in
+            the included file.
+        texts: text of each included file and attached model.
+        named: all references to files in them.
+        models: models that it attaches itself, by the names in `<attach>`.
+        robots: root bodies of robots as the user names them.
+        path: file of an attached model; None for a scene.
     """
 
     text: str
@@ -115,7 +113,7 @@ class Document:
         """The (first) worldbody.
 
         Raises:
-            InputError: there is none.
+            InputError: missing.
         """
         found = self.root.find("worldbody")
         if found is None:
@@ -123,9 +121,9 @@ class Document:
         return found
 
     def attached(self) -> dict[Path, Document]:
-        """The models that it attaches, and those that these do, by where they lie."""
+        """All models that it attaches, directly or through others, by path."""
         found: dict[Path, Document] = {}
-        pending = list(self.models.values())
+        pending = list(self.models.values())  # breadth first, each model once
         while pending:
             model = pending.pop(0)
             assert model.path is not None
@@ -136,7 +134,7 @@ class Document:
 
 
 def read_text(path: Path) -> str:
-    """The content of an XML file.
+    """Read an XML file.
 
     Raises:
         InputError: not a regular file, not readable, too large or not utf-8.
@@ -145,7 +143,7 @@ def read_text(path: Path) -> str:
 
 
 def parse_xml(text: str, where: str) -> Element:
-    """The root of a well-formed document without a DTD; `where` names it in messages.
+    """Parse a well-formed document without a DTD; `where` names it in messages.
 
     Raises:
         InputError: malformed (with line and column), a DTD or entities, too deep, too large.
@@ -166,16 +164,17 @@ def parse_xml(text: str, where: str) -> Element:
         remove_pis=False,
     )
     try:
-        root = etree.fromstring(data, parser)
+        return etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:
         line, column = error.position
         raise InputError(
             f"{where}, line {line}, column {column}: malformed XML: {error.msg}"
         ) from None
-    return root
 
 
 def _refuse_dtd_and_depth(data: bytes, where: str) -> None:
+    """Scan a text with expat for a DTD, and for too many levels."""
+    # Expat calls the handlers before it expands any entity; lxml would parse the DTD first.
     parser = expat.ParserCreate("utf-8")
     depth = 0
 
@@ -240,21 +239,19 @@ def tokens(value: str | None) -> list[str]:
 
 
 def spelled_out(attribute: str, value: str) -> str:
-    """A single `?` as one for each number it stands for; other values as they are."""
-    return (
-        " ".join([UNKNOWN] * COUNTS[attribute])
-        if attribute in COUNTS and value.strip() == UNKNOWN
-        else value
-    )
+    """Expand a single `?` to one for each number of the attribute; keep other values."""
+    if attribute in COUNTS and value.strip() == UNKNOWN:
+        return " ".join([UNKNOWN] * COUNTS[attribute])
+    return value
 
 
 def with_tokens(value: str, changes: Mapping[int, str]) -> str:
-    """`value` with the i-th parts replaced, every other character kept.
+    """Replace the i-th parts of `value`, keeping every other character.
 
     Raises:
         InputError: it has fewer parts.
     """
-    parts = re.split(r"(\S+)", value)
+    parts = re.split(r"(\S+)", value)  # white space and numbers in turn: number i is part 2 i + 1
     if 2 * max(changes, default=-1) + 1 >= len(parts):
         raise InputError(
             f"'{value[:60]}' has too few numbers: {max(changes) + 1} or more are needed"
@@ -274,8 +271,73 @@ def has_unknown(element: Element | None, attribute: str, *indices: int) -> bool:
     return any(unknown[i] for i in indices if i < len(unknown))
 
 
-def copy_root(document: Document) -> tuple[Element, dict[Element, Element]]:
-    """A deep copy of the document's root, without those of attached models, and which element each
-    original became."""
-    twin = deepcopy(document.root)
-    return twin, dict(zip(elements(document.root), elements(twin), strict=True))
+ATTACH = "attach"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Brought:
+    """A part of an attached model.
+
+    Attributes:
+        content: a body of it, a frame, or its whole worldbody.
+        model: the model that it is part of.
+        is_own: True if the same model attaches it.
+        through: the `<attach>` elements that bring it, the outermost first. MuJoCo puts their
+            prefixes before the names of its elements.
+    """
+
+    content: Element
+    model: Document
+    is_own: bool
+    through: tuple[Element, ...]
+
+    @property
+    def prefix(self) -> str:
+        """Prefix of the names of its elements."""
+        return prefix(self.through)
+
+    def overlaps(self, other: Brought) -> bool:
+        """True if one contains the other, or both are the same."""
+        mine, its = self.content, other.content
+        return mine is its or mine in its.iterancestors() or its in mine.iterancestors()
+
+
+def brought(attach: Element, model: Document, through: tuple[Element, ...]) -> Brought | None:
+    """Content of an `<attach>` in `model`, which `through` others bring; None where its names do not
+    exist, which MuJoCo reports."""
+    called = attach.get("model")
+    source = model if called is None else model.models.get(called)
+    if source is None:
+        return None
+    # Without a body or a frame, `<attach>` brings the whole world of another model.
+    content = source.root.find("worldbody") if called else None
+    for tag in ("body", "frame"):
+        name = attach.get(tag)
+        if name is not None:
+            named = (part for part in source.root.iter(tag) if part.get("name") == name)
+            content = next(named, None)
+            break
+    if content is None:
+        return None
+    return Brought(content, source, called is None, (*through, attach))
+
+
+def prefix(through: Sequence[Element]) -> str:
+    """Prefix of names by nested `<attach>` elements, the outermost first."""
+    return "".join(attach.get("prefix") or "" for attach in through)
+
+
+def attached_names(attach: Element, document: Document) -> set[str]:
+    """Names in the scene of all elements of the model that an `<attach>` brings."""
+    found = brought(attach, document, ())
+    if found is None or found.is_own:
+        return set()
+    parts = elements(found.model.root)
+    return {found.prefix + name for part in parts if (name := part.get("name"))}
+
+
+def around(element: Element, through: Sequence[Element]) -> Iterator[Element]:
+    """Yield the ancestors of an element from inside out, also those of the `<attach>` elements."""
+    yield from element.iterancestors()
+    for attach in reversed(through):
+        yield from attach.iterancestors()

@@ -1,5 +1,4 @@
-"""Changes of an MJCF: numbers of an attribute, or a new first child. Applied here to a parsed
-tree."""
+"""Changes of an MJCF: numbers of an attribute, or a new first child; applied to a parsed tree."""
 
 from __future__ import annotations
 
@@ -13,11 +12,11 @@ from palpate.mjcf.document import UNKNOWN, Element, spelled_out, tokens, with_to
 
 @dataclass(frozen=True, slots=True)
 class Edit:
-    """Sets some of an attribute's numbers.
+    """Change of some of an attribute's numbers.
 
     Attributes:
         numbers: position in the attribute to new text; None removes the attribute.
-        base: what the attribute is when the element does not have it yet.
+        base: the attribute's text where the element has none.
     """
 
     element: Element
@@ -26,7 +25,7 @@ class Edit:
     base: str = "?"
 
     def value(self, stated: str | None) -> str | None:
-        """The attribute's new text, given what it is now."""
+        """The attribute's new text, from its text `stated`."""
         if self.numbers is None:
             return None
         return with_tokens(
@@ -34,7 +33,7 @@ class Edit:
         )
 
     def apply(self, element: Element) -> None:
-        """Make the change in `element`, which need not be the one it was written for."""
+        """Make the change in `element`, which may be a copy."""
         value = self.value(element.get(self.attribute))
         if value is None:
             element.attrib.pop(self.attribute, None)
@@ -44,7 +43,7 @@ class Edit:
 
 @dataclass(frozen=True, slots=True)
 class Insert:
-    """Makes `<tag attributes…/>` the first child of an element."""
+    """Insertion of `<tag attributes…/>` as the first child of an element."""
 
     parent: Element
     tag: str
@@ -61,10 +60,9 @@ class Slot:
     Attributes:
         numbers: positions in the attribute; None for all of them.
         stand_in: text for each open number until it is measured.
-        whole: what the entire attribute is until then, where open numbers cannot stand beside any
+        whole: text of the entire attribute until then, where open numbers are incompatible with
             stated ones.
-        required: how many numbers MuJoCo does not do without; all of them are open where the
-            attribute is left out.
+        required: numbers that MuJoCo requires; all are open where the attribute is left out.
     """
 
     element: Element
@@ -84,7 +82,7 @@ class Slot:
         return [i for i, part in enumerate(parts) if part == UNKNOWN and self.covers(i)]
 
     def placeholder(self) -> Iterator[Edit]:
-        """The change that lets the scene compile before anything is known."""
+        """Yield the change that lets the scene compile before a measurement."""
         unknown = self.open_numbers(self.element.get(self.attribute))
         if unknown and self.whole is not None:
             yield Edit(self.element, self.attribute, dict(enumerate(self.whole)))
@@ -95,26 +93,25 @@ class Slot:
 
 
 def unknown_only(element: Element, attribute: str, texts: Mapping[int, str]) -> dict[int, str]:
-    """Entries of `texts` whose number is `?`; all of them when none is (a value measured again)."""
+    """Entries of `texts` whose number is `?`; all where none is, for a value measured again."""
     parts = tokens(element.get(attribute))
     unknown = {i: text for i, text in texts.items() if i < len(parts) and parts[i] == UNKNOWN}
     return unknown or dict(texts)
 
 
 def apply(edits: Iterable[Change], twin_of: Mapping[Element, Element]) -> None:
-    """Make the changes in a copy; `twin_of` says which element of the copy stands for each one
-    named."""
+    """Make the changes in a copy; `twin_of` maps each element to its copy."""
     for edit in edits:
         if isinstance(edit, Insert):
             twin_of[edit.parent].insert(0, etree.Element(edit.tag, dict(edit.attributes)))
-            continue
-        edit.apply(twin_of[edit.element])
+        else:
+            edit.apply(twin_of[edit.element])
 
 
 def number(value: float, std: float | None = None) -> str:
-    """A number as text: to a tenth of its standard deviation, or to seven significant digits
-    without one."""
+    """A number as text: rounded to a tenth of its standard deviation, without one to seven
+    significant digits."""
     if std is None or not 0 < std < float("inf"):
         return f"{value:.7g}"
-    digits = max(0, -int(f"{std:e}".split("e")[1]) + 1)
+    digits = max(0, -int(f"{std:e}".split("e")[1]) + 1)  # one more than the first digit of std
     return f"{value:.{min(digits, 12)}f}"

@@ -1,5 +1,9 @@
-"""MJCF files read as untrusted input: bounded in number and size, and nothing outside the folder that
-a scene's files may lie in."""
+"""Reading of MJCF files as untrusted input: bounded in number and size, and only from the root folder.
+
+A scene file could name any file of its reader's. The root folder is the nearest common folder of the
+scene and all files that it refers to; if that also holds files of others (a whole home, a folder of
+the system, a file system's root), the user must name it.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +34,6 @@ from palpate.mjcf.document import (
     read_text,
     spelled_out,
 )
-from palpate.mjcf.root import common, is_too_wide
 
 MAX_INCLUDES = 100
 """Most files that a scene includes, and most models that it attaches."""
@@ -43,22 +46,20 @@ CONVERTED = {
     "MjModel.from_xml_path",
     "sdf": "SDF; convert it to MJCF first, e.g. with gz-mujoco's sdformat_mjcf",
 }
-"""Roots of other formats, and how to come from there to MJCF."""
+"""Root elements of other formats, and their conversion to MJCF."""
 
 _READ_AT_ONCE = ("model", "flexcomp")
-"""Elements whose files MuJoCo reads while it parses, when it does not know of a folder yet."""
+"""Elements whose files MuJoCo reads while it parses, before it knows the folder."""
 
 _FILE_ATTRIBUTES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
 
 
 def read_document(path: Path, home: Path | None = None) -> Document:
-    """A scene file with everything it includes. Files are read from below `home` alone: unless given,
-    the nearest common folder of the scene and all that it refers to, where that is not too wide
-    (`palpate.mjcf.root`).
+    """Read a scene file with everything it includes; files only from below `home`, by default the
+    root folder.
 
     Raises:
-        InputError: unreadable, malformed, files missing or outside of `home`, or more in it than
-            is read.
+        InputError: unreadable, malformed, files missing or outside of `home`, or too large.
     """
     return parse_document(read_text(path), path.resolve().parent, str(path), home)
 
@@ -79,37 +80,30 @@ def parse_document(
 
 
 def reparsed(texts: Texts, like: Document) -> Document:
-    """Another version of a document's text, and of some files that it includes, which finds the same
+    """Parse another version of a document's text, and of some files that it includes, with the same
     other files."""
     parts = {**like.texts, **texts.parts}
     return parse_document(texts.main, like.folder, home=like.home, robots=like.robots, texts=parts)
 
 
-def _root(start: Path | None, files: Sequence[Path]) -> Path | None:
-    """Nearest common folder of the scene's own and of its files; None for a scene without a folder."""
-    if start is None:
-        return None
-    return reduce(common, files, start)
-
-
 @dataclass(slots=True)
 class _Reader:
-    """Reader of one scene, with the size of its files so far."""
+    """Reader of one scene or attached model, with the size of its files so far."""
 
     folder: Path | None
     start: Path | None
     """Folder of the whole scene, resolved."""
     home: Path | None
-    """The only folder from which files are read; None: any that is near the scene (`_inside`)."""
+    """The only folder from which files are read; None: any that is near the scene."""
     bytes: int = 0
     asset_bytes: int = 0
     models: int = 0
     within: tuple[Path, ...] = ()
-    """The attached models that this one is part of, its own file last."""
+    """Files of the attached models that contain this one, its own last."""
     origins: dict[Element, Path] = field(default_factory=dict[Element, Path])
-    """The folder of the included file that an element came from."""
+    """Folder of the included file that an element came from."""
     given: Mapping[Path, str] = field(default_factory=dict[Path, str])
-    """Texts that are read in the place of included files."""
+    """Texts in place of included files."""
     index: dict[Element, Place] = field(default_factory=dict[Element, Place])
     texts: dict[Path, str] = field(default_factory=dict[Path, str])
     named: list[Named] = field(default_factory=list[Named])
@@ -118,33 +112,40 @@ class _Reader:
     attached: dict[Path, tuple[Document, int]] = field(
         default_factory=dict[Path, tuple[Document, int]]
     )
-    """All of them so far, whoever attaches them, and how many each of them attaches: a file is read
-    once, and counted as often as it is attached."""
+    """All attached models so far, and how many each of them attaches: a file is read once, and counted
+    as often as it is attached."""
     beside: dict[str, str] = field(default_factory=dict[str, str])
-    """Assets found beside the included file that names them: from the scene's folder, by name."""
+    """Assets found beside the included file that names them, relative to `folder`, by name."""
 
     def document(self, text: str, where: str) -> Document:
-        root = self.parsed(text, where)
-        _require_model(root, where)
-        self._number(root, self.path)
+        root = self.parsed(text, where, self.path)
+        if root.tag == "mujocoinclude":
+            raise InputError(
+                f"{where} is a part that other scenes include (<mujocoinclude>); give a scene that does"
+            )
+        if (other := CONVERTED.get(str(root.tag))) is not None:
+            raise InputError(f"{where} is not MJCF but {other}")
+        if root.tag != "mujoco":
+            raise InputError(f"{where} is not MJCF: its root is <{root.tag}>, not <mujoco>")
         includes = self._expand_includes(root, where)
         found = list(includes.values())
         self._check_assets(root, where, found)
         for element in elements(root):
             for attribute in COUNTS.keys() & set(element.keys()):
                 element.set(attribute, spelled_out(attribute, element.get(attribute) or ""))
+        common_root = None if self.start is None else reduce(common, found, self.start)
         return Document(
-            text,
-            root,
-            self.index,
-            self.folder,
-            self.home or _root(self.start, found),
-            tuple(dict.fromkeys(found)),
-            includes,
-            self.beside,
-            self.texts,
-            tuple(self.named),
-            self.attachable,
+            text=text,
+            root=root,
+            index=self.index,
+            folder=self.folder,
+            home=self.home or common_root,
+            files=tuple(dict.fromkeys(found)),
+            includes=includes,
+            beside=self.beside,
+            texts=self.texts,
+            named=tuple(self.named),
+            models=self.attachable,
             path=self.path,
         )
 
@@ -153,22 +154,21 @@ class _Reader:
         """Path of an attached model."""
         return self.within[-1] if self.within else None
 
-    def _number(self, root: Element, file: Path | None) -> None:
-        for number, element in enumerate(elements(root)):
-            self.index[element] = Place(file, number)
-
-    def parsed(self, text: str, where: str) -> Element:
-        """The root of one more text."""
+    def parsed(self, text: str, where: str, file: Path | None) -> Element:
+        """Parse one more text, and index its elements; `file` as in `Place`."""
         self.bytes += len(text)
         if self.bytes > MAX_ALL_BYTES:
             raise InputError(
                 f"{where}: the scene and what it includes are larger than "
                 f"{MAX_ALL_BYTES // 1_000_000} MB together, too large for an MJCF scene"
             )
-        return parse_xml(text, where)
+        root = parse_xml(text, where)
+        for number, element in enumerate(elements(root)):
+            self.index[element] = Place(file, number)
+        return root
 
     def _expand_includes(self, root: Element, where: str) -> dict[str, Path]:
-        """Put every included file in its place; the files, by the names they are included by."""
+        """Expand each `<include>` in place; return the files by their names in it."""
         found: dict[str, Path] = {}
         while (include := root.find(".//include")) is not None:
             name = include.get("file") or ""
@@ -180,15 +180,15 @@ class _Reader:
                 raise InputError(f"{where} includes more than {MAX_INCLUDES} files")
             text = self.given[path] if path in self.given else read_text(path)
             self.texts[path] = text
-            included = self.parsed(text, str(path))
-            self._number(included, path)
+            included = self.parsed(text, str(path), path)
             self.named.append(Named(include, "file", name, name, path, self.path))
+            # Includes in the included file are relative to its own folder.
             self.origins |= dict.fromkeys(elements(included), path.parent)
             _replace(include, included, where)
         return found
 
     def _check_assets(self, root: Element, where: str, found: list[Path]) -> None:
-        """Look for every file that is named, and read those that are attached."""
+        """Find every file that is named, and read those that are attached."""
         settings = compiler_settings(root)
         for element in elements(root):
             for attribute in _FILE_ATTRIBUTES:
@@ -201,7 +201,7 @@ class _Reader:
                 self.named.append(Named(element, attribute, name, located, path, self.path))
                 is_there = _exists(self.folder, located)
                 if element.tag in _READ_AT_ONCE or not is_there:
-                    # MuJoCo would look elsewhere: in the working directory, or nowhere.
+                    # MuJoCo would look in the working directory, or not find it at all.
                     element.set(attribute, str(path))
                 if element.tag == "model" or not is_there:
                     self.beside[name] = os.path.relpath(path, self.folder)
@@ -210,12 +210,18 @@ class _Reader:
                     found.extend(model.files)
                     called = element.get("name") or model.root.get("model") or path.stem
                     self.attachable[called] = model
-                else:
-                    self._take_asset(path, element, where)
+                    continue
+                self.asset_bytes += path.stat().st_size
+                if self.asset_bytes > MAX_ASSET_BYTES:
+                    raise InputError(
+                        f"{where}: with {label(element)} the scene's meshes and pictures are larger "
+                        f"than {MAX_ASSET_BYTES // 1_000_000} MB together; use smaller ones"
+                    )
 
     def _file(self, name: str, element: Element, where: str, bare: str = "") -> Path:
-        """The file that an element names: from the scene's folder, else from that of the included
-        file that it stands in, there without the folders that `<compiler>` sets (`bare`)."""
+        """Path of the file that an element names: from the scene's folder, else from that of the
+        included file that has the element, there by its `bare` name without `<compiler>`'s folders."""
+        # MuJoCo looks first in the scene's folder, then in that of the included file.
         origin = self.origins.get(element)
         if origin is not None and not _exists(self.folder, name):
             beside = bare or name
@@ -228,30 +234,30 @@ class _Reader:
             path = (self.folder.resolve() / name).resolve()
         except (OSError, RuntimeError, ValueError):
             raise InputError(f"{what}, which is no path") from None
-        self._require_near(path, self.start, what)
+        # Before it is known whether the file exists: a scene must not probe for files elsewhere.
+        if self.home is not None:
+            if not path.is_relative_to(self.home):
+                raise InputError(
+                    f"{what}, which is outside of '{self.home}', the folder that this scene's files are "
+                    f"read from; allow another with root={common(self.start, path)}, or move the file"
+                )
+        elif not path.is_relative_to(self.start):
+            root = common(self.start, path)
+            if is_too_wide(root):
+                raise InputError(
+                    f"{what}; the nearest folder that holds it and the scene is '{root}', in which files "
+                    f"are only read with root={root}; or move the file beside the scene"
+                )
         if not path.exists():
             raise InputError(f"{what}, which does not exist ({path})")
         files.require_regular(path, MAX_ASSET_BYTES, "a file that a scene may name")
         return path
 
-    def _require_near(self, path: Path, start: Path, what: str) -> None:
-        """Raise InputError for a file outside of the root; nobody learns whether it exists."""
-        if self.home is not None:
-            if not path.is_relative_to(self.home):
-                raise InputError(
-                    f"{what}, which is outside of '{self.home}', the folder that this scene's files are "
-                    f"read from; allow another with root={common(start, path)}, or move the file"
-                )
-        elif not path.is_relative_to(start) and is_too_wide(root := common(start, path)):
-            raise InputError(
-                f"{what}; the nearest folder that holds it and the scene is '{root}', in which files are "
-                f"only read with root={root}; or move the file beside the scene"
-            )
-
     def _attached(self, path: Path, where: str) -> Document:
-        """A model that the scene attaches, which has its own folder and may attach others."""
+        """Read a model that the scene attaches, with its own folder and the models that it attaches."""
         if path in self.within:
             raise InputError(f"{where} attaches {path.name}, of which it is a part")
+        # Models that attach one another double at each level: count every copy, read each file once.
         document, inside = self.attached.get(path, (None, 0))
         self.models += 1 + inside
         if self.models > MAX_INCLUDES:
@@ -261,35 +267,27 @@ class _Reader:
         before = self.models
         text = self.given[path] if path in self.given else read_text(path)
         inner = _Reader(
-            path.parent,
-            self.start,
-            self.home,
-            self.bytes,
-            self.asset_bytes,
-            self.models,
-            (*self.within, path),
+            folder=path.parent,
+            start=self.start,
+            home=self.home,
+            bytes=self.bytes,
+            asset_bytes=self.asset_bytes,
+            models=self.models,
+            within=(*self.within, path),
             given=self.given,
             attached=self.attached,
         )
         document = inner.document(text, str(path))
-        self.bytes, self.asset_bytes = inner.bytes, inner.asset_bytes
-        self.models = inner.models
+        self.bytes, self.asset_bytes, self.models = inner.bytes, inner.asset_bytes, inner.models
         self.index |= inner.index
         self.texts |= {**inner.texts, path: text}
         self.named += inner.named
         self.attached[path] = document, self.models - before
         return document
 
-    def _take_asset(self, path: Path, element: Element, where: str) -> None:
-        self.asset_bytes += path.stat().st_size
-        if self.asset_bytes > MAX_ASSET_BYTES:
-            raise InputError(
-                f"{where}: with {label(element)} the scene's meshes and pictures are larger than "
-                f"{MAX_ASSET_BYTES // 1_000_000} MB together; use smaller ones"
-            )
-
 
 def _replace(include: Element, included: Element, where: str) -> None:
+    """Replace an `<include>` by the content of its file."""
     parent = include.getparent()
     if parent is None:
         raise InputError("<include> cannot be the root of a scene")
@@ -328,13 +326,25 @@ def _exists(folder: Path | None, name: str) -> bool:
         return False
 
 
-def _require_model(root: Element, where: str) -> None:
-    """Require a whole MJCF model."""
-    if root.tag == "mujocoinclude":
-        raise InputError(
-            f"{where} is a part that other scenes include (<mujocoinclude>); give a scene that does"
-        )
-    if (other := CONVERTED.get(str(root.tag))) is not None:
-        raise InputError(f"{where} is not MJCF but {other}")
-    if root.tag != "mujoco":
-        raise InputError(f"{where} is not MJCF: its root is <{root.tag}>, not <mujoco>")
+HOMES = ("/home", "/Users")
+"""Folders of homes: each folder in them is a home."""
+SYSTEM = (
+    *("/bin", "/boot", "/dev", "/etc", "/lib", "/lib64", "/media", "/mnt", "/opt", "/private"),
+    *("/proc", "/root", "/run", "/sbin", "/srv", "/sys", "/tmp", "/usr", "/var", "/var/tmp"),
+    *("/Applications", "/Library", "/System", "/Volumes"),
+)
+"""System folders of Linux and macOS; of `/usr` and `/var` also each folder in them."""
+
+
+def common(folder: Path, path: Path) -> Path:
+    """Nearest folder that holds a resolved folder and a resolved file."""
+    return Path(os.path.commonpath([folder, path.parent]))
+
+
+def is_too_wide(root: Path) -> bool:
+    """True for a home, a system folder or a file system's root, which the user must name."""
+    own = Path.home().resolve()
+    if root == root.parent or root in (own, *own.parents):
+        return True
+    name, above = root.as_posix(), root.parent.as_posix()
+    return name in (*SYSTEM, *HOMES) or above in (*HOMES, "/usr", "/var", "/private")

@@ -1,15 +1,18 @@
-"""The compiled geometry of a scene: convex outlines of geoms, boxes of bodies, volumes.
+"""Compiled geometry of a scene: convex hulls of geoms, boxes of bodies, volumes, poses.
 
-Every geom is handed on as a cloud of points whose convex hull it is (`mjcf.hulls`).
+A geom is represented by points whose convex hull it is: corners of a box, two rings of a cylinder,
+rings between the poles of a ball, extreme vertices of a mesh.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.errors import InputError
 from palpate.geometry.outline import Convex
@@ -17,18 +20,166 @@ from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.compile import BASE_SITE, ModelTree, compile_model, compile_spec, model_tree
 from palpate.mjcf.document import Document, Element, elements
 from palpate.mjcf.edits import Edit, Insert
-from palpate.mjcf.hulls import geom_volume, hull_edges, hull_points
-from palpate.mjcf.roles.roles import Roles
+from palpate.mjcf.roles import Roles
+
+INFINITE_PLANE = 10.0
+"""m: half extent of an infinite plane."""
+
+_CIRCLE = 48
+"""Corners of a circle; a multiple of four, so that boxes around round shapes are exact."""
+
+_LATITUDES, _LONGITUDES = 11, 24
+"""Rings of a ball between its poles, and points on each; odd and a multiple of four for the same
+reason."""
+
+_TRIANGULATED = (int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_SDF))
+
+
+def hull_points(model: mujoco.MjModel, geom: int) -> Array:
+    """(k, 3) points in the geom's frame whose convex hull is the geom, m; circles as polygons."""
+    kind = int(model.geom_type[geom])
+    size = np.array(model.geom_size[geom])
+    data = int(model.geom_dataid[geom])
+    if kind in _TRIANGULATED:
+        points = mesh_vertices(model, data)
+        if len(points) <= len(_directions()):
+            return points
+        # The extreme vertices in many directions have nearly the same hull as all of them.
+        return points[np.unique(np.argmax(_directions() @ points.T, axis=1))]
+    if kind == mujoco.mjtGeom.mjGEOM_HFIELD:
+        # The box around a height field, from its base to its highest elevation.
+        x, y, top, below = model.hfield_size[data]
+        first, count = model.hfield_adr[data], model.hfield_nrow[data] * model.hfield_ncol[data]
+        top *= max(model.hfield_data[first : first + count].astype(float), default=0.0)
+        return _corners(np.array([x, y, (top + below) / 2])) + np.array([0, 0, (top - below) / 2])
+    if kind not in _OUTLINES:
+        return np.zeros((1, 3))
+    return _OUTLINES[kind](size)
+
+
+@cache
+def hull_edges(kind: int, count: int) -> NDArray[np.intp]:
+    """(m, 2) index pairs of the `count` points of `hull_points` for a kind of geom, which include all
+    edges of the hull."""
+    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        return _ring_edges(2, _CIRCLE)
+    if kind in (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_ELLIPSOID):
+        return _ball_edges()
+    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:  # two balls, and lines between equal points of both
+        half = count // 2
+        across = np.column_stack([np.arange(half), np.arange(half) + half])
+        return np.concatenate([_ball_edges(), _ball_edges() + half, across])
+    return np.column_stack(np.triu_indices(count, 1))  # edges not known: all pairs
+
+
+def _ring_edges(rings: int, corners: int) -> NDArray[np.intp]:
+    """(m, 2) edges along and between `rings` polygons of consecutive points."""
+    index = np.arange(rings * corners).reshape(rings, corners)
+    along = np.column_stack([index.ravel(), np.roll(index, -1, axis=1).ravel()])
+    return np.concatenate([along, np.column_stack([index[:-1].ravel(), index[1:].ravel()])])
+
+
+def _ball_edges() -> NDArray[np.intp]:
+    """(m, 2) edges of the points of `_directions`: rings from south to north, then the poles."""
+    north = _LATITUDES * _LONGITUDES
+    south = north + 1
+    lowest, highest = np.arange(_LONGITUDES), np.arange(north - _LONGITUDES, north)
+    return np.concatenate(
+        [
+            _ring_edges(_LATITUDES, _LONGITUDES),
+            np.column_stack([lowest, np.full(_LONGITUDES, south)]),
+            np.column_stack([highest, np.full(_LONGITUDES, north)]),
+        ]
+    )
+
+
+def geom_volume(model: mujoco.MjModel, geom: int) -> float:
+    """Volume of a geom, m³."""
+    r, h, z = model.geom_size[geom].tolist()
+    kind = int(model.geom_type[geom])
+    if kind == mujoco.mjtGeom.mjGEOM_MESH:
+        # Divergence theorem: signed tetrahedra a · (b × c) / 6 from the origin to each triangle.
+        a, b, c = np.moveaxis(mesh_corners(model, int(model.geom_dataid[geom])), 1, 0)
+        return abs(float(np.einsum("ij,ij->", a, np.cross(b, c)))) / 6
+    return {
+        int(mujoco.mjtGeom.mjGEOM_BOX): 8 * r * h * z,
+        int(mujoco.mjtGeom.mjGEOM_SPHERE): 4 / 3 * np.pi * r**3,
+        int(mujoco.mjtGeom.mjGEOM_CYLINDER): 2 * np.pi * r**2 * h,
+        int(mujoco.mjtGeom.mjGEOM_CAPSULE): 2 * np.pi * r**2 * h + 4 / 3 * np.pi * r**3,
+        int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): 4 / 3 * np.pi * r * h * z,
+    }.get(kind, 0.0)
+
+
+def mesh_vertices(model: mujoco.MjModel, mesh: int) -> Array:
+    """(n, 3) vertices of a mesh, m, in the frame of its geoms."""
+    first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+    return np.asarray(model.mesh_vert[first : first + count], dtype=float)
+
+
+def mesh_corners(model: mujoco.MjModel, mesh: int) -> Array:
+    """(m, 3, 3) corners of the triangles of a mesh, as `mesh_vertices`."""
+    first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
+    return mesh_vertices(model, mesh)[model.mesh_face[first : first + count]]
+
+
+def _corners(half: Array) -> Array:
+    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).T.reshape(-1, 3)
+    return signs * half
+
+
+def _cylinder(size: Array) -> Array:
+    angle = np.arange(_CIRCLE) * 2 * np.pi / _CIRCLE
+    ring = np.column_stack([np.cos(angle), np.sin(angle)]) * size[0]
+    return np.concatenate(
+        [np.column_stack([ring, np.full(_CIRCLE, z)]) for z in (-size[1], size[1])]
+    )
+
+
+@cache
+def _directions() -> Array:
+    """(m, 3) unit vectors over the sphere, symmetric about every axis plane."""
+    latitude = (np.arange(_LATITUDES) + 1)[:, None] * np.pi / (_LATITUDES + 1) - np.pi / 2
+    longitude = np.arange(_LONGITUDES) * 2 * np.pi / _LONGITUDES
+    grid = np.stack(
+        np.broadcast_arrays(
+            np.cos(latitude) * np.cos(longitude),
+            np.cos(latitude) * np.sin(longitude),
+            np.sin(latitude),
+        ),
+        axis=-1,
+    )
+    return np.concatenate([grid.reshape(-1, 3), [[0, 0, 1], [0, 0, -1]]])
+
+
+def _capsule(size: Array) -> Array:
+    ball = _directions() * size[0]
+    up = np.array([0, 0, size[1]])
+    return np.concatenate([ball + up, ball - up])
+
+
+_OUTLINES: dict[int, Callable[[Array], Array]] = {
+    int(mujoco.mjtGeom.mjGEOM_PLANE): lambda size: _corners(
+        np.where(size > 0, size, INFINITE_PLANE) * np.array([1, 1, 0])
+    ),
+    int(mujoco.mjtGeom.mjGEOM_BOX): _corners,
+    int(mujoco.mjtGeom.mjGEOM_SPHERE): lambda size: _directions() * size[0],
+    int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): lambda size: _directions() * size,
+    int(mujoco.mjtGeom.mjGEOM_CYLINDER): _cylinder,
+    int(mujoco.mjtGeom.mjGEOM_CAPSULE): _capsule,
+}
+
 
 USUAL_DENSITY = 1000.0
-"""kg/m³, of a geom that states none, by MuJoCo."""
+"""kg/m³, MuJoCo's density of a geom that states none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shapes:
-    """Geometry of a compiled scene at rest.
+    """Geometry of a compiled scene in its initial configuration.
 
-    `geom_ids` refers to elements of the document. `tree` is what was compiled.
+    Attributes:
+        geom_ids: id in the model of each geom of the document.
+        tree: the compiled elements.
     """
 
     model: mujoco.MjModel
@@ -52,7 +203,7 @@ class Shapes:
         return self.geom_points(self.geom_ids[geom])
 
     def geom_points(self, geom: int) -> Array:
-        """Points of a geom, as `points`, by its id in the model."""
+        """Points of a geom, as `points`, by id in the model."""
         rotation = self.data.geom_xmat[geom].reshape(3, 3)
         return hull_points(self.model, geom) @ rotation.T + self.data.geom_xpos[geom]
 
@@ -63,34 +214,40 @@ class Shapes:
         return Convex(points, hull_edges(kind, len(points)))
 
     def cloud(self, geoms: Iterable[Element]) -> Array:
-        """(k, 3) points of several geoms in the world."""
+        """(k, 3) points of several geoms in the world, m."""
         return np.concatenate([self.points(geom) for geom in geoms])
 
     def volume(self, geom: Element) -> float:
-        """m³ of a geom; of a mesh as triangulated."""
+        """Volume of a geom, m³; of a mesh as triangulated."""
         return geom_volume(self.model, self.geom_ids[geom])
 
     def mass_per_density(self, geom: Element) -> float:
-        """m³ (m² of a shell) by which MuJoCo multiplies a geom's density, m: of meshes that are not
-        closed, or count as their hulls, another number than their volume."""
+        """Derivative of a geom's mass by its density, m³ (m² of a shell). It differs from the volume
+        for meshes that are not closed, or weigh as their hulls."""
         i = self.geom_ids[geom]
         has_shells = any(part.get("shellinertia") == "true" for part in elements(self.tree.root))
         if int(self.model.geom_type[i]) not in _TRIANGULATED and not has_shells:
             return self.volume(geom)
         if geom not in self._per_density:
+            # MuJoCo's mass of the body at two densities gives the derivative.
             body, twin = int(self.model.geom_bodyid[i]), self.tree.twin_of[geom]
-            self._per_density[geom] = _mass_per_density(self.tree, twin, body)
+            stated, masses = dict(twin.attrib), list[float]()
+            for density in (USUAL_DENSITY, 2 * USUAL_DENSITY):
+                twin.attrib.pop("mass", None)
+                twin.set("density", repr(density))
+                masses.append(float(compile_model(compile_spec(self.tree)).body_mass[body]))
+            twin.attrib.clear()
+            twin.attrib.update(stated)
+            lighter, heavier = masses
+            self._per_density[geom] = (heavier - lighter) / USUAL_DENSITY
         return self._per_density[geom] or self.volume(geom)
 
     def solid_geoms(self) -> list[int]:
-        """Ids of all geoms that can touch something, planes left out."""
+        """Ids of all geoms that can touch something, except planes."""
+        # A geom with both masks 0 collides with nothing: it is visual.
         masks = self.model.geom_contype | self.model.geom_conaffinity
         solid = (masks != 0) & (self.model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
         return np.flatnonzero(solid).tolist()
-
-    def up(self, geom: Element) -> float:
-        """World z component of the geom's z axis."""
-        return float(self.data.geom_xmat[self.geom_ids[geom]][8])
 
     def base(self) -> Pose:
         """Pose of the site `robot_base`, else the origin."""
@@ -111,7 +268,13 @@ def compile_shapes(document: Document, roles: Roles, edits: Sequence[Edit | Inse
     model = compile_model(compile_spec(tree))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    _require_finite(model, data)
+    numbers = (
+        *(data.xpos, data.xquat, data.geom_xpos, data.geom_xmat, data.site_xpos),
+        *(model.geom_size, model.geom_friction, model.opt.gravity),
+        *(model.body_mass, model.body_inertia, model.body_ipos),
+    )
+    if not all(np.isfinite(array).all() for array in numbers):
+        raise InputError("the scene has a number that is not finite (nan or inf)")
     ids: dict[Element, int] = {}
     for geom, name in names.items():
         i = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name)
@@ -120,48 +283,15 @@ def compile_shapes(document: Document, roles: Roles, edits: Sequence[Edit | Inse
     return Shapes(model, data, ids, tree)
 
 
-_TRIANGULATED = (int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_SDF))
-
-
-def _mass_per_density(tree: ModelTree, geom: Element, body: int) -> float:
-    """Derivative of a body's mass by the density of one of its geoms, from MuJoCo."""
-    stated, masses = dict(geom.attrib), list[float]()
-    for density in (USUAL_DENSITY, 2 * USUAL_DENSITY):
-        geom.attrib.pop("mass", None)
-        geom.set("density", repr(density))
-        masses.append(float(compile_model(compile_spec(tree)).body_mass[body]))
-    geom.attrib.clear()
-    geom.attrib.update(stated)
-    lighter, heavier = masses
-    return (heavier - lighter) / USUAL_DENSITY
-
-
-def _require_finite(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    numbers = (
-        data.xpos,
-        data.xquat,
-        data.geom_xpos,
-        data.geom_xmat,
-        data.site_xpos,
-        model.geom_size,
-        model.geom_friction,
-        model.body_mass,
-        model.body_inertia,
-        model.body_ipos,
-        model.opt.gravity,
-    )
-    if not all(np.isfinite(array).all() for array in numbers):
-        raise InputError("the scene has a number that is not finite (nan or inf)")
-
-
 _NO_GEOMS = ("default", "tendon")
-"""Parents below which `<geom>` is a default, or a tendon's wrapping geom."""
+"""Ancestors of a `<geom>` that is a default, or a tendon's wrapping geom."""
 
 
 def _name_geoms(tree: ModelTree, roles: Roles) -> dict[Element, str]:
-    """Names by which the compiled geoms are found again; what has none is given one."""
+    """Compiled names of the geoms of the document; a geom without a name gets one in the tree."""
     names: dict[Element, str] = {}
     for i, (original, twin) in enumerate(tree.twin_of.items()):
+        # Elements are found in the model by name only, so every geom needs one.
         if original.tag == "geom" and next(original.iterancestors(*_NO_GEOMS), None) is None:
             name = twin.get("name") or f"palpate:{i}"
             twin.set("name", name)
@@ -178,11 +308,11 @@ def _pose(position: Array, matrix: Array) -> Pose:
 
 
 RESTING = 0.02
-"""m: an object whose bottom is this close to a top stands on it."""
+"""m: an object stands on a top that is this close to its bottom."""
 
 
 def box_around(pose: Pose, cloud: Array) -> tuple[Array, Array]:
-    """Centre and size of the box around world points, in the frame `pose`."""
+    """Centre and size (3,) of the box around world points (k, 3), in the frame `pose`, m."""
     local = (cloud - pose.position) @ pose.rotation
     low, high = local.min(axis=0), local.max(axis=0)
     return (low + high) / 2, high - low

@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from xml.parsers import expat
 
@@ -42,7 +42,7 @@ class Tag:
         return self.close == self.start
 
     def value(self, data: bytes, name: str) -> str:
-        """An attribute's text in `data`, as it stands between the quotes; empty without one."""
+        """Text of an attribute between the quotes in `data`; empty without the attribute."""
         start, end = self.attributes.get(name, (0, 0))
         return data[start:end].decode("utf-8")
 
@@ -56,48 +56,40 @@ class Change:
     new: str
 
 
-@dataclass(slots=True)
-class _Scan:
-    data: bytes
-    tags: list[Tag] = field(default_factory=list[Tag])
-    open: list[Tag] = field(default_factory=list[Tag])
-
-
 def scan(text: str) -> list[Tag]:
-    """Every element in the order of its start tag. The text must be well-formed."""
-    state = _Scan(text.encode("utf-8"))
+    """Positions of every element in the order of its start tag; the text must be well-formed."""
+    # Expat counts bytes, so positions are in bytes, not characters.
+    data, tags, unclosed = text.encode("utf-8"), list[Tag](), list[Tag]()
     parser = expat.ParserCreate("utf-8")
 
-    def start(name: str, _: Mapping[str, str]) -> None:
-        tag = _start_tag(state.data, name, len(state.open), parser.CurrentByteIndex)
-        state.tags.append(tag)
-        state.open.append(tag)
+    def started(name: str, _: Mapping[str, str]) -> None:
+        start = parser.CurrentByteIndex
+        position = start + 1 + len(name.encode("utf-8"))
+        attributes: dict[str, tuple[int, int]] = {}
+        while (match := _ATTRIBUTE.match(data, position)) is not None:
+            attributes[match[1].decode("utf-8")] = (match.start(2) + 1, match.end(2) - 1)
+            position = match.end()
+        end = data.index(b">", position) + 1
+        tag = Tag(name, len(unclosed), start, end, attributes, attributes_end=position)
+        tags.append(tag)
+        unclosed.append(tag)
 
-    def end(_: str) -> None:
-        tag = state.open.pop()
+    def ended(_: str) -> None:
+        tag = unclosed.pop()
         at = parser.CurrentByteIndex
-        if state.data[tag.end - 2 : tag.end] == b"/>":
+        if data[tag.end - 2 : tag.end] == b"/>":  # an empty tag ends where it starts
             tag.close, tag.last = tag.start, tag.end
         else:
-            tag.close, tag.last = at, state.data.index(b">", at) + 1
+            tag.close, tag.last = at, data.index(b">", at) + 1
 
-    parser.StartElementHandler = start
-    parser.EndElementHandler = end
-    parser.Parse(state.data, True)
-    return state.tags
-
-
-def _start_tag(data: bytes, name: str, depth: int, start: int) -> Tag:
-    position = start + 1 + len(name.encode("utf-8"))
-    attributes: dict[str, tuple[int, int]] = {}
-    while (match := _ATTRIBUTE.match(data, position)) is not None:
-        attributes[match[1].decode("utf-8")] = (match.start(2) + 1, match.end(2) - 1)
-        position = match.end()
-    return Tag(name, depth, start, data.index(b">", position) + 1, attributes, position)
+    parser.StartElementHandler = started
+    parser.EndElementHandler = ended
+    parser.Parse(data, True)
+    return tags
 
 
 def set_attribute(tag: Tag, name: str, value: str) -> Change:
-    """Give an attribute another value, in its own quotes, or add it after the others."""
+    """Replace the value of an attribute within its quotes, or add the attribute after the others."""
     from xml.sax.saxutils import quoteattr
 
     if name not in tag.attributes:
@@ -107,7 +99,7 @@ def set_attribute(tag: Tag, name: str, value: str) -> Change:
 
 
 def remove_attribute(data: bytes, tag: Tag, name: str) -> Change:
-    """Take an attribute out, with the white space before it."""
+    """Remove an attribute and the white space before it."""
     first, end = tag.attributes[name]
     before = data.rindex(name.encode("utf-8"), tag.start, first)
     start = len(data[:before].rstrip())
@@ -115,7 +107,7 @@ def remove_attribute(data: bytes, tag: Tag, name: str) -> Change:
 
 
 def escaped(value: str) -> str:
-    """Attribute text that is safe in either kind of quotes."""
+    """Escape an attribute's text for either kind of quotes."""
     return (
         value.replace("&", "&amp;")
         .replace("<", "&lt;")
@@ -125,7 +117,7 @@ def escaped(value: str) -> str:
 
 
 def element(name: str, attributes: Mapping[str, str]) -> str:
-    """An empty element."""
+    """Write an empty element."""
     text = f"<{name}"
     for attribute, value in attributes.items():
         text += f' {attribute}="{escaped(value)}"'
@@ -133,7 +125,7 @@ def element(name: str, attributes: Mapping[str, str]) -> str:
 
 
 def first_child(data: bytes, tag: Tag, content: str) -> Change:
-    """Put an element first into another, indented as the one it precedes."""
+    """Insert a first child, indented as the one that it precedes."""
     rest = data[tag.end :]
     space = rest[: len(rest) - len(rest.lstrip())].decode("utf-8")
     indent = space if "\n" in space else ""
@@ -141,13 +133,13 @@ def first_child(data: bytes, tag: Tag, content: str) -> Change:
 
 
 def last_children(data: bytes, tag: Tag, contents: Sequence[str], indent: str) -> Change:
-    """Put elements last into another; `indent` is the line break and space before each."""
+    """Insert last children; `indent` is the line break and space before each."""
     at = len(data[: tag.close].rstrip())
     return Change(at, at, "".join(indent + content for content in contents))
 
 
 def changed(text: str, changes: Iterable[Change]) -> str:
-    """The text with all changes made; those at one place in the order given."""
+    """Apply all changes to a text, those at one position in the given order."""
     data = text.encode("utf-8")
     parts: list[bytes] = []
     position = 0
@@ -165,44 +157,40 @@ def inline_includes(
     renamed: Mapping[str, str] | None = None,
     texts: Mapping[Path, str] | None = None,
 ) -> str:
-    """The text with every included file's content in its place.
+    """Replace every `<include>` in a text by the content of its file.
 
     Args:
-        includes: the files by the names that they are included by.
-        texts: what is read in the place of some of them.
-        renamed: other names for files that their content names.
+        includes: the files by their names in `<include>`.
+        texts: texts in place of some of the files.
+        renamed: new names for files that their content names.
     """
+    # Included files may include others, so until none is left.
     while tags := [tag for tag in scan(text) if tag.name == "include"]:
         data = text.encode("utf-8")
         parts: list[Change] = []
         for tag in tags:
-            content = _content(includes, texts or {}, data, tag)
+            path = includes[html.unescape(tag.value(data, "file"))]
+            included = (texts or {}).get(path)
+            if included is None:
+                included = read_text(path)
+            parse_xml(included, str(path))
+            root = scan(included)[0]
+            content = included.encode("utf-8")[root.end : root.close].decode("utf-8").strip()
             parts.append(Change(tag.start, tag.last, _with_names(content, renamed or {})))
         text = changed(text, parts)
     return text
 
 
 def _with_names(content: str, renamed: Mapping[str, str]) -> str:
-    """An included file's content with other names for the files that it names."""
+    """Rename the files that an included file's content names."""
     data = f"<mujoco>{content}</mujoco>".encode()
     changes: list[Change] = []
     for tag in scan(data.decode("utf-8")):
         start, end = tag.attributes.get("file", (0, 0))
-        name = html.unescape(data[start:end].decode("utf-8"))
+        name = html.unescape(tag.value(data, "file"))
         if tag.name != "include" and name in renamed:
             changes.append(Change(start, end, html.escape(renamed[name])))
     if not changes:
         return content
     text = changed(data.decode("utf-8"), changes)
     return text.removeprefix("<mujoco>").removesuffix("</mujoco>")
-
-
-def _content(
-    includes: Mapping[str, Path], texts: Mapping[Path, str], data: bytes, include: Tag
-) -> str:
-    start, end = include.attributes["file"]
-    path = includes[html.unescape(data[start:end].decode("utf-8"))]
-    included = texts[path] if path in texts else read_text(path)
-    parse_xml(included, str(path))
-    root = scan(included)[0]
-    return included.encode("utf-8")[root.end : root.close].decode("utf-8").strip()

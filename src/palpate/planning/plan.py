@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from textwrap import shorten
 from typing import Any, Literal, NoReturn, TypeVar, cast, get_args
@@ -75,6 +75,10 @@ class Plan:
     """Remarks for the result, e.g. that a requested quantity is known already."""
     declared: Outcome | None = None
     """Outcome declared by the author, where there is no tree."""
+    proposal: tuple[Parameter, ...] = ()
+    """Parameters that a request may ask for which was not understood whole; to be confirmed."""
+    not_used: tuple[str, ...] = ()
+    """Words of that request that the proposal leaves out."""
 
     @property
     def outcome(self) -> Outcome:
@@ -123,7 +127,7 @@ def parse_plan(text: str | bytes) -> Plan:
         except UnicodeDecodeError as error:
             raise InputError(f"the plan is not UTF-8 text (byte {error.start})") from None
     text = text.removeprefix("\ufeff")
-    if nesting(text) > MAX_NESTING:
+    if nesting(text) > MAX_NESTING:  # before the JSON reader recurses
         raise InputError(f"the plan is nested deeper than {MAX_NESTING} brackets; flatten its tree")
     try:
         document = json.loads(
@@ -172,7 +176,7 @@ def plan_from(document: object) -> Plan:
 
 def plan_json(plan: Plan) -> dict[str, Any]:
     """The plan as plain JSON values; `plan_from` reads it back unchanged."""
-    promised = [{"object": p.object, "quantity": p.quantity} for p in plan.parameters]
+    promised = _parameters_json(plan.parameters)
     document: dict[str, Any] = {
         "parameters": promised,
         "explanation": plan.explanation,
@@ -183,7 +187,18 @@ def plan_json(plan: Plan) -> dict[str, Any]:
         document["planner"] = plan.planner
     if plan.notes:
         document["notes"] = list(plan.notes)
-    return document
+    return document | proposal_json(plan)
+
+
+def proposal_json(plan: Plan) -> dict[str, Any]:
+    """The proposal of a plan as plain JSON values, without one no field at all."""
+    if not plan.proposal:
+        return {}
+    return {"proposal": _parameters_json(plan.proposal), "not_used": list(plan.not_used)}
+
+
+def _parameters_json(parameters: Iterable[Parameter]) -> list[dict[str, str]]:
+    return [{"object": one.object, "quantity": one.quantity} for one in parameters]
 
 
 def dump_plan(plan: Plan, extra: Mapping[str, Any] | None = None) -> str:
@@ -222,7 +237,7 @@ def _finite(number: str) -> float:
 
 
 def _node(value: object, path: str, depth: int, budget: list[int]) -> Node:
-    budget[0] -= 1
+    budget[0] -= 1  # shared by all nodes of the tree
     if budget[0] < 0:
         raise InputError(f"the plan has more than {MAX_NODES} nodes; split it")
     if depth > MAX_NESTING:

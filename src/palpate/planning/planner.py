@@ -1,9 +1,9 @@
-"""Planner: turns a request, a scene and pictures into a plan.
+"""Contract of a planner: turns a request, a scene and pictures into a plan.
 
-A planner of your own is one class with the members of `Planner`, public in a module that an
-entry point of the group `palpate.planners` names. Its `name` is the word after `--planner`. It
-is made without arguments; one that takes an argument (`--planner mine:FILE`) or settings is
-offered as a `PlannerKind` instead.
+A planner of another package is one class with the members of `Planner`, public in a module that an
+entry point of the group `palpate.planners` names. Its `name` is the word after `--planner`. It is made
+without arguments; one that takes an argument (`--planner mine:FILE`) or settings is offered as a
+`PlannerKind` instead.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
 
 from palpate.errors import InputError
+from palpate.parameter import Parameter
 from palpate.planning.plan import Plan
-from palpate.quantities.precision.within import Within
+from palpate.quantities.within import Within
 
 if TYPE_CHECKING:
     from palpate.planning.model.conversation import Conversation
@@ -36,27 +37,27 @@ class Planner(Protocol):
         ...
 
     def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = ()) -> Plan:
-        """A plan for the request and what the scene misses; its tree is None when nothing of it can
-        be measured.
+        """A plan for the request and the missing parameters of the scene; its tree is None when none of
+        them can be measured.
 
-        Without a scene only who can look at the images can plan.
+        Without a scene, a planner must be able to see the images.
 
         Raises:
-            InputError: a request that cannot be used.
-            PlanRejected: no plan; the message explains.
-            Unavailable: a provider out of reach.
+            InputError: the request is not usable.
+            PlanRejected: there is no plan; the message explains.
+            Unavailable: a provider is out of reach.
         """
         ...
 
 
 @runtime_checkable
 class Observant(Protocol):
-    """A planner that tells, besides its plan, what it saw and what was said.
+    """Planner that also keeps its dialogue and the detected scene.
 
     Attributes:
-        looks: whether it wants a picture of the workspace even where there is a scene.
+        looks: it takes a picture of the workspace even where there is a scene.
         conversation: the latest dialogue with a model, also when `plan` raised.
-        seen: what was seen in the pictures, where there was no scene.
+        seen: the scene detected in the pictures, where there was no scene.
     """
 
     looks: ClassVar[bool]
@@ -69,16 +70,19 @@ class PlannerSettings:
     """Settings for the construction of a planner.
 
     Attributes:
-        remeasure: what the request asks is measured even if the scene states it.
-        model_settings: how a model is asked; None for the defaults.
-        builder: makes a scene of what a model saw, where there is none.
-        within: how narrow intervals are to be.
+        remeasure: the request is measured even where the scene states it.
+        model_settings: settings of a model; None for the defaults.
+        builder: makes a scene of detected objects, where there is none.
+        within: requested widths of intervals.
+        measure: the parameters that the plan must measure, no more and no fewer; None: the planner
+            decides by the request.
     """
 
     remeasure: bool = False
     model_settings: ModelSettings | None = None
     builder: SceneBuilder | None = None
     within: Within = field(default_factory=Within)
+    measure: tuple[Parameter, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,9 +91,9 @@ class PlannerKind:
 
     Attributes:
         name: the word before the colon.
-        make: from the argument (empty where none is given) and the settings.
-        argument: what stands after the colon, for people: `FILE`; empty where nothing may.
-        optional: whether the argument may be left out.
+        make: factory from the argument (empty where none is given) and the settings.
+        argument: placeholder of the argument after the colon: `FILE`; empty without one.
+        optional: the argument may be left out.
     """
 
     name: str
@@ -105,15 +109,13 @@ class PlannerKind:
     def accepts(self, spec: str) -> bool:
         """True if `spec` is written in that form."""
         name, _, argument = spec.partition(":")
-        if name != self.name:
-            return False
         if not self.argument:
-            return spec == name
-        return self.optional or argument != ""
+            return spec == self.name
+        return name == self.name and (self.optional or argument != "")
 
 
 def needs_scene(planner: str) -> InputError:
-    """Error for a planner that needs a scene, as it cannot see."""
+    """Error for a planner without a scene that cannot see."""
     return InputError(
         f"the {planner} planner needs a scene to work on: give an MJCF with scene=D.xml, or let a "
         "model look at a picture: planner=PROVIDER:MODEL images=I.png poses=poses.yaml (with its "

@@ -1,5 +1,5 @@
-"""Plans from files: a plan, a run folder, a chat's answer, or the recorded conversation with a
-model. No network."""
+"""Plans from files, without network: a plan, a run folder, a chat's answer, or a recorded conversation
+with a model."""
 
 from __future__ import annotations
 
@@ -21,12 +21,14 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class ReplayPlanner:
-    """A recorded plan, or a recorded conversation whose answers are checked anew.
+    """Recorded plan, or recorded conversation whose answers are checked again.
 
     Attributes:
-        builder: makes a scene of what the model saw, for a plan without a scene.
-        conversation: the dialogue as judged anew, when the file is one.
-        seen: what the model saw, when there was no scene.
+        path: the file, or the run folder.
+        remeasure: allows quantities that the scene states to be measured.
+        builder: makes a scene of detected objects, for a plan without a scene.
+        conversation: the dialogue as checked again, when the file is one.
+        seen: the detected scene, when there was no scene.
     """
 
     looks: ClassVar[bool] = False
@@ -43,14 +45,17 @@ class ReplayPlanner:
         return f"replay:{self.path}"
 
     def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = ()) -> Plan:
-        """The plan in the file; the images sharpen what a model saw, where there is no scene.
+        """The plan in the file; the images refine the detected scene, where there is no other.
 
         Raises:
             InputError: no such file, or not a plan.
             PlanRejected: no answer of the conversation passes the check.
         """
         text = _read(plan_file(self.path))
-        if _is_conversation(text):
+        start = text.lstrip()[:200]
+        # A conversation begins with the planner and the system prompt; a plan never does.
+        begins = start.startswith(b"{") and b'"planner"' in start and b'"system"' in start
+        if begins and b'"rounds"' in text:
             return replace(self._from_conversation(request, scene, images), planner=self.name)
         proposal = read_proposal(text)
         if scene is None and proposal.scene and self.builder:
@@ -62,13 +67,15 @@ class ReplayPlanner:
     def _from_conversation(
         self, request: str | None, scene: Scene | None, images: Sequence[Path]
     ) -> Plan:
-        from palpate.planning.model.conversation import load
+        from palpate.planning.model.conversation import read_conversation
         from palpate.planning.model.planner import VlmPlanner
         from palpate.planning.model.rounds import replayed
 
         judge = VlmPlanner("replay", remeasure=self.remeasure, builder=self.builder)
         judge.images = tuple(images)
-        kept = load(plan_file(self.path))
+        kept = read_conversation(plan_file(self.path))
+        if not kept.rounds:
+            raise InputError(f"'{plan_file(self.path).name}' holds no answer")
         self.conversation = replace(kept, rounds=[])
         try:
             return replayed(
@@ -107,11 +114,11 @@ def read_proposal(text: bytes) -> Proposal:
     try:
         return read_answer(text.decode("utf-8-sig"))
     except UnicodeDecodeError:
-        parse_plan(text)  # says where it is not text
+        parse_plan(text)  # raises with the byte that is no text
         raise
     except InputError:
         if b"{" not in text or text.lstrip().startswith((b"{", b"[")):
-            parse_plan(text)  # no chat's prose around it: says what is wrong with the plan itself
+            parse_plan(text)  # without a chat's prose, the fault of the plan itself is clearer
         raise
 
 
@@ -133,14 +140,3 @@ def _read(path: Path) -> bytes:
     from palpate.planning.model.conversation import MAX_CONVERSATION
 
     return read_bytes(path, MAX_CONVERSATION, "a plan")
-
-
-def _is_conversation(text: bytes) -> bool:
-    """A conversation begins with who was asked; a plan never does."""
-    start = text.lstrip()[:200]
-    return (
-        start.startswith(b"{")
-        and b'"planner"' in start
-        and b'"system"' in start
-        and b'"rounds"' in text
-    )

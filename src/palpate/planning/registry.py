@@ -1,4 +1,4 @@
-"""The planners there are: palpate's own, the models, and those that other packages bring."""
+"""Registry of planners: palpate's own, the models, and those of other packages."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Planners:
     kinds: Mapping[str, PlannerKind]
 
     def make(self, spec: str, settings: PlannerSettings | None = None) -> Planner:
-        """The planner that `spec` names, e.g. `symbolic`, `replay:FILE`, `openai:MODEL`.
+        """Make the planner that `spec` names, e.g. `symbolic`, `replay:FILE`, `openai:MODEL`.
 
         Raises:
             InputError: unknown; the message lists the valid ones.
@@ -44,48 +44,46 @@ def planners() -> Planners:
     Raises:
         InputError: an entry point's module cannot be loaded; the message names it.
     """
-    kinds = {kind.name: kind for kind in _own()}
+    own = [
+        PlannerKind("symbolic", _symbolic),
+        PlannerKind("exhaustive", _exhaustive),
+        PlannerKind("replay", _replay, "FILE"),
+    ]
+    for provider in PROVIDERS:
+        own.append(PlannerKind(provider, partial(_model, provider), "MODEL", optional=True))
+    kinds = {kind.name: kind for kind in own}
     for module in extensions("palpate.planners"):
-        for kind in _offered(module):
+        for kind in offered_kinds(module):
             kinds.setdefault(kind.name, kind)
     return Planners(kinds)
 
 
-def _own() -> Iterator[PlannerKind]:
-    yield PlannerKind("symbolic", _symbolic)
-    yield PlannerKind("exhaustive", _exhaustive)
-    yield PlannerKind("replay", _replay, "FILE")
-    for provider in PROVIDERS:
-        yield PlannerKind(provider, partial(_model, provider), "MODEL", optional=True)
-
-
-def _offered(module: ModuleType) -> Iterator[PlannerKind]:
-    """The planners that are public in another package's module."""
+def offered_kinds(module: ModuleType) -> Iterator[PlannerKind]:
+    """Planners that are public in another package's module."""
     for thing in public(module):
         if isinstance(thing, PlannerKind):
             yield thing
-        elif isinstance(thing, type) and _is_planner(thing):
+        elif isinstance(thing, type) and is_planner(thing):
             name: str = vars(thing)["name"]
-            yield PlannerKind(name, partial(_plain, thing))
+            yield PlannerKind(name, partial(_without_arguments, thing))
 
 
-def _is_planner(cls: type) -> TypeGuard[type[Planner]]:
+def is_planner(cls: type) -> TypeGuard[type[Planner]]:
     """True if a class has the members of `Planner`, with a constant name."""
-    named = isinstance(vars(cls).get("name"), str)
-    return named and callable(getattr(cls, "plan", None))
+    return isinstance(vars(cls).get("name"), str) and callable(getattr(cls, "plan", None))
 
 
-# What makes a planner imports it, so that a command loads only the planner that it uses.
+# Factories import the planner that they make, so that a command loads no other.
 
 
-def _plain(cls: type[Planner], argument: str, settings: PlannerSettings) -> Planner:
+def _without_arguments(cls: type[Planner], argument: str, settings: PlannerSettings) -> Planner:
     return cls()
 
 
 def _symbolic(argument: str, settings: PlannerSettings) -> Planner:
     from palpate.planning.symbolic.planner import SymbolicPlanner
 
-    return SymbolicPlanner(settings.remeasure, settings.within)
+    return SymbolicPlanner(settings.remeasure, settings.within, settings.measure)
 
 
 def _exhaustive(argument: str, settings: PlannerSettings) -> Planner:
@@ -106,4 +104,4 @@ def _model(provider: str, argument: str, settings: PlannerSettings) -> Planner:
 
     spec = f"{provider}:{argument}" if argument else provider
     model_settings = settings.model_settings or ModelSettings()
-    return VlmPlanner(spec, model_settings, settings.remeasure, settings.builder)
+    return VlmPlanner(spec, model_settings, settings.remeasure, settings.builder, settings.measure)

@@ -4,29 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
-from typing import TypeGuard
 
 from palpate.errors import unknown_name
 from palpate.extensions import extensions, public
 from palpate.parameter import Parameter
 from palpate.quantities.com import CentreOfMass, CentreOfMassInSpace
 from palpate.quantities.friction import Friction
-from palpate.quantities.height import Height
+from palpate.quantities.height import Height, Tilt
 from palpate.quantities.inertia import Inertia
 from palpate.quantities.mass import Mass
-from palpate.quantities.momentum import Momentum
+from palpate.quantities.motion import Momentum, Velocity
 from palpate.quantities.position import Position
 from palpate.quantities.quantity import Piece, Quantity
-from palpate.quantities.shape.size import Size
-from palpate.quantities.shape.tilt import Tilt
+from palpate.quantities.size import Size
 from palpate.quantities.stiffness import Stiffness
-from palpate.quantities.velocity import Velocity
 from palpate.trace.recording import Context
 
 GROUP = "palpate.quantities"
-"""Entry points of this group name modules; every public `Quantity` in them that has an id is
-taken up."""
-
+"""Entry-point group of modules; each public `Quantity` in them that has an id is included."""
 OWN: tuple[type[Quantity], ...] = (
     Mass,
     Height,
@@ -41,7 +36,7 @@ OWN: tuple[type[Quantity], ...] = (
     Size,
     Tilt,
 )
-"""In the order in which beliefs build on one another and results are listed."""
+"""Order of the results, and of the priors: each may use the believed values of those before it."""
 
 
 class Catalogue(Mapping[str, Quantity]):
@@ -65,30 +60,29 @@ class Catalogue(Mapping[str, Quantity]):
         return f"<Catalogue: {', '.join(self)}>"
 
     def named(self, id: str) -> Quantity:
-        """The quantity with this id.
+        """Return the quantity with this id.
 
         Raises:
-            InputError: there is none; the message lists those there are.
+            InputError: there is none; the message lists the valid ones.
         """
         if id not in self._by_id:
             raise unknown_name("quantity", id, self, meant=self.meant(id))
         return self._by_id[id]
 
     def meant(self, word: str) -> str | None:
-        """The id of the quantity that a word stands for in some language; None where it stands for
-        none."""
+        """Return the id of the quantity that a word means in some language; None for other words."""
         for quantity in self.values():
             if any(word.lower() in words for words in quantity.words.values()):
                 return quantity.id
         return None
 
     def of(self, subject: str) -> list[Quantity]:
-        """The quantities that a kind of subject carries."""
+        """Return the quantities of a kind of subject."""
         return [quantity for quantity in self.values() if quantity.subject == subject]
 
     def piece(self, parameter: Parameter, buffer: str, context: Context) -> Piece | None:
-        """Piece of evidence that a recording is for a derived parameter; None if it is none, or if
-        a conversion primitive has to name it."""
+        """Return the piece of evidence that a recording is for a derived parameter; None if it is no
+        evidence, or if a conversion primitive has to name it."""
         quantity = self.get(parameter.quantity)
         if quantity is None or not quantity.derived:
             return None
@@ -97,16 +91,14 @@ class Catalogue(Mapping[str, Quantity]):
 
 @cache
 def catalogue() -> Catalogue:
-    """Everything installed.
+    """Catalogue of all installed quantities.
 
     Raises:
         InputError: an entry point's module cannot be loaded; the message names it.
     """
     found = list(OWN)
     for module in extensions(GROUP):
-        found += [thing for thing in public(module) if _is_complete(thing)]
+        types = [thing for thing in public(module) if isinstance(thing, type)]
+        # An abstract base without an id is no quantity.
+        found += [t for t in types if issubclass(t, Quantity) and "id" in dir(t)]
     return Catalogue(cls() for cls in found)
-
-
-def _is_complete(thing: object) -> TypeGuard[type[Quantity]]:
-    return isinstance(thing, type) and issubclass(thing, Quantity) and "id" in dir(thing)

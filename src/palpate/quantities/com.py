@@ -2,34 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Sequence
 from typing import ClassVar
 
 import numpy as np
 
 from palpate.estimation import tuning
-from palpate.estimation.agreement import FitTest
-from palpate.estimation.balance import Grasps, accuracy, balance, balance_views, grasps_of
+from palpate.estimation.balance import accuracy, balance, balance_views, grasps_of
 from palpate.estimation.estimate import Estimate, Part, half95, not_identified
-from palpate.estimation.holds import held
-from palpate.geometry.pose import Array
+from palpate.estimation.holds import Held, held
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.document import UNKNOWN, tokens
 from palpate.mjcf.edits import Slot
-from palpate.mjcf.inertial.stated import com_of, lacks
-from palpate.mjcf.inertial.written import Statement
-from palpate.mjcf.roles.elements import Elements
+from palpate.mjcf.elements import Elements
+from palpate.mjcf.inertial import Statement, com_of, lacks
 from palpate.parameter import Parameter
 from palpate.quantities.contacts import tied_to
-from palpate.quantities.evidence import Evidence
-from palpate.quantities.quantity import Logged, Prior, Quantity, Status, Values
+from palpate.quantities.quantity import (
+    Evidence,
+    Logged,
+    Prior,
+    Quantity,
+    Status,
+    Values,
+    held_and_empty,
+)
 from palpate.trace.samples import FORCES, Trace
 
 UNIT = "m"
-
 TRUE_SHIFT = 0.1
-"""Part of the object's extent by which a hidden centre of mass is off, at most, per axis."""
+"""Share of the object's extent by which a hidden centre of mass is off the prior at most, per axis."""
+WHOLE = (
+    " Moments are from all motion in free air around that: noise alone accounts for the residuals of a model of "
+    "the arm's links, sensors and friction there."
+)
 
 
 class CentreOfMass(Quantity):
@@ -41,13 +47,8 @@ class CentreOfMass(Quantity):
     label = "centre of mass"
     words: ClassVar = {
         "en": (
-            "centre of mass",
-            "center of mass",
-            "centre of gravity",
-            "center of gravity",
-            "com",
-            "cog",
-            "balance point",
+            *("centre of mass", "center of mass", "centre of gravity", "center of gravity"),
+            *("com", "cog", "balance point"),
         ),
         "de": ("schwerpunkt", "massenmittelpunkt", "massenschwerpunkt"),
         "es": ("centro de masa", "centro de masas", "centro de gravedad"),
@@ -64,20 +65,7 @@ class CentreOfMass(Quantity):
             distinct="grasp",
             count=3,
         ),
-        Evidence(
-            FORCES,
-            "in a Parallel with Turn while it is held in free air",
-            activity=("turning",),
-            holding=True,
-            optional=True,
-        ),
-        Evidence(
-            FORCES,
-            "in a Parallel with Turn at the same pose with the empty hand",
-            activity=("turning",),
-            empty=True,
-            optional=True,
-        ),
+        *held_and_empty(FORCES, "Turn", "turning", "in free air", optional=True),
     )
     how = evidence[0].how
     derived = True
@@ -99,23 +87,19 @@ class CentreOfMass(Quantity):
             yield Slot(elements.inertial, "pos", "0", required=3)
 
     def prior(self, body: BodyDescription, believed: Values) -> Prior:
-        """The middle of the geoms, except for the numbers that are stated."""
+        """Prior at the middle of the geoms, except for the numbers that are stated."""
         stated = [UNKNOWN] * 3
         if body.elements.inertial is not None:
             stated = tokens(body.elements.inertial.get("pos")) or stated
-        mean: list[float] = []
-        std: list[float] = []
-        for part, centre, extent in zip(stated, *body.box(), strict=True):
-            if part == UNKNOWN:
-                mean.append(float(centre))
-                std.append(tuning.COM_PRIOR * max(float(extent), 1e-3))
-            else:
-                mean.append(float(part))
-                std.append(0.0)
+        mean, extents = (part.tolist() for part in body.box())
+        std = [tuning.COM_PRIOR * max(extent, 1e-3) for extent in extents]
+        for i, part in enumerate(stated):
+            if part != UNKNOWN:
+                mean[i], std[i] = float(part), 0.0
         return Prior(tuple(mean), tuple(std))
 
     def draw(self, body: Body, prior: Prior, random: np.random.Generator) -> tuple[float, ...]:
-        """Up to `TRUE_SHIFT` of the object's extents off."""
+        """Draw uniformly up to `TRUE_SHIFT` of the object's extents around the prior."""
         scale = TRUE_SHIFT * body.size
         shift = random.uniform(-scale, scale) * (np.array(prior.std) > 0)
         return tuple(float(v) for v in np.array(prior.mean) + shift)
@@ -123,64 +107,48 @@ class CentreOfMass(Quantity):
     def write(
         self, body: BodyDescription, value: tuple[float, ...], std: float | None
     ) -> Iterator[Statement]:
-        """Into `<inertial>`, made when absent, with the inertia of the geoms about the new
-        centre."""
+        """Write into `<inertial>`, made if absent, with the inertia of the geoms about the new centre."""
         yield Statement(com=value, std=std)
 
 
-def _in_space(centres: tuple[str, ...]) -> Iterator[str]:
-    """Names of a centre of mass that include its height."""
-    for centre in centres:
-        for whose in ("its", "the"):
-            yield f"height of {whose} {centre}"
-        for where in ("in 3d", "in three dimensions", "in all three axes", "along all three axes"):
-            yield f"{centre} {where}"
-        for kind in ("3d", "three dimensional", "full"):
-            yield f"{kind} {centre}"
+IN_SPACE = (
+    *("height of its {}", "height of the {}"),
+    *("{} in 3d", "{} in three dimensions", "{} in all three axes", "{} along all three axes"),
+    *("3d {}", "three dimensional {}", "full {}"),
+)
+"""Names of a centre of mass that include its height."""
 
 
 class CentreOfMassInSpace(CentreOfMass):
-    """Centre of mass along gravity, too, which takes holds at a tilt; it stands where `com`
-    does."""
+    """Centre of mass along gravity, too, which takes holds at a tilt; written in the place of `com`."""
 
     id = "com_3d"
     label = "centre of mass in all three axes"
-    words: ClassVar = {"en": tuple(_in_space(CentreOfMass.words["en"]))}
+    words: ClassVar = {"en": tuple(f.format(c) for c in CentreOfMass.words["en"] for f in IN_SPACE)}
     evidence = (
         CentreOfMass.evidence[0],
-        Evidence(
-            FORCES,
-            "in a Parallel with Tilt while it is held in free air",
-            activity=("tilting",),
-            holding=True,
-        ),
-        Evidence(
-            FORCES,
-            "in a Parallel with Tilt at the same pose with the empty hand",
-            activity=("tilting",),
-            empty=True,
-        ),
+        *held_and_empty(FORCES, "Tilt", "tilting", "in free air"),
     )
     how = f"{evidence[0].how}, and in a Parallel with Tilt, held in free air and empty"
     stands_for = "com"
 
     def status(self, body: BodyDescription) -> Status:
-        """The file's centre of mass is `com`'s."""
+        """Not applicable: the file's centre of mass is that of `com`."""
         return "not applicable"
 
     def slots(self, elements: Elements) -> Iterator[Slot]:
-        yield from ()
+        yield from ()  # that of `com` is the same
 
     def is_told_in_part(self, parameter: Parameter, logged: Iterable[Logged]) -> bool:
-        """Without tilts, all but where it lies along gravity."""
+        """True with the evidence of `com`: without tilts only the component along gravity is missing."""
         return CentreOfMass().is_evidenced(parameter, logged)
 
 
 def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
     """Centre of mass in the body frame from all recordings of the object held still in the air.
 
-    A still grasp tells where the centre of mass is horizontally, not along gravity: that coordinate
-    keeps the geometric centre with its prior spread, and the method says so. `parts` holds the `mass`
+    A still grasp determines the centre of mass horizontally, not along gravity: that component keeps the
+    geometric centre with its prior standard deviation, and the method says so. `parts` holds the `mass`
     from all grasps, and the `least torque`.
     """
     found = None if body is None else held(trace, body)
@@ -191,78 +159,51 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
     load = found.load
     grasps = grasps_of(trace, found, body, body.centre)
     for _ in range(tuning.COM_ITERATIONS):
-        # What a turn in the grip does depends on where the centre of mass is.
+        # The effect of a rotation in the grip depends on the centre of mass itself.
         centre, *_ = balance(grasps, body)
         grasps = grasps_of(trace, found, body, centre)
     centre, covariance, agree, shared = balance(grasps, body)
-    weight, std = load.force / trace.gravity, load.force_std / trace.gravity
     torques = [float(np.hypot(*moment)) for moment in load.value[1:].reshape(-1, 2)]
     parts = {
-        "mass": Part(weight, std, "kg"),
+        "mass": Part(load.force / trace.gravity, load.force_std / trace.gravity, "kg"),
         "least torque": Part(min(torques), 0.0, "N·m"),
     }
-    value = centre, np.sqrt(np.diag(covariance))
-    tests = (*load.tests, agree)
-    level = len({hold.grasp for hold in found.holds})
-    where = _where(level, len(found.holds) - level, found.turned)
-    made = _estimate(parameter, body, grasps, where, value, parts, tests)
-    method = made.method + WHOLE * bool(found.links)
-    views = tuple(balance_views(grasps, found, centre))
-    return replace(made, method=method, shared=shared, freedom=grasps.freedom, views=views)
-
-
-WHOLE = (
-    " Moments are from all that the arm did in free air around that: its noise alone accounts for what a model "
-    "of its links, sensors and friction leaves there."
-)
-
-
-def _estimate(
-    parameter: Parameter,
-    body: Body,
-    grasps: Grasps,
-    where: str,
-    found: tuple[Array, Array],
-    parts: Mapping[str, Part],
-    tests: tuple[FitTest, ...],
-) -> Estimate:
-    centre, std = found
+    std = np.sqrt(np.diag(covariance))
     blind = std > tuning.BLIND * tuning.COM_PRIOR * body.size
-    value = np.where(blind, body.centre, centre)
-    half = std * half95(grasps.freedom)
+    value, half = np.where(blind, body.centre, centre), std * half95(grasps.freedom)
     return Estimate(
         parameter,
         UNIT,
-        value,
-        std,
-        np.column_stack([value - half, value + half]),
-        _method(where, blind.tolist(), body),
-        tuple(grasps.recordings),
-        "prior-dominated" if bool(blind.all()) else "identified",
-        parts,
-        tests,
+        values=value,
+        stds=std,
+        intervals=np.column_stack([value - half, value + half]),
+        method=com_method(found, blind.tolist(), body),
+        evidence=tuple(grasps.recordings),
+        verdict="prior-dominated" if bool(blind.all()) else "identified",
+        parts=parts,
+        tests=(*load.tests, agree),
+        shared=shared,
+        freedom=grasps.freedom,
         unseen=tuple(np.flatnonzero(blind).tolist()),
+        views=tuple(balance_views(grasps, found, centre)),
     )
 
 
-def _where(grasps: int, tilts: int, turned: bool) -> str:
-    """Of so many grasps held level, and so many bits of tilts of what was held in one of them."""
-    held = f"at {grasps} grasp{'s' * (grasps > 1)}"
-    if turned:
-        held += ", and along a turn about the vertical"
-    if tilts:
-        held += f", and in {tilts} bits of tilts"
-    return held
-
-
-def _method(where: str, blind: Sequence[bool], body: Body) -> str:
+def com_method(found: Held, blind: Sequence[bool], body: Body) -> str:
+    """Describe the holds, the assumptions and the components without evidence."""
+    grasps = len({hold.grasp for hold in found.holds})
+    where = f"at {grasps} grasp{'s' * (grasps > 1)}"
+    if found.turned:
+        where += ", and along a turn about the vertical"
+    if tilts := len(found.holds) - grasps:
+        where += f", and in {tilts} bits of tilts"
     said = "as stated" if body.accuracy else "assumed, as poses.yaml states no accuracy"
     method = (
-        f"Horizontal moment over weight of the object held still {where}, each against the empty hand, and from "
-        "where the scene has the object, whose error along the fingers, "
+        f"Horizontal moment over weight of the object held still {where}, each against the empty hand, and the "
+        "object's position in the scene, whose error along the fingers, "
         f"{1e3 * accuracy(body):.2g} mm (1 sigma, {said}), no grasp shows"
     )
     axes = " and ".join(axis for axis, unseen in zip("xyz", blind, strict=True) if unseen)
     if axes:
         method += f"; {axes} lies along gravity in every grasp and keeps the geometric centre (prior-dominated)"
-    return method + "."
+    return method + "." + WHOLE * bool(found.links)

@@ -7,7 +7,7 @@ A quantity names its estimators: `estimators = {"contrast": "palpate.quantities.
     [project.entry-points."palpate.estimators"]
     "mass.mine" = "my_package:estimate_mass"
 
-All of them keep to one contract, `palpate.estimation.estimator.Estimator`.
+All of them have the contract of `palpate.estimation.estimator.Estimator`.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ class Estimators:
     references: Mapping[str, Mapping[str, Reference]]
 
     def names(self, quantity: str) -> tuple[str, ...]:
-        """Of the estimators of a quantity, the default first; empty when there are none."""
+        """Names of the estimators of a quantity, the default first; empty without any."""
         return tuple(self.references.get(quantity, {}))
 
     def load(self, quantity: str, name: str | None = None) -> Estimator:
-        """The estimator `name` of a quantity, or its default.
+        """Load the estimator `name` of a quantity, or its default.
 
         Raises:
             InputError: there is none of that name, or it cannot be loaded.
@@ -56,8 +56,8 @@ class Estimators:
 
 @cache
 def known_estimators() -> Estimators:
-    """Everything installed: the estimators that the catalogue's quantities name, and after them
-    those of the entry points."""
+    """All installed estimators: those that the catalogue's quantities name, then those of the entry
+    points."""
     found = {id: dict(quantity.estimators) for id, quantity in catalogue().items()}
     for entry, reference in references(ENTRY_POINTS).items():
         quantity, _, name = entry.partition(".")
@@ -72,18 +72,17 @@ def estimate_all(
     choice: Mapping[str, str] | None = None,
     estimators: Estimators | None = None,
 ) -> tuple[Estimate, ...]:
-    """An estimate for every parameter, in order, from all of the trace that is evidence.
+    """Estimate every parameter, in order, from the sound part of the trace.
 
-    A parameter that nothing was recorded for is `not identified`, and so is one whose evidence was
-    not complete when an action failed or was broken off (`palpate.trace.soundness`), and one whose
-    estimator fails.
+    A parameter is `not identified` if nothing was recorded for it, if its evidence was not complete when
+    an action failed or was aborted (`palpate.trace.soundness`), or if its estimator fails.
 
     Args:
-        parameters: what the plan promised.
+        parameters: parameters of the plan.
         trace: of the whole run.
         bodies: of the scene, by name.
-        choice: names of estimators by quantity; the default where none is chosen.
-        estimators: those to choose from; by default all that are known.
+        choice: names of estimators by quantity; others use the default.
+        estimators: registry; by default all that are installed.
 
     Raises:
         InputError: `choice` names an unknown estimator; the message lists the valid ones. Or one
@@ -101,19 +100,22 @@ def estimate_all(
             continue
         if quantity not in loaded:
             loaded[quantity] = known.load(quantity)
-        made = _made(loaded[quantity], evidence, parameter, bodies.get(parameter.object))
-        found.append(_judged(made, evidence, trace))
+        body = bodies.get(parameter.object)
+        estimate = guarded_estimate(loaded[quantity], evidence, parameter, body)
+        found.append(estimate if evidence is trace else judged(estimate, evidence, trace))
     return tuple(found)
 
 
 def failed(parameter: Parameter, reason: str) -> Estimate:
-    """Estimate without a value, with the reason."""
+    """Return an estimate without a value, with the reason."""
     known = catalogue().get(parameter.quantity)
     return not_identified(parameter, known.unit if known else "1", reason)
 
 
-def _made(estimator: Estimator, trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """The estimator's estimate; its failure costs this parameter, and no other."""
+def guarded_estimate(
+    estimator: Estimator, trace: Trace, parameter: Parameter, body: Body | None
+) -> Estimate:
+    """Call an estimator; its failure affects this parameter only."""
     try:
         found = estimator(trace, parameter, body)
     except Exception as error:
@@ -124,10 +126,8 @@ def _made(estimator: Estimator, trace: Trace, parameter: Parameter, body: Body |
     return found
 
 
-def _judged(found: Estimate, evidence: Trace, trace: Trace) -> Estimate:
-    """The estimate, unless a run that was broken off had not recorded all that it rests on."""
-    if evidence is trace:
-        return found
+def judged(found: Estimate, evidence: Trace, trace: Trace) -> Estimate:
+    """Judge an estimate of an aborted run: without a value if its evidence was not complete."""
     action = spoiled(trace)[0].spoiled_by.label
     reason = f"What was recorded in {action} and after is no evidence: it did not end well."
     if not found.has_value:

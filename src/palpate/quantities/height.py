@@ -1,4 +1,4 @@
-"""Height of a surface: of what is rigid under the fingertips, from guarded descents."""
+"""Height and tilt of the rigid surface under the fingertips, from guarded descents."""
 
 from __future__ import annotations
 
@@ -12,44 +12,41 @@ from palpate.errors import InputError
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.contact.descent import probes
-from palpate.estimation.contact.plane import Plane, fit_plane
+from palpate.estimation.contact.plane import Plane, fit_plane, plane_view
 from palpate.estimation.contact.touch import Touch, touch_views, touches_of
 from palpate.estimation.estimate import Estimate, Part, Shared, not_identified, not_measured
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.document import UNKNOWN, Element, has_unknown, label, tokens
 from palpate.mjcf.edits import Edit, Slot, number
-from palpate.mjcf.roles.elements import Elements, half_height_index
+from palpate.mjcf.elements import Elements, half_height_index
 from palpate.mjcf.shapes import RESTING
 from palpate.parameter import Parameter
-from palpate.quantities.evidence import Evidence
-from palpate.quantities.quantity import Prior, Quantity, Status, Values
+from palpate.quantities.quantity import Evidence, Prior, Quantity, Status, Values
 from palpate.trace.recording import Hand
 from palpate.trace.samples import POSE, Trace
 
-UNIT = "m"
-
+UNIT, TILT_UNIT = "m", "rad"
+TOUCH = Evidence(
+    POSE,
+    "MoveUntilContact -z over a free spot, MeasureGripperPose",
+    activity=("contact",),
+    distinct="place",
+)
 PLACEHOLDER = 0.01
-"""m: stands for an unknown half height while the scene's shapes are compiled."""
-
+"""m: an unknown half height while the scene's shapes are compiled."""
 SHOWN = 1e-4
-"""m: a believed height must show in the compiled scene this closely."""
-
+"""m: tolerance of a believed height in the compiled scene."""
 PRIOR_HEIGHT = 0.4
 """m, of a surface on which nothing stands."""
-
 BARE_SPREAD, LADEN_SPREAD = 0.2, 0.01
 """m (1 sigma): prior of a surface without any hint of its height, and with one (an object on it, a
 given pose)."""
-
 SUNK = 0.003
-"""m: how far a hidden surface is below the believed one where things stand on it, at most: they
-must not start inside it."""
-
-NOTHING = "The descent ended with nothing pressing back on the fingertips."
-
+"""m: largest depth of a hidden surface below the believed one where objects stand on it, which must not
+start inside it."""
 OFF = 0.03
-"""m: how far a hidden surface is off the believed one where nothing stands on it, at most."""
+"""m: largest deviation of a hidden surface from the believed one where nothing stands on it."""
 
 
 class Height(Quantity):
@@ -67,14 +64,7 @@ class Height(Quantity):
         "it": ("altezza",),
     }
     elsewhere = "size"
-    evidence = (
-        Evidence(
-            POSE,
-            "MoveUntilContact -z over a free spot, MeasureGripperPose",
-            activity=("contact",),
-            distinct="place",
-        ),
-    )
+    evidence = (TOUCH,)
     estimators: ClassVar = {"loading-curve": "palpate.quantities.height:estimate_height"}
 
     def status(self, body: BodyDescription) -> Status:
@@ -97,7 +87,7 @@ class Height(Quantity):
         surface carries; else the given approach pose."""
         if body.given_z is not None:
             return Prior((body.top_z + body.given_z,), (LADEN_SPREAD,))
-        bottoms = [float(foot[2]) for foot in _feet_above(body) if not _is_carried(body, foot)]
+        bottoms = [float(foot[2]) for foot in feet_above(body) if not is_carried(body, foot)]
         if bottoms:
             return Prior((min(bottoms),), (LADEN_SPREAD,))
         if body.given_top is not None:
@@ -111,12 +101,17 @@ class Height(Quantity):
     def write(
         self, body: BodyDescription, value: tuple[float, ...], std: float | None
     ) -> Iterator[Edit]:
-        """Into the numbers that are open; into the place of what is measured again."""
+        """Write into the open numbers; without one, into the z of the element."""
         element, geom = body.elements.element, body.carrier
-        unknown = _open_places(body) or {str(element.tag)}
+        unknown = open_places(body) or {str(element.tag)}
         rise = value[0] - body.top_z
         if "size" in unknown:
-            rise, half = _half_height(unknown, rise)
+            # Half height alone: the geom grows about its place. Else it stands on its body's origin: half of
+            # the top's rise above the placeholder is its half height, and its place rises as much.
+            if unknown == {"size"}:
+                rise, half = 0.0, PLACEHOLDER + rise
+            else:
+                rise = half = (rise + PLACEHOLDER) / 2
             if half <= 0:
                 raise InputError(
                     f"a height of {value[0]:.4g} m leaves '{body.name}' no thickness "
@@ -126,9 +121,9 @@ class Height(Quantity):
             assert index is not None
             yield Edit(geom, "size", {index: number(half, std)})
         if "geom" in unknown:
-            yield _raised(geom, rise, std)
+            yield raised(geom, rise, std)
         if "body" in unknown:
-            yield _raised(element, 0.0 if "geom" in unknown else rise, std)
+            yield raised(element, 0.0 if "geom" in unknown else rise, std)
 
     def confirm(self, body: BodyDescription, value: tuple[float, ...]) -> None:
         if abs(body.top_z - value[0]) > SHOWN:
@@ -138,7 +133,7 @@ class Height(Quantity):
             )
 
 
-def _open_places(body: BodyDescription) -> set[str]:
+def open_places(body: BodyDescription) -> set[str]:
     """Unknown numbers of a surface's height: the z of its `body` or `geom`, or its half height,
     `size`."""
     element = body.elements.element
@@ -148,31 +143,20 @@ def _open_places(body: BodyDescription) -> set[str]:
     for geom in body.elements.geoms:
         if has_unknown(geom, "pos", 2):
             places.add("geom")
-        if _has_open_size(geom, body):
+        index = half_height_index(geom, body.defaults)
+        if index is not None and has_unknown(geom, "size", index):
             places.add("size")
     return places
 
 
-def _has_open_size(geom: Element, body: BodyDescription) -> bool:
-    index = half_height_index(geom, body.defaults)
-    return index is not None and has_unknown(geom, "size", index)
-
-
-def _half_height(unknown: set[str], rise: float) -> tuple[float, float]:
-    """Change of the geom's z and the new half height, m, for a top that must rise by `rise`, m."""
-    if unknown == {"size"}:
-        return 0.0, PLACEHOLDER + rise
-    half = (rise + PLACEHOLDER) / 2
-    return half, half
-
-
-def _raised(element: Element, rise: float, std: float | None) -> Edit:
+def raised(element: Element, rise: float, std: float | None) -> Edit:
+    """Edit that raises an element by `rise`, m, from its z, or from 0 where that is unknown."""
     part = tokens(element.get("pos") or "0 0 0")[2]
     z = rise + (0.0 if part == UNKNOWN else float(part))
     return Edit(element, "pos", {2: number(z, std)}, "0 0 0")
 
 
-def _feet_above(surface: BodyDescription) -> Iterator[Array]:
+def feet_above(surface: BodyDescription) -> Iterator[Array]:
     """Footing points of the objects with known z over a surface: (3,) in the world frame, m."""
     for thing in surface.objects():
         foot = thing.footing()
@@ -184,21 +168,24 @@ def _feet_above(surface: BodyDescription) -> Iterator[Array]:
             yield foot
 
 
-def _is_carried(surface: BodyDescription, foot: Array) -> bool:
-    """A surface of known height is directly below the footing point."""
-    for other in surface.surfaces():
-        is_near = abs(foot[2] - other.top_z) < RESTING
-        if not other.top_is_open and is_near and other.reaches_over(foot):
-            return True
-    return False
+def is_carried(surface: BodyDescription, foot: Array) -> bool:
+    """True if a surface of known height is directly below the footing point."""
+    known = [other for other in surface.surfaces() if not other.top_is_open]
+    return any(abs(foot[2] - s.top_z) < RESTING and s.reaches_over(foot) for s in known)
+
+
+def heights_of(touches: Sequence[Touch], hand: Hand) -> tuple[Array, list[float], list[float]]:
+    """Spots (n, 2), heights and their standard deviations, m, without the uncertainty of the tip length,
+    which all touches share."""
+    spots = np.array([touch.spot for touch in touches])
+    return spots, [touch.height for touch in touches], [touch.height_std(hand) for touch in touches]
 
 
 def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
     """World z of the rigid surface under the fingertips, from all its touches.
 
-    `parts`: `penetration` (how far the pressed tip was below it), `compliance` where the surface
-    gives way, `soft onset` (world z) where something soft was pressed through, and `tilt` from
-    three touches on.
+    `parts`: `penetration` (of the pressed tip below it), `soft onset` (world z) where something soft was
+    pressed through, and `tilt` from three touches on.
 
     Raises:
         ValueError: a recording holds no samples, or no guarded descent comes before it.
@@ -209,26 +196,24 @@ def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Es
     recordings = probes(trace, parameter) or [declared]
     found = touches_of(trace, recordings)
     if not found:
-        return not_identified(parameter, UNIT, NOTHING, tuple(recordings))
-    spots = np.array([touch.spot for touch in found])
-    stds = [touch.height_std(trace.hand) for touch in found]
-    plane = fit_plane(spots, [touch.height for touch in found], stds)
+        nothing = "The descent ended with nothing pressing back on the fingertips."
+        return not_identified(parameter, UNIT, nothing, tuple(recordings))
+    plane, tip_std = fit_plane(*heights_of(found, trace.hand)), trace.hand.tip_offset_std
     made = Estimate.normal(
         parameter,
         UNIT,
         plane.height,
-        float(np.hypot(plane.std, trace.hand.tip_offset_std)),
-        _method(found, plane) + _ungauged(plane, trace.hand),
-        tuple(touch.recording for touch in found),
-        parts=_parts(found, plane),
-        tests=tuple(_tests(found, plane)),
+        float(np.hypot(plane.std, tip_std)),
+        method=height_method(found, plane, tip_std),
+        evidence=tuple(touch.recording for touch in found),
+        parts=height_parts(found, plane),
+        tests=tuple(height_tests(found, plane)),
         views=touch_views(found, plane, trace.hand),
     )
-    tip = Shared("length of the fingertips", "arm", (trace.hand.tip_offset_std,))
-    return replace(made, shared=(tip,))
+    return replace(made, shared=(Shared("length of the fingertips", "arm", (tip_std,)),))
 
 
-def _tests(found: Sequence[Touch], plane: Plane) -> Iterator[FitTest]:
+def height_tests(found: Sequence[Touch], plane: Plane) -> Iterator[FitTest]:
     """Goodness-of-fit tests of one rigid plane."""
     yield max(found, key=lambda touch: touch.at_most).firm()
     for touch in found:
@@ -242,7 +227,8 @@ def _tests(found: Sequence[Touch], plane: Plane) -> Iterator[FitTest]:
         )
 
 
-def _parts(found: Sequence[Touch], plane: Plane) -> dict[str, Part]:
+def height_parts(found: Sequence[Touch], plane: Plane) -> dict[str, Part]:
+    """Further results: largest penetration, onset of something soft, and tilt."""
     deepest = max(found, key=lambda touch: touch.penetration)
     depth = deepest.penetration
     share = tuning.CORRECTION if depth <= tuning.STIFF * deepest.full else tuning.YIELDING
@@ -256,18 +242,9 @@ def _parts(found: Sequence[Touch], plane: Plane) -> dict[str, Part]:
     return parts
 
 
-def _ungauged(plane: Plane, hand: Hand) -> str:
-    """Advice to calibrate, where the arm's own height is less certain than the touches."""
-    tip = hand.tip_offset_std
-    if tip < tuning.UNGAUGED or tip < plane.std:
-        return ""
-    return (
-        f" The arm's own height is known to ± {2e3 * tip:.0f} mm (95 %), as of one that nobody has "
-        "calibrated: touch something of known height (palpate calibrate --gauge)."
-    )
-
-
-def _method(found: Sequence[Touch], plane: Plane) -> str:
+def height_method(found: Sequence[Touch], plane: Plane, tip_std: float) -> str:
+    """Describe the touches, with advice to calibrate where the standard deviation of the tip length, m,
+    exceeds that of the touches."""
     last = found[-1]
     times = "" if len(found) == 1 else f" of {len(found)} touches"
     text = (
@@ -278,6 +255,67 @@ def _method(found: Sequence[Touch], plane: Plane) -> str:
     thickest = max(touch.soft for touch in found)
     if thickest > 0.0:
         text += f"; something soft above it, {1e3 * thickest:.0f} mm thick, was pressed through"
-    if plane.tilt is None:
+    if plane.tilt is not None:
+        text += f"; the plane through them leans by {np.degrees(plane.tilt[0]):.2f}°"
+    if tip_std < tuning.UNGAUGED or tip_std < plane.std:
         return f"{text}."
-    return f"{text}; the plane through them leans by {np.degrees(plane.tilt[0]):.2f}°."
+    return (
+        f"{text}. The arm's own height is known to ± {2e3 * tip_std:.0f} mm (95 %), as of one that nobody has "
+        "calibrated: touch something of known height (palpate calibrate --gauge)."
+    )
+
+
+class Tilt(Quantity):
+    """Slope of a surface along world x and along world y. The twin has it in `<custom>`."""
+
+    id = "tilt"
+    unit = TILT_UNIT
+    subject = "surface"
+    words: ClassVar = {
+        "en": ("tilt", "tilted", "slope", "inclination", "inclined", "lean", "levelness"),
+        "de": ("neigung",),
+        "es": ("inclinación",),
+        "fr": ("inclinaison",),
+        "it": ("inclinazione",),
+    }
+    size = 2
+    how = (
+        "MoveUntilContact -z over three free spots at least 50 mm apart and not in line, each with "
+        "MeasureGripperPose"
+    )
+    evidence = (replace(TOUCH, how=how, count=3),)
+    derived = True
+    estimators: ClassVar = {"plane": "palpate.quantities.height:estimate_tilt"}
+
+
+def estimate_tilt(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
+    """Tilt of a surface from the plane through all its touches; `parts`: `angle` from level.
+
+    Raises:
+        ValueError: a recording holds no samples, or no guarded descent comes before it.
+    """
+    recordings = tuple(probes(trace, parameter))
+    touches = touches_of(trace, recordings)
+    plane = fit_plane(*heights_of(touches, trace.hand)) if touches else None
+    if plane is None or plane.tilt is None or plane.slope is None or plane.slope_std is None:
+        few = (
+            f"{parameter.object} was touched at {len(touches)} spots; three that are {1e3 * tuning.APART:.0f} "
+            "mm apart and not in line show how it leans."
+        )
+        return not_identified(parameter, TILT_UNIT, few, recordings)
+    # The softest touch decides whether the surface is rigid.
+    tests = [max(touches, key=lambda touch: touch.at_most).firm()]
+    if plane.freedom:
+        finding = "The touches do not lie in one plane: something lies on it, or it is not plane."
+        tests.append(chi_squared("touch against touch", plane.misfit, plane.freedom, finding))
+    return Estimate.normal(
+        parameter,
+        TILT_UNIT,
+        plane.slope,
+        plane.slope_std,
+        method=f"The plane through {len(touches)} touches leans by {np.degrees(plane.tilt[0]):.2f}°.",
+        evidence=recordings,
+        parts={"angle": Part(*plane.tilt)},
+        tests=tuple(tests),
+        views=(plane_view(plane, *heights_of(touches, trace.hand), of_tilt=True),),
+    )

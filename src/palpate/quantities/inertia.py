@@ -16,24 +16,19 @@ from palpate.estimation.holds import Held, grasped, held, pose_in_hand
 from palpate.estimation.rigid import MASS, about_centre, linear, moved, of_box, pseudo_inertia
 from palpate.estimation.swung import contrast, swings
 from palpate.estimation.view import FitView
-from palpate.geometry.inertia import components
-from palpate.geometry.pose import Array, Pose
+from palpate.geometry.pose import Array, Pose, components
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.edits import Slot
-from palpate.mjcf.inertial.stated import com_of, inertia_for, inertia_is_open, mass_of
-from palpate.mjcf.inertial.written import Statement
-from palpate.mjcf.roles.elements import Elements
-from palpate.mjcf.whole import whole
+from palpate.mjcf.elements import Elements
+from palpate.mjcf.inertial import Statement, com_of, inertia_for, inertia_is_open, mass_of, whole
 from palpate.parameter import Parameter
 from palpate.quantities.contacts import tied_to
-from palpate.quantities.evidence import Evidence
-from palpate.quantities.quantity import Prior, Quantity, Status, Values
+from palpate.quantities.quantity import Evidence, Prior, Quantity, Status, Values, held_and_empty
 from palpate.trace.samples import FORCES, Trace
 
 UNIT = "kg·m²"
-
 BELIEVED = 0.5
-"""Part of the prior that is its 1 sigma: mass may sit at the rim or in the core."""
+"""1 sigma of the prior relative to its mean: mass may be at the rim or in the core."""
 
 
 class Inertia(Quantity):
@@ -53,23 +48,9 @@ class Inertia(Quantity):
     size = 6
     evidence = (
         Evidence(
-            FORCES,
-            "MeasureForces while held still in free air",
-            activity=("still",),
-            holding=True,
+            FORCES, "MeasureForces while held still in free air", activity=("still",), holding=True
         ),
-        Evidence(
-            FORCES,
-            "in a Parallel with Swing while it is held there",
-            activity=("swinging",),
-            holding=True,
-        ),
-        Evidence(
-            FORCES,
-            "in a Parallel with Swing at the same pose with the empty hand",
-            activity=("swinging",),
-            empty=True,
-        ),
+        *held_and_empty(FORCES, "Swing", "swinging", "there"),
     )
     how = f"{evidence[0].how}, and in a Parallel with Swing, held there and with the empty hand"
     derived = True
@@ -90,11 +71,11 @@ class Inertia(Quantity):
         if elements.inertial is not None:
             required = 3 if elements.inertial.get("fullinertia") is None else 0
             yield Slot(elements.inertial, "diaginertia", "0.001", required=required)
-            whole = ("1", "1", "1", "0", "0", "0")
-            yield Slot(elements.inertial, "fullinertia", "1", whole=whole)
+            identity = ("1", "1", "1", "0", "0", "0")
+            yield Slot(elements.inertial, "fullinertia", "1", whole=identity)
 
     def prior(self, body: BodyDescription, believed: Values) -> Prior:
-        """Of the object's shape, with the mass and the centre of mass that are believed."""
+        """Prior from the object's shape, with the believed mass and centre of mass."""
         mass = believed.get(Parameter(body.name, "mass"), (mass_of(body),))
         com = believed.get(Parameter(body.name, "com")) or com_of(body)
         mean = inertia_for(body, mass[0], com)
@@ -107,16 +88,16 @@ class Inertia(Quantity):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Swung:
+class SwungObject:
     """Linear observation of an object's ten inertial parameters by a sinusoidal swing.
 
     Attributes:
         observed, variance: (m,) signals of the load, and their variance.
-        load: (m, 10) what unit parameters in the tool's axes make of them.
-        rate: rad/s.
-        axis: which axis of the tool it is about.
-        pose_tcp_body: of the object in the hand as it was grasped.
-        droop: what has turned it since.
+        load: (m, 10) signals of unit parameters in the tool's axes.
+        rate: angular frequency, rad/s.
+        axis: index of the tool's axis that it is about.
+        pose_tcp_body: of the object in the hand at the grasp.
+        droop: its rotation in the fingers since then.
     """
 
     observed: Array
@@ -128,44 +109,40 @@ class _Swung:
     droop: Droop
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Evidence:
-    """All swings of an object, and how it was held still."""
-
-    swings: Sequence[_Swung]
-    held: Held
-    gravity: float
-
-
+# Parameters of the fit: ten inertial ones, compliance between pads and object about three axes, s², and
+# rotation in the fingers (`estimation.droop`).
+INERTIAL, GIVE, SOFTNESS = slice(0, 10), slice(10, 13), slice(13, 15)
 FASTER = 1.2
-"""Times the slowest rate: what a chart calls a fast swing."""
-
-GIVE, SOFTNESS = slice(10, 13), slice(13, 15)
-"""Indices of nuisance parameters behind the ten inertial ones: compliance between pads and object
-about three axes, s², and rotation in the fingers (`estimation.droop`)."""
+"""Least ratio to the slowest rate of a swing that a chart calls fast."""
 
 
 def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
     """Mass, centre of mass and inertia tensor of a physically consistent rigid body
     (`estimation.rigid`), from sinusoidal swings (`estimation.swung`) and from the static load.
 
-    What gives way between pads and object makes it seem to resist with more the faster it swings, by
-    the square of the frequency; that is fitted beside it, about each axis of the hand. Components
-    that the swings say little of keep the box's with its prior spread, and the method says so.
+    Compliance between pads and object increases the apparent inertia by the square of the frequency; it is
+    fitted too, about each axis of the hand. Components that the swings hardly excite keep those of the
+    box with their prior standard deviation, and the method says so.
     """
-    found = None if body is None else _evidence(trace, body)
-    if body is None or found is None:
+    still = None if body is None else held(trace, body)
+    if body is None or still is None or not (swung := observed_swings(trace, still, body)):
         return not_identified(
             parameter,
             UNIT,
             "The recordings hold no swing of the object with one of the empty hand at the same pose, "
             "so its inertia is not excited.",
         )
-    numbers, covariance, test = _fit(found, body)
-    theta = numbers[:10]
-    slopes = _slopes(theta)
+    numbers, covariance, test = fit_rigid_body(swung, still, trace.gravity, body)
+    theta = numbers[INERTIAL]
+    # Jacobian (6, 10) of the inertia about the centre of mass, by central differences.
+    steps = 1e-6 * np.eye(10)
+    columns = [(about_centre(theta + d) - about_centre(theta - d)) / (2.0 * 1e-6) for d in steps]
+    slopes = np.stack(columns, axis=1)
     value, std = about_centre(theta), np.sqrt(np.diag(slopes @ covariance @ slopes.T))
-    blind = std > tuning.BLIND * _believed(slopes, covariance, body)
+    # Prior of an object that was weighed and not swung: an unknown mass must not pass for an unknown inertia.
+    believed = prior_std(body)[INERTIAL]
+    believed[MASS] = np.sqrt(covariance[MASS, MASS])
+    blind = std > tuning.BLIND * np.sqrt(np.sum((slopes * believed) ** 2, axis=1))
     mass = float(np.exp(2.0 * theta[MASS]))
     parts = {"mass": Part(mass, 2.0 * mass * float(np.sqrt(covariance[0, 0])), "kg")}
     for name, place in zip("xyz", range(7, 10), strict=True):
@@ -176,80 +153,80 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
         UNIT,
         value,
         std,
-        _method(len(found.swings), blind.tolist()),
-        tuple(hold.recording for hold in found.held.holds),
-        "prior-dominated" if bool(blind[:3].all()) else "identified",
-        parts,
-        tests=(*found.held.load.tests, test),
+        method=swing_method(len(swung), blind.tolist()),
+        evidence=tuple(hold.recording for hold in still.holds),
+        verdict="prior-dominated" if bool(blind[:3].all()) else "identified",
+        parts=parts,
+        tests=(*still.load.tests, test),
         unseen=tuple(np.flatnonzero(blind).tolist()),
-        views=(_view(numbers, found),),
+        views=(swing_view(numbers, swung),),
     )
 
 
-def _evidence(trace: Trace, body: Body) -> _Evidence | None:
-    still = held(trace, body)
-    swung = [one for one in trace.recordings if one.context.activity == "swinging"]
-    if still is None or not swung:
-        return None
+def observed_swings(trace: Trace, still: Held, body: Body) -> list[SwungObject]:
+    """Swings of the object, each as a contrast with one of the empty hand."""
+    recordings = [r for r in trace.recordings if r.context.activity == "swinging"]
     noise = still.weighings[0].noise
-    empty = [one for r in swung if r.context.holding is None for one in swings(trace, r, noise)]
-    found: list[_Swung] = []
-    for recording in swung:
-        if recording.context.holding == body.name:
-            pose = pose_in_hand(trace, recording, body)
-            for swing, observed, spread in contrast(swings(trace, recording, noise), empty):
-                droop = still.droop(grasped(trace, recording, body), swing.time)
-                gain = trace.hand.torque_gain / np.sqrt(3.0) * observed
-                variance = spread + gain**2 + tuning.SWING_FLOOR**2
-                axis = int(np.abs(swing.pose.rotation.T @ swing.axis).argmax())
-                found.append(_Swung(observed, variance, swing.load, swing.rate, axis, pose, droop))
-    return _Evidence(found, still, trace.gravity) if found else None
+    unloaded = [recording for recording in recordings if recording.context.holding is None]
+    empty = [swing for recording in unloaded for swing in swings(trace, recording, noise)]
+    found: list[SwungObject] = []
+    for recording in recordings:
+        if recording.context.holding != body.name:
+            continue
+        pose = pose_in_hand(trace, recording, body)
+        for swing, observed, spread in contrast(swings(trace, recording, noise), empty):
+            droop = still.droop(grasped(trace, recording, body), swing.time)
+            # `torque_gain` is the half width of a uniform distribution.
+            gain = trace.hand.torque_gain / np.sqrt(3.0) * observed
+            variance = spread + gain**2 + tuning.SWING_FLOOR**2
+            axis = int(np.abs(swing.pose.rotation.T @ swing.axis).argmax())
+            found.append(SwungObject(observed, variance, swing.load, swing.rate, axis, pose, droop))
+    return found
 
 
-def _fit(found: _Evidence, body: Body) -> tuple[Array, Array, FitTest]:
+def fit_rigid_body(
+    swung: Sequence[SwungObject], still: Held, gravity: float, body: Body
+) -> tuple[Array, Array, FitTest]:
     """Fit the ten inertial parameters in the body frame with the compliance about three axes, by
     Gauss-Newton from those of a uniform box (Nocedal and Wright, Numerical Optimization, section
-    10.3). Returns all numbers (15,), the covariance of the ten, inflated where the swings disagree, and
-    the test of that."""
-    from scipy.optimize import least_squares  # takes longer to load than most plans to make
+    10.3). Returns all parameters (15,), the covariance of the inertial ones, inflated where the swings
+    disagree, and the test of that."""
+    from scipy.optimize import least_squares  # takes longer to import than most plans to compute
 
-    mass = found.held.load.force / found.gravity
+    mass = still.load.force / gravity
     box = of_box(max(mass, 1e-3), body.centre, body.size)
     start = np.concatenate([box, np.zeros(3), EXPECTED])
-    spread = _spread(body)
+    spread = prior_std(body)
 
-    def misfit(numbers: Array) -> Array:
-        swung = _swung(numbers, found)
-        return np.concatenate([*swung, _hanging(numbers, found), (numbers - start) / spread])
+    def residuals(numbers: Array) -> Array:
+        swings, load = swing_residuals(numbers, swung), load_residuals(numbers, still, gravity)
+        return np.concatenate([swings, load, (numbers - start) / spread])
 
-    solved: Any = least_squares(misfit, start, x_scale=spread)
+    solved: Any = least_squares(residuals, start, x_scale=spread)
     numbers, slopes = np.asarray(solved.x, float), np.asarray(solved.jac, float)
-    left = np.concatenate(_swung(numbers, found))
+    left = swing_residuals(numbers, swung)
     covariance = np.linalg.inv(slopes.T @ slopes)
-    misfit_squared, freedom = float(left @ left), _freedom(slopes[: len(left)], covariance)
-    # What joints feel beside one rigid body counts as noise (Birge ratio).
-    covariance = covariance * max(1.0, misfit_squared / freedom)
+    # Effective degrees of freedom: number of residuals less their leverage tr(J P Jᵀ), which counts a
+    # parameter as far as the data determine it and not the prior (Hastie, Tibshirani and Friedman, The
+    # Elements of Statistical Learning, section 7.6).
+    rows = slopes[: len(left)]
+    leverage = float(np.einsum("ij,jk,ik->", rows, covariance, rows))
+    misfit, freedom = float(left @ left), max(1.0, len(left) - leverage)
+    # Deviations from a single rigid body count as noise (Birge ratio).
+    covariance = covariance * max(1.0, misfit / freedom)
     test = chi_squared(
         "swings agree",
-        misfit_squared,
+        misfit,
         round(freedom),
         "The swings do not fit one rigid body: something in the object moves, or it moves in the "
         "fingers.",
-        found.held.load.freedom,
+        still.load.freedom,
     )
-    return numbers, covariance[:10, :10].astype(np.float64), test
+    return numbers, covariance[INERTIAL, INERTIAL].astype(np.float64), test
 
 
-def _freedom(slopes: Array, covariance: Array) -> float:
-    """Effective degrees of freedom of residuals with Jacobian `slopes` (n, k): n less the leverage
-    tr(J P Jᵀ), which counts a parameter as far as the data determine it and not the prior (Hastie,
-    Tibshirani and Friedman, The Elements of Statistical Learning, section 7.6)."""
-    leverage = float(np.einsum("ij,jk,ik->", slopes, covariance, slopes))
-    return max(1.0, len(slopes) - leverage)
-
-
-def _spread(body: Body) -> Array:
-    """(15,) 1 sigma of what is believed of the numbers before they are measured."""
+def prior_std(body: Body) -> Array:
+    """(15,) 1 sigma of the prior of the fit's parameters."""
     radii = body.size / np.sqrt(12.0)
     skew = tuning.SKEW_PRIOR * radii[[0, 0, 1]]
     centre = tuning.COM_PRIOR * np.maximum(body.size, 1e-3)
@@ -257,77 +234,65 @@ def _spread(body: Body) -> Array:
     return np.concatenate([mass, radius, skew, centre, [tuning.GIVE_PRIOR] * 3, SPREAD])
 
 
-def _believed(slopes: Array, covariance: Array, body: Body) -> Array:
-    """(6,) 1 sigma of the inertia by its `slopes` (6, 10), of a body that was weighed but not swung: a mass
-    of which nothing is believed must not pass for an inertia of which nothing is."""
-    spread = _spread(body)[:10]
-    spread[MASS] = np.sqrt(covariance[MASS, MASS])
-    return np.sqrt(np.sum((slopes * spread) ** 2, axis=1))
-
-
-def _swung(numbers: Array, found: _Evidence) -> list[Array]:
-    """Residuals of each swing, in standard deviations."""
-    pairs = zip(found.swings, _made(numbers, found), strict=True)
-    return [(one.observed - made) / np.sqrt(one.variance) for one, made in pairs]
-
-
-def _made(numbers: Array, found: _Evidence) -> Iterator[Array]:
-    """Predicted signals (m,) of each swing, N m."""
-    pseudo = pseudo_inertia(numbers[:10])
-    for one in found.swings:
+def predicted_swings(numbers: Array, swung: Sequence[SwungObject]) -> Iterator[Array]:
+    """Predict the signals (m,) of each swing, N m."""
+    pseudo = pseudo_inertia(numbers[INERTIAL])
+    for one in swung:
         pose = one.droop.turned(one.pose_tcp_body, numbers[SOFTNESS])
+        # Of a driven oscillator far below its resonance: the amplitude grows by 1 + c ω².
         gives = 1.0 + numbers[GIVE][one.axis] * one.rate**2
         yield gives * one.load @ linear(moved(pseudo, pose))
 
 
-def _view(numbers: Array, found: _Evidence) -> FitView:
-    """Torques of the load in each joint, swing by swing, against the rigid body's."""
-    rates = np.repeat([one.rate for one in found.swings], len(found.swings[0].observed))
+def swing_residuals(numbers: Array, swung: Sequence[SwungObject]) -> Array:
+    """Residuals of all swings, in standard deviations."""
+    pairs = zip(swung, predicted_swings(numbers, swung), strict=True)
+    return np.concatenate([(one.observed - made) / np.sqrt(one.variance) for one, made in pairs])
+
+
+def swing_view(numbers: Array, swung: Sequence[SwungObject]) -> FitView:
+    """Torques of the load in each joint, swing by swing, against those of the rigid body."""
+    rates = np.repeat([one.rate for one in swung], len(swung[0].observed))
     hertz = " and ".join(f"{rate:.1f}" for rate in sorted(set((rates / (2.0 * np.pi)).round(1))))
-    made = np.concatenate(list(_made(numbers, found)))
+    predicted = 1e3 * np.concatenate(list(predicted_swings(numbers, swung)))
     return FitView(
         name="Torques of the load in the joints as the hand swings.",
-        note=f"{len(found.swings)} swings at {hertz} Hz, less the same swings of the empty hand, each joint by "
+        note=f"{len(swung)} swings at {hertz} Hz, less the same swings of the empty hand, each joint by "
         "itself, against those of the fitted rigid body.",
         axes=("by the rigid body (mN·m)", "measured (mN·m)"),
-        x=1e3 * made,
-        measured=1e3 * np.concatenate([one.observed for one in found.swings]),
-        predicted=1e3 * made,
-        std=1e3 * np.sqrt(np.concatenate([one.variance for one in found.swings])),
+        x=predicted,
+        measured=1e3 * np.concatenate([one.observed for one in swung]),
+        predicted=predicted,
+        std=1e3 * np.sqrt(np.concatenate([one.variance for one in swung])),
         groups=["fast swings" if rate > FASTER * rates.min() else "slow swings" for rate in rates],
     )
 
 
-def _hanging(numbers: Array, found: _Evidence) -> Array:
+def load_residuals(numbers: Array, still: Held, gravity: float) -> Array:
     """Residuals of the static load, in standard deviations."""
-    pseudo, load = pseudo_inertia(numbers[:10]), found.held.load
-    made = [float(pseudo[3, 3]) * found.gravity]
-    for hold in found.held.holds:
+    pseudo, load = pseudo_inertia(numbers[INERTIAL]), still.load
+    predicted = [float(pseudo[3, 3]) * gravity]
+    for hold in still.holds:
         pose = hold.droop.turned(hold.pose_tcp_body, numbers[SOFTNESS])
         tool = linear(moved(pseudo, pose))
-        x, y, _ = hold.pose_world_tcp.rotation @ tool[1:4] * found.gravity
-        made += [y, -x]
+        # Torque of the weight about the TCP: (y, -x) of the first moment times g.
+        x, y, _ = hold.pose_world_tcp.rotation @ tool[1:4] * gravity
+        predicted += [y, -x]
     root = np.linalg.cholesky(load.covariance)
-    left: Array = np.linalg.solve(root, load.value - np.array(made)).astype(np.float64)
+    left: Array = np.linalg.solve(root, load.value - np.array(predicted)).astype(np.float64)
     return left
 
 
-def _slopes(theta: Array) -> Array:
-    """(6, 10) of the inertia about the centre of mass, by the ten numbers."""
-    step = 1e-6
-    columns: list[Array] = []
-    for one in step * np.eye(10):
-        columns.append((about_centre(theta + one) - about_centre(theta - one)) / (2.0 * step))
-    return np.stack(columns, axis=1)
-
-
-def _method(swings: int, blind: Sequence[bool]) -> str:
+def swing_method(swings: int, blind: Sequence[bool]) -> str:
+    """Describe the swings and the components without evidence."""
     method = (
-        f"What the object resists {swings} swings about three axes of the hand with, against the same "
-        "swings of the empty hand, and how it hangs, fitted together by a rigid body that there can be"
+        f"Resistance of the object to {swings} swings about three axes of the hand, against the same swings of "
+        "the empty hand, and its static load, fitted by one physically possible rigid body"
     )
     names = ("xx", "yy", "zz", "xy", "xz", "yz")
     weak = [name for name, unseen in zip(names, blind, strict=True) if unseen]
     if weak:
-        method += f"; of {', '.join(weak)} they say little: the box's, prior-dominated"
+        method += (
+            f"; hardly excited and kept at the box's value: {', '.join(weak)} (prior-dominated)"
+        )
     return method + "."

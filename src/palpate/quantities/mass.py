@@ -17,45 +17,37 @@ from palpate.estimation.load.segments import Segment, referenced, weighing
 from palpate.estimation.load.weighing import alone, single_shot, weigh
 from palpate.estimation.view import FitView, constant, unit_slopes
 from palpate.mjcf.body import Body, BodyDescription
-from palpate.mjcf.document import Element
 from palpate.mjcf.edits import Slot
-from palpate.mjcf.inertial.stated import mass_beside, mass_is_open, mass_of, unweighed_geoms
-from palpate.mjcf.inertial.written import Statement
-from palpate.mjcf.roles.elements import Elements
+from palpate.mjcf.elements import Elements
+from palpate.mjcf.inertial import Statement, mass_beside, mass_is_open, mass_of, unweighed_geoms
 from palpate.parameter import Parameter
 from palpate.quantities.contacts import tied_to
-from palpate.quantities.evidence import Evidence
-from palpate.quantities.precision.effort import Effort, Site
-from palpate.quantities.quantity import Prior, Quantity, Status, Values
+from palpate.quantities.quantity import Effort, Evidence, Prior, Quantity, Site, Status, Values
 from palpate.robots.pace import configuration
 from palpate.trace.samples import FORCES, Trace
 
 UNIT = "kg"
-
 PRIOR_DENSITY = 500.0
 """kg/m³: between hollow household things and wood."""
-
 PRIOR_MASS = (0.02, 1.5)
 """kg: bounds of the prior, from a plastic cup to a full bottle."""
-
 PRIOR_FACTOR = 2.0
 """A hidden mass is drawn within this factor of the prior, and the prior's 1 sigma is half of it."""
-
-
-SENSED = 1000.0
-"""1/s: how often joint torques are sensed, each with the noise that an arm's description states."""
-
+SAMPLING = 1000.0
+"""1/s: sampling rate of joint torques, each sample with the noise of the arm's description."""
 SLOWEST = 1.5 * tuning.PASS_SPEED
 """m/s of a pass, at which joints still slide all the way."""
-
 SPEEDS = 8
-"""Speeds of a pass that are weighed against each other."""
-
+"""Number of speeds of a pass that are compared."""
 ROUND = 8.0
 """s of a further round without its passes: from home to the object, and back."""
-
 MOST_CYCLES = 4
-"""In one tree; what they do not reach is measured again."""
+"""Cycles in one tree at most; what noise they leave is reduced by another round."""
+WHOLE = (
+    " Fitted together with all motion in free air for 15 s around it: noise alone accounts for the residuals "
+    "of a model of the arm's links, sensors and friction there."
+)
+LIGHT = " The object is too light for this scatter: the bound of a positive mass says as much as the forces."
 
 
 class Mass(Quantity):
@@ -101,11 +93,13 @@ class Mass(Quantity):
             yield Slot(elements.inertial, "mass", "1", required=1)
 
     def prior(self, body: BodyDescription, believed: Values) -> Prior:
-        """Of its volume, and what the file states of some of its parts."""
-        weighed = mass_beside(body)
-        volume = sum(body.shapes.volume(geom) for geom in _unweighed(body))
+        """Prior from the volume of the geoms without a mass, plus the masses that the file states."""
+        geoms = unweighed_geoms(body)
+        # Where all of the open geoms are visual, the volume of the colliding ones counts.
+        solid = [geom for geom in body.elements.colliding if geom in geoms]
+        volume = sum(body.shapes.volume(geom) for geom in solid or body.elements.colliding)
         mass = float(np.clip(volume * PRIOR_DENSITY, *PRIOR_MASS))
-        return Prior((weighed + mass,), (0.5 * mass,))
+        return Prior((mass_beside(body) + mass,), (0.5 * mass,))
 
     def draw(self, body: Body, prior: Prior, random: np.random.Generator) -> tuple[float, ...]:
         """Log-uniform within `PRIOR_FACTOR` of the prior, plus the part that the file states."""
@@ -115,21 +109,22 @@ class Mass(Quantity):
         return (stated + float(np.clip(unknown * factor, *PRIOR_MASS)),)
 
     def floor(self, site: Site) -> float:
-        """By the gains of the joints' sensors."""
-        weight, gravity, hand = site.believed[0] * site.gravity, site.gravity, site.arm.nominal
-        return _lift(site, None).floor(1, site.arm.pace.speed, weight, gravity, hand) / gravity
+        """Uncertainty by the gains of the joint torque sensors."""
+        gravity, arm = site.gravity, site.arm
+        weight, lift = site.believed[0] * gravity, predicted_lift(site, None)
+        return lift.floor(1, arm.pace.speed, weight, gravity, arm.nominal) / gravity
 
     def effort(self, site: Site, std: float, trace: Trace | None) -> Effort:
-        """Cycles of an empty and a loaded pass each way, as fast and as few as will do: slow passes
-        average white noise, and more of them what is slower."""
-        lift, gravity, hand = _lift(site, trace), site.gravity, site.arm.nominal
+        """Cycles of an empty and a loaded pass each way, in the least time that suffices: slow passes
+        average white noise, more cycles average slower noise."""
+        lift, gravity, hand = predicted_lift(site, trace), site.gravity, site.arm.nominal
         weight = site.believed[0] * gravity
         least, best = np.inf, Effort()
         for speed in np.geomspace(SLOWEST, site.arm.pace.speed, SPEEDS).round(3).tolist():
             for cycles in range(1, MOST_CYCLES + 1):
                 left = lift.noise(cycles, speed, weight, gravity, hand) / gravity
                 enough, takes = left <= std, cycles * lift.seconds(speed)
-                # What is missed takes as much again and again, in another round.
+                # Variance falls with the number of repetitions, each in another round.
                 cost = takes if enough else takes * (left / std) ** 2 + ROUND
                 if cost < least:
                     least, best = cost, Effort(cycles, speed)
@@ -140,19 +135,12 @@ class Mass(Quantity):
     def write(
         self, body: BodyDescription, value: tuple[float, ...], std: float | None
     ) -> Iterator[Statement]:
-        """Into `<inertial>` where there is one, else on the geoms that lack a mass."""
+        """Write into `<inertial>` where there is one, else on the geoms that lack a mass."""
         yield Statement(mass=value[0], std=std)
 
 
-def _unweighed(body: BodyDescription) -> Sequence[Element]:
-    """The colliding geoms whose mass is open; all of them where none of those is."""
-    geoms = unweighed_geoms(body)
-    return [geom for geom in body.elements.colliding if geom in geoms] or body.elements.colliding
-
-
-def _lift(site: Site, trace: Trace | None) -> Lift:
-    """The lift at a site, with the noise that the arm's description states of its signals, or with
-    that of a trace."""
+def predicted_lift(site: Site, trace: Trace | None) -> Lift:
+    """Predict the lift at a site, with the signal noise of the arm's description or of a trace."""
     arm, base = site.arm, site.pose_world_base
     assert arm.nominal.chain is not None
     poses = [base.inverse() @ pose for pose in (site.grasp, site.above)]
@@ -160,7 +148,8 @@ def _lift(site: Site, trace: Trace | None) -> Lift:
     observed = observation_of_torques(
         np.zeros((0, len(arm.joints))), arm.nominal.chain, base.rotation
     )
-    white, flicker = arm.sensors.torque_noise**2 / SENSED, np.zeros(len(arm.joints))
+    # Power spectral density of white noise: variance over sampling rate.
+    white, flicker = arm.sensors.torque_noise**2 / SAMPLING, np.zeros(len(arm.joints))
     recording = trace.converted(site.parameter) if trace is not None else None
     if trace is not None and recording is not None:
         noise = weighing(trace, recording).noise
@@ -170,10 +159,10 @@ def _lift(site: Site, trace: Trace | None) -> Lift:
 
 
 def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """The load's vertical force over g, against the same rests and passes without the object.
+    """Vertical force of the load over g, as a contrast with the same rests and passes without the object.
 
-    `parts` holds the bare mean of F_z/g of the same recording as `single-shot`, and what rests and
-    passes say on their own (`rests`, `passes`).
+    `parts` holds the mean of F_z/g of the recording alone as `single-shot`, and the estimates from rests
+    alone and from passes alone (`rests`, `passes`).
 
     Raises:
         ValueError: the recording holds no samples or no held object.
@@ -183,42 +172,33 @@ def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
         return not_measured(parameter, UNIT)
     weight = weigh(trace, recording)
     parts = {"single-shot": single_shot(trace, recording), **alone(trace, weight.weighings)}
-    method = _method(weight.segments)
+    method = contrast_method(weight.segments)
     if weight.whole is not None:
         method += WHOLE
-    if weight.ci95[0] == 0.0:
+    if weight.ci95[0] == 0.0:  # the interval was cut at 0
         method += LIGHT
     return Estimate(
         parameter,
         UNIT,
-        np.array([weight.mass]),
-        np.array([weight.std]),
-        np.array([weight.ci95]),
-        method,
-        (recording,),
-        weight.verdict,
-        parts,
-        weight.tests,
-        weight.shared,
-        weight.freedom,
+        values=np.array([weight.mass]),
+        stds=np.array([weight.std]),
+        intervals=np.array([weight.ci95]),
+        method=method,
+        evidence=(recording,),
+        verdict=weight.verdict,
+        parts=parts,
+        tests=weight.tests,
+        shared=weight.shared,
+        freedom=weight.freedom,
         views=(weight.view(trace.gravity),),
     )
 
 
-WHOLE = (
-    " Together with all that the arm did in free air for 15 s around it: its noise alone accounts for what "
-    "a model of its links, sensors and friction leaves there."
-)
-LIGHT = (
-    " The object is too light for this scatter: that a mass is positive says as much as the forces."
-)
-
-
 def estimate_single_shot(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """The paper's Force2Mass: the mean of F_z / g while the object is held still.
+    """Mean of F_z / g while the object is held still, the paper's Force2Mass.
 
-    Nothing is compared with the empty hand, so what the arm reads without any load is part of the
-    result, and its bound part of the standard deviation.
+    There is no contrast with the empty hand: the result contains the arm's bias, and the standard
+    deviation its bound.
     """
     recording = trace.converted(parameter)
     if recording is None:
@@ -246,7 +226,8 @@ def estimate_single_shot(trace: Trace, parameter: Parameter, body: Body | None) 
     )
 
 
-def _method(found: Sequence[Segment]) -> str:
+def contrast_method(found: Sequence[Segment]) -> str:
+    """Describe the contrast: the number of rests and passes, loaded and empty."""
     if not referenced(found):
         return (
             "Mean vertical force while held still, over g; no unloaded pass or rest at the same pose was "

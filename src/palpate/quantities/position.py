@@ -16,30 +16,24 @@ from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.document import UNKNOWN, has_unknown, label, tokens
 from palpate.mjcf.edits import Edit, Slot, number, unknown_only
-from palpate.mjcf.roles.elements import Elements
+from palpate.mjcf.elements import Elements
 from palpate.parameter import Parameter
-from palpate.quantities.evidence import Evidence
-from palpate.quantities.quantity import Prior, Quantity, Status, Values
+from palpate.quantities.quantity import Evidence, Prior, Quantity, Status, Values
 from palpate.trace.recording import Recording
 from palpate.trace.samples import POSE, Trace
 
 UNIT = "m"
-
 PRIOR_POSITION = (0.5, 0.0)
-"""m, of an object whose place nobody gave."""
-
+"""m, of an object without a given place: the middle of the workspace."""
 UNPLACED, PLACED = 0.25, 0.01
-"""m (1 sigma): of a place nobody gave, and of one that came with the poses."""
-
+"""m (1 sigma) of the prior without a given place, and with one from the poses."""
+TRUE_SHIFT = 0.003
+"""m: largest deviation of a hidden position from the believed one, per axis."""
 METHOD = (
     "The fingers centre the object between them as they close: along that direction the middle of its "
-    "shapes is where the hand is. Across it, nothing is felt: there it is where the scene has it."
+    "shapes is at the hand. Across it there is no evidence: the position is that of the scene."
 )
-
 ELSEWHERE = "It was measured where the object had been dragged or carried to, which does not say where it stood."
-
-TRUE_SHIFT = 0.003
-"""m: how far a hidden position is from the believed one, per axis."""
 
 
 class Position(Quantity):
@@ -76,24 +70,17 @@ class Position(Quantity):
     def prior(self, body: BodyDescription, believed: Values) -> Prior:
         """Prior from the poses; else from the numbers that the file states, with the middle of the
         workspace for the others."""
-        usual, spread = PRIOR_POSITION, UNPLACED
-        if body.given is not None:
-            x, y, _ = body.given.position.tolist()
-            usual, spread = (x, y), PLACED
-        mean: list[float] = []
-        std: list[float] = []
-        stated = tokens(body.elements.element.get("pos"))
-        for part, middle in zip(stated[:2], usual, strict=True):
-            if part == UNKNOWN:
-                mean.append(middle)
-                std.append(spread)
-            else:
-                mean.append(float(part) if body.given is None else middle)
-                std.append(0.0)
-        return Prior(tuple(mean), tuple(std))
+        stated = tokens(body.elements.element.get("pos"))[:2]
+        if body.given is None:
+            pairs = zip(stated, PRIOR_POSITION, strict=True)
+            mean = [usual if part == UNKNOWN else float(part) for part, usual in pairs]
+            spread = UNPLACED
+        else:
+            mean, spread = body.given.position[:2].tolist(), PLACED
+        return Prior(tuple(mean), tuple(spread if part == UNKNOWN else 0.0 for part in stated))
 
     def draw(self, body: Body, prior: Prior, random: np.random.Generator) -> tuple[float, ...]:
-        """Up to `TRUE_SHIFT` off."""
+        """Draw uniformly up to `TRUE_SHIFT` around the prior."""
         scale = np.full(2, TRUE_SHIFT)
         shift = random.uniform(-scale, scale) * (np.array(prior.std) > 0)
         return tuple(float(v) for v in np.array(prior.mean) + shift)
@@ -102,7 +89,7 @@ class Position(Quantity):
         self, body: BodyDescription, value: tuple[float, ...], std: float | None
     ) -> Iterator[Edit]:
         element = body.elements.element
-        _refuse_moved(body)
+        require_world_frame(body)
         texts = {i: number(v, std) for i, v in enumerate(value[:2])}
         yield Edit(element, "pos", unknown_only(element, "pos", texts), "0 0 0")
 
@@ -111,11 +98,11 @@ class Position(Quantity):
         return Pose.of((x, y, body.pose_world.position[2]), body.pose_world.quaternion)
 
     def follows(self, body: BodyDescription, believed: Values) -> Iterator[Edit]:
-        """An open z: the object stands where it was given, else on the surface below it."""
+        """Fill an open z: as given by the poses, else standing on the surface below."""
         element = body.elements.element
         if not has_unknown(element, "pos", 2):
             return
-        _refuse_moved(body)
+        require_world_frame(body)
         z = body.given_z
         if z is None:
             support = support_z(body, believed)
@@ -125,10 +112,8 @@ class Position(Quantity):
 
 
 def support_z(body: BodyDescription, believed: Values) -> float | None:
-    """World z of the highest surface below the middle of an object, the ground without one, m.
-
-    None while the height of a surface below it is unknown.
-    """
+    """World z of the highest surface below the middle of an object, m; 0, the ground, without one. None
+    while the height of a surface below it is unknown."""
     tops: list[float] = []
     for surface in body.surfaces_below():
         height = believed.get(Parameter(surface.name, "height"))
@@ -138,7 +123,8 @@ def support_z(body: BodyDescription, believed: Values) -> float | None:
     return max(tops, default=0.0)
 
 
-def _refuse_moved(body: BodyDescription) -> None:
+def require_world_frame(body: BodyDescription) -> None:
+    """Require that the element's `pos` is in the world; raises InputError inside a frame that moves it."""
     outer = body.elements.moved_by()
     if outer is not None:
         raise InputError(
@@ -150,9 +136,9 @@ def _refuse_moved(body: BodyDescription) -> None:
 def estimate_position(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
     """World x-y of the object's frame, from its grasps.
 
-    The fingers centre its shapes between them: along the closing direction, the middle of the box
-    around them is where the hand is. Across it they leave it where it was believed to stand; a
-    component of which that says more than the fingers is as it was believed.
+    Closing, the fingers centre the object: along that direction the middle of its bounding box is at the
+    TCP. Across it the fingers give no evidence, and the believed position stays; a component in which that
+    uncertainty dominates is prior-dominated.
 
     Raises:
         ValueError: the recording holds no samples.
@@ -166,26 +152,32 @@ def estimate_position(trace: Trace, parameter: Parameter, body: Body | None) -> 
     hand = mean_pose(samples)
     closing = hand.rotation[:2, 1] / np.linalg.norm(hand.rotation[:2, 1])
     spread = (samples.pose_world_tcp[:, :2] @ closing).std() / np.sqrt(len(samples))
-    felt = closing * np.linalg.norm([spread, trace.hand.pose_repeatability, tuning.CENTRING])
+    measured = closing * np.linalg.norm([spread, trace.hand.pose_repeatability, tuning.CENTRING])
     across = np.array([-closing[1], closing[0]])
-    accuracy = None if body is None else body.accuracy
+    value, accuracy = hand.position[:2], None
+    if body is not None:
+        # The believed frame, moved along the closing direction until its middle is at the TCP.
+        accuracy, middle = body.accuracy, body.pose_world.apply(body.centre)[:2]
+        value = body.pose_world.position[:2] + closing * float(closing @ (value - middle))
     believed = across * (accuracy or PLACED)
-    unseen = np.abs(believed) > np.abs(felt)
+    unseen = np.abs(believed) > np.abs(measured)
     return Estimate.normal(
         parameter,
         UNIT,
-        _frame(hand.position[:2], closing, body),
-        np.hypot(felt, believed),
+        value,
+        np.hypot(measured, believed),
         METHOD,
-        (recording,),
-        "prior-dominated" if unseen.all() else "identified",
+        evidence=(recording,),
+        verdict="prior-dominated" if unseen.all() else "identified",
         unseen=tuple(np.flatnonzero(unseen).tolist()),
-        views=tuple(_views(trace, recording, hand.position[:2], closing)),
+        views=tuple(grasp_views(trace, recording, hand.position[:2], closing)),
     )
 
 
-def _views(trace: Trace, recording: Recording, hand: Array, closing: Array) -> Iterator[FitView]:
-    """Place of the hand along the direction `closing` (2,) in which the fingers close."""
+def grasp_views(
+    trace: Trace, recording: Recording, hand: Array, closing: Array
+) -> Iterator[FitView]:
+    """Deviation of the hand from `hand` (2,) along the direction `closing` (2,) in which the fingers close."""
     samples = closing_samples(trace, recording)
     if samples is None:
         return
@@ -202,12 +194,3 @@ def _views(trace: Trace, recording: Recording, hand: Array, closing: Array) -> I
         groups="the hand",
         slopes=1e3 * np.tile(closing, (len(samples), 1)),
     )
-
-
-def _frame(hand: Array, closing: Array, body: Body | None) -> Array:
-    """(2,) x-y of the frame of an object between fingers at `hand` (2,) that close along `closing`
-    (2,): as believed, but for how far its middle is from theirs along that."""
-    if body is None:
-        return hand
-    middle = body.pose_world.apply(body.centre)[:2]
-    return body.pose_world.position[:2] + closing * float(closing @ (hand - middle))

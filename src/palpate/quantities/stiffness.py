@@ -15,9 +15,9 @@ from palpate.estimation.contact.touch import Touch, touches_of
 from palpate.estimation.estimate import Z95, Estimate, Part, Shared, not_identified
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
-from palpate.quantities.evidence import Evidence
+from palpate.quantities.height import TOUCH
 from palpate.quantities.quantity import Quantity
-from palpate.trace.samples import POSE, Trace
+from palpate.trace.samples import Trace
 
 UNIT = "N/m"
 
@@ -36,14 +36,7 @@ class Stiffness(Quantity):
         "fr": ("rigidité", "raideur"),
         "it": ("rigidezza", "rigidità"),
     }
-    evidence = (
-        Evidence(
-            POSE,
-            "MoveUntilContact -z over a free spot, MeasureGripperPose",
-            activity=("contact",),
-            distinct="place",
-        ),
-    )
+    evidence = (TOUCH,)
     derived = True
     estimators: ClassVar = {"spring": "palpate.quantities.stiffness:estimate_stiffness"}
 
@@ -51,7 +44,7 @@ class Stiffness(Quantity):
 def estimate_stiffness(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
     """Stiffness of a surface from every guarded descent on it, and `first contact` (world z, m).
 
-    What is estimated is the compliance; its interval, turned over, is the stiffness's.
+    The compliance is estimated; the interval of the stiffness is the reciprocal of its interval.
 
     Raises:
         ValueError: a recording holds no samples, or no guarded descent comes before it.
@@ -63,6 +56,7 @@ def estimate_stiffness(trace: Trace, parameter: Parameter, body: Body | None) ->
         nothing = f"No descent pressed on {parameter.object}."
         return not_identified(parameter, UNIT, nothing, recordings)
     common = trace.hand.tip_compliance_std
+    # The compliance of the tips is in every touch: it is no noise that a mean averages.
     own = [float(np.sqrt(spring.compliance_std**2 - common**2)) for spring in found]
     weights = np.array(own) ** -2.0
     compliances = np.array([spring.compliance for spring in found])
@@ -71,23 +65,29 @@ def estimate_stiffness(trace: Trace, parameter: Parameter, body: Body | None) ->
     most = max(spring.at_most(2.0) for spring in found)
     if most < tuning.RIGID or mean < std / tuning.RESOLVED:
         stiffer = 1.0 / (most if most < tuning.RIGID else max(mean, 0.0) + Z95 * std)
-        resolved = (
-            f"What stopped the fingertips on {parameter.object} is stiffer than {_rounded(stiffer)} N/m, as "
-            "stiff as a table is: how stiff, pressing with the fingertips does not tell."
+        rounded = f"{float(f'{stiffer:.2g}'):.0f}"  # two digits
+        reason = (
+            f"What stopped the fingertips on {parameter.object} is stiffer than {rounded} N/m, as "
+            "stiff as a table: pressing with the fingertips does not resolve it."
         )
-        return not_identified(parameter, UNIT, resolved, recordings)
+        return not_identified(parameter, UNIT, reason, recordings)
     misfit = float(np.sum(weights * (compliances - mean) ** 2))
     ends = (1.0 / (mean + Z95 * std), 1.0 / (mean - Z95 * std))
+    times = "" if len(found) == 1 else f", {len(found)} times"
+    first = float(np.mean([spring.first for spring in found]))
+    first_std = float(np.hypot(trace.hand.tip_offset_std, trace.hand.pose_repeatability))
     return Estimate(
         parameter,
         UNIT,
-        np.array([1.0 / mean]),
-        np.array([(ends[1] - ends[0]) / (2.0 * Z95)]),
-        np.array([ends]),
-        _method(len(found)),
-        recordings,
-        parts={"first contact": Part(_height(found), _height_std(trace), "m")},
-        tests=tuple(_tests(found, touches, misfit)),
+        values=np.array([1.0 / mean]),
+        stds=np.array([(ends[1] - ends[0]) / (2.0 * Z95)]),
+        intervals=np.array([ends]),
+        method=f"Slope of the force over the fingertips' depth as both pressed on it{times}, with the arm's "
+        "inertia and friction and what the surface dissipates taken out.",
+        evidence=recordings,
+        parts={"first contact": Part(first, first_std, "m")},
+        tests=tuple(spring_tests(found, touches, misfit)),
+        # Error propagation of k = 1/c.
         shared=(Shared("what the fingertips give way", "arm", (common / mean**2,)),),
         views=tuple(
             spring_view(touch.spring, mean, trace.hand.tip_compliance, touch.recording.start)
@@ -96,15 +96,9 @@ def estimate_stiffness(trace: Trace, parameter: Parameter, body: Body | None) ->
     )
 
 
-def _height(found: Sequence[Spring]) -> float:
-    return float(np.mean([spring.first for spring in found]))
-
-
-def _height_std(trace: Trace) -> float:
-    return float(np.hypot(trace.hand.tip_offset_std, trace.hand.pose_repeatability))
-
-
-def _tests(found: Sequence[Spring], touches: Sequence[Touch], misfit: float) -> Iterator[FitTest]:
+def spring_tests(
+    found: Sequence[Spring], touches: Sequence[Touch], misfit: float
+) -> Iterator[FitTest]:
     """Goodness-of-fit tests of one linear spring under both fingers."""
     yield FitTest(
         "one spring",
@@ -116,24 +110,11 @@ def _tests(found: Sequence[Spring], touches: Sequence[Touch], misfit: float) -> 
         "held against pressed",
         max(spring.flow for spring in found),
         tuning.BEYOND_DOUBT,
-        "At rest it gives way more than the spring does that it was pressed like: it flows, or is softer "
-        "where it is met.",
+        "Held at rest it is deeper than the spring that fits the pressing: it flows, or is softer where it "
+        "is met.",
     )
     for touch in touches:
         yield from touch.sides()
     if len(found) > 1:
         finding = "It is not equally stiff at all the places that were touched."
         yield chi_squared("touch against touch", misfit, len(found) - 1, finding)
-
-
-def _method(touches: int) -> str:
-    times = "" if touches == 1 else f", {touches} times"
-    return (
-        f"Slope of the force over the fingertips' depth as both pressed on it{times}, with the arm's "
-        "inertia and friction and what the surface dissipates taken out."
-    )
-
-
-def _rounded(value: float) -> str:
-    """Two digits."""
-    return f"{float(f'{value:.2g}'):.0f}"

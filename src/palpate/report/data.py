@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 from palpate import __version__
 from palpate.estimation.estimate import Estimate
-from palpate.execution.held import Held
+from palpate.execution.stop import Held
 from palpate.parameter import Parameter
 from palpate.pictures.renderer import gl_available
 from palpate.planning.plan import Plan

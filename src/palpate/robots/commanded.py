@@ -1,6 +1,6 @@
 """Commands as trajectories: the springs' equilibrium as a function of time, for any robot.
 
-How a robot follows it (springs simulated by MuJoCo, or a real arm's controller) is its own affair.
+Springs simulated by MuJoCo, or a real arm's controller, follow it.
 """
 
 from __future__ import annotations
@@ -13,101 +13,121 @@ from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import Limits, RobotDescription
 from palpate.robots.nominal import NominalArm, wrench
 from palpate.robots.pace import free_speeds, joint_rates
-from palpate.robots.sheet import Stiffness
-from palpate.robots.trajectory.path import Motion, Path, stop
-from palpate.robots.trajectory.posed import PosePath, rotation_vector, turned
-from palpate.robots.trajectory.straight import Stretch, slowed, straight, stretches
-from palpate.robots.trajectory.swing import swing
+from palpate.robots.trajectory import (
+    Motion,
+    Path,
+    PosePath,
+    Stretch,
+    rotation_vector,
+    slowed,
+    stop,
+    straight,
+    stretches,
+    swing,
+    turned,
+)
 from palpate.trace.recording import Hand
 
-STANDING = 1e-4
-"""m: a shorter way has no direction to be heavy in."""
+STANDING = 1e-4  # m: a shorter motion has no direction, and so no effective mass
 GIVING_WAY = 0.2
-"""s, about 2 d / k of the TCP's springs: a stop this long moves the equilibrium on by as much as it
-leads the arm, so that a contact keeps the force it had."""
+"""s, about 2 d / k of the TCP's springs: a stop this long moves the equilibrium on by its lead over
+the arm, so that a contact keeps its force."""
 
 
 class Commanded:
-    """Base class of robots: the properties and commands that do not depend on the controller."""
+    """Base class of robots: members of `Robot` that do not depend on the controller."""
 
     def __init__(self, arm: RobotDescription, nominal: NominalArm, gravity: float) -> None:
-        """`gravity`: m/s^2 that is thought to act."""
+        """`gravity`: m/s^2, stated or measured."""
         self._arm, self._nominal, self._gravity = arm, nominal, gravity
 
     @property
     def limits(self) -> Limits:
-        """The description's."""
         return self._arm.limits
 
     @property
     def hand(self) -> Hand:
-        """The nominal hand, as its owner knows it."""
         return self._arm.nominal
 
     @property
     def gravity(self) -> float:
-        """m/s^2 that is thought to act."""
         return self._gravity
 
     def move_pose(self, target: Pose, speed: float, slower: Sequence[Stretch] = ()) -> None:
-        """See `Robot`."""
         raise NotImplementedError
 
     def move_axis(self, direction: Array, speed: float, travel: float) -> None:
-        """See `Robot`."""
-        place, origin = self._pose_begin()
+        now, origin = self._pose_begin()
         way = travel * np.asarray(direction, dtype=float)
-        self.move_pose(Pose(place + way, origin), speed)
+        self.move_pose(Pose(now.p[:3] + way, origin), speed)
 
-    def _pose_begin(self) -> tuple[Array, Array]:
-        """(3,) m and (4,): where a Cartesian motion would begin now."""
+    def _pose_begin(self) -> tuple[Motion, Array]:
+        """Return the start of a Cartesian motion now, and the orientation (4,) that its rotation
+        vector is relative to."""
         raise NotImplementedError
 
+    def _joint_path(self, t: float, now: Motion, goal: Array, speed: float) -> Path:
+        """Move from `now` at time `t`, s, to joint positions `goal` (7,), rad, at the share `speed` of
+        the arm's pace, which none of its parts exceeds."""
+        rates = speed * np.array(joint_rates(self._nominal, self._arm, now.p, goal))
+        distance = max(float(np.abs(goal - now.p).max()), 1e-6)
+        acceleration = self._arm.pace.joint_acceleration / distance
+        return straight(t, now, goal, stretches(rates), acceleration)
 
-def joint_path(
-    nominal: NominalArm, arm: RobotDescription, t: float, now: Motion, goal: Array, speed: float
-) -> Path:
-    """From `now` at time `t`, s, to joint positions `goal` (7,), rad; no part of the arm exceeds its
-    pace, of which `speed` is the part."""
-    pace = arm.pace
-    rates = speed * np.array(joint_rates(nominal, arm, now.p, goal))
-    acceleration = pace.joint_acceleration / max(float(np.abs(goal - now.p).max()), 1e-6)
-    return straight(t, now, goal, stretches(rates), acceleration)
+    def _pose_path(
+        self,
+        t: float,
+        begin: tuple[Motion, Array],
+        target: Pose,
+        speed: float,
+        slower: Sequence[Stretch],
+        q: Array,
+    ) -> tuple[PosePath, Path]:
+        """Move straight to `target` (world), with a joint path of the null space from joint positions
+        `q` (7,), rad; within the limits of the arm's effective mass and of `slower`."""
+        (now, origin), pace = begin, self._arm.pace
+        goal = np.concatenate([target.position, rotation_vector(origin, target.quaternion)])
+        way = goal[:3] - now.p[:3]
+        distance = max(float(np.linalg.norm(way)), 1e-6)
+        angle = max(float(np.linalg.norm(goal[3:])), 1e-6)
+        bent = self._nominal.reach(target, self._arm.home)
+        free = np.array([speed])
+        if distance > STANDING:
+            free = np.minimum(free_speeds(self._nominal, self._arm, (q, bent), way), speed)
+        rates = np.minimum(free / distance, pace.turning_speed / angle)
+        limits = [Stretch(part.end, part.speed / distance) for part in slower]
+        parts = slowed(stretches(rates), limits)
+        acceleration = min(pace.acceleration / distance, pace.turning_acceleration / angle)
+        path = straight(t, now, goal, parts, acceleration)
+        resting = Motion(q, np.zeros(7), np.zeros(7))
+        return PosePath(path, origin), straight(t, resting, bent, parts, acceleration)
 
+    def _stopped_joints(self, t: float, now: Motion) -> Path:
+        """Stop a joint motion onwards."""
+        return stop(t, now, self._arm.pace.joint_acceleration)
 
-def pose_path(
-    nominal: NominalArm,
-    arm: RobotDescription,
-    t: float,
-    begin: tuple[Motion, Array],
-    target: Pose,
-    speed: float,
-    slower: Sequence[Stretch],
-    q: Array,
-) -> tuple[PosePath, Path]:
-    """Straight to `target` (world), and the way of the null space meanwhile, from joint positions
-    `q` (7,), rad. Slower where the arm's effective mass is large, and as `slower` says.
+    def _stopped_pose(self, t: float, begin: tuple[Motion, Array]) -> PosePath:
+        """Stop a Cartesian motion onwards; a contact keeps its force."""
+        now, origin = begin
+        return PosePath(stop(t, now, 2 * self._arm.pace.acceleration, GIVING_WAY), origin)
 
-    `begin` is a state of motion, and the orientation (4,) that its rotation vector is relative to.
-    """
-    now, origin = begin
-    goal = np.concatenate([target.position, rotation_vector(origin, target.quaternion)])
-    way = goal[:3] - now.p[:3]
-    distance = max(float(np.linalg.norm(way)), 1e-6)
-    angle = max(float(np.linalg.norm(goal[3:])), 1e-6)
-    pace = arm.pace
-    bent = nominal.reach(target, arm.home)
-    free = np.array([speed])
-    if distance > STANDING:
-        free = np.minimum(free_speeds(nominal, arm, (q, bent), way), speed)
-    rates = np.minimum(free / distance, pace.turning_speed / angle)
-    asked = [Stretch(part.end, part.speed / distance) for part in slower]
-    parts = slowed(stretches(rates), asked)
-    acceleration = min(pace.acceleration / distance, pace.turning_acceleration / angle)
-    path = straight(t, now, goal, parts, acceleration)
-    resting = Motion(q, np.zeros(7), np.zeros(7))
-    posture = straight(t, resting, bent, parts, acceleration)
-    return PosePath(path, origin), posture
+    def _ahead_of(
+        self, pose: Pose, jacobian: Array, torque: Array, twist: Array
+    ) -> tuple[Motion, Array]:
+        """Compute the equilibrium with which the TCP's springs exert the joint torques `torque`
+        (7,), N m, from the first step on, moving at `twist` (6,); and its reference orientation."""
+        # Ahead of the measured pose by force / stiffness, and turned by torque / stiffness.
+        springs, pull = self._arm.stiffness, wrench(jacobian, torque)
+        ahead = pose.position + pull[:3] / springs.translation
+        into_tool = pose.rotation.T
+        turn = into_tool @ pull[3:] / springs.rotation
+        origin = turned(pose.quaternion, turn[None])[0]
+        now = Motion(
+            np.concatenate([ahead, np.zeros(3)]),
+            np.concatenate([twist[:3], into_tool @ twist[3:]]),
+            np.zeros(6),
+        )
+        return now, origin
 
 
 def swing_path(
@@ -118,40 +138,7 @@ def swing_path(
     frequency: float,
     cycles: int,
 ) -> PosePath:
-    """To and fro about the unit axis `about` (3,) of the tool; see `Robot.swing`."""
+    """Swing about the unit axis `about` (3,) of the tool; see `Robot.swing`."""
     now, origin = begin
     amplitude = np.concatenate([np.zeros(3), angle * np.asarray(about, dtype=float)])
     return PosePath(swing(t, now, amplitude, frequency, cycles), origin)
-
-
-def stopped_joints(arm: RobotDescription, t: float, now: Motion) -> Path:
-    """To rest, onwards."""
-    return stop(t, now, arm.pace.joint_acceleration)
-
-
-def stopped_pose(arm: RobotDescription, t: float, begin: tuple[Motion, Array]) -> PosePath:
-    """To rest, onwards; a contact keeps the force it had."""
-    now, origin = begin
-    return PosePath(stop(t, now, 2 * arm.pace.acceleration, GIVING_WAY), origin)
-
-
-def ahead_of(
-    pose: Pose, jacobian: Array, torque: Array, springs: Stiffness, twist: Array
-) -> tuple[Motion, Array]:
-    """Compute the equilibrium with which the TCP's springs exert the joint torques `torque` (7,),
-    N m, from the first step on: ahead of the measured pose by force / stiffness, and turned by torque /
-    stiffness. `twist` (6,) is the motion that goes on.
-
-    Returns the motion, and the orientation (4,) that its rotation vector is relative to.
-    """
-    pull = wrench(jacobian, torque)
-    ahead = pose.position + pull[:3] / springs.translation
-    into_tool = pose.rotation.T
-    turn = into_tool @ pull[3:] / springs.rotation
-    origin = turned(pose.quaternion, turn[None])[0]
-    now = Motion(
-        np.concatenate([ahead, np.zeros(3)]),
-        np.concatenate([twist[:3], into_tool @ twist[3:]]),
-        np.zeros(6),
-    )
-    return now, origin

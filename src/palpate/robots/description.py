@@ -1,13 +1,9 @@
-"""Description of an arm with its hand, read from one folder.
-
-Nobody else holds a number of an arm.
-"""
+"""Description of an arm with its hand, read from one folder: the only place of an arm's numbers."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,7 +27,7 @@ from palpate.robots.sheet import (
     Stiffness,
     read_sheet,
 )
-from palpate.robots.trajectory.posed import turned
+from palpate.robots.trajectory import turned
 from palpate.trace.recording import Hand
 from palpate.trace.samples import STANDARD_GRAVITY
 
@@ -41,90 +37,53 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Limits:
-    """Safety limits of the arm.
+    """Safety limits of the arm."""
 
-    Attributes:
-        q_min, q_max: (7,) joint range, rad.
-        dq_max: (7,) rad/s.
-        tau_max: (7,) N m.
-        force_max: N, largest external force at the TCP in any commanded interaction.
-        torque_max: N m, largest external torque at the TCP.
-        free_force: N, more than this in free air is a collision.
-        overload: N above the payload's weight, for the inertia of load and arm.
-        speed_max: m/s, TCP speed.
-        tracking_max: m, largest distance between commanded equilibrium and measured TCP.
-        payload: kg, heaviest object to lift.
-        workspace_min, workspace_max: (3,) m, box around the arm's base that the TCP stays in.
-        stale_after: s, oldest sensor sample that may be acted upon.
-        reflexes: at what the arm stops itself.
-    """
-
-    q_min: Array
+    q_min: Array  # (7,) joint range, rad
     q_max: Array
-    dq_max: Array
-    tau_max: Array
-    force_max: float
-    torque_max: float
-    free_force: float
-    overload: float
-    speed_max: float
-    tracking_max: float
-    payload: float
-    workspace_min: Array
+    dq_max: Array  # (7,) rad/s
+    tau_max: Array  # (7,) N m
+    force_max: float  # N, largest external force at the TCP in any commanded interaction
+    torque_max: float  # N m, largest external torque at the TCP
+    free_force: float  # N: more than this in free air is a collision
+    overload: float  # N above the payload's weight, for the inertia of load and arm
+    speed_max: float  # m/s, TCP speed
+    tracking_max: float  # m, largest distance between commanded equilibrium and measured TCP
+    payload: float  # kg, heaviest object to lift
+    workspace_min: Array  # (3,) m, box around the arm's base that the TCP stays in
     workspace_max: Array
-    stale_after: float
+    stale_after: float  # s, oldest sensor sample that may be acted upon
     reflexes: Reflexes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RobotDescription:
-    """A seven-axis arm with a parallel hand.
+    """A seven-axis arm with a parallel hand."""
 
-    Attributes:
-        name: what `--arm` calls it.
-        label: what people call it.
-        mjcf: the arm's file.
-        joints: its hinges, from the base on.
-        base: the body that is put where the arm stands.
-        links: bodies from it to the flange.
-        home: (7,) rad, tool down.
-        hand: the hand's names, drive and shape.
-        nominal: what estimators need of it, as the arm's owner is told.
-        accuracy: what the maker states.
-        reach: where the arm works well.
-        postures: where the inverse kinematics looks.
-        stiffness, pace: defaults of the controller and of commanded motions.
-        hardware: what a real arm has else, None where that is nothing.
-        sensors: how its joint torque signals deviate.
-        end_effector: what the last joint carries, where somebody weighed it.
-        config: what was measured of this very arm; it is in the other attributes already.
-        told: the arm without it. None where nothing was.
-    """
-
-    name: str
-    label: str
-    mjcf: Path
-    joints: tuple[str, ...]
-    base: str
-    links: tuple[str, ...]
-    home: Array
+    name: str  # for `--arm`
+    label: str  # title
+    mjcf: Path  # the arm's file
+    joints: tuple[str, ...]  # its hinges, from the base on
+    base: str  # the body at the arm's place
+    links: tuple[str, ...]  # bodies from it to the flange
+    home: Array  # (7,) rad, tool down
     limits: Limits
     hand: ParallelHand
-    nominal: Hand
-    accuracy: Accuracy
+    nominal: Hand  # data for the estimators, as the arm's owner knows them
+    accuracy: Accuracy  # the manufacturer's
     reach: Reach
-    stiffness: Stiffness
-    pace: Pace
+    stiffness: Stiffness  # default of the controller
+    pace: Pace  # default of commanded motions
     sensors: Sensors
-    postures: tuple[Array, ...]
-    hardware: Hardware | None = None
-    end_effector: EndEffector | None = None
-    config: RobotConfig | None = None
-    told: RobotDescription | None = None
+    postures: tuple[Array, ...]  # seeds of the inverse kinematics
+    hardware: Hardware | None = None  # of a real arm, where it differs
+    end_effector: EndEffector | None = None  # weighed load of the last joint
+    config: RobotConfig | None = None  # figures of robot.yaml, applied in the other attributes
+    described: RobotDescription | None = None  # the arm without them; None without a robot.yaml
 
     @property
     def tip(self) -> float:
-        """m from the TCP to the end of the fingertips: where the pads end in the MJCF."""
+        """m from the TCP to the end of the fingertips, where the pads end in the MJCF."""
         return self.nominal.tip_offset
 
     def __repr__(self) -> str:
@@ -138,12 +97,12 @@ class RobotDescription:
 
     @property
     def gravity(self) -> float | None:
-        """m/s^2 where it stands, where somebody measured that."""
+        """m/s^2 at the arm's place, if measured."""
         measured = self.config.gravity if self.config is not None else None
         return measured.value if measured is not None else None
 
     def stands(self, pose_world_base: Pose) -> Pose:
-        """Pose of the base that a scene states, with the measured tilt."""
+        """Return the base's pose, stated by a scene, with the measured tilt."""
         lean = self.config.base_lean if self.config is not None else None
         if lean is None:
             return pose_world_base
@@ -152,13 +111,12 @@ class RobotDescription:
         return Pose(pose_world_base.position, quaternion)
 
     def cautious(self) -> RobotDescription:
-        """The same arm, slow enough everywhere for things that no scene shows."""
-        slower = dict(self.pace.cautious)
-        return replace(self, pace=self.pace.model_copy(update=slower))
+        """Return the arm at a pace that is slow enough for objects that no scene shows."""
+        return replace(self, pace=self.pace.model_copy(update=dict(self.pace.cautious)))
 
     def real(self) -> RobotDescription:
-        """The same arm as it is where it is not simulated: on a real one's springs, and as far from
-        its drawings as one is that nobody has calibrated; what its owner set or measured stays."""
+        """Return the real arm: with its springs, and its deviation from the drawings without
+        calibration; settings and measurements of its owner stay."""
         hardware, config = self.hardware, self.config
         if hardware is None:
             return self
@@ -171,17 +129,17 @@ class RobotDescription:
         return replace(self, stiffness=stiffness, nominal=nominal)
 
     def spec(self, gravity: Array | None = None) -> mujoco.MjSpec:
-        """An editable copy of the arm's model, its options those of every world it is put in."""
+        """Return an editable copy of the arm's model, with the physics options for its world."""
         spec = prepared(self)
         if gravity is not None:
             spec.option.gravity = gravity
         if self.end_effector is not None:
-            _weigh_hand(spec, self, self.end_effector)
+            set_hand_mass(spec, self, self.end_effector)
         return spec
 
 
 def read_description(folder: Path, name: str, known: Mapping[str, Path]) -> RobotDescription:
-    """The arm that a folder describes; `known` are the folders of those that it may be like.
+    """Read the arm that a folder describes; `known`: folders of the arms that it may be `like`.
 
     Raises:
         InputError: the folder has no valid description, or its MJCF is not such an arm.
@@ -190,18 +148,29 @@ def read_description(folder: Path, name: str, known: Mapping[str, Path]) -> Robo
     mjcf = folder / sheet.mjcf
     model = compiled(mjcf)
     require_arm(folder / FILE, sheet, model)
-    links = _links(model, sheet.joints)
+    links: list[str] = []  # from the base to the body that the last joint moves
+    body = int(model.jnt_bodyid[model.joint(sheet.joints[-1]).id])
+    while body:
+        links.insert(0, model.body(body).name)
+        body = int(model.body_parentid[body])
+    nominal = Hand(
+        tip_offset=pads_end(model, sheet.hand),
+        joints=sheet.joints,
+        fingers=sheet.hand.fingers,
+        chain=chain(model, sheet),
+        **dict(sheet.accuracy),
+    )
     return RobotDescription(
         name=name,
         label=sheet.label,
         mjcf=mjcf,
         joints=sheet.joints,
         base=links[0],
-        links=links,
+        links=tuple(links),
         home=sheet.home,
-        limits=_limits(folder / FILE, sheet, model),
+        limits=limits_of(folder / FILE, sheet, model),
         hand=sheet.hand,
-        nominal=_nominal(sheet, model),
+        nominal=nominal,
         accuracy=sheet.accuracy,
         reach=sheet.reach,
         stiffness=sheet.stiffness,
@@ -212,25 +181,8 @@ def read_description(folder: Path, name: str, known: Mapping[str, Path]) -> Robo
     )
 
 
-def _nominal(sheet: Sheet, model: mujoco.MjModel) -> Hand:
-    """Build the arm's data for the estimators, from its datasheet."""
-    accuracy = sheet.accuracy
-    return Hand(
-        tip_offset=pads_end(model, sheet.hand),
-        force_repeatability=accuracy.force_repeatability,
-        torque_gain=accuracy.torque_gain,
-        pose_repeatability=accuracy.pose_repeatability,
-        joints=sheet.joints,
-        fingers=sheet.hand.fingers,
-        force_resolution=accuracy.force_resolution,
-        force_accuracy=accuracy.force_accuracy,
-        tip_offset_std=accuracy.tip_offset_std,
-        chain=chain(model, sheet),
-    )
-
-
-def _limits(where: Path, sheet: Sheet, model: mujoco.MjModel) -> Limits:
-    """Joint ranges and torques are the MJCF's, the rest the description's."""
+def limits_of(where: Path, sheet: Sheet, model: mujoco.MjModel) -> Limits:
+    """Collect the arm's limits: joint ranges and torques from the MJCF, the rest from the sheet."""
     ids = [model.joint(name).id for name in sheet.joints]
     torque = model.jnt_actfrcrange[ids, 1] if sheet.torque is None else sheet.torque
     if not (torque > 0).all():
@@ -239,7 +191,7 @@ def _limits(where: Path, sheet: Sheet, model: mujoco.MjModel) -> Limits:
             "actuatorfrcrange: give the seven joint torque limits, N m"
         )
     safety = sheet.safety
-    # A joint without limits turns as far as one revolution either way.
+    # A joint without limits turns one revolution either way.
     limited = model.jnt_limited[ids].astype(bool)
     return Limits(
         q_min=np.where(limited, model.jnt_range[ids, 0], -2.0 * np.pi),
@@ -260,9 +212,9 @@ def _limits(where: Path, sheet: Sheet, model: mujoco.MjModel) -> Limits:
     )
 
 
-def _weigh_hand(spec: mujoco.MjSpec, arm: RobotDescription, end: EndEffector) -> None:
-    """Make the hand so heavy that it and its fingers are `end` together; its inertia about its own
-    centre stays."""
+def set_hand_mass(spec: mujoco.MjSpec, arm: RobotDescription, end: EndEffector) -> None:
+    """Set mass and centre of the hand so that it and its fingers are `end` together; its inertia
+    about its own centre stays."""
     model = spec.compile()
     data = mujoco.MjData(model)
     for name in arm.hand.fingers:
@@ -280,25 +232,15 @@ def _weigh_hand(spec: mujoco.MjSpec, arm: RobotDescription, end: EndEffector) ->
     body.mass, body.ipos = rest, moment / rest
 
 
-def reflexes(said: ReflexSheet, payload: float) -> Reflexes:
+def reflexes(sheet: ReflexSheet, payload: float) -> Reflexes:
     """Build the reflexes; with a load on the hand they allow for the weight of the payload, kg."""
     weight = payload * STANDARD_GRAVITY
     return Reflexes(
-        free=Reflex(said.free.force, said.free.torque),
-        carrying=Reflex(said.carrying.force, said.carrying.torque, weight),
-        probing=Reflex(said.probing.force, said.probing.torque),
-        contact=Reflex(said.contact.force, said.contact.torque, weight),
+        free=Reflex(sheet.free.force, sheet.free.torque),
+        carrying=Reflex(sheet.carrying.force, sheet.carrying.torque, weight),
+        probing=Reflex(sheet.probing.force, sheet.probing.torque),
+        contact=Reflex(sheet.contact.force, sheet.contact.torque, weight),
     )
-
-
-def _links(model: mujoco.MjModel, joints: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of the bodies from the base to the one that the last joint moves."""
-    last = int(model.jnt_bodyid[model.joint(joints[-1]).id])
-    chain: list[str] = []
-    while last:
-        chain.append(model.body(last).name)
-        last = int(model.body_parentid[last])
-    return tuple(reversed(chain))
 
 
 def pads_end(model: mujoco.MjModel, hand: ParallelHand) -> float:
@@ -306,35 +248,22 @@ def pads_end(model: mujoco.MjModel, hand: ParallelHand) -> float:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     tool = tool_pose(model, data, hand)
-    ends = [
-        float(tool.rotation[:, 2] @ (corner - tool.position))
-        for finger in hand.fingers
-        for corner in _pad_corners(model, data, hand, finger)
-    ]
+    axis, ends = tool.rotation[:, 2], list[float]()
+    for name in hand.fingers:
+        body, pads = int(model.jnt_bodyid[model.joint(name).id]), hand.pads
+        boxes = [
+            (data.geom_xpos[geom], data.geom_xmat[geom], *np.split(model.geom_aabb[geom], 2))
+            for geom in range(model.ngeom)
+            if model.geom_bodyid[geom] == body and model.geom_contype[geom]
+        ]
+        if pads is not None:
+            boxes = [(data.xpos[body], data.xmat[body], pads.centre, pads.half)]
+        for position, rotation, centre, half in boxes:
+            along = axis @ rotation.reshape(3, 3)
+            far = axis @ (position - tool.position) + along @ centre + np.abs(along) @ half
+            ends.append(float(far))
     if not ends:
         raise InputError(
             f"the fingers {', '.join(hand.fingers)} have no shape that collides: give 'hand.pads'"
         )
     return round(max(ends), 6)
-
-
-def _pad_corners(
-    model: mujoco.MjModel, data: mujoco.MjData, hand: ParallelHand, finger: str
-) -> list[Array]:
-    """Corners (world) of the boxes around what a finger grasps with."""
-    body = int(model.jnt_bodyid[model.joint(finger).id])
-    if hand.pads is not None:
-        rotation = data.xmat[body].reshape(3, 3)
-        return _corners(data.xpos[body], rotation, hand.pads.centre, hand.pads.half)
-    corners: list[Array] = []
-    for geom in range(model.ngeom):
-        if model.geom_bodyid[geom] == body and model.geom_contype[geom]:
-            rotation = data.geom_xmat[geom].reshape(3, 3)
-            middle, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
-            corners += _corners(data.geom_xpos[geom], rotation, middle, half)
-    return corners
-
-
-def _corners(position: Array, rotation: Array, centre: Array, half: Array) -> list[Array]:
-    signs = product((-1.0, 1.0), repeat=3)
-    return [position + rotation @ (centre + np.array(sign) * half) for sign in signs]

@@ -25,41 +25,28 @@ from palpate.geometry.outline import (
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import RobotDescription
 
-SPARE = 0.004
-"""m: what must remain of the opening, for errors of the pose."""
-
-GROUND = 0.005
-"""m: that the fingertips stay above the support."""
-
-HEADROOM = 0.005
-"""m: between the palm and the top of what is grasped."""
-
-SHALLOW = 0.02
-"""m: how far below the top the TCP is where the hand has no room deeper down."""
-
+SPARE = 0.004  # m of the opening left for errors of the pose
+GROUND = 0.005  # m of clearance of the fingertips above the support
+HEADROOM = 0.005  # m of clearance between the palm and the top of the object
+SHALLOW = 0.02  # m of the TCP below the top where the hand has no room deeper down
 SLANT = 0.3
 """Largest angle between the pads and a grasped side (tangent); a steeper one slides out."""
-
 MOST_TURN = np.radians(165.0)
-"""rad by which the tool may be turned against home: it takes the shorter way there, which beyond half a
-turn is not the one that the arm's base and wrist add up to."""
-
-WRIST_SPARE = 0.2
-"""rad that the last joint keeps from its end where the other way round is taken."""
-
-STATION = 0.005
-"""m between places along an object where a grasp is tried."""
+"""rad by which the tool may be turned against home: it takes the shorter way, which beyond half a turn
+is not the sum of the turns of base and wrist."""
+WRIST_SPARE = 0.2  # rad of the last joint's margin where the tool turns the other way round
+STATION = 0.005  # m between places along an object where a grasp is tried
+NEIGHBOUR = 0.002  # m of clearance between the hand and other objects
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Grasp:
-    """A derived grasp: TCP pose in the world, width there, and how far it may shift along the
-    tool's x, m."""
+    """A derived grasp."""
 
-    pose: Pose
-    width: float
-    slack: float
-    problem: str = ""
+    pose: Pose  # of the TCP in the world
+    width: float  # m, of the object there
+    slack: float  # m that it may be shifted along the tool's x
+    problem: str = ""  # reason that the hand cannot take the object
 
 
 def derive_grasp(
@@ -69,27 +56,25 @@ def derive_grasp(
     yaw: float,
     base: Pose,
 ) -> Grasp:
-    """The grasp of an object made of convex `geoms` (in the world) among `obstacles`.
+    """Derive the grasp of an object of convex `geoms` (in the world) among `obstacles`.
 
-    `yaw` is the object's own direction (rad); the result has `problem` set when the hand cannot
-    take the object.
+    `yaw` is the object's own direction (rad).
     """
-    cloud = np.concatenate([g.points for g in geoms])
-    bottom, top = float(cloud[:, 2].min()), float(cloud[:, 2].max())
-    obstacles = _around(arm, cloud, obstacles)
+    scene = _Scene(arm, geoms, obstacles, base)
+    bottom, top = float(scene.cloud[:, 2].min()), float(scene.cloud[:, 2].max())
     best: Grasp | None = None
     for height in _heights(arm, bottom, top):
-        lowest, highest = height - arm.tip, height + arm.tip
-        outlines = [o for g in geoms if len(o := slab(g, lowest, highest)) > 2]
-        nearby, tall = above(obstacles, lowest), above(obstacles, height + arm.hand.palm)
-        found = [
-            _along(arm, outlines, angle, height, nearby, tall, base)
-            for angle in _angles(outlines, yaw, base)
-        ]
-        best = min(found if best is None else [*found, best], key=_badness, default=None)
+        outlines = scene.outlines(height)
+        found = [scene.grasp(outlines, a, height) for a in _angles(outlines, yaw, base)]
+        # Problems first, then width (to 3 mm).
+        best = min(
+            found if best is None else [*found, best],
+            key=lambda grasp: (bool(grasp.problem), round(grasp.width / 0.003)),
+            default=None,
+        )
         if best is not None and not best.problem:
             return best
-    return best or _nothing(arm, cloud, yaw, base)
+    return best or scene.too_flat(yaw)
 
 
 def turned_grasp(
@@ -99,33 +84,109 @@ def turned_grasp(
     pose_world_tcp: Pose,
     base: Pose,
 ) -> Grasp:
-    """The grasp at the height of another one, at `pose_world_tcp`, with the fingers a quarter turn
-    on."""
+    """Derive the grasp at the height of another one, at `pose_world_tcp`, with the fingers a quarter
+    turn on."""
     height, closing = float(pose_world_tcp.position[2]), pose_world_tcp.rotation[:, 1]
-    lowest, highest = height - arm.tip, height + arm.tip
-    outlines = [o for g in geoms if len(o := slab(g, lowest, highest)) > 2]
-    cloud = np.concatenate([g.points for g in geoms])
-    obstacles = _around(arm, cloud, obstacles)
+    scene = _Scene(arm, geoms, obstacles, base)
+    outlines = scene.outlines(height)
     if not outlines:
-        return _nothing(arm, cloud, 0.0, base)
+        return scene.too_flat(0.0)
     angle = float(np.arctan2(closing[1], closing[0])) + np.pi / 2
-    nearby, tall = above(obstacles, lowest), above(obstacles, height + arm.hand.palm)
-    return _along(arm, outlines, angle, height, nearby, tall, base)
+    return scene.grasp(outlines, angle, height)
 
 
-def _around(arm: RobotDescription, cloud: Array, obstacles: Sequence[Obstacle]) -> list[Obstacle]:
-    """Select the obstacles that the hand could touch while it grasps."""
-    width = 2 * arm.hand.half_extents[1]
-    low, high = cloud.min(axis=0)[:2] - width, cloud.max(axis=0)[:2] + width
-    return [
-        o
-        for o in obstacles
-        if (o.outline.max(axis=0) > low).all() and (o.outline.min(axis=0) < high).all()
-    ]
+class _Scene:
+    """An object to grasp, and the obstacles that the hand could touch in doing so."""
+
+    def __init__(
+        self,
+        arm: RobotDescription,
+        geoms: Sequence[Convex],
+        obstacles: Sequence[Obstacle],
+        base: Pose,
+    ) -> None:
+        self._arm, self._geoms, self._base = arm, geoms, base
+        self.cloud = np.concatenate([g.points for g in geoms])
+        width = 2 * arm.hand.half_extents[1]
+        low, high = self.cloud.min(axis=0)[:2] - width, self.cloud.max(axis=0)[:2] + width
+        self._obstacles = [
+            o
+            for o in obstacles
+            if (o.outline.max(axis=0) > low).all() and (o.outline.min(axis=0) < high).all()
+        ]
+
+    def outlines(self, height: float) -> list[Array]:
+        """Return the object's outlines between the ends of the pads, with the TCP at a height."""
+        lowest, highest = height - self._arm.tip, height + self._arm.tip
+        return [o for g in self._geoms if len(o := slab(g, lowest, highest)) > 2]
+
+    def too_flat(self, yaw: float) -> Grasp:
+        """Return the failed grasp of an object that the fingers cannot reach."""
+        centre = (self.cloud.max(axis=0) + self.cloud.min(axis=0))[:2] / 2
+        pose = self._tool_pose(centre, float(self.cloud[:, 2].max()), yaw)
+        return Grasp(pose, 0.0, 0.0, "it is too flat for the fingers")
+
+    def grasp(self, outlines: Sequence[Array], angle: float, height: float) -> Grasp:
+        """Find the best grasp of outlines that closes along `angle`, rad."""
+        hand = self._arm.hand
+        across, along = unit(angle), unit(angle - np.pi / 2)
+        ends = np.concatenate([o @ along for o in outlines])
+        start, length = float(ends.min()) + 1e-6, float(np.ptp(ends)) - 2e-6
+        count = max(int(length / STATION), 8)
+        step = length / count
+        stations: Array = start + step * np.arange(count + 1, dtype=float)
+        low, high = profile(outlines, along, across, stations)
+        slopes = np.abs(np.gradient(low, step)), np.abs(np.gradient(high, step))
+        # The pads touch the object's extremes within their width.
+        window = max(int(np.ceil(hand.pad / step)), 1)
+        low, high = _spread(low, window, np.fmin), _spread(high, window, np.fmax)
+        fits = (slopes[0] <= SLANT) & (slopes[1] <= SLANT) & (high - low <= hand.opening - SPARE)
+        at, slack = _best_station(stations, fits, (ends.max() + ends.min()) / 2)
+        wide = float(np.interp(at, stations, high - low))
+        centre = at * along + float(np.interp(at, stations, high + low)) / 2 * across
+        problem = ""
+        if not fits.any():
+            problem = (
+                f"it is {wide * 1000:.0f} mm wide where the hand could close; the hand takes "
+                f"{hand.opening * 1000:.0f} mm less {SPARE * 1000:.0f} mm to spare"
+            )
+        elif self._blocked(centre, across, height):
+            problem = "its neighbours leave no room for the hand"
+        return Grasp(self._tool_pose(centre, height, angle), wide, slack, problem)
+
+    def _blocked(self, centre: Array, across: Array, height: float) -> bool:
+        """Test if the opened fingers, or the palm above them, would overlap a neighbour."""
+        hand = self._arm.hand
+        nearby = above(self._obstacles, height - self._arm.tip)
+        tall = above(self._obstacles, height + hand.palm)
+        reach = hand.opening / 2 + hand.finger / 2
+        finger = rectangle(np.zeros(2), across, hand.finger / 2, hand.pad)
+        spots = np.array([centre + reach * across, centre - reach * across])
+        palm = rectangle(np.zeros(2), across, hand.half_extents[1], hand.half_extents[0])
+        return bool(
+            clearance(finger, spots, nearby).min() < NEIGHBOUR
+            or clearance(palm, centre[None], tall).min() < NEIGHBOUR
+        )
+
+    def _tool_pose(self, centre: Array, height: float, closing: float) -> Pose:
+        """Return the top-down pose with tool y along `closing`; of both directions, the one that
+        turns the wrist less, unless the tool comes to it from home the other way round."""
+        arm, base = self._arm, self._base
+        away = centre - base.position[:2]
+        azimuth = float(np.arctan2(away[1], away[0]))
+        yaw = closing + np.pi / 2
+        turned = (yaw - azimuth + np.pi / 2) % np.pi - np.pi / 2
+        ahead = float(np.arctan2(*base.local((*centre, height))[1::-1]))
+        if abs(ahead + turned) > MOST_TURN:
+            other = turned - np.copysign(np.pi, turned)
+            wrist = arm.home[6] - other
+            if arm.limits.q_min[6] + WRIST_SPARE < wrist < arm.limits.q_max[6] - WRIST_SPARE:
+                turned = other
+        return Pose.top_down((*centre, height), azimuth + turned)
 
 
 def _heights(arm: RobotDescription, bottom: float, top: float) -> list[float]:
-    """Heights of the TCP to try: below the palm for tall objects, the middle of flat ones."""
+    """Return heights of the TCP to try: below the palm for tall objects, the middle of flat ones."""
     lowest = bottom + arm.tip + GROUND
     middle = (top - bottom) / 2
     depths = (arm.hand.palm - HEADROOM, SHALLOW)
@@ -134,8 +195,7 @@ def _heights(arm: RobotDescription, bottom: float, top: float) -> list[float]:
 
 
 def _angles(outlines: Sequence[Array], yaw: float, base: Pose) -> list[float]:
-    """Closing directions worth trying: where a part is narrowest, and all around for round
-    parts."""
+    """Return closing directions to try: where a part is narrowest, and all around for round parts."""
     turn = np.arctan2(base.rotation[1, 0], base.rotation[0, 0])
     grid = yaw + np.deg2rad(np.arange(180))
     directions = np.column_stack([np.cos(grid), np.sin(grid)])
@@ -151,53 +211,14 @@ def _angles(outlines: Sequence[Array], yaw: float, base: Pose) -> list[float]:
     return list(dict.fromkeys(angles))[:60]
 
 
-def _along(
-    arm: RobotDescription,
-    outlines: Sequence[Array],
-    angle: float,
-    height: float,
-    nearby: Sequence[Array],
-    tall: Sequence[Array],
-    base: Pose,
-) -> Grasp:
-    """The best grasp that closes along `angle`."""
-    across, along = unit(angle), unit(angle - np.pi / 2)
-    ends = np.concatenate([o @ along for o in outlines])
-    start, length = float(ends.min()) + 1e-6, float(np.ptp(ends)) - 2e-6
-    count = max(int(length / STATION), 8)
-    step = length / count
-    stations: Array = start + step * np.arange(count + 1, dtype=float)
-    low, high = profile(outlines, along, across, stations)
-    facing = (np.abs(np.gradient(low, step)) <= SLANT) & (np.abs(np.gradient(high, step)) <= SLANT)
-    window = max(int(np.ceil(arm.hand.pad / step)), 1)
-    low, high = _spread(low, window, np.fmin), _spread(high, window, np.fmax)
-    fits = facing & (high - low <= arm.hand.opening - SPARE)
-    middle = (ends.max() + ends.min()) / 2
-    at, slack = _best_station(stations, fits, middle)
-    wide = float(np.interp(at, stations, high - low))
-    centre = at * along + float(np.interp(at, stations, high + low)) / 2 * across
-    problem = (
-        ""
-        if fits.any()
-        else (
-            f"it is {wide * 1000:.0f} mm wide where the hand could close; the hand takes "
-            f"{arm.hand.opening * 1000:.0f} mm less {SPARE * 1000:.0f} mm to spare"
-        )
-    )
-    if not problem and _hand_blocked(arm, centre, across, nearby, tall):
-        problem = "its neighbours leave no room for the hand"
-    return Grasp(_tool_pose(arm, centre, height, angle, base), wide, slack, problem)
-
-
 def _spread(values: Array, window: int, pick: np.ufunc) -> Array:
-    """The least or greatest value within `window` stations."""
+    """Compute the least or greatest value within `window` stations."""
     padded = np.pad(values, window, constant_values=np.nan)
     return pick.reduce(np.lib.stride_tricks.sliding_window_view(padded, 2 * window + 1), axis=1)
 
 
 def _best_station(stations: Array, fits: NDArray[np.bool_], middle: float) -> tuple[float, float]:
-    """The middle of the graspable stretch nearest the object's middle, and how far it reaches both
-    ways."""
+    """Return the middle of the graspable stretch nearest the object's middle, and half its length."""
     if not fits.any():
         return middle, 0.0
     edges = np.flatnonzero(np.diff(np.concatenate([[0], fits.astype(int), [0]])))
@@ -208,54 +229,3 @@ def _best_station(stations: Array, fits: NDArray[np.bool_], middle: float) -> tu
         key=lambda s: max(s[0] - middle, middle - s[1], 0.0),
     )
     return (first + last) / 2, (last - first) / 2
-
-
-def _hand_blocked(
-    arm: RobotDescription,
-    centre: Array,
-    across: Array,
-    nearby: Sequence[Array],
-    tall: Sequence[Array],
-) -> bool:
-    """Test if the opened fingers, or the palm above them, would overlap a neighbour."""
-    reach = arm.hand.opening / 2 + arm.hand.finger / 2
-    finger = rectangle(np.zeros(2), across, arm.hand.finger / 2, arm.hand.pad)
-    spots = np.array([centre + reach * across, centre - reach * across])
-    palm = rectangle(np.zeros(2), across, arm.hand.half_extents[1], arm.hand.half_extents[0])
-    return bool(
-        clearance(finger, spots, nearby).min() < 0.002
-        or clearance(palm, centre[None], tall).min() < 0.002
-    )
-
-
-def _tool_pose(
-    arm: RobotDescription, centre: Array, height: float, closing: float, base: Pose
-) -> Pose:
-    """Top-down with tool y along `closing`; of the two ways round, the one that turns the wrist
-    less, unless the tool comes there from home the other way about."""
-    away = centre - base.position[:2]
-    azimuth = float(np.arctan2(away[1], away[0]))
-    yaw = closing + np.pi / 2
-    turned = (yaw - azimuth + np.pi / 2) % np.pi - np.pi / 2
-    ahead = float(np.arctan2(*base.local((*centre, height))[1::-1]))
-    if abs(ahead + turned) > MOST_TURN:
-        other = turned - np.copysign(np.pi, turned)
-        wrist = arm.home[6] - other
-        if arm.limits.q_min[6] + WRIST_SPARE < wrist < arm.limits.q_max[6] - WRIST_SPARE:
-            turned = other
-    return Pose.top_down((*centre, height), azimuth + turned)
-
-
-def _badness(grasp: Grasp) -> tuple[bool, int]:
-    """Problems first, then width (to 3 mm)."""
-    return bool(grasp.problem), round(grasp.width / 0.003)
-
-
-def _nothing(arm: RobotDescription, cloud: Array, yaw: float, base: Pose) -> Grasp:
-    centre = (cloud.max(axis=0) + cloud.min(axis=0))[:2] / 2
-    return Grasp(
-        _tool_pose(arm, centre, float(cloud[:, 2].max()), yaw, base),
-        0.0,
-        0.0,
-        "it is too flat for the fingers",
-    )

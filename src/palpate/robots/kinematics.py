@@ -1,12 +1,11 @@
-"""Inverse kinematics of the nominal arm: which poses it reaches, and how."""
+"""Forward and inverse kinematics of the nominal arm."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cache, lru_cache
 from threading import Lock
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -15,21 +14,14 @@ from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import RobotDescription
 from palpate.robots.safety import JOINT_MARGIN
 
-if TYPE_CHECKING:
-    import mink
-
-POSITION_TOLERANCE = 0.001
-"""m."""
-ANGLE_TOLERANCE = np.radians(0.5)
+POSITION_TOLERANCE, ANGLE_TOLERANCE = 0.001, np.radians(0.5)  # m, rad
 LIMIT_MARGIN = 0.05
-"""rad: room at the end stops, for the impedance controller's deviations; the safety predicate stops
-at less."""
-
+"""rad of margin at the end stops, for the impedance controller's deviations; the safety predicate has
+a smaller one."""
 MAX_ITERATIONS = 30
-STALLED = 1e-4
-"""rad: a Gauss-Newton step below this, away from the target, is a local minimum."""
+STALLED = 1e-4  # rad: a smaller Gauss-Newton step away from the target is a local minimum
 POSTURE_COST = 1e-3
-"""Weight of staying near the posture against 1 rad or 1 m of error: it only chooses among the
+"""Weight of the distance from the posture against 1 rad or 1 m of error: it only selects among the
 solutions."""
 CACHED_POSES = 4096
 
@@ -40,7 +32,7 @@ def inverse_kinematics(
     pose_world_base: Pose,
     seed_q: Array | None = None,
 ) -> Array | None:
-    """Joint angles (7,) in rad that put the TCP at a pose, or None when none are found.
+    """Compute joint angles (7,), rad, for a pose of the TCP; None if none are found.
 
     Within 1 mm, 0.5° and the joint range less a margin. Deterministic; of the many solutions the
     one near `seed_q`, by default near the ready posture turned towards the target, elbow up.
@@ -66,7 +58,7 @@ def within_joint_limits(arm: RobotDescription, q: Array) -> bool:
 
 @cache
 def model_without_fingers(arm: RobotDescription) -> mujoco.MjModel:
-    """The nominal arm and hand: seven joints, the base at the origin."""
+    """Compile the nominal arm and hand: seven joints, the base at the origin."""
     spec = arm.spec()
     for finger in arm.hand.fingers:
         spec.delete(spec.joint(finger).parent)
@@ -75,7 +67,7 @@ def model_without_fingers(arm: RobotDescription) -> mujoco.MjModel:
 
 @lru_cache(CACHED_POSES)
 def forward_kinematics(arm: RobotDescription, q: tuple[float, ...]) -> Pose:
-    """Pose of the TCP relative to the base at joint angles `q` (7), rad."""
+    """Compute the TCP's pose relative to the base at joint angles `q` (7), rad."""
     model = model_without_fingers(arm)
     data = mujoco.MjData(model)
     data.qpos[:7] = q
@@ -85,20 +77,24 @@ def forward_kinematics(arm: RobotDescription, q: tuple[float, ...]) -> Pose:
     return Pose(site.xpos.copy(), quaternion)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class _Solver:
     """mink's differential inverse kinematics on the nominal arm, stepped like Gauss-Newton."""
 
-    configuration: mink.Configuration
-    reach: mink.FrameTask
-    posture: mink.PostureTask
-    limit: mink.ConfigurationLimit
-    low: Array
-    high: Array
-    lock: Lock
+    def __init__(self, arm: RobotDescription) -> None:
+        import mink
+
+        model = model_without_fingers(arm)
+        self.low, self.high = arm.limits.q_min + LIMIT_MARGIN, arm.limits.q_max - LIMIT_MARGIN
+        self.lock = Lock()
+        self.configuration = mink.Configuration(model)
+        self.reach = mink.FrameTask(
+            arm.tcp, "site", position_cost=1.0, orientation_cost=0.3, lm_damping=1e-6
+        )
+        self.posture = mink.PostureTask(model, cost=POSTURE_COST)
+        self.limit = mink.ConfigurationLimit(model, min_distance_from_limits=LIMIT_MARGIN)
 
     def search(self, pose_base_tcp: Pose, q: Array) -> Array | None:
-        """The solution that the search from `q` runs into, if any."""
+        """Search from `q`; None where the search ends away from the pose."""
         import mink
 
         self.reach.set_target(mink.SE3(pose_base_tcp.vector[[3, 4, 5, 6, 0, 1, 2]]))
@@ -123,28 +119,16 @@ class _Solver:
         )
 
 
-@cache
-def _solver(arm: RobotDescription) -> _Solver:
-    import mink
-
-    model, low, high = model_without_fingers(arm), arm.limits.q_min, arm.limits.q_max
-    return _Solver(
-        mink.Configuration(model),
-        mink.FrameTask(arm.tcp, "site", position_cost=1.0, orientation_cost=0.3, lm_damping=1e-6),
-        mink.PostureTask(model, cost=POSTURE_COST),
-        mink.ConfigurationLimit(model, min_distance_from_limits=LIMIT_MARGIN),
-        low + LIMIT_MARGIN,
-        high - LIMIT_MARGIN,
-        Lock(),
-    )
+_solver = cache(_Solver)
 
 
 @lru_cache(CACHED_POSES)
 def _solve(
     arm: RobotDescription, key: tuple[float, ...], seed: tuple[float, ...] | None
 ) -> tuple[float, ...] | None:
-    pose = Pose.of(key[:3], key[3:])
-    if _too_far(arm, pose):
+    pose, links = Pose.of(key[:3], key[3:]), _links(arm)
+    # Out of reach if the wrist is farther from the shoulder than all links between them in one line.
+    if np.linalg.norm(pose.apply(links.wrist) - links.shoulder) > links.stretched:
         return None
     solver = _solver(arm)
     with solver.lock:
@@ -158,8 +142,8 @@ def _solve(
 def _seeds(
     arm: RobotDescription, pose_base_tcp: Pose, seed: tuple[float, ...] | None
 ) -> Iterator[Array]:
-    """Start postures of the search: home turned towards the target, the hand turned as the pose wants
-    it, then the other postures."""
+    """Yield the search's start postures: home turned towards the target, with the hand's yaw of the
+    pose, then the other postures."""
     if seed is not None:
         yield np.array(seed)
     first, last = np.eye(7)[0], np.eye(7)[6]
@@ -172,30 +156,16 @@ def _seeds(
         yield ready + posture
 
 
-def _too_far(arm: RobotDescription, pose_base_tcp: Pose) -> bool:
-    """Test if the wrist would be farther from the shoulder than all links between them,
-    stretched."""
-    chain = _chain(arm)
-    wrist = pose_base_tcp.apply(chain.wrist)
-    return bool(np.linalg.norm(wrist - chain.shoulder) > chain.stretched)
+class _Links(NamedTuple):
+    """The arm from its second joint to its last."""
 
-
-class _Chain(NamedTuple):
-    """The arm from its second joint to its last, of which only the angles change.
-
-    Attributes:
-        shoulder: (3,) m, the second joint's frame in the base.
-        wrist: (3,) m, the last joint's frame in the tool.
-        stretched: m, the links between them in one line.
-    """
-
-    shoulder: Array
-    wrist: Array
-    stretched: float
+    shoulder: Array  # (3,) m, the second joint's frame in the base
+    wrist: Array  # (3,) m, the last joint's frame in the tool
+    stretched: float  # m, length of the links between them in one line
 
 
 @cache
-def _chain(arm: RobotDescription) -> _Chain:
+def _links(arm: RobotDescription) -> _Links:
     model = model_without_fingers(arm)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -203,4 +173,4 @@ def _chain(arm: RobotDescription) -> _Chain:
     tcp, last = data.site(arm.tcp), data.xpos[bodies[-1]]
     links = np.linalg.norm(model.body_pos[bodies[2:]], axis=1)
     shoulder = data.xpos[bodies[1]].copy()
-    return _Chain(shoulder, tcp.xmat.reshape(3, 3).T @ (last - tcp.xpos), float(links.sum()))
+    return _Links(shoulder, tcp.xmat.reshape(3, 3).T @ (last - tcp.xpos), float(links.sum()))

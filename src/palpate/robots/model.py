@@ -1,4 +1,4 @@
-"""An arm's MJCF made ready for a world: its joints, links, hand and shapes, and nothing else."""
+"""An arm's MJCF, checked and prepared for a world: its joints, links, hand and shapes alone."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ import mujoco
 import numpy as np
 
 from palpate.errors import InputError, unknown_name
-from palpate.geometry.inertia import components
-from palpate.geometry.pose import Array, Pose
+from palpate.geometry.pose import Array, Pose, components
 from palpate.mjcf.bounds import require_bounded
 from palpate.mjcf.reading import read_document
 from palpate.robots.sheet import ParallelHand, Sheet
@@ -22,27 +21,19 @@ if TYPE_CHECKING:
     from palpate.robots.description import RobotDescription
 
 LINK_DAMPING = 0.003
-"""N m s/rad: what the sensors behind the gears feel of a joint's friction. Damping and friction that
-a file states are the gears', before the sensors."""
-PAD_FRICTION = (1.0, 0.01, 0.0001)
-"""Rubber on most things: sliding, torsional (m) and rolling (m)."""
-AXES = 7
-"""Joints of an arm: with fewer, a pose fixes the elbow, and the null space this code uses is
-gone."""
-WORLD, OWN = 1, 1 << 20
-"""Contact bits: the default one, and one that no world uses, for the arm's own shapes."""
-OVERLAPPING = 2
-"""Joints between bodies whose shapes may overlap."""
-LEVEL = 0.999
-"""Cosine of how far the tool may lean at home."""
-PREFIX = "robot/"
-"""Of the arm's names in a world that it is put into."""
-TCP = "palpate_tcp"
-"""The site of a TCP that a description gives as a position."""
+"""N m s/rad: friction of a joint behind the sensors. Damping and friction of a file are the gears',
+before the sensors."""
+PAD_FRICTION = (1.0, 0.01, 0.0001)  # of rubber: sliding, torsional (m) and rolling (m)
+AXES = 7  # joints of an arm: with fewer, a pose fixes the elbow, and there is no null space
+WORLD, OWN = 1, 1 << 20  # contact bits: the default one, and a rare one for the arm's own shapes
+OVERLAPPING = 2  # joints between bodies whose shapes may overlap
+LEVEL = 0.999  # cosine of the largest inclination of the tool at home
+PREFIX = "robot/"  # of the arm's names in a world
+TCP = "palpate_tcp"  # site of a TCP that a description gives as a position
 
 
 def compiled(mjcf: Path) -> mujoco.MjModel:
-    """The model as its file has it.
+    """Compile an MJCF file.
 
     Raises:
         InputError: MuJoCo does not accept the file, or it is larger than a robot's.
@@ -64,35 +55,35 @@ def tool_pose(model: mujoco.MjModel, data: mujoco.MjData, hand: ParallelHand) ->
 
 
 def chain(model: mujoco.MjModel, sheet: Sheet) -> Chain:
-    """The arm's kinematics in numbers; `model` is its own, with nothing else in it."""
+    """Return axes, anchors, tool and links of the arm in `model`, which holds the arm alone."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     ids = [model.joint(name).id for name in sheet.joints]
     tool = tool_pose(model, data, sheet.hand)
     return Chain(
-        tuple(_triple(data.xaxis[i]) for i in ids),
-        tuple(_triple(data.xanchor[i]) for i in ids),
-        _triple(tool.position),
-        (_triple(tool.rotation[0]), _triple(tool.rotation[1]), _triple(tool.rotation[2])),
-        tuple(_links(model, data, ids)),
+        tuple(triple(data.xaxis[i]) for i in ids),
+        tuple(triple(data.xanchor[i]) for i in ids),
+        triple(tool.position),
+        (triple(tool.rotation[0]), triple(tool.rotation[1]), triple(tool.rotation[2])),
+        tuple(links_of(model, data, ids)),
     )
 
 
-def _links(model: mujoco.MjModel, data: mujoco.MjData, hinges: Sequence[int]) -> Iterator[Link]:
+def links_of(model: mujoco.MjModel, data: mujoco.MjData, hinges: Sequence[int]) -> Iterator[Link]:
     """Yield the links that the hinges move, in the current configuration."""
     mujoco.mj_comPos(model, data)
     for body in range(1, model.nbody):
-        moved_by = [i for i, hinge in enumerate(hinges) if _carries(model, hinge, body)]
+        moved_by = [i for i, hinge in enumerate(hinges) if carries(model, hinge, body)]
         if moved_by and model.body_mass[body] > 0.0:
             here: Any = data.body(body)
             mass = float(model.body_mass[body])
             axes = np.asarray(here.ximat, dtype=np.float64).reshape(3, 3)
             moments = np.asarray(model.body_inertia[body], dtype=np.float64)
             xx, yy, zz, xy, xz, yz = components((axes * moments) @ axes.T)
-            yield Link(moved_by[-1], mass, _triple(here.xipos), (xx, yy, zz, xy, xz, yz))
+            yield Link(moved_by[-1], mass, triple(here.xipos), (xx, yy, zz, xy, xz, yz))
 
 
-def _carries(model: mujoco.MjModel, joint: int, body: int) -> bool:
+def carries(model: mujoco.MjModel, joint: int, body: int) -> bool:
     """Test if a joint moves a body."""
     carried = int(model.jnt_bodyid[joint])
     while body > carried:
@@ -100,16 +91,17 @@ def _carries(model: mujoco.MjModel, joint: int, body: int) -> bool:
     return body == carried
 
 
-def _triple(vector: Array) -> Triple:
+def triple(vector: Array) -> Triple:
+    """Convert a vector (3,) to a tuple."""
     x, y, z = vector.tolist()
     return x, y, z
 
 
 def require_arm(where: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
-    """Seven hinges and a parallel hand, and nothing else that moves.
+    """Require seven hinges and a parallel hand, and no other joints.
 
     Raises:
-        InputError: another kind of robot; the message says what speaks against it.
+        InputError: another kind of robot; the message names the reason.
     """
     if len(sheet.joints) != AXES:
         raise InputError(
@@ -117,7 +109,9 @@ def require_arm(where: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
             "joint torque sensing. Six-axis arms are out of scope: without a null space the elbow "
             "cannot stay where a measurement's reference had it"
         )
-    joints, bodies, sites = _names(model)
+    joints = [model.joint(i).name for i in range(model.njnt)]
+    bodies = [model.body(i).name for i in range(1, model.nbody)]
+    sites = [model.site(i).name for i in range(model.nsite)]
     for name in (*sheet.joints, *sheet.hand.fingers):
         if name not in joints:
             raise unknown_name("joint", name, joints, f"It is named in {where}.")
@@ -129,20 +123,6 @@ def require_arm(where: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
     others = [name for name in joints if name not in moving]
     if others:
         raise InputError(f"{where}: nothing else may move, but {', '.join(others)} does")
-    _require_kinds(where, sheet, model)
-    _require_hand(where, sheet, model)
-
-
-def _names(model: mujoco.MjModel) -> tuple[list[str], list[str], list[str]]:
-    """Names of joints, bodies and sites."""
-    return (
-        [model.joint(i).name for i in range(model.njnt)],
-        [model.body(i).name for i in range(1, model.nbody)],
-        [model.site(i).name for i in range(model.nsite)],
-    )
-
-
-def _require_kinds(where: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
     kinds = {
         **dict.fromkeys(sheet.joints, ("hinge", mujoco.mjtJoint.mjJNT_HINGE)),
         **dict.fromkeys(sheet.hand.fingers, ("slide", mujoco.mjtJoint.mjJNT_SLIDE)),
@@ -150,13 +130,13 @@ def _require_kinds(where: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
     for name, (kind, wanted) in kinds.items():
         if model.joint(name).type[0] != int(wanted):
             raise InputError(f"{where}: '{name}' must be a {kind}")
+    require_hand(where, sheet, model)
 
 
-def _require_hand(where: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
-    """The tool points down at home, and the fingers move along its y, towards each other."""
-    data = mujoco.MjData(model)
-    for name, angle in zip(sheet.joints, sheet.home.tolist(), strict=True):
-        data.qpos[int(model.joint(name).qposadr[0])] = angle
+def require_hand(where: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
+    """Require that the tool points down at home, and that the fingers move along its y, towards each
+    other."""
+    data = at_home(model, sheet.joints, sheet.home)
     mujoco.mj_kinematics(model, data)
     tool = tool_pose(model, data, sheet.hand).rotation
     if tool[2, 2] > -LEVEL:
@@ -172,16 +152,24 @@ def _require_hand(where: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
         )
 
 
+def at_home(model: mujoco.MjModel, joints: Sequence[str], home: Array) -> mujoco.MjData:
+    """Make data with the joints at `home`."""
+    data = mujoco.MjData(model)
+    for name, angle in zip(joints, home.tolist(), strict=True):
+        data.qpos[int(model.joint(name).qposadr[0])] = angle
+    return data
+
+
 def prepared(arm: RobotDescription) -> mujoco.MjSpec:
-    """An editable copy of the arm: base at the origin, no actuators, no surroundings; its shapes
-    meet the world's, and each other but for `neighbours`."""
+    """Return an editable copy of the arm: base at the origin, no actuators, no surroundings; its
+    shapes collide with the world's, and with each other except for `neighbours`."""
     spec = mujoco.MjSpec.from_file(str(arm.mjcf))
     option = spec.option
-    option.timestep, option.impratio = 0.001, 20.0  # found to hold what is grasped without creep
+    option.timestep, option.impratio = 0.001, 20.0  # a grasped object does not creep with these
     option.integrator = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
     option.cone = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
-    _strip(spec, arm.base)
-    _explicit_inertia(spec, arm.mjcf)
+    strip(spec, arm.base)
+    set_explicit_inertia(spec, arm.mjcf)
     for name, limit in zip(arm.joints, arm.limits.tau_max.tolist(), strict=True):
         joint = spec.joint(name)
         joint.damping[:], joint.frictionloss = (LINK_DAMPING, 0.0, 0.0), 0.0
@@ -193,36 +181,30 @@ def prepared(arm: RobotDescription) -> mujoco.MjSpec:
         spec.body(arm.hand.body).add_site(name=TCP, pos=arm.hand.tcp, group=4)
     if arm.hand.pads is not None:
         for finger in arm.hand.fingers:
-            _pad(spec.joint(finger).parent, arm.hand.pads.centre, arm.hand.pads.half)
+            set_pad(spec.joint(finger).parent, arm.hand.pads.centre, arm.hand.pads.half)
     return spec
 
 
 def neighbours(spec: mujoco.MjSpec, arm: RobotDescription) -> set[frozenset[str]]:
-    """Pairs of the arm's bodies whose shapes may touch: those up to `OVERLAPPING` joints apart, as
-    simple solids overlap there, and whatever touches at home. All that the last joint moves counts
-    as one."""
+    """Find the pairs of the arm's bodies whose shapes may touch: those up to `OVERLAPPING` joints
+    apart, as simple solids overlap there, and those that touch at home. The bodies that the last
+    joint moves count as one."""
     last = len(arm.links) - 1
     place = {body.name: last for body in spec.bodies if body.name not in ("", "world")}
     place |= {name: i for i, name in enumerate(arm.links)}
-    found = _touching_at_home(spec, arm)
+    model = spec.compile()
+    data = at_home(model, arm.joints, arm.home)
+    mujoco.mj_forward(model, data)
+    touching = model.geom_bodyid[data.contact.geom].tolist()
+    found = {frozenset(model.body(int(body)).name for body in pair) for pair in touching}
     for (one, i), (other, j) in combinations(place.items(), 2):
         if abs(i - j) <= OVERLAPPING:
             found.add(frozenset({one, other}))
     return found
 
 
-def _touching_at_home(spec: mujoco.MjSpec, arm: RobotDescription) -> set[frozenset[str]]:
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    for name, angle in zip(arm.joints, arm.home.tolist(), strict=True):
-        data.qpos[int(model.joint(name).qposadr[0])] = angle
-    mujoco.mj_forward(model, data)
-    bodies = model.geom_bodyid[data.contact.geom].tolist()
-    return {frozenset(model.body(int(body)).name for body in pair) for pair in bodies}
-
-
-def _strip(spec: mujoco.MjSpec, base: str) -> None:
-    """Leave the arm alone, at the origin."""
+def strip(spec: mujoco.MjSpec, base: str) -> None:
+    """Delete everything but the arm, and put it at the origin."""
     driven = (*spec.actuators, *spec.sensors, *spec.equalities, *spec.tendons, *spec.keys)
     for element in (*driven, *spec.excludes, *spec.pairs):
         spec.delete(element)
@@ -233,8 +215,8 @@ def _strip(spec: mujoco.MjSpec, base: str) -> None:
     spec.body(base).pos, spec.body(base).quat = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
 
 
-def _explicit_inertia(spec: mujoco.MjSpec, mjcf: Path) -> None:
-    """Masses that a file leaves to its shapes, said: the nominal arm is computed without shapes."""
+def set_explicit_inertia(spec: mujoco.MjSpec, mjcf: Path) -> None:
+    """Set masses that a file leaves to its shapes: the nominal arm is computed without shapes."""
     open_bodies = [body for body in spec.bodies if body.name and not body.explicitinertial]
     if not open_bodies:
         return
@@ -247,7 +229,7 @@ def _explicit_inertia(spec: mujoco.MjSpec, mjcf: Path) -> None:
         body.inertia, body.explicitinertial = stated.inertia, True
 
 
-def _pad(finger: mujoco.MjsBody, centre: Array, half: Array) -> None:
+def set_pad(finger: mujoco.MjsBody, centre: Array, half: Array) -> None:
     """Replace a finger's colliding shapes by one box: with several, a grasped object creeps."""
     for geom in finger.geoms:
         geom.contype = geom.conaffinity = 0

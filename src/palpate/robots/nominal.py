@@ -1,5 +1,4 @@
-"""The nominal arm: the manufacturer's kinematics and inertias, which the controller and the wrench
-rely on."""
+"""The nominal arm: the manufacturer's kinematics and inertias, for controller and wrench."""
 
 from __future__ import annotations
 
@@ -10,68 +9,47 @@ import numpy as np
 
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import RobotDescription
+from palpate.robots.trajectory import rotation_vector
 
-REGULARISATION = 1e-9
-"""Added to J J^T (m^2), far below its smallest eigenvalue in the workspace, so that a singular pose
-stays finite."""
-
-
+RIDGE = 1e-9 * np.eye(6)
+"""Regularisation added to J J^T (m^2), far below its smallest eigenvalue in the workspace, so that a
+singular pose stays finite."""
 SEARCH_STEPS, SEARCH_RATE, SEARCH_DAMPING, SEARCH_DONE = 60, 0.3, 1e-4, 1e-3
-"""Of `NominalArm.reach`: most iterations, share of the way to the posture per step, m^2, rad."""
+"""Of `NominalArm.reach`: most iterations, share of the distance to the posture per step, m^2, rad."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Kinematics:
-    """Kinematics of the nominal arm in n configurations at once.
+    """Kinematics of the nominal arm in n configurations."""
 
-    Attributes:
-        pose_world_tcp: (n, 7).
-        jacobian: (n, 6, 7), world axes about the TCP.
-        gravity_torque: (n, 7), N m, what holds the arm up.
-        inertia_torque: (n, 7), N m, what moves its links on top of that: M ddq + C dq, without the
-            motors' own part.
-    """
-
-    pose_world_tcp: Array
-    jacobian: Array
-    gravity_torque: Array
-    inertia_torque: Array
+    pose_world_tcp: Array  # (n, 7)
+    jacobian: Array  # (n, 6, 7), world axes about the TCP
+    gravity_torque: Array  # (n, 7), N m, that holds the arm up
+    inertia_torque: Array  # (n, 7), N m, M ddq + C dq, without the motors' own inertia
 
 
 def wrench(jacobian: Array, torque: Array) -> Array:
-    """(J^T)^+ tau: the wrench (6,) at the TCP of joint torques (7,). `jacobian` is (6, 7)."""
+    """Compute the wrench (6,) at the TCP of joint torques (7,): (J^T)^+ tau. `jacobian` is (6, 7)."""
     from scipy.linalg.lapack import dposv
 
     return dposv(jacobian @ jacobian.T + RIDGE, jacobian @ torque)[1]
 
 
 def wrenches(jacobian: Array, torque: Array) -> Array:
-    """`wrench` (n, 6, k) of n Jacobians (n, 6, 7) and k torques each (n, 7, k)."""
+    """Compute `wrench` (n, 6, k) for n Jacobians (n, 6, 7) and k torques each (n, 7, k)."""
     from scipy.linalg.lapack import dposv
 
     square = np.matmul(jacobian, jacobian.transpose(0, 2, 1))
     square += RIDGE
     right, out = np.matmul(jacobian, torque), np.empty((len(torque), 6, torque.shape[2]))
-    # LAPACK without the checks of numpy.linalg, which cost more than the solving.
+    # LAPACK without the checks of numpy.linalg, which cost more than the solution.
     for i in range(len(out)):
         out[i] = dposv(square[i], right[i])[1]
     return out
 
 
-RIDGE = REGULARISATION * np.eye(6)
-"""Regularisation added to J J^T."""
-
-
-def _turn(start: Array, goal: Array) -> Array:
-    """(3,) rad, world axes, of the shortest turn from one quaternion to another."""
-    turn, out = np.empty(3), np.empty(3)
-    mujoco.mju_subQuat(turn, goal, start)
-    mujoco.mju_rotVecQuat(out, turn, start)
-    return out
-
-
 class NominalArm:
-    """The unperturbed robot alone, at its place in the world, fingers half open."""
+    """The nominal arm alone, at its place in the world, fingers half open."""
 
     def __init__(self, arm: RobotDescription, pose_world_base: Pose, gravity: Array) -> None:
         spec = arm.spec(gravity)
@@ -91,7 +69,7 @@ class NominalArm:
         self._data.qpos[7:] = arm.hand.opening / 4
 
     def kinematics(self, q: Array, dq: Array | None = None, ddq: Array | None = None) -> Kinematics:
-        """At configurations `q` (n, 7), rad; at rest, or moving at `dq` and `ddq` (n, 7)."""
+        """Compute the kinematics at `q` (n, 7), rad; at rest, or moving at `dq` and `ddq` (n, 7)."""
         n, model, data = len(q), self._model, self._data
         pose, jacobian = np.empty((n, 7)), np.empty((n, 6, model.nv))
         gravity, inertia = np.empty((n, model.nv)), np.zeros((n, model.nv))
@@ -110,7 +88,7 @@ class NominalArm:
         return Kinematics(pose, jacobian[:, :, :7], gravity[:, :7], inertia[:, :7])
 
     def poses(self, q: Array) -> Array:
-        """The TCP's poses (n, 7) at configurations `q` (n, 7)."""
+        """Compute the TCP's poses (n, 7) at configurations `q` (n, 7), rad."""
         out = np.empty((len(q), 7))
         for i in range(len(q)):
             self._q[:] = q[i]
@@ -119,39 +97,35 @@ class NominalArm:
         return out
 
     def stances(self, q: Array) -> tuple[Array, Array]:
-        """The TCP's poses (n, 7) and Jacobians (n, 6, 7), as of `kinematics`, at configurations `q`
-        (n, 7)."""
-        pose, jacobian = np.empty((len(q), 7)), np.empty((len(q), 6, self._model.nv))
+        """Compute the TCP's poses (n, 7) and Jacobians (n, 6, 7) at configurations `q` (n, 7), rad."""
+        pose, jacobian = np.empty((len(q), 7)), np.empty((len(q), 6, 7))
         for i in range(len(q)):
-            self._q[:] = q[i]
-            mujoco.mj_kinematics(self._model, self._data)
-            mujoco.mj_comPos(self._model, self._data)
-            rows = jacobian[i]
-            mujoco.mj_jacSite(self._model, self._data, rows[:3], rows[3:], self._tcp)
+            jacobian[i] = self.jacobian(q[i])
             pose[i, :3], pose[i, 3:] = self._position, self._quaternion
-        return pose, jacobian[:, :, :7]
+        return pose, jacobian
 
     def reach(self, goal: Pose, posture: Array) -> Array:
-        """Configuration (7,) that puts the TCP at `goal` with the null space at rest near
+        """Compute the configuration (7,) with the TCP at `goal` and the null space at rest near
         `posture`, which is first turned about the base towards the goal.
 
-        It depends on nothing else, so the arm comes back to a pose with the elbow where it was
-        before: a wrench's bias is that of a configuration, not of a pose. Where there is none, the
-        search ends as near as it came: it is a tendency, no promise of reachability.
+        It depends on these alone, so the arm returns to a pose with the same elbow: a wrench's bias
+        is that of a configuration, not of a pose. For a pose out of reach it returns the nearest
+        configuration of the search.
 
-        `kinematics.inverse_kinematics`, which answers whether a pose is reached at all, is another
-        search (mink's, with joint limits). Used here in its place it bends the elbow up to 0.14 rad
-        otherwise, and every force is felt with another bias: friction of the bundled scenario
-        reads 0.3460 and not 0.3456 (std 0.011).
+        `kinematics.inverse_kinematics`, which decides if a pose is reachable, is another search
+        (mink's, with joint limits). Here it would bend the elbow by up to 0.14 rad more, and every
+        force would have another bias: friction of the bundled scenario reads 0.3460 and not 0.3456
+        (std 0.011).
         """
         ahead = self._pose_world_base.local(goal.position)
         posture = posture + np.arctan2(ahead[1], ahead[0]) * np.eye(7)[0]
         q = posture
         for _ in range(SEARCH_STEPS):
-            poses, jacobians = self.stances(q[None])
-            here: Array = poses[0]
-            jacobian: Array = jacobians[0]
-            error = np.concatenate([goal.position - here[:3], _turn(here[3:], goal.quaternion)])
+            jacobian, turn = self.jacobian(q), np.empty(3)
+            mujoco.mju_rotVecQuat(
+                turn, rotation_vector(self._quaternion, goal.quaternion), self._quaternion
+            )
+            error = np.concatenate([goal.position - self._position, turn])
             inverse = np.linalg.solve(
                 jacobian @ jacobian.T + SEARCH_DAMPING * np.eye(6), jacobian
             ).T
@@ -163,7 +137,7 @@ class NominalArm:
         return q
 
     def dynamics(self, q: Array, dq: Array) -> tuple[Array, Array]:
-        """`mass_matrix` (7, 7), and Coriolis and centrifugal torques (7,), N m."""
+        """Compute `mass_matrix` (7, 7), and Coriolis and centrifugal torques (7,), N m."""
         model, data = self._model, self._data
         mass_matrix, gravity, bias = self.mass_matrix(q), np.empty(model.nv), np.empty(model.nv)
         self._dq[:], self._cvel[:] = 0.0, 0.0
@@ -174,7 +148,7 @@ class NominalArm:
         return mass_matrix, (bias - gravity)[:7]
 
     def mass_matrix(self, q: Array) -> Array:
-        """Joint-space inertia (7, 7) with the motors' reflected one, kg m^2."""
+        """Compute the joint-space inertia (7, 7), the motors' reflected one included, kg m^2."""
         model, data = self._model, self._data
         self._q[:] = q
         mujoco.mj_kinematics(model, data)
@@ -185,7 +159,7 @@ class NominalArm:
         return full[:7, :7]
 
     def jacobian(self, q: Array) -> Array:
-        """(6, 7) of the TCP, world axes."""
+        """Compute the Jacobian (6, 7) of the TCP, world axes."""
         model, data, out = self._model, self._data, np.empty((6, self._model.nv))
         self._q[:] = q
         mujoco.mj_kinematics(model, data)
@@ -194,7 +168,8 @@ class NominalArm:
         return out[:, :7]
 
     def elbow_jacobian(self) -> Array:
-        """(3, 7) of the fourth joint's place, world axes, at the configuration asked about last."""
+        """Compute the Jacobian (3, 7) of the fourth joint's place, world axes, at the configuration
+        of the last call."""
         out = np.empty((3, self._model.nv))
         mujoco.mj_jacBody(self._model, self._data, out, None, self._elbow)
         return out[:, :7]

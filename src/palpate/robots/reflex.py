@@ -10,23 +10,16 @@ from palpate.geometry.pose import Array
 
 @dataclass(frozen=True, slots=True)
 class Reflex:
-    """Thresholds of the external wrench, without the carried load, at which the arm stops itself.
+    """Thresholds of the external wrench, without the carried load, at which the arm stops itself."""
 
-    Attributes:
-        force: N, magnitude at the TCP.
-        torque: N m, likewise.
-        load: N that may hang on the hand besides: a weight, which pulls straight down.
-        sideways: N, of the horizontal force alone.
-    """
-
-    force: float
-    torque: float
-    load: float = 0.0
-    sideways: float = math.inf
+    force: float  # N, magnitude at the TCP
+    torque: float  # N m, likewise
+    load: float = 0.0  # N of weight on the hand, straight down, allowed in addition
+    sideways: float = math.inf  # N, of the horizontal force alone
 
     @property
     def least(self) -> float:
-        """No smaller wrench, N or N m, is too much."""
+        """The smallest threshold, N or N m."""
         return min(self.force, self.torque, self.sideways)
 
     def fired(self, contact: Array) -> str | None:
@@ -34,33 +27,23 @@ class Reflex:
         `palpate.trace`; None while it goes on."""
         x, y, z, turn_x, turn_y, turn_z = contact.tolist()
         force = math.hypot(x, y, z - min(max(z, 0.0), self.load))
+        sideways, torque = math.hypot(x, y), math.hypot(turn_x, turn_y, turn_z)
         if force > self.force:
-            return _worded(f"{force:.1f} N", f"{self.force:g} N")
-        sideways = math.hypot(x, y)
-        if sideways > self.sideways:
-            return _worded(f"{sideways:.1f} N sideways", f"{self.sideways:.0f} N")
-        torque = math.hypot(turn_x, turn_y, turn_z)
-        if torque > self.torque:
-            return _worded(f"{torque:.1f} N m", f"{self.torque:g} N m")
-        return None
-
-
-def _worded(felt: str, allowed: str) -> str:
-    return f"unexpected contact: the arm stopped itself at {felt}, more than {allowed}"
+            excess = f"{force:.1f} N, more than {self.force:g} N"
+        elif sideways > self.sideways:
+            excess = f"{sideways:.1f} N sideways, more than {self.sideways:.0f} N"
+        elif torque > self.torque:
+            excess = f"{torque:.1f} N m, more than {self.torque:g} N m"
+        else:
+            return None
+        return f"unexpected contact: the arm stopped itself at {excess}"
 
 
 @dataclass(frozen=True, slots=True)
 class Reflexes:
-    """An arm's thresholds for what it does.
+    """An arm's thresholds for each activity."""
 
-    Attributes:
-        free: in free air with empty fingers.
-        carrying: with an object between them.
-        probing: in a guarded motion towards something.
-        contact: touching is the purpose.
-    """
-
-    free: Reflex
-    carrying: Reflex
-    probing: Reflex
-    contact: Reflex
+    free: Reflex  # in free air with empty fingers
+    carrying: Reflex  # with an object between them
+    probing: Reflex  # in a guarded motion
+    contact: Reflex  # for intended contact

@@ -12,14 +12,13 @@ from palpate.extensions import extensions
 from palpate.robots.description import RobotDescription, read_description
 from palpate.robots.sheet import FILE
 
-GROUP = "palpate.robots"
-"""Entry points: packages whose folder has a `description.yaml`, named like the arm."""
+GROUP = "palpate.robots"  # entry points: packages with a `description.yaml`, named like the arm
 DEFAULT = "fr3"
 
 
 @dataclass(frozen=True, slots=True)
 class Arms:
-    """The arms that are known by name, and their folders."""
+    """Arms by name, with their folders."""
 
     folders: Mapping[str, Path]
     _read: dict[tuple[Path, int], RobotDescription] = field(
@@ -27,8 +26,7 @@ class Arms:
     )
 
     def load(self, name_or_path: str) -> RobotDescription:
-        """The arm of that name, or the one that a folder describes; the same object as long as
-        the file does not change.
+        """Load the arm of that name or folder; an unchanged file is the same object.
 
         Raises:
             InputError: unknown; the message lists the valid names. Or the folder's description is
@@ -41,18 +39,15 @@ class Arms:
             )
         version = (folder, (folder / FILE).stat().st_mtime_ns)
         if version not in self._read:
-            self._read[version] = read_description(folder, self._name(folder), self.folders)
+            names = {path.resolve(): name for name, path in self.folders.items()}
+            name = names.get(folder, folder.name)
+            self._read[version] = read_description(folder, name, self.folders)
         return self._read[version]
-
-    def _name(self, folder: Path) -> str:
-        known = {path.resolve(): name for name, path in self.folders.items()}
-        return known.get(folder, folder.name)
 
 
 @cache
 def arms() -> Arms:
-    """Every arm by name: those in this folder, and those of the entry-point group
-    `palpate.robots`.
+    """Return all arms: those of this folder, and those of the entry-point group `palpate.robots`.
 
     Raises:
         InputError: an entry point's package cannot be loaded; the message names it.
@@ -64,16 +59,15 @@ def arms() -> Arms:
 
 
 def load_description(name_or_path: str = DEFAULT, cautious: bool = False) -> RobotDescription:
-    """The arm that `--arm NAME|PATH/` means, and with `--cautious` its slow self.
+    """Load the arm of `--arm NAME|PATH/`; `cautious` limits its pace, as `--cautious`.
 
     Raises:
         InputError: as `Arms.load`.
     """
     arm = arms().load(name_or_path)
-    return _slow(arm) if cautious else arm
+    return _cautious(arm) if cautious else arm
 
 
-@cache
-def _slow(arm: RobotDescription) -> RobotDescription:
-    """Return the cautious arm; cached, because results computed for it are cached by identity."""
+@cache  # results computed for an arm are cached by its identity
+def _cautious(arm: RobotDescription) -> RobotDescription:
     return arm.cautious()

@@ -12,25 +12,17 @@ from palpate.robots.description import Limits
 from palpate.robots.robot import RobotState
 from palpate.trace.samples import STANDARD_GRAVITY
 
-JOINT_MARGIN = 0.01
-"""rad: a joint this near to its end stop is a violation."""
-
+JOINT_MARGIN = 0.01  # rad: a joint this near to its end stop is a violation
 ORIGIN = Pose.of((0.0, 0.0, 0.0))
 
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """Forces that the current action of the arm explains.
+    """Forces that the current action of the arm explains."""
 
-    Attributes:
-        holding: an object hangs on the hand, so vertical force up to the payload is normal.
-        contact: touching something is the purpose, so force up to the limit is normal.
-        grasped: the fingers must still be on something; losing it is a slip.
-    """
-
-    holding: bool = False
-    contact: bool = False
-    grasped: bool = False
+    holding: bool = False  # an object is on the hand: vertical force up to the payload is normal
+    contact: bool = False  # contact is the purpose: force up to the limit is normal
+    grasped: bool = False  # the fingers must hold an object; losing it is a slip
 
 
 def violation(
@@ -40,10 +32,10 @@ def violation(
     pose_world_base: Pose = ORIGIN,
     gravity: float = STANDARD_GRAVITY,
 ) -> str | None:
-    """The first violated predicate, worded with its figures; None while the state is safe.
+    """Return the first violated predicate with its figures; None while the state is safe.
 
-    Sensor data comes first: nothing else can be judged by values that are stale or not numbers.
-    `gravity` (m/s^2) is what a held object's mass is weighed with.
+    Sensor data comes first: the other checks need values that are finite and recent. `gravity`
+    (m/s^2) gives the weight of a held object.
     """
     return (
         state.fault
@@ -61,7 +53,7 @@ def violation(
 def unexplained_force(
     state: RobotState, limits: Limits, holding: bool, gravity: float = STANDARD_GRAVITY
 ) -> Array:
-    """(3,) N: the external force less what a held object up to the payload may weigh."""
+    """Return the external force (3,), N, without the weight of a held object up to the payload."""
     force = state.contact[:3].copy()
     if holding:
         force[2] -= min(max(force[2], 0.0), limits.payload * gravity)
@@ -69,24 +61,13 @@ def unexplained_force(
 
 
 def _not_finite(state: RobotState) -> str | None:
-    signals = (
-        state.q,
-        state.dq,
-        state.tau,
-        state.tau_ext,
-        state.wrench,
-        state.contact,
-        state.twist,
-        state.pose_world_tcp.position,
-        state.pose_world_tcp.quaternion,
-    )
-    if np.isfinite(np.concatenate(signals)).all() and math.isfinite(state.width):
+    names = ("q", "dq", "tau", "tau_ext", "wrench", "contact", "twist")
+    signals = [getattr(state, name) for name in names]
+    pose = state.pose_world_tcp
+    everything = np.concatenate([*signals, pose.position, pose.quaternion])
+    if np.isfinite(everything).all() and math.isfinite(state.width):
         return None
-    bad = [
-        name
-        for name in ("q", "dq", "tau", "tau_ext", "wrench", "contact", "twist")
-        if not np.isfinite(getattr(state, name)).all()
-    ]
+    bad = [name for name, v in zip(names, signals, strict=True) if not np.isfinite(v).all()]
     return f"sensor data is not finite: {', '.join(bad) or 'pose or width'}"
 
 
@@ -114,12 +95,12 @@ def _joints(state: RobotState, limits: Limits) -> str | None:
 
 def _workspace(state: RobotState, limits: Limits, pose_world_base: Pose) -> str | None:
     position = state.pose_world_tcp.position
-    x, y, z = pose_world_base.rotation.T @ (position - pose_world_base.position)
+    place = pose_world_base.rotation.T @ (position - pose_world_base.position)
     low, high = limits.workspace_min, limits.workspace_max
-    if low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]:
+    if (low <= place).all() and (place <= high).all():
         return None
     return (
-        f"the TCP is at {_vector(np.array([x, y, z]))} m from the base, outside the workspace "
+        f"the TCP is at {_vector(place)} m from the base, outside the workspace "
         f"{_vector(low)} to {_vector(high)} m"
     )
 
@@ -147,36 +128,29 @@ def _torques(state: RobotState, limits: Limits) -> str | None:
 
 
 def _forces(state: RobotState, limits: Limits, expected: Expectation, gravity: float) -> str | None:
-    weight = limits.payload * gravity
-    if expected.holding and state.contact[2] > weight + limits.overload:
+    weight, lift = limits.payload * gravity, state.contact[2]
+    if expected.holding and lift > weight + limits.overload:
         return (
-            f"the held object pulls with {state.contact[2]:.1f} N, more than the payload of {limits.payload:g} kg "
-            f"({weight:.1f} N)"
+            f"the held object pulls with {lift:.1f} N, more than the payload of "
+            f"{limits.payload:g} kg ({weight:.1f} N)"
         )
     force = unexplained_force(state, limits, expected.holding, gravity)
-    size, twisting = _norm(force), _norm(state.contact[3:])
+    size, torque = _norm(force), _norm(state.contact[3:])
     if size > limits.force_max:
         return f"external force {size:.1f} N exceeds the limit of {limits.force_max:.0f} N"
-    if twisting > limits.torque_max:
-        return (
-            f"external torque {twisting:.1f} N m exceeds the limit of {limits.torque_max:.0f} N m"
-        )
-    explained = _explained(limits, expected)
+    if torque > limits.torque_max:
+        return f"external torque {torque:.1f} N m exceeds the limit of {limits.torque_max:.0f} N m"
+    explained = limits.free_force  # N, by the current action
+    if expected.holding:
+        explained = max(explained, limits.reflexes.carrying.force)
+    if expected.contact:
+        explained = limits.force_max
     if size > explained:
         return (
             f"unexpected contact: {size:.1f} N {_vector(force)} where at most "
             f"{explained:g} N is explained"
         )
     return None
-
-
-def _explained(limits: Limits, expected: Expectation) -> float:
-    """N that belong to what the arm is doing, besides a weight."""
-    if expected.contact:
-        return limits.force_max
-    if expected.holding:
-        return max(limits.free_force, limits.reflexes.carrying.force)
-    return limits.free_force
 
 
 def _slip(state: RobotState, expected: Expectation) -> str | None:

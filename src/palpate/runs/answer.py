@@ -23,9 +23,9 @@ LESS: Collection[str] = (
 ASKING = ("is", "are", "does", "do", "was", "were", "will", "would")
 """First words of a question that is answered by yes or no."""
 CERTAIN = 1e-6
-"""Probabilities below this are not told apart."""
+"""Smallest probability that is printed as a number."""
 UNCERTAIN = 0.05
-"""Probability of the opposite order from which on a comparison stays open."""
+"""Probability of the opposite order above which a comparison stays open."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +43,8 @@ class _Compared:
 
 
 def answer(run: Run) -> str | None:
-    """The answer to a comparing request in English, by the identified estimates; None where it
-    compares nothing that was measured. Values that the scene states are taken as exact."""
+    """Answer an English request that compares, from the identified estimates; None if it compares
+    nothing that was measured. Values stated by the scene count as exact."""
     asked = _words(run.settings.request or "")
     word = next((word for word in asked if word in english().compared), None)
     if word is None:
@@ -64,7 +64,7 @@ def answer(run: Run) -> str | None:
 
 
 def _worded(compared: Sequence[_Compared], asked: Sequence[str], unit: str) -> str:
-    """The answer by the first two of the objects in order."""
+    """Word the answer from the first two of the sorted objects."""
     first, second = compared[:2]
     figures = f"{first.name} {first} against {second.name} {second}" + (f" {unit}" * (unit != "1"))
     chance = _chance(first, second)
@@ -89,8 +89,8 @@ def _stated(run: Run, quantity: str, asked: Sequence[str]) -> list[_Compared]:
 
 
 def _subject(compared: Sequence[_Compared], asked: Sequence[str]) -> str | None:
-    """The object before "than" in a question about two; None in other requests, or where a name does
-    not stand there in full, so that the sides are not certain."""
+    """Object before "than" in a question about two; None in other requests, or if the names do not
+    stand there in full, which leaves the sides uncertain."""
     places = {each.name: _place(each.name, asked) for each in compared}
     than = asked.index("than") if "than" in asked and asked[0] in ASKING else None
     if than is None or len(compared) > 2:
@@ -101,7 +101,7 @@ def _subject(compared: Sequence[_Compared], asked: Sequence[str]) -> str | None:
 
 
 def _place(name: str, asked: Sequence[str]) -> int | None:
-    """Index of an object's name among the words of the request; None where it is not there in full."""
+    """Index of an object's full name among the words of the request, or None."""
     parts = _words(name)
     for i in range(len(asked) - len(parts) + 1):
         if parts and list(asked[i : i + len(parts)]) == parts:
@@ -114,18 +114,15 @@ def _words(text: str) -> list[str]:
 
 
 def _chance(first: _Compared, second: _Compared) -> float:
-    """Probability that the order is the opposite; what both estimates share does not count."""
+    """Probability of the opposite order, p = erfc(d / (σ √2)) / 2 with the difference d and its std σ."""
+    estimates = [each.estimate for each in (first, second) if each.estimate is not None]
+    if len(estimates) == 2:
+        # Errors that both estimates share cancel in the difference.
+        sources = [Source("", "this arm", estimate) for estimate in estimates]
+        std = float(difference(*sources)[1][0])
+    else:
+        std = max((float(estimate.stds[0]) for estimate in estimates), default=0.0)
     apart = abs(first.value - second.value)
-    std = _std(first, second)
     if std == 0.0:
         return 0.0 if apart > 0.0 else 0.5
     return 0.5 * math.erfc(apart / (std * math.sqrt(2.0)))
-
-
-def _std(first: _Compared, second: _Compared) -> float:
-    """Standard deviation of the difference."""
-    estimates = [each.estimate for each in (first, second) if each.estimate is not None]
-    if len(estimates) == 2:
-        sources = [Source("", "this arm", estimate) for estimate in estimates]
-        return float(difference(*sources)[1][0])
-    return max((float(estimate.stds[0]) for estimate in estimates), default=0.0)

@@ -27,10 +27,10 @@ class Row:
     """Estimate of one run in a comparison.
 
     Attributes:
-        run: its name.
-        estimate: None where it promised none.
-        difference: (n,) from the first run that has a value; None for that one, and without a value.
-        std: (n,) of the difference, without what both runs share.
+        run: name of the run.
+        estimate: None if the run did not measure the parameter.
+        difference: (n,) from the first run with a value; None for that run, and without a value.
+        std: (n,) of the difference, without errors that both runs share.
     """
 
     run: str
@@ -40,7 +40,7 @@ class Row:
 
     @property
     def z(self) -> Array | None:
-        """(n,) the difference in its standard deviations."""
+        """Difference in its standard deviations, (n,)."""
         if self.difference is None or self.std is None:
             return None
         return self.difference / self.std
@@ -48,13 +48,12 @@ class Row:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
-    """Several runs beside each other: `comparison["mug.mass"]` has a row of each run.
+    """Comparison of several runs: `comparison["mug.mass"]` has a row of each run.
 
     Attributes:
-        runs: in the order given.
-        names: of their folders.
-        rows: by parameter.
-        remarks: in what the runs are not alike.
+        names: folders of the runs.
+        rows: rows by parameter, in the order of the runs.
+        remarks: differences of their scenes and worlds.
     """
 
     runs: tuple[Run, ...]
@@ -66,7 +65,7 @@ class Comparison:
         """Estimates of a parameter, by run.
 
         Raises:
-            KeyError: no run promised it; the message lists what was.
+            KeyError: no run measured it; the message lists the measured parameters.
         """
         wanted = Parameter(name) if isinstance(name, str) else name
         if wanted not in self.rows:
@@ -77,7 +76,7 @@ class Comparison:
         return f"<Comparison of {len(self.runs)} runs: {self._listed()}>"
 
     def __str__(self) -> str:
-        """A row for each parameter and run, as text."""
+        """Table with a row for each parameter and run."""
         return text_table(COLUMNS, self._cells())
 
     def _repr_html_(self) -> str:
@@ -93,7 +92,7 @@ class Comparison:
         return found
 
     def _listed(self) -> str:
-        """The parameters, each with the largest difference from the first run."""
+        """List the parameters with their largest difference from the first run."""
         said: list[str] = []
         for parameter, rows in self.rows.items():
             apart = [float(np.abs(row.z).max()) for row in rows if row.z is not None]
@@ -103,7 +102,7 @@ class Comparison:
 
 
 def compare_runs(runs: Sequence[Run]) -> Comparison:
-    """All parameters of two runs or more, each run against the first that has a value.
+    """Compare all parameters of two or more runs, each run with the first that has a value.
 
     Raises:
         InputError: fewer than two runs.
@@ -144,7 +143,7 @@ def _rows(
 
 
 def _of_its_own_scene(source: Source) -> Source:
-    """With nothing in common with runs of other scenes but the arm."""
+    """Rename the shared causes of a run of another scene: only those of the arm are common."""
     shared: list[Shared] = []
     for one in source.estimate.shared:
         cause = one.cause if one.of == "arm" else f"{one.cause} of {source.run}"
@@ -153,7 +152,7 @@ def _of_its_own_scene(source: Source) -> Source:
 
 
 def comparison_json(comparison: Comparison) -> dict[str, Any]:
-    """For scripts; scalars for quantities of one component, lists for the others."""
+    """Comparison as JSON: scalars for quantities of one component, lists for the others."""
     runs: list[dict[str, Any]] = []
     for name, run in zip(comparison.names, comparison.runs, strict=True):
         where = None if run.folder is None else str(run.folder.absolute())
@@ -188,7 +187,7 @@ def _row_json(row: Row) -> dict[str, Any]:
 
 
 def _plain(numbers: Array | None) -> Any:
-    """A list of one as what is in it, nothing as null."""
+    """Convert (1,) to a scalar, (n,) to a list, nothing to null."""
     if numbers is None or not len(numbers):
         return None
     found: list[float] = np.asarray(numbers).tolist()

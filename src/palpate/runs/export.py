@@ -1,4 +1,4 @@
-"""A run's twin handed to other simulators: a new folder with its files and `export.json`."""
+"""Export of a run's twin: a new folder with its files and `export.json`."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def export_json(run: Run, export: Export) -> dict[str, Any]:
 
 
 def _rows(run: Run, export: Export) -> Iterator[dict[str, Any]]:
-    """Every estimate with what became of it in the format."""
+    """Every estimate, and whether it was read back from the export."""
     for estimate in run.estimates:
         row = parameter_json(estimate)
         yield {**row, "read_back": estimate.parameter in export.held}

@@ -1,4 +1,4 @@
-"""Estimates as people read them: a value and its error with as many digits as the error carries."""
+"""Estimates as text: value and error with as many digits as the error carries."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from palpate.estimation.estimate import Estimate, Verdict, rounded
 from palpate.geometry.pose import Array
 
-AXES = {2: ("x", "y"), 3: ("x", "y", "z"), 6: ("xx", "yy", "zz", "xy", "xz", "yz")}
+AXES = {1: ("",), 2: ("x", "y"), 3: ("x", "y", "z"), 6: ("xx", "yy", "zz", "xy", "xz", "yz")}
 """Names of the components of a vector, and of a symmetric tensor in MuJoCo's `fullinertia`
 order."""
 
@@ -26,7 +26,7 @@ class Figure:
 
 
 def figures(estimate: Estimate) -> tuple[Figure, ...]:
-    """A figure a component; none where there is no value."""
+    """Format the components of an estimate; none without a value."""
     axes = axes_of(len(estimate.values))
     found: list[Figure] = []
     for i, axis in enumerate(axes):
@@ -38,24 +38,22 @@ def figures(estimate: Estimate) -> tuple[Figure, ...]:
 
 
 def in_a_line(estimate: Estimate) -> str:
-    """The values alone, each component by its name: `x 0.0647, y −0.0005`, without a unit."""
+    """Format the values alone, with names of components and without a unit: `x 0.0647, y −0.0005`."""
     return ", ".join(f"{figure.axis} {figure.value}".strip() for figure in figures(estimate))
 
 
 def significant(value: float, digits: int, sign: str = "") -> str:
-    """So many significant digits, never in powers of ten where that can be helped."""
+    """Format with `digits` significant digits, without large powers of ten."""
     text = f"{value:{sign}.{digits}g}"
     return f"{value:{sign}.0f}" if "e+" in text else text
 
 
 def axes_of(count: int) -> tuple[str, ...]:
-    """Names of so many components."""
-    if count == 1:
-        return ("",)
+    """Names of `count` components."""
     return AXES.get(count, tuple(str(i + 1) for i in range(count)))
 
 
 def rounded_columns(values: Array, stds: Array) -> tuple[list[str], list[str]]:
-    """Values and standard deviations (n,) as text, each with its own digits."""
+    """Format values and standard deviations (n,), each component with its own digits."""
     texts = [rounded(*pair) for pair in zip(values.tolist(), stds.tolist(), strict=True)]
     return [value for value, _ in texts], [std for _, std in texts]

@@ -25,19 +25,19 @@ def write_files(run: Run, scratch: Path, folder: Path) -> None:
 
 
 def write_plan(run: Run, folder: Path) -> None:
-    """All that there is before anything moves."""
+    """Write the files that exist before the execution: plan, conversation, tree, scene."""
     write_text(folder / "plan.json", plan_text(run))
     if run.conversation is not None:
         write_text(folder / "conversation.json", run.conversation.dump())
     if run.ready and run.plan.tree is not None:
-        from palpate.execution.btcpp import tree_xml  # py_trees, which a plan alone does not need
+        from palpate.execution.btcpp import tree_xml  # loads py_trees
 
         write_text(folder / "tree.xml", tree_xml(run.plan, vocabulary()))
     _write_scene(run, folder)
 
 
 def write_trace(run: Run, folder: Path) -> None:
-    """The finished trace, in the place of the one that grew, and the cycles before a stop."""
+    """Write the finished trace over the growing one, and the log of cycles before a stop."""
     if run.trace_if_any is not None:
         with replacing(folder / TRACE) as part:
             write_mcap(part, run.trace_if_any, shown(run))
@@ -47,7 +47,7 @@ def write_trace(run: Run, folder: Path) -> None:
 
 
 def write_twin(run: Run, folder: Path) -> None:
-    """The twin, and the scene as contact told it."""
+    """Write the twin, and the scene as completed by contact."""
     if run.finished is not None:
         write_text(folder / "twin.xml", run.finished.xml)
         for name, text in run.finished.beside.items():

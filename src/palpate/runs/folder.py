@@ -1,5 +1,5 @@
-"""Run folder. A finished one appears at once or not at all; a growing one says so in its
-result.json, and each of its files is complete."""
+"""Run folder. A finished one appears atomically; a growing one has its stage in result.json, and each of
+its files is complete at any time."""
 
 from __future__ import annotations
 
@@ -22,23 +22,22 @@ from palpate.files.read import read_text
 from palpate.redaction import redact, redacted
 
 MAX_JSON = 20_000_000
-"""Largest JSON file of a run that is read."""
+"""Maximum size of a JSON file of a run, bytes."""
 
 _HOST = f"{zlib.crc32(platform.node().encode()):08x}"
 _SCRATCH = re.compile(r"\..+\.palpate-([0-9a-f]{8})-([0-9]+)-\w+")
-"""A scratch folder: the machine and the process that made it."""
+"""Name of a scratch folder, with the machine and the process that made it."""
 
 
 def default_folder(name: str) -> Path:
-    """`runs/NAME-TIME` in the present folder (NAME `run` where there is none); a number is added
-    where it exists."""
+    """Return `runs/NAME-TIME` in the working directory, with a number added if it exists."""
     stem = Path("runs") / f"{name or 'run'}-{datetime.now():%Y%m%d-%H%M%S}"
     candidates = [stem, *(stem.with_name(f"{stem.name}-{i}") for i in range(2, 100))]
     return next(c for c in candidates if not c.exists())
 
 
 def check_writable(path: Path) -> None:
-    """Try whether a folder can be made at `path`; nothing is left of the trial.
+    """Test by a trial that a folder can be made at `path`; the trial is removed.
 
     Raises:
         InputError: it exists or cannot be made.
@@ -56,7 +55,7 @@ def check_writable(path: Path) -> None:
 
 
 def growing_folder(path: Path) -> None:
-    """Make the folder of a run that begins now.
+    """Make the folder of a run that begins.
 
     Raises:
         InputError: it exists or cannot be made.
@@ -72,12 +71,12 @@ def growing_folder(path: Path) -> None:
 
 @contextmanager
 def new_folder(path: Path) -> Generator[Path]:
-    """A scratch folder beside `path` that becomes `path` when the block ends well, and is removed
-    when it does not.
+    """Yield a scratch folder beside `path` that is renamed to `path` after the block, or removed if
+    the block raises.
 
     Raises:
-        InputError: `path` exists or cannot be made; or it came into being meanwhile, then the run
-            is kept beside it.
+        InputError: `path` exists or cannot be made; if it was created meanwhile, the run is kept
+            beside it.
     """
     _check_free(path)
     try:
@@ -102,7 +101,7 @@ def new_folder(path: Path) -> Generator[Path]:
 
 
 def sweep(folder: Path) -> None:
-    """Remove the scratch folders that processes of this machine left here when they were killed."""
+    """Remove scratch folders of killed processes of this machine."""
     for entry in folder.iterdir():
         found = _SCRATCH.fullmatch(entry.name)
         if found and found[1] == _HOST and not _alive(int(found[2])):
@@ -111,8 +110,8 @@ def sweep(folder: Path) -> None:
 
 @contextmanager
 def replacing(path: Path) -> Generator[Path]:
-    """A file beside `path` that takes its place when the block ends well, and is removed when it
-    does not: at every moment, `path` is whole."""
+    """Yield a file beside `path` that replaces it atomically after the block, or is removed if the
+    block raises."""
     part = path.with_name(f"{path.name}.part")
     try:
         yield part
@@ -137,7 +136,7 @@ def _scratch(parent: Path, name: str) -> Path:
 
 
 def _kept(scratch: Path, path: Path) -> Path:
-    """Place of a scratch folder whose target was taken: safe from sweeping."""
+    """Rename a scratch folder whose target was taken, so that `sweep` does not remove it."""
     for i in range(2, 100):
         beside = path.with_name(f"{path.name}-{i}")
         try:
@@ -148,7 +147,7 @@ def _kept(scratch: Path, path: Path) -> Path:
 
 
 def _alive(process: int) -> bool:
-    """True if a process of this machine still runs."""
+    """Test that a process of this machine still runs."""
     try:
         os.kill(process, 0)
     except ProcessLookupError:
@@ -159,7 +158,7 @@ def _alive(process: int) -> bool:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """The JSON object in a run folder's file.
+    """Read the JSON object in a file of a run folder.
 
     Raises:
         InputError: there is no such file, or no object in it.
@@ -176,11 +175,11 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Pretty, strict JSON (no NaN), without keys of the environment, at once."""
+    """Write indented, strict JSON (no NaN) atomically, keys of the environment redacted."""
     write_text(path, json_text(redacted(content), indent=2) + "\n")
 
 
 def write_text(path: Path, text: str) -> None:
-    """A text file as it is, but for keys of the environment, at once."""
+    """Write a text file atomically, keys of the environment redacted."""
     with replacing(path) as part:
         part.write_text(redact(text), encoding="utf-8", newline="")

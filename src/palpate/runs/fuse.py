@@ -1,4 +1,4 @@
-"""Several runs of one scene made into one estimate a parameter."""
+"""Fusion of several runs of one scene into one estimate per parameter."""
 
 from __future__ import annotations
 
@@ -29,12 +29,11 @@ class Fusion:
     """Fusion of several runs.
 
     Attributes:
-        runs: those that were fused.
-        names: of them, in words.
-        estimates: one a parameter that any run promised.
-        left_out: which estimates have no say, and why, a line each.
-        twin: the scene with what was fused.
-        folder: where it was written.
+        names: folders of the runs.
+        estimates: one per parameter of any run.
+        left_out: excluded estimates with the reason, a line each.
+        twin: the scene with the fused values.
+        folder: folder that it was written to, if any.
     """
 
     runs: tuple[Run, ...]
@@ -53,7 +52,7 @@ class Fusion:
         """The estimate of a parameter: `fusion["mug.mass"]`.
 
         Raises:
-            KeyError: no run promised it.
+            KeyError: no run measured it.
         """
         wanted = Parameter(name) if isinstance(name, str) else name
         for estimate in self.estimates:
@@ -68,7 +67,7 @@ class Fusion:
 
 
 def fuse_runs(runs: Sequence[Run]) -> Fusion:
-    """Fuse the estimates of each parameter, and make their twin.
+    """Fuse the estimates of each parameter and build the twin.
 
     Raises:
         InputError: fewer than two runs, runs that are not of one scene, or the same recordings twice.
@@ -84,22 +83,24 @@ def fuse_runs(runs: Sequence[Run]) -> Fusion:
     estimates: list[Estimate] = []
     left_out: list[str] = []
     for parameter in parameters_of(runs):
-        told = _sources(parameter, runs, names)
-        sources = [source for source in told if source.estimate.identified]
-        left_out += [_left_out(source) for source in told if not source.estimate.identified]
-        estimates.append(fuse(sources) if sources else _unknown(parameter, told[0].estimate.unit))
+        found = _sources(parameter, runs, names)
+        sources = [source for source in found if source.estimate.identified]
+        left_out += [_left_out(source) for source in found if not source.estimate.identified]
+        # A prior is no evidence: without an identified estimate there is no fused value.
+        unknown = not_identified(parameter, found[0].estimate.unit, "No run identified it.")
+        estimates.append(fuse(sources) if sources else unknown)
     twin = build_twin(runs[0].scene, estimates)
     return Fusion(tuple(runs), names, tuple(estimates), tuple(left_out), twin)
 
 
 def _sources(parameter: Parameter, runs: Sequence[Run], names: Sequence[str]) -> list[Source]:
     """Estimates of a parameter by the runs that have one."""
-    told: list[Source] = []
+    sources: list[Source] = []
     for name, run in zip(names, runs, strict=True):
         estimate = estimate_of(run, parameter)
         if estimate is not None:
-            told.append(Source(name, arm_of(run), estimate))
-    return told
+            sources.append(Source(name, arm_of(run), estimate))
+    return sources
 
 
 def _left_out(source: Source) -> str:
@@ -110,8 +111,7 @@ def _left_out(source: Source) -> str:
 
 
 def arm_of(run: Run) -> str:
-    """Identity of the arm of a run. A simulated one is that of its noise model and seed; a real one
-    is known by its address."""
+    """Identity of a run's arm: noise model and seed of a simulated one, address of a real one."""
     asked: Settings = run.settings
     if asked.robot is not None:
         return asked.robot
@@ -160,7 +160,7 @@ def write_fusion(fusion: Fusion, folder: Path) -> None:
 
 
 def names_of(runs: Sequence[Run]) -> tuple[str, ...]:
-    """Folders by their last part, where those differ."""
+    """Names of the runs' folders: their last parts if those differ, else whole paths."""
     short: list[str] = []
     long: list[str] = []
     for i, run in enumerate(runs):
@@ -171,7 +171,7 @@ def names_of(runs: Sequence[Run]) -> tuple[str, ...]:
 
 
 def parameters_of(runs: Sequence[Run]) -> list[Parameter]:
-    """All that any run promised, in order."""
+    """Parameters of all runs, in order."""
     promised = [estimate.parameter for run in runs for estimate in run.estimates]
     return list(dict.fromkeys(promised))
 
@@ -182,12 +182,6 @@ def estimate_of(run: Run, parameter: Parameter) -> Estimate | None:
         if estimate.parameter == parameter:
             return estimate
     return None
-
-
-def _unknown(parameter: Parameter, unit: str) -> Estimate:
-    """Estimate without a value, where no run identified it. A prior is no evidence and does not
-    count."""
-    return not_identified(parameter, unit, "No run identified it.")
 
 
 def differences(one: Run, other: Run) -> Iterator[str]:
@@ -208,8 +202,7 @@ def differences(one: Run, other: Run) -> Iterator[str]:
 
 
 def _other_world(one: Run, other: Run) -> Iterator[str]:
-    """Worlds of one file are one; those that are drawn from priors are one seed's and noise
-    model's."""
+    """Difference of two simulated worlds: another file, or another draw from the priors."""
     worlds = [run.settings.world and run.settings.world.absolute() for run in (one, other)]
     drawn = [run.world is not None and "drawn from priors" in run.world for run in (one, other)]
     if worlds[0] != worlds[1] or drawn[0] != drawn[1]:
@@ -237,10 +230,10 @@ def _changed(text: str, other: str) -> str:
 
 
 def _require_different(runs: Sequence[Run], names: Sequence[str]) -> None:
-    """Numbers that are equal to the last bit come from the same recordings.
+    """Reject the same recordings twice: estimates that are equal to the last bit.
 
     Raises:
-        InputError: two runs are one.
+        InputError: two runs hold the same recordings.
     """
     seen: dict[tuple[Any, ...], str] = {}
     for name, run in zip(names, runs, strict=True):

@@ -1,5 +1,5 @@
-"""Keeps a run while it grows: at every moment its folder holds all that there is, and whatever fails
-costs no more than itself."""
+"""Keeper of a growing run: its folder is complete after every stage, and a failed stage costs only its
+own result."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from palpate.trace.samples import Samples
 
 Step = Callable[[Run], Iterator[Run]]
-"""A stage of a run: yields what it has grown to, once or several times."""
+"""Stage of a run: yields the grown run once or several times."""
 
 
 class Keeper:
-    """Keeps a run in `folder`, in memory alone where that is None.
+    """Keeper of a run in `folder`, or in memory if that is None.
 
-    A stage that fails, or a file that cannot be written, costs what it would have made and a line
-    in the run's `shortfalls`. A signal ends the run where it stands (`Run.interrupted`).
+    A failed stage, or a file that cannot be written, adds a line to the run's `shortfalls`. A signal
+    ends the run after the present stage (`Run.interrupted`).
     """
 
     def __init__(self, folder: Path | None, signals: Interrupts) -> None:
@@ -40,7 +40,7 @@ class Keeper:
         self._stream: TraceStream | None = None
 
     def begin(self, run: Run, request: Mapping[str, Any]) -> Run:
-        """Make the folder, with all that there is before anything moves.
+        """Make the folder and write the files that exist before the execution.
 
         Raises:
             InputError: it exists, or cannot be made or written.
@@ -59,7 +59,7 @@ class Keeper:
         return run
 
     def through(self, stage: Stage, step: Step, run: Run) -> Run:
-        """`run` after a stage, as far as that came."""
+        """Carry out a stage; return the run as far as it came."""
         run = self.kept(replace(run, stage=stage))
         try:
             with self._signals.raised():
@@ -72,12 +72,12 @@ class Keeper:
         return self.kept(run)
 
     def executed(self, step: Step, run: Run) -> Run:
-        """`run` after its execution, in which a signal asks for a controlled stop.
+        """Carry out the execution, in which a signal asks for a controlled stop.
 
         Raises:
-            PalpateError: nothing could be executed; nothing has moved, and nothing is left.
+            PalpateError: nothing could be executed; nothing has moved, and the folder is removed.
         """
-        with self._signals.noted():
+        with self._signals.deferred():
             try:
                 for grown in step(run):
                     run = self.kept(grown)
@@ -97,12 +97,12 @@ class Keeper:
             return self.kept(run)
 
     def finished(self, run: Run) -> Run:
-        """`run`, with nothing left to do."""
+        """Mark the run as finished."""
         return self.kept(replace(run, stage=None, interrupted=None))
 
     def kept(self, run: Run) -> Run:
-        """`run` with what it fell short of, its state written to result.json."""
-        with self._signals.noted():
+        """Add the shortfalls to the run and write result.json."""
+        with self._signals.deferred():
             run = self._with_shortfalls(run)
             if run.begun is not None:
                 run = replace(run, total_seconds=time.perf_counter() - run.begun)
@@ -112,7 +112,7 @@ class Keeper:
             return self._with_shortfalls(run)
 
     def samples(self, samples: Samples, recorded: Recorded) -> None:
-        """Write down what the robot sensed just now.
+        """Append samples to the growing trace.
 
         Raises:
             OSError: the disk is full, or gone.
@@ -124,19 +124,19 @@ class Keeper:
         self._stream.write(samples, recorded)
 
     def trace(self, run: Run) -> None:
-        """Write the finished trace in the place of the one that grew."""
+        """Write the finished trace over the growing one."""
         self._close_stream()
         self.tried(TRACE, lambda at: write_trace(run, at))
 
     def twin(self, run: Run) -> None:
-        """Write the twin, and where else it is wanted, unless it is there."""
+        """Write the twin into the folder, and to `--twin` unless that file exists."""
         self.tried("twin.xml", lambda at: write_twin(run, at))
         twin, wanted = run.finished, run.settings.twin
         if twin is not None and wanted is not None and not wanted.exists():
             self.tried(str(wanted), lambda _: twin.save(wanted))
 
     def tried(self, name: str, write: Callable[[Path], object]) -> None:
-        """Let `write` write something into the folder; a failure is noted."""
+        """Write into the folder; note a failure."""
         if self.folder is None:
             return
         try:
@@ -145,7 +145,7 @@ class Keeper:
             self.fell_short(f"{name} was not written", error)
 
     def fell_short(self, what: str, error: Exception) -> None:
-        """Note what could not be made, and why, once."""
+        """Note a failure and its reason, once."""
         line = shortfall(what, error)
         if line not in self._shortfalls:
             self._shortfalls.append(line)
@@ -168,6 +168,6 @@ class Keeper:
 
 
 def shortfall(what: str, error: Exception) -> str:
-    """Line on a thing that could not be made, with the reason."""
+    """Format a failure and its reason in one line."""
     reason = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
     return f"{what}: {reason}".splitlines()[0]

@@ -1,4 +1,4 @@
-"""A run read back from its folder."""
+"""Reading a run from its folder."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import numpy as np
 from palpate import __version__
 from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate, Part, Shared
-from palpate.execution.held import Held
 from palpate.execution.rehearsal import Rehearsal
+from palpate.execution.stop import Held
 from palpate.geometry.pose import Array
 from palpate.mjcf.document import read_text
 from palpate.parameter import Parameter
@@ -38,14 +38,14 @@ if TYPE_CHECKING:
     from palpate.settings import Settings
 
 NOTHING = "<mujoco><worldbody/></mujoco>"
-"""The scene of a run whose file is gone, or that never had one."""
+"""Scene of a run whose file was removed, or that had none."""
 
 
 def read_run(folder: Path, settings: Settings) -> Run:
-    """The run in `folder`, made with `settings`. Its trace is read when first asked for.
+    """Read the run in `folder`, made with `settings`; its trace is read at first use.
 
-    Not kept in a folder, and hence empty: the symbolic state and the camera's footage. Where the
-    scene's own file has gone since, the scene is empty.
+    The symbolic state and the camera's footage are not kept in a folder. The scene is empty if its
+    file was removed.
 
     Raises:
         InputError: a file is missing or is not of a run.
@@ -60,21 +60,21 @@ def read_run(folder: Path, settings: Settings) -> Run:
 
 
 def require_own_version(folder: Path) -> None:
-    """Look at who recorded the run in `folder`.
+    """Check that this version of palpate recorded the run: formats may differ between versions.
 
     Raises:
-        InputError: another version did, which may have meant something else by what it wrote.
+        InputError: another version recorded it.
     """
     recorded = read_json(folder / "request.json").get("palpate")
     if recorded != __version__:
         raise InputError(
             f"'{folder}' was recorded by palpate {recorded or 'of an unknown version'}, and this is "
-            f"{__version__}: its trace is made estimates of by the version that recorded it alone"
+            f"{__version__}: estimate from its trace with the version that recorded it"
         )
 
 
 class Found(NamedTuple):
-    """The run's scene, and what a model saw, where it was made of that."""
+    """Scene of a run, and the objects that a model detected, if it was built from them."""
 
     scene: Scene
     seen: DetectedScene | None = None
@@ -111,7 +111,7 @@ def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
 
 
 def _found(folder: Path, settings: Settings, objects: tuple[SceneObject, ...]) -> Found:
-    """The scene of the folder, else of its own file, else an empty one."""
+    """Read the scene from the folder, else from its own file, else return an empty one."""
     own, arm, poses = (
         folder / "scene.xml",
         load_description(settings.arm, settings.cautious),
@@ -165,12 +165,12 @@ def _ending(document: dict[str, Any] | None) -> Ending | None:
 
 
 def _total_seconds(document: dict[str, Any] | None) -> float | None:
-    """Wall time of the command; None in folders of versions that did not write it."""
+    """Wall time of the command; None in folders of earlier versions."""
     return None if document is None else document.get("total_seconds")
 
 
 def estimate_from(row: Mapping[str, Any]) -> Estimate:
-    """The estimate of which `parameter_json` made a row."""
+    """Read the output of `parameter_json`."""
     parts = {name: Part(**part) for name, part in row["components"].items()}
     return Estimate(
         Parameter(row["object"], row["quantity"]),
@@ -190,7 +190,7 @@ def estimate_from(row: Mapping[str, Any]) -> Estimate:
 
 
 def _truth(rows: Sequence[Mapping[str, Any]]) -> dict[Parameter, tuple[float, ...]]:
-    """True values of the simulated world, where the run knew them."""
+    """True values of a simulated world, if the run holds them."""
     found: dict[Parameter, tuple[float, ...]] = {}
     for row in rows:
         true = _numbers(row.get("true_value")).reshape(-1).tolist()
@@ -211,7 +211,7 @@ def _recording(document: Mapping[str, Any]) -> Recording:
 
 
 def _unseen(row: Mapping[str, Any]) -> tuple[int, ...]:
-    """Components whose verdict is not that of the others."""
+    """Indices of the components whose verdict differs from that of the whole."""
     verdicts = enumerate(row.get("verdicts") or ())
     return tuple(place for place, verdict in verdicts if verdict != row["verdict"])
 

@@ -1,4 +1,4 @@
-"""The command that does the same again."""
+"""Command lines that repeat a run."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ if TYPE_CHECKING:
     from palpate.settings import Settings
 
 BUNDLED = Path(__file__).parents[1] / "scenarios"
-"""The scenarios that come with palpate go by name."""
+"""Folder of the bundled scenarios, which have names."""
 SCENE = ("images", "poses", "root", "robot_body", "arm")
 MOTION = ("world", "robot", "robot_config", "cautious", "noise", "seed", "rehearse", "on_failure")
 PLANNING = ("planner", "remeasure", "within", "model_settings")
 ALWAYS = ("noise", "seed")
-"""Said even where they are as they are by default: another version may have others."""
+"""Options that are printed even with default values: another version may have other defaults."""
 
 
 def running(settings: Settings, start: Path | None = None) -> list[str]:
-    """`palpate run …` of these settings, where only what is not the default is said.
+    """Build `palpate run …` of these settings, without default values.
 
     Args:
         start: folder that paths are relative to; None leaves them as they are.
@@ -33,11 +33,13 @@ def running(settings: Settings, start: Path | None = None) -> list[str]:
         command += ["--scene", _path(settings.scene, start)]
     if settings.request is not None:
         command += ["-r", settings.request]
+    if settings.measure:
+        command += ["-m", ",".join(settings.measure)]
     return command + list(_options(settings, (*SCENE, *MOTION, *PLANNING), start))
 
 
 def executing(settings: Settings, plan: Path, start: Path | None = None) -> list[str]:
-    """`palpate execute PLAN …` in the scene of these settings."""
+    """Build `palpate execute PLAN …` in the scene of these settings."""
     command = ["palpate", "execute", _path(plan, start)]
     if settings.scene is not None:
         command += ["--scene", _path(settings.scene, start)]
@@ -46,7 +48,7 @@ def executing(settings: Settings, plan: Path, start: Path | None = None) -> list
 
 
 def reproducing(settings: Settings, start: Path | None = None) -> list[str]:
-    """Command that repeats a finished run: `palpate demo` for a scenario."""
+    """Build the command that repeats a finished run: `palpate demo` for a scenario."""
     name = scenario_of(settings)
     if name is None:
         return _seeded(running(settings, start), settings)
@@ -66,7 +68,7 @@ def scenario_of(settings: Settings) -> str | None:
 
 
 def _seeded(command: list[str], settings: Settings) -> list[str]:
-    """With noise and seed of a simulated run, whatever the defaults are."""
+    """Add noise and seed of a simulated run, also default values."""
     if settings.robot is not None:
         return command
     for name in ALWAYS:

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from palpate import __version__
-from palpate.estimation.estimate import Estimate, Verdict
-from palpate.planning.plan import dump_plan
+from palpate.estimation.estimate import Estimate
+from palpate.planning.plan import dump_plan, proposal_json
 from palpate.runs.answer import answer
 from palpate.runs.held_out import held_out_json
 
@@ -24,7 +24,7 @@ CYCLES = "cycles.npz"
 
 
 def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
-    """The content of `result.json`, which `--json` prints too."""
+    """Content of `result.json`, which `--json` also prints."""
     from palpate.robots.simulated.noise.models import noise_models  # a large model of pydantic's
 
     content = {
@@ -36,6 +36,7 @@ def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
         "truth": _truth(run),
         "request": run.settings.request,
         "answer": answer(run),
+        **proposal_json(run.plan),
         "parameters": [_parameter_json(run, estimate) for estimate in run.estimates],
         "plan": _plan_json(run),
         "rehearsal": asdict(run.rehearsal) if run.rehearsal else None,
@@ -54,7 +55,7 @@ def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
 
 
 def finite(content: Any) -> Any:
-    """The same content with null for what is no number, which JSON cannot say."""
+    """Replace NaN and infinities by null, because JSON has no such numbers."""
     if isinstance(content, dict):
         named = cast("dict[str, Any]", content)
         return {name: finite(value) for name, value in named.items()}
@@ -88,8 +89,7 @@ def _plan_json(run: Run) -> dict[str, Any]:
 
 
 def plan_text(run: Run) -> str:
-    """The content of `plan.json`: the plan, what a model saw in the picture, and what it took to
-    ask the model."""
+    """Content of `plan.json`: the plan, objects that a model detected, and the cost of the model."""
     more: dict[str, Any] = {}
     if run.seen is not None:
         more["scene"] = [asdict(thing) for thing in run.seen.objects]
@@ -106,8 +106,8 @@ def _parameter_json(run: Run, estimate: Estimate) -> dict[str, Any]:
 
 
 def parameter_json(estimate: Estimate) -> dict[str, Any]:
-    """Estimate as JSON; scalars for quantities of one component, lists for the others, null for
-    unknown values."""
+    """Estimate as JSON: scalars for quantities of one component, lists for the others, null for unknown
+    values."""
     return {
         "object": estimate.parameter.object,
         "quantity": estimate.parameter.quantity,
@@ -117,7 +117,7 @@ def parameter_json(estimate: Estimate) -> dict[str, Any]:
         "ci95": _shaped(estimate.intervals.tolist()),
         "method": estimate.method,
         "verdict": estimate.verdict,
-        "verdicts": _several(estimate.verdicts),
+        "verdicts": list(estimate.verdicts) if len(estimate.verdicts) > 1 else None,
         "contradiction": estimate.contradiction or None,
         "tests": [asdict(test) | {"passed": test.passed} for test in estimate.tests],
         "components": {name: asdict(part) for name, part in estimate.parts.items()},
@@ -127,20 +127,15 @@ def parameter_json(estimate: Estimate) -> dict[str, Any]:
     }
 
 
-def _several(verdicts: tuple[Verdict, ...]) -> list[Verdict] | None:
-    """Of a vector's components; a scalar has its verdict already."""
-    return list(verdicts) if len(verdicts) > 1 else None
-
-
 def _shaped(numbers: list[Any]) -> Any:
-    """A list of one as what is in it, an empty one as null."""
+    """Convert a list of one to a scalar and an empty one to null."""
     if len(numbers) == 1:
         return numbers[0]
     return numbers or None
 
 
 def has_scene_of_its_own(run: Run) -> bool:
-    """True if the scene came from no file: seen in a picture, or handed over as text."""
+    """Test for a scene that came from no file: detected in a picture, or given as text."""
     from_no_file = run.settings.scene is None and bool(run.scene.bodies)
     return from_no_file or run.seen is not None
 

@@ -1,4 +1,4 @@
-"""A run: what was asked, and all that was made of it, stage by stage."""
+"""Run: settings, scene and plan, and the results of every stage."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate
-from palpate.execution.held import Held
+from palpate.execution.stop import Held
 from palpate.parameter import Parameter
 from palpate.planning.check.check import Finding
 from palpate.planning.plan import Plan
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 Status = Literal["running", "complete", "rejected", "aborted", "failed"]
 Stage = Literal["executing", "estimating", "building the twin", "writing the report"]
 TRACE = "trace.mcap"
-"""The trace's file in a run folder."""
+"""File of the trace in a run folder."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +45,8 @@ class Ending:
         stopped_by: why, or None.
         actions: leaves of the plan that were started.
         robot_seconds, wall_seconds: how long it took, s.
-        setbacks: why earlier attempts stopped that were gone on from.
-        held: what the fingers held when it was stopped, and what became of it; None for nothing.
+        setbacks: reasons of earlier stops after which the run went on.
+        held: object in the fingers at the stop and its whereabouts; None for nothing.
     """
 
     status: Literal["complete", "stopped"]
@@ -73,36 +73,34 @@ class Ending:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run:
-    """All that a run made. What did not come to be is None or empty.
+    """Results of a run; those of stages that were not reached are None or empty.
 
     Attributes:
-        settings: what was asked.
-        scene: D, or what was made of a picture.
-        plan: without a tree when it was rejected.
-        findings: what the check says against it.
-        conversation: with a model, if one was asked.
-        seen: what it saw, where there was no D.
-        picture: PNG of the workspace that was shown, where no image was given.
-        rehearsal: what a simulation predicted, where one was wanted.
-        world: where the plan was executed, in words.
-        simulated: whether no real thing moved.
-        execution: how the execution ended.
-        final_state: what is believed about the cell then.
-        recorded: everything recorded, unless it lies in the folder (see `trace_if_any`).
-        footage: what the cell's camera saw.
-        black_box: every cycle of a real robot's last seconds before it was stopped, by name;
-            `cycles.npz` in the folder.
-        estimates: one a parameter of the plan.
-        truth: what is so, where somebody knows.
-        held_out: predictions of motions that were left out of the fits; None where nothing was
-            lifted.
+        scene: D, or the scene built from a picture.
+        plan: without a tree if it was rejected.
+        findings: findings of the check.
+        conversation: dialogue with a model, if one was asked.
+        seen: objects that a model detected, without D.
+        picture: PNG of the workspace that was shown to the model, if no image was given.
+        rehearsal: prediction of the simulation before the execution, if any.
+        world: place of the execution, in words.
+        simulated: no real robot moved.
+        execution: course and end of the execution.
+        final_state: symbolic state of the cell after the execution.
+        recorded: the trace, unless it is in the folder (see `trace_if_any`).
+        footage: frames of the cell's camera.
+        black_box: every cycle of a real robot's last seconds before a stop, by signal; `cycles.npz`
+            in the folder.
+        estimates: one per parameter of the plan.
+        truth: true values, if known.
+        held_out: predictions of motions that were left out of the fits; None if nothing was lifted.
         finished: the twin, None until it is built.
-        folder: where all of this lies.
-        stage: what is being done, or was when the run was cut off; None when all is done.
-        interrupted: what a signal cut short, in words.
-        shortfalls: what could not be made or written, and why, a line each.
-        begun: `time.perf_counter()` when the command began.
-        total_seconds: s of wall time from then until this state of the run; None where it is not known.
+        folder: the run folder, if any.
+        stage: present stage, or the one at which the run was cut off; None when all is done.
+        interrupted: description of a signal that ended the run.
+        shortfalls: failures and their reasons, a line each.
+        begun: `time.perf_counter()` at the start of the command.
+        total_seconds: wall time since then, s; None if unknown.
     """
 
     settings: Settings
@@ -135,13 +133,13 @@ class Run:
 
     @property
     def ready(self) -> bool:
-        """True if there is a plan to execute that nothing speaks against."""
+        """The plan has a tree and no findings."""
         return self.plan.tree is not None and not self.findings
 
     @property
     def status(self) -> Status:
-        """`complete` when every promised parameter is identified and stands in the twin that was
-        made, or nothing is missing; `running` while there is more to do."""
+        """`complete` if every parameter of the plan is identified and written to the twin, or nothing is
+        missing; `running` before the last stage."""
         if self.interrupted is not None:
             return "aborted"
         if self.stage is not None:
@@ -159,23 +157,23 @@ class Run:
 
     @property
     def drawn(self) -> bool:
-        """True if what was measured was made up: a simulation of the scene, its unknowns drawn."""
-        from palpate.cells.simulated import DRAWN  # with all that pictures take
+        """The truth was drawn from priors in a simulation."""
+        from palpate.cells.simulated import DRAWN  # loads the renderer
 
         return self.simulated and self.world == DRAWN
 
     def suffices(self, estimate: Estimate) -> bool:
-        """True if an estimate is identified, and as narrow as was asked or as it can be."""
+        """Test that an estimate is identified, and as narrow as requested or as possible."""
         precision = self.settings.within.precision(estimate)
         narrow = precision is None or precision.outcome != "rounds used up"
         return estimate.identified and narrow
 
     @property
     def trace(self) -> Trace:
-        """Everything recorded.
+        """The trace.
 
         Raises:
-            InputError: nothing was; the message says why.
+            InputError: nothing was recorded; the message says why.
         """
         if self.trace_if_any is None:
             raise InputError(f"this run has no trace: {self._why_not()}")
@@ -186,7 +184,7 @@ class Run:
         """The finished scene.
 
         Raises:
-            InputError: none was made; the message says why.
+            InputError: no twin was built; the message says why.
         """
         if self.finished is None:
             raise InputError(f"this run has no twin: {self._why_not()}")
@@ -206,8 +204,7 @@ class Run:
 
     @cached_property
     def trace_if_any(self) -> Trace | None:
-        """Everything recorded, None where nothing was; a run opened from its folder reads the file
-        when first asked.
+        """The trace, or None; a run opened from its folder reads the file at first use.
 
         Raises:
             InputError: the file in the folder is not a trace.
@@ -223,7 +220,7 @@ class Run:
         """The estimate of a parameter: `run["mug.mass"]`.
 
         Raises:
-            KeyError: nothing of that name was measured; the message lists what was.
+            KeyError: it was not measured; the message lists the measured parameters.
         """
         wanted = Parameter(name) if isinstance(name, str) else name
         for estimate in self.estimates:

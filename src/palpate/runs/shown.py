@@ -1,4 +1,4 @@
-"""Content for trace viewers beside the signals: the cell, poses of its parts, and the picture.
+"""Content for trace viewers in addition to the signals: the cell, poses of its parts, the picture.
 
 | topic | message | content |
 |---|---|---|
@@ -32,20 +32,20 @@ if TYPE_CHECKING:
     from palpate.trace.samples import Trace
 
 PERIOD = 0.1
-"""s between two poses of the cell: viewers interpolate."""
+"""Interval of the poses of the cell, s; viewers interpolate."""
 CAMERA = "camera"
 LONGEST_SIDE = 640
 """Pixels of the picture in the trace."""
 QUALITY = 85
-"""Of the JPEG."""
+"""Quality of the JPEG."""
 OPTICAL = Pose.of((0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0))
-"""From a camera that looks along its -z, as MuJoCo's do, to one that looks along its z."""
+"""Rotation from a MuJoCo camera (looks along −z) to an optical frame (looks along z)."""
 
 log = logging.getLogger(__name__)
 
 
 def shown(run: Run) -> list[Message]:
-    """All of it; what cannot be shown is left out, and no trace is lost over it."""
+    """Make all messages; a part that fails is left out and logged."""
     trace = run.trace_if_any
     if trace is None or not len(trace.t):
         return []
@@ -74,7 +74,7 @@ def _cell(run: Run, trace: Trace) -> Iterator[Message]:
 
 
 def _transforms(model: mujoco.MjModel, times: Array, poses: Array) -> Iterator[Message]:
-    """The links that move, from their parents; `poses` (n, bodies, 7) in the world."""
+    """Transforms of the moving links from their parents, of world poses (n, bodies, 7)."""
     from palpate.twin.export.urdf import body_name
 
     layout = Layout()
@@ -96,8 +96,7 @@ def _transforms(model: mujoco.MjModel, times: Array, poses: Array) -> Iterator[M
 
 
 def _from(parent: Array, child: Array) -> Array:
-    """Poses (n, 7) of a child in its parent's frame, of both in the world; in single precision, which
-    keeps the file small."""
+    """Relative pose parent⁻¹ · child (n, 7) of two world poses, in single precision for a small file."""
     back = parent[:, 3:] * (1.0, -1.0, -1.0, -1.0)
     way = np.column_stack([np.zeros(len(child)), child[:, :3] - parent[:, :3]])
     at = _product(_product(back, way), parent[:, 3:])[:, 1:]
@@ -107,7 +106,7 @@ def _from(parent: Array, child: Array) -> Array:
 
 
 def _product(one: Array, other: Array) -> Array:
-    """Of quaternions (n, 4), w first."""
+    """Hamilton product of quaternions (n, 4), w first."""
     w, v, w2, v2 = one[:, :1], one[:, 1:], other[:, :1], other[:, 1:]
     real = w * w2 - (v * v2).sum(axis=1, keepdims=True)
     return np.column_stack([real, w * v2 + w2 * v + np.cross(v, v2)])
@@ -149,7 +148,7 @@ def _picture(run: Run) -> Image | None:
 
 
 def _info(camera: Camera, picture: Image) -> tuple[Layout, dict[str, Array]]:
-    """A pinhole without distortion, for the picture's own size."""
+    """CameraInfo of a pinhole without distortion, scaled to the picture."""
     width, height = picture.size
     focal = camera.focal * height / camera.height
     k = np.array([[focal, 0.0, width / 2], [0.0, focal, height / 2], [0.0, 0.0, 1.0]])

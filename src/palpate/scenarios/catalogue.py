@@ -1,4 +1,4 @@
-"""The bundled scenarios: one folder each, read like a user's own files."""
+"""Catalogue of the bundled scenarios: one folder each, read like a user's own files."""
 
 from __future__ import annotations
 
@@ -29,15 +29,14 @@ class Scenario:
 
     Attributes:
         name: its folder.
-        title, story: for people.
+        title, story: for readers.
         request: R or None.
-        expects: the parameters that a right plan measures.
-        planner: the planner it is meant for.
-        status: how a run of it ends.
-        images: the pictures that a model is shown; without any, one is taken of the simulated
-            world.
-        may_touch: what has to be moved besides that of which something is measured.
-        only_seen: nothing but a picture tells what is meant.
+        expects: parameters that a correct plan measures.
+        planner: planner of its run.
+        status: status in which a run ends.
+        images: pictures for a model; without any, one of the simulated world is rendered.
+        may_touch: objects that a plan has to move beside those of the measured parameters.
+        only_seen: True where only a picture resolves the request's objects.
     """
 
     name: str
@@ -53,7 +52,7 @@ class Scenario:
 
     @property
     def asks(self) -> bool:
-        """The scenario asks a planner, and is not about a recorded plan."""
+        """True for a scenario with a request or expected parameters; False for a recorded plan."""
         return self.request is not None or bool(self.expects)
 
     @property
@@ -62,14 +61,12 @@ class Scenario:
 
     @property
     def plans(self) -> dict[str, Path]:
-        """Recorded plans by name: `paper` is a figure's tree, `model` is in the style of a model's
-        answer."""
+        """Recorded plans by name: `paper` is the tree of a figure, `model` a model's answer."""
         return {file.stem: file for file in sorted(self.folder.glob("plans/*"))}
 
     def settings(self, **changes: Any) -> Settings:
-        """The run it stands for; `changes` override single fields of the `Settings`.
-
-        `planner="replay:NAME"` names one of `plans`.
+        """Settings of its run, with `changes` of single fields; `planner="replay:NAME"` names one of
+        `plans`.
         """
         fields: dict[str, Any] = {
             "request": self.request,
@@ -81,20 +78,15 @@ class Scenario:
             if path.exists():
                 fields[field] = path
         fields |= changes
-        fields["planner"] = self._planner(fields["planner"])
+        kind, _, name = fields["planner"].partition("replay:")
+        if not kind and name in self.plans:
+            fields["planner"] = f"replay:{self.plans[name]}"
         return Settings(**fields)
-
-    def _planner(self, planner: str) -> str:
-        """The planner's name, with the file of the recorded plan that it may name."""
-        recorded = self.plans.get(planner.removeprefix("replay:"))
-        if recorded is None or not planner.startswith("replay:"):
-            return planner
-        return f"replay:{recorded}"
 
 
 @cache
 def scenarios() -> Mapping[str, Scenario]:
-    """All bundled scenarios by name, the paper's first one first."""
+    """All bundled scenarios by name, `FIRST` first."""
     files = ROOT.rglob("scenario.yaml")
     names = sorted(file.parent.relative_to(ROOT).as_posix() for file in files)
     names.remove(FIRST)
@@ -102,10 +94,10 @@ def scenarios() -> Mapping[str, Scenario]:
 
 
 def scenario(name: str) -> Scenario:
-    """The scenario `name`.
+    """Return the scenario `name`.
 
     Raises:
-        InputError: there is none; the message lists those there are.
+        InputError: unknown; the message lists the valid ones.
     """
     found = scenarios()
     if name in found:
@@ -119,13 +111,16 @@ def scenario(name: str) -> Scenario:
 def _read(name: str) -> Scenario:
     file = ROOT / name / "scenario.yaml"
     content: dict[str, Any] = yaml.safe_load(file.read_text(encoding="utf-8"))
+    planner: str = content.get("planner", "symbolic")
+    if planner.startswith("replay:"):  # a recorded answer is a file of the scenario
+        planner = f"replay:{_file(name, planner.removeprefix('replay:'))}"
     return Scenario(
         name=name,
         title=content["title"],
         story=content["story"].strip(),
         request=(content.get("request") or "").strip() or None,
         expects=tuple(Parameter(name) for name in content.get("expects", [])),
-        planner=_located(name, content.get("planner", "symbolic")),
+        planner=planner,
         status=content.get("status", "complete"),
         images=tuple(_file(name, image) for image in content.get("images", [])),
         may_touch=tuple(content.get("may_touch", [])),
@@ -133,15 +128,8 @@ def _read(name: str) -> Scenario:
     )
 
 
-def _located(name: str, planner: str) -> str:
-    """The planner as the scenario names it; a recorded answer is a file of the scenario."""
-    if not planner.startswith("replay:"):
-        return planner
-    return f"replay:{_file(name, planner.removeprefix('replay:'))}"
-
-
 def _file(name: str, file: str) -> Path:
-    """A scenario's file: its own, or its parent's where it has none."""
+    """Path of a scenario's file: its own, else its parent's."""
     own = ROOT / name / file
     if own.exists():
         return own

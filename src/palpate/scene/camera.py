@@ -1,4 +1,4 @@
-"""The images of the workspace, and the camera that took them."""
+"""Images of the workspace, and their pinhole camera."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from palpate.geometry.pose import Array, Pose
 from palpate.scene.poses import CameraEntry
 
 MAX_BYTES = 100_000_000
-"""Largest picture file."""
+"""Largest size of a picture file."""
 
 MAX_PIXELS = 64_000_000
-"""Largest picture that is opened."""
+"""Most pixels of a picture."""
 
 MAX_SIDE = 1024
-"""Pixels: longer side after loading; larger pictures are downscaled, smaller ones left alone."""
+"""Pixels: longest side after loading; larger pictures are downscaled."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,8 +30,7 @@ class Camera:
     """A pinhole camera.
 
     Attributes:
-        pose_world_camera: it looks along its own -z, its x points right in the image and its y up,
-            as in MuJoCo.
+        pose_world_camera: as in MuJoCo: view along -z, x to the right of the image, y up.
         fovy: vertical field of view, rad.
         width, height: pixels.
     """
@@ -43,7 +42,7 @@ class Camera:
 
     @classmethod
     def of(cls, entry: CameraEntry) -> Camera:
-        """From `poses.yaml`."""
+        """From an entry of `poses.yaml`."""
         return cls(Pose.of(entry.pos, entry.quat), float(np.deg2rad(entry.fovy)), *entry.size)
 
     @property
@@ -52,13 +51,12 @@ class Camera:
         return self.height / 2 / float(np.tan(self.fovy / 2))
 
     def ray(self, u: float, v: float) -> Array:
-        """(3,) unit vector in the world through pixel (u right, v down)."""
+        """(3,) unit vector in the world through a pixel (u right, v down)."""
         local = np.array([u - self.width / 2, self.height / 2 - v, -self.focal])
         return self.pose_world_camera.rotation @ (local / np.linalg.norm(local))
 
     def on_plane(self, u: float, v: float, z: float) -> Array | None:
-        """(3,) where the ray through a pixel meets the level plane at world `z`; None when it does
-        not."""
+        """(3,) intersection of the ray through a pixel with the level plane at world `z`, or None."""
         ray, eye = self.ray(u, v), self.pose_world_camera.position
         if abs(ray[2]) <= 1e-9:
             return None
@@ -68,7 +66,7 @@ class Camera:
         return None
 
     def project(self, point: Array) -> tuple[float, float] | None:
-        """Pixel (u, v) of a point in the world; None behind the camera."""
+        """Pixel (u, v) of a point (3,) in the world; None behind the camera."""
         x, y, z = self.pose_world_camera.local(point)
         if z >= 0:
             return None
@@ -76,15 +74,15 @@ class Camera:
 
 
 def load_image(path: Path, max_side: int = MAX_SIDE) -> NDArray[np.uint8]:
-    """A PNG or JPEG as RGB pixels (height, width, 3), downscaled to at most `max_side` on its
-    longer side.
+    """Load a PNG or JPEG as RGB pixels (height, width, 3), the longer side at most `max_side`.
 
     Raises:
-        InputError: not readable, not such a picture, or too large.
+        InputError: not readable, not PNG or JPEG, or too large.
     """
-    from PIL import Image  # most scenes come without a picture
+    from PIL import Image  # most scenes have no picture
 
     content = read_bytes(path, MAX_BYTES, "a picture of the workspace")
+    # A small file may unpack to a large picture: Pillow warns of it before it unpacks.
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)

@@ -1,49 +1,63 @@
-"""The objects and surfaces of a document as it describes them, with the poses that came along."""
+"""The objects and surfaces of a document as it describes them, placed as the poses say.
+
+Many files, and programs that draw poses for them, place objects a few millimetres too high and leave
+it to the simulator to drop them. The arm must look for them where they come to rest, so they are let
+down onto their support.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
 from palpate.errors import InputError, unknown_name
-from palpate.geometry.pose import Array
+from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import BodyDescription
 from palpate.mjcf.bounds import require_bounded
 from palpate.mjcf.defaults import INHERITED
 from palpate.mjcf.document import UNKNOWN, Document, Element, elements, has_unknown, label, tokens
 from palpate.mjcf.edits import Edit, Slot
-from palpate.mjcf.roles.elements import Elements
-from palpate.mjcf.roles.roles import Roles
-from palpate.mjcf.roles.sorting import find_roles
+from palpate.mjcf.elements import PLACING
+from palpate.mjcf.roles import Roles, find_roles
 from palpate.mjcf.shapes import RESTING, Shapes, compile_shapes
 from palpate.quantities.catalogue import Catalogue
 from palpate.scene.places import APPROACH
 from palpate.scene.poses import Poses
-from palpate.scene.settle import let_down
 
 CARRYING = 0.10
-"""m: a static thing narrower than this is a surface only when something stands on it."""
+"""m: a static body narrower than this is a surface only when something stands on it."""
 
 MOUNT = 0.5
-"""m: what the arm stands on is its mount, and no surface, when it is smaller than this and carries
-nothing else."""
+"""m: the body on which the arm stands is its mount and no surface, if it is smaller than this and
+carries no object."""
 
-_ORIENTATIONS = ("euler", "axisangle", "xyaxes", "zaxis")
+HANGING = 0.001
+"""m: an object that is less above its support stands on it."""
+
+SECONDS = 0.5
+"""s in which objects come to rest: a fall of `RESTING` takes 0.06 s."""
+
+MOST_STEPS = 2_000
+"""Most steps of that simulation, at any timestep of the scene."""
+
+ASIDE, UPRIGHT = 0.005, float(np.cos(np.radians(3.0)))
+"""m to the side, and cosine of a turn: an object that moves by more falls over or rolls, and keeps the
+file's pose."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Description:
-    """A document whose elements have their roles and its bodies their geometry.
+    """A document whose elements have roles and whose bodies have geometry.
 
     Attributes:
         shapes: compiled with stand-ins for everything unknown.
         bodies: objects and surfaces by name, in document order.
-        placed: the changes that put bodies where the poses say, and down onto what they hang above.
-        lowered: names of the latter.
-        refused: what has a name and stands still and is yet no surface, with the reason.
+        placed: the changes that put bodies where the poses say, and down onto their support.
+        lowered: names of the bodies that were let down.
+        refused: static bodies with a name that are no surfaces, with the reason.
     """
 
     document: Document
@@ -58,19 +72,29 @@ class Description:
 def describe(
     document: Document, poses: Poses, catalogue: Catalogue, settled: bool = True
 ) -> Description:
-    """Sort a document, take in the poses, and compile it once with stand-ins; `settled`: with objects
-    that hang just above their support let down onto it, else exactly as the file has them.
+    """Sort a document, apply the poses, and compile it with stand-ins; `settled`: objects just above
+    their support are let down onto it.
 
     Raises:
-        InputError: a `?` where nothing can be measured, names that do not match, scenes MuJoCo does
-            not accept.
+        InputError: too large, a `?` where nothing can be measured, names that do not match, scenes
+            that MuJoCo does not accept.
     """
     require_bounded(document)
     roles = find_roles(document)
-    slots = list(_slots(roles, catalogue))
+    slots: list[Slot] = []
+    for body in roles.bodies.values():
+        for quantity in catalogue.of(body.role):
+            slots += quantity.slots(body)
     _refuse_other_unknowns(document, roles, slots)
-    _check_names(poses, roles)
+    for names, kind, valid in (
+        (poses.objects, "object in poses", roles.bodies),
+        (poses.grasps, "object in grasps", roles.objects),
+    ):
+        for name in names:
+            if name not in valid:
+                raise unknown_name(kind, name, valid)
     placed = tuple(_placements(poses, roles))
+    # With a stand-in for each `?` the scene compiles before anything is known.
     edits: list[Edit] = []
     for slot in slots:
         edits += slot.placeholder()
@@ -87,7 +111,15 @@ def describe(
             refused[name] = reason
     for name in refused:
         del bodies[name]
-    return Description(document, roles, shapes, bodies, placed, tuple(lowered), refused)
+    return Description(
+        document=document,
+        roles=roles,
+        shapes=shapes,
+        bodies=bodies,
+        placed=placed,
+        lowered=tuple(lowered),
+        refused=refused,
+    )
 
 
 def _described(roles: Roles, shapes: Shapes, poses: Poses) -> dict[str, BodyDescription]:
@@ -105,28 +137,30 @@ def _described(roles: Roles, shapes: Shapes, poses: Poses) -> dict[str, BodyDesc
     return found
 
 
-def _slots(roles: Roles, catalogue: Catalogue) -> Iterator[Slot]:
-    for body in roles.bodies.values():
-        for quantity in catalogue.of(body.role):
-            yield from quantity.slots(body)
-
-
 def _refuse_other_unknowns(document: Document, roles: Roles, slots: Iterable[Slot]) -> None:
+    """Refuse a `?` that stands in no slot."""
     allowed: dict[tuple[Element, str], list[Slot]] = {}
     for slot in slots:
         allowed.setdefault((slot.element, slot.attribute), []).append(slot)
     robots: set[Element] = set()
     for robot in roles.robots:
         robots.update(elements(robot))
-    for element in _all_elements(document, roles):
+    # Attached models that are robots are not examined.
+    roots = dict.fromkeys([document.root, *(part.model.root for part in roles.brought)])
+    for element in (element for root in roots for element in elements(root)):
         if element in robots:
             continue
-        for attribute, value in element.items():
-            here = allowed.get((element, str(attribute)), [])
-            inherited = attribute in INHERITED and _in_default(element)
-            if attribute != "name" and not inherited and _is_uncovered(str(value), here):
+        in_default = next(element.iterancestors("default"), None) is not None
+        for key, value in element.items():
+            attribute, text = str(key), str(value)
+            if attribute == "name" or (attribute in INHERITED and in_default):
+                continue
+            unknown = {i for i, part in enumerate(tokens(text)) if part == UNKNOWN}
+            for slot in allowed.get((element, attribute), []) if unknown else ():
+                unknown -= {i for i in unknown if slot.covers(i)}
+            if unknown:
                 raise InputError(
-                    f'{label(element)}: {attribute}="{str(value)[:60]}" cannot be measured; '
+                    f'{label(element)}: {attribute}="{text[:60]}" cannot be measured; '
                     f"{_no_object(element, roles)}`?` may stand for an object's mass, density, "
                     "friction, <inertial>, pos, and size where it is one shape whose z is known; of a "
                     "surface only the height can be measured: z in pos, or half height in size"
@@ -134,7 +168,7 @@ def _refuse_other_unknowns(document: Document, roles: Roles, slots: Iterable[Slo
 
 
 def _no_object(element: Element, roles: Roles) -> str:
-    """Reason why the body of an element is no object; empty where that is not the reason."""
+    """Reason why the body of an element is no object; empty if it is one."""
     for body in (element, *element.iterancestors("body")):
         called = body.get("name") or "its body"
         if body in roles.ignored:
@@ -149,46 +183,21 @@ def _no_object(element: Element, roles: Roles) -> str:
     return ""
 
 
-def _all_elements(document: Document, roles: Roles) -> Iterator[Element]:
-    """All elements of the scene, and of the attached models that are no robots."""
-    yield from elements(document.root)
-    models = {part.model.root: part.model.root for part in roles.brought}
-    for root in models:
-        if root is not document.root:
-            yield from elements(root)
-
-
-def _is_uncovered(value: str, slots: list[Slot]) -> bool:
-    """True if a `?` stands where no slot is."""
-    unknown = {i for i, part in enumerate(tokens(value)) if part == UNKNOWN}
-    for slot in slots:
-        unknown -= {i for i in unknown if slot.covers(i)}
-    return bool(unknown)
-
-
-def _in_default(element: Element) -> bool:
-    return next(element.iterancestors("default"), None) is not None
-
-
-def _check_names(poses: Poses, roles: Roles) -> None:
-    for name in poses.objects:
-        if name not in roles.bodies:
-            raise unknown_name("object in poses", name, roles.bodies)
-    for name in poses.grasps:
-        if name not in roles.objects:
-            raise unknown_name("object in grasps", name, roles.objects)
-
-
 def _placements(poses: Poses, roles: Roles) -> Iterator[Edit]:
-    """Changes that put bodies where the poses say, but for a z that the file writes `?`."""
+    """Yield the changes that put bodies where the poses say, except a z that the file writes `?`."""
     for name, entry in poses.objects.items():
         element = roles.bodies[name].element
-        _require_in_world(roles.bodies[name])
+        if roles.bodies[name].moved_by() is not None or element.get("fromto"):
+            raise InputError(
+                f"{label(element)} is not placed by its own pos in the worldbody, so poses cannot "
+                "move it"
+            )
         pose = entry.body_pose()
         position = _numbered(pose.position)
         if has_unknown(element, "pos", 2):
             del position[2]
-        for attribute in _ORIENTATIONS:
+        # An orientation in another form would contradict the quat.
+        for attribute in sorted(PLACING - {"pos", "quat"}):
             if element.get(attribute) is not None:
                 yield Edit(element, attribute, None)
         yield Edit(element, "pos", position, "0 0 0")
@@ -196,21 +205,57 @@ def _placements(poses: Poses, roles: Roles) -> Iterator[Edit]:
 
 
 def _numbered(values: Array) -> dict[int, str]:
-    """Numbers in full, by their position in an attribute."""
+    """Numbers in full precision, by their position in an attribute."""
     return {i: repr(value) for i, value in enumerate(values.tolist())}
 
 
-def _require_in_world(body: Elements) -> None:
-    if body.moved_by() is not None or body.element.get("fromto"):
-        raise InputError(
-            f"{label(body.element)} is not placed by its own pos in the worldbody, so poses cannot "
-            "move it"
-        )
+def let_down(bodies: Mapping[str, BodyDescription], shapes: Shapes) -> Iterator[tuple[str, Edit]]:
+    """Yield the changes, by name, that put objects less than `RESTING` above a support of known height
+    onto it: to where MuJoCo lets them fall, if straight down."""
+    hanging = [body for body in bodies.values() if _hangs(body)]
+    if not hanging:
+        return
+    data = mujoco.MjData(shapes.model)
+    steps = min(int(SECONDS / shapes.model.opt.timestep), MOST_STEPS)
+    mujoco.mj_step(shapes.model, data, steps)
+    # All fall together, so that stacks settle as a whole.
+    for body in hanging:
+        before, fallen = shapes.body_pose(body.name), data.body(body.name)
+        after = Pose.of(fallen.xpos, fallen.xquat)
+        drop = float(before.position[2] - after.position[2])
+        aside = float(np.linalg.norm((before.position - after.position)[:2]))
+        turned = float(np.abs(before.rotation.T @ after.rotation).diagonal().min())
+        if 0.0 < drop < 2 * RESTING and aside < ASIDE and turned > UPRIGHT:
+            element = body.elements.element
+            if body.given is not None:
+                stated_z = float(body.given.position[2])
+            else:
+                stated_z = float(tokens(element.get("pos") or "0 0 0")[2])
+            yield body.name, Edit(element, "pos", {2: repr(stated_z - drop)}, "0 0 0")
+
+
+def _hangs(body: BodyDescription) -> bool:
+    """True if an object has a stated pose in the world's axes, just above a support."""
+    if body.role != "object" or body.elements.moved_by() is not None:
+        return False
+    if has_unknown(body.elements.element, "pos"):
+        return False
+    below = body.surfaces_below()
+    if any(surface.top_is_open for surface in below):
+        return False  # its height will be measured, and the object moves with it
+    gaps = [body.bottom_z - surface.top_z for surface in below]
+    foot = body.footing()
+    for other in body.objects():
+        if other is not body and other.bottom_z < body.bottom_z and other.reaches_over(foot):
+            gaps.append(body.bottom_z - other.top_z)
+    return bool(gaps) and HANGING < min(gaps, key=abs) < RESTING
 
 
 def _no_surface(body: BodyDescription) -> str:
-    """Reason why a body is no surface: a surface has a level top that is wide enough or carries an
-    object, and is not just the mount of the arm. Empty if it is one."""
+    """Reason why a static body is no surface; empty if it is one.
+
+    A surface has a level top that is wide enough or carries an object, and is not the arm's mount.
+    """
     if body.top_is_open:
         return ""
     if not _is_level(body.shapes, body.carrier):

@@ -1,4 +1,4 @@
-"""A scene from a file or from text."""
+"""Loading of a scene from a file or from text."""
 
 from __future__ import annotations
 
@@ -29,10 +29,14 @@ def load_scene(
     root: Path | None = None,
     robot_body: Sequence[str] = (),
 ) -> Scene:
-    """Read an MJCF file, and optionally `poses.yaml`; `arm` is what touches it, None the default;
-    `quantities` are all that are installed unless given; `root` is the folder outside of which no
-    file is read (default: `mjcf.reading.read_document`); `robot_body` names the bodies that the
-    scene's own robots begin with (default: `mjcf.roles.robots`), or `none`.
+    """Read an MJCF file, and optionally `poses.yaml`.
+
+    Args:
+        arm: arm of the plans; None for the default.
+        quantities: all installed ones unless given.
+        root: folder outside of which no file is read; by default the nearest common folder of the
+            scene and its files.
+        robot_body: root bodies of the scene's own robots, or `none`; by default they are found.
 
     Raises:
         InputError: malformed XML, entities, missing or escaping files, names that do not match.
@@ -52,8 +56,8 @@ def parse_scene(
     quantities: Catalogue | None = None,
     robot_body: Sequence[str] = (),
 ) -> Scene:
-    """Read a scene as `load_scene`, from text; relative file names start at `folder`, `poses` is
-    YAML or already read.
+    """Read a scene as `load_scene`, from text; relative file names start at `folder`, `poses` are
+    YAML or parsed.
 
     Raises:
         InputError: as `load_scene`.
@@ -66,8 +70,8 @@ def parse_scene(
 def scene_from_text(
     text: str | Texts, like: Scene, elsewhere: Mapping[str, Pose] | None = None
 ) -> Scene:
-    """Another version of a scene's MJCF (its twin), with the same folder, poses and arm, but for
-    some objects that stand elsewhere: `elsewhere` are poses of their body frames in the world.
+    """Read another version of a scene's MJCF (its twin), with the same folder, poses and arm;
+    `elsewhere` are new poses of body frames in the world.
 
     Raises:
         InputError: as `load_scene`.
@@ -75,24 +79,21 @@ def scene_from_text(
     texts = Texts(text) if isinstance(text, str) else text
     document = reparsed(texts, like.resolved.document)
     known = like.resolved.poses
-    now = {name: _entry(pose) for name, pose in (elsewhere or {}).items()}
-    poses = known.model_copy(update={"objects": {**known.objects, **now}})
+    objects = dict(known.objects)
+    for name, pose in (elsewhere or {}).items():
+        entry = {"pos": pose.position.tolist(), "quat": pose.quaternion.tolist()}
+        objects[name] = PoseEntry.model_validate(entry)
+    poses = known.model_copy(update={"objects": objects})
     return _scene(document, like.path, poses, like.arm, like.catalogue)
 
 
 def rearranged(scene: Scene, poses: Mapping[str, Pose]) -> Scene:
-    """The scene with some objects standing elsewhere, `poses` of their body frames in the world; the
-    heights that were measured of its surfaces hold."""
+    """The scene with new `poses` of body frames in the world; measured heights of its surfaces are
+    kept."""
     given = scene_from_text(scene.text, scene, level(scene, poses))
     for surface in [name for name in scene.rises if name in scene.surfaces]:
         given = raised(given, surface, scene.body(surface).top_z())
     return given
-
-
-def _entry(pose: Pose) -> PoseEntry:
-    return PoseEntry.model_validate(
-        {"pos": pose.position.tolist(), "quat": pose.quaternion.tolist()}
-    )
 
 
 def _scene(

@@ -1,8 +1,8 @@
-"""Symbols that the scene's geometry implies, completed and overruled by `poses.yaml`.
+"""Symbols derived from the scene's geometry, and overruled by `poses.yaml`.
 
-Each object is known by the points of its geoms in the world, each surface by those of the geom that
-carries. Seen from above, a grasp is a strip of the object between the fingers, a temporary place a
-spot of the surface that object and hand together fit on, an approach a spot for the closed fingers:
+Objects are the points of their geoms in the world, surfaces those of their carrier geom. Seen from
+above, a grasp is a strip of the object between the fingers, a temporary pose a spot of the surface
+with room for object and hand, an approach a spot for the closed fingers:
 
         +----------------------- surface ------------------------+
         |    o approach: hand clear of everything                |
@@ -15,16 +15,15 @@ spot of the surface that object and hand together fit on, an approach a spot for
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from palpate.errors import unknown_name
-from palpate.geometry.line import Line
 from palpate.geometry.outline import Convex, Obstacle, above, rectangle, rim
-from palpate.geometry.pose import Array, Pose
+from palpate.geometry.pose import Array, Line, Pose
 from palpate.mjcf.body import Body
 from palpate.mjcf.shapes import RESTING
 from palpate.robots.description import RobotDescription
@@ -45,13 +44,13 @@ LIFT = (0.10, 0.35)
 """m: bounds of a derived `z_offset`."""
 
 USUAL_LIFT = 0.12
-"""m: `z_offset` where no neighbour asks for more."""
+"""m: least derived `z_offset`."""
 
 CORRIDOR = 0.15
-"""m: half width of the way from the arm to an object, in which neighbours must be cleared."""
+"""m: half width of the corridor from the arm to an object, in which a lift clears neighbours."""
 
 LEVEL_TOP = 0.001
-"""m: what is so little lower than the highest point is an object's top, too."""
+"""m below an object's highest point, down to which points belong to its top."""
 
 CLEAR = 0.02
 """m: between a carried object's bottom and the top of a neighbour."""
@@ -62,10 +61,10 @@ class Geometry:
     """Geometry of the scene: objects, surfaces and obstacles.
 
     Attributes:
-        objects: object to each of its geoms, in the world.
-        clouds: (n, 3) points of all of them together.
-        tops: surface to the points of the geom that carries.
-        solids: owner ("" for what has no name here) and outline of every colliding geom but planes.
+        objects: geoms of each object, in the world.
+        clouds: (n, 3) points of all geoms of each object.
+        tops: (n, 3) points of each surface's carrier.
+        solids: owner ("" without one) and outline of every colliding geom except planes.
     """
 
     objects: Mapping[str, list[Convex]]
@@ -89,6 +88,7 @@ class Geometry:
         objects: dict[str, list[Convex]] = {}
         carriers: dict[str, int] = {}
         movable: set[int] = set()
+        # Objects are obstacles under their own names; all other geoms are fixed.
         for name, body in resolved.description.bodies.items():
             if body.role == "surface":
                 carriers[name] = shapes.geom_ids[body.carrier]
@@ -108,12 +108,12 @@ class Geometry:
         tops = {name: shapes.geom_points(i) for name, i in carriers.items()}
         return cls(objects, clouds, tops, solids, bodies, base, arm)
 
-    def others(self, *names: str) -> list[Obstacle]:
-        """Everything solid but the named objects and surfaces."""
+    def others(self, *names: str | None) -> list[Obstacle]:
+        """Obstacles except the named objects and surfaces; None names nothing."""
         return [obstacle for owner, obstacle in self.solids if owner not in names]
 
     def on(self, surface: str) -> list[Array]:
-        """The objects that stand on a surface."""
+        """Points of each object that stands on a surface."""
         top = self.bodies[surface]
         standing: list[Array] = []
         for cloud in self.clouds.values():
@@ -123,16 +123,14 @@ class Geometry:
         return standing
 
     def support(self, name: str) -> str | None:
-        """The surface below an object."""
+        """The highest surface below an object."""
         cloud = self.clouds[name]
-        highest: Body | None = None
+        below: list[Body] = []
         for body in self.bodies.values():
-            if body.role != "surface" or not body.covers(*_middle(cloud)):
-                continue
-            if body.top_z() >= cloud[:, 2].min() + RESTING:
-                continue
-            if highest is None or body.top_z() > highest.top_z():
-                highest = body
+            is_under = body.role == "surface" and body.covers(*_middle(cloud))
+            if is_under and body.top_z() < cloud[:, 2].min() + RESTING:
+                below.append(body)
+        highest = max(below, key=lambda body: body.top_z(), default=None)
         return None if highest is None else highest.name
 
 
@@ -144,21 +142,30 @@ def _middle(cloud: Array) -> tuple[float, float]:
 def derive_symbols(
     resolved: ResolvedScene, bodies: Mapping[str, Body], base: Pose, arm: RobotDescription
 ) -> Symbols:
-    """All names of the scene: those of poses.yaml, and what geometry implies for the rest."""
+    """All symbols of a scene: those of poses.yaml, the others from geometry."""
     geometry = Geometry.of(resolved, bodies, base, arm)
     entries = resolved.poses
     grasps = {name: _grasp(geometry, name) for name in geometry.objects}
     poses = _poses(geometry, grasps, entries)
     later = _later(geometry, poses)
-    common, special = _given_offsets(entries, geometry.objects)
+    common, special = given_offsets(entries)
+    for name in special:
+        if name not in geometry.objects:
+            raise unknown_name("object in offsets", name, geometry.objects)
     own: dict[str, dict[str, Array]] = {}
     for name, grasp in grasps.items():
         derived = _own_offsets(geometry, name, grasp, poses[f"{name}_pose"])
         own[name] = derived | common | special.get(name, {})
     lines = _lines(geometry, poses, own)
+    subjects: dict[str, str] = {}
+    for name in geometry.objects:
+        for kind in ("pose", "temporary", "top", "across", "balance"):
+            subjects[f"{name}_{kind}"] = name
+    subjects |= {f"{name}_approach": name for name in geometry.tops}
+    names = {*poses, *later, *lines}
     return Symbols(
         poses=poses,
-        subjects=_subjects(geometry, {*poses, *later, *lines}),
+        subjects={name: subject for name, subject in subjects.items() if name in names},
         later=later,
         lines=lines,
         configurations=configurations(entries, arm.home),
@@ -169,12 +176,22 @@ def derive_symbols(
 
 
 def _poses(geometry: Geometry, grasps: Mapping[str, Grasp], entries: Poses) -> dict[str, Pose]:
-    """Grasps and approaches as derived, then overruled by what poses.yaml says."""
+    """Derived grasps and approaches, overruled by poses.yaml."""
     poses = {f"{name}_pose": grasp.pose for name, grasp in grasps.items()}
+    # Grasps of poses.yaml are in the object's frame, places in the world.
     for name, entry in entries.grasps.items():
         poses[f"{name}_pose"] = geometry.bodies[name].pose_world @ entry.tool_pose()
     for name in geometry.tops:
-        approach = _approach(geometry, name)
+        # A surface of unknown height is approached from farther above.
+        is_guessed = "height" in geometry.bodies[name].missing
+        approach = approach_pose(
+            geometry.arm,
+            top=geometry.tops[name],
+            others=geometry.others(name),
+            objects=geometry.on(name),
+            clear=APPROACH + (GUESSED if is_guessed else 0.0),
+            base=geometry.base,
+        )
         if approach is not None:
             poses[f"{name}_approach"] = approach
     for name, entry in entries.places.items():
@@ -183,8 +200,8 @@ def _poses(geometry: Geometry, grasps: Mapping[str, Grasp], entries: Poses) -> d
 
 
 def _later(geometry: Geometry, poses: Mapping[str, Pose]) -> dict[str, Callable[[], Pose | None]]:
-    """Poses that poses.yaml does not give, computed on demand: temporary places, poses above
-    objects, and grasps a quarter turn on."""
+    """Functions for the poses that poses.yaml does not give: temporary poses, poses above objects, and
+    grasps turned by 90°."""
     later: dict[str, Callable[[], Pose | None]] = {}
     for name in geometry.objects:
         pose = poses[f"{name}_pose"]
@@ -197,11 +214,12 @@ def _later(geometry: Geometry, poses: Mapping[str, Pose]) -> dict[str, Callable[
 def _lines(
     geometry: Geometry, poses: Mapping[str, Pose], offsets: Mapping[str, Mapping[str, Array]]
 ) -> dict[str, Line]:
-    """Segments of possible balance points along the grasps of objects: to twice their x_offset,
-    where that is more than half the pads. Poses.yaml may give another pose that name."""
+    """Segments of possible balance points about the grasps of objects: to twice their x_offset, if
+    that is more than half the pads, and poses.yaml does not give the pose."""
     lines: dict[str, Line] = {}
     for name in geometry.objects:
         pose, body = poses[f"{name}_pose"], geometry.bodies[name]
+        # The balance point may be anywhere within two x_offsets of the grasp, along the tool's x.
         half = in_world(pose, 2.0 * offsets[name]["x_offset"] * [1.0, 1.0, 0.0])
         if f"{name}_balance" in poses or np.linalg.norm(half) < geometry.arm.hand.pad:
             continue
@@ -211,7 +229,7 @@ def _lines(
 
 
 def above_top(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose:
-    """TCP pose above the middle of an object's highest part, turned as it is grasped."""
+    """TCP pose above the middle of an object's top, with the yaw of its grasp."""
     cloud = geometry.clouds[name]
     highest = float(cloud[:, 2].max())
     part = cloud[cloud[:, 2] > highest - LEVEL_TOP]
@@ -219,32 +237,16 @@ def above_top(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose:
 
 
 def grasp_across(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose | None:
-    """The grasp of an object with the fingers a quarter turn on; None where it does not fit the
-    hand."""
-    support = geometry.support(name)
-    names = (name,) if support is None else (name, support)
+    """The grasp of an object turned by 90°; None where it does not fit the hand."""
+    others = geometry.others(name, geometry.support(name))
     found = turned_grasp(
-        geometry.arm, geometry.objects[name], geometry.others(*names), pose_world_tcp, geometry.base
+        geometry.arm, geometry.objects[name], others, pose_world_tcp, geometry.base
     )
     return None if found.problem else found.pose
 
 
-def _subjects(geometry: Geometry, names: Collection[str]) -> dict[str, str]:
-    """The object or surface that each of the `names` belongs to, where it has the form of one."""
-    subjects: dict[str, str] = {}
-    for name in geometry.objects:
-        subjects[f"{name}_pose"] = name
-        subjects[f"{name}_temporary"] = name
-        subjects[f"{name}_top"] = name
-        subjects[f"{name}_across"] = name
-        subjects[f"{name}_balance"] = name
-    for name in geometry.tops:
-        subjects[f"{name}_approach"] = name
-    return {name: subject for name, subject in subjects.items() if name in names}
-
-
 def _ungraspable(geometry: Geometry, grasps: Mapping[str, Grasp], entries: Poses) -> dict[str, str]:
-    """Objects that the hand cannot take, with the reason."""
+    """Objects that the hand cannot grasp, with the reason."""
     reasons: dict[str, str] = {}
     for name, grasp in grasps.items():
         if grasp.problem and name not in entries.grasps:
@@ -256,15 +258,10 @@ def _ungraspable(geometry: Geometry, grasps: Mapping[str, Grasp], entries: Poses
 
 
 def free_place(geometry: Geometry, name: str, poses: Mapping[str, Pose]) -> Pose | None:
-    """TCP pose at which the object, held as at its pose of `poses`, stands on a free spot of its
-    surface.
-
-    What is stacked on another object is put down on the surface, and before that one is.
-
-    Two outlines are moved about together: the object with the hand around it must be clear of all
-    that stands higher than its bottom, its own present place included, and the object's box, on
-    which it comes to stand, must lie on the surface.
-    """
+    """TCP pose at which the object, grasped at its pose of `poses`, stands on a free spot of its
+    surface; None without one. An object stacked on another is put down on the surface first."""
+    # Two outlines are moved together: that of object and hand must be clear of all that reaches above
+    # the object's bottom, its present place included; the object's box must be on the surface.
     support, pose_world_tcp = geometry.support(name), poses[f"{name}_pose"]
     if support is None:
         return None
@@ -273,23 +270,22 @@ def free_place(geometry: Geometry, name: str, poses: Mapping[str, Pose]) -> Pose
     x, y = geometry.arm.hand.half_extents
     hand = rectangle(pose_world_tcp.position[:2], pose_world_tcp.rotation[:2, 0], x, y / 2)
     shape = rim(np.concatenate([cloud[:, :2], hand])) - here
+    # The box around the object, on which it comes to stand.
     footing = np.array([cloud.min(axis=0)[:2], cloud.max(axis=0)[:2]]) - here
     stacked = float(cloud[:, 2].min() - geometry.tops[support][:, 2].max())
-    drop = 0.0
-    if stacked > RESTING:
-        drop = stacked
+    drop = stacked if stacked > RESTING else 0.0
     bottom = float(cloud[:, 2].min()) - drop
     others = [*geometry.others(name, support), *_put_down_before(geometry, name, poses)]
     obstacles = above([*others, Obstacle.of(cloud)], bottom + 0.002)
     found = free_spot(
         geometry.arm.reach,
-        shape,
-        footing,
-        geometry.tops[support],
-        obstacles,
-        here,
-        bottom,
-        geometry.base,
+        shape=shape,
+        footing=footing,
+        top=geometry.tops[support],
+        obstacles=obstacles,
+        near=here,
+        z=bottom,
+        base=geometry.base,
     )
     if found is None:
         return None
@@ -300,7 +296,7 @@ def free_place(geometry: Geometry, name: str, poses: Mapping[str, Pose]) -> Pose
 def _put_down_before(
     geometry: Geometry, name: str, poses: Mapping[str, Pose]
 ) -> Iterator[Obstacle]:
-    """Objects that stand on an object, at their temporary places before it is carried away."""
+    """Yield objects that stand on an object, at their temporary poses before it is moved."""
     low, high = geometry.clouds[name].min(axis=0), geometry.clouds[name].max(axis=0)
     for other, cloud in geometry.clouds.items():
         middle = np.array(_middle(cloud))
@@ -313,73 +309,45 @@ def _put_down_before(
 
 
 def _grasp(geometry: Geometry, name: str) -> Grasp:
-    """The grasp among the neighbours, else the one there is once other objects are carried away."""
-    # The hand turns with the object: by the heading of the body's axis that lies most level.
+    """The grasp among the neighbours, else the one after other objects are moved away."""
+    # Yaw of the object: heading of the body's axis that is most horizontal.
     rotation = geometry.bodies[name].pose_world.rotation
     level = int(np.argmax(np.hypot(rotation[0], rotation[1])))
     yaw = float(np.arctan2(rotation[1, level], rotation[0, level]))
     support = geometry.support(name)
-    names = (name,) if support is None else (name, support)
-    found = derive_grasp(
-        geometry.arm, geometry.objects[name], geometry.others(*names), yaw, geometry.base
-    )
-    if not found.problem:
-        return found
-    cleared = geometry.others(*names, *geometry.objects)
-    return derive_grasp(geometry.arm, geometry.objects[name], cleared, yaw, geometry.base)
-
-
-def _approach(geometry: Geometry, name: str) -> Pose | None:
-    return approach_pose(
-        geometry.arm,
-        geometry.tops[name],
-        geometry.others(name),
-        geometry.on(name),
-        APPROACH + (GUESSED if "height" in geometry.bodies[name].missing else 0.0),
-        geometry.base,
-    )
+    geoms = geometry.objects[name]
+    for cleared in ((name, support), (name, support, *geometry.objects)):
+        others = geometry.others(*cleared)
+        found = derive_grasp(geometry.arm, geoms, others, yaw, geometry.base)
+        if not found.problem:
+            break
+    return found
 
 
 def _own_offsets(geometry: Geometry, name: str, grasp: Grasp, pose: Pose) -> dict[str, Array]:
-    """Along x half of what the grasp may shift; along y a quarter of the width; along z a clear
-    lift."""
+    """Offsets (3,), m: along x half of the grasp's slack beyond the pads, along y a quarter of the
+    width, along z a lift clear of neighbours."""
+    # At least 5 mm, also where the grasp has no slack.
     x = max((grasp.slack - geometry.arm.hand.pad) / 2, 0.005)
     y = max(grasp.width / 4, 0.005)
+    lift, bottom = USUAL_LIFT, float(geometry.clouds[name][:, 2].min())
+    for other in geometry.others(name):
+        if _on_the_way(other.outline, pose, geometry.base):
+            lift = max(lift, other.top + CLEAR - bottom)
     return {
         "x_offset": np.array([x, 0, 0]),
         "y_offset": np.array([0, y, 0]),
-        "z_offset": np.array([0, 0, _lift(geometry, name, pose)]),
+        "z_offset": np.array([0, 0, float(np.clip(lift, *LIFT))]),
     }
 
 
-def _lift(geometry: Geometry, name: str, pose: Pose) -> float:
-    """Height of a lift, m: above every neighbour between the arm and the object."""
-    bottom = float(geometry.clouds[name][:, 2].min())
-    needed = 0.0
-    for other in geometry.others(name):
-        if _on_the_way(other.outline, pose, geometry.base):
-            needed = max(needed, other.top + CLEAR - bottom)
-    return float(np.clip(max(needed, USUAL_LIFT), *LIFT))
-
-
 def _on_the_way(outline: Array, pose: Pose, base: Pose) -> bool:
-    """True if something is near the straight way from above the arm's front to the object."""
+    """True if an outline is within the corridor from the arm's front to the object."""
     start = base.position[:2] + 0.3 * base.rotation[:2, 0]
     way = pose.position[:2] - start
     low, high = outline.min(axis=0), outline.max(axis=0)
-    # The point of the way nearest to the thing's middle, and how far its box is from there.
+    # Distance of the outline's box from the point of the way nearest to its middle.
     share = np.clip(((low + high) / 2 - start) @ way / max(float(way @ way), 1e-9), 0, 1)
     nearest = start + share * way
     apart = np.maximum(np.maximum(low - nearest, nearest - high), 0)
     return bool(np.linalg.norm(apart) < CORRIDOR)
-
-
-def _given_offsets(
-    entries: Poses, objects: Collection[str]
-) -> tuple[dict[str, Array], dict[str, dict[str, Array]]]:
-    """Offsets of poses.yaml: those for every pose, and by object those of one object."""
-    common, special = given_offsets(entries)
-    for name in special:
-        if name not in objects:
-            raise unknown_name("object in offsets", name, objects)
-    return common, special

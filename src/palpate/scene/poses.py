@@ -1,5 +1,4 @@
-"""`poses.yaml`: what a pose estimator, or a person, says about where things are. Angles in rad,
-lengths in m.
+"""`poses.yaml`: poses from a pose estimator or a person. Angles in rad, lengths in m.
 
 objects: {bottle: {pos: [0.5, 0.1, 0.8], yaw: 0.3}}       # pose of the body frame in the world
 places: {shelf_approach: {pos: [0.4, 0.2, 0.6]}}          # pose of the TCP; top-down unless quat is
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
     from palpate.robots.description import RobotDescription
 
 MAX_BYTES = 200_000
-"""Largest poses file."""
+"""Largest size of a poses file."""
 
 Number = Annotated[float, Field(allow_inf_nan=False, ge=-100.0, le=100.0)]
 Vector = tuple[Number, Number, Number]
@@ -38,7 +37,7 @@ Name = Annotated[str, Field(min_length=1, max_length=100)]
 
 
 _FORM = re.compile(r"constrained-|\[")
-"""In a step of a complaint that names a form."""
+"""Pattern of steps in pydantic's location of an error that name a type and no key."""
 
 
 class _Strict(BaseModel):
@@ -67,23 +66,17 @@ class PoseEntry(_Strict):
         return self
 
     def body_pose(self) -> Pose:
-        """Pose of a body: upright unless turned."""
-        return Pose.of(self.pos, self._quaternion() or (1.0, 0.0, 0.0, 0.0))
+        """Pose of a body; upright without an orientation."""
+        if self.quat is not None:
+            return Pose.of(self.pos, self.quat)
+        angles = (0.0, 0.0, self.yaw) if self.euler is None and self.yaw is not None else self.euler
+        return Pose.of(self.pos, (1.0, 0.0, 0.0, 0.0) if angles is None else _from_euler(angles))
 
     def tool_pose(self) -> Pose:
-        """Pose of the TCP: top-down, turned by yaw, unless euler or quat says otherwise."""
+        """Pose of the TCP: top-down, turned by yaw, unless euler or quat is given."""
         if self.quat is None and self.euler is None:
             return Pose.top_down(self.pos, self.yaw or 0.0)
         return self.body_pose()
-
-    def _quaternion(self) -> Quaternion | None:
-        if self.quat is not None:
-            return self.quat
-        if self.euler is not None:
-            return _from_euler(self.euler)
-        if self.yaw is not None:
-            return _from_euler((0.0, 0.0, self.yaw))
-        return None
 
 
 class CameraEntry(_Strict):
@@ -129,26 +122,18 @@ def read_poses(path: Path) -> Poses:
     Raises:
         InputError: unreadable, too large, not YAML, or not of this form.
     """
-    text = read_text(path, MAX_BYTES, "poses")
-    return parse_poses(text, str(path))
+    return parse_poses(read_text(path, MAX_BYTES, "poses"), str(path))
 
 
 def seen_by(poses: Poses, arm: RobotDescription, pose_world_base: Pose) -> Poses:
-    """The poses with the camera of the arm's robot.yaml where they have none: it stands beside the
-    arm."""
+    """The poses with the camera of the arm's robot.yaml where they have none."""
     camera = arm.config.camera if arm.config is not None else None
     if poses.camera is not None or camera is None:
         return poses
     stands = arm.stands(pose_world_base) @ Pose.of(camera.pos, camera.quat)
-    entry = CameraEntry.model_validate(
-        {
-            "pos": tuple(stands.position.tolist()),
-            "quat": tuple(stands.quaternion.tolist()),
-            "fovy": camera.fovy,
-            "size": camera.size,
-        }
-    )
-    return poses.model_copy(update={"camera": entry})
+    pos, quat = tuple(stands.position.tolist()), tuple(stands.quaternion.tolist())
+    entry = {"pos": pos, "quat": quat, "fovy": camera.fovy, "size": camera.size}
+    return poses.model_copy(update={"camera": CameraEntry.model_validate(entry)})
 
 
 def parse_poses(text: str, where: str = "poses") -> Poses:
@@ -176,40 +161,34 @@ _FORMS = {
     "camera": "a camera: pos: [x, y, z] in m, quat: [w, x, y, z], fovy in degrees, and size: [width, height] in pixels",
     "accuracy": "a length in m, more than 0 and at most 0.1",
 }
-"""Forms of the entries below each key."""
+"""Form of the entries below each key."""
 _SINGLE = ("camera", "accuracy")
-"""The keys that have no entries."""
+"""Keys with a single value."""
 
 
 def _complaint(invalid: ValidationError) -> str:
-    """Message with the fault, its place, and the expected form, in words of the file."""
+    """Message with the error, its keys, and the expected form."""
     errors = invalid.errors()
+    # An unknown key is the likelier mistake where several types of an entry were tried.
     unknown = [error for error in errors if error["type"] == "extra_forbidden"]
     first = (unknown or errors)[0]
-    # Where an entry may have one of several forms, some steps name a form and no key.
+    # Where an entry may have one of several types, some steps name a type and no key.
     steps = [str(step) for step in first["loc"] if not _FORM.search(str(step))]
     if not steps:
         return f"needs keys: {', '.join(_FORMS)}"
     if steps[0] not in _FORMS:
         return str(unknown_name("key", steps[0], _FORMS))
-    what = _said(first["type"], first["msg"])
+    what = {
+        "extra_forbidden": "is no key",
+        "missing": "is missing",
+        "dict_type": "has no keys below it",
+        "model_type": "has no keys below it",
+    }.get(first["type"])
+    if what is None:
+        message = first["msg"].removeprefix("Value error, ").replace("Input should", "should")
+        what = message.partition(", unable")[0]
     one = f"'{steps[0]}'" if steps[0] in _SINGLE else f"an entry of '{steps[0]}'"
     return f"{'.'.join(steps)} {what}; {one} is {_FORMS[steps[0]]}"
-
-
-def _said(kind: str, message: str) -> str:
-    """A complaint of pydantic's, as the end of a sentence."""
-    if kind == "extra_forbidden":
-        return "is no key"
-    if kind == "missing":
-        return "is missing"
-    if kind in ("dict_type", "model_type"):
-        return "has no keys below it"
-    return (
-        message.removeprefix("Value error, ")
-        .replace("Input should", "should")
-        .partition(", unable")[0]
-    )
 
 
 def _from_euler(angles: Vector) -> Quaternion:

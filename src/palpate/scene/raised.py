@@ -1,7 +1,7 @@
-"""A scene in which a surface is as high as it was measured, and what stands on it with it.
+"""A scene raised to the measured heights of its surfaces.
 
-What stands on a surface of unknown height has a z that follows from it: objects, what is stacked on
-them, and the named poses that belong to them or lie above them move by as much as the surface does.
+With a surface of unknown height move, by the same distance: objects on it, objects stacked on those,
+and named poses that belong to them or are above it.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ from palpate.scene.scene import Scene
 from palpate.trace.samples import Trace
 
 GUESS = 0.055
-"""m by which a surface of unknown height, and what stands on it, may be higher or lower than the scene
-has it: the 50 mm that the documentation promises, and 5 mm for poses and for the touch itself."""
+"""m: largest error of the height of a surface of unknown height: the documented 50 mm, and 5 mm for
+poses and for the touch."""
 INSIDE = 0.001
-"""m: what begins this far above the bottom of an object, within its height, stands on it or in it."""
+"""m: a body within an object's height that begins this far above its bottom stands on or in it."""
 BELOW = 0.05
-"""m that a named place may be below the top of the surface that it belongs to."""
+"""m: largest depth of a named pose below the top of its surface."""
 
 TEMPORARY = "_temporary"
 
 PoseOf = Callable[[str], Pose]
-"""World pose of the frame of an object or a surface."""
+"""World pose of the frame of a body, by name."""
 
 
 def learned(scene: Scene, parameter: Parameter, value: tuple[float, ...]) -> Scene:
-    """The scene once a parameter has been measured: a surface is as high as its measured height, and
-    what stands on it moves with it; a scene seen in a picture gets new shapes."""
+    """The scene after a measurement: a surface of measured height, and what stands on it, is moved; a
+    scene from a picture is fitted again."""
     if parameter.quantity != "height" or parameter.object not in scene.surfaces:
         return scene
     if scene.refit is not None:
@@ -43,14 +43,14 @@ def learned(scene: Scene, parameter: Parameter, value: tuple[float, ...]) -> Sce
 
 
 def moves(scene: Scene, parameter: Parameter) -> bool:
-    """True if measuring a parameter moves a surface of the scene, and nothing else about it."""
+    """True if measuring a parameter raises or lowers a surface without fitting the scene again."""
     is_height = parameter.quantity == "height" and parameter.object in scene.surfaces
     return is_height and scene.refit is None
 
 
 def as_measured(scene: Scene, trace: Trace) -> Scene:
-    """The scene with its surfaces as high as the trace has measured them, for the estimates of what
-    stands on them."""
+    """The scene with its surfaces at the heights measured in a trace, for estimates of the objects on
+    them."""
     if scene.refit is not None:
         return scene
     heights = [Parameter(name, "height") for name in scene.surfaces]
@@ -60,8 +60,8 @@ def as_measured(scene: Scene, trace: Trace) -> Scene:
 
 
 def beyond(scene: Scene, name: str) -> str | None:
-    """Reason, with a remedy, why an object must not be touched in the raised scene: its surface is
-    farther from its stated height than a guess may be; None if it may."""
+    """Reason, with a remedy, why an object must not be touched: its surface was measured too far from
+    the guessed height; else None."""
     rise = scene.rises.get(name, 0.0)
     if abs(rise) <= GUESS:
         return None
@@ -73,13 +73,13 @@ def beyond(scene: Scene, name: str) -> str | None:
 
 
 def is_open(scene: Scene, surface: str | None) -> bool:
-    """True for a surface whose height the scene does not state."""
+    """True if the scene does not state the height of a surface."""
     body = scene.surfaces.get(surface or "")
     return body is not None and "height" in body.missing
 
 
 def at_heights(scene: Scene, values: Mapping[Parameter, tuple[float, ...]]) -> Scene:
-    """The scene with the surfaces of which `values` has a height at that height, world z in m."""
+    """The scene with surfaces at the heights in `values`, world z in m."""
     for parameter, value in values.items():
         if parameter.quantity == "height" and parameter.object in scene.surfaces:
             scene = raised(scene, parameter.object, value[0])
@@ -87,13 +87,22 @@ def at_heights(scene: Scene, values: Mapping[Parameter, tuple[float, ...]]) -> S
 
 
 def raised(scene: Scene, surface: str, top: float) -> Scene:
-    """The scene with the top of a surface at world z `top`, m."""
+    """The scene with the top of a surface, and what stands on it, moved to world z `top`, m."""
     rises = risen(scene, surface, top, lambda name: scene.bodies[name].pose_world)
     bodies = dict(scene.bodies)
     for name, rise in rises.items():
-        bodies[name] = _body(bodies[name], rise)
+        body, up = bodies[name], Pose.of((0.0, 0.0, rise))
+        known = dict(body.known)
+        if "height" in known:
+            known["height"] = (known["height"][0] + rise,)
+        bodies[name] = replace(
+            body,
+            pose_world=up @ body.pose_world,
+            tipped=up @ body.tipped @ up.inverse(),
+            known=known,
+        )
     symbols = scene.symbols.raised(rises, dict(_places(scene, rises)))
-    whole = dict(scene.rises)
+    whole = dict(scene.rises)  # a surface may be measured more than once
     for name, rise in rises.items():
         whole[name] = whole.get(name, 0.0) + rise
     return replace(
@@ -106,12 +115,11 @@ def raised(scene: Scene, surface: str, top: float) -> Scene:
 
 
 def risen(scene: Scene, surface: str, top: float, pose_of: PoseOf) -> dict[str, float]:
-    """m by which a surface, and all that stands on it with the poses that `pose_of` says, rises where
-    its top is at world z `top`, m.
-
-    Objects right on it end at its top; what is stacked on them keeps its place on them.
-    """
+    """Rise, m, of a surface whose top moves to world z `top`, m, and of each body on it, at the poses
+    of `pose_of`. The bottom of an object directly on it moves to `top`; an object stacked on another
+    keeps its place on it."""
     found = {surface: top - scene.bodies[surface].top_z(pose_of(surface))}
+    # From the lowest bottom upwards: a support is raised before what stands on it.
     for other in sorted(scene.bodies.values(), key=lambda body: body.bottom_z(pose_of(body.name))):
         base = _support(scene, other, pose_of)
         if other.name in found or base is None or base.name not in found:
@@ -123,7 +131,7 @@ def risen(scene: Scene, surface: str, top: float, pose_of: PoseOf) -> dict[str, 
 
 
 def level(scene: Scene, poses: Mapping[str, Pose]) -> dict[str, Pose]:
-    """World poses of objects in the raised scene, as they would be in the given one."""
+    """Convert world poses of objects in the raised scene to those in the scene as given."""
 
     def pose_of(name: str) -> Pose:
         return poses.get(name) or scene.bodies[name].pose_world
@@ -137,7 +145,7 @@ def level(scene: Scene, poses: Mapping[str, Pose]) -> dict[str, Pose]:
 
 
 def _support(scene: Scene, body: Body, pose_of: PoseOf) -> Body | None:
-    """Support of a body: an object below it, else the surface below."""
+    """The highest object that a body stands on, else the highest surface."""
     below = [base for base in scene.bodies.values() if _stands_on(body, base, pose_of)]
     carriers = [base for base in below if base.role == "object"] or below
     return max(carriers, key=lambda base: base.top_z(pose_of(base.name)), default=None)
@@ -151,29 +159,17 @@ def _stands_on(other: Body, base: Body, pose_of: PoseOf) -> bool:
     bottom, top = other.bottom_z(pose), base.top_z(below)
     if not base.covers(x, y, below) or bottom < base.bottom_z(below) + INSIDE:
         return False
-    # In a bowl or on a tray: it begins somewhere within the height of what carries it.
+    # In a bowl or on a tray, the bottom is within the height of the support.
     return bottom < top + RESTING if base.role == "object" else abs(bottom - top) < RESTING
 
 
-def _body(body: Body, rise: float) -> Body:
-    up = Pose.of((0.0, 0.0, rise))
-    known = dict(body.known)
-    if "height" in known:
-        known["height"] = (known["height"][0] + rise,)
-    return replace(
-        body,
-        pose_world=up @ body.pose_world,
-        tipped=up @ body.tipped @ up.inverse(),
-        known=known,
-    )
-
-
 def _places(scene: Scene, rises: Mapping[str, float]) -> Iterator[tuple[str, float]]:
-    """Named poses that belong to no object or surface, and free spots for objects, which may be on
-    another surface, with m by which the surface below each rises."""
+    """Yield named poses without an object or surface, and temporary poses, which may be on another
+    surface, with the rise of the surface below each, m."""
     for name, pose in scene.symbols.poses.items():
         if name in scene.symbols.subjects and not name.endswith(TEMPORARY):
             continue
+        # A pose above a surface, or at most `BELOW` under its top, belongs to the highest such one.
         x, y, z = pose.position.tolist()
         below = [
             body

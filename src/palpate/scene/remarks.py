@@ -1,106 +1,91 @@
-"""Remarks on the reading of a scene: interpretations, omissions, and reasons why nothing may be
-missing."""
+"""Remarks on the reading of a scene: interpretations, omissions, and reasons why nothing is missing."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
 
-import numpy as np
-
 from palpate.mjcf.compile import BASE_SITE, removed_with_robots
 from palpate.mjcf.document import Element
-from palpate.mjcf.roles.elements import Elements
-from palpate.mjcf.roles.robots import copy_mark
+from palpate.mjcf.elements import copy_mark
 from palpate.scene.places import reachable
 from palpate.scene.scene import Scene
 
 LISTED = 8
-"""At most so many names stand in a sentence."""
+"""Most names in a sentence."""
 
 SITE = f'<site name="{BASE_SITE}" pos="x y z"/>'
 """Element that places the arm in a scene."""
 
 
 def remarks(scene: Scene) -> tuple[str, ...]:
-    """Sentences for whoever wonders what palpate made of the file."""
-    found: list[str] = []
-    for told in (
-        _robots,
-        _base,
-        _others,
-        _otherwise,
-        _replicated,
-        _refused,
-        _why_nothing,
-        _files,
-    ):
-        found += told(scene)
-    return tuple(found)
+    """Sentences that explain how the file was read."""
+    parts = (_robots, _base, _others, _deviations, _copies, _refused, _why_nothing, _files)
+    return tuple(sentence for part in parts for sentence in part(scene))
 
 
 def _robots(scene: Scene) -> Iterator[str]:
     roles = scene.resolved.description.roles
     if not roles.robots:
         return
-    gone = removed_with_robots(scene.resolved.document, roles)
-    listed = ", ".join(f"{number} {tag}" for tag, number in sorted(gone.items()))
-    besides = f" With it went what refers to it: {listed}." if listed else ""
+    removed = removed_with_robots(scene.resolved.document, roles)
+    listed = ", ".join(f"{number} {tag}" for tag, number in sorted(removed.items()))
+    references = f" With it went what refers to it: {listed}." if listed else ""
     yield (
-        f"Robot left out: {_names(map(_called, roles.robots))}; the {scene.arm.label} takes its place."
-        f"{besides}"
+        f"Robot left out: {_names(map(_label, roles.robots))}; the {scene.arm.label} takes its place."
+        f"{references}"
     )
 
 
 def _base(scene: Scene) -> Iterator[str]:
-    """Remark on the arm's place, where it is not stated or does not reach the objects."""
+    """Yield remarks on the arm's base where it is not stated, or too far from objects."""
     robots = scene.resolved.description.roles.robots
-    unsaid = scene.resolved.document.root.find(f".//site[@name='{BASE_SITE}']") is None
-    if unsaid and not robots:
+    no_site = scene.resolved.document.root.find(f".//site[@name='{BASE_SITE}']") is None
+    if no_site and not robots:
         yield (
             f"There is no site '{BASE_SITE}' and no robot: the arm is taken to stand at the origin. "
             f"Where it does not, add {SITE} to the worldbody."
         )
-    far = [name for name in scene.objects if not _is_near(scene, name)]
+    far: list[str] = []
+    for name, body in scene.objects.items():
+        spot = body.pose_world.position[None, :2]
+        if not reachable(scene.arm.reach, spot, body.top_z(), scene.pose_world_base)[0]:
+            far.append(name)
     if far:
         x, y, z = scene.pose_world_base.position
-        advice = (
-            f"place it with {SITE} in the worldbody" if unsaid else f"move the site '{BASE_SITE}'"
-        )
+        advice = f"move the site '{BASE_SITE}'"
+        if no_site:
+            advice = f"place it with {SITE} in the worldbody"
         yield (
             f"Out of the reach of the arm, which stands at ({x:.2f}, {y:.2f}, {z:.2f}) m: "
             f"{_names(map(_quoted, far))}. Where that is not so, {advice}."
         )
 
 
-def _is_near(scene: Scene, name: str) -> bool:
-    body = scene.bodies[name]
-    x, y, _ = body.pose_world.position.tolist()
-    spot = np.array([[x, y]])
-    return bool(reachable(scene.arm.reach, spot, body.top_z(), scene.pose_world_base)[0])
-
-
 def _others(scene: Scene) -> Iterator[str]:
-    """Bodies that are neither objects nor surfaces."""
-    description = scene.resolved.description
-    if description.roles.ignored:
+    """Yield remarks on bodies that are neither objects nor surfaces."""
+    roles = scene.resolved.description.roles
+    if roles.ignored:
         advice = ""
-        if not description.roles.robots:
+        if not roles.robots:
             advice = " If one of them is a robot, say so: --robot-body NAME."
         yield (
             "Neither object nor surface nor robot, as they have joints that are not free: "
-            f"{_names(map(_called, description.roles.ignored))}.{advice}"
+            f"{_names(map(_label, roles.ignored))}.{advice}"
         )
-    if description.roles.copied:
-        copies = [_attached_as(attach) for attach in description.roles.copied]
+    copies: list[str] = []
+    for attach in roles.copied:
+        content = attach.get("body") or attach.get("frame") or attach.get("model") or ""
+        copies.append(f"'{attach.get('prefix') or ''}{content}'")
+    if copies:
         yield (
             "Of what is attached more than once, the first stands for all, as one file states it: not "
             f"{_names(copies)}. Where one of them differs, give it a file of its own."
         )
 
 
-def _otherwise(scene: Scene) -> Iterator[str]:
-    """Remarks on deviations from the file."""
+def _deviations(scene: Scene) -> Iterator[str]:
+    """Yield remarks on deviations from the file."""
     description = scene.resolved.description
     document = description.document
     if document.folder is not None and document.home not in (None, document.folder.resolve()):
@@ -115,27 +100,30 @@ def _otherwise(scene: Scene) -> Iterator[str]:
         )
 
 
-def _replicated(scene: Scene) -> Iterator[str]:
-    """Remark on copies by `<replicate>`."""
+def _copies(scene: Scene) -> Iterator[str]:
+    """Yield remarks on copies by `<replicate>`."""
     description = scene.resolved.description
-    copied = [name for name, body in description.bodies.items() if _is_replicated(body.elements)]
+    copied: list[str] = []
+    for name, body in description.bodies.items():
+        if any(copy_mark(part) for part in (body.elements.element, *body.elements.through)):
+            copied.append(name)
     if copied:
         yield (
-            f"Of the copies that <replicate> makes, the first stands for all: {_names(map(_quoted, copied))}."
+            "Of the copies that <replicate> makes, the first stands for all: "
+            f"{_names(map(_quoted, copied))}."
         )
     if description.roles.replicated:
         yield (
             "No objects, as <replicate> makes their parts of one line: "
-            f"{_names(map(_called, description.roles.replicated))}."
+            f"{_names(map(_label, description.roles.replicated))}."
         )
 
 
 def _refused(scene: Scene) -> Iterator[str]:
-    """Bodies that were rejected as surfaces."""
     refused = scene.resolved.description.refused
     if refused:
-        told = [f"'{name}' ({reason})" for name, reason in refused.items()]
-        yield f"Stands still and is no surface: {_names(told)}."
+        reasons = [f"'{name}' ({reason})" for name, reason in refused.items()]
+        yield f"Stands still and is no surface: {_names(reasons)}."
 
 
 def _why_nothing(scene: Scene) -> Iterator[str]:
@@ -159,7 +147,7 @@ def _files(scene: Scene) -> Iterator[str]:
 
 
 def _names(names: Iterable[str]) -> str:
-    """Names with commas, and how many more there are."""
+    """The first names with commas, and the number of the others."""
     listed = list(names)
     shown = ", ".join(listed[:LISTED])
     return shown if len(listed) <= LISTED else f"{shown} and {len(listed) - LISTED} more"
@@ -169,16 +157,6 @@ def _quoted(name: str) -> str:
     return f"'{name}'"
 
 
-def _is_replicated(body: Elements) -> bool:
-    return any(copy_mark(part) for part in (body.element, *body.through))
-
-
-def _attached_as(attach: Element) -> str:
-    """Names of the bodies of an `<attach>`."""
-    brings = attach.get("body") or attach.get("frame") or attach.get("model") or ""
-    return f"'{attach.get('prefix') or ''}{brings}'"
-
-
-def _called(body: Element) -> str:
+def _label(body: Element) -> str:
     name = body.get("name") or body.get("model")
     return _quoted(name) if name else f"a body in line {body.sourceline}"

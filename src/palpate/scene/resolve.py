@@ -1,36 +1,44 @@
-"""A scene's file with everything unknown believed: the basis of simulated models and of the twin."""
+"""A scene's file with beliefs for everything unknown: the basis of simulated models and of the twin.
+
+One set of rules turns values of quantities into changes of the file. The model that is simulated has
+them made to a parsed copy, the twin to the user's text, so both agree. Each quantity states its own;
+what several state in one object's `<inertial>` is put together in `mjcf.inertial`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import mujoco
 
+from palpate.errors import InputError
 from palpate.geometry.standing import tipped
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.compile import compile_spec, model_tree
 from palpate.mjcf.document import Document
 from palpate.mjcf.edits import Change, Edit
+from palpate.mjcf.inertial import Statement, written
 from palpate.mjcf.shapes import RESTING, Shapes, compile_shapes
 from palpate.parameter import Parameter
 from palpate.quantities.catalogue import Catalogue
 from palpate.quantities.quantity import Prior, Status, Values
 from palpate.scene.describe import Description, describe
-from palpate.scene.fill import beliefs, changes, completed
 from palpate.scene.poses import Poses
 from palpate.scene.words import thing_words
 
 SHAPELESS = frozenset({"mass", "density", "friction", "priority"})
-"""Attributes of geoms that leave the scene's geometry as it is."""
+"""Attributes of geoms that do not change the scene's geometry."""
+
+Bodies = Mapping[str, BodyDescription]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class ResolvedScene:
-    """A description, what is believed of its unknowns, and the geometry that follows.
+    """A description, the beliefs about its unknowns, and the geometry that follows.
 
     Attributes:
-        poses: what came with the scene.
+        poses: content of poses.yaml.
         priors: of every missing quantity.
         shapes: compiled with the priors in place.
     """
@@ -50,16 +58,21 @@ class ResolvedScene:
         return self.description.document
 
     def means(self) -> dict[Parameter, tuple[float, ...]]:
-        """The believed values."""
+        """Mean of each prior."""
         return {parameter: prior.mean for parameter, prior in self.priors.items()}
 
     def completed(self, priors: Values, values: Values) -> dict[Parameter, tuple[float, ...]]:
-        """`values`, and for the other parameters of `priors` what is believed once those are
-        known."""
-        return completed(self.description.bodies, self.catalogue, priors, values)
+        """Return `values`, and for the other parameters of `priors` their prior means given
+        `values`."""
+        merged = {**priors, **values}
+        for parameter in merged:
+            if parameter not in values:
+                body = self.description.bodies[parameter.object]
+                merged[parameter] = self.catalogue[parameter.quantity].prior(body, merged).mean
+        return merged
 
     def changes(self, values: Values, known: Values) -> list[Change]:
-        """The changes of the file that state `values`; `known` is what they rest on.
+        """The changes of the file that state `values`; `known` are values that they depend on.
 
         Raises:
             InputError: a value that has no place in the file.
@@ -67,7 +80,7 @@ class ResolvedScene:
         return list(changes(self.description.bodies, self.catalogue, values, known, {}))
 
     def spec(self, values: Values) -> mujoco.MjSpec:
-        """An editable model without any robot in which `values` hold, and beliefs for the rest."""
+        """An editable model without any robot, with `values`, and beliefs for the rest."""
         stated = self.changes(self.completed(self.means(), values), {})
         made = [*self.description.placed, *stated]
         return compile_spec(model_tree(self.document, self.description.roles, made))
@@ -77,18 +90,25 @@ class ResolvedScene:
         found: dict[str, Body] = {}
         for name, body in self.description.bodies.items():
             found[name] = self._body(replace(body, shapes=self.shapes))
-        for name, body in found.items():
-            if body.role == "surface":
-                found[name] = replace(body, carries=tuple(_resting_on(body, found.values())))
+        for surface in [body for body in found.values() if body.role == "surface"]:
+            carried: list[str] = []
+            for body in found.values():
+                x, y, _ = body.pose_world.position.tolist()
+                if (
+                    body.role == "object"
+                    and surface.covers(x, y)
+                    and abs(body.bottom_z() - surface.top_z()) < RESTING
+                ):
+                    carried.append(body.name)
+            found[surface.name] = replace(surface, carries=tuple(carried))
+        # What rests on a surface but is not stable there tips until it is.
         for surface in [body for body in found.values() if body.carries]:
             for name in surface.carries:
-                found[name] = self._at_rest(found[name])
+                body = found[name]
+                cloud = replace(self.description.bodies[name], shapes=self.shapes).cloud
+                rest = tipped(cloud, body.pose_world.apply(body.centre))
+                found[name] = replace(body, tipped=rest)
         return found
-
-    def _at_rest(self, body: Body) -> Body:
-        described = replace(self.description.bodies[body.name], shapes=self.shapes)
-        middle = body.pose_world.apply(body.centre)
-        return replace(body, tipped=tipped(described.cloud, middle))
 
     def _body(self, body: BodyDescription) -> Body:
         known: dict[str, tuple[float, ...]] = {}
@@ -100,65 +120,107 @@ class ResolvedScene:
             elif status in others:
                 others[status].add(quantity.id)
         centre, size = body.box()
-        return Body(
+        is_object = body.role == "object"
+        words = thing_words(
             body.name,
-            body.role,
-            self._words(body),
-            body.pose_world,
-            centre,
-            size,
-            known,
+            body.elements.element if is_object else body.carrier,
+            body.elements.geoms if is_object else (body.carrier,),
+            body.defaults,
+            shapes=is_object,
+        )
+        return Body(
+            name=body.name,
+            role=body.role,
+            words=words,
+            pose_world=body.pose_world,
+            centre=centre,
+            size=size,
+            known=known,
             missing=frozenset(others["missing"]),
             assumed=frozenset(others["assumed"]),
             accuracy=self.poses.accuracy,
         )
 
-    def _words(self, body: BodyDescription) -> frozenset[str]:
-        is_object = body.role == "object"
-        geoms = body.elements.geoms if is_object else (body.carrier,)
-        element = body.elements.element if is_object else body.carrier
-        return thing_words(body.name, element, geoms, body.defaults, shapes=is_object)
-
 
 def resolve(document: Document, poses: Poses, catalogue: Catalogue) -> ResolvedScene:
-    """Describe the document's bodies, believe what is missing, and compile the geometry.
+    """Describe the document's bodies, set priors for what is missing, and compile the geometry.
 
     Raises:
-        InputError: a `?` where nothing can be measured, names that do not match, scenes MuJoCo does
-            not accept.
+        InputError: a `?` where nothing can be measured, names that do not match, scenes that MuJoCo
+            does not accept.
     """
     description = describe(document, poses, catalogue)
     priors = beliefs(description.bodies, catalogue)
     resolved = ResolvedScene(description, poses, catalogue, priors, description.shapes)
     stated = resolved.changes(resolved.means(), {})
-    if any(_moves_something(change) for change in stated):
+    # A mass or a friction does not move anything: the geometry with stand-ins holds.
+    if not all(isinstance(change, Edit) and change.attribute in SHAPELESS for change in stated):
         edits = [*description.placed, *stated]
         resolved = replace(resolved, shapes=compile_shapes(document, description.roles, edits))
-    _confirm(resolved)
+    # The believed values must show in the compiled geometry.
+    for parameter, prior in priors.items():
+        body = replace(description.bodies[parameter.object], shapes=resolved.shapes)
+        catalogue[parameter.quantity].confirm(body, prior.mean)
     return resolved
 
 
-def _moves_something(change: Change) -> bool:
-    """True if a change may show in the scene's geometry; a mass or a friction does not, and the
-    stand-in is as good for looking."""
-    return not (isinstance(change, Edit) and change.attribute in SHAPELESS)
+def beliefs(bodies: Bodies, catalogue: Catalogue) -> dict[Parameter, Prior]:
+    """Priors of everything missing: of surfaces first, then of the objects on them."""
+    found: dict[Parameter, Prior] = {}
+    means: dict[Parameter, tuple[float, ...]] = {}
+    for role in ("surface", "object"):  # the prior of an object's z depends on its surface
+        for body in bodies.values():
+            for quantity in catalogue.of(role) if body.role == role else ():
+                if quantity.status(body) == "missing":
+                    prior = quantity.prior(body, means)
+                    parameter = Parameter(body.name, quantity.id)
+                    found[parameter], means[parameter] = prior, prior.mean
+    return found
 
 
-def _resting_on(surface: Body, bodies: Iterable[Body]) -> Iterator[str]:
-    """Names of the objects that stand on a surface."""
-    for body in bodies:
-        x, y, _ = body.pose_world.position.tolist()
-        if (
-            body.role == "object"
-            and surface.covers(x, y)
-            and abs(body.bottom_z() - surface.top_z()) < RESTING
-        ):
-            yield body.name
+def changes(
+    bodies: Bodies,
+    catalogue: Catalogue,
+    values: Values,
+    known: Values,
+    std: Mapping[Parameter, float],
+) -> Iterator[Change]:
+    """Yield the changes that state `values`; `known` are values that they depend on and that are not
+    written, `std` standard deviations, which decide how many digits are written.
+
+    Raises:
+        InputError: a value for what the scene does not have, or that has no place in the file.
+    """
+    for name in dict.fromkeys(parameter.object for parameter in values):
+        ids = [parameter.quantity for parameter in values if parameter.object == name]
+        body = bodies.get(name)
+        fitting = [] if body is None else [quantity.id for quantity in catalogue.of(body.role)]
+        if body is None or not fitting or (body.role != "object" and not set(fitting) & set(ids)):
+            raise InputError(f"no object or surface '{name}' of the scene has a {' or '.join(ids)}")
+        statements, others = _stated(body, catalogue, values, std)
+        depends_on, _ = _stated(body, catalogue, known, {})
+        yield from written(body, statements, depends_on)
+        yield from others
+    # Values that follow from these: the resting height of an object on a surface of measured height.
+    believed = {**known, **values}
+    for body in bodies.values():
+        for quantity in catalogue.of(body.role):
+            yield from quantity.follows(body, believed)
 
 
-def _confirm(resolved: ResolvedScene) -> None:
-    """Require that the believed values show in the compiled geometry."""
-    for parameter, prior in resolved.priors.items():
-        body = resolved.description.bodies[parameter.object]
-        quantity = resolved.catalogue[parameter.quantity]
-        quantity.confirm(replace(body, shapes=resolved.shapes), prior.mean)
+def _stated(
+    body: BodyDescription, catalogue: Catalogue, values: Values, std: Mapping[Parameter, float]
+) -> tuple[list[Statement], list[Change]]:
+    """Statements of a body's `<inertial>`, and its other changes, in the catalogue's order."""
+    statements: list[Statement] = []
+    others: list[Change] = []
+    for quantity in catalogue.of(body.role):
+        parameter = Parameter(body.name, quantity.id)
+        if parameter not in values:
+            continue
+        for change in quantity.write(body, values[parameter], std.get(parameter)):
+            if isinstance(change, Statement):
+                statements.append(change)
+            else:
+                others.append(change)
+    return statements, others

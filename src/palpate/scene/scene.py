@@ -1,4 +1,4 @@
-"""D: an incomplete MJCF, read into objects, surfaces, named places and what is missing."""
+"""D: an incomplete MJCF, read into objects, surfaces, named poses and missing parameters."""
 
 from __future__ import annotations
 
@@ -29,20 +29,19 @@ class Scene:
 
     Attributes:
         text: the user's MJCF, byte for byte as read (decoded utf-8).
-        path: the file it came from, None when built from text.
+        path: its file, None if built from text.
         bodies: objects and surfaces by name, in document order.
         symbols: names a plan may use: poses, places, joint configurations, offsets.
-        arm: what touches it; grasps, reach and `home_config` depend on it.
-        pose_world_base: where the arm stands (site `robot_base`, else where the scene's own robot
-            stands, else the origin).
-        gravity: m/s^2, magnitude.
-        priors: what is believed of every missing quantity before it is measured.
-        resolved: the file it was read from, which can be completed: for `spec` and the twin.
-        refit: of a scene seen in a picture: the scene anew, when contact has told a surface's
-            height (m).
-        rises: surfaces whose height was measured, and what stands on them, to the m by which each is
-            higher than the scene was given.
-        as_given: the scene before any height was measured; None where it is that one.
+        arm: arm of the plans; grasps, reach and `home_config` depend on it.
+        pose_world_base: pose of the arm's base (site `robot_base`, else that of the scene's own
+            robot, else the origin).
+        gravity: magnitude, m/s^2.
+        priors: prior mean of every missing quantity.
+        resolved: the file with beliefs, for `spec` and the twin.
+        refit: of a scene from a picture: fit it again to the measured height of a surface, m.
+        rises: height minus given height, m, of each surface that was measured and of what stands
+            on it.
+        as_given: the scene before any height was measured; None if it is this one.
     """
 
     text: str
@@ -64,19 +63,14 @@ class Scene:
     """Static bodies that carry things."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "objects", self._of("object"))
-        object.__setattr__(self, "surfaces", self._of("surface"))
-
-    def _of(self, role: str) -> dict[str, Body]:
-        return {name: body for name, body in self.bodies.items() if body.role == role}
+        for field_name, role in (("objects", "object"), ("surfaces", "surface")):
+            chosen = {name: body for name, body in self.bodies.items() if body.role == role}
+            object.__setattr__(self, field_name, chosen)
 
     def __repr__(self) -> str:
-        counted = [
-            _counted(len(self.objects), "object"),
-            _counted(len(self.surfaces), "surface"),
-            f"{len(self.missing)} missing",
-        ]
-        return f"<Scene '{self.name}': {', '.join(counted)}>"
+        counts = [(len(self.objects), "object"), (len(self.surfaces), "surface")]
+        counted = [f"{number} {noun}{'s' * (number != 1)}" for number, noun in counts]
+        return f"<Scene '{self.name}': {', '.join(counted)}, {len(self.missing)} missing>"
 
     def __str__(self) -> str:
         lines = [repr(self)]
@@ -87,14 +81,14 @@ class Scene:
 
     @property
     def name(self) -> str:
-        """The file's, else the one that the MJCF gives itself."""
+        """Name of the file, else of the MJCF's model."""
         if self.path is not None:
             return self.path.stem
         return self.resolved.document.root.get("model") or "scene"
 
     @property
     def catalogue(self) -> Catalogue:
-        """The quantities it was read for."""
+        """Catalogue of its quantities."""
         return self.resolved.catalogue
 
     @property
@@ -103,10 +97,10 @@ class Scene:
         return self.resolved.document.files
 
     def body(self, name: str) -> Body:
-        """The object or surface named `name`.
+        """Return the object or surface `name`.
 
         Raises:
-            InputError: there is none; the message lists those there are.
+            InputError: unknown; the message lists the valid ones.
         """
         if name not in self.bodies:
             raise unknown_name("object or surface", name, self.bodies)
@@ -114,7 +108,7 @@ class Scene:
 
     @property
     def missing(self) -> tuple[Parameter, ...]:
-        """Everything the MJCF does not state, in document order ("everything missing")."""
+        """All parameters that the MJCF does not state, in document order ("everything missing")."""
         found: list[Parameter] = []
         for body in self.bodies.values():
             ids = [id for id in self.catalogue if id in body.missing]
@@ -122,22 +116,22 @@ class Scene:
         return tuple(found)
 
     def spec(self, values: Mapping[Parameter, tuple[float, ...]] | None = None) -> mujoco.MjSpec:
-        """The scene as an editable model without any robot, unknowns filled from `values`, else
-        from priors."""
+        """The scene as an editable model without any robot, unknowns from `values`, else from
+        priors."""
         return self.resolved.spec(values or {})
 
     def spec_with(self, robot: mujoco.MjSpec) -> mujoco.MjSpec:
-        """The scene as a model with a robot at its base, to look at: nothing is simulated in it.
+        """The scene as a model with a robot at its base, for pictures and not for simulation.
 
         Raises:
-            InputError: the scene does not take the robot in.
+            InputError: the robot cannot be attached to the scene.
         """
         spec = self.spec()
         for key in list(spec.keys):
             spec.delete(key)
         base = self.pose_world_base
         frame = spec.worldbody.add_frame(pos=base.position, quat=base.quaternion)
-        # Options are of no use here; where the two differ MuJoCo would warn.
+        # Options have no effect on pictures, but MuJoCo warns where the two differ.
         for name in ("timestep", "integrator", "cone", "impratio", "gravity"):
             setattr(robot.option, name, getattr(spec.option, name))
         try:
@@ -147,10 +141,6 @@ class Scene:
         return spec
 
 
-def _counted(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
-
-
 def with_real_arm(scene: Scene) -> Scene:
-    """The scene with an arm in it that is not simulated."""
+    """The scene with the real arm in place of the simulated one."""
     return replace(scene, arm=scene.arm.real())

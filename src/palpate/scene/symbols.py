@@ -1,18 +1,17 @@
-"""The names a plan may use for poses, joint configurations and offsets, and the grammar of pose
-expressions.
+"""Names of poses, joint configurations and offsets in plans, and the grammar of pose expressions.
 
-Names come from the scene and `poses.yaml`; what is absent there is derived from the geometry:
+Names are from the scene and `poses.yaml`; others are derived from the geometry:
 
-- `<object>_pose`: TCP pose of a top-down grasp; `<object>_temporary`: TCP pose at which the held
-  object, grasped there, stands on a free spot of its surface; `<object>_across`: a grasp a quarter
-  turn on, where that fits; `<object>_top`: TCP pose above its top.
-- `<object>_balance`: the grasp, moved along the tool's x, by up to two x_offsets, to where the object
-  balances: as is believed, or as a run has measured by the time that it first goes there.
+- `<object>_pose`: TCP pose of a top-down grasp; `<object>_temporary`: TCP pose at which the object,
+  grasped there, stands on a free spot of its surface; `<object>_across`: the grasp turned by 90°,
+  where that fits; `<object>_top`: TCP pose above its top.
+- `<object>_balance`: the grasp moved along the tool's x by up to two x_offsets to the balance point,
+  as believed, or as measured before the first motion to it.
 - `<surface>_approach`: TCP pose above a free spot of the surface.
-- `home_config`: joint configuration, the arm's own unless poses.yaml names another.
-- `x_offset`, `y_offset`: along the tool's x and y at the base pose, horizontal, scaled to the
-  object so that twice the offset is still on it where it can be; `z_offset`: along world z, high
-  enough that the object clears its neighbours.
+- `home_config`: joint configuration, the arm's own unless poses.yaml states another.
+- `x_offset`, `y_offset`: along the tool's x and y at the base pose, horizontal, such that twice the
+  offset is still on the object where possible; `z_offset`: along world z, such that the object clears
+  its neighbours.
 """
 
 from __future__ import annotations
@@ -26,19 +25,18 @@ from functools import cached_property, partial
 import numpy as np
 
 from palpate.errors import InputError, unknown_name
-from palpate.geometry.line import Line
-from palpate.geometry.pose import Array, Pose
+from palpate.geometry.pose import Array, Line, Pose
 from palpate.scene.poses import Poses
 
 MAX_EXPRESSION = 200
-"""Characters of a pose expression."""
+"""Most characters of a pose expression."""
 
 DEFAULT_OFFSETS: Mapping[str, tuple[float, float, float]] = {
     "x_offset": (0.05, 0.0, 0.0),
     "y_offset": (0.0, 0.05, 0.0),
     "z_offset": (0.0, 0.0, 0.12),
 }
-"""m: for places that belong to no object."""
+"""m: for poses without an object."""
 
 _FACTOR = r"\(?([-−]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\)?"
 _TERM = re.compile(rf"\s*([+\-−])\s*(?:{_FACTOR}\s*\*?\s*)?([^\W\d][\w.]*)")
@@ -46,43 +44,39 @@ _TERM = re.compile(rf"\s*([+\-−])\s*(?:{_FACTOR}\s*\*?\s*)?([^\W\d][\w.]*)")
 
 @dataclass(frozen=True, slots=True)
 class PoseExpression:
-    """`NAME (± [α *] OFFSET)*`, like terms merged and in alphabetical order, so that equal means
-    the same text."""
+    """`NAME (± [α *] OFFSET)*` in normal form: terms merged, in alphabetical order."""
 
     name: str
     terms: tuple[tuple[float, str], ...] = ()
 
     def __str__(self) -> str:
-        return self.name + "".join(_term_text(*term) for term in self.terms)
+        text = self.name
+        for coefficient, offset in self.terms:
+            sign, size = ("-" if coefficient < 0 else "+"), abs(coefficient)
+            text += f" {sign} {offset}" if size == 1 else f" {sign} {size:g}*{offset}"
+        return text
 
     def shifted(self, offset: str, factor: float) -> PoseExpression:
-        """The same, and `factor` times an offset more, rounded to hundredths."""
+        """Add `factor` times an offset, the coefficient rounded to hundredths."""
         terms = {name: coefficient for coefficient, name in self.terms}
         terms[offset] = round(terms.get(offset, 0.0) + factor, 2)
         left = [(coefficient, name) for name, coefficient in sorted(terms.items()) if coefficient]
         return PoseExpression(self.name, tuple(left))
 
 
-def _term_text(coefficient: float, offset: str) -> str:
-    sign, size = ("-" if coefficient < 0 else "+"), abs(coefficient)
-    if size == 1:
-        return f" {sign} {offset}"
-    return f" {sign} {size:g}*{offset}"
-
-
 @dataclass(eq=False)
 class Symbols:
-    """Symbols that expressions may name.
+    """Symbols of a scene.
 
     Attributes:
         poses: TCP poses in the world by name.
-        subjects: pose name to the object or surface it belongs to.
+        subjects: pose name to its object or surface.
         configurations: joint configurations by name, (7,) rad.
         offsets: offset name to vector (3,) m: tool x, tool y, world z; for any pose.
-        own_offsets: object to its own offsets, which come first.
-        ungraspable: object to the reason why the hand cannot take it.
-        later: names of poses that are worked out when first asked for, with how.
-        lines: names of poses of which a run finds out where along a line they are.
+        own_offsets: object to its own offsets, which take precedence.
+        ungraspable: object to the reason why the hand cannot grasp it.
+        later: functions that compute poses at first use, by name.
+        lines: poses whose position on a line is measured in a run, by name.
     """
 
     poses: Mapping[str, Pose]
@@ -101,7 +95,7 @@ class Symbols:
     _read: dict[str, PoseExpression] = field(
         default_factory=dict[str, PoseExpression], init=False, repr=False
     )
-    """Expressions that were read: a search asks for the same ones again and again."""
+    """Cache of parsed expressions: a search repeats them."""
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -118,16 +112,13 @@ class Symbols:
         return tuple(sorted(names))
 
     def parse(self, expression: str) -> PoseExpression:
-        """A pose expression; aliases (`hammer`, `z_off`, `+z`) become full names.
+        """Parse a pose expression; aliases (`hammer`, `z_off`, `+z`) become full names.
 
         Raises:
             InputError: not of the grammar, or unknown names; the message lists the valid ones.
         """
-        if expression not in self._read:
-            self._read[expression] = self._reading(expression)
-        return self._read[expression]
-
-    def _reading(self, expression: str) -> PoseExpression:
+        if expression in self._read:
+            return self._read[expression]
         if len(expression) > MAX_EXPRESSION:
             raise InputError(
                 f"pose expression of {len(expression)} characters; at most {MAX_EXPRESSION}"
@@ -143,18 +134,22 @@ class Symbols:
                     f"cannot read '{rest[position:].strip()}' in pose expression '{text}'; "
                     "write NAME + 0.5*x_offset - z_offset"
                 )
+            factor = float(match[2].replace("−", "-")) if match[2] else 1.0
+            if not math.isfinite(factor) or abs(factor) > 1000:
+                raise InputError(
+                    f"'{match[2][:40]}' in pose expression '{text}' is not a sensible factor"
+                )
             offset = self._offset_name(match[3])
-            terms[offset] = terms.get(offset, 0.0) + _coefficient(match, text)
+            terms[offset] = terms.get(offset, 0.0) + (factor if match[1] == "+" else -factor)
             position = match.end()
-        # What cancels is left out: `a + z_offset - z_offset` is `a`.
-        left = [
-            (coefficient, o) for o, coefficient in sorted(terms.items()) if abs(coefficient) > 1e-12
-        ]
-        return PoseExpression(name, tuple(left))
+        # Terms that cancel are removed: `a + z_offset - z_offset` is `a`.
+        left = [(factor, o) for o, factor in sorted(terms.items()) if abs(factor) > 1e-12]
+        self._read[expression] = PoseExpression(name, tuple(left))
+        return self._read[expression]
 
     def found_out(self, expression: str) -> str | None:
-        """The pose in an expression of which a run finds out where it is; None where there is none, or
-        the expression is none."""
+        """Name of the pose in an expression if its position is measured in a run; else, or if the
+        expression is invalid, None."""
         try:
             name = self.parse(expression).name
         except InputError:
@@ -164,12 +159,11 @@ class Symbols:
     def resolve(
         self, expression: str | PoseExpression, bound: Mapping[str, float] | None = None
     ) -> Pose:
-        """The TCP pose in the world that an expression stands for; `bound` says where along their
-        lines, m, poses are that are not where they are believed.
+        """TCP pose in the world of an expression; `bound` are measured positions of poses on their
+        lines, m.
 
         Raises:
-            InputError: as `parse`; a temporary place that the scene has no room for; or a place
-                outside its line.
+            InputError: as `parse`; no room for a temporary pose; or a position outside its line.
         """
         parsed = self._parsed(expression)
         base = self.pose(parsed.name, bound)
@@ -181,18 +175,22 @@ class Symbols:
         return base.translated(in_world(base, shift))
 
     def pose(self, name: str, bound: Mapping[str, float] | None = None) -> Pose:
-        """The pose of a name without offsets; `bound` as for `resolve`.
+        """TCP pose in the world of a name; `bound` as for `resolve`.
 
         Raises:
-            InputError: unknown, there is no room for it, or it is bound to a place outside its line.
+            InputError: unknown, no room for it, or a position outside its line.
         """
         if name in self.poses:
             return self.poses[name]
         if name in self.lines:
-            return self._on_line(name, bound or {})
+            line = self.lines[name]
+            try:
+                return line.at((bound or {}).get(name, line.believed))
+            except InputError as error:
+                raise InputError(f"'{name}': {error}") from None
         if name not in self.later:
             raise unknown_name("pose", name, self.names)
-        found = self._later(name)
+        found = self._later(name)  # a search for a free spot takes time, so it is done on demand
         if found is None:
             raise InputError(
                 f"there is no free place within reach for '{name}'; give one in poses.yaml"
@@ -204,16 +202,8 @@ class Symbols:
             self._found[name] = self.later[name]()
         return self._found[name]
 
-    def _on_line(self, name: str, bound: Mapping[str, float]) -> Pose:
-        line = self.lines[name]
-        try:
-            return line.at(bound.get(name, line.believed))
-        except InputError as error:
-            raise InputError(f"'{name}': {error}") from None
-
     def offset(self, name: str, pose: str) -> Array:
-        """The vector (3,) m that an offset is at a named pose: along tool x, along tool y, along
-        world z."""
+        """Vector (3,) of an offset at a named pose: along tool x, tool y and world z, m."""
         own = self.own_offsets.get(self.subjects.get(pose, ""), {})
         if name in own:
             return own[name]
@@ -222,41 +212,43 @@ class Symbols:
         return self.offsets[name]
 
     def raised(self, rises: Mapping[str, float], places: Mapping[str, float]) -> Symbols:
-        """The same names with the poses of some objects and surfaces higher, `rises` in m by object or
-        surface; `places` holds the m for poses that do not move with their subject."""
+        """The symbols with poses raised by `rises`, m by object or surface; `places`, m by pose, are for
+        poses that do not move with their subject."""
 
         def up(name: str) -> Array:
             of_subject = rises.get(self.subjects.get(name, ""), 0.0)
             return np.array([0.0, 0.0, places.get(name, of_subject)])
 
         def found_later(name: str) -> Pose | None:
+            # Computed in the scene as given, then raised.
             pose = self._later(name)
             return None if pose is None else pose.translated(up(name))
 
+        lines: dict[str, Line] = {}
+        for name, line in self.lines.items():
+            lines[name] = replace(line, pose=line.pose.translated(up(name)))
         return replace(
             self,
             poses={name: pose.translated(up(name)) for name, pose in self.poses.items()},
             later={name: partial(found_later, name) for name in self.later},
-            lines={
-                name: replace(line, pose=line.pose.translated(up(name)))
-                for name, line in self.lines.items()
-            },
+            lines=lines,
         )
 
     def joints(self, name: str) -> Array:
-        """(7,) rad, a named joint configuration.
+        """Joint configuration (7,), rad.
 
         Raises:
             InputError: unknown; the message lists the valid ones.
         """
         if name not in self.configurations:
+            # With a single configuration, any unknown name is a misspelling of it.
             (meant, *others) = self.configurations
             guess = None if others else meant
             raise unknown_name("joint configuration", name, self.configurations, meant=guess)
-        return self.configurations[name].copy()
+        return self.configurations[name].copy()  # callers may change it
 
     def subject(self, expression: str | PoseExpression) -> str | None:
-        """The object or surface an expression's name belongs to."""
+        """Object or surface of an expression's pose."""
         return self.subjects.get(self._parsed(expression).name)
 
     def _parsed(self, expression: str | PoseExpression) -> PoseExpression:
@@ -265,8 +257,8 @@ class Symbols:
         return self.parse(expression)
 
     def _leading_name(self, text: str) -> tuple[str, str]:
-        """The pose's name and the terms behind it. Names may hold a minus themselves, so the
-        longest that fits is taken."""
+        """Split an expression into the pose's name and the terms. A name may contain a minus, so the
+        longest match is taken."""
         for name in (*self.names, *sorted(self._aliases, key=len, reverse=True)):
             if not text.startswith(name):
                 continue
@@ -278,7 +270,7 @@ class Symbols:
 
     @cached_property
     def _aliases(self) -> dict[str, str]:
-        """`hammer` for `hammer_pose`, where nothing else is called so."""
+        """`hammer` for `hammer_pose`, unless another pose has that name."""
         aliases: dict[str, str] = {}
         for subject in self.subjects.values():
             pose = f"{subject}_pose"
@@ -287,42 +279,29 @@ class Symbols:
         return aliases
 
     def _offset_name(self, written: str) -> str:
-        candidates = (
-            written,
-            f"{written}_offset",
-            f"{written.removesuffix('_off')}_offset",
-            f"{written.removesuffix('off')}_offset",
-        )
-        for candidate in candidates:
+        """Full name of an offset: `z_offset` of `z`, `z_off` or `zoff`."""
+        stems = (written, written.removesuffix("_off"), written.removesuffix("off"))
+        for candidate in (written, *(f"{stem}_offset" for stem in stems)):
             if candidate in self.offset_names:
                 return candidate
         raise unknown_name("offset", written, self.offset_names)
 
 
-def _coefficient(match: re.Match[str], text: str) -> float:
-    size = float(match[2].replace("−", "-")) if match[2] else 1.0
-    if not math.isfinite(size) or abs(size) > 1000:
-        raise InputError(f"'{match[2][:40]}' in pose expression '{text}' is not a sensible factor")
-    return size if match[1] == "+" else -size
-
-
 def in_world(base: Pose, shift: Array) -> Array:
-    """A shift along tool x, tool y (both laid level) and world z, in world axes."""
+    """A shift (3,) along tool x and tool y, projected to the horizontal, and world z, in world axes."""
+
+    def level(axis: Array) -> Array:
+        flat = np.array([axis[0], axis[1], 0.0])
+        length = float(np.linalg.norm(flat))
+        return flat / length if length > 1e-6 else np.zeros(3)  # zero for a vertical axis
+
     x, y, z = shift
-    across, along = _level(base.rotation[:, 0]), _level(base.rotation[:, 1])
+    across, along = level(base.rotation[:, 0]), level(base.rotation[:, 1])
     return across * x + along * y + np.array([0.0, 0.0, z])
 
 
-def _level(axis: Array) -> Array:
-    """The unit vector from above along `axis`; zero where it points straight up or down."""
-    flat = np.array([axis[0], axis[1], 0.0])
-    length = float(np.linalg.norm(flat))
-    return flat / length if length > 1e-6 else np.zeros(3)
-
-
 def vectors(entries: Mapping[str, float | Iterable[float]]) -> dict[str, Array]:
-    """Offsets as poses.yaml writes them: a vector, or a length along the axis that the name begins
-    with."""
+    """Offsets (3,) m of entries of poses.yaml: a vector, or a length along the axis in the name."""
     return {name: _vector(name, value) for name, value in entries.items()}
 
 
@@ -339,7 +318,7 @@ def _vector(name: str, value: float | Iterable[float]) -> Array:
 
 
 def given_offsets(poses: Poses) -> tuple[dict[str, Array], dict[str, dict[str, Array]]]:
-    """Offsets of poses.yaml: those for every pose, and by object those of one object."""
+    """Offsets of poses.yaml, (3,) m: those for every pose, and by object its own."""
     common: dict[str, Array] = {}
     own: dict[str, dict[str, Array]] = {}
     for name, value in poses.offsets.items():
@@ -351,6 +330,6 @@ def given_offsets(poses: Poses) -> tuple[dict[str, Array], dict[str, dict[str, A
 
 
 def configurations(poses: Poses, home: Array) -> dict[str, Array]:
-    """Joint configurations (rad) of poses.yaml, and the arm's home unless it names another."""
+    """Joint configurations of poses.yaml, (7,) rad, with `home` unless it states another."""
     given = {name: np.array(joints) for name, joints in poses.joints.items()}
     return {"home_config": home} | given

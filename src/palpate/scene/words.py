@@ -1,4 +1,4 @@
-"""The words a request may use for a thing: parts of its name, its colour, its shape."""
+"""Words by which a request may name an object or surface: parts of its name, colour, shape."""
 
 from __future__ import annotations
 
@@ -40,7 +40,8 @@ _SHAPES = {
 
 
 def name_words(name: str) -> set[str]:
-    """`greenBottle_2` is said green, bottle."""
+    """Words of a name: green and bottle of `greenBottle_2`; and the name itself."""
+    # Words start at capitals; letters of other scripts make words too, digits do not.
     parts = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[^\W\d_a-zA-Z]+", name)
     words = {part.lower() for part in parts}
     return words | {name.lower(), " ".join(part.lower() for part in parts)} - {""}
@@ -53,8 +54,8 @@ def thing_words(
     defaults: Defaults,
     shapes: bool = True,
 ) -> frozenset[str]:
-    """Words for a body or geom of that name made of `geoms`, and of what its parts are called;
-    `shapes` adds `box`, `ball`, …"""
+    """Words for the body or geom `name` made of `geoms`, with the names of its parts; `shapes` adds
+    `box`, `ball`, …"""
     words = name_words(name)
     root = element.getroottree().getroot()
     for part in element.iterdescendants("body"):
@@ -63,7 +64,7 @@ def thing_words(
         rgb = _rgb(geom, defaults, root)
         if rgb is not None:
             words |= colour_words(rgb)
-    # What a thing of one piece is called, or looks like, is said of the thing.
+    # The name and shape of the only geom describe the body.
     if len(geoms) == 1:
         (only,) = geoms
         words |= name_words(only.get("name") or "")
@@ -73,7 +74,7 @@ def thing_words(
 
 
 def colour_words(rgb: tuple[float, float, float]) -> set[str]:
-    """The nearest basic colour, and for `light blue` also `blue`."""
+    """Words of the nearest basic colour; for `light blue` also `blue`."""
 
     def distance(name: str) -> float:
         return float(np.linalg.norm(np.array(_COLOURS[name]) - np.array(rgb)))
@@ -84,19 +85,16 @@ def colour_words(rgb: tuple[float, float, float]) -> set[str]:
 
 
 def _rgb(geom: Element, defaults: Defaults, root: Element) -> tuple[float, float, float] | None:
-    """The geom's own colour, else its material's; None where neither states one."""
+    """Colour of a geom, else of its material; None where neither states one."""
     stated = defaults.attribute(geom, "rgba")
     if stated is None:
-        stated = _material_colour(defaults.attribute(geom, "material"), defaults, root)
+        name = defaults.attribute(geom, "material")
+        for material in root.iterfind("asset/material") if name is not None else ():
+            if material.get("name") == name:
+                stated = defaults.attribute(material, "rgba")
+                break
     try:
         r, g, b = (float(part) for part in tokens(stated)[:3])
     except ValueError:
         return None
     return r, g, b
-
-
-def _material_colour(name: str | None, defaults: Defaults, root: Element) -> str | None:
-    for material in root.iterfind("asset/material"):
-        if name is not None and material.get("name") == name:
-            return defaults.attribute(material, "rgba")
-    return None

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from palpate.beside import Beside
 from palpate.callbacks import SILENT, RunCallbacks
 from palpate.cells.cell import Cell
-from palpate.execution.part import part_of
+from palpate.execution.build import part_of
 from palpate.interrupt import interrupts
 from palpate.planning.plan import Plan
 from palpate.runs.run import Run
@@ -96,7 +96,7 @@ def _replay(scene: Scene, plan: Plan, world: MjSpec) -> Trace:
     Raises:
         Interrupted: a signal came meanwhile.
     """
-    from palpate.robots.owner.calibrated import as_measured
+    from palpate.robots.owner.arm import as_measured
     from palpate.robots.simulated.robot import MujocoRobot
 
     robot = MujocoRobot(world, scene.pose_world_base, as_measured(scene.arm))

@@ -12,7 +12,7 @@ from palpate.cells.cell import Cell
 from palpate.errors import InputError
 from palpate.execution.recovery import OnFailure
 from palpate.planning.plan import Plan
-from palpate.quantities.precision.within import Within
+from palpate.quantities.within import Within
 from palpate.robots.robot import Remembering, Robot
 from palpate.runs.run import Ending, Run
 from palpate.scene.scene import Scene

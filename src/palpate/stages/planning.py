@@ -12,7 +12,9 @@ from palpate.callbacks import SILENT, RunCallbacks
 from palpate.cells.cell import Cell
 from palpate.errors import ExecutionAborted, InputError, PlanRejected
 from palpate.geometry.pose import Pose
+from palpate.parameter import Parameter
 from palpate.planning.check.check import Finding, check
+from palpate.planning.measure import in_words, named_parameters
 from palpate.planning.plan import Plan
 from palpate.planning.planner import Observant, Planner, PlannerSettings
 from palpate.planning.registry import planners
@@ -71,21 +73,29 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
         settings.within.check(scene.bodies)
         require_room(scene)
 
+    measure = _named(settings, scene)
+    request = settings.request
+    if measure is not None:
+        request = " ".join(filter(None, (request, in_words(measure))))
+
     # Poses are stated relative to the arm that saw them: transform them for the one that will move.
     base = Pose.of((0.0, 0.0, 0.0)) if scene is None else scene.pose_world_base
     arm = settings.described_arm()
     poses = seen_by(read_poses(settings.poses) if settings.poses else Poses(), arm, base)
     if planner is None:
         builder, model = SceneBuilder(poses, arm), settings.model_settings
-        asked = PlannerSettings(settings.remeasure, model, builder, settings.within)
+        asked = PlannerSettings(settings.remeasure, model, builder, settings.within, measure)
         planner = planners().make(settings.planner, asked)
 
     pictures = _pictures(planner, settings, scene, poses)
     with _image_files(settings.images, pictures) as images:
         try:
-            answer = planner.plan(settings.request, scene, images)
+            answer = planner.plan(request, scene, images)
         except PlanRejected as rejection:
-            answer = Plan((), None, str(rejection), settings.planner)
+            found, unused = rejection.proposal, rejection.not_used
+            answer = Plan(
+                (), None, str(rejection), settings.planner, proposal=found, not_used=unused
+            )
     seen, conversation = None, None
     if isinstance(planner, Observant):
         seen, conversation = planner.seen, planner.conversation
@@ -96,7 +106,8 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
     # Each answer of a model was checked during its conversation; other planners do not check theirs.
     if conversation is None and answer.tree is not None:
         remeasure = settings.remeasure or settings.planner == "exhaustive"
-        findings = check(answer, scene, remeasure=remeasure)
+        wanted = None if measure is None else requested(None, scene, remeasure, measure)
+        findings = check(answer, scene, remeasure=remeasure, requested=wanted)
     return Run(
         settings,
         scene,
@@ -139,6 +150,31 @@ def confirm(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = Non
         raise ExecutionAborted("the plan was not confirmed; nothing has moved")
 
 
+def _named(settings: Settings, scene: Scene | None) -> tuple[Parameter, ...] | None:
+    """Resolve the parameters that `measure` names; None where it names none.
+
+    Raises:
+        InputError: no such parameter, no scene to have it, or the request asks for others.
+    """
+    if not settings.measure:
+        return None
+    if scene is None:
+        raise InputError("measure= names parameters of a scene: give scene=D.xml")
+    if settings.planner == "exhaustive":
+        raise InputError("the exhaustive planner measures everything: leave out measure=")
+    measure = named_parameters(settings.measure, scene)
+    read = None
+    if settings.request is not None:
+        read = requested(settings.request, scene, settings.remeasure)
+    if read is not None and set(read) != set(requested(None, scene, True, measure) or measure):
+        asked = ", ".join(str(parameter) for parameter in read)
+        raise InputError(
+            f"the request asks for {asked}, and measure={','.join(settings.measure)} for something "
+            "else: give one of them"
+        )
+    return measure
+
+
 def _pictures(
     planner: Planner, settings: Settings, scene: Scene | None, poses: Poses
 ) -> tuple[bytes, ...]:
@@ -178,7 +214,12 @@ def _with_reading_note(settings: Settings, answer: Plan, scene: Scene) -> Plan:
     """Add a note to a plan of a model or a file whose parameters differ from those that the symbolic
     planner reads from the request. The plan stays: its author decides what the request asks for."""
     own = settings.planner in ("symbolic", "exhaustive")
-    if own or settings.request is None or "text" in settings.model_settings.without:
+    if (
+        own
+        or settings.request is None
+        or settings.measure
+        or "text" in settings.model_settings.without
+    ):
         return answer
     wanted = requested(settings.request, scene, settings.remeasure)
     if answer.tree is None or wanted is None or set(wanted) == set(answer.parameters):

@@ -10,7 +10,7 @@ from palpate.cells.registry import drivers
 from palpate.errors import PalpateError, Stopped, Unavailable
 from palpate.execution.recovery import Resume, confirmed
 from palpate.parameter import Parameter
-from palpate.robots.owner.registered import require_same
+from palpate.robots.owner.arm import require_same
 from palpate.robots.robot import Recoverable, Robot
 from palpate.runs.run import Run
 from palpate.scene.poses import Poses

@@ -111,8 +111,7 @@ def read_mcap(path: Path) -> Trace:
         raise InputError(f"no trace at '{path}'")
     try:
         with opened(path, MAX_BYTES, "a trace of palpate's") as file:
-            is_stream = PROFILE.encode() in file.read(64)  # the header comes first
-            return read_stream(file) if is_stream else read_finished(file)
+            return read(file)
     except InputError:
         raise
     # On damaged bytes the reader raises anything from struct.error to NameError.
@@ -121,33 +120,45 @@ def read_mcap(path: Path) -> Trace:
         raise InputError(f"'{path}' is not a trace written by palpate: {reason}") from error
 
 
-def read_finished(file: IO[bytes]) -> Trace:
-    """Read the trace in a file of `write_mcap`.
+def read(file: IO[bytes]) -> Trace:
+    """Read the trace in a file.
 
     Raises:
         ValueError: not such a file.
     """
     from mcap.records import Channel, Message, Metadata
 
-    record: Record | None = None
-    channels: dict[int, str] = {}
+    is_stream = PROFILE.encode() in file.read(64)  # the header comes first
+    parts: list[Record] = []
+    blocks: list[Samples] = []
+    topics: dict[int, str] = {}
     by_topic: defaultdict[str, list[bytes]] = defaultdict(list)
-    for found in records(file):
-        if isinstance(found, Metadata) and found.name == METADATA:
-            record = record_json().validate_json(found.metadata["trace"])
-        elif isinstance(found, Channel):
-            channels[found.id] = found.topic
-        elif isinstance(found, Message):
-            by_topic[channels[found.channel_id]].append(found.data)
-    if record is None:
-        raise ValueError(f"there is no '{METADATA}' in it")
+    try:
+        for found in records(file, finished=not is_stream):
+            if isinstance(found, Metadata) and found.name == METADATA:
+                parts = [record_json().validate_json(found.metadata["trace"])]
+            elif isinstance(found, Channel):
+                topics[found.id] = found.topic
+            elif isinstance(found, Message) and topics[found.channel_id] == EVENTS:
+                parts.append(record_json().validate_json(found.data))
+            elif isinstance(found, Message) and topics[found.channel_id] == BLOCKS:
+                blocks.append(samples_in_block(found.data))
+            elif isinstance(found, Message):
+                by_topic[topics[found.channel_id]].append(found.data)
+    # Where a stream was cut off, the reader raises anything from EndOfFile to struct.error.
+    except Exception:
+        if not (is_stream and parts):
+            raise
+    if not parts:
+        raise ValueError("it holds no record of a trace")
+    hand = parts[0].hand
     return Trace(
-        samples_of(by_topic, record.hand),
-        record.leaves,
-        record.recordings,
-        record.conversions,
-        record.hand,
-        record.gravity,
+        Samples.concatenate(blocks) if is_stream else samples_of(by_topic, hand),
+        tuple(leaf for part in parts for leaf in part.leaves),
+        tuple(recording for part in parts for recording in part.recordings),
+        tuple(conversion for part in parts for conversion in part.conversions),
+        hand,
+        parts[0].gravity,
     )
 
 
@@ -232,41 +243,6 @@ class TraceStream:
     def _add(self, channel: int, t: float, data: bytes) -> None:
         time = nanosecond(t)
         self._writer.add_message(channel, time, data, publish_time=time)
-
-
-def read_stream(file: IO[bytes]) -> Trace:
-    """Read the trace in a file of `TraceStream`, up to where it ends.
-
-    Raises:
-        ValueError: not such a file.
-    """
-    from mcap.records import Channel, Message
-
-    topics: dict[int, str] = {}
-    blocks: list[Samples] = []
-    events: list[Record] = []
-    try:
-        for record in records(file, finished=False):
-            if isinstance(record, Channel):
-                topics[record.id] = record.topic
-            elif isinstance(record, Message) and topics.get(record.channel_id) == BLOCKS:
-                blocks.append(samples_in_block(record.data))
-            elif isinstance(record, Message) and topics.get(record.channel_id) == EVENTS:
-                events.append(record_json().validate_json(record.data))
-    # Where the file was cut off, the reader raises anything from EndOfFile to struct.error.
-    except Exception as error:
-        if not events:
-            raise ValueError("it does not begin like one") from error
-    if not events:
-        raise ValueError("there is nothing of palpate's in it")
-    return Trace(
-        Samples.concatenate(blocks),
-        tuple(leaf for record in events for leaf in record.leaves),
-        tuple(recording for record in events for recording in record.recordings),
-        tuple(conversion for record in events for conversion in record.conversions),
-        events[0].hand,
-        events[0].gravity,
-    )
 
 
 def samples_in_block(data: bytes) -> Samples:

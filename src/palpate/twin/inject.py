@@ -1,6 +1,6 @@
 """Estimates into the user's own MJCF text: a minimal change that leaves every other byte alone.
 
-What is written where, each quantity says (`palpate.scene.fill`); every estimate is also recorded in
+What is written where, each quantity says (`palpate.scene.resolve`); every estimate is also recorded in
 `<custom>` (`palpate.twin.records`).
 """
 
@@ -13,7 +13,7 @@ from pathlib import Path
 from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate, Part, rounded
 from palpate.mjcf.body import BodyDescription
-from palpate.mjcf.defaults import answered_elsewhere
+from palpate.mjcf.defaults import INHERITED, unknowns_replaced
 from palpate.mjcf.document import Element, Texts, elements, has_unknown, tokens
 from palpate.mjcf.edits import Change, Edit, number
 from palpate.mjcf.reading import parse_document
@@ -21,9 +21,9 @@ from palpate.parameter import Parameter
 from palpate.quantities.catalogue import Catalogue, catalogue
 from palpate.quantities.quantity import Quantity, Values
 from palpate.scene.describe import Description, describe
-from palpate.scene.fill import changes
 from palpate.scene.poses import Poses
 from palpate.scene.raised import at_heights
+from palpate.scene.resolve import changes
 from palpate.scene.scene import Scene
 from palpate.twin.one_text import in_one
 from palpate.twin.reading import misread
@@ -290,7 +290,7 @@ def _leftovers(
             for slot in quantities[parameter.quantity].slots(body.elements):
                 needed.add(slot.attribute)
     for geom in elements(description.document.root):
-        for leftover in answered_elsewhere(geom):
+        for leftover in unknowns_replaced(geom, INHERITED):
             is_answered = (geom, leftover.attribute) in answered
             if geom.tag == "geom" and leftover.attribute not in needed and not is_answered:
                 yield leftover

@@ -1,11 +1,11 @@
 """The base of every primitive.
 
 A primitive is one frozen pydantic class. Its docstring and field descriptions are the prompt
-(the lean one has the docstring's first paragraph, what it does without what for); its fields the
+(the lean prompt has the docstring's first paragraph: what it does, without its purpose); its fields the
 JSON schema and the BT.CPP ports; `groundings` the arguments that a planner tries;
 `requires` and `effects` its symbolic meaning, which the planner chains, the check folds and the run
 applies; `run` its behaviour on a robot; `unsafe` the predicate that is evaluated every tick while
-it runs. Nothing about a primitive is written anywhere else.
+it runs. There is no second declaration of a primitive.
 """
 
 from __future__ import annotations
@@ -33,6 +33,8 @@ Steps = Generator[None, None, str]
 """A run: yields once a tick while RUNNING, returns its message on SUCCESS, raises `LeafFailure`."""
 
 Resource = Literal["arm", "gripper"]
+ARM: frozenset[Resource] = frozenset({"arm"})
+GRIPPER: frozenset[Resource] = frozenset({"gripper"})
 
 WRITERS = {FORCES: "MeasureForces", POSE: "MeasureGripperPose"}
 """Primitives that fill palpate's own buffers."""
@@ -44,12 +46,12 @@ class LeafFailure(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """Subject of a planner's present work, for `Primitive.groundings`.
+    """Start and subject of a planner's search, for `Primitive.groundings`.
 
     Attributes:
-        state: where its search begins.
-        subject: object or surface that it works on; empty for none.
-        poses: pose expressions that matter there, the nearest first.
+        state: start of the search.
+        subject: object or surface to measure; empty for none.
+        poses: pose expressions to try, the nearest first.
     """
 
     state: SymbolicState
@@ -58,7 +60,7 @@ class Surroundings:
 
 
 class Recorder:
-    """Recorder of a running plan. The runner drains the robot into it every tick."""
+    """Recorder of a running plan, into which the runner drains the robot every tick."""
 
     def __init__(self, robot: Robot) -> None:
         self.recordings: list[Recording] = []
@@ -69,7 +71,7 @@ class Recorder:
         self._parts: list[Samples] = []
 
     def drain(self) -> Samples:
-        """Take over the samples that the robot logged since the last call."""
+        """Move the samples that the robot logged since the last call into the record."""
         samples = self._robot.drain()
         if len(samples):
             self._parts.append(samples)
@@ -90,28 +92,30 @@ class Recorder:
 
 @dataclass
 class Blackboard:
-    """Blackboard of a running primitive: the robot, the symbolic state, the recorder.
+    """Blackboard of a running primitive.
 
-    `owner` maps each claimed resource to the leaf that has it; the first motion claims the arm, any
-    other that asks for it fails.
+    Attributes:
+        robot: the robot.
+        state: the symbolic state.
+        recorder: the recorder.
+        motions: number of running motion leaves.
+        owner: leaf that claims each resource; another leaf with the same claim fails.
+        load: measured load on the fingers.
+        unrepeated: N m, change of the moment about the closing direction by turning the empty hand
+            in place and back: joint friction.
+        failed: a leaf has failed, and no other may move.
+        bound: place and source, in words, of every pose bound in this run and not reported yet.
     """
 
     robot: Robot
     state: SymbolicState
     recorder: Recorder
     motions: int = 0
-    """Number of running motion leaves."""
     owner: dict[Resource, object] = field(default_factory=dict[Resource, object])
     load: Load = NOTHING
-    """Load on the fingers, as measured."""
     unrepeated: float = 0.0
-    """N m by which a moment about the closing direction differed, with the hand empty, from before it was
-    turned where it is and back: joints rub."""
     failed: bool = False
-    """A leaf has failed: nothing else may move."""
     bound: dict[str, str] = field(default_factory=dict[str, str])
-    """Of every pose that the run has found out and no leaf has told of: where it is, and what that rests
-    on, in words."""
 
     @property
     def scene(self) -> Scene:
@@ -132,31 +136,30 @@ class Primitive(BaseModel):
     tilts: ClassVar[bool] = False
     """It may tilt the held object."""
     extra: ClassVar[bool] = False
-    """It yields optional evidence only: no path is searched for it."""
+    """It yields optional evidence only: the planner does not search for it."""
     measures: ClassVar[type[Quantity] | None] = None
-    """Quantity of the catalogue that a conversion yields."""
+    """Quantity of the catalogue that a conversion estimates."""
     timeout: ClassVar[float] = 30.0
     """Robot time in s after which the leaf fails."""
 
     @classmethod
     def groundings(cls, around: Surroundings) -> Iterable[Primitive]:
-        """Instances whose arguments make sense here, the likeliest first; a planner tries them in
-        this order.
+        """Instances for a planner to try, the likeliest first.
 
-        By default the one with default arguments. A primitive with a required argument yields its
-        own; else only those use it who write arguments themselves.
+        By default the one with default arguments. A primitive with a required argument must
+        override this, or only plans with written arguments use it.
         """
         needs_arguments = any(field.is_required() for field in cls.model_fields.values())
         return () if needs_arguments else (cls(),)
 
     def transferred(self, old: str, new: str) -> Primitive:
-        """The same for the object or surface `new` as this is for `old`: a planner's guess, which
-        it tries before it searches anew."""
+        """The instance for object or surface `new` that corresponds to this one for `old`: a planner
+        tries it before a full search."""
         return self
 
     def violations(self, state: SymbolicState) -> list[Violation]:
-        """Everything that speaks against running it in `state`: what it requires itself, and what
-        its motion would do to the things around the hand."""
+        """All violations of running it in `state`: by its preconditions, and by its motion among the
+        objects around the hand."""
         if self.reads and self.reads not in state.buffers:
             return [self.unwritten()]
         found = self.requires(state)
@@ -172,13 +175,13 @@ class Primitive(BaseModel):
         return [*found, *motion.violations(state, after, may_tilt=self.tilts)]
 
     def requires(self, state: SymbolicState) -> list[Violation]:
-        """Violated preconditions of its own, worded so that a model or a person can repair the
-        plan; empty when none. Judgements that others share are in `admissible`."""
+        """Violations of its preconditions, worded so that a model or a person can repair the
+        plan. Rules that primitives share are in `admissible`."""
         return []
 
     @classmethod
     def writer(cls) -> str | None:
-        """Primitive that fills the buffer which it reads; None where that is not one of palpate's."""
+        """Primitive that fills the buffer which it reads; None for a third party's buffer."""
         return WRITERS.get(cls.reads or "")
 
     @classmethod
@@ -190,27 +193,26 @@ class Primitive(BaseModel):
         )
 
     def bind(self, blackboard: Blackboard) -> None:
-        """Find out, before anything else, what of its arguments a run alone can tell; nothing moves."""
+        """Bind arguments that are known only in a run; called first, before any motion."""
 
     def during(self, state: SymbolicState) -> SymbolicState:
-        """The symbolic state while this runs: what a sensing leaf beside it in a Parallel
-        records."""
+        """Symbolic state while this runs, in which a sensing leaf beside it in a Parallel records."""
         return state
 
     def effects(self, state: SymbolicState) -> SymbolicState:
-        """The symbolic state after SUCCESS, folded from the state before `during`."""
+        """Symbolic state after SUCCESS, folded from the state before `during`."""
         return state
 
     def observed(self, after: SymbolicState, robot: RobotState) -> SymbolicState:
-        """The state after SUCCESS at run time, where the robot tells more than was believed."""
+        """State after SUCCESS at run time, corrected by the robot's."""
         return after
 
     def expectation(self, state: SymbolicState) -> Expectation:
-        """Expected forces while this runs; the safety predicate fails on all others."""
+        """Expected forces while this runs; any others violate the safety predicate."""
         return Expectation(holding=state.holding is not None)
 
     def unsafe(self, blackboard: Blackboard) -> str | None:
-        """The safety predicate, evaluated every tick: the reason it is violated, or None."""
+        """Safety predicate, evaluated every tick: the reason of its violation, or None."""
         expected = self.expectation(blackboard.state)
         return self.slipping(blackboard) or violation(
             blackboard.robot.state,
@@ -226,7 +228,7 @@ class Primitive(BaseModel):
         return blackboard.load.slip(state.width) if grasped and state.gripping else None
 
     def run(self, blackboard: Blackboard) -> Steps:
-        """Behave. Yield once a tick while RUNNING."""
+        """Run, yielding once a tick; return the message of SUCCESS, or raise `LeafFailure`."""
         raise NotImplementedError
 
     @property
@@ -237,23 +239,20 @@ class Primitive(BaseModel):
 
     @classmethod
     def summary(cls) -> str:
-        """The docstring: what the primitive does, how to use it safely, and what for."""
+        """The docstring: what the primitive does, how to use it safely, and its purpose."""
         return " ".join((cls.__doc__ or "").split())
 
     @classmethod
     def capability(cls) -> str:
-        """The docstring's first paragraph: what the primitive does and how to use it safely, without
-        what for."""
+        """The docstring's first paragraph: what the primitive does and how to use it safely."""
         return " ".join(cleandoc(cls.__doc__ or "").split("\n\n")[0].split())
 
 
 class ConversionPrimitive(Primitive):
-    """A primitive that declares a buffer to stand for `measures`, whose estimator makes a value of
-    it."""
+    """A primitive that converts the content of a buffer into an estimate of `measures`."""
 
     group: ClassVar[Literal["motion", "gripper", "sensing", "conversion"]] = "conversion"
 
     def subject(self, state: SymbolicState) -> str | None:
-        """The object or surface that the buffer's content is about, by its context; None when about
-        none."""
+        """Object or surface of the buffer's content, by its context; None without one."""
         raise NotImplementedError

@@ -10,70 +10,71 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from palpate.geometry.pose import Array, Pose
+from palpate.geometry.outline import depth
+from palpate.geometry.pose import Array, Pose, digits
 from palpate.robots.robot import Robot, RobotState
 from palpate.robots.safety import Expectation
 from palpate.scene.raised import is_open
 from palpate.trace.samples import STANDARD_GRAVITY
-from palpate.vocabulary.admissible.clearance import Motion
-from palpate.vocabulary.admissible.probe import starts, touch, untouchable
+from palpate.vocabulary.admissible.clearance import box_hits
+from palpate.vocabulary.admissible.collision_geometry import hand_sweep, opening
 from palpate.vocabulary.admissible.profile import POSE_ERROR
-from palpate.vocabulary.admissible.support import above
+from palpate.vocabulary.admissible.solids import SIDES, solids
+from palpate.vocabulary.admissible.support import TIPPING, above, footing
+from palpate.vocabulary.admissible.sweep import FINEST, Hit, hand_path
 from palpate.vocabulary.admissible.unknown_heights import is_unmeasured
-from palpate.vocabulary.base import (
-    Blackboard,
-    LeafFailure,
-    Primitive,
-    Resource,
-    Steps,
-    Surroundings,
-)
+from palpate.vocabulary.base import ARM, Blackboard, LeafFailure, Primitive, Steps, Surroundings
 from palpate.vocabulary.state import SymbolicState
-from palpate.vocabulary.touch import BRIEF, Feeling, FreeAir, feel, finish, guarded, settle
+from palpate.vocabulary.touch import (
+    BRIEF,
+    FreeAir,
+    WrenchFilter,
+    finish,
+    guarded,
+    median_wrench,
+    settle,
+)
 from palpate.vocabulary.violation import PRECONDITION, Violation
 
 PROBE_SPEED = 0.012
 """m/s where contact is expected: a rigid surface is met with less than 45 N (mean over 10 ms), also
 where the arm is heaviest."""
 APPROACH_SPEED = 0.020
-"""m/s while contact is not expected yet, but may come. Less than twice the speed of the contact, by
-which the loading curve is read."""
+"""m/s where contact is possible but not expected yet. Less than twice the speed of the contact, by
+which the loading curve is fitted."""
 EXPECTED_WITHIN = 0.03
 """m above the known top in which contact is expected; above one of unknown height it is everywhere."""
-CONTACT_FORCE = 8.0
-"""N: the threshold tau_c of the paper, against the force felt in free air on the way."""
+CONTACT_FORCE = 8.0  # N: the threshold tau_c of the paper, against the force in free air on the way
 FIRM_FORCE = 30.0
-"""N: the threshold where the hand leans over as it touches: one finger alone may stand on something, or
-the arm may only be out of level by so little that the other one follows."""
+"""N: the threshold where the hand tilts at contact: one finger alone may be supported, or the arm may be
+out of level by so little that the other one follows."""
 EASED = 10.0
-"""N from which on it presses lightly again: no more than a hand that stands on something may feel, and no
-less than is certainly there, as what the joints' friction makes of a force turns round with the arm."""
+"""N to which the pressing force is reduced again: below the limit of a hand in contact, and above the
+error by the joints' friction, which reverses with the arm."""
 REPEATABLE = 0.5
-"""N by which what is held on something must be less than a hand that stands on something may feel: three
-times a force's repeatability. What is hard below something soft is met with more than the threshold."""
-RELIEF = 4.0
-"""N by which the arm's springs let go of more than that at least."""
+"""N below the limit of a hand in contact that it must hold: three times the repeatability of a force. A
+rigid body below a soft layer is met with more than the threshold."""
+RELIEF = 4.0  # N by which the arm's springs are relieved in one easing, at least
 EASINGS = math.ceil(FIRM_FORCE / RELIEF)
-"""times after which nothing of `FIRM_FORCE` is left on those springs, whatever is felt."""
+"""Number of easings after which nothing of `FIRM_FORCE` is left on those springs."""
 EASING_SPEED = 0.006
-"""m/s: half as fast as it came, so that the arm's dampers do not lift it off as it sets out."""
-ASKEW = 3e-4
-"""rad that the hand leans over then: a third of what `CONTACT_FORCE` on one finger does."""
+"""m/s: half of the probing speed, so that the arm's dampers do not lift it off as it sets out."""
+ASKEW = 3e-4  # rad of tilt at contact: a third of the effect of `CONTACT_FORCE` on one finger
 SOFT_DEPTH = 5e-4
-"""m that the hand goes on from half of `CONTACT_FORCE` to all of it on what gives way, 8 kN/m or less:
-the fingers sink in by what they are out of level, and nothing is gained by pressing."""
+"""m of travel between half of `CONTACT_FORCE` and all of it on a soft body, 8 kN/m or less: the fingers
+sink in by what they are out of level, and firm pressing gains nothing."""
 SIDE_FORCE = 2.0
-"""N: the threshold where something that stands freely may be met sideways: the least that is told
-from the joints' friction for certain."""
-CONTACT_TORQUE = 3.0
-"""N m, likewise."""
-PROBE_TRAVEL = 0.30
-"""m."""
+"""N: the threshold where a free object may be met sideways: the least that is certainly not the joints'
+friction."""
+CONTACT_TORQUE = 3.0  # N m, likewise
+PROBE_TRAVEL = 0.30  # m
 
 LIGHTEST = 50.0
-"""kg/m^3 of an object's box, the least plausible for what nobody weighed: a thin plastic bottle."""
-SLIPPERIEST = 0.2
-"""friction between an object and its support, the least plausible."""
+"""kg/m^3 of an object's box, the least plausible for an unknown mass: a thin plastic bottle."""
+SLIPPERIEST = 0.2  # Friction between an object and its support, the least plausible
+
+TOUCHES = 0.0003  # m of distance up to which parts are in contact
+LEVEL = 0.5  # z component of a direction below which a probe is sideways
 
 AXES: dict[str, tuple[float, float, float]] = {
     "+x": (1, 0, 0),
@@ -92,7 +93,7 @@ class MoveUntilContact(Primitive):
 
     Probe a surface's height with `-z` from its approach pose: a picture is never trusted for heights."""
 
-    claims: ClassVar[frozenset[Resource]] = frozenset({"arm"})
+    claims: ClassVar = ARM
     group: ClassVar = "motion"
     timeout: ClassVar[float] = 40.0
 
@@ -103,7 +104,7 @@ class MoveUntilContact(Primitive):
 
     @classmethod
     def groundings(cls, around: Surroundings) -> Iterator[MoveUntilContact]:
-        # Only what lies below is known to be touched.
+        # Only the body below is certain to be touched.
         yield cls(axis="-z")
 
     def requires(self, state: SymbolicState) -> list[Violation]:
@@ -121,10 +122,11 @@ class MoveUntilContact(Primitive):
         if state.pose_world_tcp is None or state.is_bent:
             return f"the gripper is not at a known pose; {starts(state)}"
         if state.contact:
-            away = (
-                f"{state.contact}_{'approach' if state.contact in state.scene.surfaces else 'top'}"
+            pose = "approach" if state.contact in state.scene.surfaces else "top"
+            return (
+                f"already in contact with '{state.contact}'; "
+                f"MovePose to '{state.contact}_{pose}' first"
             )
-            return f"already in contact with '{state.contact}'; MovePose to '{away}' first"
         if self.axis == "-z" and state.surface_below(state.pose_world_tcp) is None:
             return f"nothing is below '{state.at}'; {starts(state)}"
         if state.holding:
@@ -148,7 +150,7 @@ class MoveUntilContact(Primitive):
         if start is None or self.axis in ("+z", "-z"):
             return []
         end = start.translated(PROBE_TRAVEL * self.direction)
-        return Motion(state, start, end).hits(margin=POSE_ERROR)
+        return box_hits(state, start, end, margin=POSE_ERROR)
 
     def during(self, state: SymbolicState) -> SymbolicState:
         return replace(state, activity="moving")
@@ -157,38 +159,42 @@ class MoveUntilContact(Primitive):
         first = touch(state, self.direction, PROBE_TRAVEL)
         if first is None:
             return replace(state, contact=None, activity="contact")
-        name = first.hit.other.owner
+        hit, pose = first
+        name = hit.other.owner
         known = name if self.axis == "-z" and name in state.scene.bodies else None
-        return replace(
-            state, pose_world_tcp=first.pose, joints=None, contact=known, activity="contact"
-        )
+        return replace(state, pose_world_tcp=pose, joints=None, contact=known, activity="contact")
 
     def observed(self, after: SymbolicState, robot: RobotState) -> SymbolicState:
-        # What was touched is where it was felt, not where it was believed to be.
+        # The contact is where the arm is, not where it was believed to be.
         there = replace(after, pose_world_tcp=robot.pose_world_tcp)
         if after.contact is None or not is_open(after.scene, after.contact):
             return there
-        return there.raised(after.contact, _reached(after, robot))
+        top = float(robot.pose_world_tcp.position[2]) - after.scene.arm.tip
+        return there.raised(after.contact, top)
 
     def expectation(self, state: SymbolicState) -> Expectation:
         return Expectation(contact=True, holding=state.holding is not None)
 
     def run(self, blackboard: Blackboard) -> Steps:
         robot, state = blackboard.robot, blackboard.state
-        direction = self.direction
-        start, upright = robot.state.pose_world_tcp, _leaning(robot.state)
+        start, upright = robot.state.pose_world_tcp, _tilt(robot.state)
         threshold = SIDE_FORCE if self._beside(state) else CONTACT_FORCE
-        contact = _Contact(robot, direction)
+        contact = _Contact(robot, self.direction)
         robot.set_reflex(robot.limits.reflexes.probing)
         for speed, travel in self._stages(state, float(start.position[2])):
-            robot.move_axis(direction, speed, travel)
+            robot.move_axis(self.direction, speed, travel)
             if (yield from guarded(blackboard, lambda: contact.exceeds(threshold))):
                 travelled = robot.state.pose_world_tcp.distance_to(start)
                 firm = self.axis == "-z" and contact.depth() < SOFT_DEPTH
                 yield from settle(blackboard)
-                if firm and abs(_leaning(robot.state) - upright) > ASKEW:
-                    yield from self._press(blackboard, contact)
-                elif _presses(robot.state.contact) > robot.limits.free_force - REPEATABLE:
+                if firm and abs(_tilt(robot.state) - upright) > ASKEW:
+                    # Press firmly, until the other finger is in contact too, and lightly again.
+                    robot.move_axis(self.direction, PROBE_SPEED, PROBE_TRAVEL)
+                    yield from guarded(blackboard, lambda: contact.exceeds(FIRM_FORCE))
+                    yield from settle(blackboard, BRIEF)
+                    yield from self._ease(blackboard, contact)
+                # A hand in contact must stay clear of the limit of an unexpected force.
+                elif np.linalg.norm(robot.state.contact[:3]) > robot.limits.free_force - REPEATABLE:
                     yield from self._ease(blackboard, contact)
                 return f"contact after {1e3 * travelled:.0f} mm"
         raise LeafFailure(
@@ -196,30 +202,22 @@ class MoveUntilContact(Primitive):
             "start nearer, or probe another direction"
         )
 
-    def _press(self, blackboard: Blackboard, contact: _Contact) -> Generator[None, None, None]:
-        """Firmly, to see whether the other finger comes to stand, and lightly again."""
-        robot, direction = blackboard.robot, self.direction
-        robot.move_axis(direction, PROBE_SPEED, PROBE_TRAVEL)
-        yield from guarded(blackboard, lambda: contact.exceeds(FIRM_FORCE))
-        yield from settle(blackboard, BRIEF)
-        yield from self._ease(blackboard, contact)
-
-    def _ease(self, blackboard: Blackboard, contact: _Contact) -> Generator[None, None, None]:
-        """Until it presses lightly."""
+    def _ease(self, blackboard: Blackboard, contact: _Contact) -> Generator[None]:
+        """Retreat until the hand presses lightly."""
         robot = blackboard.robot
         for _ in range(EASINGS):
-            felt = contact.at_rest((yield from feel(blackboard)))
-            if felt < EASED:
+            force = contact.at_rest((yield from median_wrench(blackboard)))
+            if force < EASED:
                 break
-            relief = max(felt - EASED, RELIEF) / blackboard.scene.arm.stiffness.translation
+            relief = max(force - EASED, RELIEF) / blackboard.scene.arm.stiffness.translation
             robot.move_axis(-self.direction, EASING_SPEED, relief)
             yield from finish(blackboard)
             yield from settle(blackboard, BRIEF)
         yield from settle(blackboard)
 
     def _stages(self, state: SymbolicState, z: float) -> list[tuple[float, float]]:
-        """Speed, m/s, and travel, m, of one part of the way after the other."""
-        below = state.surface_below(state.pose_world_tcp) if state.pose_world_tcp else None
+        """Speed, m/s, and travel, m, of the parts of the motion in order; `z` of the start, m."""
+        below = state.surface_below(state.pose_world_tcp)
         if self.axis != "-z" or below is None:
             return [(PROBE_SPEED, PROBE_TRAVEL)]
         far = z - state.scene.arm.tip - state.top_of(below) - EXPECTED_WITHIN
@@ -228,17 +226,69 @@ class MoveUntilContact(Primitive):
         return [(APPROACH_SPEED, far), (PROBE_SPEED, PROBE_TRAVEL - far)]
 
 
-def _reached(state: SymbolicState, robot: RobotState) -> float:
-    """World z, m, of the top under the fingertips."""
-    return float(robot.pose_world_tcp.position[2]) - state.scene.arm.tip
+def starts(state: SymbolicState) -> str:
+    """Remedy: a start of the probe above the surface below, if there is one."""
+    below = None if state.pose_world_tcp is None else state.surface_below(state.pose_world_tcp)
+    names = [below.name] if below is not None and below.role == "surface" else state.scene.surfaces
+    places = [f"'{name}_approach'" for name in names]
+    if not places:
+        return "go lower"
+    return f"a surface is probed with -z from near above: MovePose to {' or '.join(places)} first"
+
+
+def touch(state: SymbolicState, direction: Array, travel: float) -> tuple[Hit, Pose] | None:
+    """First believed contact of the hand within `travel` m along a direction (3,), and the pose of
+    the TCP (world) just before it; None without contact, or from an unknown pose."""
+    start = state.pose_world_tcp
+    if start is None:
+        return None
+
+    def compute() -> tuple[Hit, Pose] | None:
+        end = start.translated(travel * direction)
+        swept = hand_sweep(state, hand_path(start, end, opening(state), FINEST))
+        first = swept.first(np.full(len(swept.pairs), TOUCHES))
+        if first is None:
+            return None
+        clear = max(first.share * travel - FINEST, 0.0)
+        return first, start.translated(clear * direction)
+
+    key = ("touch", *state.arrangement, digits(direction), travel)
+    return solids(state.scene).cached(key, compute)
+
+
+def untouchable(state: SymbolicState, direction: Array, travel: float) -> Iterator[Violation]:
+    """Violation of a guarded motion: no contact, or an inadmissible one."""
+    first = touch(state, direction, travel)
+    if first is None:
+        yield Violation(
+            PRECONDITION,
+            f"there is nothing to touch within {travel:.2f} m from '{state.at}'; {starts(state)}",
+        )
+        return
+    hit, _ = first
+    name = hit.other.owner
+    if hit.part.kind not in SIDES:
+        yield Violation(
+            "collision",
+            f"'{name}' would be met by the {hit.part.owner} and not by the fingertips; probe "
+            "from a pose above the middle of what is to be touched, clear of everything else",
+        )
+    elif name in state.scene.objects and abs(direction[2]) > LEVEL:
+        there = footing(state, name, state.pose_of(name))
+        if depth(there.support, np.array(hit.where[:2])) < TIPPING:
+            yield Violation(
+                "unsupported",
+                f"pressing on '{name}' there would tip it over; touch it above the middle of what "
+                f"it stands on; first: MovePose '{name}_top', FoldFingers",
+            )
 
 
 def withstands(state: SymbolicState, name: str, z: float) -> float:
-    """N that object `name` bears sideways at height `z` (world, m) for certain, before it tips over
-    an edge of its footprint or slides.
+    """Force, N, that object `name` certainly withstands sideways at height `z` (world, m), before it
+    tips over an edge of its footprint or slides.
 
-    Of its mass, where nobody knows it, the least plausible: m g min(mu, b / h) with half the width
-    b of the footprint and the height h of the touch above it.
+    m g min(mu, b / h), with half the width b of the footprint and the height h of the touch above it;
+    an unknown mass m is the least plausible.
     """
     body, pose = state.scene.body(name), state.pose_of(name)
     mass = body.known.get("mass", (LIGHTEST * float(np.prod(body.size)),))[0]
@@ -248,20 +298,20 @@ def withstands(state: SymbolicState, name: str, z: float) -> float:
 
 
 class _Contact:
-    """Contact detection along the direction of a probe; to be asked once a tick."""
+    """Contact detection along the direction of a probe; evaluated once a tick."""
 
     def __init__(self, robot: Robot, direction: Array) -> None:
         self._robot, self._direction = robot, direction
-        self._feeling, self._free_air = Feeling(robot), FreeAir(robot, direction)
+        self._filtered, self._free_air = WrenchFilter(robot), FreeAir(robot, direction)
         self._met: Pose | None = None
 
     def at_rest(self, wrench: Array) -> float:
-        """N that press back on an arm at rest, of a wrench (6,), against what it felt at rest first."""
-        return float((wrench - self._feeling.first)[:3] @ self._direction)
+        """Reaction force on an arm at rest, N, by a wrench (6,) against the first one at rest."""
+        return float((wrench - self._filtered.first)[:3] @ self._direction)
 
     def exceeds(self, threshold: float) -> bool:
-        """True if more than `threshold` N press back, or something twists the hand."""
-        wrench = self._feeling.now()
+        """True if the reaction force exceeds `threshold`, N, or a torque its own threshold."""
+        wrench = self._filtered.now()
         if np.isnan(wrench).any():
             return False
         self._free_air.follow(wrench)
@@ -274,16 +324,11 @@ class _Contact:
         return along > threshold or float(np.linalg.norm(turning)) > CONTACT_TORQUE
 
     def depth(self) -> float:
-        """m that the hand has gone on since half of `CONTACT_FORCE` pressed back."""
+        """m of travel since the reaction force exceeded half of `CONTACT_FORCE`."""
         here = self._robot.state.pose_world_tcp
         return 0.0 if self._met is None else here.distance_to(self._met)
 
 
-def _presses(wrench: Array) -> float:
-    """N of a wrench (6,)."""
-    return float(np.linalg.norm(wrench[:3]))
-
-
-def _leaning(state: RobotState) -> float:
-    """rad by which the hand leans over in the closing direction, against its command."""
+def _tilt(state: RobotState) -> float:
+    """Tilt of the hand in the closing direction against its command, rad."""
     return float(state.pose_world_tcp.rotation[2, 1] - state.target_world_tcp.rotation[2, 1])

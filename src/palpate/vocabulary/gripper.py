@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator, Iterator
 from dataclasses import replace
 from typing import ClassVar
@@ -10,49 +11,44 @@ from palpate.robots.safety import Expectation
 from palpate.vocabulary.admissible.collision import finger_collisions
 from palpate.vocabulary.admissible.grasp import ungraspable
 from palpate.vocabulary.admissible.support import above, would_fall
-from palpate.vocabulary.base import (
-    Blackboard,
-    LeafFailure,
-    Primitive,
-    Resource,
-    Steps,
-    Surroundings,
-)
+from palpate.vocabulary.base import GRIPPER, Blackboard, LeafFailure, Primitive, Steps, Surroundings
 from palpate.vocabulary.load import Load
 from palpate.vocabulary.state import SymbolicState
-from palpate.vocabulary.touch import feel
+from palpate.vocabulary.touch import median_wrench
 from palpate.vocabulary.violation import Violation
 
-TOP = "_top"
-"""Ending of the name of the pose above an object's top."""
-GRIP_SETTLE = 0.1
-"""s: fingers at rest on an object before the grasp counts."""
+TOP = "_top"  # Suffix of the name of the pose above an object's top
+GRIP_SETTLE = 0.1  # s: fingers at rest on an object before the grasp counts
 GENTLE = 10.0
-"""N of both fingers until it is known what they have met: what stands freely bears it sideways."""
+"""N of both fingers until the object is recognised: one that stands freely withstands it sideways."""
 NARROWER = 0.0015
-"""m that the fingers may come nearer each other than believed: shapes are believed to that, and pads
-and objects give way by less at `GENTLE`."""
+"""m that the fingers may come nearer each other than believed: the error of believed shapes; pads and
+objects deform by less at `GENTLE`."""
 YIELDS = 0.005
-"""m that they may come nearer as they take hold: light and soft things give way by half of that, and
-what is squeezed out between them by all of its width."""
+"""m that they may come nearer at the full grasp force: light and soft things deform by half of that,
+and an object squeezed out between them yields by all of its width."""
 WIDER = 0.003
-"""m that they may stay farther apart: what one finger pushes to the other from 10 mm beside the
-middle tilts that much between the pads."""
+"""m that they may stay farther apart: an object that one finger pushes to the other, from 10 mm beside
+the middle, tilts that much between the pads."""
 
 
-def finish_fingers(blackboard: Blackboard) -> Steps:
+def finish_fingers(blackboard: Blackboard) -> Generator[None]:
     """Wait until the fingers' commanded motion has ended."""
     yield
     while blackboard.robot.state.gripper_moving:
         yield
-    return "stopped"
+
+
+def _open(blackboard: Blackboard) -> Generator[None]:
+    blackboard.robot.open_gripper()
+    yield from finish_fingers(blackboard)
 
 
 class OpenGripper(Primitive):
     """Open the fingers fully. A held object must stand on a support: bring it back to the pose
     where it was grasped before opening, or it would fall."""
 
-    claims: ClassVar[frozenset[Resource]] = frozenset({"gripper"})
+    claims: ClassVar = GRIPPER
     group: ClassVar = "gripper"
     timeout: ClassVar[float] = 10.0
 
@@ -60,11 +56,12 @@ class OpenGripper(Primitive):
         opening = state.scene.arm.hand.opening
         return [
             *would_fall(state),
-            *_would_rub(state),
+            *_would_push(state),
             *finger_collisions(state, opening, state.holding),
         ]
 
     def effects(self, state: SymbolicState) -> SymbolicState:
+        # A surface touched through the held object is touched no longer.
         touched_through_it = state.activity == "contact" and state.contact is None
         activity = "still" if touched_through_it else state.activity
         return replace(
@@ -83,13 +80,12 @@ class OpenGripper(Primitive):
     def run(self, blackboard: Blackboard) -> Steps:
         name = blackboard.state.holding
         if name is not None:
-            wrench = yield from feel(blackboard)
+            wrench = yield from median_wrench(blackboard)
             if reason := blackboard.load.too_much(wrench):
                 raise LeafFailure(
                     f"{reason} of '{name}', which would fall; lower it onto its support first"
                 )
-        blackboard.robot.open_gripper()
-        yield from finish_fingers(blackboard)
+        yield from _open(blackboard)
         return f"open to {1e3 * blackboard.robot.state.width:.0f} mm"
 
 
@@ -97,35 +93,32 @@ class CloseGripper(Primitive):
     """Close the fingers until they meet a physical resistance; fails when nothing is between them,
     or not what is believed to be. Use it at an object's grasp pose with the gripper open."""
 
-    claims: ClassVar[frozenset[Resource]] = frozenset({"gripper"})
+    claims: ClassVar = GRIPPER
     group: ClassVar = "gripper"
     timeout: ClassVar[float] = 10.0
 
     def requires(self, state: SymbolicState) -> list[Violation]:
         if state.gripper != "open":
             problem = "the gripper must be open before it closes; OpenGripper first"
-            return [Violation("gripper-state", problem)]
-        if state.pose_world_tcp is None or state.is_bent or state.activity == "contact":
+        elif state.pose_world_tcp is None or state.is_bent or state.activity == "contact":
             problem = f"the gripper is not at a grasp pose; MovePose to {_nearest(state)} first"
-            return [Violation("gripper-state", problem)]
-        body = state.object_at(state.pose_world_tcp)
-        if body is None:
+        elif (body := state.object_at(state.pose_world_tcp)) is None:
             problem = f"nothing is between the fingers at '{state.at}'; MovePose to {_nearest(state)} first"
-            return [Violation("gripper-state", problem)]
-        return ungraspable(state, body)
+        else:
+            return ungraspable(state, body)
+        return [Violation("gripper-state", problem)]
 
     def effects(self, state: SymbolicState) -> SymbolicState:
-        body = state.object_at(state.pose_world_tcp) if state.pose_world_tcp else None
+        body = state.object_at(state.pose_world_tcp)
         if body is None or state.pose_world_tcp is None:
             return replace(state, gripper="closed")
-        pose_tcp_object = state.pose_world_tcp.inverse() @ state.pose_of(body.name)
         return replace(
             state,
             gripper="closed",
             holding=body.name,
             grasp=state.at,
             lifted=False,
-            pose_tcp_object=pose_tcp_object,
+            pose_tcp_object=state.pose_world_tcp.inverse() @ state.pose_of(body.name),
             activity="contact",
             contact=None,
         )
@@ -135,20 +128,20 @@ class CloseGripper(Primitive):
 
     def run(self, blackboard: Blackboard) -> Steps:
         robot = blackboard.robot
-        blackboard.load = Load((yield from feel(blackboard)))
+        blackboard.load = Load((yield from median_wrench(blackboard)))
         robot.set_reflex(robot.limits.reflexes.contact)
+        # Gently first, to compare the width with the believed one before the object can be moved.
         met = yield from self._close(blackboard, GENTLE)
-        believed = _believed_width(blackboard.state)
-        doubt = _doubt(blackboard.state)
+        believed, doubt = _believed_width(blackboard.state)
         if met < believed - NARROWER - doubt or met > believed + WIDER + doubt:
-            yield from self._let_go(blackboard)
+            yield from _open(blackboard)
             raise LeafFailure(
                 f"the fingers met something at {1e3 * met:.1f} mm where {1e3 * believed:.1f} mm was "
                 "believed: the object is not where it is believed, look again"
             )
         width = yield from self._close(blackboard, None)
         if met - width > YIELDS:
-            yield from self._let_go(blackboard)
+            yield from _open(blackboard)
             raise LeafFailure(
                 f"what the fingers met at {1e3 * met:.1f} mm gave way to {1e3 * width:.1f} mm as they "
                 "took hold: the object is not where it is believed, look again"
@@ -157,7 +150,7 @@ class CloseGripper(Primitive):
         return f"grasped at {1e3 * width:.1f} mm"
 
     def _close(self, blackboard: Blackboard, force: float | None) -> Generator[None, None, float]:
-        """Close with a force, N, or all there is; m between the fingers once they rest."""
+        """Close with a force, N, or the full one; m between the fingers at rest."""
         robot = blackboard.robot
         robot.close_gripper(force)
         yield from finish_fingers(blackboard)
@@ -168,11 +161,6 @@ class CloseGripper(Primitive):
             raise LeafFailure("the fingers met no resistance: nothing is between them")
         return robot.state.width
 
-    def _let_go(self, blackboard: Blackboard) -> Steps:
-        """Open again; nothing was lifted."""
-        blackboard.robot.open_gripper()
-        return (yield from finish_fingers(blackboard))
-
 
 class FoldFingers(Primitive):
     """Close the empty fingers on each other, making one narrow tip; fails when something is
@@ -181,13 +169,13 @@ class FoldFingers(Primitive):
     Fold them at `<object>_top`, touch the top with MoveUntilContact -z, MovePose away,
     OpenGripper."""
 
-    claims: ClassVar[frozenset[Resource]] = frozenset({"gripper"})
+    claims: ClassVar = GRIPPER
     group: ClassVar = "gripper"
     timeout: ClassVar[float] = 10.0
 
     @classmethod
     def groundings(cls, around: Surroundings) -> Iterator[FoldFingers]:
-        # Nothing but what is touched from above is worth it.
+        # Only an object touched from above needs a narrow tip.
         if any(pose.endswith(TOP) for pose in around.poses):
             yield cls()
 
@@ -212,7 +200,7 @@ class FoldFingers(Primitive):
         return f"folded to {1e3 * blackboard.robot.state.width:.0f} mm"
 
 
-def _would_rub(state: SymbolicState) -> Iterator[Violation]:
+def _would_push(state: SymbolicState) -> Iterator[Violation]:
     """Violation: folded fingers press on something, which opening would push aside."""
     if state.contact is None or state.holding is not None or state.gripper != "closed":
         return
@@ -224,7 +212,7 @@ def _would_rub(state: SymbolicState) -> Iterator[Violation]:
 
 
 def _nearest(state: SymbolicState) -> str:
-    """The grasp pose of the object that is nearest to the hand, in words."""
+    """The grasp pose of the object nearest to the hand, in words."""
     here = state.pose_world_tcp
     if here is None or not state.scene.objects:
         return "`<object>_pose`"
@@ -232,22 +220,13 @@ def _nearest(state: SymbolicState) -> str:
     return f"'{nearest}_pose'"
 
 
-def _doubt(state: SymbolicState) -> float:
-    """m by which the width of what is between the fingers may be believed wrong besides, two standard
-    deviations: a shape that was read off a picture is as uncertain as its place."""
-    pose = state.pose_world_tcp
-    body = None if pose is None else state.object_at(pose)
-    if body is None or not body.seen:
-        return 0.0
-    return 2.0 * (body.accuracy or 0.0)
-
-
-def _believed_width(state: SymbolicState) -> float:
-    """m between the fingers once they are closed on what is believed to be between them; not a
-    number where nothing is, or nobody knows how wide it is, which no width is more or less than."""
-    pose = state.pose_world_tcp
-    body = None if pose is None else state.object_at(pose)
-    if pose is None or body is None or "size" in body.missing:
-        return float("nan")
+def _believed_width(state: SymbolicState) -> tuple[float, float]:
+    """Believed opening of the fingers closed on the object between them, m, and its doubt, m; not a
+    number, which no width exceeds or falls below, where there is none, or its size is unknown."""
+    pose, body = state.pose_world_tcp, state.object_at(state.pose_world_tcp)
+    if pose is None or body is None:
+        return math.nan, 0.0
     held = state.grip_of(body, pose)
-    return float("nan") if held is None else held.width
+    width = math.nan if held is None or "size" in body.missing else held.width
+    # A shape seen in a picture is as uncertain as its position: two standard deviations.
+    return width, 2.0 * (body.accuracy or 0.0) if body.seen else 0.0

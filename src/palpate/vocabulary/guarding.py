@@ -8,34 +8,37 @@ from functools import partial
 
 import numpy as np
 
-from palpate.geometry.pose import Array
+from palpate.geometry.pose import Array, Pose
 from palpate.robots.accuracy import turned_round
 from palpate.robots.reflex import Reflex, Reflexes
 from palpate.vocabulary.admissible.grasp import most_sideways
-from palpate.vocabulary.admissible.profile import GUARDED_SPEED, POSE_ERROR, Span, leaves
-from palpate.vocabulary.base import Blackboard, LeafFailure, Steps
+from palpate.vocabulary.admissible.profile import GUARDED_SPEED, POSE_ERROR, Span, leaves, speed
+from palpate.vocabulary.base import Blackboard, LeafFailure
 from palpate.vocabulary.load import BREAKAWAY, ROUGHEST, UNFELT, Load
-from palpate.vocabulary.touch import MET, Feeling, feel, guarded, in_words, settle
+from palpate.vocabulary.touch import (
+    BRIEF,
+    MET,
+    WrenchFilter,
+    finish,
+    guarded,
+    in_words,
+    median_wrench,
+    settle,
+)
 
 SET_DOWN = 10.0
 """N that a held object presses on its support, besides its weight, when it counts as set down."""
-DOWN = np.array([0.0, 0.0, -1.0])
-"""World axes."""
-LOWERINGS = 3
-"""Largest number of times that an object without full support is lowered further."""
-WAVERS = 0.4
-"""N by which the sensed force of an arm at rest fluctuates."""
-PRESSES = 1.0
-"""N above the least measurable force: enough must remain once the arm rests."""
+DOWN = np.array([0.0, 0.0, -1.0])  # World axes
+LOWERINGS = 3  # Largest number of times that an object without full support is lowered further
+WAVERS = 0.4  # N by which the sensed force of an arm at rest fluctuates
+PRESSES = 1.0  # N above the least measurable force: enough must remain once the arm rests
 PEAK = 1.4
 """Largest normal force on a slide over the pressing force: the arm presses while it sets out and changes
 its speed (21.3 N for 15 N, simulated FR3, friction 1)."""
-CONTACT_SPEED = 0.02
-"""m/s, wherever contact is present or possible."""
+CONTACT_SPEED = 0.02  # m/s, wherever contact is present or possible
 FIRMLY = 0.8
 """Part of the force that would turn an object between the pads that a slide may take: pads creep."""
-LIGHTLY = 3.0
-"""N, least pressing force, lest a slide lifts the dragged object."""
+LIGHTLY = 3.0  # N, least pressing force, lest a slide lifts the dragged object
 PRESSED = (
     (0.0, LIGHTLY, CONTACT_SPEED),
     (0.5, 15.0, CONTACT_SPEED),
@@ -54,12 +57,11 @@ def span_reflex(of: Reflexes, span: Span, holding: str | None, sets_down: bool) 
     return of.carrying if holding else of.free
 
 
-def follow_free(blackboard: Blackboard, span: Span, left: float) -> Steps:
+def follow_free(blackboard: Blackboard, span: Span, left: float) -> Generator[None]:
     """Wait until a motion under way has passed a span with nothing near."""
     yield
     while not _passed(blackboard, span, left):
         yield
-    return "passed"
 
 
 def follow_guarded(
@@ -71,15 +73,15 @@ def follow_guarded(
     Raises:
         LeafFailure: any other contact; the arm still presses on it.
     """
-    robot, feeling, scene = blackboard.robot, Feeling(blackboard.robot), blackboard.scene
+    robot, filtered, scene = blackboard.robot, WrenchFilter(blackboard.robot), blackboard.scene
     least = MET
     if blackboard.state.holding is not None and leaves(span.start, span.end):
         # In a lift the joints' friction reverses, which is no contact.
         least = max(MET, turned_round(scene.arm, scene.pose_world_base.inverse() @ span.start))
     yield
     while not _passed(blackboard, span, left):
-        wrench = feeling.now()
-        change = wrench - feeling.first
+        wrench = filtered.now()
+        change = wrench - filtered.first
         if sets_down and -blackboard.load.borne(wrench) > SET_DOWN:
             robot.hold()
             return True
@@ -114,58 +116,69 @@ def _explained(blackboard: Blackboard, change: Array, sets_down: bool, span: Spa
     return np.array([0.0, 0.0, min(max(lift, 0.0), heaviest)])
 
 
-def lower(blackboard: Blackboard, goal: str) -> Steps:
-    """Lower a held object until its support bears it: the arm sags, and fingers that press slip. As
-    the arm comes to rest, the support may be relieved again: so repeat."""
+def lower(blackboard: Blackboard, goal: str) -> Generator[None]:
+    """Lower a held object until its support bears it: the arm sags, and fingers that press slip. The
+    arm's last sag before it rests may relieve the support again: so repeat."""
     for _ in range(LOWERINGS):
         yield from settle(blackboard)
-        if blackboard.load.too_much((yield from feel(blackboard)), WAVERS) is None:
-            return "borne"
-        borne = partial(_is_borne, blackboard.load, Feeling(blackboard.robot))
+        if blackboard.load.too_much((yield from median_wrench(blackboard)), WAVERS) is None:
+            return
+        borne = partial(_is_borne, blackboard.load, WrenchFilter(blackboard.robot))
         blackboard.robot.move_axis(DOWN, GUARDED_SPEED, POSE_ERROR)
         if not (yield from guarded(blackboard, borne)):
             raise LeafFailure(
                 f"nothing bears '{blackboard.state.holding}' at '{goal}' or "
                 f"{1e3 * POSE_ERROR:.0f} mm below: it stays in the fingers"
             )
-    return "lowered"
 
 
-def _is_borne(load: Load, feeling: Feeling) -> bool:
+def _is_borne(load: Load, filtered: WrenchFilter) -> bool:
     """True if a support bears the whole load. A light load is pressed on it, as its weight alone
     would not be measurable."""
-    wrench = feeling.now()
+    wrench = filtered.now()
     if not load.borne(wrench) < 0.0:
         return False
     return load.hanging is None or load.relieved(wrench) > UNFELT + PRESSES
 
 
-def reflex_sliding(blackboard: Blackboard) -> Reflex:
-    """Thresholds of the arm's reflex on a slide: more than the roughest support resists with is a
-    collision."""
-    contact = blackboard.robot.limits.reflexes.contact
-    normal = PEAK * max(force for _, force, _ in PRESSED) + _weight(blackboard)
-    return replace(contact, sideways=BREAKAWAY * ROUGHEST * normal + MET)
-
-
-def lowered(blackboard: Blackboard, way: Array, force: float) -> float:
-    """m by which the equilibrium is lowered on a slide along `way` (3,): it presses with `force`, N,
-    or less where dragging would turn the object between the pads; at most half of its weight is taken
-    off its support."""
-    load, stiffness = blackboard.load, blackboard.scene.arm.stiffness.translation
-    bearable = FIRMLY * most_sideways(blackboard.state, way) / load.rough
-    spare = bearable - _weight(blackboard)
-    return min(force, max(spare, -0.5 * load.weight)) / stiffness
+def slide(blackboard: Blackboard, target: Pose, most: float) -> Generator[None]:
+    """Drag the held object along its support to a pose at `most` m/s, pressed lightly, firmly, and
+    lightly again."""
+    robot = blackboard.robot
+    start, weight = robot.state.target_world_tcp, _weight(blackboard)
+    # More force than the roughest support resists with is a collision.
+    normal = PEAK * max(force for _, force, _ in PRESSED) + weight
+    sideways = BREAKAWAY * ROUGHEST * normal + MET
+    robot.set_reflex(replace(robot.limits.reflexes.contact, sideways=sideways))
+    way = target.position - start.position
+    safe = max(CONTACT_SPEED, speed(Span(start, target, True), blackboard.scene))
+    fastest = min(safe, most)
+    for share, force, pace in PRESSED:
+        # Dragged harder, the object would turn between the pads: then press less, down to taking
+        # half of its weight off its support.
+        load = blackboard.load
+        bearable = FIRMLY * most_sideways(blackboard.state, way) / load.rough
+        pressed = min(force, max(bearable - weight, -0.5 * load.weight))
+        down = pressed / blackboard.scene.arm.stiffness.translation
+        here = Pose(start.position + share * way - [0.0, 0.0, down], target.quaternion)
+        robot.move_pose(here, min(pace, fastest))
+        wrench = yield from drag(blackboard)
+        if share > 0.0:
+            blackboard.load = blackboard.load.dragged(wrench)
+        yield from settle(blackboard, BRIEF)
+    robot.move_pose(target, min(CONTACT_SPEED, fastest))
+    yield from finish(blackboard)
+    yield from settle(blackboard)
 
 
 def drag(blackboard: Blackboard) -> Generator[None, None, Array]:
     """Wait until the commanded motion has ended; (6,) the wrench right before."""
-    feeling = Feeling(blackboard.robot)
+    filtered = WrenchFilter(blackboard.robot)
     yield
-    wrench = feeling.now()
+    wrench = filtered.now()
     while blackboard.robot.state.moving:
         yield
-        wrench = feeling.now()
+        wrench = filtered.now()
     return wrench
 
 

@@ -1,7 +1,7 @@
 """Load on the fingers, and the share that its support bears.
 
-Both are differences from what was felt with empty fingers right before they closed: a sensed force
-is never zero on a real arm.
+Both are differences from the wrench with empty fingers right before they closed, as the sensed force of
+a real arm is never zero.
 """
 
 from __future__ import annotations
@@ -14,27 +14,21 @@ from palpate.geometry.pose import Array, Pose
 from palpate.robots.accuracy import Doubt
 
 BORNE = 0.3
-"""part of an object's weight that the fingers may still bear when they open: the rest of the arm's
-sag, which gives way as they do."""
+"""Part of an object's weight that the fingers may still bear when they open: the rest of the arm's sag,
+which relaxes meanwhile."""
 CLOSING = 0.002
-"""m by which fingers come nearer each other when what they hold slides or turns out of them; a pad
-that gives way is less."""
-SURE = 3.0
-"""Standard deviations of what is felt that a change of the moment must exceed to be a turn."""
-TURNED = 0.15
-"""N m that it must exceed besides: pads give way."""
+"""m by which fingers close when the object slides or turns out of them; the pads' compliance is less."""
+SURE = 3.0  # Standard deviations that a change of the moment must exceed to be a turn
+TURNED = 0.15  # N m that it must exceed in addition: the pads are compliant
 UNFELT = 1.5
-"""N: a weight below this is not told from none: Franka states 0.8 N relative accuracy, and joints
-stick."""
+"""N, largest weight that may be taken for none: Franka states 0.8 N relative accuracy, and joints stick."""
 ROUGHEST = 1.0
-"""friction between an object and its support, the largest plausible: rubber on dry concrete."""
+"""Largest plausible friction between an object and its support: rubber on dry concrete."""
 PRESSED = 8.0
-"""N from which a normal force tells how rough a support is: ten times Franka's relative accuracy."""
-BREAKAWAY = 1.3
-"""times what it takes to go on dragging: what it may take to set out."""
+"""N, least normal force for a friction coefficient: ten times Franka's relative accuracy."""
+BREAKAWAY = 1.3  # Static over dynamic friction, at most
 
-SURELY = Doubt(np.zeros(7), 0.0)
-"""Confidence of a measured load."""
+SURELY = Doubt(np.zeros(7), 0.0)  # No doubt about a measured load
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,12 +36,12 @@ class Load:
     """Measured load on the fingers.
 
     Attributes:
-        empty: (6,) external wrench right before they closed, the convention of `palpate.trace`.
-        width: m between the fingers as they closed on it.
-        hanging: (6,) at rest with the object hanging free; None until it did.
+        empty: (6,) external wrench right before they closed, in the convention of `palpate.trace`.
+        width: m between the fingers as they closed on the object.
+        hanging: (6,) wrench at rest with the object hanging free; None before.
         moment: N m about the closing direction then.
-        doubt: how far that may be off.
-        rough: the most friction that its support may have, as far as it was dragged.
+        doubt: standard deviations of the moment.
+        rough: upper bound of the support's friction, by slides so far.
     """
 
     empty: Array
@@ -58,7 +52,7 @@ class Load:
     rough: float = ROUGHEST
 
     def dragged(self, wrench: Array) -> Load:
-        """With what is felt now, while it is dragged along its support."""
+        """Update by the wrench (6,) while the object is dragged along its support."""
         normal = self.relieved(wrench)
         if self.hanging is None or not normal > PRESSED:
             return self
@@ -66,38 +60,38 @@ class Load:
         return replace(self, rough=min(ROUGHEST, BREAKAWAY * sideways / normal))
 
     def hung(self, wrench: Array, tool: Pose, doubt: Doubt = SURELY) -> Load:
-        """With what is felt now, at rest, with the object hanging from the hand at pose `tool`."""
+        """Update by the wrench (6,) at rest with the object hanging free from the hand at `tool`."""
         return replace(self, hanging=wrench, moment=_moment(wrench, tool), doubt=doubt)
 
     def turned(
         self, wrench: Array, tool: Pose, doubt: Doubt = SURELY, unrepeated: float = 0.0
     ) -> str | None:
-        """Reason why the object has turned between the pads, None if it has not: its centre of mass
-        comes below the pads, and the moment vanishes. `unrepeated`, N m, is the change of the joint
-        torques by such a motion alone."""
+        """Reason why the object has turned between the pads; None if it has not. Its centre of mass
+        would come below the pads, and the moment vanish. `unrepeated`, N m, is the change of the
+        moment by such a motion alone."""
         if self.moment is None:
             return None
         change = abs(_moment(wrench, tool) - self.moment)
-        # Which way joints rub as they come to rest is left to chance.
+        # The sign of the joints' friction at rest is random: twice its effect.
         if change <= TURNED + SURE * doubt.of_change(self.doubt) + 2.0 * unrepeated:
             return None
         return f"it turns in the fingers: its moment about them changed by {change:.2f} N m"
 
     @property
     def weight(self) -> float:
-        """N that hung on the fingers; 0 until it did."""
+        """Weight that hung on the fingers, N; 0 before."""
         if self.hanging is None:
             return 0.0
         return max(float(self.hanging[2] - self.empty[2]), 0.0)
 
     def slip(self, width: float) -> str | None:
-        """Reason why fingers `width` m apart do not hold the object any more."""
+        """Reason why fingers `width` m apart no longer hold the object; None if they do."""
         if width > self.width - CLOSING:
             return None
         return f"slip: the fingers closed from {1e3 * self.width:.1f} to {1e3 * width:.1f} mm"
 
     def borne(self, wrench: Array) -> float:
-        """N that the fingers bear at `wrench` (6,); negative where they press."""
+        """Load on the fingers at `wrench` (6,), N; negative where they press."""
         return float(wrench[2] - self.empty[2])
 
     def too_much(self, wrench: Array, spare: float = 0.0) -> str | None:
@@ -114,8 +108,8 @@ class Load:
         )
 
     def relieved(self, wrench: Array) -> float:
-        """N that the fingers bear less at `wrench` (6,) than with the object hanging free; 0 where
-        it never did."""
+        """Load, N, that the support takes off the fingers at `wrench` (6,); 0 if the object never
+        hung free."""
         return 0.0 if self.hanging is None else float(self.hanging[2] - wrench[2])
 
 
@@ -124,5 +118,4 @@ def _moment(wrench: Array, tool: Pose) -> float:
     return float(wrench[3:] @ tool.rotation[:, 1])
 
 
-NOTHING = Load(np.zeros(6))
-"""Load before any measurement."""
+NOTHING = Load(np.zeros(6))  # Load before any measurement

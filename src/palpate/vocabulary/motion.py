@@ -17,42 +17,22 @@ from palpate.quantities.estimators import estimate_all
 from palpate.robots.accuracy import doubt
 from palpate.robots.safety import Expectation
 from palpate.scene.raised import beyond
-from palpate.vocabulary.admissible.profile import POSE_ERROR, Span, spans, speed, stretches
+from palpate.vocabulary.admissible.profile import POSE_ERROR, spans, stretches
 from palpate.vocabulary.admissible.reach import beyond_joint_limits, out_of_reach
 from palpate.vocabulary.admissible.support import clear_of_support, slides, would_be_dragged
-from palpate.vocabulary.base import (
-    Blackboard,
-    LeafFailure,
-    Primitive,
-    Resource,
-    Steps,
-    Surroundings,
-)
-from palpate.vocabulary.guarding import (
-    CONTACT_SPEED,
-    PRESSED,
-    drag,
-    follow_free,
-    follow_guarded,
-    lower,
-    lowered,
-    reflex_sliding,
-    span_reflex,
-)
+from palpate.vocabulary.base import ARM, Blackboard, LeafFailure, Primitive, Steps, Surroundings
+from palpate.vocabulary.guarding import follow_free, follow_guarded, lower, slide, span_reflex
 from palpate.vocabulary.load import UNFELT
 from palpate.vocabulary.state import HOME_CONFIG, SymbolicState, pose_of_joints
-from palpate.vocabulary.touch import BRIEF, DWELL, WHILE_FELT, feel, finish, settle
+from palpate.vocabulary.touch import BRIEF, DWELL, MEDIAN_TIME, finish, median_wrench, settle
 from palpate.vocabulary.violation import PRECONDITION, Violation
 
 POSITION_TOLERANCE = 0.010
 """m: an impedance-controlled arm with 1.5 kg on it sags by several millimetres. Soft springs may sag
 by more, as far as the load explains."""
-ANGLE_TOLERANCE = np.radians(3.0)
-"""rad, likewise."""
-UNDER_WAY = 90.0
-"""s that one motion may take: half a metre at the least speed of a cautious arm."""
-LEAST_SPEED = 0.01
-"""m/s that a plan may ask for: more slowly some joints of an arm stick and slip."""
+ANGLE_TOLERANCE = np.radians(3.0)  # rad, likewise
+UNDER_WAY = 90.0  # s that one motion may take: half a metre at the least speed of a cautious arm
+LEAST_SPEED = 0.01  # m/s that a plan may ask for: more slowly some joints of an arm stick and slip
 
 
 class MovePose(Primitive):
@@ -61,7 +41,7 @@ class MovePose(Primitive):
     held on its support, moving sideways at the same height slides it with light pressure; lift it
     first to carry it."""
 
-    claims: ClassVar[frozenset[Resource]] = frozenset({"arm"})
+    claims: ClassVar = ARM
     group: ClassVar = "motion"
     timeout: ClassVar[float] = UNDER_WAY
 
@@ -142,7 +122,7 @@ class MovePose(Primitive):
     def run(self, blackboard: Blackboard) -> Steps:
         target = self.target(blackboard.state)
         if blackboard.state.activity == "sliding":
-            yield from self._slide(blackboard, target)
+            yield from slide(blackboard, target, self.speed or np.inf)
             message = self._arrived(blackboard, target)
         else:
             message = yield from self._go(blackboard, target)
@@ -172,7 +152,7 @@ class MovePose(Primitive):
                 return self._set_down(blackboard, target)
             dwell = BRIEF if span.guarded else DWELL
         # The ticks in which the load is weighed count as standing still, too.
-        yield from settle(blackboard, dwell - WHILE_FELT if lifted else dwell)
+        yield from settle(blackboard, dwell - MEDIAN_TIME if lifted else dwell)
         if lifted:
             yield from _weigh(blackboard)
         return self._arrived(blackboard, target)
@@ -185,27 +165,6 @@ class MovePose(Primitive):
                 f"'{self.pose}': something else is there"
             )
         return f"set down {1e3 * early:.1f} mm early"
-
-    def _slide(self, blackboard: Blackboard, target: Pose) -> Steps:
-        """Drag the held object along its support: pressed lightly, firmly, and lightly again."""
-        robot = blackboard.robot
-        robot.set_reflex(reflex_sliding(blackboard))
-        start = robot.state.target_world_tcp
-        way = target.position - start.position
-        safe = max(CONTACT_SPEED, speed(Span(start, target, True), blackboard.scene))
-        fastest = min(safe, self.speed or np.inf)
-        for share, force, pace in PRESSED:
-            down = lowered(blackboard, way, force)
-            here = Pose(start.position + share * way - [0.0, 0.0, down], target.quaternion)
-            robot.move_pose(here, min(pace, fastest))
-            wrench = yield from drag(blackboard)
-            if share > 0.0:
-                blackboard.load = blackboard.load.dragged(wrench)
-            yield from settle(blackboard, BRIEF)
-        robot.move_pose(target, min(CONTACT_SPEED, fastest))
-        yield from finish(blackboard)
-        yield from settle(blackboard)
-        return "slid"
 
     def _arrived(self, blackboard: Blackboard, target: Pose) -> str:
         """Distance of the arm from its target, in words.
@@ -233,7 +192,7 @@ class MoveJoints(Primitive):
     `home_config`, from where every pose is reached safely; never call it with an object in the
     gripper that stands on a surface."""
 
-    claims: ClassVar[frozenset[Resource]] = frozenset({"arm"})
+    claims: ClassVar = ARM
     group: ClassVar = "motion"
     timeout: ClassVar[float] = UNDER_WAY
 
@@ -311,9 +270,9 @@ def _at_rest(state: SymbolicState, at: str | None, target: Pose) -> SymbolicStat
 
 
 def _weigh(blackboard: Blackboard) -> Generator[None]:
-    """Measure the load that hangs free: it must hang as it was grasped, within the payload."""
+    """Measure the load that hangs free: unturned since its grasp, and within the payload."""
     robot, scene, name = blackboard.robot, blackboard.scene, blackboard.state.holding
-    wrench = yield from feel(blackboard)
+    wrench = yield from median_wrench(blackboard)
     here = robot.state
     tool = here.pose_world_tcp
     closing = scene.pose_world_base.rotation.T @ tool.rotation[:, 1]

@@ -10,10 +10,9 @@ from palpate.parameter import Parameter
 from palpate.quantities.estimators import estimate_all
 from palpate.quantities.height import Height
 from palpate.quantities.mass import Mass
-from palpate.quantities.momentum import Momentum
+from palpate.quantities.motion import Momentum, Velocity
 from palpate.quantities.position import Position
 from palpate.quantities.quantity import Quantity
-from palpate.quantities.velocity import Velocity
 from palpate.robots.safety import Expectation
 from palpate.trace.recording import Conversion, Recording
 from palpate.trace.samples import FORCES, POSE
@@ -28,10 +27,8 @@ from palpate.vocabulary.base import (
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.violation import PRECONDITION, Violation
 
-FORCE_WINDOW = 1.0
-"""s: 1000 torque samples bring the white noise of a force below 10 mN."""
-POSE_WINDOW = 0.3
-"""s."""
+FORCE_WINDOW = 1.0  # s: 1000 torque samples bring the white noise of a force below 10 mN
+POSE_WINDOW = 0.3  # s
 
 
 class _Sensing(Primitive):

@@ -1,8 +1,7 @@
-"""The symbolic state: what a plan, or a run, may believe about the cell between two leaves.
+"""The symbolic state: beliefs of a plan, or a run, about the cell between two leaves.
 
-The same effects that `check` folds over a plan are applied by the leaf at run time, and branches
-of a Parallel are merged by the same function, so a recording's context means the same thing on
-paper and on the robot.
+`check` folds a plan's effects by the same functions as the leaf at run time, and merges the branches
+of a Parallel alike, so a recording's context means the same in a plan and on the robot.
 """
 
 from __future__ import annotations
@@ -28,21 +27,13 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-HOME_CONFIG = "home_config"
-"""The joint configuration from which every pose is reached safely."""
-
+HOME_CONFIG = "home_config"  # The joint configuration from which every pose is reached safely
 SINKING = 0.05
-"""m: how far above the TCP a top may be and still be below the hand, by a belief about heights that
-a contact corrects."""
-
-RESTORED_POSITION = 0.005
-"""m: an object within this distance of where it was found counts as restored."""
-
-SAGS = 0.01
-"""m and rad by which an arm that says where it is may be off its joint angles."""
-
-SAME_POSE = 1e-4
-"""m and rad: poses that differ by less are one."""
+"""m above the TCP up to which a top counts as below the hand: the error of believed heights, which a
+contact corrects."""
+RESTORED_POSITION = 0.005  # m from where an object was found up to which it counts as restored
+SAGS = 0.01  # m and rad between an arm's reported pose and that of its joint angles, at most
+SAME_POSE = 1e-4  # m and rad up to which two poses are equal
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,24 +41,24 @@ class SymbolicState:
     """Immutable; `replace` makes the next one.
 
     Attributes:
-        scene: what is believed about the cell at rest.
+        scene: the believed cell at rest.
         at: pose expression or joint configuration last reached.
-        pose_world_tcp: where that is; None before the first motion of a plan.
-        joints: (7,) rad, the joint configuration last moved to as such; None at a pose, where the
-            controller bends the arm.
-        gripper: typestate of the hand.
-        holding, grasp: object held, and the pose expression where it was grasped.
+        pose_world_tcp: pose of the TCP; None before the first motion of a plan.
+        joints: (7,) rad, the joint configuration last moved to as such; None at a pose, whose
+            configuration the controller chooses.
+        gripper: state of the fingers.
+        holding, grasp: held object, and the pose expression where it was grasped.
         pose_tcp_object: the held object's pose in the TCP frame.
         lifted: the held object is clear of its support.
-        contact: surface touched by the last guarded motion, until the arm moves on.
-        moved: poses of objects that are not where the scene has them.
-        activity: what a sensing leaf that starts now would record.
+        contact: surface or object touched by the last guarded motion, until the arm moves on.
+        moved: poses of objects away from where the scene has them.
+        activity: activity that a recording started now would have.
         buffers: the context in which each buffer was last written.
         logged: every recording so far, `(buffer, context)`.
         converted: parameters that a conversion has measured.
         reaches: whether the arm reaches a pose of the TCP (world); None for its own inverse
             kinematics.
-        bound: m along its line, of every pose that the run has found out (`Symbols.lines`).
+        bound: m along its line, of every pose bound in the run (`Symbols.lines`).
     """
 
     scene: Scene
@@ -89,24 +80,27 @@ class SymbolicState:
     bound: Mapping[str, float] = field(default_factory=dict[str, float])
 
     def standing(self, q: Array, pose_world_tcp: Pose) -> SymbolicState:
-        """State with the arm's configuration `q` (7,), rad, reported by the arm where it was
-        unknown."""
+        """State with the arm where it reports to be, at `q` (7,), rad, if that was unknown."""
         if self.pose_world_tcp is not None:
             return self
         return replace(self, pose_world_tcp=pose_world_tcp, joints=q)
 
     def context(self) -> Context:
-        """The context a recording made now would carry."""
+        """Context of a recording made now."""
+        support = self.contact
+        if not support and self.activity == "sliding":
+            below = self.surface_below(self.pose_world_tcp)
+            support = below.name if below else None
         return Context(
             activity=self.activity,
             at=self.at,
             holding=self.holding,
             grasp=self.grasp,
-            support=self.contact if self.contact else self._slid_on(),
+            support=support,
         )
 
     def resolve(self, expression: str) -> Pose:
-        """The TCP pose in the world that a pose expression stands for now.
+        """TCP pose in the world of a pose expression.
 
         Raises:
             InputError: as `Symbols.resolve`.
@@ -114,11 +108,11 @@ class SymbolicState:
         return self.scene.symbols.resolve(expression, self.bound)
 
     def pose_of(self, name: str) -> Pose:
-        """Believed pose of an object now."""
+        """Believed pose of an object or surface."""
         return self.moved.get(name) or self.scene.body(name).pose_world
 
     def raised(self, surface: str, top: float) -> SymbolicState:
-        """With the top of a surface at world z `top`, m, and what stands on it now with it."""
+        """State with the top of a surface at world z `top`, m, and all that stands on it with it."""
         rises = risen(self.scene, surface, top, self.pose_of)
         moved = {
             name: pose.translated((0.0, 0.0, rises.get(name, 0.0)))
@@ -127,14 +121,20 @@ class SymbolicState:
         return replace(self, scene=raised(self.scene, surface, top), moved=moved)
 
     def learned(self, parameter: Parameter, value: tuple[float, ...]) -> SymbolicState:
-        """Once a parameter has been measured: see `scene.raised.learned`."""
+        """State once a parameter has been measured: see `scene.raised.learned`."""
         if moves(self.scene, parameter):
             return self.raised(parameter.object, value[0])
         return replace(self, scene=learned(self.scene, parameter, value))
 
     @property
+    def tcp(self) -> Pose:
+        """Pose of the TCP where it must be known."""
+        assert self.pose_world_tcp is not None
+        return self.pose_world_tcp
+
+    @property
     def is_bent(self) -> bool:
-        """True if the arm is where a joint motion took it, and not at a pose."""
+        """True after a joint motion, False at a pose."""
         if self.joints is None or self.pose_world_tcp is None:
             return False
         bent = pose_of_joints(self.scene, self.joints)
@@ -143,17 +143,15 @@ class SymbolicState:
 
     @property
     def q(self) -> Array | None:
-        """(7,) rad: how the arm is bent; None before the first motion of a plan, and where the arm
-        does not get."""
+        """(7,) rad, joint angles; None before the first motion of a plan, and out of reach."""
         if self.is_bent or self.pose_world_tcp is None:
             return self.joints
         return solids(self.scene).configuration(self.pose_world_tcp)
 
     @property
     def placed(self) -> tuple[tuple[str, bytes], ...]:
-        """The objects that were moved and where they are, for a key."""
-        moved = sorted(self.moved.items())
-        return tuple((name, pose.digits) for name, pose in moved)
+        """Key of the moved objects and their poses."""
+        return tuple((name, pose.digits) for name, pose in sorted(self.moved.items()))
 
     @property
     def arrangement(self) -> tuple[object, ...]:
@@ -168,11 +166,19 @@ class SymbolicState:
             *self.placed,
         )
 
-    def object_at(self, pose_world_tcp: Pose) -> Body | None:
-        """The object that closing the fingers at this pose would grasp: the one between the pads,
-        of several the one in their middle."""
-        key = ("between", pose_world_tcp.digits, *self.placed)
-        return solids(self.scene).cached(key, lambda: self._between(pose_world_tcp))
+    def object_at(self, pose_world_tcp: Pose | None) -> Body | None:
+        """Object that closing the fingers at a pose would grasp: the one between the pads nearest
+        to their middle; None for an unknown pose."""
+        if pose_world_tcp is None:
+            return None
+        pose = pose_world_tcp
+
+        def compute() -> Body | None:
+            grips = [(body, self.grip_of(body, pose)) for body in self.scene.objects.values()]
+            between = [(abs(held.aside), body) for body, held in grips if held is not None]
+            return min(between, key=lambda one: one[0], default=(0.0, None))[1]
+
+        return solids(self.scene).cached(("between", pose.digits, *self.placed), compute)
 
     def grip_of(self, body: Body, pose_world_tcp: Pose) -> Grip | None:
         """Contact of the pads with an object at this pose of the TCP; None where it is not between
@@ -183,23 +189,17 @@ class SymbolicState:
             return None
         return grip(solids(self.scene), body.name, pose_world_tcp.inverse() @ pose)
 
-    def _between(self, pose_world_tcp: Pose) -> Body | None:
-        found, least = None, np.inf
-        for body in self.scene.objects.values():
-            held = self.grip_of(body, pose_world_tcp)
-            if held is not None and abs(held.aside) < least:
-                found, least = body, abs(held.aside)
-        return found
-
-    def surface_below(self, pose_world_tcp: Pose) -> Body | None:
-        """First believed contact of a guarded descent from this pose: a surface or an object's top."""
+    def surface_below(self, pose_world_tcp: Pose | None) -> Body | None:
+        """First believed contact of a guarded descent from a pose, a surface or an object's top; None
+        for an unknown pose."""
+        if pose_world_tcp is None:
+            return None
         x, y, z = pose_world_tcp.position.tolist()
         met, highest = None, -np.inf
         for body in self.scene.bodies.values():
-            if body.name == self.holding:
+            if body.name == self.holding or not body.covers(x, y, self.pose_of(body.name)):
                 continue
-            pose = self.pose_of(body.name)
-            top = self.top_of(body) if body.covers(x, y, pose) else -np.inf
+            top = self.top_of(body)
             if highest < top < z + SINKING:
                 met, highest = body, top
         return met
@@ -209,7 +209,7 @@ class SymbolicState:
         return body.top_z(self.pose_of(body.name))
 
     def not_restored(self) -> dict[str, Pose]:
-        """Objects left away from where the scene has them, with where they are."""
+        """Objects away from where the scene has them, with their poses."""
         return {
             name: pose
             for name, pose in self.moved.items()
@@ -217,19 +217,13 @@ class SymbolicState:
         }
 
     def wrote(self, buffer: str) -> SymbolicState:
-        """After a sensing leaf filled `buffer` in the present context."""
+        """State after a sensing leaf filled `buffer` in the present context."""
         context = self.context()
         return replace(
             self,
             buffers={**self.buffers, buffer: context},
             logged=(*self.logged, (buffer, context)),
         )
-
-    def _slid_on(self) -> str | None:
-        if self.activity != "sliding" or self.pose_world_tcp is None:
-            return None
-        below = self.surface_below(self.pose_world_tcp)
-        return below.name if below else None
 
 
 def pose_of_joints(scene: Scene, joints: Array) -> Pose:
@@ -238,7 +232,7 @@ def pose_of_joints(scene: Scene, joints: Array) -> Pose:
 
 
 def during(moving: Iterable[Primitive], state: SymbolicState) -> SymbolicState:
-    """State while `moving` run, as a sensing leaf beside them records it."""
+    """State while `moving` run, in which a sensing leaf beside them records."""
     for primitive in moving:
         state = primitive.during(state)
     return state
@@ -251,31 +245,28 @@ def parallel(
     branches: Iterable[Sequence[T]],
     fold: Callable[[T, SymbolicState], SymbolicState],
 ) -> SymbolicState:
-    """The state after a Parallel of leaves that move and branches that sense what is so meanwhile.
+    """State after a Parallel of leaves that move and branches that sense `meanwhile`.
 
     `fold` gives the state after one leaf. The order in which branches end makes no difference: each
-    adds what it changed.
+    adds its changes.
     """
-    sensed: list[SymbolicState] = []
+    now = before
+    for leaf in moving:
+        now = fold(leaf, now)
     for branch in branches:
         state = meanwhile
         for leaf in branch:
             state = fold(leaf, state)
-        sensed.append(state)
-    now = before
-    for leaf in moving:
-        now = fold(leaf, now)
-    for state in sensed:
         now = merged(now, meanwhile, state)
     return now
 
 
 def merged(now: SymbolicState, base: SymbolicState, after: SymbolicState) -> SymbolicState:
-    """`now` with what changed between `base` and `after`: leaves in a Parallel overlap in time."""
+    """`now` with the changes from `base` to `after`: leaves in a Parallel overlap in time."""
     if after is base:
         return now
     changes: dict[str, Any] = {}
-    for name in _FIELDS:
+    for name in (one.name for one in fields(SymbolicState)):
         old, new = getattr(base, name), getattr(after, name)
         if new is not old:
             changes[name] = _joined(getattr(now, name), old, new)
@@ -283,7 +274,7 @@ def merged(now: SymbolicState, base: SymbolicState, after: SymbolicState) -> Sym
 
 
 def _joined(now: Any, old: Any, new: Any) -> Any:
-    """Collections that only grow (buffers, logs, conversions) keep what others added meanwhile."""
+    # Collections only grow (buffers, logs, conversions): keep what others added meanwhile.
     if isinstance(new, Mapping):
         entries = cast(Mapping[str, object], new)
         added = {key: value for key, value in entries.items() if old.get(key) is not value}
@@ -293,6 +284,3 @@ def _joined(now: Any, old: Any, new: Any) -> Any:
     if isinstance(new, tuple):
         return (*now, *new[len(old) :])
     return new
-
-
-_FIELDS = tuple(field.name for field in fields(SymbolicState))

@@ -1,7 +1,7 @@
-"""Force sensing of a running primitive, and its waiting.
+"""Contact forces and waiting of a running primitive.
 
-A contact is judged by the median of several ticks: a spike of one tick is no contact, and what
-presses for longer than that is.
+A contact is detected by the median wrench of several ticks: a spike of one tick is none, a longer
+press is one.
 """
 
 from __future__ import annotations
@@ -14,43 +14,37 @@ import numpy as np
 from palpate.geometry.pose import Array
 from palpate.robots.accuracy import SUSTAINED
 from palpate.robots.robot import Robot
-from palpate.vocabulary.base import Blackboard, LeafFailure, Steps
+from palpate.vocabulary.base import Blackboard, LeafFailure
 
-SETTLED_SPEED = 0.003
-"""m/s."""
+SETTLED_SPEED = 0.003  # m/s
 DWELL = 0.3
-"""s: how long the arm stands still before a motion counts as settled where what it feels may be
-compared with what it felt before; still windows feed the estimators."""
-BRIEF = 0.1
-"""s: likewise, where nothing is compared."""
-SETTLE_LIMIT = 3.0
-"""s."""
-WHILE_FELT = 0.06
-"""s that these ticks take."""
+"""s at rest until a motion counts as settled where the wrench is compared with an earlier one; windows
+at rest also feed the estimators."""
+BRIEF = 0.1  # s, likewise, where nothing is compared
+SETTLE_LIMIT = 3.0  # s
+MEDIAN_TIME = 0.06  # s that the ticks of a median wrench take
 MET = 8.0
-"""N: change of the contact's force that is something met; five times what the joints' friction and
-the sensors' bias do as the arm sets out."""
-
-
+"""N: change of the contact force that is a contact; five times the effect of the joints' friction and
+the sensors' bias as the arm sets out."""
 SETTING_OUT = (0.2, 0.4)
-"""s from when a probe begins to when it is under way: its arm no longer swings, and its joints' friction has
-turned against the motion."""
+"""s from the begin of a probe in which it sets out: then the arm no longer swings, and its joints'
+friction has reversed."""
 GROWS = 1.0
-"""N that what presses back grows by meanwhile where something was met already: at 12 mm/s a rigid thing
-presses by 3.6 N more on springs of 3000 N/m, and what gives way with 600 N/m by 0.7 N."""
+"""N by which the reaction force grows meanwhile in contact: at 12 mm/s a rigid body presses by 3.6 N
+more on springs of 3000 N/m, and one of 600 N/m by 0.7 N."""
 DRIFT = np.array([20.0, 20.0, 20.0, 60.0, 60.0, 60.0])
-"""N/m and N m/m that free air may change by with the place: one and a half times as much as an arm did that
-nobody calibrated (gains, links, friction; 12 of them, 15 N/m and 40 N m/m)."""
+"""N/m and N m/m, largest change of the free-air wrench with position: one and a half times that of an
+uncalibrated arm (gains, links, friction; 12 arms, 15 N/m and 40 N m/m)."""
 DRIFT_MOST = np.array([1.5, 1.5, 1.5, 6.0, 6.0, 6.0])
-"""N and N m that it may change by altogether: the same, over 0.1 m. What gives way is pressed by so much more
+"""N and N m, its largest change altogether: the same, over 0.1 m. A soft body is pressed by so much more
 than a threshold at most."""
 
 
-class Feeling:
-    """The external wrench as it is felt for several ticks.
+class WrenchFilter:
+    """Median filter of the external wrench over the last ticks.
 
     Attributes:
-        first: (6,) what was felt first, the convention of `palpate.trace`; not a number before.
+        first: (6,) the first median, in the convention of `palpate.trace`; nan before.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -59,26 +53,27 @@ class Feeling:
         self._ticks: deque[Array] = deque(maxlen=SUSTAINED)
 
     def now(self) -> Array:
-        """(6,) the median of the last ticks; to be asked once a tick. Not a number in the first
-        ones, and so neither more nor less than any threshold."""
+        """(6,) median of the last ticks; to be called once a tick. nan in the first ones, which
+        neither exceeds nor falls below any threshold."""
         self._ticks.append(self._robot.state.contact)
         if len(self._ticks) < SUSTAINED:
             return np.full(6, np.nan)
-        wrench = middle(*self._ticks)
+        a, b, c = self._ticks
+        # The median of three; np.median takes ten times as long.
+        wrench = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
         if np.isnan(self.first).any():
             self.first = wrench
         return wrench
 
 
 class FreeAir:
-    """Baseline of a probe's force in free air; updated once a tick.
+    """Baseline of a probe's wrench in free air; updated once a tick.
 
-    At first that is what the arm felt at rest. Under way its joints rub, which is a step at once, and what
-    it feels drifts with the place. A contact is neither: it comes later than the one, and grows more
-    steeply than the other.
+    At first it is the wrench at rest. On the way the joints' friction adds a step, and the wrench
+    drifts with position. A contact comes later than the step, and grows more steeply than the drift.
 
     Attributes:
-        wrench: (6,) the convention of `palpate.trace`; not a number before.
+        wrench: (6,) in the convention of `palpate.trace`; nan before the first tick.
     """
 
     def __init__(self, robot: Robot, direction: Array) -> None:
@@ -88,53 +83,46 @@ class FreeAir:
         self._setting_out: list[Array] = []
         self._under_way: Array | None = None
 
-    def follow(self, felt: Array) -> None:
-        """After another tick, in which `felt` (6,) was felt."""
+    def follow(self, wrench: Array) -> None:
+        """Update with the median wrench (6,) of a tick."""
         if np.isnan(self.wrench).any():
-            self.wrench = felt
+            self.wrench = wrench
         here, since = self._robot.state.pose_world_tcp, self._robot.state.t - self._begin
         if since > SETTING_OUT[1]:
-            self._drift(felt, here.distance_to(self._at))
+            if self._under_way is None:
+                self._under_way = self.wrench = self._set_out()
+            # Follow the wrench no faster than free air can drift, and no farther.
+            most = DRIFT * here.distance_to(self._at)
+            drifted = self.wrench + np.clip(wrench - self.wrench, -most, most)
+            total = np.clip(drifted - self._under_way, -DRIFT_MOST, DRIFT_MOST)
+            self.wrench = self._under_way + total
         elif since > SETTING_OUT[0]:
-            self._setting_out.append(felt)
+            self._setting_out.append(wrench)
         self._at = here
 
-    def _drift(self, felt: Array, travelled: float) -> None:
-        if self._under_way is None:
-            self._under_way = self.wrench = self._set_out()
-        most = DRIFT * travelled
-        drifted = self.wrench + np.clip(felt - self.wrench, -most, most)
-        since = np.clip(drifted - self._under_way, -DRIFT_MOST, DRIFT_MOST)
-        self.wrench = self._under_way + since
-
     def _set_out(self) -> Array:
-        """(6,) what was felt as the arm set out, unless it grew."""
-        felt = self._setting_out
-        if not felt:
+        """(6,) median wrench as the arm set out, unless it grew, as in contact."""
+        wrenches = self._setting_out
+        if not wrenches:
             return self.wrench
-        half = len(felt) // 2
-        grown = np.median(felt[half:], axis=0) - np.median(felt[: half + 1], axis=0)
+        half = len(wrenches) // 2
+        grown = np.median(wrenches[half:], axis=0) - np.median(wrenches[: half + 1], axis=0)
         if abs(grown[:3] @ self._direction) > GROWS:
             return self.wrench
-        return np.median(felt, axis=0)
+        return np.median(wrenches, axis=0)
 
 
-def middle(a: Array, b: Array, c: Array) -> Array:
-    """The median of three, element by element; not a number where one of them is not."""
-    return np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
-
-
-def feel(blackboard: Blackboard, ticks: int = SUSTAINED) -> Generator[None, None, Array]:
-    """Wait for some ticks; (6,) the median wrench felt meanwhile."""
-    felt: list[Array] = []
-    for _ in range(ticks):
-        felt.append(blackboard.robot.state.contact)
+def median_wrench(blackboard: Blackboard) -> Generator[None, None, Array]:
+    """Wait for some ticks; (6,) the median wrench meanwhile."""
+    wrenches: list[Array] = []
+    for _ in range(SUSTAINED):
+        wrenches.append(blackboard.robot.state.contact)
         yield
-    return np.median(felt, axis=0)
+    return np.median(wrenches, axis=0)
 
 
-def settle(blackboard: Blackboard, dwell: float = DWELL) -> Steps:
-    """Wait until the arm has stood still for `dwell` s.
+def settle(blackboard: Blackboard, dwell: float = DWELL) -> Generator[None]:
+    """Wait until the arm has been at rest for `dwell` s.
 
     Raises:
         LeafFailure: it does not come to rest.
@@ -146,19 +134,17 @@ def settle(blackboard: Blackboard, dwell: float = DWELL) -> Steps:
         if blackboard.robot.state.t - start > SETTLE_LIMIT + dwell:
             raise LeafFailure(f"the arm does not settle within {SETTLE_LIMIT:g} s")
         yield
-    return "settled"
 
 
-def finish(blackboard: Blackboard) -> Steps:
+def finish(blackboard: Blackboard) -> Generator[None]:
     """Wait until the arm's commanded motion has ended."""
     yield
     while blackboard.robot.state.moving:
         yield
-    return "arrived"
 
 
 def guarded(blackboard: Blackboard, touching: Callable[[], bool]) -> Generator[None, None, bool]:
-    """Wait until the arm's motion touches something, and hold it there; False when the motion ended
+    """Wait until the arm's motion is in contact, and hold it there; False when the motion ended
     first."""
     yield
     while not touching():
@@ -170,7 +156,7 @@ def guarded(blackboard: Blackboard, touching: Callable[[], bool]) -> Generator[N
 
 
 def in_words(force: Array) -> str:
-    """A force (3,), N, as people say it: `12 N downwards`."""
+    """A force (3,), N, by size and main direction: `12 N downwards`."""
     size = float(np.linalg.norm(force))
     names = (("+x", "-x"), ("+y", "-y"), ("upwards", "downwards"))
     axis = int(np.abs(force).argmax())

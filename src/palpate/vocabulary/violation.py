@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 PRECONDITION = "precondition"
-"""Rule of whatever a primitive requires that no other rule names."""
+"""Rule of all requirements of a primitive that have no rule of their own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -13,8 +13,9 @@ class Violation:
     """Violation of one rule by an action in a state.
 
     Attributes:
-        rule: its id, one of `planning.check.rules`; a third party's primitive mostly uses `precondition`.
-        message: what is wrong and what to do, so that a model or a person can repair the plan.
+        rule: its id, one of `planning.check.rules`; a third party's primitive mostly uses
+            `precondition`.
+        message: the problem and its remedy, by which a model or a person can repair the plan.
     """
 
     rule: str
@@ -22,7 +23,7 @@ class Violation:
 
     @property
     def finding(self) -> str:
-        """The message without its advice, which is for the author of a plan."""
+        """The message without the remedy, which is for the author of a plan."""
         return self.message.partition(";")[0]
 
     def __str__(self) -> str:

@@ -117,7 +117,7 @@ def test_a_slide_is_long_enough_to_feel(scene: Scene):
 
 
 @pytest.mark.parametrize("slide", ["bottle_pose + x_offset", "bottle_pose + 5.9*x_offset", "low"])
-def test_a_slide_that_will_not_do_is_answered_with_one_that_will(slide: str):
+def test_the_finding_on_a_slide_proposes_a_valid_one(slide: str):
     low = "places: {low: {pos: [0.46, 0, 0.075], yaw: 0}}"
     around = bench(BOTTLE, poses=low)
     tree = friction(slide, *HANGING)
@@ -185,7 +185,7 @@ def test_a_slide_that_will_not_do_is_answered_with_one_that_will(slide: str):
         ("redundant", "tree.children[2]", changed(weigh("bottle"), 2, "MeasureForces", ABOVE)),
     ],
 )
-def test_what_breaks_a_rule_is_found_where_it_is(
+def test_a_broken_rule_is_found_at_its_place(
     scene: Scene, rule: str, path: str, tree: list[str | Node] | Node
 ):
     root = tree if isinstance(tree, Node) else sequence(*tree)
@@ -211,7 +211,7 @@ def test_a_conversion_beside_its_own_sensing_comes_too_early(scene: Scene):
     assert found["buffer-unwritten"] == "tree.children[6].children[1]"
 
 
-def test_known_things_are_left_alone_unless_asked_to(scene: Scene):
+def test_known_quantities_are_not_measured_unless_remeasured(scene: Scene):
     again = plan(sequence(*weigh("can")), "can.mass")
     assert rules(again, scene)["known"] == "parameters[0]"
     assert check(again, scene, remeasure=True) == ()
@@ -219,7 +219,7 @@ def test_known_things_are_left_alone_unless_asked_to(scene: Scene):
     assert rules(stray, scene) == {"known": "tree.children[16]", "untouched": "tree.children[13]"}
 
 
-def test_objects_that_are_of_no_concern_are_not_touched(scene: Scene):
+def test_unrelated_objects_are_not_touched(scene: Scene):
     detour = [
         "MovePose mug_pose + z_offset",
         "MovePose mug_pose",
@@ -252,7 +252,7 @@ def test_an_object_in_the_way_is_a_finding_and_may_be_moved():
     ("body", "name", "rule"),
     [(TALL, "tower", "too-wide"), (ANVIL, "anvil", "payload"), (FAR, "far", "unreachable")],
 )
-def test_what_the_hand_cannot_take_is_found(body: str, name: str, rule: str):
+def test_an_object_that_the_hand_cannot_grasp_is_found(body: str, name: str, rule: str):
     assert rule in rules(plan(sequence(*weigh(name)), f"{name}.mass"), bench(body), remeasure=True)
 
 
@@ -281,7 +281,7 @@ def test_parameters_are_those_requested(scene: Scene):
     ]
 
 
-def test_no_tree_needs_an_explanation_and_promises_nothing(scene: Scene):
+def test_a_plan_without_a_tree_explains_and_promises_nothing(scene: Scene):
     assert check(plan(None), scene) == ()
     assert rules(Plan((), None, " "), scene) == {"no-explanation": "explanation"}
     assert rules(plan(None, "bottle.mass"), scene) == {"undischarged": "parameters"}

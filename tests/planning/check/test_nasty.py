@@ -377,7 +377,7 @@ CASES = [
 
 
 @pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])
-def test_what_does_harm_is_found_and_what_does_not_is_let_pass(case: Case) -> None:
+def test_a_harmful_plan_is_found_and_a_harmless_variant_passes(case: Case) -> None:
     found = case.findings()
     found.pop("not-restored", None)
     found.pop("gripper-at-end", None)

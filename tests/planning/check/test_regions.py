@@ -27,13 +27,13 @@ def test_a_plan_is_refused_where_a_part_of_the_region_does_not_pass(bar):
     assert "'post'" in finding.message
 
 
-def test_what_is_put_down_elsewhere_than_where_it_is_taken_is_not_restored(bar):
+def test_an_object_put_down_elsewhere_than_its_grasp_is_not_restored(bar):
     carried = sequence(*START, *visit("bar_balance")[:5], *visit("bar_pose")[5:], HOME)
     found = {finding.rule: finding.message for finding in check(plan(carried), bar)}
     assert "found out by running" in found["not-restored"]
 
 
-def test_no_motion_leads_from_one_such_pose_to_another():
+def test_a_motion_between_two_estimated_poses_is_refused():
     two = bench(BAR, BAR.replace("bar", "rod").replace("0.00", "0.20"))
     hop = sequence(
         *START, "MovePose bar_balance + z_offset", "MovePose rod_balance + z_offset", HOME

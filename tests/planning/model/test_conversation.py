@@ -6,15 +6,15 @@ import pytest
 
 from palpate.errors import InputError, PlanRejected
 from palpate.parameter import Parameter
-from palpate.planning.model.conversation import Answer, Conversation, load
+from palpate.planning.model.conversation import Answer, Conversation, Round, read_conversation
 from palpate.planning.model.rounds import (
     MAX_FINDINGS,
     converse,
     feedback,
-    recorded,
     replayed,
 )
 from palpate.planning.plan import Node, Plan
+from palpate.planning.recorded import ReplayPlanner
 
 GOOD = Plan((), None, "nothing to do")
 
@@ -42,7 +42,7 @@ def test_findings_go_back_until_the_plan_is_good() -> None:
     assert "'worse' is not good" in heard[2]
 
 
-def test_first_attempt_and_after_feedback_are_told_apart() -> None:
+def test_first_attempt_and_after_feedback_are_counted_apart() -> None:
     talk = Conversation("p:m", "S")
     converse(talk, "please", scripted("bad", "good"), judge)
     figures = talk.summary()["model"]
@@ -96,15 +96,19 @@ def test_a_conversation_is_read_back_as_it_was(tmp_path) -> None:
     assert Conversation.load(talk.dump()) == talk
     file = tmp_path / "conversation.json"
     file.write_text(talk.dump(), encoding="utf-8")
-    assert replayed(load(file), Conversation("again", ""), judge) is GOOD
+    assert replayed(read_conversation(file), Conversation("again", ""), judge) is GOOD
 
 
-def test_a_replay_is_judged_anew(tmp_path) -> None:
+def test_a_replay_is_checked_again(tmp_path) -> None:
     talk = Conversation("p:m", "S")
     converse(talk, "please", scripted("good"), judge)
     (tmp_path / "c.json").write_text(talk.dump())
     with pytest.raises(PlanRejected, match="stale"):
-        replayed(load(tmp_path / "c.json"), Conversation("again", ""), lambda _: (None, ["stale"]))
+        replayed(
+            read_conversation(tmp_path / "c.json"),
+            Conversation("again", ""),
+            lambda _: (None, ["stale"]),
+        )
 
 
 @pytest.mark.parametrize(
@@ -117,7 +121,7 @@ def test_a_replay_is_judged_anew(tmp_path) -> None:
         json.dumps({"planner": "p", "system": "s", "rounds": 3}),
     ],
 )
-def test_what_is_no_conversation_is_refused(text: str) -> None:
+def test_a_document_that_is_no_conversation_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="not a recorded conversation"):
         Conversation.load(text)
 
@@ -125,18 +129,19 @@ def test_what_is_no_conversation_is_refused(text: str) -> None:
 def test_an_empty_record_has_no_plan(tmp_path) -> None:
     (tmp_path / "c.json").write_text(Conversation("p:m", "S").dump())
     with pytest.raises(InputError, match="no answer"):
-        load(tmp_path / "c.json")
+        ReplayPlanner(tmp_path / "c.json").plan(None, None)
 
 
-def test_recorded_answers_end() -> None:
+def test_a_record_that_ends_with_an_objection_is_refused() -> None:
+    kept = Conversation("p:m", "S", rounds=[Round("please", Answer("good"), objection="no")])
     with pytest.raises(InputError, match="ends before"):
-        recorded(Conversation("p:m", "S"))("more")
+        replayed(kept, Conversation("again", ""), judge)
 
 
 OTHER = replace(GOOD, explanation="another")
 
 
-def test_an_objection_goes_back_once_and_what_comes_of_it_is_the_plan() -> None:
+def test_an_objection_goes_back_once_and_the_answer_to_it_is_the_plan() -> None:
     talk, heard = Conversation("p:m", "S"), list[str]()
     plans = {"first": GOOD, "second": OTHER}
     plan = converse(
@@ -164,7 +169,7 @@ def test_a_plan_stands_where_an_objection_leads_to_no_other_that_passes() -> Non
     assert len(talk.rounds) == 3
 
 
-def test_the_figures_tell_each_rounds_parameters_and_what_changed() -> None:
+def test_the_figures_have_each_rounds_parameters_and_changes() -> None:
     trees = [Node("Sequence", (), (Node("OpenGripper"), Node(name))) for name in ("A", "B")]
     plans = [
         Plan((Parameter("cup", "mass"),), trees[0], "e"),

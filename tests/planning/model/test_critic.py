@@ -105,14 +105,14 @@ def test_the_planner_may_stay_with_its_plan(scene: Scene) -> None:
 
 
 @pytest.mark.parametrize("words", ['{"objection": null}', "Looks fine to me.", "[]", ""])
-def test_without_an_objection_the_plan_is_taken_at_once(words: str, scene: Scene) -> None:
+def test_a_plan_without_an_objection_is_final(words: str, scene: Scene) -> None:
     with by_model(Says(words), GOOD) as server:
         planner, _ = asked(server, scene)
     assert len(server.requests) == 2
     assert figures(planner)["objection"] is None
 
 
-def test_a_critic_out_of_reach_costs_its_opinion_and_is_told(scene: Scene) -> None:
+def test_a_critic_out_of_reach_leaves_the_plan_and_a_note(scene: Scene) -> None:
     with by_model(Fails(500), GOOD) as server:
         planner, plan = asked(server, scene)
     assert plan.tree is not None
@@ -120,7 +120,7 @@ def test_a_critic_out_of_reach_costs_its_opinion_and_is_told(scene: Scene) -> No
     assert any("No critic read the plan" in note for note in plan.notes)
 
 
-def test_an_unknown_critic_or_one_without_a_key_is_told_before_anything_is_sent(
+def test_an_unknown_critic_or_one_without_a_key_is_refused_before_anything_is_sent(
     scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with pytest.raises(InputError, match="unknown provider 'nobody'"):

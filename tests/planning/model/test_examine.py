@@ -59,7 +59,7 @@ def test_a_server_that_is_well_is_asked_for_its_models_a_word_and_a_colour(wire:
     assert "'ready' in" in said["answer"][1]
 
 
-def test_what_is_wrong_is_said_with_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_fault_is_named_with_its_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     with Loopback(Says("Blue"), models=("llava", "gemma")) as server:
         status, said = doctor("--planner", "ollama:nope", "--base-url", server.url("ollama"))
         assert status == 5
@@ -79,7 +79,7 @@ def test_what_is_wrong_is_said_with_the_remedy(monkeypatch: pytest.MonkeyPatch) 
 
 
 @pytest.mark.parametrize("reply", [Fails(401), Fails(500), Sends(b"<html>", "text/html")])
-def test_a_model_that_fails_is_told_and_nothing_crashes(reply: Reply) -> None:
+def test_a_model_that_fails_is_reported_without_a_crash(reply: Reply) -> None:
     with Loopback(reply) as server:
         status, said = doctor("--planner", f"openai:{MODEL}", "--base-url", server.url("openai"))
     assert (status, said["models"][0], said["answer"][0]) == (5, True, False)

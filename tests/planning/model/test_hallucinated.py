@@ -43,7 +43,7 @@ def test_a_plan_is_recognised_whatever_is_around_it(kind: str, scene: Scene) -> 
 
 
 @pytest.mark.parametrize("kind", FOUND)
-def test_everything_else_is_a_finding_that_says_what_is_wrong(kind: str, scene: Scene) -> None:
+def test_an_unreadable_answer_is_a_finding_that_names_the_fault(kind: str, scene: Scene) -> None:
     answer, told = FOUND[kind]
     started = time.monotonic()
     _, findings = VlmPlanner("openai").judge(answer, scene, REQUEST)
@@ -53,12 +53,12 @@ def test_everything_else_is_a_finding_that_says_what_is_wrong(kind: str, scene: 
     assert KEY not in feedback(findings)
 
 
-def test_there_are_more_than_a_hundred() -> None:
+def test_more_than_a_hundred_answers_are_tried() -> None:
     assert len(FOUND) + len(MEANT) > 150
 
 
 @pytest.mark.parametrize("kind", ["a key for a type", "a refusal", "huge joints", "a tool call"])
-def test_over_the_wire_it_is_one_round_of_feedback_and_no_key_is_kept(
+def test_an_unreadable_answer_costs_one_round_of_feedback_and_no_key_is_kept(
     kind: str, scene: Scene, caplog: pytest.LogCaptureFixture
 ) -> None:
     answer, told = FOUND[kind]

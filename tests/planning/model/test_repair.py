@@ -70,7 +70,7 @@ def test_a_slide_is_right_after_one_round_wherever_it_began(factor: float, tray:
     assert len(server.requests) <= 2
 
 
-def test_two_faults_are_told_at_once_and_mended_at_once(tray: Scene) -> None:
+def test_two_faults_are_reported_together_and_mended_together(tray: Scene) -> None:
     document = json.loads(sliding(1))
     document["tree"]["children"][2]["pose"] = "jar_pose + 12*z_offset"
     with served(Model(json.dumps(document))) as server:
@@ -80,7 +80,7 @@ def test_two_faults_are_told_at_once_and_mended_at_once(tray: Scene) -> None:
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=[fault.name for fault in FAULTS])
-def test_whatever_rule_is_broken_the_findings_mend_it_in_two_rounds(fault: Fault) -> None:
+def test_the_findings_mend_every_broken_rule_in_two_rounds(fault: Fault) -> None:
     scene, model, planner = fault.scene(), Model(fault.answer()), VlmPlanner("openai")
     told: list[list[str]] = []
 
@@ -97,5 +97,5 @@ def test_whatever_rule_is_broken_the_findings_mend_it_in_two_rounds(fault: Fault
     assert plan.tree is None or plan.parameters
 
 
-def test_there_is_such_a_plan_for_every_rule() -> None:
+def test_every_rule_has_a_plan_that_breaks_it() -> None:
     assert {fault.rule for fault in FAULTS} == CATALOGUE.keys()

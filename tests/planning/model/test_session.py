@@ -128,7 +128,7 @@ def test_a_known_model_has_a_price(planner: str) -> None:
         ([Stalls(), Says("at last")], 2),
     ],
 )
-def test_what_passes_is_asked_again(planner: str, replies: list[Reply], requests: int) -> None:
+def test_a_transient_failure_is_retried(planner: str, replies: list[Reply], requests: int) -> None:
     with Loopback(*replies) as server:
         answer = opened(server, planner).ask("m")
     assert (answer.text, answer.requests, len(server.requests)) == ("at last", requests, requests)
@@ -163,7 +163,7 @@ def test_retry_after_is_honoured_within_the_budget(planner: str) -> None:
         ),
     ],
 )
-def test_what_does_not_pass_is_one_clear_error(
+def test_a_permanent_failure_is_one_clear_error(
     planner: str, reply: Reply, told: str, requests: int
 ) -> None:
     with Loopback(reply) as server, pytest.raises(Unavailable, match=told) as caught:
@@ -182,7 +182,7 @@ def test_a_connection_that_stalls_for_ever_ends_within_the_budget(planner: str) 
     assert time.monotonic() - started < SDK_PATIENCE
 
 
-def test_nobody_there_is_one_clear_error() -> None:
+def test_a_server_that_is_not_there_is_one_clear_error() -> None:
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
         nowhere = Endpoint.of("openai:m", f"http://127.0.0.1:{unused.getsockname()[1]}/v1")

@@ -79,7 +79,7 @@ REPAIRED: dict[str, str] = {
 
 
 @pytest.mark.parametrize("kind", REPAIRED)
-def test_what_can_only_mean_one_thing_is_read_as_that(kind: str, scene: Scene) -> None:
+def test_an_unambiguous_deviation_is_repaired(kind: str, scene: Scene) -> None:
     plan, findings = VlmPlanner("openai").judge(REPAIRED[kind], scene, REQUEST)
     assert findings == []
     assert plan is not None
@@ -123,7 +123,7 @@ FOUND: dict[str, tuple[str, str]] = {
 
 
 @pytest.mark.parametrize("kind", FOUND)
-def test_everything_else_is_told_in_a_finding(kind: str, scene: Scene) -> None:
+def test_an_ambiguous_deviation_is_a_finding(kind: str, scene: Scene) -> None:
     text, told = FOUND[kind]
     _, findings = VlmPlanner("openai").judge(text, scene, REQUEST)
     assert any(told in finding for finding in findings), findings
@@ -179,7 +179,7 @@ def doubled(text: str, places: list[int], words: str) -> str:
     | st.text(max_size=6),
 )
 @settings(max_examples=150, deadline=None)
-def test_whatever_is_damaged_is_a_plan_or_a_finding(
+def test_a_damaged_answer_is_a_plan_or_a_finding(
     scene: Scene, how: Callable[..., str], text: str, places: list[int], words: str
 ) -> None:
     plan, findings = VlmPlanner("openai").judge(how(text, places, words), scene, REQUEST)

@@ -1,27 +1,14 @@
 """Requests as people write them, in many scenes: what each asks for, or that it is refused.
 
-`before.txt`, `after.txt` and `later.txt` in `requests/` were there when the grammar was written.
-The others came afterwards, from three pens: short ones (`everyday.txt`), long ones in which
-most is said beside the request (`polite.txt`), and such as are easily misread (`tricky.txt`). On
-them the grammar's first try, before any of them was looked at:
-
-    everyday   115 requests, 57 of  75 measurable ones read, 18 refused, none misread
-    polite     113 requests,  5 of  70 measurable ones read, 65 refused, none misread
-    tricky     129 requests, 16 of  79 measurable ones read, 63 refused, none misread
-
-that is 78 accepted, all of them rightly; recall 76, 7 and 20 %. A fourth batch came when these had
-been mended, of what people type into a command line (`ordinary.txt`):
-
-    ordinary   150 requests, 84 of 108 measurable ones read, 24 refused, none misread
-
-of the other 42 one was weighed, "weigh the cubes and put them back in the toy box", and told that it
-is not put anywhere; there is no toy box, so it was to be refused. 84 of 85 accepted were right, recall
-was 78 %. What could be mended in kind has been since: `LEAST` is what is read at least.
+A reading is *sure* (accepted without a question), a *proposal* (shown and confirmed), or a refusal. The
+corpus has seven files from several authors; four of them were written by people who had not seen the
+grammar.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -51,43 +38,43 @@ def lines(file: str) -> Iterator[Line]:
             yield Line(where, kind, request, frozenset(asked.replace("-", "").split()))
 
 
-def read(line: Line) -> frozenset[str]:
-    """What is understood of it: nothing where it is refused."""
+def read(line: Line) -> tuple[str, frozenset[str]]:
+    """How a request is read (sure, proposal, refused), and the parameters it asks for."""
     try:
-        found = ground(line.request, scene(line.scene))
-    except (InputError, PlanRejected):
-        return frozenset()
-    return frozenset(str(parameter) for parameter in found.asked)
+        found, how = ground(line.request, scene(line.scene)).asked, "sure"
+    except PlanRejected as rejection:
+        found, how = rejection.proposal, "proposal" if rejection.proposal else "refused"
+    except InputError:
+        return "refused", frozenset()
+    return how, frozenset(str(parameter) for parameter in found)
 
 
-LEAST = {
-    "before.txt": 0.98,
-    "after.txt": 0.98,
-    "later.txt": 0.95,
-    "everyday.txt": 0.95,
-    "polite.txt": 0.45,
-    "tricky.txt": 0.3,
-    "ordinary.txt": 0.85,
-}
-"""Share of the measurable requests of each file that is understood."""
+FILES = tuple(sorted(file.name for file in REQUESTS.glob("*.txt")))
+PRECISION = 0.995
+"""Least share of the sure readings that are right."""
+RECALL = 0.92
+"""Least share of the measurable requests that are read surely, or proposed, and right."""
 
 
-@pytest.mark.parametrize("file", LEAST)
-def test_what_is_read_is_what_was_asked_and_else_it_is_refused(file: str):
-    asked = [line for line in lines(file) if line.asked]
-    wrong: list[str] = []
-    missed = 0
-    for line in lines(file):
-        found = read(line)
-        if found and found != line.asked:
-            wrong.append(f"{line.request} -> {' '.join(sorted(found))}")
-        missed += bool(line.asked and not found)
-    assert not wrong, "\n".join(wrong)
-    assert len(asked) - missed >= LEAST[file] * len(asked)
+@lru_cache
+def readings() -> tuple[tuple[Line, str, frozenset[str]], ...]:
+    return tuple((line, *read(line)) for file in FILES for line in lines(file))
+
+
+def test_a_sure_reading_is_right():
+    sure = [(line, found) for line, how, found in readings() if how == "sure" and found]
+    wrong = [f"{line.request} -> {sorted(found)}" for line, found in sure if found != line.asked]
+    assert len(wrong) <= (1.0 - PRECISION) * len(sure), "\n".join(wrong)
+
+
+def test_a_measurable_request_is_read_or_proposed():
+    measurable = [(line, found) for line, _, found in readings() if line.asked]
+    right = sum(found == line.asked for line, found in measurable)
+    assert right >= RECALL * len(measurable)
 
 
 def test_the_corpus_is_large_and_of_many_kinds():
-    everything = [line for file in LEAST for line in lines(file)]
+    everything = [line for file in FILES for line in lines(file)]
     assert len(everything) >= 400
     assert len({line.scene for line in everything}) >= 10
     assert len({line.kind for line in everything}) >= 14
@@ -146,9 +133,6 @@ def test_a_refusal_shows_the_words_of_the_request(request_: str):
 
 def test_a_side_remark_is_told_and_is_not_what_a_pronoun_means():
     told = "The phone is ringing, so please weigh the mug."
-    assert (
-        "'the phone is ringing' is taken for a side remark."
-        in ground(told, scene("kitchen")).remarks
-    )
+    assert "Set aside: 'the phone is ringing'." in ground(told, scene("kitchen")).remarks
     with pytest.raises(PlanRejected, match="it is not clear"):
         ground("My aunt brought something. How heavy is it?", scene("kitchen"))

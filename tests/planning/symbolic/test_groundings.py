@@ -144,7 +144,7 @@ def test_primitives_with_two_fields_and_new_kinds_of_arguments_are_planned_for(w
     assert check(kept, scene, words=known) == ()
 
 
-def test_who_names_no_arguments_is_told_so_and_not_dropped_silently(words) -> None:
+def test_a_primitive_without_groundings_is_named_in_the_rejection(words) -> None:
     made = assemble(
         bench(BOTTLE), [Parameter("bottle", "hollowness")], words(Tap, Shout, Sound2Hollowness)
     )

@@ -11,8 +11,8 @@ from palpate.planning.plan import Plan
 from palpate.planning.symbolic.passes import site_of
 from palpate.planning.symbolic.planner import SymbolicPlanner, assemble
 from palpate.quantities.mass import Mass
-from palpate.quantities.precision.effort import Effort
-from palpate.quantities.precision.within import Within
+from palpate.quantities.quantity import Effort
+from palpate.quantities.within import Within
 from palpate.scene.scene import Scene
 
 MASS = Parameter("bottle.mass")
@@ -47,7 +47,7 @@ def test_empty_and_loaded_passes_alternate_slowly(scene: Scene) -> None:
     assert done.count("Force2Mass") == 1
 
 
-def test_without_a_width_a_plan_is_what_it_was(scene: Scene) -> None:
+def test_a_plan_without_a_width_has_no_slow_passes(scene: Scene) -> None:
     plain = planned(scene, "how heavy is the bottle?")
     assert speeds(plain) == []
     assert planned(scene, "how heavy is the bottle?", height="1mm").tree == plain.tree
@@ -65,14 +65,14 @@ def test_a_narrower_width_takes_more_work(scene: Scene) -> None:
     assert work[-1] > 4 * work[0]
 
 
-def test_what_gains_leave_is_in_proportion_to_what_is_lifted(scene: Scene) -> None:
+def test_the_floor_of_a_mass_is_proportional_to_the_mass(scene: Scene) -> None:
     light, heavy = (site_of(scene, MASS, (mass,)) for mass in (0.2, 0.8))
     assert light is not None
     assert heavy is not None
     assert Mass().floor(heavy) == pytest.approx(4 * Mass().floor(light), rel=0.1)
 
 
-def test_what_is_measured_several_times_is_put_back_in_between(scene: Scene) -> None:
+def test_an_object_measured_several_times_is_put_back_in_between(scene: Scene) -> None:
     """Slid to the other side every other time; the check lets it pass where it is told why."""
     friction = Parameter("bottle.friction")
     made = assemble(scene, [MASS, friction], efforts={friction: Effort(times=3)})
@@ -90,7 +90,7 @@ def test_what_is_measured_several_times_is_put_back_in_between(scene: Scene) -> 
     assert {finding.rule for finding in check(plan, scene, remeasure=True)} == {"redundant"}
 
 
-def test_nothing_is_lifted_more_often_than_can_be(scene: Scene) -> None:
+def test_objects_alone_are_lifted_and_as_often_as_the_effort_says(scene: Scene) -> None:
     """Of a surface nothing is lifted at all, and of an object as often as its effort says."""
     assert site_of(scene, Parameter("table.height")) is None
     made = assemble(scene, [MASS], efforts={MASS: Effort(3, 0.1)})

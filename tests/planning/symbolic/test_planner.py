@@ -75,7 +75,7 @@ def test_friction_is_slid_in_the_same_grasp_in_a_triangle(scene: Scene):
     assert plan.actions == 17
 
 
-def test_where_there_is_no_room_aside_friction_is_slid_there_and_back():
+def test_friction_is_slid_there_and_back_where_there_is_no_room_aside():
     bottle = bench(BOTTLE.replace('friction="0.6"', ""), *walls("0.56", "0.44"))
     plan = planned(bottle, "friction of the bottle")
     assert actions(plan.tree).count("MeasureForces") == 2
@@ -121,7 +121,7 @@ def test_a_centre_of_mass_takes_a_turn_with_the_object_and_one_before_it_is_take
     assert turns("mallet", bench(MALLET)) == ("MovePose mallet_balance", ["CloseGripper"])
 
 
-def test_it_turns_the_way_that_is_free_and_not_at_all_where_none_is():
+def test_a_turn_takes_the_free_direction_and_is_left_out_without_one():
     def turns(*scene: str) -> list[str]:
         plan = planned(bench(*scene), "the balance point of the bar")
         assert plan.parameters
@@ -149,19 +149,19 @@ def last_grasp(scene: Scene) -> str:
     return [done[i - 1] for i, action in enumerate(done) if action == "CloseGripper"][-1]
 
 
-def test_what_does_not_balance_where_it_is_grasped_is_weighed_last_where_it_does():
+def test_an_object_is_weighed_last_at_its_balance_point():
     assert last_grasp(bench(MALLET)) == "MovePose mallet_balance"
     told = planned(bench(MALLET), "the mass and the centre of mass of the mallet").explanation
     assert "'mallet' is grasped last where the run finds it to balance." in told
 
 
-def test_it_is_not_where_a_part_of_that_region_does_not_pass():
+def test_the_balance_point_is_left_out_where_a_part_of_its_region_does_not_pass():
     blocked = bench(MALLET, BESIDE_ITS_END)
     assert last_grasp(blocked) == "MovePose mallet_pose + x_offset"
 
 
 @pytest.mark.parametrize(("head", "last"), [("", "+"), ("-", "-")])
-def test_what_is_heavier_on_one_side_is_grasped_there_last(head: str, last: str):
+def test_an_object_heavier_on_one_side_is_grasped_there_last(head: str, last: str):
     """And so it is swung where an error of its centre of mass adds least to its inertia."""
     scene = parse_scene(f"""<mujoco><worldbody><site name="robot_base"/>
       <body name="table" pos="0.5 0 -0.03"><geom type="box" size=".3 .3 .03"/></body>
@@ -185,7 +185,7 @@ def test_without_a_request_all_that_is_missing_is_measured_and_nothing_else(scen
     assert not any("can_pose" in action for action in actions(plan.tree))
 
 
-def test_what_is_known_is_not_measured_again_and_the_plan_says_so(scene: Scene):
+def test_a_known_quantity_is_not_measured_again_and_the_plan_says_so(scene: Scene):
     plan = planned(scene, "the masses of the bottle and the can")
     assert plan.parameters == parameters("bottle.mass")
     assert "0.2 kg" in plan.notes[0]
@@ -203,7 +203,9 @@ def test_when_all_is_known_there_is_nothing_to_do(scene: Scene):
 @pytest.mark.parametrize(
     "request_", ["measure the water temperature", "the temperature of the bottle"]
 )
-def test_what_cannot_be_measured_is_a_null_tree_with_an_explanation(scene: Scene, request_: str):
+def test_an_unmeasurable_quantity_gives_a_null_tree_with_an_explanation(
+    scene: Scene, request_: str
+):
     plan = SymbolicPlanner().plan(request_, scene)
     assert (plan.parameters, plan.tree) == ((), None)
     assert "cannot be measured" in plan.explanation
@@ -232,12 +234,12 @@ def test_an_object_that_is_not_there_is_bad_input(scene: Scene):
         ),
     ],
 )
-def test_what_the_arm_cannot_do_is_rejected_with_the_reason(body: str, reason: str):
+def test_an_infeasible_request_is_rejected_with_the_reason(body: str, reason: str):
     with pytest.raises(PlanRejected, match=reason):
         SymbolicPlanner().plan("the friction of the thing", bench(body))
 
 
-def test_what_can_be_done_is_done_beside_what_cannot():
+def test_measurable_parameters_are_planned_beside_unmeasurable_ones():
     wide = '<body name="chest" pos="0.45 -0.3 0.08"><freejoint/><geom type="box" size=".06 .06 .08"/></body>'
     plan = planned(bench(BOTTLE, wide), "weigh the bottle and the chest")
     assert plan.parameters == parameters("bottle.mass")
@@ -245,7 +247,7 @@ def test_what_can_be_done_is_done_beside_what_cannot():
 
 
 @pytest.mark.parametrize("where", ["0.5 0 0.09", "0.5 0.05 0.03"], ids=["on top", "beside"])
-def test_what_blocks_is_carried_away_and_back(where: str):
+def test_a_blocking_object_is_carried_away_and_back(where: str):
     low = (
         '<body name="low" pos="0.5 0 0.03"><freejoint/><geom type="box" size=".05 .02 .03"/></body>'
     )
@@ -285,7 +287,7 @@ def test_fifteen_objects_cost_fifteen_times_one_not_more():
     assert time.process_time() - start < 1.0
 
 
-def test_what_only_real_shapes_show_is_gone_around_or_said() -> None:
+def test_an_obstacle_that_only_the_real_shape_shows_is_avoided_or_named() -> None:
     # The search looks at boxes of objects; a wall under the forearm is neither.
     wall = '<geom name="wall" type="box" pos="0.28 0 0.25" size=".01 .2 .25"/>'
     with pytest.raises(PlanRejected, match="'wall'"):

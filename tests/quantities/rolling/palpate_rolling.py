@@ -11,10 +11,9 @@ from typing import ClassVar
 from palpate.estimation.estimate import Estimate, not_identified
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.edits import Edit, Slot, number
-from palpate.mjcf.roles.elements import Elements
+from palpate.mjcf.elements import Elements
 from palpate.parameter import Parameter
-from palpate.quantities.evidence import Evidence
-from palpate.quantities.quantity import Prior, Quantity, Status, Values
+from palpate.quantities.quantity import Evidence, Prior, Quantity, Status, Values
 from palpate.trace.samples import FORCES, Trace
 
 THIRD = 2

@@ -32,7 +32,7 @@ DESK = """<mujoco><worldbody>
         ("franky://127.0.0.1?realtime=enforce", Address("127.0.0.1", realtime=True)),
     ],
 )
-def test_what_urls_mean(url: str, address: Address) -> None:
+def test_urls_are_parsed(url: str, address: Address) -> None:
     assert read_address(url) == address
 
 
@@ -105,7 +105,7 @@ def test_another_server_is_no_version(answer: bytes) -> None:
     assert "no control box" in greeting.problem
 
 
-def test_one_that_speaks_the_same_is_fine() -> None:
+def test_a_control_box_of_the_same_version_is_fine() -> None:
     with listening(struct.pack("<IIIBH", 0, 0, 15, 0, 10)):
         greeting = greet(Address(own_address()))
     assert (greeting.version, greeting.problem) == (10, None)

@@ -92,7 +92,7 @@ def test_the_reference_never_jumps_while_probing(wired: Wired) -> None:
     assert (steps / cycles).max() < 0.021e-3
 
 
-def test_nothing_was_pressed_hard(wired: Wired) -> None:
+def test_the_arm_pressed_nothing_hard(wired: Wired) -> None:
     trace = wired.run.trace
     assert trace is not None
     assert np.linalg.norm(trace.wrench[:, :3], axis=1).max() < 40.0
@@ -104,7 +104,7 @@ def test_every_cycle_is_in_the_log(wired: Wired) -> None:
     assert (np.diff(stamps) == 1).all()
 
 
-def test_what_is_in_the_way_is_carried_aside_and_back() -> None:
+def test_an_obstacle_is_carried_aside_and_back() -> None:
     with served(**files("occlusion"), seed=1, fastest=1.0) as bench:
         boxes = ("red_box", "light_blue_box")
         before = [bench.ask("pose", body=name) for name in boxes]

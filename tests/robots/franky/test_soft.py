@@ -9,7 +9,7 @@ import pytest
 
 import palpate as pp
 from palpate.cells.simulated import simulated_cell
-from palpate.robots.owner.registered import own_arm
+from palpate.robots.owner.arm import own_arm
 from palpate.scene.scene import with_real_arm
 from palpate.stages.executing import perform
 
@@ -32,7 +32,7 @@ def test_two_kilograms_are_lifted_and_set_down_on_800_newtons_a_metre() -> None:
     assert tcp.min() == pytest.approx(-2 * 9.81 / 800, rel=0.2)
 
 
-def test_springs_that_somebody_set_stay() -> None:
+def test_springs_set_in_robot_yaml_stay() -> None:
     arm = pp.load(DESK.format(mass="")).arm
     assert arm.hardware is not None
     assert arm.real().stiffness == arm.hardware.stiffness

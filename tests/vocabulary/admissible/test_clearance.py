@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from workbench import BOTTLE, bench
 
 from palpate.geometry.pose import Pose
-from palpate.vocabulary.admissible.clearance import Boxes, Motion, needed_away
+from palpate.vocabulary.admissible.clearance import Boxes, box_hits, needed_away
 from palpate.vocabulary.state import SymbolicState
 
 number = st.floats(-0.2, 0.2)
@@ -31,9 +31,7 @@ def box(pose: Pose, half: tuple[float, ...]) -> Boxes:
 
 @given(vectors, quaternions, sizes, vectors, quaternions, sizes)
 @settings(max_examples=150, deadline=None)
-def test_boxes_overlap_when_points_of_one_are_in_the_other_and_it_does_not_matter_which_is_asked(
-    p, q, a, r, s, b
-):
+def test_boxes_overlap_when_points_of_one_are_in_the_other_in_either_order(p, q, a, r, s, b):
     first, second = Pose.of(p, q), Pose.of(r, s)
     meet = bool(box(first, a).overlap(box(second, b), 0.0)[0])
     assert meet == bool(box(second, b).overlap(box(first, a), 0.0)[0])
@@ -51,13 +49,13 @@ def test_a_descent_beside_a_bottle_is_clear_and_one_through_it_is_not():
     state = SymbolicState(bench(BOTTLE))
     grasp = state.scene.symbols.resolve("bottle_pose")
     above = grasp.translated((0, 0, 0.15))
-    assert Motion(state, above, grasp).hits() == []
+    assert box_hits(state, above, grasp) == []
     shifted = grasp.translated((*(0.045 * grasp.rotation[:2, 1]), 0))
-    assert Motion(state, shifted.translated((0, 0, 0.15)), shifted).hits() == ["bottle"]
-    assert Motion(state, shifted.translated((0, 0, 0.15)), shifted).hits(ignoring=["bottle"]) == []
+    assert box_hits(state, shifted.translated((0, 0, 0.15)), shifted) == ["bottle"]
+    assert box_hits(state, shifted.translated((0, 0, 0.15)), shifted, ignoring=["bottle"]) == []
 
 
-def test_what_stands_on_an_object_has_to_go_and_what_stands_aside_may_stay():
+def test_objects_on_an_object_block_it_and_those_aside_do_not():
     scene = bench(LOW, ON_TOP, ASIDE)
     assert needed_away(scene, ["low"]) == {"top"}
     assert needed_away(scene, ["top", "aside"]) == set()

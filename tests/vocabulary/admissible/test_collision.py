@@ -1,4 +1,4 @@
-"""What a motion from a touch may pass: where the hand has just been, whatever was believed to be there."""
+"""Collisions of a motion away from a touch: the way back is free whatever was believed."""
 
 from __future__ import annotations
 
@@ -56,14 +56,14 @@ def test_the_way_back_from_a_probe_is_free_however_deep_it_went() -> None:
         assert back_to("bench_approach", touching(lower)) == ()
 
 
-def test_nothing_else_is_free_where_a_belief_was_wrong() -> None:
+def test_only_the_way_back_is_free_where_a_belief_was_wrong() -> None:
     deep = touching(DEEPER)
     assert back_to("bench_approach + x_offset", deep) != ()
     assert back_to("bench_approach + z_offset", deep) != ()
     assert back_to("bench_approach", replace(deep, contact=None)) != ()
 
 
-def test_what_was_measured_higher_is_kept_clear_of_from_then_on() -> None:
+def test_body_measured_higher_is_kept_clear_of_from_then_on() -> None:
     there = APPROACH.translated((0.0, 0.0, -0.08))
     state = replace(after_touching(HIGHER), at=None)
     hits = collisions(state, replace(state, pose_world_tcp=there))
@@ -72,7 +72,7 @@ def test_what_was_measured_higher_is_kept_clear_of_from_then_on() -> None:
 
 
 @pytest.mark.parametrize("higher", [0.001, 0.05, -0.05])
-def test_what_stands_on_a_measured_surface_moves_with_it(higher: float) -> None:
+def test_objects_on_a_measured_surface_move_with_it(higher: float) -> None:
     state = after_touching(higher)
     assert state.pose_of("bottle").distance_to(SCENE.body("bottle").pose_world) == pytest.approx(
         abs(higher), abs=1e-6
@@ -87,7 +87,7 @@ def test_what_stands_on_a_measured_surface_moves_with_it(higher: float) -> None:
     assert stands.gap == pytest.approx(0.0, abs=1e-6)
 
 
-def test_what_stands_more_than_50_mm_from_where_it_was_guessed_is_not_touched() -> None:
+def test_object_more_than_50_mm_from_its_guessed_height_is_not_touched() -> None:
     above = MovePose(pose="bottle_pose + z_offset")
     assert above.violations(after_touching(0.05)) == []
     (found,) = above.violations(after_touching(HIGHER))

@@ -1,4 +1,4 @@
-"""Where the arm goes slowly: near things, by belief, and the same way with an object as without."""
+"""Motion profile: slow near things, by belief, and the same with an object as without."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_near_things_the_speed_follows_the_effective_mass(start, ways) -> None:
     assert speed(Span(grasp, grasp, True), start.scene) == GUARDED_SPEED
 
 
-def test_the_arm_is_told_of_all_parts_at_once(start, ways) -> None:
+def test_robot_gets_all_stretches_in_one_command(start, ways) -> None:
     above, grasp = ways
     parts = list(spans(replace(start, gripper="open"), above, grasp))
     free, near = stretches(parts, start.scene)

@@ -1,4 +1,4 @@
-"""Whether the arm has room in a scene at all."""
+"""Room for the arm in a scene."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def block(name: str, x: float, z: float, joint: str = "") -> str:
     return f'<body name="{name}" pos="{x} 0 {z}">{joint}<geom type="box" size=".1 .1 .1" mass="1"/></body>'
 
 
-def test_what_stands_beside_the_arm_or_carries_it_leaves_it_room() -> None:
+def test_bodies_beside_the_arm_or_below_it_leave_it_room() -> None:
     require_room(among(block("table", 0.5, -0.1), block("pedestal", 0.0, -0.05)))
 
 
@@ -27,7 +27,7 @@ def test_what_stands_beside_the_arm_or_carries_it_leaves_it_room() -> None:
     ("name", "x", "z", "joint", "inside"),
     [("table", 0.12, 0.25, "", "link1"), ("parcel", 0.3, 0.44, "<freejoint/>", "finger")],
 )
-def test_what_stands_inside_the_arm_is_named_before_any_plan(
+def test_body_inside_the_arm_is_named_before_any_plan(
     name: str, x: float, z: float, joint: str, inside: str
 ) -> None:
     scene = among(block(name, x, z, joint), block("far", 0.6, -0.1))

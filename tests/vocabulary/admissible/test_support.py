@@ -1,4 +1,4 @@
-"""What is let go of stays where it is: support polygons, edges, stacks and leaning."""
+"""Stability of a released object: support polygons, edges, stacks and leaning."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_a_can_stays_where_its_centre_is_well_over_the_table(y: float, reason: s
     assert (found is None) if reason is None else found is not None and reason in found
 
 
-def test_what_hangs_in_the_air_or_is_pressed_down_does_not_stay() -> None:
+def test_object_in_the_air_or_pressed_down_does_not_stay() -> None:
     can = state(KNOWN)
     assert stable(can, "can", at(0.5, 0.3, 0.063)) is None
     assert "fall by 0.040 m" in (stable(can, "can", at(0.5, 0.3, 0.10)) or "")
@@ -48,7 +48,7 @@ def test_what_hangs_in_the_air_or_is_pressed_down_does_not_stay() -> None:
     assert "pressed 0.035 m" in (stable(can, "can", at(0.5, 0.3, 0.025)) or "")
 
 
-def test_what_leans_does_not_stay() -> None:
+def test_leaning_object_does_not_stay() -> None:
     lean = Pose.of((0.5, 0.3, 0.06), (np.cos(0.1), np.sin(0.1), 0, 0))
     assert "lean by 11°" in (stable(state(KNOWN), "can", lean) or "")
 
@@ -65,7 +65,7 @@ def test_a_known_centre_of_mass_decides() -> None:
     assert "edge" in (stable(state(HAMMER.format(com=".14 0 0")), "hammer", over_the_edge) or "")
 
 
-def test_what_stands_where_it_was_found_stays_however_it_stood() -> None:
+def test_object_where_it_was_found_stays_however_it_stood() -> None:
     on_the_edge = '<body name="box" pos="0.5 0.598 0.03"><freejoint/><geom type="box" size=".03 .03 .03"/></body>'
     found = state(on_the_edge)
     assert stable(found, "box", found.pose_of("box")) is None
@@ -78,14 +78,14 @@ def test_a_stack_is_stable_in_the_middle_and_not_off_it() -> None:
     assert "tip over the edge of 'low'" in (stable(stack, "can", at(0.5, 0.25, 0.12)) or "")
 
 
-def test_what_carries_it_must_itself_stay() -> None:
+def test_carrier_of_an_object_must_stay_itself() -> None:
     balanced = '<body name="plank" pos="0.5 0.50 0.01"><freejoint/><geom type="box" size=".03 .19 .01"/></body>'
     reason = stable(state(balanced, KNOWN), "can", at(0.5, 0.65, 0.08))
     assert reason is not None
     assert "'plank' would tip under it" in reason
 
 
-def test_what_stands_on_an_object_goes_where_it_goes() -> None:
+def test_objects_on_an_object_move_with_it() -> None:
     stack = state(LOW, UPPER, BOTTLE)
     assert riders(stack, "low") == ["upper"]
     assert riders(stack, "upper") == riders(stack, "bottle") == []

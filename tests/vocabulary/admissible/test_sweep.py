@@ -1,4 +1,4 @@
-"""What a motion comes near: shares of a straight way, and what is hit on it."""
+"""Sweep of a motion: its shares near things, and its hits."""
 
 from __future__ import annotations
 
@@ -72,11 +72,11 @@ def test_the_arm_itself_is_swept_and_not_only_the_hand() -> None:
     assert "wall" in met(state, ABOVE, GRASP)
 
 
-def test_what_is_fixed_is_hit_too() -> None:
+def test_static_bodies_are_hit_too() -> None:
     assert met(OPEN, ABOVE, GRASP.translated((0.1, 0.2, -0.13))) >= {"bench"}
 
 
-def test_a_grip_is_what_is_really_between_the_pads() -> None:
+def test_grip_is_the_contact_of_the_pads_with_the_object_between_them() -> None:
     shapes, body = solids(OPEN.scene), OPEN.pose_of("bottle")
     taken = grip(shapes, "bottle", GRASP.inverse() @ body)
     assert taken is not None

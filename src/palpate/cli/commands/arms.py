@@ -1,4 +1,4 @@
-"""Commands about the arm itself, and what is at hand."""
+"""Commands about the arm and this machine."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli.commands.asking import unless
 from palpate.cli.options import MODEL, AsJson, Given, SceneFile, Yes, settings
 from palpate.settings import settings_of
 
@@ -39,12 +38,12 @@ def calibrate(
     as_json: AsJson = False,
     yes: Yes = False,
 ) -> None:
-    """Measure one very arm with what is known, and write robot.yaml."""
+    """Calibrate an arm with known masses and heights, and write robot.yaml."""
     from palpate.calibration.calibrate import calibrate as carry_out_calibration
     from palpate.calibration.calibrate import wanted
     from palpate.callbacks import RunCallbacks
     from palpate.cli.show.calibration import show_calibration
-    from palpate.cli.show.run import confirm_plan, live_view
+    from palpate.cli.show.run import confirm_plan, live_view, unless
 
     asked = wanted(weight, gauge, own_weight)
     with live_view() as (observer, say):
@@ -59,7 +58,7 @@ def teach(
     given: Annotated[Given, settings("robot", "poses", "root", "arm")],
     out: Annotated[Path, typer.Option("--out", help="poses.yaml to write.")] = Path("poses.yaml"),
 ) -> None:
-    """Record poses in poses.yaml: from a robot's hand that is led to each thing, or from a ruler."""
+    """Record poses in poses.yaml: guide the robot's hand to each object, or type ruler measurements."""
     from palpate.cli.teach import give_lesson
 
     give_lesson(settings_of(scene=scene, **given), out)
@@ -78,7 +77,7 @@ def doctor(
         str | None, typer.Option("--planner", help="A model's server to ask: PROVIDER[:MODEL].")
     ] = None,
 ) -> None:
-    """Explain what is and what is not available on this machine, at a real robot, or at a model's server."""
+    """Check what is available on this machine, at a real robot, or at a model's server."""
     from palpate.cli.doctor import examine, examine_planner, examine_robot
 
     asked = settings_of(**given)

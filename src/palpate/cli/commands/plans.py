@@ -1,4 +1,4 @@
-"""Commands about plans, none of which moves anything."""
+"""Commands about plans; none moves anything."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from palpate.cli.options import (
 )
 from palpate.settings import settings_of
 
-ASKED = ("request", "scene", "images", *SCENE)
+ASKED = ("request", "measure", "scene", "images", *SCENE)
 
 
 def plan(
@@ -31,7 +31,7 @@ def plan(
     as_json: AsJson = False,
     model: Annotated[Given, settings(MODEL)],
 ) -> None:
-    """Plan only: which parameters, which tree, and why."""
+    """Plan without execution: parameters, tree, explanation."""
     from palpate.api import plan_settings
     from palpate.cli.show.plan import show_plan
 
@@ -46,7 +46,7 @@ def prompt(
     given: Annotated[Given, settings(*ASKED, f"{MODEL}.prompt", f"{MODEL}.without")],
     as_json: AsJson = False,
 ) -> None:
-    """Print what a model would be sent, to read it or to paste it into a chat."""
+    """Print the prompt for a model, to read it or to paste it into a chat."""
     from palpate.cli.show.plan import show_prompt
 
     show_prompt(settings_of(**one_scene(scene, given)), as_json)

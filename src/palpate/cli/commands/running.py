@@ -1,4 +1,4 @@
-"""Commands that run a plan: from a scenario, from a sentence, from a plan that exists already."""
+"""Commands that execute: a scenario, a request, an existing plan."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli.commands.asking import resuming, unless
 from palpate.cli.options import (
     MODEL,
     MOTION,
@@ -28,7 +27,7 @@ OF_DEMO = ("noise", "seed", "arm", "cautious", "robot_config", "within", "out", 
 
 
 def _scenario_names(begun: str) -> list[str]:
-    """Names of bundled scenarios that begin so, for a shell to complete."""
+    """Complete the name of a bundled scenario for a shell."""
     from palpate.scenarios.catalogue import scenarios
 
     return [name for name in scenarios() if name.startswith(begun)]
@@ -56,7 +55,9 @@ def demo(
 def run(
     scene: SceneArgument = None,
     *,
-    given: Annotated[Given, settings("request", "scene", "images", *SCENE, *PLANNER, *MOTION)],
+    given: Annotated[
+        Given, settings("request", "measure", "scene", "images", *SCENE, *PLANNER, *MOTION)
+    ],
     watch: WatchOptions,
     as_json: AsJson = False,
     yes: Yes = False,
@@ -74,39 +75,45 @@ def execute(
     as_json: AsJson = False,
     yes: Yes = False,
 ) -> None:
-    """Execute a plan that exists already."""
+    """Execute an existing plan."""
     from palpate.tools import replayed
 
     carry_out(settings_of(**given, planner=replayed(plan)), as_json, watch, yes)
 
 
 def carry_out(asked: Settings, as_json: bool, watch: WatchOptions, yes: bool = False) -> None:
-    """Run with a live view on stderr, print the result, leave with its exit status."""
+    """Run with a live view on stderr, print the result, exit with its status."""
     from palpate.api import run_settings
-    from palpate.callbacks import RunCallbacks
+    from palpate.callbacks import RunCallbacks, unconfirmed
     from palpate.cli.show.run import (
         ValuesFirst,
         confirm_plan,
+        confirm_proposal,
         groot,
         live_page,
         live_view,
         pace,
         play_again,
+        resuming,
         show_ended,
+        unless,
         warn_of_invented,
     )
 
     with (
         interrupts() as signals,
-        signals.noted(),
+        signals.deferred(),
         live_page(watch.live) as page,
         groot(watch) as publisher,
     ):
         warn_of_invented(asked)
         may_move = unless(yes, page.confirm if page else confirm_plan)
+        proposal = unconfirmed if as_json else confirm_proposal
         with live_view(page, publisher, pace(watch, asked)) as (observer, say):
             values = ValuesFirst(as_json)
-            callbacks = RunCallbacks(observer, say, may_move, resuming(say), values)
+            callbacks = RunCallbacks(
+                observer, say, may_move, proposal, may_resume=resuming(say), measured=values
+            )
             done = run_settings(asked, callbacks)
         status = show_ended(done, as_json, values.shown)
         if page and not signals.count:

@@ -1,4 +1,4 @@
-"""Commands about scenes: those that are bundled, one to begin with, what one does not know."""
+"""Commands about scenes: bundled scenarios, a new scene, missing parameters."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from palpate.cli.options import MODEL, SCENE, AsJson, Given, SceneFile, settings
 from palpate.settings import settings_of
 
 EVERYTHING_SEEN = "I want to simulate everything in this picture. What does each thing weigh?"
-"""Request to a model that is to detect a scene."""
+"""Request to a model that detects a scene."""
 
 
 def scenarios(as_json: AsJson = False) -> None:
@@ -24,15 +24,15 @@ def scenarios(as_json: AsJson = False) -> None:
 def init(
     folder: Annotated[Path, typer.Argument(help="Folder to write scene.xml and poses.yaml into.")],
     names: Annotated[
-        list[str] | None, typer.Argument(metavar="[OBJECT]...", help="What stands there.")
+        list[str] | None, typer.Argument(metavar="[OBJECT]...", help="Objects in it.")
     ] = None,
     *,
-    surface: Annotated[str, typer.Option("--surface", help="What it stands on.")] = "table",
+    surface: Annotated[str, typer.Option("--surface", help="Surface below them.")] = "table",
     given: Annotated[Given, settings("images", "poses", "planner")],
     as_json: AsJson = False,
     model: Annotated[Given, settings(MODEL)],
 ) -> None:
-    """Begin a scene of your own: commented files, from names, or from a picture that a model looks at."""
+    """Write the files of a new scene, from names or from a picture that a model looks at."""
     from palpate.cli.show.scene import show_scaffold
     from palpate.tools import new_scene, scene_from_picture
 
@@ -46,7 +46,7 @@ def init(
 def gap(
     scene: SceneFile, *, given: Annotated[Given, settings(*SCENE)], as_json: AsJson = False
 ) -> None:
-    """Show what a scene states and what is missing."""
+    """Show known and missing parameters of a scene."""
     from palpate.api import load_settings
     from palpate.cli.show.scene import show_gap
 

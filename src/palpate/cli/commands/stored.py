@@ -1,4 +1,4 @@
-"""Commands about runs that are finished, or were cut off: what lies in their folders."""
+"""Commands about run folders, finished or interrupted."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ def report(
     folder: RunFolder,
     *,
     film: Annotated[
-        bool, typer.Option("--film", help="Film the trace, played again, where there is no film.")
+        bool, typer.Option("--film", help="Film a replay of the trace if there is no film.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Finish a run that was cut off, or was in a hurry (--fast), and write its report anew."""
+    """Finish an interrupted or --fast run, and write its report again."""
     from palpate.api import finish
     from palpate.cli.show.run import live_view, show_ended
 
-    with interrupts() as signals, signals.noted():
+    with interrupts() as signals, signals.deferred():
         with live_view() as (_, say):
             done = finish(folder, say, film)
         raise typer.Exit(show_ended(done, as_json))
@@ -32,7 +32,7 @@ def report(
 def estimate(
     folder: RunFolder, *, estimator: EstimatorNames = None, as_json: AsJson = False
 ) -> None:
-    """Make the estimates of a stored trace anew: nothing moves, and the run folder stays as it is."""
+    """Estimate again from a stored trace; nothing moves, and the run folder is not changed."""
     import palpate as pp
     from palpate.cli.show.run import show_run
 
@@ -51,7 +51,7 @@ def fuse(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Make one estimate of several runs; what they have in common is not averaged away."""
+    """Fuse the estimates of several runs; errors that they share are not averaged away."""
     import palpate as pp
     from palpate.cli.show.stored import show_fusion
 
@@ -69,7 +69,7 @@ def compare(
     *,
     as_json: AsJson = False,
 ) -> None:
-    """Show what several runs say of the same parameters, and how far they are apart."""
+    """Compare the estimates of several runs, with differences in standard deviations."""
     import palpate as pp
     from palpate.cli.show.comparison import show_comparison
 
@@ -79,19 +79,17 @@ def compare(
 def open_report(
     folder: RunFolder,
     *,
-    live: Annotated[
-        bool, typer.Option("--live", help="Play the run again on a page instead.")
-    ] = False,
+    live: Annotated[bool, typer.Option("--live", help="Replay the run on a page instead.")] = False,
 ) -> None:
     """Open a run's report in the browser."""
     import palpate as pp
-    from palpate.cli.show.browser import show_report
     from palpate.cli.show.run import live_page, play_again
+    from palpate.cli.show.stored import show_report
 
     if not live:
         show_report(folder)
         return
-    with interrupts() as signals, signals.noted(), live_page(live) as page:
+    with interrupts() as signals, signals.deferred(), live_page(live) as page:
         assert page is not None
         play_again(page, pp.open(folder), signals)
 
@@ -106,7 +104,7 @@ def export(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Hand a run's twin to another simulator; what is written is read back and compared."""
+    """Export a run's twin to another simulator; read it back and compare."""
     import palpate as pp
     from palpate.cli.show.stored import show_export
 

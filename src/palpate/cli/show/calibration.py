@@ -16,11 +16,11 @@ SHOWN = {
     "rad": (1e3, "mrad", 2),
     "m/N": (1e6, "µm/N", 1),
 }
-"""For people: what a figure is multiplied by, in which unit, with how many decimals."""
+"""Display of a figure by its SI unit: factor, unit shown, decimals."""
 
 
 def show_calibration(done: Calibration, as_json: bool) -> None:
-    """Every figure before and after, and the file."""
+    """Print every figure before and after, and the path of the file."""
     with printing():
         if as_json:
             print_json(
@@ -33,14 +33,14 @@ def show_calibration(done: Calibration, as_json: bool) -> None:
             return
         table = figure_table("figure", "before", "now", no_wrap=True)
         for found in done.found:
-            table.add_row(found.name, _told(found, found.before), _told(found, found.after))
+            table.add_row(found.name, _shown(found, found.before), _shown(found, found.after))
         out.print(table)
         for by in dict.fromkeys(found.by for found in done.found):
             out.print(f"measured with {by}", markup=False)
         out.print(f"{done.robot_seconds:.0f} s of robot time; written to {done.file}", markup=False)
 
 
-def _told(found: Found, figure: tuple[float, float]) -> str:
+def _shown(found: Found, figure: tuple[float, float]) -> str:
     scale, unit, decimals = SHOWN[found.unit]
     value, std = (part * scale for part in figure)
     return f"{value:.{decimals}f} ± {std:.{decimals}f} {unit}"

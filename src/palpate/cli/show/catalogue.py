@@ -22,7 +22,7 @@ SCENARIOS = (
 
 
 def show_scenarios(as_json: bool) -> None:
-    """The bundled scenarios."""
+    """Print the bundled scenarios."""
     from palpate.scenarios.catalogue import scenarios
 
     found = scenarios().values()
@@ -48,7 +48,7 @@ def _scenario_json(scenario: Scenario) -> dict[str, Any]:
 
 
 def show_vocabulary(as_json: bool, btcpp: bool) -> None:
-    """The vocabulary for people, as JSON schema, or as BT.CPP TreeNodesModel."""
+    """Print the vocabulary as text, as JSON schema, or as BT.CPP TreeNodesModel."""
     from palpate.tools import plan_schema, tree_nodes_model, vocabulary
 
     if as_json:
@@ -66,11 +66,8 @@ def show_vocabulary(as_json: bool, btcpp: bool) -> None:
 
 
 def _primitive_text(name: str, primitive: type[Primitive]) -> str:
-    """A primitive with its arguments, its buffers and what it does."""
-    buffers = ""
-    if primitive.reads:
-        buffers += f" reads {primitive.reads}"
-    if primitive.writes:
-        buffers += f" writes {primitive.writes}"
+    """Name, arguments, buffers and summary of a primitive."""
+    buffers = f" reads {primitive.reads}" if primitive.reads else ""
+    buffers += f" writes {primitive.writes}" if primitive.writes else ""
     arguments = ", ".join(primitive.model_fields)
     return f"→ [bold]{name}[/]({arguments})[dim]{buffers}[/]\n  {escape(primitive.summary())}"

@@ -1,4 +1,4 @@
-"""Runs beside each other on a terminal."""
+"""Comparison of several runs on the terminal."""
 
 from __future__ import annotations
 
@@ -22,36 +22,30 @@ COMPARED = (
     VERDICT,
 )
 FAR = 1.96
-"""Standard deviations that chance exceeds in 5 % of differences: marked."""
+"""Standard deviations that chance exceeds in 5 % of differences; larger ones are highlighted."""
 
 
 def show_comparison(comparison: Comparison, as_json: bool) -> None:
-    """A row for every run and component, and how far it is from the first."""
+    """Print a row for every run and component, with its difference from the first run."""
     from palpate.runs.compare import comparison_json
 
     if as_json:
         print_json(comparison_json(comparison))
         return
-    rows: list[list[str]] = []
-    for of in comparison.rows.values():
-        for row in of:
-            rows += _cells(row)
+    every = [row for of in comparison.rows.values() for row in of]
+    rows = [cells for row in every for cells in _cells(row)]
     if not rows:
         out.print("none of these runs made an estimate")
-    elif all(row.estimate is None or row.estimate.identified for row in _all(comparison)):
+    elif all(row.estimate is None or row.estimate.identified for row in every):
         print_rows(COMPARED[:-1], [row[:-1] for row in rows])
     else:
         print_rows(COMPARED, rows)
-    if any(row.z is not None for row in _all(comparison)):
+    if any(row.z is not None for row in every):
         out.print(
             "[dim]Differences are from the first run; what runs share is not in their std.[/]"
         )
     for remark in comparison.remarks:
         out.prose(f"[yellow]note[/] {escape(remark)}")
-
-
-def _all(comparison: Comparison) -> list[Row]:
-    return [row for of in comparison.rows.values() for row in of]
 
 
 def _cells(row: Row) -> list[list[str]]:
@@ -65,7 +59,7 @@ def _cells(row: Row) -> list[list[str]]:
 
 
 def _apart(row: Row) -> dict[int, tuple[str, str]]:
-    """Difference and distance of each component."""
+    """Difference, and difference in standard deviations, by component."""
     if row.difference is None or row.std is None or row.z is None:
         return {}
     values, stds = rounded_columns(row.difference, row.std)

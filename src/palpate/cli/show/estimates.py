@@ -1,4 +1,4 @@
-"""Estimates on a terminal: one line a component, values and errors with the same digits."""
+"""Estimates on the terminal: one line per component, value and error with the same digits."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from palpate.cli.console import escape, out
 from palpate.cli.show.layout import Column, print_rows
-from palpate.runs.figures import Figure, axes_of, figures
+from palpate.runs.figures import axes_of, figures
 
 if TYPE_CHECKING:
     from palpate.estimation.estimate import Estimate
@@ -20,21 +20,23 @@ COLUMNS = (
     Column("verdict"),
 )
 STYLES = {"identified": "green", "prior-dominated": "yellow"}
-"""Of verdicts; red are those without one."""
+"""Colours of verdicts; all others are red."""
 
-UNSEEN = "no recording tells of it; what is said is what was believed before, with its width"
+UNSEEN = "no recording observes it; value and interval are those of the prior"
 
 
 def show_estimates(
     estimates: Iterable[Estimate], truth: Mapping[Parameter, Sequence[float]] | None = None
 ) -> None:
-    """The table, with a column of what is true where somebody knows, and below it what disagrees and
-    why there is no value."""
+    """Print the table, with a column of the truth if it is known, and below it contradictions and the
+    reasons for missing values."""
     estimates = tuple(estimates)
     columns, rows = list(COLUMNS), [row for one in estimates for row in estimate_rows(one)]
     if truth:
         columns.append(Column("truth", style="dim"))
-        trues = [cell for one in estimates for cell in _truths(one, truth.get(one.parameter, ()))]
+        trues = [
+            cell for one in estimates for cell in _truth_cells(one, truth.get(one.parameter, ()))
+        ]
         rows = [[*row, cell] for row, cell in zip(rows, trues, strict=True)]
     print_rows(columns, rows)
     for estimate in estimates:
@@ -42,14 +44,12 @@ def show_estimates(
 
 
 def show_objection(estimate: Estimate) -> None:
-    """Print the contradiction of an estimate, or why there is none; nothing where all is well."""
+    """Print the contradiction of an estimate, why it has no value, or which axes rest on the prior."""
     name = escape(str(estimate.parameter))
     if estimate.contradiction:
-        said = escape(estimate.contradiction)
-        out.prose(f"[bold red]contradicted[/] {name}: {said}")
+        out.prose(f"[bold red]contradicted[/] {name}: {escape(estimate.contradiction)}")
     elif not estimate.has_value:
-        said = escape(estimate.method)
-        out.prose(f"[bold red]not identified[/] {name}: {said}")
+        out.prose(f"[bold red]not identified[/] {name}: {escape(estimate.method)}")
     elif estimate.identified and estimate.unseen:
         axes = axes_of(len(estimate.values))
         parts = " and ".join(axes[place] for place in estimate.unseen)
@@ -57,25 +57,22 @@ def show_objection(estimate: Estimate) -> None:
 
 
 def estimate_rows(estimate: Estimate) -> list[list[str]]:
-    """Cells of `COLUMNS`, a row for each component."""
+    """Return the cells of `COLUMNS`, a row for each component."""
     name, unit = escape(str(estimate.parameter)), estimate.unit.removesuffix("1")
-    rows = [_row(name, unit, figure) for figure in figures(estimate)]
+    rows: list[list[str]] = []
+    for figure in figures(estimate):
+        value = f"[bold]{figure.value}[/] ± {figure.std} {unit}".rstrip()
+        interval = f"{figure.low} … {figure.high}"
+        rows.append([f"{name} {figure.axis}".rstrip(), value, interval, _verdict(figure.verdict)])
     return rows or [[name, "–", "", _verdict(estimate.verdict)]]
-
-
-def _row(name: str, unit: str, figure: Figure) -> list[str]:
-    if figure.axis:
-        name += f" {figure.axis}"
-    value = f"[bold]{figure.value}[/] ± {figure.std} {unit}".rstrip()
-    return [name, value, f"{figure.low} … {figure.high}", _verdict(figure.verdict)]
 
 
 def _verdict(verdict: str) -> str:
     return f"[{STYLES.get(verdict, 'bold red')}]{verdict}[/]"
 
 
-def _truths(estimate: Estimate, truth: Sequence[float]) -> list[str]:
-    """A cell for each row of an estimate."""
+def _truth_cells(estimate: Estimate, truth: Sequence[float]) -> list[str]:
+    """Truth of an estimate, a cell for each of its rows."""
     count = max(len(estimate.values), 1)
     if len(truth) == count:
         return [f"{value:.5g}" for value in truth]

@@ -1,8 +1,9 @@
-"""Tables whose figures are whole however narrow the terminal is."""
+"""Tables whose figures stay whole in any width of terminal, and the next command to copy."""
 
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,21 +12,25 @@ from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
-from palpate.cli.console import out
+from palpate.cli.console import escape, out
 from palpate.live.console import SafeConsole
 
 NARROWEST = 14
-"""Characters that words are given at least before a table becomes a list."""
+"""Least width of a column of words, in characters; below it the table becomes a list."""
 UNLIMITED = 10_000
-"""Characters of a line where nobody said how many there are."""
+"""Characters of a line in a pipe or a file."""
 
 Cell = str | Text
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """`words` may be broken between words; what is none, a figure, a name, a verdict, is always
-    whole. `right` puts figures under each other."""
+    """Column of a table.
+
+    Attributes:
+        words: its cells may be broken between words; figures, names and verdicts never are.
+        right: aligned to the right, digits below each other.
+    """
 
     heading: str
     words: bool = False
@@ -34,16 +39,15 @@ class Column:
 
 
 def width() -> int:
-    """Characters of a line: of the terminal, or as `COLUMNS` says; what goes into a pipe or a file
-    may be as wide as it is."""
+    """Return the characters of a line: of the terminal, or `COLUMNS`; unlimited in pipes and files."""
     if out.is_terminal or os.environ.get("COLUMNS"):
         return out.width
     return UNLIMITED
 
 
 def print_rows(columns: Sequence[Column], rows: Sequence[Sequence[Cell]], title: str = "") -> None:
-    """Print rows as a table where there is room, with words broken as far as needed; else as a
-    list, a line per cell. Cells are rich markup, or text."""
+    """Print rows as a table if the line is wide enough, words broken as needed; else as a list with a
+    line per cell. Cells are rich markup or text."""
     room = width()
     table = _table(columns, rows, title)
     natural = _natural(table)
@@ -74,13 +78,13 @@ def _table(columns: Sequence[Column], rows: Sequence[Sequence[Cell]], title: str
 
 
 def _natural(thing: RenderableType) -> int:
-    """Characters that it takes unbroken."""
+    """Width of a renderable in characters without line breaks."""
     wide = SafeConsole(width=UNLIMITED)
     return Measurement.get(wide, wide.options, thing).maximum
 
 
 def _fits(columns: Sequence[Column], rows: Sequence[Sequence[Cell]], room: int) -> bool:
-    """True if the table is narrow enough when its words are broken."""
+    """Test that the table fits into `room` characters with its words broken."""
     needed = 0
     for place, column in enumerate(columns):
         cells: list[Cell] = [column.heading, *(row[place] for row in rows)]
@@ -90,7 +94,7 @@ def _fits(columns: Sequence[Column], rows: Sequence[Sequence[Cell]], room: int) 
 
 
 def _print_item(columns: Sequence[Column], row: Sequence[Cell], room: int) -> None:
-    """The first cell, and below it the others with their headings."""
+    """Print the first cell, and the others below it with their headings."""
     console = SafeConsole(highlight=False, width=room)
     first, *others = (_text(cell) for cell in row)
     first.stylize(columns[0].style or "bold")
@@ -109,3 +113,8 @@ def _print_item(columns: Sequence[Column], row: Sequence[Cell], room: int) -> No
 
 def _text(cell: Cell) -> Text:
     return cell.copy() if isinstance(cell, Text) else Text.from_markup(cell)
+
+
+def show_next(what: str, command: Sequence[str]) -> None:
+    """Print the next command."""
+    out.print(f"\n[dim]{what}:[/]\n  {escape(shlex.join(command))}", soft_wrap=True)

@@ -1,4 +1,4 @@
-"""Plans, what the check says of them, and what a model would be sent."""
+"""Plans, findings of the check, and prompts on the terminal."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from palpate.cli.console import escape, out, print_json
-from palpate.cli.show.next_step import show_next
+from palpate.cli.show.layout import show_next
 from palpate.display import visible
 from palpate.redaction import redact
 from palpate.runs.reproduce import executing, running
@@ -20,11 +20,12 @@ if TYPE_CHECKING:
     from palpate.api import Plan as CheckedPlan
     from palpate.planning.check.check import Finding
     from palpate.planning.plan import Plan
+    from palpate.runs.run import Run
     from palpate.settings import Settings
 
 
 def show_plan(plan: CheckedPlan, as_json: bool, file: Path | None) -> None:
-    """A plan: parameters, tree in the paper's notation, explanation, findings; also to a file."""
+    """Print a plan: parameters, tree in the paper's notation, explanation, findings; also to a file."""
     from palpate.runs.result import plan_text
 
     text = plan_text(plan.made)
@@ -35,6 +36,7 @@ def show_plan(plan: CheckedPlan, as_json: bool, file: Path | None) -> None:
         return
     print_plan(plan, out)
     _print_findings(plan.findings)
+    show_proposal(plan.made)
     if not plan.made.ready:
         return
     settings = plan.made.settings
@@ -45,7 +47,7 @@ def show_plan(plan: CheckedPlan, as_json: bool, file: Path | None) -> None:
 
 
 def print_plan(plan: Plan, console: Console) -> None:
-    """Parameters, tree, explanation and notes."""
+    """Print parameters, tree, explanation and notes of a plan."""
     from palpate.tools import paper_notation
 
     names = ", ".join(str(parameter) for parameter in plan.parameters)
@@ -56,8 +58,25 @@ def print_plan(plan: Plan, console: Console) -> None:
     show_notes(plan, console)
 
 
+def understood(plan: Plan) -> str:
+    """Word a proposal: "I understand: mass of red_can. Not used: 'for my paper'."."""
+    labels = [f"{one.quantity} of {one.object}" for one in plan.proposal]
+    said = f"I understand: {', '.join(labels)}."
+    if plan.not_used:
+        said += f" Not used: {', '.join(repr(words) for words in plan.not_used)}."
+    return said
+
+
+def show_proposal(run: Run) -> None:
+    """Print the proposal of a rejected plan, if there is one, and the command that accepts it."""
+    if run.plan.proposal:
+        out.prose(f"\n{escape(understood(run.plan))}")
+        accepted = run.settings.having(request=None, measure=run.plan.proposal)
+        show_next("measure that", running(accepted))
+
+
 def show_notes(plan: Plan, console: Console) -> None:
-    """Remarks of the planner."""
+    """Print the remarks of the planner."""
     for note in plan.notes:
         console.print(f"[dim]note[/] {escape(note)}")
 
@@ -79,12 +98,12 @@ def _print_findings(findings: Iterable[Finding]) -> None:
 
 
 def _findings_json(findings: Iterable[Finding]) -> list[dict[str, str]]:
-    """The contract's form of findings."""
+    """Findings as JSON."""
     return [{"path": f.path, "rule": f.rule, "message": f.message} for f in findings]
 
 
 def show_prompt(settings: Settings, as_json: bool) -> None:
-    """System prompt, user message and images, as they would be sent."""
+    """Print system prompt, user message and images as a model would receive them."""
     from palpate.tools import prompt as compose
 
     prompt = compose(settings)

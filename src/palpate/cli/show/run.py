@@ -1,4 +1,4 @@
-"""A run's result, and what it falls short of."""
+"""Result of a run, its live views, and questions before a real robot moves."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from palpate.cli.console import err, escape, out, print_json, printing, say
 from palpate.cli.exits import EXIT
 from palpate.cli.show.estimates import show_estimates
-from palpate.cli.show.plan import print_plan, show_notes
+from palpate.cli.show.plan import print_plan, show_notes, show_proposal, understood
 from palpate.display import visible
 from palpate.errors import Unavailable
 from palpate.live.console import SafeConsole
@@ -19,6 +19,7 @@ from palpate.runs.answer import answer
 from palpate.runs.figures import significant
 
 if TYPE_CHECKING:
+    from palpate.callbacks import Confirm, Progress
     from palpate.cli.options import WatchOptions
     from palpate.estimation.estimate import Estimate
     from palpate.execution.runner import Observer
@@ -33,13 +34,13 @@ if TYPE_CHECKING:
 
 
 MANY_MOTIONS = 4
-"""More motions that agree are told in one line."""
+"""Number of agreeing motions above which they are summed up in one line."""
 
 
 @contextmanager
 def live_view(*others: View | None) -> Generator[tuple[Observer, Callable[[str], None]]]:
-    """The live view on stderr, and on the others that there are, and a way to name the present
-    stage."""
+    """Show the run on stderr and on other views; yield the observer and the callback that names the
+    present stage."""
     from palpate.live.terminal import LiveTree
     from palpate.live.together import Together
 
@@ -50,7 +51,7 @@ def live_view(*others: View | None) -> Generator[tuple[Observer, Callable[[str],
 
 @contextmanager
 def live_page(wanted: bool) -> Generator[LivePage | None]:
-    """The page in the browser, where it is wanted.
+    """Serve the live page if it is wanted.
 
     Raises:
         Unavailable: viser is not installed, or the page cannot be served.
@@ -71,7 +72,7 @@ def live_page(wanted: bool) -> Generator[LivePage | None]:
 
 @contextmanager
 def groot(wanted: WatchOptions) -> Generator[GrootPublisher | None]:
-    """The publisher that Groot2 connects to, where it is wanted.
+    """Open the port that Groot2 connects to if it is wanted.
 
     Raises:
         Unavailable: pyzmq is not installed, or the port is taken.
@@ -87,7 +88,7 @@ def groot(wanted: WatchOptions) -> Generator[GrootPublisher | None]:
 
 
 def pace(wanted: WatchOptions, settings: Settings) -> RealTime | None:
-    """A simulated arm takes its time where somebody watches elsewhere than here."""
+    """Pace of a real arm for a simulated one that somebody watches on the page or in Groot2."""
     from palpate.live.pace import RealTime
 
     watched = wanted.live or wanted.groot
@@ -95,7 +96,7 @@ def pace(wanted: WatchOptions, settings: Settings) -> RealTime | None:
 
 
 def play_again(page: LivePage, run: Run, signals: Interrupts) -> None:
-    """Let the finished run be played again on the page until it is closed there, or Ctrl-C."""
+    """Replay the finished run on the page until it is closed or Ctrl-C is pressed."""
     page.finished(run)
     err.print(f"[dim]played again at[/] {page.url} [dim]until Ctrl-C[/]", soft_wrap=True)
     while not page.closed and not signals.pressed():
@@ -104,46 +105,72 @@ def play_again(page: LivePage, run: Run, signals: Interrupts) -> None:
 
 
 def confirm_plan(run: Run) -> bool:
-    """Show the plan, however quiet it is otherwise, and ask whether the robot may move; no answer is a
-    no."""
+    """Print the plan, even with --quiet, and ask for permission to move; no answer is a no."""
     print_plan(run.plan, SafeConsole(stderr=True, highlight=False))
     question = f"Let {visible(str(run.settings.robot))} move? (--yes skips this question)"
     return _confirmed(question)
 
 
+def confirm_proposal(run: Run) -> bool:
+    """Show what a request may mean and ask whether to measure that; without a terminal it is not."""
+    if not sys.stdin.isatty():
+        return False
+    err.prose(escape(understood(run.plan)))
+    return _confirmed("Measure that?", default=True)
+
+
 def confirm_resuming(why: str) -> bool:
-    """Ask whether a robot that was stopped may go on; where nobody sits at a terminal, nobody says so."""
+    """Ask whether a stopped robot may go on; without a terminal it may not."""
     if not sys.stdin.isatty():
         return False
     err.print(visible(why), markup=False)
     return _confirmed("Have you seen what stopped it, and is the way clear? Let it go on?")
 
 
-def _confirmed(question: str) -> bool:
-    """The answer of whoever sits there; none is a no."""
+def unless(yes: bool, ask: Confirm) -> Confirm:
+    """Callback that asks for permission to move, unless it was given beforehand (`--yes`)."""
+
+    def may_move(run: Run) -> bool:
+        return yes or ask(run)
+
+    return may_move
+
+
+def resuming(progress: Progress) -> Callable[[str], bool]:
+    """Callback that shows that the robot stopped, and asks whether it may go on."""
+
+    def may_resume(why: str) -> bool:
+        progress("the robot was stopped")
+        return confirm_resuming(why)
+
+    return may_resume
+
+
+def _confirmed(question: str, default: bool = False) -> bool:
+    """Ask at the terminal; no answer is a no."""
     import typer
 
     try:
-        return typer.confirm(question, err=True)
+        return typer.confirm(question, default, err=True)
     except typer.Abort:
         err.print()
         return False
 
 
 def warn_of_invented(settings: Settings) -> None:
-    """Say first of all where what will be measured is made up."""
+    """Warn before the run if the values to be measured will be drawn at random."""
     if settings.world is None and settings.robot is None and settings.scene is not None:
         err.prose(
-            "[bold yellow]simulated[/] without --robot or --world: what the scene does not know is drawn at "
-            f"random (--seed {settings.seed}), and then measured. No value below is one of a real thing.",
+            "[bold yellow]simulated[/] without --robot or --world: values that the scene does not state are "
+            f"drawn at random (--seed {settings.seed}), then measured. No value below is of a real object.",
         )
 
 
 class ValuesFirst:
-    """Prints the values of a run as soon as they are final, while twin, film and report are made.
+    """Callback that prints the values as soon as they are final, before twin, film and report.
 
     Attributes:
-        shown: whether it has done so.
+        shown: the values were printed.
     """
 
     def __init__(self, as_json: bool) -> None:
@@ -151,7 +178,7 @@ class ValuesFirst:
         self._as_json = as_json
 
     def __call__(self, run: Run) -> None:
-        """Show the values of `run`; where an object is printed in the end, on stderr, a line each."""
+        """Print the values of `run`; with --json on stderr, a line each."""
         if self._as_json:
             for estimate in run.estimates:
                 err.print(escape(f"final: {repr(estimate).strip('<>')}"), soft_wrap=True)
@@ -163,8 +190,8 @@ class ValuesFirst:
 
 
 def show_ended(run: Run, as_json: bool, values_shown: bool = False) -> int:
-    """The result on stdout, without its values where these were shown already, and on stderr, a line
-    each, what it falls short of; the exit status."""
+    """Print the result on stdout, without values that were shown already, and its shortfalls on
+    stderr, a line each; return the exit status."""
     with printing():
         show_run(run, as_json, values_shown)
     for line in run.shortfalls:
@@ -180,7 +207,7 @@ def show_ended(run: Run, as_json: bool, values_shown: bool = False) -> int:
 
 
 def show_run(run: Run, as_json: bool, values_shown: bool = False) -> None:
-    """The result: values with error bars, and where the files are."""
+    """Print the result: values with error bars, and the paths of the files."""
     from palpate.runs.result import result_json
 
     if as_json:
@@ -204,6 +231,7 @@ def _show_values(run: Run) -> None:
 
 def _show_rejection(run: Run) -> None:
     out.print("[bold yellow]no plan[/]", escape(run.plan.explanation))
+    show_proposal(run)
     for finding in run.findings:
         out.print(f"  [yellow]{finding.rule}[/] {escape(finding.path)}: {escape(finding.message)}")
 
@@ -231,14 +259,14 @@ def _show_measured(run: Run) -> None:
 
 
 def _show_held_out(run: Run) -> None:
-    """Print the predictions of held-out motions: a line each, or one for many that agree."""
+    """Print the held-out validation: a line per motion, one line for many that agree."""
     if run.held_out is None:
         return
     agreeing = [motion for motion in run.held_out.motions if motion.agrees]
     if len(agreeing) > MANY_MOTIONS:
         worst = max(motion.rms for motion in agreeing)
         out.prose(
-            f"[green]validation agrees[/] {len(agreeing)} motions, after what they show was measured: predicted to "
+            f"[green]validation agrees[/] {len(agreeing)} held-out motions: predicted to "
             f"{significant(1e3 * worst, 2)} mN·m or better",
         )
     for motion in run.held_out.motions:
@@ -280,12 +308,12 @@ def _show_setbacks(run: Run) -> None:
 
 
 def _show_world(run: Run) -> None:
-    """Values that nothing real stands behind look no different: it is said."""
+    """Print that the values come from a simulation, and whether its truth was drawn at random."""
     if run.simulated and run.world is not None:
         where = escape(run.world.removeprefix("simulated").strip())
         out.prose(f"[bold yellow]simulated[/] {where}")
     if run.drawn:
-        out.prose("[bold yellow]made up[/] no value above is one of a real thing")
+        out.prose("[bold yellow]made up[/] no value above is of a real object")
 
 
 def _show_files(run: Run) -> None:

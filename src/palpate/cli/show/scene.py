@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from palpate.cli.console import escape, out, print_json
-from palpate.cli.show.layout import Column, print_rows
-from palpate.cli.show.next_step import show_next
+from palpate.cli.show.layout import Column, print_rows, show_next
 from palpate.runs.reproduce import running
 
 if TYPE_CHECKING:

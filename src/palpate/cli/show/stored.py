@@ -1,17 +1,44 @@
-"""Output for stored runs: fusion and export."""
+"""Output for stored runs: report in the browser, fusion, export."""
 
 from __future__ import annotations
 
+import webbrowser
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from palpate.cli.console import escape, out, print_json
+from palpate.cli.console import escape, out, print_json, say
 from palpate.cli.show.estimates import COLUMNS, estimate_rows, show_objection
 from palpate.cli.show.layout import Column, print_rows
+from palpate.errors import InputError
 
 if TYPE_CHECKING:
     from palpate.runs.fuse import Fusion
     from palpate.runs.run import Run
     from palpate.twin.export.export import Export
+
+PAGE = "report.html"
+
+
+def show_report(folder: Path) -> None:
+    """Open the report in the browser and print its path, which also serves without a browser.
+
+    Raises:
+        InputError: there is no such page.
+    """
+    page = folder / PAGE
+    if not folder.is_dir():
+        raise InputError(f"'{folder}' is no folder: give that of a run")
+    if not (folder / "result.json").exists():
+        raise InputError(f"'{folder}' is not a run's folder: it has no result.json")
+    if not page.exists():
+        raise InputError(f"'{folder}' has no {PAGE} yet: `palpate report {folder}` writes it")
+    out.print(escape(str(page.absolute())), soft_wrap=True)
+    try:
+        opened = webbrowser.open(page.absolute().as_uri())
+    except webbrowser.Error:
+        opened = False
+    if not opened:
+        say("no browser was found here: open the file above in one")
 
 
 def show_fusion(fusion: Fusion, as_json: bool) -> None:

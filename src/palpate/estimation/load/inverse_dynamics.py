@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from palpate.estimation.load.hinges import hinges
-from palpate.geometry.inertia import tensor_of
-from palpate.geometry.pose import Array
+from palpate.geometry.pose import Array, tensor_of
 from palpate.trace.recording import Chain
 
 

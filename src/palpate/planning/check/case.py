@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 from pydantic import ValidationError
 
@@ -83,7 +84,7 @@ class Case:
     """Plan under check, with the scene and the request that it is checked against.
 
     Attributes:
-        plan, form: the plan, and its tree read.
+        plan: the plan.
         words: the vocabulary that the plan may use.
         scene: the scene that it runs in; None to check the grammar alone.
         remeasure: allows quantities that the scene states to be measured.
@@ -92,12 +93,16 @@ class Case:
     """
 
     plan: Plan
-    form: Form
     words: Vocabulary
     scene: Scene | None
     remeasure: bool = False
     requested: tuple[Parameter, ...] | None = None
     repeated: bool = False
+
+    @cached_property
+    def form(self) -> Form:
+        """The tree, read once."""
+        return Form.of(self.plan.tree, self.words)
 
     @property
     def unclear(self) -> bool:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 from palpate.parameter import Parameter
 from palpate.planning.check import static_rules, walk_rules
-from palpate.planning.check.case import Case, Finding, Form
+from palpate.planning.check.case import Case, Finding
 from palpate.planning.check.regions import unpassable_regions
 from palpate.planning.check.rules import CATALOGUE
 from palpate.planning.check.static_rules import Fault
@@ -84,16 +84,15 @@ def check(
         words: the vocabulary that the plan may use, by default the installed one.
         repeated: allows a parameter to be measured several times.
     """
-    words = words or vocabulary()
     asked = tuple(requested) if requested is not None else None
-    case = Case(plan, Form.of(plan.tree, words), words, scene, remeasure, asked, repeated)
+    case = Case(plan, words or vocabulary(), scene, remeasure, asked, repeated)
     found: list[Finding] = []
     for id, rule in (REJECTION_RULES if plan.tree is None else PLAN_RULES).items():
         found += [Finding.of(path, id, message) for path, message in rule(case)]
     if plan.tree is None:
         return tuple(found)
     if scene is not None:
-        walk = Walk.over(plan.tree, case.form, words, scene, reachable)
+        walk = Walk.over(case, reachable)
         found += walk.findings
         found += unpassable_regions(case, walk, reachable)
         for id, judged in WALK_RULES.items():

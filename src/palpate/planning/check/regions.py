@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from palpate.geometry.line import Line
+from palpate.geometry.pose import Line
 from palpate.planning.check.case import Case, Finding
 from palpate.planning.check.walk import Reach, Walk
 from palpate.planning.check.walk_rules import not_restored
@@ -19,10 +19,8 @@ from palpate.vocabulary.motion import MovePose
 def unpassable_regions(case: Case, walk: Walk, reachable: Reach | None = None) -> Iterator[Finding]:
     """Findings on a tree that `walk` has judged at the believed poses: one for every pose whose
     region does not pass as a whole."""
-    tree, scene = case.plan.tree, case.scene
-    if tree is None or scene is None:
-        return
-    symbols = scene.symbols
+    assert case.scene is not None
+    symbols = case.scene.symbols
     for action in walk.actions:
         start, goal = (symbols.found_out(at or "") for at in (action.before.at, action.after.at))
         if start is not None and goal is not None and start != goal:
@@ -35,7 +33,7 @@ def unpassable_regions(case: Case, walk: Walk, reachable: Reach | None = None) -
     known = {(finding.path, finding.rule) for finding in all_findings(case, walk)}
     for name, line in estimated_poses(case).items():
         for place in line.places():
-            other = Walk.over(tree, case.form, case.words, scene, reachable, {name: place})
+            other = Walk.over(case, reachable, {name: place})
             added = (f for f in all_findings(case, other) if (f.path, f.rule) not in known)
             if (found := next(added, None)) is not None:
                 problem = found.message.partition("; ")[0]

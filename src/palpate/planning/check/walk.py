@@ -9,13 +9,11 @@ from dataclasses import dataclass, field, replace
 from palpate.errors import InputError
 from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
-from palpate.planning.check.case import Finding, Form
+from palpate.planning.check.case import Case, Finding
 from palpate.planning.check.remedies import remedied, unfelt_slide
 from palpate.planning.plan import Node
-from palpate.scene.scene import Scene
 from palpate.trace.samples import FORCES
 from palpate.vocabulary.base import ConversionPrimitive, Primitive
-from palpate.vocabulary.registry import Vocabulary
 from palpate.vocabulary.state import SymbolicState, during, parallel
 from palpate.vocabulary.violation import PRECONDITION, Violation
 
@@ -66,15 +64,13 @@ class Walk:
     """Fold of a tree over the symbolic state of a scene.
 
     Attributes:
-        form: the tree, read.
-        words: the vocabulary that the tree may use.
+        case: the plan, with its tree read.
         state: the believed state after the part walked so far.
         actions: the leaves in order, sensing branches of a Parallel before its motion.
         findings: violations of single actions at their places.
     """
 
-    form: Form
-    words: Vocabulary
+    case: Case
     state: SymbolicState
     actions: list[Action] = field(default_factory=list[Action])
     findings: list[Finding] = field(default_factory=list[Finding])
@@ -91,19 +87,20 @@ class Walk:
 
     @classmethod
     def over(
-        cls,
-        tree: Node,
-        form: Form,
-        words: Vocabulary,
-        scene: Scene,
-        reachable: Reach | None = None,
-        bound: Mapping[str, float] | None = None,
+        cls, case: Case, reachable: Reach | None = None, bound: Mapping[str, float] | None = None
     ) -> Walk:
-        """Walk over a whole tree; `reachable` replaces the arm's inverse kinematics, `bound` places the
-        poses that a run estimates (`SymbolicState.bound`)."""
-        walk = cls(form, words, SymbolicState(scene, reaches=reachable, bound=bound or {}))
-        walk._walk("tree", tree)
+        """Walk over the whole tree of a plan in its scene; `reachable` replaces the arm's inverse
+        kinematics, `bound` places the poses that a run estimates (`SymbolicState.bound`)."""
+        assert case.plan.tree is not None
+        assert case.scene is not None
+        walk = cls(case, SymbolicState(case.scene, reaches=reachable, bound=bound or {}))
+        walk._walk("tree", case.plan.tree)
         return walk
+
+    @property
+    def leaves(self) -> Mapping[str, Primitive]:
+        """Primitives of the tree's leaves, by path."""
+        return self.case.form.primitives
 
     def conversions(self) -> Iterator[tuple[Action, Parameter]]:
         """Actions that convert a recording, with their parameters."""
@@ -119,13 +116,13 @@ class Walk:
         )
 
     def _walk(self, path: str, node: Node) -> None:
-        if path in self.form.primitives:
+        if path in self.leaves:
             self.state = self._leaf(path, self.state)
             self.unread |= bool(node.children)
-        elif not node.children and node.type not in self.words.composites:
+        elif not node.children and node.type not in self.case.words.composites:
             self.unread = True
         elif node.type == "Parallel" and all(
-            len(owners) == 1 for owners in self.form.owners(path).values()
+            len(owners) == 1 for owners in self.case.form.owners(path).values()
         ):
             self.state = self._parallel(path, node, self.state)
         else:  # a Sequence, or a Parallel that has a finding for its several owners
@@ -134,15 +131,14 @@ class Walk:
 
     def _below(self, path: str) -> list[str]:
         """Paths of the leaves below and including `path`."""
-        leaves = self.form.primitives
-        return [where for where in leaves if where == path or where.startswith(f"{path}.")]
+        return [where for where in self.leaves if where == path or where.startswith(f"{path}.")]
 
     def _parallel(self, path: str, node: Node, before: SymbolicState) -> SymbolicState:
         """Walk a Parallel: one branch may move; the others sense meanwhile."""
         below = self._below(path)
-        moving = [where for where in below if self.form.primitives[where].claims]
+        moving = [where for where in below if self.leaves[where].claims]
         try:
-            meanwhile = during([self.form.primitives[where] for where in moving], before)
+            meanwhile = during([self.leaves[where] for where in moving], before)
         except InputError:
             meanwhile = before  # the leaf with the unknown pose has a finding of its own
         branches: list[Sequence[str]] = []
@@ -151,7 +147,7 @@ class Walk:
             branches.append([where for where in branch if where not in moving])
         self._judge_together(path, moving, before)
         after = parallel(before, meanwhile, moving, branches, self._leaf)
-        if any(self.form.primitives[where].writes == FORCES for where in below):
+        if any(self.leaves[where].writes == FORCES for where in below):
             violation = unfelt_slide(before, after)
             if violation is not None:
                 self.failed = True
@@ -163,12 +159,12 @@ class Walk:
         # They overlap in time, so each is also judged as if all others had ended before it.
         firsts: dict[str, SymbolicState] = {}
         for where in moving:
-            primitive = self.form.primitives[where]
+            primitive = self.leaves[where]
             try:
                 first = before
                 for other in moving:
                     if other != where:
-                        first = self.form.primitives[other].effects(first)
+                        first = self.leaves[other].effects(first)
                 ends = [primitive.effects(state) for state in (before, first)]
             except InputError:
                 continue
@@ -187,7 +183,7 @@ class Walk:
             self._judge(where, first)
 
     def _leaf(self, path: str, before: SymbolicState) -> SymbolicState:
-        primitive = self.form.primitives[path]
+        primitive = self.leaves[path]
         broken = self._judge(path, before)
         self.failed |= not broken.isdisjoint(FAILING)
         if "arm" in primitive.claims:
@@ -200,13 +196,13 @@ class Walk:
             self._lost = True
             return replace(before, pose_world_tcp=None, at=None)
         if "arm" in primitive.claims and after.at is not None:
-            self._lost = False
+            self._lost = False  # a known pose again
         self.actions.append(Action(path, primitive, before, after))
         return after
 
     def _judge(self, path: str, before: SymbolicState) -> set[str]:
         """Add the findings on a leaf in a state, with remedies; return the ids of all broken rules."""
-        primitive = self.form.primitives[path]
+        primitive = self.leaves[path]
         if self._astray and "arm" in primitive.claims:
             found = primitive.requires(before)  # no path leads from an unreachable pose
         else:

@@ -25,7 +25,7 @@ def known(case: Case, walk: Walk) -> Iterator[Fault]:
 
 
 def redundant(case: Case, walk: Walk) -> Iterator[Fault]:
-    """Nothing is measured or logged twice, or that no parameter needs."""
+    """Each measurement and recording is made once, and a parameter needs it."""
     made: set[Parameter] = set()
     for action, parameter in walk.conversions():
         if not is_stray(parameter, case):
@@ -137,6 +137,7 @@ def unused_recordings(case: Case, walk: Walk) -> Iterator[Action]:
         if action.primitive.measures is not None:
             read = [entry for entry in action.before.logged if entry[0] == action.primitive.reads]
             converted.add(paths.get(id(read[-1])) if read else None)
+    # Evidence that an earlier recording gave already is none.
     seen: set[tuple[Parameter, Piece]] = set()
     for action in walk.actions:
         if not action.records:

@@ -80,6 +80,7 @@ def read_answer(text: str) -> Proposal:
             f"the answer has {len(text)} characters, more than {MAX_BYTES}; return the JSON object only"
         )
     source, written = plan_object(text)
+    # Before any recursion over the document.
     if nesting(source) > MAX_NESTING:
         raise InputError(TOO_DEEP)
     document = normalized(written)
@@ -101,6 +102,7 @@ def decoded_objects(text: str) -> Iterator[tuple[int, int, object, str]]:
         start = opening.start()
         value, end, fault = decoded(text, start)
         yield start, end, value, fault
+        # Behind a whole object, else into a broken one, which may hold whole ones.
         position = start + 1 if value is None else end
 
 
@@ -122,12 +124,13 @@ def plan_object(text: str) -> tuple[str, dict[str, Any]]:
     problem = QUOTES if _QUOTED.search(text) else NO_JSON
     furthest = 0
     for start, end, value, fault in decoded_objects(text):
-        if is_plan(value):
+        if is_plan(value):  # a draft may come first: the last plan counts
             found = (text[start:end], cast("dict[str, Any]", value))
         elif end - start > furthest:
             furthest, problem = end - start, fault
     if found is not None:
         return found
+    # Repair is tried only where no answer is valid JSON as written.
     for opening in islice(
         _BRACE.finditer(text if len(text) <= LARGEST_REPAIRED else ""), MAX_REPAIRED
     ):

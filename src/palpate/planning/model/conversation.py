@@ -114,6 +114,7 @@ class Conversation:
     @property
     def cost(self) -> float | None:
         """US dollars so far; None when an answer has no known price."""
+        # One unknown price makes the sum unknown.
         costs = [answer.cost for answer in self.answers if answer.cost is not None]
         return sum(costs) if len(costs) == len(self.answers) else None
 
@@ -159,8 +160,6 @@ class Conversation:
         Raises:
             InputError: it is not one.
         """
-        if len(text) > MAX_CONVERSATION:
-            raise InputError("the conversation is larger than 20 MB")
         try:
             return TypeAdapter(cls).validate_json(text)
         except ValidationError as error:
@@ -178,15 +177,3 @@ def read_conversation(path: Path) -> Conversation:
         InputError: no such file, or not a conversation.
     """
     return Conversation.load(read_text(path, MAX_CONVERSATION, "a conversation"))
-
-
-def load(path: Path) -> Conversation:
-    """Load a conversation as `read_conversation`, to be replayed.
-
-    Raises:
-        InputError: not a conversation, or nothing was answered in it.
-    """
-    kept = read_conversation(path)
-    if not kept.rounds:
-        raise InputError(f"'{path.name}' holds no answer")
-    return kept

@@ -7,8 +7,7 @@ round of feedback; the planner may change its plan or keep it. If the critic fai
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib import resources
 
 from palpate.errors import Unavailable
@@ -16,69 +15,61 @@ from palpate.planning.model.answer import json_objects
 from palpate.planning.model.conversation import Conversation, Critique
 from palpate.planning.model.prompt.compose import fenced
 from palpate.planning.model.provider import Endpoint
-from palpate.planning.model.session import Picture, Session
-from palpate.planning.model.settings import Budget, ModelSettings
+from palpate.planning.model.session import Session
+from palpate.planning.model.settings import ModelSettings
 from palpate.planning.plan import Plan, plan_json
 
 LONGEST_OBJECTION = 1000
 """Characters that go to the planner."""
 
 
-@dataclass(slots=True)
-class Critic:
-    """Second model with the planner's message and pictures; one call is one question."""
+def critic_endpoint(settings: ModelSettings, planner: Endpoint) -> Endpoint | None:
+    """The critic that the settings name, if any; at the planner's address where both have the same
+    provider.
 
-    endpoint: Endpoint
-    budget: Budget
-    message: str
-    pictures: Sequence[Picture]
-    conversation: Conversation
+    Raises:
+        InputError: no such provider.
+        Unavailable: its key is not set.
+    """
+    if settings.critic is None:
+        return None
+    shared = settings.critic.partition(":")[0] == planner.provider.name
+    return Endpoint.of(settings.critic, settings.base_url if shared else None)
 
-    @classmethod
-    def of(
-        cls,
-        settings: ModelSettings,
-        planner: Endpoint,
-        message: str,
-        pictures: Sequence[Picture],
-        conversation: Conversation,
-    ) -> Critic | None:
-        """The critic that the settings name, if any; at the planner's address where both have the same
-        provider.
 
-        Raises:
-            InputError: no such provider.
-            Unavailable: its key is not there.
-        """
-        if settings.critic is None:
-            return None
-        shared = settings.critic.partition(":")[0] == planner.provider.name
-        endpoint = Endpoint.of(settings.critic, settings.base_url if shared else None)
-        return cls(endpoint, settings.budget, message, pictures, conversation)
+def objection_to(
+    plan: Plan, critic: Endpoint, message: str, planner: Session, conversation: Conversation
+) -> str | None:
+    """Ask the critic about a plan; return its objection, or None. The conversation keeps its answer.
 
-    def __call__(self, plan: Plan) -> str | None:
-        """Ask the critic; return its objection, or None. Its answer is kept in the conversation."""
-        asked, spent = self.endpoint.name, self.conversation.rounds
-        rest = replace(  # of the dialogue's budget
-            self.budget,
-            seconds=max(0.1, self.budget.seconds - sum(round.answer.seconds for round in spent)),
-            tokens=max(1, self.budget.tokens - self.conversation.tokens),
-        )
-        folder = resources.files("palpate.planning.model.prompt")
-        system = folder.joinpath("critic.md").read_text(encoding="utf-8")
-        shown = fenced(json.dumps(plan_json(plan), ensure_ascii=False), "json")
-        message = f"{self.message}\n\n# The plan\n{shown}\n\nIs there an objection?"
-        session = Session(self.endpoint, system, self.pictures, None, rest)
-        try:
-            if exhausted := self.budget.exhausted(self.conversation):
-                raise Unavailable(exhausted)
-            answer = session.ask(message)
-        except Unavailable as error:
-            self.conversation.critique = Critique(asked, system, message, error=str(error))
-            return None
-        objection = read_objection(answer.text)
-        self.conversation.critique = Critique(asked, system, message, answer, objection)
-        return objection or None
+    Args:
+        plan: the plan of the planner.
+        critic: the model that is asked, within the rest of the dialogue's budget.
+        message: first message of the dialogue.
+        planner, conversation: the dialogue with the planner, and its record.
+    """
+    budget = planner.budget
+    spent = sum(round.answer.seconds for round in conversation.rounds)
+    rest = replace(
+        budget,
+        seconds=max(0.1, budget.seconds - spent),
+        tokens=max(1, budget.tokens - conversation.tokens),
+    )
+    folder = resources.files("palpate.planning.model.prompt")
+    system = folder.joinpath("critic.md").read_text(encoding="utf-8")
+    shown = fenced(json.dumps(plan_json(plan), ensure_ascii=False), "json")
+    message = f"{message}\n\n# The plan\n{shown}\n\nIs there an objection?"
+    # A critic that fails leaves the plan as it is.
+    try:
+        if exhausted := budget.exhausted(conversation):
+            raise Unavailable(exhausted)
+        answer = Session(critic, system, planner.pictures, None, rest).ask(message)
+    except Unavailable as error:
+        conversation.critique = Critique(critic.name, system, message, error=str(error))
+        return None
+    objection = read_objection(answer.text)
+    conversation.critique = Critique(critic.name, system, message, answer, objection)
+    return objection or None
 
 
 def read_objection(text: str) -> str:

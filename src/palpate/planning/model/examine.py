@@ -92,7 +92,7 @@ def asked_model(endpoint: Endpoint, seconds: float) -> Iterator[Line]:
     except Unavailable as error:
         yield False, "answer", str(error)
         return
-    of = answer.model or endpoint.model
+    of = answer.model or endpoint.model  # an alias may stand for a dated model
     yield bool(said), "answer", f"'{said}' in {answer.seconds:.1f} s from {of}"
     # Servers with a short context drop the beginning of a long text without a word.
     text = fenced(system_prompt(vocabulary()))
@@ -139,6 +139,7 @@ def model_names(provider: Provider, address: str, seconds: float) -> tuple[str, 
         document = asyncio.run(fetch_json(url, headers, seconds))
     except ImportError:
         raise Unavailable(f"pip install 'palpate[{provider.extra}]'") from None
+    # OpenAI and Anthropic list under "data" by id, Google under "models" by name.
     entries: object = document.get("data") or document.get("models") or []
     if not isinstance(entries, list):
         raise Unavailable(f"{url} sends no list of models; check the base URL")

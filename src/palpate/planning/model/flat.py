@@ -41,6 +41,7 @@ def flat_schema(vocabulary: Vocabulary, with_scene: bool) -> Schema:
         "type": {"type": "string", "enum": [*vocabulary.primitives, *vocabulary.composites]},
         "children": _list_of(_INTEGER),
     }
+    # One node type for all primitives: each argument may be null where a type lacks it.
     for name, forms in argument_forms(vocabulary).items():
         node[name] = {"anyOf": [*forms, _NULL]}
     properties = {
@@ -99,6 +100,7 @@ def nested(document: Mapping[str, Any]) -> dict[str, Any]:
         raise InputError(
             "nodes: every node but one, the root, must be the child of exactly one other"
         )
+    # A ring apart from the root has one parent each, too; its nodes are never visited.
     used: list[int] = []
     tree = grown(roots.pop(), nodes, used)
     if len(used) != len(nodes):

@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from palpate.errors import InputError
+from palpate.parameter import Parameter
 from palpate.planning.model import flat
 from palpate.planning.model.answer import Proposal, read_answer
 from palpate.planning.model.conversation import Conversation
-from palpate.planning.model.critic import Critic
+from palpate.planning.model.critic import critic_endpoint, objection_to
 from palpate.planning.model.prompt.compose import Prompt, compose
 from palpate.planning.model.provider import Endpoint
 from palpate.planning.model.rounds import converse
@@ -39,6 +40,7 @@ class VlmPlanner:
         model_settings: address, form, feedback and budget.
         remeasure: the request is measured even where the scene states it.
         builder: makes a scene of the detected objects, for a request without a scene.
+        measure: the parameters of the plan; None: the model decides by the request.
         conversation: the latest dialogue, also when `plan` raised.
         seen: the detected scene, when there was no scene.
         images: the pictures, which refine the detected scene.
@@ -50,6 +52,7 @@ class VlmPlanner:
     model_settings: ModelSettings = field(default_factory=ModelSettings)
     remeasure: bool = False
     builder: SceneBuilder | None = None
+    measure: tuple[Parameter, ...] | None = None
     conversation: Conversation | None = field(default=None, init=False)
     seen: DetectedScene | None = field(default=None, init=False)
     images: tuple[Path, ...] = field(default=(), init=False)
@@ -76,24 +79,29 @@ class VlmPlanner:
         pictures = [picture(path) for path in prompt.images]
         shown = tuple(each.note() for each in pictures)
         self.conversation = Conversation(endpoint.name, prompt.system, shown)
-        schema = None
+        schema = None  # JSON in prose, which every provider can write
         if settings.native:
             schema = flat.flat_schema(vocabulary(), with_scene=scene is None)
         session = Session(endpoint, prompt.system, pictures, schema, settings.budget)
-        critic = Critic.of(settings, endpoint, prompt.user, pictures, self.conversation)
+        # A critic without a key is refused before the first request.
+        conversation, critic = self.conversation, critic_endpoint(settings, endpoint)
+
+        def objection(plan: Plan) -> str | None:
+            return critic and objection_to(plan, critic, prompt.user, session, conversation)
+
         plan = converse(
-            self.conversation,
+            conversation,
             prompt.user,
             session.ask,
             lambda text: self.judge(text, scene, request),
             rounds=settings.rounds,
             may_go_on=settings.budget.exhausted,
-            critic=critic or (lambda _: None),
+            critic=objection,
         )
-        notes, critique = plan.notes, self.conversation.critique
+        notes, critique = plan.notes, conversation.critique
         if critique is not None and critique.error:
             notes = (*notes, f"No critic read the plan: {critique.error}")
-        return replace(plan, planner=self.conversation.planner, notes=notes)
+        return replace(plan, planner=conversation.planner, notes=notes)
 
     def _prompt(self, request: str, scene: Scene | None, images: Sequence[Path]) -> Prompt:
         symbols = None
@@ -143,15 +151,15 @@ class VlmPlanner:
         if plan.tree is not None:
             if scene is None:
                 scene = self._detect(proposal.scene)
-            if request is None and reads_request:
-                wanted = requested(None, scene, self.remeasure)
+            if self.measure is not None or (request is None and reads_request):
+                wanted = requested(None, scene, self.remeasure, self.measure)
         found = check(plan, scene, remeasure=self.remeasure, requested=wanted)
         if found:
             return [f"{finding.path}, {finding.rule}: {finding.message}" for finding in found]
         # A rejection is questioned once, where the grammar reads from the request what can be measured.
         if plan.tree is not None or self._challenged or scene is None or not reads_request:
             return []
-        wanted = requested(request or None, scene, self.remeasure)
+        wanted = requested(request or None, scene, self.remeasure, self.measure)
         if not wanted:
             return []
         self._challenged = True

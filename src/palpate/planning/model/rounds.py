@@ -55,7 +55,7 @@ def converse(
     """
 
     def once(message: str, before: Plan | None) -> tuple[Plan | None, Sequence[str]]:
-        """One round: the plan, if any, and the findings on it."""
+        """Do a round; return the plan, if any, and the findings on it."""
         answer = ask(message)
         plan, findings = judge(answer.text)
         kept = tuple(finding[:MAX_FINDING] for finding in findings)
@@ -98,7 +98,7 @@ def differences(before: Plan, after: Plan) -> tuple[str, ...]:
     texts: list[list[str]] = []
     for plan in (before, after):
         promised = [str(parameter) for parameter in plan.parameters]
-        tree = str(plan.tree or plan.outcome).splitlines()
+        tree = str(plan.tree or plan.outcome).splitlines()  # a node per line
         texts.append([*promised, *tree[:MAX_COMPARED]])
     old, new = texts
     compared = unified_diff(old, new, n=0, lineterm="")
@@ -133,40 +133,28 @@ def feedback(findings: Sequence[str]) -> str:
     return "\n".join(lines)
 
 
-def recorded(conversation: Conversation) -> Ask:
-    """Function that returns the recorded answers in order, and raises `InputError` after the last."""
-    answers = iter([r.answer for r in conversation.rounds])
-
-    def ask(message: str) -> Answer:
-        answer = next(answers, None)
-        if answer is None:
-            raise InputError(
-                "the recorded conversation ends before a valid plan: its answers do not pass the check "
-                "in this scene; record it again"
-            )
-        return answer
-
-    return ask
-
-
 def replayed(kept: Conversation, again: Conversation, judge: Judge) -> Plan:
     """The plan of a recorded conversation, checked again without network; every round is appended to
     `again`.
 
     Raises:
         PlanRejected: its answers do not pass.
+        InputError: it ends after an objection whose answers do not pass.
     """
+
+    def ask(message: str) -> Answer:
+        if len(again.rounds) == len(kept.rounds):
+            raise InputError(
+                "the recorded conversation ends before a valid plan: its answers do not pass the check "
+                "in this scene; record it again"
+            )
+        return kept.rounds[len(again.rounds)].answer
 
     def objection(plan: Plan) -> str | None:
         return kept.rounds[len(again.rounds) - 1].objection or None
 
     return converse(
-        again,
-        kept.rounds[0].message,
-        recorded(kept),
-        judge,
-        rounds=len(kept.rounds) - 1,
-        critic=objection,
+        again, kept.rounds[0].message, ask, judge, rounds=len(kept.rounds) - 1, critic=objection
     )
 
 

@@ -72,7 +72,7 @@ def bounded_client(seconds: float) -> httpx2.AsyncClient:
 
     return httpx2.AsyncClient(
         timeout=httpx2.Timeout(seconds, connect=min(10.0, seconds)),
-        follow_redirects=False,
+        follow_redirects=False,  # a redirect could carry the key to another host
         event_hooks={"response": [_bound]},
     )
 
@@ -82,6 +82,7 @@ async def _bound(response: httpx2.Response) -> None:
 
     compressed = response.headers.get("content-encoding", "identity") != "identity"
     limit = MAX_COMPRESSED_BODY if compressed else MAX_BODY
+    # The declared length may be missing or false, so the received bytes are counted, too.
     declared = response.headers.get("content-length", "0")
     if declared.isdigit() and int(declared) > limit:
         raise ReplyTooLarge
@@ -105,7 +106,7 @@ async def _bound(response: httpx2.Response) -> None:
 
 def is_too_large(error: BaseException) -> bool:
     """True if a `ReplyTooLarge` caused `error`, through any number of exceptions."""
-    link: BaseException | None = error
+    link: BaseException | None = error  # the SDKs wrap the client's exceptions
     while link is not None:
         if isinstance(link, ReplyTooLarge):
             return True
@@ -134,6 +135,7 @@ def reason(error: ModelAPIError, endpoint: Endpoint) -> str:
     status = f" (HTTP {error.status_code})" if isinstance(error, e.ModelHTTPError) else ""
     if is_too_large(error):
         return TOO_LARGE
+    # Specific kinds before their bases.
     if isinstance(error, e.ModelAuthenticationError):
         return f"the key was refused{status}; check {endpoint.provider.key_variables[0]} and what it may use"
     if isinstance(error, e.ModelNotFoundError):

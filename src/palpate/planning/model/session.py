@@ -101,7 +101,7 @@ class Session:
             Unavailable: the provider cannot be reached, refuses, or the time is used up.
         """
         started = time.monotonic()
-        self.deadline = self.deadline or started + self.budget.seconds
+        self.deadline = self.deadline or started + self.budget.seconds  # of the whole dialogue
         try:
             response, requests = asyncio.run(self._exchange(message))
         except ImportError:
@@ -166,8 +166,8 @@ class Session:
                     model_settings={
                         "max_tokens": max(1, min(LONGEST_ANSWER, self.budget.tokens - self.tokens)),
                         "request_timeout": patience,
-                        "max_retries": 0,
-                        "cache": True,
+                        "max_retries": 0,  # `_exchange` repeats, within the deadline
+                        "cache": True,  # the system prompt is the same for every task
                     },
                     model_request_parameters=parameters,
                 )
@@ -190,6 +190,7 @@ class Session:
         if attempt > len(BACKOFF):
             raise self._failure(f"{problem}, {attempt} times") from None
         wait = BACKOFF[attempt - 1]
+        # The provider's own wait (Retry-After) goes before ours.
         if error.retry_after is not None:
             wait = max(0.0, error.retry_after)
             problem += f" and asks to wait {wait:.0f} s"
@@ -209,6 +210,7 @@ def answer_of(response: ModelResponse, seconds: float, requests: int) -> Answer:
 
     usage = response.usage
     text = "".join(part.content for part in response.parts if isinstance(part, TextPart))
+    # A refusal has no text part; the model's words are then in the details.
     refusal = str((response.provider_details or {}).get("refusal", ""))
     try:
         cost = float(response.cost().total_price)  # list prices that came with the SDK

@@ -72,8 +72,7 @@ class ModelSettings:
         False
     )
     without: Annotated[
-        frozenset[str],
-        Option("Part of the prompt to leave out; may be repeated.", "MODULE", PANEL),
+        frozenset[str], Option("Part of the prompt to leave out; may be repeated.", "MODULE", PANEL)
     ] = frozenset()
     prompt: Annotated[
         Style,

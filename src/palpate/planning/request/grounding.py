@@ -5,7 +5,7 @@ or is one that means nothing of it, "please". What is left over is named in a re
 sentence that may be derived in two ways which ask for different things.
 
 First the words: those of other languages become English ones where they stand (`languages`),
-misspelt ones those that they come near (`spelling`). Then what each word may be (`lattice`), a noun
+misspelt ones those that they come near (`tokens`). Then what each word may be (`lattice`), a noun
 of this scene, a quantity, a relation; all derivations of each sentence by `words/grammar.txt`
 (`grammar`, `chart`); what each means (`meaning`); which things of the scene that is (`things`,
 `whereabouts`); and, sentence after sentence, what is wanted and what is not (`reading`).
@@ -31,15 +31,17 @@ from palpate.errors import InputError, PlanRejected
 from palpate.parameter import Parameter
 from palpate.planning.planner import MAX_REQUEST
 from palpate.planning.request.languages import colours, in_english, spoken
+from palpate.planning.request.proposal import propose
 from palpate.planning.request.reading import Reading
 from palpate.planning.request.resolver import Resolver
 from palpate.planning.request.sentence.actions import ACTIONS
 from palpate.planning.request.sentence.chart import Chart
 from palpate.planning.request.sentence.grammar import grammar
 from palpate.planning.request.sentence.lattice import Lattice
-from palpate.planning.request.sentence.meaning import Act
+from palpate.planning.request.sentence.meaning import Act, Aside
 from palpate.planning.request.things import Things
 from palpate.planning.request.tokens import sentences, tokens
+from palpate.planning.request.wording import english
 from palpate.scene.scene import Scene
 
 LONGEST = 60
@@ -84,14 +86,20 @@ def ground(request: str, scene: Scene) -> Grounded:
     said = tokens(in_english(lattice.nouns.apart(request), lattice.nouns.names, language))
     slips = lattice.slips(said)
     remarks = [f"'{word}' is read as '{meant}'." for word, meant in slips.items()]
+    parts = list(sentences([slips.get(word, word) for word in said]))
     resolver = Resolver(scene)
     readings: list[list[Acts]] = []
-    parts = list(sentences([slips.get(word, word) for word in said]))
-    for sentence, own in zip(parts, _own(request, len(parts)), strict=True):
-        readings.append(_derived(sentence, own, lattice, resolver))
-    if not readings:
-        resolver.reject(request)
-    return _agreed(readings, scene, lattice, remarks, request)
+    try:
+        for sentence, own in zip(parts, _own(request, len(parts)), strict=True):
+            readings.append(_derived(sentence, own, lattice, resolver))
+        if not readings:
+            resolver.reject(request)
+        return _agreed(readings, scene, lattice, remarks, request)
+    except PlanRejected as rejection:
+        proposal = propose(parts, scene, lattice)
+        if proposal is None:
+            raise
+        raise PlanRejected(str(rejection), proposal.parameters, proposal.not_used) from None
 
 
 def _own(request: str, count: int) -> list[str]:
@@ -112,10 +120,15 @@ def _derived(sentence: Sequence[str], own: str, lattice: Lattice, resolver: Reso
             f"a sentence of the request has {len(sentence)} words; say it in sentences of at most "
             f"{LONGEST}"
         )
+    remains = not english().remaining.isdisjoint(sentence)
+    if remains and lattice.is_background(sentence):
+        return [(Aside(own),)]
     chart = Chart(grammar(), ACTIONS, lattice.edges(sentence))
     found = [cast("Acts", acts) for acts in chart.whole("<sentence>")]
     if found:
         return found
+    if not remains and lattice.is_background(sentence):
+        return [(Aside(own),)]
     unfelt = lattice.unfelt(sentence)
     if unfelt is not None:
         raise PlanRejected(resolver.not_measurable(unfelt))

@@ -10,9 +10,8 @@ import re
 import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 
-from palpate.planning.request import spelling
 from palpate.planning.request.lexicon import COLOURS
-from palpate.planning.request.tokens import is_within
+from palpate.planning.request.tokens import is_within, nearest_spelling
 from palpate.planning.request.wording import (
     LANGUAGES,
     Language,
@@ -135,7 +134,7 @@ def _inflected(
             head, tail = _inflected_part(word[:at], glossary, names, spoken), (word[at:],)
             if head and tail in glossary:
                 return (*head, *glossary[tail])
-    slip = spelling.meant(word, _often(glossary))
+    slip = nearest_spelling(word, _often(glossary))
     return glossary[slip,] if slip else (word,)
 
 

@@ -37,6 +37,7 @@ class Reading:
         asked: the parameters that are wanted, excluded: those that are not.
         simulated: deeds that are to be simulated, and with what.
         remarks: how something was read that was not quite said so.
+        offered: parameters that would serve the purpose and that the scene assumes.
         looked: whether it asks for what is missing, be there any or not.
     """
 
@@ -46,6 +47,7 @@ class Reading:
     excluded: set[Parameter] = field(default_factory=set[Parameter])
     simulated: list[tuple[str, Items]] = field(default_factory=list[tuple[str, Items]])
     remarks: list[str] = field(default_factory=list[str])
+    offered: list[Parameter] = field(default_factory=list[Parameter])
     looked: bool = False
     _last: tuple[Quantity, ...] = ()
     _deed: str = ""
@@ -86,10 +88,10 @@ class Reading:
                 self._needed = True
             case Aside():
                 self.things.unsure = True
-                self.remarks.append(f"'{act.said}' is taken for a side remark.")
+                self.remarks.append(f"Set aside: '{act.said}'.")
             case Told():
                 self._told = True
-                self.remarks.append(f"'{act.said}' is taken for a side remark.")
+                self.remarks.append(f"Set aside: '{act.said}'.")
             case It():
                 if not (self._wanted or self._needed):
                     raise PlanRejected("'it' stands for nothing that was asked; name the quantity")
@@ -270,11 +272,17 @@ class Reading:
         self.resolver.cannot.append(self.resolver.no_deed(act.word))
 
     def _aim(self) -> None:
-        """The quantities that have to be known for what is to be simulated."""
+        """Ask for the quantities that a simulated action depends on; offer those that the scene has
+        from an assumption, such as uniform density."""
         for verb, objects in self.simulated:
             ids = english().purposes.get(verb.split()[0], ())
             for id in ids:
-                self.asked += self.resolver.parameters(Quantity(id, id), objects)
+                for one in self.resolver.parameters(Quantity(id, id), objects):
+                    assumed = self.resolver.is_assumed(one)
+                    (self.offered if assumed else self.asked).append(one)
             if not ids:
                 self._miss(objects)
-        self._wanted = True
+        if self.offered:
+            listed = ",".join(str(one) for one in dict.fromkeys(self.offered))
+            self.remarks.append(f"Assumed, not measured: {listed}; add --measure {listed}.")
+        self.looked = self._wanted = True

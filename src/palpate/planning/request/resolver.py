@@ -63,6 +63,12 @@ class Resolver:
     def _any_carries(self, objects: Sequence[Item], id: str) -> bool:
         return any(self._carries(name, id) for item in objects for name in item.names)
 
+    def is_assumed(self, parameter: Parameter) -> bool:
+        """Test for a value that the scene has from an assumption, such as uniform density."""
+        body = self.scene.bodies.get(parameter.object)
+        quantity = self.catalogue[parameter.quantity].known_as()
+        return body is not None and quantity in body.assumed
+
     def can_have(self, objects: Sequence[Item], quantity: Quantity) -> bool:
         """Whether one of `objects` can have `quantity`."""
         id = self._meant(quantity.id, objects)

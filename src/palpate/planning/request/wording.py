@@ -66,6 +66,10 @@ class English:
     telling: frozenset[str]
     asking: frozenset[str]
     bearing: frozenset[str]
+    harmless: frozenset[str]
+    remaining: frozenset[str]
+    settled: frozenset[str]
+    denying: frozenset[str]
     materials: Mapping[str, str]
     things: frozenset[str]
 
@@ -92,6 +96,10 @@ def english() -> English:
         "telling",
         "asking",
         "bearing",
+        "harmless",
+        "remaining",
+        "settled",
+        "denying",
     )
     words = {name: word_set(said[name]) for name in sets}
     return English(

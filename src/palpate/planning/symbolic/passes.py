@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from palpate.parameter import Parameter
 from palpate.planning.symbolic.steps import Step, is_away, is_clear
-from palpate.quantities.precision.effort import Effort, Site
-from palpate.quantities.precision.within import Within, noise_std
+from palpate.quantities.quantity import Effort, Site
+from palpate.quantities.within import Within, noise_std
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.profile import NEAR_SPEED
 from palpate.vocabulary.gripper import CloseGripper, OpenGripper

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from palpate.errors import InputError, PlanRejected
 from palpate.parameter import Parameter
-from palpate.planning.check.case import Case, Form
+from palpate.planning.check.case import Case
 from palpate.planning.check.regions import estimated_poses, unpassable_regions
 from palpate.planning.check.walk import Walk
 from palpate.planning.plan import Node, Plan
@@ -24,7 +24,7 @@ from palpate.planning.symbolic.passes import Efforts, efforts
 from palpate.planning.symbolic.places import BALANCE
 from palpate.planning.symbolic.search import Backchainer
 from palpate.quantities.catalogue import catalogue
-from palpate.quantities.precision.within import Within
+from palpate.quantities.within import Within
 from palpate.robots.kinematics import reachable
 from palpate.scene.raised import TEMPORARY, is_open, risen
 from palpate.scene.scene import Scene
@@ -55,10 +55,12 @@ class SymbolicPlanner:
     Attributes:
         remeasure: the request is measured even where the scene states it.
         within: requested widths of intervals.
+        measure: the parameters to measure; None: those that the request asks for.
     """
 
     remeasure: bool = False
     within: Within = field(default_factory=Within)
+    measure: tuple[Parameter, ...] | None = None
     name: str = "symbolic"
 
     def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = ()) -> Plan:
@@ -72,7 +74,7 @@ class SymbolicPlanner:
         """
         if scene is None:
             raise needs_scene(self.name)
-        asked = asked_parameters(request, scene)
+        asked = asked_parameters(request, scene, self.measure)
         known, wanted = split_known(asked.asked, scene, self.remeasure)
         cannot = list(asked.cannot)
         for parameter in wanted:
@@ -129,7 +131,10 @@ class ExhaustivePlanner:
 
 
 def requested(
-    request: str | None, scene: Scene, remeasure: bool = False
+    request: str | None,
+    scene: Scene,
+    remeasure: bool = False,
+    measure: tuple[Parameter, ...] | None = None,
 ) -> tuple[Parameter, ...] | None:
     """The parameters that a plan for the request in this scene must measure, no more and no fewer.
 
@@ -137,7 +142,7 @@ def requested(
     measured.
     """
     try:
-        asked = asked_parameters(request, scene)
+        asked = asked_parameters(request, scene, measure)
     except (InputError, PlanRejected):
         return None
     _, unknown = split_known(asked.asked, scene, remeasure)
@@ -154,7 +159,7 @@ def assemble(
     efforts: Efforts | None = None,
     mirrored: bool = False,
 ) -> Assembled:
-    """One tree for all parameters that can be measured, those of one object together.
+    """Assemble one tree for all parameters that can be measured, those of one object together.
 
     Args:
         scene, parameters: the scene, and the parameters to measure in it.
@@ -171,10 +176,8 @@ def assemble(
         )
         if made.tree is None:
             break
-        case = Case(Plan((), made.tree, ""), Form.of(made.tree, words), words, scene)
-        if not estimated_poses(case):
-            break
-        if not any(unpassable_regions(case, Walk.over(made.tree, case.form, words, scene))):
+        case = Case(Plan((), made.tree, ""), words, scene)
+        if not estimated_poses(case) or not any(unpassable_regions(case, Walk.over(case))):
             break
     return made
 
@@ -186,6 +189,7 @@ def _assembled(
     measured: list[Parameter] = []
     failed: list[str] = []
     surfaces = chainer.scene.surfaces
+    # A measured height makes the motions above that surface exact.
     surfaces_first = sorted(parameters, key=lambda wanted: wanted.object not in surfaces)
     for name, group in groupby(surfaces_first, key=lambda wanted: wanted.object):
         done, reasons = _measure(chainer, name, list(group), efforts)
@@ -204,6 +208,7 @@ def _measure(
     reason = unusable(chainer.scene, name)
     if reason:
         return [], [f"{spoken(parameters)} cannot be measured: {reason}."]
+    # One grasp serves all parameters of a body, so the greatest effort among them counts.
     chosen = {wanted: efforts[wanted] for wanted in parameters if wanted in efforts}
     most = max(chosen.values(), key=lambda effort: effort.cycles, default=None)
     try:
@@ -248,8 +253,13 @@ def unusable(scene: Scene, name: str) -> str:
     return too_heavy(scene, scene.bodies[name])
 
 
-def asked_parameters(request: str | None, scene: Scene) -> Grounded:
-    """Parameters of the request; without one, all that the scene misses."""
+def asked_parameters(
+    request: str | None, scene: Scene, measure: tuple[Parameter, ...] | None = None
+) -> Grounded:
+    """Parameters that are named exactly, else those of the request; without one, all that the scene
+    misses."""
+    if measure is not None:
+        return Grounded(measure)
     return Grounded(scene.missing) if request is None else ground(request, scene)
 
 

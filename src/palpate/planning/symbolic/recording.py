@@ -14,10 +14,7 @@ from palpate.vocabulary.state import SymbolicState, during
 
 
 def yielding(
-    parameter: Parameter,
-    operators: Sequence[Primitive],
-    words: Vocabulary,
-    around: Surroundings,
+    parameter: Parameter, operators: Sequence[Primitive], words: Vocabulary, around: Surroundings
 ) -> Tail:
     """Tail of steps that sense and convert a parameter, alone or beside one of the motions."""
     chains = list(recording_chains(parameter.quantity, words, around))

@@ -42,7 +42,7 @@ from palpate.planning.symbolic.shortest import (
     when,
 )
 from palpate.planning.symbolic.steps import Step, nodes
-from palpate.quantities.precision.effort import Effort
+from palpate.quantities.quantity import Effort
 from palpate.scene.raised import TEMPORARY
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.clearance import blockers
@@ -134,6 +134,7 @@ class Backchainer:
         side than last time; nothing where there is no path."""
         state = self.state
         self.mirrored = not self.mirrored
+        # Without its recordings, the parameter counts as unmeasured.
         self.state = replace(state, logged=(), converted=frozenset())
         with suppress(PlanRejected):
             self.measure(name, parameters)
@@ -185,6 +186,7 @@ class Backchainer:
         for step in steps:
             moved = tuple(primitive.transferred(other, name) for primitive in step.primitives)
             again = Step(moved, step.touches)
+            # The exact judgement too: other objects stand around this one.
             after = again.applied(state)
             if after is None or again.harm(state) is not None:
                 return False
@@ -274,6 +276,7 @@ class Backchainer:
             for parameter in parameters
             for one in self.scene.catalogue[parameter.quantity].evidence
         )
+        # Evidence with a place of its own is recorded there (`_enrich`).
         if not (self.extras and any(one.optional and not one.place for one in evidence)):
             return []
         return self._grounded(self._around(name, []), extra=True)
@@ -393,7 +396,7 @@ class Backchainer:
                 self.steps += steps
                 self.state = after
                 return True
-            refused.add(harm[0])
+            refused.add(harm[0])  # the next search avoids this step in this state
             self._refusal = refusal = reason(harm[1])
         if failure:
             why = refusal or obstacle(self.state, operators)

@@ -68,6 +68,7 @@ def shortest(
     """Breadth-first search; ties go to the order of `operators`."""
     queue: deque[tuple[SymbolicState, tuple[Step, ...]]] = deque([(start, ())])
     seen = {state_key(start)}
+    # First in, first out: the first path that reaches the goal is a shortest one.
     while queue and len(seen) < MAX_STATES:
         state, steps = queue.popleft()
         rest = tail(state)

@@ -14,8 +14,7 @@ import numpy as np
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.franky.library import franky
 from palpate.robots.nominal import NominalArm
-from palpate.robots.trajectory.path import Path
-from palpate.robots.trajectory.posed import PosePath, quaternion_matrix, turned
+from palpate.robots.trajectory import Path, PosePath, quaternion_matrix, turned
 
 CYCLE = 0.001  # s of a control cycle
 COARSE = 5  # cycles between two logged target poses of a joint motion

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from concurrent.futures import Future, wait
 from functools import cache
 from types import ModuleType
 from typing import Generic, TypeVar
@@ -39,10 +40,15 @@ class Call(Generic[T]):
     block them for ever."""
 
     def __init__(self, what: Callable[[], T], name: str) -> None:
-        self._what, self._done = what, threading.Event()
-        self._result: T | None = None
-        self._error: BaseException | None = None
-        threading.Thread(target=self._run, name=name, daemon=True).start()
+        self._future: Future[T] = Future()
+
+        def run() -> None:
+            try:
+                self._future.set_result(what())
+            except BaseException as error:
+                self._future.set_exception(error)
+
+        threading.Thread(target=run, name=name, daemon=True).start()
 
     def result(self, seconds: float) -> T:
         """Return the call's value, or raise what it raised.
@@ -50,16 +56,6 @@ class Call(Generic[T]):
         Raises:
             Late: no result within `seconds`.
         """
-        if not self._done.wait(seconds):
+        if not wait([self._future], seconds).done:
             raise Late(f"no answer within {seconds:.1f} s")
-        if self._error is not None:
-            raise self._error
-        return self._result  # pyright: ignore[reportReturnType]
-
-    def _run(self) -> None:
-        try:
-            self._result = self._what()
-        except BaseException as error:
-            self._error = error
-        finally:
-            self._done.set()
+        return self._future.result()

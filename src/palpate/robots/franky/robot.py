@@ -11,18 +11,10 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
-from palpate.robots.commanded import (
-    Commanded,
-    ahead_of,
-    joint_path,
-    pose_path,
-    stopped_joints,
-    stopped_pose,
-    swing_path,
-)
+from palpate.robots.commanded import Commanded, swing_path
 from palpate.robots.description import RobotDescription
 from palpate.robots.franky.course import Course, joint_course, pose_course
-from palpate.robots.franky.drive import Drive
+from palpate.robots.franky.drive import Drive, Row
 from palpate.robots.franky.hand import Hand
 from palpate.robots.franky.link import Link
 from palpate.robots.franky.readout import Readout, black_box, require_end_effector
@@ -31,9 +23,7 @@ from palpate.robots.nominal import NominalArm
 from palpate.robots.reflex import Reflex
 from palpate.robots.robot import RobotState
 from palpate.robots.simulated.impedance import Inertia
-from palpate.robots.trajectory.path import Motion, Path
-from palpate.robots.trajectory.posed import PosePath
-from palpate.robots.trajectory.straight import Stretch
+from palpate.robots.trajectory import Motion, Path, PosePath, Stretch
 from palpate.trace.samples import Samples
 
 APPROACH = 0.25
@@ -83,6 +73,12 @@ class FrankyRobot(Commanded):
         self._cached: RobotState | None = None
 
     @property
+    def cycles(self) -> Sequence[Row]:
+        """The last cycles of the control loop."""
+        with self._drive.lock:
+            return list(self._drive.log)
+
+    @property
     def state(self) -> RobotState:
         """State as of the last `advance`."""
         if self._cached is None:
@@ -114,7 +110,7 @@ class FrankyRobot(Commanded):
         return self._cached
 
     def move_joints(self, q: Array, speed: float = 1.0) -> None:
-        """See `Robot`. The first motion to the ready pose is slow."""
+        """The first motion to the ready pose is slow."""
         goal = np.asarray(q, dtype=float)
         if not self._ready:
             speed *= APPROACH
@@ -127,25 +123,20 @@ class FrankyRobot(Commanded):
                 rate = self._readout.dq if self._drive.moving else np.zeros(7)
                 lead = self._spring_torque(before) / self._arm.stiffness.joints
                 now = Motion(self._readout.q + lead, rate, np.zeros(7))
-            path = joint_path(self._nominal, self._arm, 0.0, now, goal, speed)
-            return joint_course(path, self._nominal)
+            return joint_course(self._joint_path(0.0, now, goal, speed), self._nominal)
 
         self._follow(course)
 
     def move_pose(self, target: Pose, speed: float, slower: Sequence[Stretch] = ()) -> None:
-        """See `Robot`."""
 
         def course(before: Course | None, clock: float) -> Course:
             begin, q = self._pose_motion(before, clock), self._readout.q
-            path, posture = pose_path(
-                self._nominal, self._arm, 0.0, begin, target, speed, slower, q
-            )
+            path, posture = self._pose_path(0.0, begin, target, speed, slower, q)
             return pose_course(path, posture.sample(posture.knots[-1:])[0], self._base)
 
         self._follow(course)
 
     def swing(self, about: Array, angle: float, frequency: float, cycles: int) -> None:
-        """See `Robot`."""
 
         def course(before: Course | None, clock: float) -> Course:
             begin = self._pose_motion(before, clock)
@@ -155,39 +146,36 @@ class FrankyRobot(Commanded):
         self._follow(course)
 
     def open_gripper(self) -> None:
-        """See `Robot`."""
         if self._link.fault is None:
             self._hand.open()
         self._cached = None
 
     def close_gripper(self, force: float | None = None) -> None:
-        """See `Robot`."""
         if self._link.fault is None:
             self._hand.close(force)
         self._cached = None
 
     def hold(self) -> None:
-        """See `Robot`."""
 
         def course(before: Course | None, clock: float) -> Course:
             assert before is not None
             if isinstance(before.path, Path):
-                path = stopped_joints(self._arm, 0.0, before.path.at(clock))
+                path = self._stopped_joints(0.0, before.path.at(clock))
                 return joint_course(path, self._nominal)
-            stopping = stopped_pose(self._arm, 0.0, self._pose_motion(before, clock))
+            stopping = self._stopped_pose(0.0, self._pose_motion(before, clock))
             return pose_course(stopping, self._posture(before), self._base)
 
         if self._drive.moving:
             self._follow(course, clears=False)
 
     def set_reflex(self, thresholds: Reflex) -> None:
-        """See `Robot`: franky's 1 kHz reactions. The control box's own thresholds, which cannot be
+        """Franky's 1 kHz reactions. The control box's own thresholds, which cannot be
         changed while the arm is controlled, stay as wide as contact needs."""
         if thresholds != self._thresholds:
             self._thresholds, self._guard_due = thresholds, True
 
     def advance(self, duration: float) -> None:
-        """See `Robot`. It never blocks on a silent arm."""
+        """It never blocks on a silent arm."""
         self._cached = None
         if self._guard_due and self._link.fault is None:
             self._guard_due = False
@@ -198,11 +186,10 @@ class FrankyRobot(Commanded):
         self._link.advance(duration)
 
     def drain(self) -> Samples:
-        """See `Robot`."""
         return self._link.drain()
 
     def recover(self) -> None:
-        """See `Recoverable`. It goes to its ready pose as slowly as the first time.
+        """It goes to its ready pose as slowly as the first time.
 
         Raises:
             Unavailable: it cannot go on.
@@ -212,23 +199,19 @@ class FrankyRobot(Commanded):
         self._ready, self._cached = False, None
 
     def black_box(self) -> Mapping[str, Array] | None:
-        """See `Remembering`."""
         why = self._link.fault or self._link.reflex
-        with self._drive.lock:
-            rows = list(self._drive.log)
-        return None if why is None else black_box(rows, why)
+        return None if why is None else black_box(self.cycles, why)
 
     def close(self) -> None:
-        """See `Robot`. A held object stays held."""
+        """A held object stays held."""
         if self._closed:
             return
         self._closed = True
         self._hand.end()
         self._session.close(self._link.lost)
 
-    def _pose_begin(self) -> tuple[Array, Array]:
-        now, origin = self._pose_motion(self._drive.course, self._drive.clock)
-        return now.p[:3], origin
+    def _pose_begin(self) -> tuple[Motion, Array]:
+        return self._pose_motion(self._drive.course, self._drive.clock)
 
     def _pose_motion(self, before: Course | None, clock: float) -> tuple[Motion, Array]:
         """Return the start of a Cartesian motion: the state of the course `before`, or the set-points
@@ -237,8 +220,7 @@ class FrankyRobot(Commanded):
             return before.path.motion(clock), before.path.pose(clock).quaternion
         readout, torque = self._readout, self._spring_torque(before)
         twist = readout.twist if self._drive.moving else np.zeros(6)
-        springs = self._arm.stiffness
-        return ahead_of(readout.pose_world_tcp, readout.jacobian, torque, springs, twist)
+        return self._ahead_of(readout.pose_world_tcp, readout.jacobian, torque, twist)
 
     def _spring_torque(self, before: Course | None) -> Array:
         """Return the torques (7,), N m, that the springs exert at the joints now."""

@@ -148,7 +148,6 @@ class Guided:
         self._session, self._base = session, pose_world_base
 
     def where(self) -> tuple[Pose, float]:
-        """See `GuidedHand`."""
         session = self._session
         try:
             state = Call(lambda: session.robot.state, "palpate state").result(ANSWERS)
@@ -158,7 +157,6 @@ class Guided:
         return self._base @ pose_of(state.O_T_EE), float(fingers.width)
 
     def close(self) -> None:
-        """See `GuidedHand`."""
         self._session.close()
 
 

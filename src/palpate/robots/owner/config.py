@@ -1,8 +1,7 @@
-"""`robot.yaml`: what was measured of one very arm, or set on it; the form of `--robot-config`.
+"""`robot.yaml`: measured figures and settings of an individual arm; the format of `--robot-config`.
 
-Version 1. SI units. Every key is optional; what is absent is what the noise model's datasheet, or
-the arm's description, says. A figure that was measured has its standard deviation, and says when
-and how.
+Version 1. SI units. Every key is optional; an absent key means the figure of the noise model's
+datasheet, or of the arm's description. A measured figure has its standard deviation, date and method.
 """
 
 from __future__ import annotations
@@ -25,17 +24,23 @@ from pydantic import (
 )
 
 from palpate.errors import InputError
-from palpate.files.plain_yaml import plain_yaml, yaml_text
+from palpate.files.plain_yaml import Section, plain_number, plain_yaml, worded, yaml_text
 from palpate.files.read import read_text
-from palpate.files.worded import Section, plain_number, worded
 from palpate.geometry.pose import Array
-from palpate.robots.sheet import Name, Pair, ReflexSheet, Seven, Stiffness, Vector, Workspace
+from palpate.robots.sheet import (
+    Name,
+    Pair,
+    ReflexSheet,
+    Seven,
+    Stiffness,
+    Vector,
+    Workspace,
+    finite_array,
+)
 
 JOINTS = 7
-MAX_BYTES = 100_000
-"""Largest robot.yaml."""
-ASKEW = 1e-9
-"""Relative: what rounding leaves of a covariance's symmetry, and of its smallest eigenvalue."""
+MAX_BYTES = 100_000  # largest robot.yaml
+ASKEW = 1e-9  # relative rounding error of a covariance's symmetry, and of its smallest eigenvalue
 
 _Plain = BeforeValidator(plain_number)
 Number = Annotated[float, _Plain, Field(allow_inf_nan=False)]
@@ -43,36 +48,27 @@ Size = Annotated[float, _Plain, Field(gt=0, allow_inf_nan=False)]
 Deviation = Annotated[float, _Plain, Field(ge=0, allow_inf_nan=False)]
 
 
-def _square(value: Any) -> Array:
-    """A covariance of seven numbers."""
-    wanted = f"give {JOINTS} lists of {JOINTS} numbers that are a covariance"
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise ValueError(wanted) from None
-    if array.shape != (JOINTS, JOINTS) or not np.isfinite(array).all():
-        raise ValueError(wanted)
+def require_covariance(value: Any) -> Array:
+    """Validate a covariance (7, 7)."""
+    message = f"give {JOINTS} lists of {JOINTS} numbers that are a covariance"
+    array = finite_array(value, (JOINTS, JOINTS), message)
     small = ASKEW * float(np.abs(array).max())
     if not np.allclose(array, array.T, atol=small) or np.linalg.eigvalsh(array)[0] < -small:
-        raise ValueError(wanted)
-    array.flags.writeable = False
+        raise ValueError(message)
     return array
 
 
-def _quaternion(value: Any) -> Array:
-    """Four numbers, of some length."""
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        array = np.zeros(0)
-    if array.shape != (4,) or not np.isfinite(array).all() or not array.any():
-        raise ValueError("give a quaternion: w, x, y, z, not all of them 0")
-    array.flags.writeable = False
+def require_quaternion(value: Any) -> Array:
+    """Validate a quaternion (4,) of any length but 0."""
+    message = "give a quaternion: w, x, y, z, not all of them 0"
+    array = finite_array(value, (4,), message)
+    if not array.any():
+        raise ValueError(message)
     return array
 
 
 class Figure(Section):
-    """Something that was measured: when (`date`), and `by` what."""
+    """A measured figure."""
 
     date: datetime.date | None = None
     by: Annotated[str, Field(max_length=300)] | None = None
@@ -92,17 +88,12 @@ class Repeated(Figure):
 
 
 class Gains(Figure):
-    """Relative errors of the joints' torque sensors: they show 1 + `value` times what they feel.
-
-    Attributes:
-        value: (7,).
-        std: (7,), of joints that were measured one by one.
-        covariance: (7, 7), of joints that were measured together; one of the two.
-    """
+    """Relative errors of the joints' torque sensors: a reading is 1 + `value` times the torque."""
 
     value: Seven
+    # One of the two: of joints that were measured one by one, (7,), or together, (7, 7).
     std: Seven | None = None
-    covariance: Annotated[np.ndarray, PlainValidator(_square)] | None = None
+    covariance: Annotated[np.ndarray, PlainValidator(require_covariance)] | None = None
 
     @model_validator(mode="after")
     def _one_of_two(self) -> Gains:
@@ -124,85 +115,70 @@ class Gains(Figure):
 
 
 class Lean(Figure):
-    """rad about the base's x and y axes, and standard deviations."""
+    """Tilt of the base about its x and y axes, rad, and standard deviations."""
 
     value: Pair
     std: Pair
 
 
 class Gravity(Figure):
-    """m/s^2, of the place where the arm stands."""
+    """Gravity at the arm's place, m/s^2."""
 
     value: Size
 
 
 class EndEffector(Section):
-    """End effector without a load, the fingers included: `mass` in kg, `centre` in m
-    in the axes of the hand's body, from its origin, with the fingers half open."""
+    """End effector without a load, the fingers included."""
 
-    mass: Size
-    centre: Vector
+    mass: Size  # kg
+    centre: Vector  # m, in the frame of the hand's body, with the fingers half open
 
 
 class Camera(Section):
-    """A camera that stands still: where it is in the axes of the arm's base, m and quaternion (w, x, y,
-    z), looking along its own -z as in MJCF; its vertical field of view, degrees; pixels."""
+    """A fixed camera; its pose is in the frame of the arm's base, looking along its own -z as in
+    MJCF."""
 
-    pos: Vector
-    quat: Annotated[np.ndarray, PlainValidator(_quaternion)]
-    fovy: Annotated[float, _Plain, Field(gt=1, lt=170)]
+    pos: Vector  # m
+    quat: Annotated[np.ndarray, PlainValidator(require_quaternion)]  # w, x, y, z
+    fovy: Annotated[float, _Plain, Field(gt=1, lt=170)]  # vertical field of view, degrees
+    # width and height, pixels
     size: tuple[Annotated[int, Field(gt=0, le=20000)], Annotated[int, Field(gt=0, le=20000)]]
 
 
 class Simulated(Section):
-    """Identity of the arm in the embedded world: another `noise` or `seed` is another arm. `visits`: how
-    often it was calibrated; the next time what is drawn once a run is drawn anew."""
+    """Identity of an embedded arm: another `noise` or `seed` is another arm."""
 
     noise: Annotated[str, Field(min_length=1, max_length=1000)]
     seed: Annotated[int, Field(ge=0)]
-    visits: Annotated[int, Field(ge=0)] = 0
+    visits: Annotated[int, Field(ge=0)] = 0  # calibrations: each is a run with other errors
 
 
 class RobotConfig(Section):
-    """All that a robot.yaml says.
-
-    Attributes:
-        arm: its description's name.
-        simulated: None for a real arm.
-        gravity: where it stands.
-        torque_gain: of the joints' sensors.
-        tip_offset: m, from the TCP to the pads' end along the tool, with all that the arm's frame
-            adds to a height where it was measured.
-        base_lean: by how much the base leans more than the scene says, or seems to: it was measured
-            with tip_offset, and both hold together.
-        pose_repeatability: m, of each axis of the TCP, as heights show it.
-        tip_compliance: m/N, of pads and joints beyond the encoders, under a force along the tool.
-        end_effector: what hangs on the flange.
-        stiffness: of the controller's springs.
-        reflex: at what the arm stops itself.
-        workspace: a box that the TCP stays in.
-        speed: part of the description's pace.
-        camera: the one that sees the workspace, where no poses.yaml has one.
-    """
+    """The content of a robot.yaml."""
 
     palpate_robot: Literal[1] = 1
     name: Name | None = None
-    arm: Name | None = None
-    simulated: Simulated | None = None
+    arm: Name | None = None  # name of its description
+    simulated: Simulated | None = None  # None for a real arm
     gravity: Gravity | None = None
-    torque_gain: Gains | None = None
+    torque_gain: Gains | None = None  # of the joints' sensors
+    # m, from the TCP to the pads' end along the tool, with the error of the arm's frame in a height
+    # at the place of measurement
     tip_offset: Value | None = None
+    # Real or apparent tilt of the base against the scene's: measured with tip_offset, valid with it.
     base_lean: Lean | None = None
-    pose_repeatability: Repeated | None = None
-    tip_compliance: Value | None = None
+    pose_repeatability: Repeated | None = None  # m, of each axis of the TCP, measured by heights
+    tip_compliance: Value | None = (
+        None  # m/N, of pads and joints beyond the encoders, along the tool
+    )
     end_effector: EndEffector | None = None
-    stiffness: Stiffness | None = None
+    stiffness: Stiffness | None = None  # of the controller's springs
     reflex: ReflexSheet | None = None
-    workspace: Workspace | None = None
-    speed: Annotated[float, _Plain, Field(gt=0, le=1)] | None = None
-    camera: Camera | None = None
+    workspace: Workspace | None = None  # of the TCP
+    speed: Annotated[float, _Plain, Field(gt=0, le=1)] | None = None  # share of the pace
+    camera: Camera | None = None  # of the workspace, where no poses.yaml has one
 
-    # One and the same for the same file, as what is computed of it is kept.
+    # Compared by identity, as results computed from it are cached; a file is one object.
     def __hash__(self) -> int:
         return id(self)
 
@@ -211,13 +187,12 @@ class RobotConfig(Section):
 
 
 def read_config(path: Path) -> RobotConfig:
-    """Read a robot.yaml; return the same object as long as the file does not change.
+    """Read a robot.yaml; an unchanged file is the same object.
 
     Raises:
         InputError: unreadable, or not of this form; the message names file and key.
     """
-    version = path.stat().st_mtime_ns if path.is_file() else 0
-    return _read(path, version)
+    return _read(path, path.stat().st_mtime_ns if path.is_file() else 0)
 
 
 @lru_cache(32)
@@ -234,12 +209,12 @@ def _read(path: Path, version: int) -> RobotConfig:
 
 
 def write_config(path: Path, config: RobotConfig) -> None:
-    """Write it whole, or not at all.
+    """Write a robot.yaml atomically.
 
     Raises:
         InputError: it cannot be written.
     """
-    text = yaml_text(_plain(config))
+    text = yaml_text(plain(config))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, part = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
@@ -255,17 +230,17 @@ def write_config(path: Path, config: RobotConfig) -> None:
         raise InputError(f"cannot write {path}: {error.strerror}") from error
 
 
-def _plain(section: BaseModel) -> dict[str, Any]:
+def plain(section: BaseModel) -> dict[str, Any]:
     """Convert a section to plain values, arrays to lists, for YAML."""
-    said: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for name in type(section).model_fields:
         value = getattr(section, name)
         if isinstance(value, BaseModel):
-            value = _plain(value)
+            value = plain(value)
         elif isinstance(value, np.ndarray):
             value = value.tolist()
         elif isinstance(value, tuple):
             value = list(cast("tuple[Any, ...]", value))
         if value is not None:
-            said[name] = value
-    return said
+            values[name] = value
+    return values

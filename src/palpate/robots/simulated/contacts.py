@@ -103,19 +103,13 @@ class Stiction:
     slides. A world declares the static coefficient per object with `<custom><numeric
     name="static_friction_NAME" data="0.41"/></custom>`; the `friction` of the object's geoms is the
     dynamic one.
-
-    Attributes:
-        geoms: the object's geom ids.
-        dof: first of its free joint's degrees of freedom.
-        static, dynamic: coefficients of sliding friction, the latter per geom.
-        sides: per geom of the world: `OWN`, `FIXED`, else 0.
     """
 
-    geoms: tuple[int, ...]
-    dof: int
-    static: float
-    dynamic: tuple[float, ...]
-    sides: NDArray[np.int8]
+    geoms: tuple[int, ...]  # ids of the object's
+    dof: int  # first of its free joint's degrees of freedom
+    static: float  # coefficients of sliding friction
+    dynamic: tuple[float, ...]  # per geom
+    sides: NDArray[np.int8]  # per geom of the world: `OWN`, `FIXED`, else 0
 
     def apply(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Set the coefficient for the speed at which the object slides on static bodies.

@@ -96,7 +96,8 @@ class Gripper:
     def setpoints(self, t: Array) -> Array | float:
         """Compute each finger's commanded distance from the middle, m, at times `t` (n,), until the
         next observation of the fingers."""
-        if self._arrived(t[0]):
+        duration = abs(self._goal - self._from) / self._speed
+        if t[0] - self._since > duration:
             return self._goal
         way = self._speed * (t - self._since)
         if self._goal > self._from:
@@ -112,7 +113,7 @@ class Gripper:
         """
         self.width = max(0.0, sum(fingers))
         middle, speed = sum(fingers) / 2, max(map(abs, speeds))
-        commanded = self._commanded(t)
+        commanded = float(np.max(self.setpoints(np.array([t]))))
         lead = LAG * (self.force / self._damping + speed)  # m, at this speed and full force
         pressed = commanded == self._goal or commanded < middle - lead
         self._from, self._since = min(max(commanded, middle - lead), middle + lead), t
@@ -122,19 +123,8 @@ class Gripper:
             self._last_moved = t
         self.moving = t - self._last_moved < STANDING
 
-    def _commanded(self, t: float) -> float:
-        """Compute the set-point at one time, every tick: `setpoints` in plain floats, for speed."""
-        if self._arrived(t):
-            return self._goal
-        way = self._speed * (t - self._since)
-        if self._goal > self._from:
-            return min(self._from + way, self._goal)
-        return max(self._from - way, self._goal)
-
-    def _arrived(self, t: float) -> bool:
-        return t - self._since > abs(self._goal - self._from) / self._speed
-
     def _start(self, t: float, goal: float, force: float) -> None:
-        self._from, self._since, self._last_moved = self._commanded(t), t, t
+        self._from = float(np.max(self.setpoints(np.array([t]))))
+        self._since = self._last_moved = t
         self.force = min(force, self._strongest)
         self._goal, self.moving = goal, True

@@ -36,19 +36,12 @@ _INPUT_KEPT: Array = np.tril(_KEEP ** np.maximum(np.subtract.outer(_CYCLES, _CYC
 
 
 class Reaction(NamedTuple):
-    """Reaction of the arm to its own collision stop: it yields.
+    """Reaction of the arm to its own collision stop: it yields."""
 
-    Attributes:
-        gains: of the drives, which then take torques.
-        damping: (7, 7) N m s/rad.
-        load: (7,) N m that hold the load on the hand.
-        most: (7,) N m, torque limits of the joints.
-    """
-
-    gains: Gains
-    damping: Array
-    load: Array
-    most: Array
+    gains: Gains  # of the drives, which then take torques
+    damping: Array  # (7, 7) N m s/rad
+    load: Array  # (7,) N m that hold the load on the hand
+    most: Array  # (7,) N m, torque limits of the joints
 
     @classmethod
     def of(cls, inertia: Array, load: Array, most: Array) -> Reaction:

@@ -52,15 +52,10 @@ def add_actuators(world: mujoco.MjSpec, arm: RobotDescription) -> None:
 
 
 class Inertia(NamedTuple):
-    """Inertia that the springs act on in one configuration.
+    """Inertia that the springs act on in one configuration."""
 
-    Attributes:
-        tcp: (6, 6), world axes.
-        joints: (7, 7).
-    """
-
-    tcp: Array
-    joints: Array
+    tcp: Array  # (6, 6), world axes
+    joints: Array  # (7, 7)
 
     @classmethod
     def of(cls, mass_matrix: Array, jacobian: Array) -> Inertia:
@@ -74,21 +69,14 @@ class Inertia(NamedTuple):
 @dataclass(frozen=True, slots=True, eq=False)
 class Gains:
     """Stiffness of the active springs, and their critical damping 2 sqrt(k m) with the inertia that
-    each moves.
+    each moves."""
 
-    Attributes:
-        cartesian: True if the TCP's springs act, and the joint drives take torques; False if the
-            joints' springs act.
-        stiffness, damping: (6,) at the TCP, world axes, or (7,) at the joints.
-        inertia: (6, 6) or (7, 7) that they move.
-        own: (7,) kg m^2, each joint's own.
-    """
-
+    # True if the TCP's springs act, and the joint drives take torques; else the joints' springs act
     cartesian: bool
-    stiffness: Array
-    damping: Array
-    inertia: Array
-    own: Array
+    stiffness: Array  # (6,) at the TCP, world axes, or (7,) at the joints
+    damping: Array  # likewise
+    inertia: Array  # (6, 6) or (7, 7) that they move
+    own: Array  # (7,) kg m^2, each joint's own
 
     @classmethod
     def of_tcp(cls, springs: Stiffness, inertia: Inertia) -> Gains:
@@ -110,18 +98,9 @@ class Gains:
         """Return zero gains: the joint drives take torques. `inertia` (7, 7) kg m^2."""
         return cls(False, np.zeros(7), np.zeros(7), inertia, np.diag(inertia))
 
-    def joint_damping(self, jacobian: Array) -> Array:
-        """Compute the damping of all dampers at the joints, (7, 7): J^T D J."""
-        return self._at_joints(self.damping, jacobian)
-
-    def joint_stiffness(self, jacobian: Array) -> Array:
-        """Compute the stiffness of all springs at the joints, (7, 7): J^T K J."""
-        return self._at_joints(self.stiffness, jacobian)
-
-    def _at_joints(self, each: Array, jacobian: Array) -> Array:
-        if not self.cartesian:
-            return np.diag(each)
-        return jacobian.T @ (each[:, None] * jacobian)
+    def at_joints(self, each: Array, jacobian: Array) -> Array:
+        """Map `stiffness` or `damping` to the joints, (7, 7): J^T K J for the TCP's springs."""
+        return jacobian.T @ (each[:, None] * jacobian) if self.cartesian else np.diag(each)
 
     def lead(self, rate: Array, acceleration: Array) -> Array:
         """Compute the lead (n, 6 or 7) of the springs' set-points for a motion without lag.

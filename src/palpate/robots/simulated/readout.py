@@ -13,9 +13,8 @@ from palpate.geometry.pose import Array, Pose
 from palpate.robots.nominal import NominalArm, wrenches
 from palpate.robots.simulated.impedance import Gains
 from palpate.robots.simulated.noise.disturbances import Motion
-from palpate.robots.simulated.noise.encoders import Encoders
 from palpate.robots.simulated.noise.line import Stamps
-from palpate.robots.simulated.noise.sensors import Sensors
+from palpate.robots.simulated.noise.sensors import Encoders, Sensors
 from palpate.robots.simulated.timing import DAMPING_DELAY, PERIOD, SPRING_DELAY
 from palpate.robots.simulated.world import Steps
 from palpate.trace.samples import Samples
@@ -27,37 +26,23 @@ _KEPT = math.exp(-PERIOD / OBSERVER_TIME)
 
 
 class ReportedMotion(NamedTuple):
-    """Motion of the arm over n log periods, as its encoders report it.
+    """Motion of the arm over n log periods, as its encoders report it."""
 
-    Attributes:
-        mean: (n, 21) joint angles, rad, the TCP's pose, and gravity torques, N m.
-        dq: (n, 7) rad/s.
-        gained: (n, 7) rad/s, change of the joint rates in each period.
-        jacobian: (n, 6, 7) at the end of each period.
-        inertia_torque: (n, 7) N m, as `Kinematics`.
-    """
-
-    mean: Array
-    dq: Array
-    gained: Array
-    jacobian: Array
-    inertia_torque: Array
+    mean: Array  # (n, 21) joint angles, rad, the TCP's pose, and gravity torques, N m
+    dq: Array  # (n, 7) rad/s
+    gained: Array  # (n, 7) rad/s, change of the joint rates in each period
+    jacobian: Array  # (n, 6, 7) at the end of each period
+    inertia_torque: Array  # (n, 7) N m, as `Kinematics`
 
 
 class Measurement(NamedTuple):
-    """Torques and wrenches measured along a motion.
+    """Torques and wrenches measured along a motion."""
 
-    Attributes:
-        torque, tau_ext: (n, 7) N m.
-        wrench, contact: (n, 6).
-        arrived: (n,) which of the samples do; None for all.
-    """
-
-    torque: Array
+    torque: Array  # (n, 7) N m
     tau_ext: Array
-    wrench: Array
+    wrench: Array  # (n, 6)
     contact: Array
-    arrived: NDArray[np.bool_] | None
+    arrived: NDArray[np.bool_] | None  # (n,) which of the samples do; None for all
 
 
 class Readout:
@@ -249,7 +234,7 @@ class Readout:
         Springs act in every physics step with the arm's position then: on average, `SPRING_DELAY`
         before.
         """
-        late = gains.joint_damping(self.jacobian) * DAMPING_DELAY
-        early = gains.joint_stiffness(self.jacobian) * SPRING_DELAY
+        late = gains.at_joints(gains.damping, self.jacobian) * DAMPING_DELAY
+        early = gains.at_joints(gains.stiffness, self.jacobian) * SPRING_DELAY
         speed = steps.dq - gained / 2.0
         return steps.torque + speed @ early - (gained @ late + gained * self._armature) / PERIOD

@@ -13,30 +13,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
-from palpate.robots.commanded import (
-    Commanded,
-    ahead_of,
-    joint_path,
-    pose_path,
-    stopped_joints,
-    stopped_pose,
-    swing_path,
-)
+from palpate.robots.commanded import Commanded, swing_path
 from palpate.robots.description import RobotDescription
 from palpate.robots.nominal import NominalArm
-from palpate.robots.owner.calibrated import known, unmeasured
+from palpate.robots.owner.arm import known, unmeasured
 from palpate.robots.owner.config import RobotConfig
 from palpate.robots.reflex import Reflex
 from palpate.robots.robot import RobotState
 from palpate.robots.simulated.gripper import Gripper
 from palpate.robots.simulated.guard import Guard, Reaction
 from palpate.robots.simulated.impedance import Gains, Inertia
-from palpate.robots.simulated.noise.encoders import Encoders
 from palpate.robots.simulated.noise.line import Stamps
+from palpate.robots.simulated.noise.model import Streams
 from palpate.robots.simulated.noise.models import noise_models
-from palpate.robots.simulated.noise.sensors import Sensors
+from palpate.robots.simulated.noise.sensors import Encoders, Sensors
 from palpate.robots.simulated.noise.true_arm import Truth
-from palpate.robots.simulated.noise.values import Streams
 from palpate.robots.simulated.readout import Readout
 from palpate.robots.simulated.setpoints import (
     Correction,
@@ -46,9 +37,7 @@ from palpate.robots.simulated.setpoints import (
 )
 from palpate.robots.simulated.timing import BLOCK, DAMPING_DELAY, LONGEST_RUN, PERIOD, TIMESTEP
 from palpate.robots.simulated.world import World
-from palpate.robots.trajectory.path import Motion, Path, still
-from palpate.robots.trajectory.posed import PosePath
-from palpate.robots.trajectory.straight import Stretch
+from palpate.robots.trajectory import Motion, Path, PosePath, Stretch, still
 from palpate.trace.samples import Samples
 
 if TYPE_CHECKING:
@@ -158,50 +147,45 @@ class MujocoRobot(Commanded):
         return self._cached
 
     def move_joints(self, q: Array, speed: float = 1.0) -> None:
-        """See `Robot`. No part exceeds the description's pace."""
+        """No part exceeds the description's pace."""
         self._reflex = None
-        t, goal = self._world.t, np.asarray(q, dtype=float)
-        begin = self._joint_motion()
-        self._follow_joints(joint_path(self._nominal, self._arm, t, begin, goal, speed))
+        goal = np.asarray(q, dtype=float)
+        self._follow_joints(self._joint_path(self._world.t, self._joint_motion(), goal, speed))
 
     def move_pose(self, target: Pose, speed: float, slower: Sequence[Stretch] = ()) -> None:
-        """See `Robot`. Slower where the arm's effective mass is large."""
+        """Slower where the arm's effective mass is large."""
         self._reflex = None
-        t, begin, q = self._world.t, self._pose_motion(), self._readout.q
-        self._follow_pose(*pose_path(self._nominal, self._arm, t, begin, target, speed, slower, q))
+        t, begin, q = self._world.t, self._pose_begin(), self._readout.q
+        self._follow_pose(*self._pose_path(t, begin, target, speed, slower, q))
 
     def swing(self, about: Array, angle: float, frequency: float, cycles: int) -> None:
-        """See `Robot`."""
         self._reflex = None
-        t, begin = self._world.t, self._pose_motion()
+        t, begin = self._world.t, self._pose_begin()
         path = swing_path(t, begin, about, angle, frequency, cycles)
         self._follow_pose(path, still(t, self._readout.q))
 
     def open_gripper(self) -> None:
-        """See `Robot`."""
         self._gripper.open(self._world.t)
         self._world.limit_fingers(self._gripper.force)
         self._cached = None
 
     def close_gripper(self, force: float | None = None) -> None:
-        """See `Robot`."""
         self._gripper.close(self._world.t, force)
         self._world.limit_fingers(self._gripper.force)
         self._cached = None
 
     def hold(self) -> None:
-        """See `Robot`. The commanded equilibrium stays, so a contact keeps its force."""
+        """The commanded equilibrium stays, so a contact keeps its force."""
         t, path = self._world.t, self._path
         if path.end <= t:
             return
         if isinstance(path, Path):
-            self._follow_joints(stopped_joints(self._arm, t, path.at(t)))
+            self._follow_joints(self._stopped_joints(t, path.at(t)))
         else:
-            stopping = stopped_pose(self._arm, t, self._pose_motion())
+            stopping = self._stopped_pose(t, self._pose_begin())
             self._follow_pose(stopping, still(t, self._readout.q))
 
     def set_reflex(self, thresholds: Reflex) -> None:
-        """See `Robot`."""
         self._thresholds = thresholds
 
     def advance(self, duration: float) -> None:
@@ -213,7 +197,6 @@ class MujocoRobot(Commanded):
             periods = round((self._due - self._world.t) / PERIOD)
 
     def drain(self) -> Samples:
-        """See `Robot`."""
         logged, self._logged = self._logged, []
         return logged[0] if len(logged) == 1 else Samples.concatenate(logged)
 
@@ -256,7 +239,7 @@ class MujocoRobot(Commanded):
         torques: a change to them is free of jerks."""
         return self._readout.q + self._sprung() / self._arm.stiffness.joints
 
-    def _pose_motion(self) -> tuple[Motion, Array]:
+    def _pose_begin(self) -> tuple[Motion, Array]:
         """Return the start of a Cartesian motion: the present one's state, or the set-points at which
         the TCP's springs pull as the joints' do now; and the orientation (4,) that its rotation
         vector is relative to.
@@ -266,13 +249,7 @@ class MujocoRobot(Commanded):
             return path.motion(t), path.pose(t).quaternion
         readout = self._readout
         twist = readout.twist if path.end > t else np.zeros(6)
-        return ahead_of(
-            readout.pose_world_tcp, readout.jacobian, self._sprung(), self._arm.stiffness, twist
-        )
-
-    def _pose_begin(self) -> tuple[Array, Array]:
-        now, origin = self._pose_motion()
-        return now.p[:3], origin
+        return self._ahead_of(readout.pose_world_tcp, readout.jacobian, self._sprung(), twist)
 
     def _sprung(self) -> Array:
         """Return the joint torques of the springs now (7,), N m."""
@@ -311,7 +288,7 @@ class MujocoRobot(Commanded):
         readout, thresholds = self._readout, self._thresholds
         mass_matrix, velocity_torque = self._dynamics
         jacobian = readout.jacobian
-        damping = self._gains.joint_damping(jacobian)
+        damping = self._gains.at_joints(self._gains.damping, jacobian)
         known = readout.deviation - velocity_torque - self._correction.torque
 
         def reaction() -> Reaction:

@@ -10,12 +10,11 @@ import numpy as np
 
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.simulated.impedance import Gains
-from palpate.robots.simulated.noise.encoders import Encoders
+from palpate.robots.simulated.noise.sensors import Encoders
 from palpate.robots.simulated.readout import Readout
 from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, PERIOD, TIMESTEP
 from palpate.robots.simulated.world import World
-from palpate.robots.trajectory.path import Path
-from palpate.robots.trajectory.posed import PosePath, quaternion_matrix, turned
+from palpate.robots.trajectory import Path, PosePath, quaternion_matrix, turned
 
 BLEND = 0.5
 """Share of a new deviation that is applied in a run of cycles. Where joints or pads give way, the
@@ -25,21 +24,13 @@ they are softer than the controller's springs."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Setpoints:
-    """Set-points of a path, ready to slice; after its end the last one stays.
-
-    Attributes:
-        path: the motion.
-        start: its beginning, s.
-        rows: (m, k) set-points of each step.
-        poses: (m / 5, 7) commanded poses of each log period.
-        posture: (m / 5, 14) goal and rate of the null space, at the beginning of each log period.
-    """
+    """Set-points of a path, ready to slice; after its end the last one stays."""
 
     path: Path | PosePath
-    start: float
-    rows: Array
-    poses: Array
-    posture: Array
+    start: float  # s
+    rows: Array  # (m, k) of each step
+    poses: Array  # (m / 5, 7) commanded poses of each log period
+    posture: Array  # (m / 5, 14) goal and rate of the null space, at the beginning of each period
 
     def first(self, t: float) -> int:
         """Return the step that begins at time `t`."""

@@ -25,54 +25,42 @@ from palpate.robots.simulated.timing import BLOCK, PERIOD, SUBSTEPS, TIMESTEP
 
 FRAME_PERIOD = 1.0 / 30.0  # s between camera frames
 LEVEL = 0.01  # rad, largest inclination of gravity
-_OFF = mujoco.mjtDisableBit
-NEEDED = (  # MuJoCo features that a robot needs
-    _OFF.mjDSBL_GRAVITY,
-    _OFF.mjDSBL_CONTACT,
-    _OFF.mjDSBL_CONSTRAINT,
-    _OFF.mjDSBL_EQUALITY,
-    _OFF.mjDSBL_LIMIT,
-    _OFF.mjDSBL_FRICTIONLOSS,
-    _OFF.mjDSBL_ACTUATION,
-    _OFF.mjDSBL_SPRING,
-    _OFF.mjDSBL_DAMPER,
-)
+NEEDED = [
+    "gravity",
+    "contact",
+    "constraint",
+    "equality",
+    "limit",
+    "frictionloss",
+    "actuation",
+    "spring",
+    "damper",
+]
+"""Features of MuJoCo that a robot needs."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Steps:
-    """Record of the robot over some blocks of control cycles.
+    """Record of the robot over some blocks of control cycles."""
 
-    Attributes:
-        q, dq: (n, 7) at the end of each block.
-        torque: (n, 7) mean commanded joint torques, N m.
-        contact: (n, 7) mean joint torques of contacts, N m, where the world `records_contact`.
-        fingers, finger_speed: (n, 2) at the end of each block, m, m/s.
-    """
-
-    q: Array
-    dq: Array
-    torque: Array
-    contact: Array
-    fingers: Array
-    finger_speed: Array
+    q: Array  # (n, 7) rad at the end of each block
+    dq: Array  # (n, 7) rad/s, likewise
+    torque: Array  # (n, 7) N m, mean commanded joint torques
+    contact: Array  # (n, 7) N m, mean joint torques of contacts, where the world `records_contact`
+    fingers: Array  # (n, 2) m at the end of each block
+    finger_speed: Array  # (n, 2) m/s, likewise
 
 
 class Cycles:
-    """Buffers for n control cycles of a world with nq positions and nv velocities.
-
-    Attributes:
-        torque: (n, 7) N m commanded at the joints.
-        weight: (n, 7) N m, the part that holds the nominal arm up.
-        dq: (n, 7) rad/s at the end of each cycle.
-        contact: (n, 7) N m that contacts exert at the joints; zero unless recorded.
-        qpos, qvel: (n / BLOCK, nq) and (n / BLOCK, nv) at the end of each block.
-    """
+    """Buffers for n control cycles of a world with nq positions and nv velocities."""
 
     def __init__(self, n: int, nq: int, nv: int) -> None:
-        self.torque, self.weight, self.dq = np.empty((n, 7)), np.empty((n, 7)), np.empty((n, 7))
-        self.contact = np.zeros((n, 7))
-        self.qpos, self.qvel = np.empty((n // BLOCK, nq)), np.empty((n // BLOCK, nv))
+        self.torque = np.empty((n, 7))  # N m commanded at the joints
+        self.weight = np.empty((n, 7))  # N m, the part that holds the nominal arm up
+        self.contact = np.zeros((n, 7))  # N m of contacts at the joints; zero unless recorded
+        self.dq = np.empty((n, 7))  # rad/s at the end of each cycle
+        self.qpos = np.empty((n // BLOCK, nq))  # at the end of each block
+        self.qvel = np.empty((n // BLOCK, nv))
 
     def observed(self, first: int, last: int) -> tuple[Array, Array]:
         """Return the inputs of `Guard.observe`, of the cycles from `first` to `last`."""
@@ -329,11 +317,8 @@ def require_physics(spec: mujoco.MjSpec) -> None:
             f"the world's gravity is ({x:g}, {y:g}, {z:g}) m/s²; it must point down, as in "
             '<option gravity="0 0 -9.81"/>: released objects have to fall, and weighing needs a weight'
         )
-    disabled = [
-        flag.name.removeprefix("mjDSBL_").lower()
-        for flag in NEEDED
-        if spec.option.disableflags & int(flag)
-    ]
+    bits = {name: int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name.upper()}")) for name in NEEDED}
+    disabled = [name for name, bit in bits.items() if spec.option.disableflags & bit]
     if disabled:
         raise InputError(
             f"the world's <option><flag> disables {', '.join(disabled)}, without which nothing can be "

@@ -1,4 +1,4 @@
-"""Shapes on a plane that fill what is seen of them through a pinhole camera."""
+"""Fits of shapes on a level plane to their boxes or outlines in the image of a pinhole camera."""
 
 from __future__ import annotations
 
@@ -14,18 +14,17 @@ from palpate.scene.pictured.sharpen import directions
 from palpate.scene.poses import PoseEntry
 
 FAR = 3.0
-"""m: how far from the camera's foot anything may be."""
+"""m: largest horizontal distance of a shape from the camera."""
 
 MISFIT = 0.04
-"""Of the image's height: how far the sides of a fitted shape may be from the box."""
-
+"""Largest distance between the sides of a fitted shape and of the box, relative to the image's height."""
 
 TURNS = (-30.0, 0.0, 30.0, 60.0)
-"""degrees: from where the turn of a block is searched for."""
+"""degrees: initial yaws of a block."""
 NECKS = ((0.95, 0.95), (0.6, 0.5))
-"""Shares of height and width at which shoulder and neck are searched for: hardly any, and a bottle's."""
+"""Initial shoulder and neck as shares of height and width: nearly none, and a bottle's."""
 SCALES = np.array([0.1, 0.1, 0.1, 0.1, 0.5, 0.5])
-"""m, and rad or a share: about how far the search steps."""
+"""m, and rad or a share: scales of the parameters in the search."""
 
 _CIRCLE = np.linspace(0, 2 * np.pi, 96, endpoint=False)
 _RING = np.column_stack([np.cos(_CIRCLE), np.sin(_CIRCLE)])
@@ -35,11 +34,10 @@ _SQUARE = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]])
 def fit(
     camera: Camera, thing: SceneObject, level: float, placed: PoseEntry | None = None
 ) -> Fitted:
-    """The shape on the level plane at world z `level` that fills its box in the image; where it is,
-    if `placed`.
+    """Fit a shape on the level plane at world z `level` to its box in the image, at `placed` if given.
 
     Raises:
-        InputError: no such shape does; worded for the model.
+        InputError: no such shape fits; worded for the model.
     """
     found = _upright(camera, thing, level, placed)
     if thing.outline is None or placed is not None:
@@ -52,14 +50,14 @@ def fit(
 
 
 def _upright(camera: Camera, thing: SceneObject, level: float, placed: PoseEntry | None) -> Fitted:
-    """By the four sides of its box: a square block that is not turned, where it is not placed."""
+    """Fit to the four sides of its box; a block is square, and turned only where it is placed."""
     from scipy.optimize import least_squares
 
     left, top, right, bottom = thing.bbox
     width, height = camera.width, camera.height
     wanted = np.array([left * width, top * height, right * width, bottom * height])
     start = _start(camera, thing, wanted, level, placed)
-    # Where a thing is placed, its x and y are given and only its size is left to find.
+    # Where an object is placed, x and y are given and only the size is fitted.
     yaw, free = 0.0, slice(0, None)
     if placed is not None:
         yaw, free = placed.yaw or 0.0, slice(2, None)
@@ -71,6 +69,7 @@ def _upright(camera: Camera, thing: SceneObject, level: float, placed: PoseEntry
         return np.concatenate([seen.min(axis=0), seen.max(axis=0)]) - wanted
 
     low = np.array([-np.inf, -np.inf, 0.002, 0.002])[: len(start)][free]
+    # Sizes are at least 2 mm; the start must be inside of the bounds.
     found = least_squares(
         residual, np.maximum(start[free], low * 1.01), bounds=(low, np.inf), x_scale=0.1
     )
@@ -88,24 +87,32 @@ def _upright(camera: Camera, thing: SceneObject, level: float, placed: PoseEntry
 
 
 def _turned(camera: Camera, thing: SceneObject, level: float, square: Fitted) -> Fitted:
-    """A block of any ground plan, turned as its outline says."""
+    """Fit a block with any two sides and yaw to its outline."""
     half = square.width / 2
     starts = [[square.x, square.y, half, half, square.height / 2, yaw] for yaw in np.radians(TURNS)]
     low = [-np.inf, -np.inf, 0.002, 0.002, 0.002, -np.inf]
     high = [np.inf] * 6
     best = _outlined(camera, thing, lambda v: _cuboid(v, level), starts, low, high)
-    return _block_of(thing, best)
+    x, y, half, half_depth, half_height, yaw = map(float, best)
+    # The same block turned by at most 45°: quarter turns exchange its sides.
+    quarters = round(yaw / (np.pi / 2))
+    if quarters % 2:
+        half, half_depth = half_depth, half
+    turn = yaw - quarters * np.pi / 2
+    return Fitted(
+        thing, x, y, width=2 * half, depth=2 * half_depth, height=2 * half_height, yaw=turn
+    )
 
 
 def _necked(camera: Camera, thing: SceneObject, level: float, straight: Fitted) -> Fitted:
-    """A cylinder around what may have a neck: as wide as its widest part, as high as its top."""
+    """Fit a cylinder that encloses an object with a neck: its widest part and its top."""
     radius, half = straight.width / 2, straight.height / 2
     starts = [[straight.x, straight.y, radius, half, *shares] for shares in NECKS]
     low = [-np.inf, -np.inf, 0.002, 0.002, 0.1, 0.1]
     high = [np.inf] * 4 + [1.0, 1.0]
     best = _outlined(camera, thing, lambda v: _bottle(v, level), starts, low, high)
     x, y, radius, half = map(float, best[:4])
-    return Fitted(thing, x, y, 2 * radius, 2 * radius, 2 * half)
+    return Fitted(thing, x, y, width=2 * radius, depth=2 * radius, height=2 * half)
 
 
 def _outlined(
@@ -116,11 +123,12 @@ def _outlined(
     low: Sequence[float],
     high: Sequence[float],
 ) -> Array:
-    """The numbers of a shape that reaches as far in each direction of the image as the outline of the
-    thing does: the best that is found from some starts."""
+    """Parameters of the shape whose extent in each direction of the image is that of the object's
+    outline; the best of the fits from `starts`."""
     from scipy.optimize import least_squares
 
     assert thing.outline is not None
+    # The support function of both: the largest projection on each of the outline's directions.
     ways = directions(len(thing.outline))
     size = np.array([camera.width, camera.height])
     reach = (np.array(thing.outline) * size @ ways.T).max(axis=0)
@@ -135,18 +143,8 @@ def _outlined(
     return min(tries, key=lambda found: float(found.cost)).x
 
 
-def _block_of(thing: SceneObject, values: Array) -> Fitted:
-    """A turned block, by the turn of at most 45° that makes it the same."""
-    x, y, half, half_depth, half_height, yaw = map(float, values)
-    quarters = round(yaw / (np.pi / 2))
-    if quarters % 2:
-        half, half_depth = half_depth, half
-    turn = yaw - quarters * np.pi / 2
-    return Fitted(thing, x, y, 2 * half, 2 * half_depth, 2 * half_height, turn)
-
-
 def _bottle(values: Array, level: float) -> Array:
-    """Rings at the foot, at the shoulder and at the top: the last two by shares of height and width."""
+    """(n, 3) rings at the foot, the shoulder and the top; shares of height and width place the last two."""
     x, y, radius, half, shoulder, neck = values
     ring, top = radius * _RING, neck * radius * _RING
     middle = np.array([x, y])
@@ -160,6 +158,7 @@ def _bottle(values: Array, level: float) -> Array:
 
 
 def _cuboid(values: Array, level: float) -> Array:
+    """(8, 3) corners."""
     x, y, half, half_depth, half_height, yaw = values
     turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
     corners = np.array([x, y]) + _SQUARE * np.array([half, half_depth]) @ turn.T
@@ -167,8 +166,7 @@ def _cuboid(values: Array, level: float) -> Array:
 
 
 def projected(camera: Camera, points: Array) -> Array:
-    """(n, 2) pixels of (n, 3) world points; what is behind the camera is pushed far out of the
-    image."""
+    """(n, 2) pixels of (n, 3) world points; points behind the camera are far outside of the image."""
     local = (points - camera.pose_world_camera.position) @ camera.pose_world_camera.rotation
     depth = np.maximum(-local[:, 2], 1e-2)
     right = camera.width / 2 + camera.focal * local[:, 0] / depth
@@ -179,7 +177,8 @@ def projected(camera: Camera, points: Array) -> Array:
 def _start(
     camera: Camera, thing: SceneObject, box: Array, level: float, placed: PoseEntry | None
 ) -> Array:
-    """Start of the fit: x, y and half extents, m."""
+    """Initial x, y and half extents, m."""
+    # An object stands where the lower edge of its box meets the plane; a plane lies at its middle.
     middle, foot = (box[0] + box[2]) / 2, box[3]
     if thing.shape == "plane":
         foot = (box[1] + box[3]) / 2
@@ -204,13 +203,6 @@ def _cylinder(values: Array, level: float, _: float) -> Array:
     return np.concatenate([_raised(ring, level), _raised(ring, level + 2 * half)])
 
 
-def _block(values: Array, level: float, yaw: float) -> Array:
-    x, y, half, half_height = values
-    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-    corners = np.array([x, y]) + half * _SQUARE @ turn.T
-    return np.concatenate([_raised(corners, level), _raised(corners, level + 2 * half_height)])
-
-
 def _ball(values: Array, level: float, _: float) -> Array:
     x, y, radius = values
     rings: list[Array] = []
@@ -220,19 +212,16 @@ def _ball(values: Array, level: float, _: float) -> Array:
     return np.concatenate(rings)
 
 
-def _slab(values: Array, level: float, _: float) -> Array:
-    return _raised(values[:2] + values[2:] * _SQUARE, level)
-
-
 def _raised(outline: Array, z: float) -> Array:
+    """(n, 3) points of an outline (n, 2) at height z."""
     return np.column_stack([outline, np.full(len(outline), z)])
 
 
 _OUTLINES: Mapping[Shape, Callable[[Array, float, float], Array]] = {
     "cylinder": _cylinder,
-    "box": _block,
+    "box": lambda v, level, yaw: _cuboid(np.array([*v[:3], v[2], v[3], yaw]), level),
     "sphere": _ball,
-    "plane": _slab,
+    "plane": lambda v, level, _: _raised(v[:2] + v[2:] * _SQUARE, level),
 }
 
 _FITTED: Mapping[Shape, Callable[[SceneObject, Array, float], Fitted]] = {

@@ -1,9 +1,8 @@
 """Refinement of detected boxes: a model's boxes are rough, the pixels are exact.
 
-What a thing stands on has a colour; shadows make it darker, not another colour. What is in the
-picture of another colour, in one piece, of about the box's size and near to it, is the thing. Where
-that is in doubt (a patterned table, a thing of the table's colour, two things in one piece) the
-model's box stays as it is.
+A plane has one colour, which shadows darken but do not change. A connected region of another colour,
+of about the box's size and near to it, is the object. In doubt (a patterned table, an object of the
+table's colour, two objects in one region) the model's box is kept.
 """
 
 from __future__ import annotations
@@ -18,20 +17,20 @@ from palpate.geometry.pose import Array
 from palpate.scene.pictured.objects import SceneObject
 
 SPREADS = 5.0
-"""Robust standard deviations from the table's colour at which something is of another: a Gaussian has
-six in ten million farther off."""
+"""Robust standard deviations from the table's colour beyond which a pixel is of another colour: six in
+ten million of a Gaussian."""
 FINEST = 0.012
-"""Least standard deviation of a colour's share: three steps of 8 bits, as JPEG leaves them."""
+"""Least standard deviation of a colour's share: three steps of 8 bits, the noise of JPEG."""
 SHADOW, GLARE = 0.35, 1.25
-"""Of the table's brightness: as dark as its shadow, as bright as its shine may be."""
+"""Brightness of the table's shadow and of its shine, relative to its own."""
 NEAR = 0.12
-"""Of the image's diagonal: how far from the model's box a thing is looked for."""
+"""Search distance around the model's box, relative to the image's diagonal."""
 ALIKE = 0.6
-"""A thing is between so many times, and one by so many, as wide and high as its box."""
+"""Least ratio of width and height between region and box, either way."""
 LEAST = 40
-"""Pixels: smaller pieces are none."""
+"""Least pixels of a region."""
 POINTS = 32
-"""Directions in which a thing's outline is kept."""
+"""Directions in which an outline is sampled."""
 
 Pixels = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
@@ -41,30 +40,34 @@ Box = tuple[float, float, float, float]
 @dataclass(frozen=True, slots=True, eq=False)
 class Piece:
     """Connected region of another colour than the table: `box` (left, top, right, bottom) and
-    `outline` (n, 2), in pixels."""
+    `outline` (n, 2), pixels."""
 
     box: Box
     outline: Array
 
 
 def sharpened(objects: Sequence[SceneObject], pixels: Pixels) -> tuple[SceneObject, ...]:
-    """The objects, their boxes as exact as `pixels` (height, width, 3) are, where those are clear."""
+    """Refine boxes, and add outlines, by `pixels` (height, width, 3), where these are unambiguous."""
     planes = [thing for thing in objects if thing.shape == "plane"]
     things = [thing for thing in objects if thing.shape != "plane" and thing.outline is None]
     if not planes or not things:
         return tuple(objects)
     pieces = _pieces(pixels, planes)
     size = np.array([pixels.shape[1], pixels.shape[0]], dtype=float)
-    exact = {thing.name: _own_piece(thing, things, pieces, size) for thing in things}
+    pieces_of = {thing.name: _own_piece(thing, things, pieces, size) for thing in things}
     found: list[SceneObject] = []
     for thing in objects:
-        piece = exact.get(thing.name)
-        found.append(thing if piece is None else _exact(thing, piece, size))
+        piece = pieces_of.get(thing.name)
+        if piece is not None:
+            left, top, right, bottom = (np.array(piece.box).reshape(2, 2) / size).ravel().tolist()
+            outline = tuple((x, y) for x, y in (piece.outline / size).round(5).tolist())
+            thing = replace(thing, bbox=(left, top, right, bottom), outline=outline)
+        found.append(thing)
     return tuple(found)
 
 
 def _pieces(pixels: Pixels, planes: Sequence[SceneObject]) -> list[Piece]:
-    """Everything on the planes that is of another colour than they are."""
+    """Regions on the planes of another colour than the plane's."""
     from scipy.ndimage import (
         binary_closing,
         binary_fill_holes,
@@ -75,7 +78,9 @@ def _pieces(pixels: Pixels, planes: Sequence[SceneObject]) -> list[Piece]:
 
     pieces: list[Piece] = []
     for plane in planes:
-        left, top, right, bottom = _in_pixels(plane.bbox, pixels)
+        height, width = pixels.shape[:2]
+        left, right = round(plane.bbox[0] * width), round(plane.bbox[2] * width)
+        top, bottom = round(plane.bbox[1] * height), round(plane.bbox[3] * height)
         view = pixels[top:bottom, left:right]
         if view.size == 0:
             continue
@@ -84,17 +89,21 @@ def _pieces(pixels: Pixels, planes: Sequence[SceneObject]) -> list[Piece]:
         labels, _ = label(other)
         for number, (rows, columns) in enumerate(find_objects(labels), start=1):
             mask: Mask = labels[rows, columns] == number
-            touches = _touches(rows, columns, view.shape)
-            if mask.sum() >= LEAST and not touches:
+            # A region at the edge of the plane's box may go on beyond it.
+            is_inside = rows.start > 0 and columns.start > 0
+            is_inside &= rows.stop < view.shape[0] and columns.stop < view.shape[1]
+            if mask.sum() >= LEAST and is_inside:
                 pieces.append(_piece(mask, left + columns.start, top + rows.start))
     return pieces
 
 
 def _other_colour(view: Pixels) -> Mask:
-    """Mask of pixels of another colour, or brighter or darker than light and shadow explain."""
+    """Mask of pixels of another colour, or brighter or darker than the table's shine and shadow."""
+    # Shares of red and green in the light do not depend on the brightness; the median is the table's.
     light = view.astype(float).sum(axis=2) + 3.0
     shares = (view[..., :2] + 1.0) / light[..., None]
     middle = np.median(shares.reshape(-1, 2), axis=0)
+    # Median absolute deviation, scaled to a Gaussian's standard deviation.
     spread = 1.4826 * np.median(np.abs(shares - middle).reshape(-1, 2), axis=0)
     off = np.abs(shares - middle) / np.maximum(spread, FINEST / 3)
     usual = float(np.median(light))
@@ -102,17 +111,10 @@ def _other_colour(view: Pixels) -> Mask:
     return (off.max(axis=2) > SPREADS) | unlit
 
 
-def _touches(rows: slice, columns: slice, shape: tuple[int, ...]) -> bool:
-    """True if a piece reaches the edge of what is looked at: it may go on beyond."""
-    return not (
-        rows.start > 0 and columns.start > 0 and rows.stop < shape[0] and columns.stop < shape[1]
-    )
-
-
 def _piece(mask: Mask, left: int, top: int) -> Piece:
-    """A mask's corner points, in the directions of `POINTS`, and its box."""
+    """Box of a mask, and its extreme pixel corners in `POINTS` directions."""
     rows, columns = np.nonzero(mask)
-    # A pixel's edges, not its middle: what ends at pixel 9 is ten wide.
+    # Corners of the pixels, not their middles: a region from pixel 0 to 9 is ten wide.
     edge = [(dx, dy) for dx in (0, 1) for dy in (0, 1)]
     corners = [np.column_stack([left + columns + dx, top + rows + dy]) for dx, dy in edge]
     points: Array = np.concatenate(corners).astype(float)
@@ -130,9 +132,15 @@ def directions(count: int) -> Array:
 def _own_piece(
     thing: SceneObject, things: Sequence[SceneObject], pieces: Sequence[Piece], size: Array
 ) -> Piece | None:
-    """The piece nearest to a thing's box that is as large, unless another thing's box is nearer."""
+    """The nearest region of about the size of a box, unless another object's box is nearer to it."""
     reach = NEAR * float(np.hypot(*size))
-    near = [piece for piece in pieces if _alike(thing, piece, size)]
+    box = np.array(thing.bbox).reshape(2, 2) * size
+    near: list[Piece] = []
+    for piece in pieces:
+        corners = np.array(piece.box).reshape(2, 2)
+        ratio = (corners[1] - corners[0]) / (box[1] - box[0])
+        if ((ratio > ALIKE) & (ratio < 1 / ALIKE)).all():
+            near.append(piece)
     if not near:
         return None
     nearest = min(near, key=lambda piece: _distance(thing, piece, size))
@@ -143,27 +151,8 @@ def _own_piece(
     return nearest
 
 
-def _alike(thing: SceneObject, piece: Piece, size: Array) -> bool:
-    box = np.array(thing.bbox).reshape(2, 2) * size
-    found = np.array(piece.box).reshape(2, 2)
-    ratio = (found[1] - found[0]) / (box[1] - box[0])
-    return bool(((ratio > ALIKE) & (ratio < 1 / ALIKE)).all())
-
-
 def _distance(thing: SceneObject, piece: Piece, size: Array) -> float:
-    """Pixels between the middles of a thing's box and of a piece's."""
+    """Distance between the middles of an object's box and of a region's, pixels."""
     mine = np.array(thing.bbox).reshape(2, 2).mean(axis=0) * size
     theirs = np.array(piece.box).reshape(2, 2).mean(axis=0)
     return float(np.linalg.norm(mine - theirs))
-
-
-def _exact(thing: SceneObject, piece: Piece, size: Array) -> SceneObject:
-    left, top, right, bottom = (np.array(piece.box).reshape(2, 2) / size).ravel().tolist()
-    outline = tuple((x, y) for x, y in (piece.outline / size).round(5).tolist())
-    return replace(thing, bbox=(left, top, right, bottom), outline=outline)
-
-
-def _in_pixels(box: Box, pixels: Pixels) -> tuple[int, int, int, int]:
-    height, width = pixels.shape[:2]
-    left, top, right, bottom = box
-    return round(left * width), round(top * height), round(right * width), round(bottom * height)

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from palpate.geometry.pose import Array
-from palpate.mjcf.hulls import mesh_vertices
+from palpate.mjcf.shapes import mesh_vertices
 
 CLOSE = 1e-5
 """Relative: single precision of USD and of meshes, six digits of MuJoCo's own MJCF."""

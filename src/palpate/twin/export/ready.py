@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from palpate.geometry.pose import Pose
-from palpate.mjcf.hulls import mesh_corners
+from palpate.mjcf.shapes import mesh_corners
 from palpate.twin.export.facts import unnamed
 from palpate.twin.export.stl import write_stl
 

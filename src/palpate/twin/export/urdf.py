@@ -16,7 +16,7 @@ from lxml import etree
 
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.document import Element
-from palpate.mjcf.hulls import mesh_corners
+from palpate.mjcf.shapes import mesh_corners
 from palpate.twin.export.facts import GROUND, Facts, Shape, facts_of, touches, unnamed
 from palpate.twin.export.stl import write_stl
 

@@ -14,7 +14,7 @@ from palpate.estimation.holds import pose_in_hand
 from palpate.estimation.load.around.causes import LINK
 from palpate.estimation.windows import mean_pose
 from palpate.geometry.pose import Array, Pose
-from palpate.mjcf.whole import whole
+from palpate.mjcf.inertial import whole
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Recording
 from palpate.trace.samples import Trace

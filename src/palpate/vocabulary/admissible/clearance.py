@@ -17,14 +17,10 @@ from palpate.geometry.pose import Array, Pose
 from palpate.scene.scene import Scene
 from palpate.vocabulary.state import SymbolicState
 
-SPACING = 0.02
-"""m between two samples of a motion."""
-STEEP = 0.010
-"""m of horizontal travel below which a motion is vertical."""
-TOUCH = 0.002
-"""m of overlap up to which boxes only touch."""
-ABOVE = 0.005
-"""m above an object's top from which fingertips are clear of it."""
+SPACING = 0.02  # m between two samples of a motion
+STEEP = 0.010  # m of horizontal travel below which a motion is vertical
+TOUCH = 0.002  # m of overlap up to which boxes only touch
+ABOVE = 0.005  # m above an object's top from which fingertips are clear of it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,63 +64,60 @@ def _projected(candidates: Array, axes: Array, halves: Array) -> Array:
     return np.einsum("nkj,nj->nk", np.abs(np.einsum("nik,nij->nkj", candidates, axes)), halves)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Motion:
-    """Straight motion of the TCP from `start` to `end` (world), with the object held in `state`."""
+def is_vertical(start: Pose, end: Pose) -> bool:
+    """True for a motion straight up or down."""
+    return float(np.linalg.norm((end.position - start.position)[:2])) < STEEP
 
-    state: SymbolicState
-    start: Pose
-    end: Pose
 
-    @property
-    def vertical(self) -> bool:
-        """True for a motion straight up or down."""
-        return float(np.linalg.norm((self.end.position - self.start.position)[:2])) < STEEP
+def box_hits(
+    state: SymbolicState, start: Pose, end: Pose, ignoring: Collection[str] = (), margin: float = 0
+) -> list[str]:
+    """Objects that the hand, or the held object, would run into on the TCP's straight motion from
+    `start` to `end` (world), in document order; the hand keeps `margin` m."""
+    left_out = {*ignoring, state.holding}
+    names = [name for name in _nearby(state, start, end) if name not in left_out]
+    if not names:
+        return []
+    travel = float(np.linalg.norm(end.position - start.position))
+    samples = max(2, int(np.ceil(travel / SPACING)) + 1)
+    positions = np.linspace(start.position, end.position, samples)
+    there = _boxes(state, [(name, state.pose_of(name)) for name in names])
+    found = _hand(state, positions, end.rotation).overlap(there, margin)
+    held = state.pose_tcp_object
+    if state.holding is not None and held is not None:
+        poses = [Pose(position, end.quaternion) @ held for position in positions]
+        carried = _boxes(state, [(state.holding, pose) for pose in poses])
+        found |= carried.overlap(there, -TOUCH)
+    return [name for name, met in zip(names, found, strict=True) if met]
 
-    def hits(self, ignoring: Collection[str] = (), margin: float = 0.0) -> list[str]:
-        """Objects that the hand, or the held object, would run into, in document order; the hand
-        keeps `margin` m."""
-        left_out = {*ignoring, self.state.holding}
-        names = [name for name in self._nearby() if name not in left_out]
-        if not names:
-            return []
-        start, end = self.start.position, self.end.position
-        samples = max(2, int(np.ceil(float(np.linalg.norm(end - start)) / SPACING)) + 1)
-        positions = np.linspace(start, end, samples)
-        there = _boxes(self.state, [(name, self.state.pose_of(name)) for name in names])
-        found = self._hand(positions).overlap(there, margin)
-        held = self.state.pose_tcp_object
-        if self.state.holding is not None and held is not None:
-            poses = [Pose(position, self.end.quaternion) @ held for position in positions]
-            carried = _boxes(self.state, [(self.state.holding, pose) for pose in poses])
-            found |= carried.overlap(there, -TOUCH)
-        return [name for name, met in zip(names, found, strict=True) if met]
 
-    def _nearby(self) -> Iterator[str]:
-        """Objects near enough to be hit at all, by bounding spheres."""
-        held = 2 * self.state.scene.body(self.state.holding).reach if self.state.holding else 0.0
-        hand = self.state.scene.arm.hand
-        (x0, y0, z0), (x1, y1, z1) = self.start.position.tolist(), self.end.position.tolist()
-        points_down = self.end.rotation[2, 2] < -0.99
-        lowest = min(z0, z1) - held - (hand.depth if points_down else hand.breadth + hand.height)
-        dx, dy = x1 - x0, y1 - y0
-        length = dx * dx + dy * dy
-        for name, body in self.state.scene.objects.items():
-            x, y, z = self.state.pose_of(name).position.tolist()
-            if z + body.reach < lowest:
-                continue
-            # The nearest point of the motion, seen from above.
-            share = ((x - x0) * dx + (y - y0) * dy) / length if length > 1e-12 else 0.0
-            share = min(1.0, max(0.0, share))
-            if body.is_near(x - x0 - share * dx, y - y0 - share * dy, hand.breadth + held):
-                yield name
+def _nearby(state: SymbolicState, start: Pose, end: Pose) -> Iterator[str]:
+    """Objects near enough to a motion to be hit at all, by bounding spheres."""
+    held = 2 * state.scene.body(state.holding).reach if state.holding else 0.0
+    hand = state.scene.arm.hand
+    (x0, y0, z0), (x1, y1, z1) = start.position.tolist(), end.position.tolist()
+    points_down = end.rotation[2, 2] < -0.99
+    lowest = min(z0, z1) - held - (hand.depth if points_down else hand.breadth + hand.height)
+    dx, dy = x1 - x0, y1 - y0
+    length = dx * dx + dy * dy
+    for name, body in state.scene.objects.items():
+        x, y, z = state.pose_of(name).position.tolist()
+        if z + body.reach < lowest:
+            continue
+        # The nearest point of the motion, seen from above.
+        share = ((x - x0) * dx + (y - y0) * dy) / length if length > 1e-12 else 0.0
+        share = min(1.0, max(0.0, share))
+        if body.is_near(x - x0 - share * dx, y - y0 - share * dy, hand.breadth + held):
+            yield name
 
-    def _hand(self, positions: Array) -> Boxes:
-        boxes, rotation = self.state.scene.arm.hand.boxes, self.end.rotation
-        centres = np.array([box.centre for box in boxes]) @ rotation.T
-        placed = (positions[:, None] + centres).reshape(-1, 3)
-        axes = np.broadcast_to(rotation, (len(placed), 3, 3))
-        return Boxes(placed, axes, np.tile([box.half for box in boxes], (len(positions), 1)))
+
+def _hand(state: SymbolicState, positions: Array, rotation: Array) -> Boxes:
+    """Boxes of the hand with the TCP at positions (n, 3)."""
+    boxes = state.scene.arm.hand.boxes
+    centres = np.array([box.centre for box in boxes]) @ rotation.T
+    placed = (positions[:, None] + centres).reshape(-1, 3)
+    axes = np.broadcast_to(rotation, (len(placed), 3, 3))
+    return Boxes(placed, axes, np.tile([box.half for box in boxes], (len(positions), 1)))
 
 
 def _boxes(state: SymbolicState, placed: list[tuple[str, Pose]]) -> Boxes:
@@ -149,11 +142,11 @@ def straddled(state: SymbolicState, pose_world_tcp: Pose | None) -> str | None:
 def blockers(state: SymbolicState, name: str, approach: Pose, work: Pose) -> list[str]:
     """Objects to clear away before the gripper can go from `approach` down to `work` on `name` and,
     if that is an object, lift it."""
-    down = Motion(state, approach, work).hits(ignoring=(name,), margin=TOUCH)
+    down = box_hits(state, approach, work, ignoring=(name,), margin=TOUCH)
     if name not in state.scene.objects:
         return down
     lifting = replace(state, holding=name, pose_tcp_object=work.inverse() @ state.pose_of(name))
-    return list(dict.fromkeys([*down, *Motion(lifting, work, approach).hits()]))
+    return list(dict.fromkeys([*down, *box_hits(lifting, work, approach)]))
 
 
 def needed_away(scene: Scene, names: Iterable[str]) -> set[str]:

@@ -7,7 +7,6 @@ else, with the fingertips.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -17,7 +16,7 @@ import numpy as np
 from palpate.errors import InputError
 from palpate.geometry.pose import Array
 from palpate.scene.raised import GUESS
-from palpate.vocabulary.admissible.clearance import STEEP, straddled
+from palpate.vocabulary.admissible.clearance import is_vertical, straddled
 from palpate.vocabulary.admissible.collision_geometry import (
     HIGHER,
     LINK,
@@ -48,16 +47,11 @@ from palpate.vocabulary.violation import Violation
 
 ENTERED = 0.0015
 """m between the open fingers and an object between them: `grasp.SPARE` leaves 2 mm each side."""
-BESIDE = 0.0015
-"""m between hand or load and any other object: derived grasps leave 2 mm."""
-FIXED = 0.003
-"""m between hand or load and anything static: derived grasps leave `grasp.GROUND`."""
-ARM = 0.005
-"""m between the arm's links and everything, each other included."""
-SHOWS = 0.002
-"""m of a measured rise from which a message mentions it."""
-SHOWN = 3
-"""Largest number of hits reported of one motion."""
+BESIDE = 0.0015  # m between hand or load and any other object: derived grasps leave 2 mm
+FIXED = 0.003  # m between hand or load and anything static: derived grasps leave `grasp.GROUND`
+ARM = 0.005  # m between the arm's links and everything, each other included
+SHOWS = 0.002  # m of a measured rise from which a message mentions it
+SHOWN = 3  # Largest number of hits reported of one motion
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,9 +154,9 @@ def _goes_back(before: SymbolicState, after: SymbolicState) -> bool:
         began = before.resolve(before.at or "")
     except InputError:
         return False
-    aside = max(math.hypot(*(end.position - pose.position)[:2]) for pose in (touch, began))
+    upwards = is_vertical(end, touch) and is_vertical(end, began)
     low, high = float(touch.position[2]), float(began.position[2])
-    return aside < STEEP and low < end.position[2] <= high + SAME_POSE
+    return upwards and low < end.position[2] <= high + SAME_POSE
 
 
 def _path(before: SymbolicState, after: SymbolicState, width: float) -> ArmPath | None:

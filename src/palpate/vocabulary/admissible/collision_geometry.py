@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from types import MappingProxyType
+from collections.abc import Mapping
 
 import numpy as np
 
 from palpate.geometry.pose import Pose
 from palpate.vocabulary.admissible.grip import grip
-from palpate.vocabulary.admissible.solids import SIDES, Cluster, Frames, Shape, Solids, solids
+from palpate.vocabulary.admissible.solids import SIDES, Frames, Shape, ShapeGroup, Solids, solids
 from palpate.vocabulary.admissible.sweep import ArmPath, Pairs, Part, Sweep, hand_path
 from palpate.vocabulary.state import SymbolicState
 
@@ -19,22 +18,22 @@ LINK = "link"
 HIGHER = "higher"
 """Kinds of parts, besides the two fingers; the last is that of objects on a surface of unknown height,
 as high as they may be."""
-NO_RISE: Mapping[str, float] = MappingProxyType({})
 NEIGHBOURS = 2
 """Joints between two parts of the arm, up to which the parts cannot, or always nearly, touch."""
-SPACING = 0.01
-"""m between two moments of `near_spans`."""
+SPACING = 0.01  # m between two moments of `near_spans`
 
 
 def hand_sweep(state: SymbolicState, path: ArmPath) -> Sweep:
     """Sweep of the hand, its fingers and the load, among everything that is not held."""
-    return _sweep(state, path, NO_RISE, {})
+    return _sweep(state, path, {}, {})
 
 
-def arm_sweep(state: SymbolicState, path: ArmPath, higher: Mapping[str, float] = NO_RISE) -> Sweep:
+def arm_sweep(
+    state: SymbolicState, path: ArmPath, higher: Mapping[str, float] | None = None
+) -> Sweep:
     """Sweep of the whole arm with hand and load along a path with joint angles, among everything
     that is not held and its own links; objects are also placed `higher` by so many m."""
-    return _sweep(state, path, higher, solids(state.scene).links)
+    return _sweep(state, path, higher or {}, solids(state.scene).links)
 
 
 def near_spans(
@@ -63,7 +62,7 @@ def _sweep(
 ) -> Sweep:
     """`joints`: geom ids of the links to sweep as well, with the number of their joint."""
     shapes = solids(state.scene)
-    carried = list(_carried(shapes, state))
+    carried = _carried(shapes, state)
     links = [Part(geom, LINK, shapes.owners[geom]) for geom in joints]
     key = ("static", state.holding, *state.placed, *sorted(higher.items()))
     static, there = shapes.cached(key, lambda: _static(shapes, state, higher))
@@ -78,12 +77,12 @@ def _sweep(
     own = shapes.cached(key, lambda: _own_pairs(list(joints.values()), len(carried), shapes))
     pairs = np.concatenate([np.argwhere(meets) + np.array([0, moving]), own])
 
-    cluster = Cluster.of([shape for _, shape in carried])
+    group = ShapeGroup.of([shape for _, shape in carried])
     sides = np.array([SIDES.get(part.kind, 0.0) for part, _ in carried]) / 2
 
     def place(path: ArmPath) -> Frames:
         rotations = path.rotations()
-        hand = cluster.at(path.positions, rotations)
+        hand = group.at(path.positions, rotations)
         # A finger is half the opening beside the tool's axis, along its y.
         beside = np.einsum("n,k,nj->nkj", path.widths, sides, rotations[:, :, 1])
         frames = [Frames(hand.positions + beside, hand.rotations)]
@@ -113,7 +112,7 @@ def _static(
     shapes: Solids, state: SymbolicState, higher: Mapping[str, float]
 ) -> tuple[tuple[Part, ...], Frames]:
     """Static parts with their poses."""
-    parts = [Part(shape.geom, "", shapes.owners[shape.geom]) for shape in shapes.fixed]
+    parts = [Part(geom, "", shapes.owners[geom]) for geom in shapes.fixed.geoms]
     there = [shapes.standing]
     for name in state.scene.objects:
         if name == state.holding:
@@ -122,20 +121,19 @@ def _static(
             if kind and not rise:
                 continue
             pose = state.pose_of(name).translated((0.0, 0.0, rise))
-            parts += [Part(shape.geom, kind, name) for shape in shapes.objects[name]]
-            there.append(shapes.clusters[name].at(pose.position[None], pose.rotation[None]))
+            parts += [Part(geom, kind, name) for geom in shapes.objects[name].geoms]
+            there.append(shapes.objects[name].at(pose.position[None], pose.rotation[None]))
     return tuple(parts), Frames.joined(there)
 
 
-def _carried(shapes: Solids, state: SymbolicState) -> Iterator[tuple[Part, Shape]]:
+def _carried(shapes: Solids, state: SymbolicState) -> list[tuple[Part, Shape]]:
     """Parts of the hand, of the closed fingers and of the held object, in the tool frame."""
-    for shape in shapes.hand:
-        yield Part(shape.geom, HAND, HAND), shape
+    found = [(Part(shape.geom, HAND, HAND), shape) for shape in shapes.hand]
     for side, finger in shapes.fingers.items():
-        for shape in finger:
-            yield Part(shape.geom, side, side), shape
+        found += [(Part(shape.geom, side, side), shape) for shape in finger]
     held = state.pose_tcp_object
     if state.holding is not None and held is not None:
-        for shape in shapes.objects[state.holding]:
-            position, rotation = held.apply(shape.position), held.rotation @ shape.rotation
-            yield Part(shape.geom, LOAD, state.holding), Shape(shape.geom, position, rotation)
+        for geom, position, rotation in shapes.objects[state.holding]:
+            shape = Shape(geom, held.apply(position), held.rotation @ rotation)
+            found.append((Part(geom, LOAD, state.holding), shape))
+    return found

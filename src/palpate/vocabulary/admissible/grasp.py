@@ -93,8 +93,8 @@ def torsion(scene: Scene) -> float:
     """Largest moment, N m, with which the two pads resist turning about the line between them:
     friction times force times the mean lever of a pad."""
     shapes = solids(scene)
-    (pad, *_) = shapes.pads(LEFT)
-    size, friction = shapes.model.geom_size[pad.geom], shapes.model.geom_friction[pad.geom, 0]
+    pad = shapes.pads[LEFT].geoms[0]
+    size, friction = shapes.model.geom_size[pad], shapes.model.geom_friction[pad, 0]
     side = 2 * float(np.sqrt(size[0] * size[2]))
     return float(friction) * scene.arm.hand.force * TORSION * side
 

@@ -7,14 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.geometry.pose import Pose
-from palpate.vocabulary.admissible.solids import SIDES, Cluster, Frames, Solids
+from palpate.vocabulary.admissible.solids import SIDES, Frames, Solids
 
-BITE = 0.004
-"""m of an object, in height and along it, that the pads must cover: an edge slips out."""
-MEETS = 0.0002
-"""m between a pad and an object, up to which they are in contact."""
-APPROACHES = 40
-"""Largest number of steps in which a pad closes in on an object."""
+BITE = 0.004  # m of an object, in height and along it, that the pads must cover: an edge slips out
+MEETS = 0.0002  # m between a pad and an object, up to which they are in contact
+APPROACHES = 40  # Largest number of steps in which a pad closes in on an object
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,18 +63,18 @@ def _closed(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:
 def _travel(shapes: Solids, side: str, name: str, pose_tcp_object: Pose) -> float | None:
     """m that a finger's pads travel inwards from open to contact with an object; None without
     contact."""
-    pads, parts = shapes.pads(side), shapes.objects[name]
-    opening, cluster = shapes.scene.arm.hand.opening, Cluster.of(pads)
-    there = shapes.clusters[name].at(pose_tcp_object.position[None], pose_tcp_object.rotation[None])
+    pads, parts = shapes.pads[side], shapes.objects[name]
+    opening = shapes.scene.arm.hand.opening
+    there = parts.at(pose_tcp_object.position[None], pose_tcp_object.rotation[None])
     travel = 0.0
     # Sphere tracing: a pad may advance by its distance to the object without passing it.
     for _ in range(APPROACHES):
         here = np.array([[0.0, SIDES[side] * (opening / 2 - travel), 0.0]])
-        at = Frames.joined([cluster.at(here, np.eye(3)[None]), there])
+        at = Frames.joined([pads.at(here, np.eye(3)[None]), there])
         apart = np.inf
-        for i, pad in enumerate(pads):
-            for j, part in enumerate(parts, start=len(pads)):
-                apart = min(apart, shapes.distance(pad.geom, part.geom, at, i, j))
+        for i, pad in enumerate(pads.geoms):
+            for j, part in enumerate(parts.geoms, start=len(pads.geoms)):
+                apart = min(apart, shapes.distance(pad, part, at, i, j))
         if apart < MEETS:
             return travel
         travel += apart

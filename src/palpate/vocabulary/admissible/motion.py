@@ -15,52 +15,17 @@ Everything else stays clear of the hand, and of the held object, all the way.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.vocabulary.admissible.clearance import STEEP, Motion, straddled
+from palpate.geometry.pose import Pose
+from palpate.vocabulary.admissible.clearance import STEEP, box_hits, is_vertical, straddled
 from palpate.vocabulary.admissible.collision import carry_away, collisions
 from palpate.vocabulary.admissible.support import dragged_off, leaning, riders
 from palpate.vocabulary.state import HOME_CONFIG, SAME_POSE, SymbolicState
 from palpate.vocabulary.violation import Violation
 
-HELD_UPRIGHT = np.radians(10.0)
-"""rad that a held object may lean against how it stood."""
-
-
-@dataclass(frozen=True, slots=True)
-class Passage:
-    """Motion of the arm past the objects at its ends.
-
-    Attributes:
-        origin, goal: pose expressions, or joint configurations, of its ends.
-        motion: the straight motion; None for a joint motion.
-        left, entered: object between the open fingers at its start, and at its end.
-        near: the object that it leaves, enters, parts from, lifts or sets down.
-    """
-
-    origin: str | None
-    goal: str | None
-    motion: Motion | None
-    left: str | None
-    entered: str | None
-    near: str | None
-
-    @classmethod
-    def of(cls, before: SymbolicState, after: SymbolicState) -> Passage:
-        """Passage between two states with known poses."""
-        start, end = before.pose_world_tcp, after.pose_world_tcp
-        assert start is not None
-        assert end is not None
-        motion = None if after.is_bent else Motion(before, start, end)
-        left = entered = None
-        if before.holding is None:
-            left, entered = straddled(before, start), straddled(before, end)
-        near = left or entered or before.contact
-        if before.lifted != after.lifted:
-            near = before.holding
-        return cls(before.at, after.at, motion, left, entered, near)
+HELD_UPRIGHT = np.radians(10.0)  # rad that a held object may lean against how it stood
 
 
 def violations(
@@ -76,7 +41,7 @@ def violations(
         if after.at != HOME_CONFIG:
             yield unknown_start()
         return
-    aside = list(_sideways(Passage.of(before, after), strict=False))
+    aside = list(_sideways(before, after, strict=False))
     yield from aside
     yield from _carried(before, after, may_tilt)
     # Leaving an object sideways is also a collision with it: one finding, and one remedy.
@@ -90,15 +55,15 @@ def conservative_violations(before: SymbolicState, after: SymbolicState) -> Iter
     if before.pose_world_tcp is None or after.pose_world_tcp is None:
         yield unknown_start()
         return
-    passage = Passage.of(before, after)
-    yield from _sideways(passage, strict=True)
-    if passage.motion is None:
+    yield from _sideways(before, after, strict=True)
+    if after.is_bent:
         return
-    between = [name for name in (passage.left, passage.entered) if name]
-    for name in passage.motion.hits(ignoring=between):
+    start, end = before.pose_world_tcp, after.pose_world_tcp
+    between = [name for name in _straddled(before, start, end) if name]
+    for name in box_hits(before, start, end, ignoring=between):
         yield Violation(
             "blocked",
-            f"on the way to '{passage.goal}' the hand would run into '{name}'; {carry_away(name)}",
+            f"on the way to '{after.at}' the hand would run into '{name}'; {carry_away(name)}",
         )
 
 
@@ -123,29 +88,38 @@ def _same_place(before: SymbolicState, after: SymbolicState) -> bool:
     return bool(np.array_equal(before.joints, after.joints))
 
 
-def _sideways(passage: Passage, strict: bool) -> Iterator[Violation]:
+def _straddled(before: SymbolicState, start: Pose, end: Pose) -> tuple[str | None, str | None]:
+    """Objects between the open fingers at the start, and at the end, of a motion."""
+    if before.holding is not None:
+        return None, None
+    return straddled(before, start), straddled(before, end)
+
+
+def _sideways(before: SymbolicState, after: SymbolicState, strict: bool) -> Iterator[Violation]:
     """Violation: the fingers push an object that they enter or leave; `strict`: vertical motion near
     any object."""
-    motion, left, entered = passage.motion, passage.left, passage.entered
-    if motion is None:
+    start, end, bent = before.tcp, after.tcp, after.is_bent
+    left, entered = _straddled(before, start, end)
+    near = left or entered or before.contact
+    if before.lifted != after.lifted:
+        near = before.holding
+    if bent:
         # A joint motion is no straight line: it approaches and leaves an object sideways.
-        enters, leaves = bool(entered and not left), bool(left)
-    elif motion.vertical:
+        enters, leaves = not left, bool(left)
+    elif is_vertical(start, end):
         return
     else:
-        changes = entered != left
-        enters = bool(entered and changes)
+        enters = entered != left
         # Across, a finger pushes the object. Along it the hand may leave: a finger was on either
         # side already, as the paper's hammer is left on the way to its next grasp.
-        travel = motion.end.position - motion.start.position
-        across = abs(float(travel @ motion.start.rotation[:, 1])) >= STEEP
-        leaves = bool(left and changes and (strict or across))
-    if enters:
-        yield _pushed("enter from", f"{entered}", passage.goal)
-    elif leaves:
-        yield _pushed("leave to", f"{left}", passage.origin)
-    elif motion is not None and passage.near and strict:
-        yield Violation("sideways", f"near '{passage.near}' the way is straight up or down")
+        across = abs(float((end.position - start.position) @ start.rotation[:, 1])) >= STEEP
+        leaves = entered != left and (strict or across)
+    if entered and enters:
+        yield _pushed("enter from", entered, after.at)
+    elif left and leaves:
+        yield _pushed("leave to", left, before.at)
+    elif near and strict and not bent:
+        yield Violation("sideways", f"near '{near}' the way is straight up or down")
 
 
 def _pushed(how: str, name: str, place: str | None) -> Violation:

@@ -25,16 +25,14 @@ from numpy.typing import NDArray
 
 from palpate.geometry.pose import Pose
 from palpate.robots.pace import contact_speed
-from palpate.robots.trajectory.posed import rotation_vector, turned
-from palpate.robots.trajectory.straight import Stretch
+from palpate.robots.trajectory import Stretch, rotation_vector, turned
 from palpate.scene.scene import Scene
-from palpate.vocabulary.admissible.clearance import STEEP
+from palpate.vocabulary.admissible.clearance import is_vertical
 from palpate.vocabulary.admissible.collision_geometry import near_spans
 from palpate.vocabulary.admissible.support import clear_of_support
 from palpate.vocabulary.state import SymbolicState
 
-POSE_ERROR = 0.020
-"""m, largest error of a believed pose."""
+POSE_ERROR = 0.020  # m, largest error of a believed pose
 GUARDED_SPEED = 0.018
 """m/s at which both fingers on a table stay below 65 N (mean over 10 ms) and 45 N (20 ms), also where
 the arm is heaviest (28 kg, close to its base)."""
@@ -45,10 +43,8 @@ LIFT_OFF = 0.010
 """m that the arm goes slowly as it leaves an object or a surface ..."""
 RETRACED = 0.10
 """m, ... and how far up it then goes fast, where the hand just came from."""
-CELL = 0.005
-"""m of a path: resolution of the profile."""
-SHORTEST = 0.015
-"""m: a shorter free stretch is merged into its neighbours."""
+CELL = 0.005  # m of a path: resolution of the profile
+SHORTEST = 0.015  # m: a shorter free stretch is merged into its neighbours
 
 Cells = NDArray[np.bool_]
 
@@ -102,8 +98,7 @@ def speed(span: Span, scene: Scene) -> float:
 
 def leaves(start: Pose, end: Pose) -> bool:
     """True for a path straight up: away from what is near its start, where the hand came from."""
-    way = end.position - start.position
-    return float(np.linalg.norm(way[:2])) < STEEP and float(way[2]) > 0.0
+    return is_vertical(start, end) and bool(end.position[2] > start.position[2])
 
 
 def between(start: Pose, end: Pose, share: float) -> Pose:

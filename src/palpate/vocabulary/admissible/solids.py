@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import TypeVar, cast
+from typing import NamedTuple, TypeVar, cast
 
 import mujoco
 import numpy as np
@@ -17,8 +17,8 @@ import numpy as np
 from palpate.geometry.outline import Convex
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.compile import compile_model
-from palpate.mjcf.hulls import hull_edges, hull_points
-from palpate.mjcf.whole import whole
+from palpate.mjcf.inertial import whole
+from palpate.mjcf.shapes import hull_edges, hull_points
 from palpate.robots.description import RobotDescription
 from palpate.robots.kinematics import inverse_kinematics
 from palpate.robots.model import PREFIX
@@ -27,26 +27,21 @@ from palpate.robots.sheet import Box
 from palpate.scene.scene import Scene
 
 LEFT, RIGHT = "left finger", "right finger"
-SIDES = {LEFT: 1.0, RIGHT: -1.0}
-"""The fingers, with the sign of the tool's y in which each opens."""
+SIDES = {LEFT: 1.0, RIGHT: -1.0}  # The fingers, with the sign of the tool's y in which each opens
 NEAR_PAD = 0.002
 """m inside the open fingers' pads up to which a box of the description counts as part of a finger."""
-STEM = "stem:"
-"""Prefix of the names of the boxes added for fingers."""
+STEM = "stem:"  # Prefix of the names of the boxes added for fingers
 ORIGIN = Pose.of((0.0, 0.0, 0.0))
-FAR = 10.0
-"""m: upper bound of every distance asked for."""
+FAR = 10.0  # m: upper bound of every distance asked for
 REACHED = 0.002
 """m between a pose and the TCP of a configuration, up to which the configuration reaches it."""
 CACHED_SCENES = 32
-CACHED_RESULTS = 20_000
-"""Largest number of cached results of one scene."""
+CACHED_RESULTS = 20_000  # Largest number of cached results of one scene
 
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Shape:
+class Shape(NamedTuple):
     """A colliding shape: its geom id in the model, and its pose in the frame of its carrier."""
 
     geom: int
@@ -55,19 +50,24 @@ class Shape:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Cluster:
-    """Shapes of one carrier: positions (k, 3) and rotations (k, 3, 3) in the carrier's frame."""
+class ShapeGroup:
+    """Shapes of one carrier: k geom ids, positions (k, 3) and rotations (k, 3, 3)."""
 
+    geoms: tuple[int, ...]
     positions: Array
     rotations: Array
 
     @classmethod
-    def of(cls, shapes: Sequence[Shape]) -> Cluster:
-        """Stack the poses of shapes."""
+    def of(cls, shapes: Sequence[Shape]) -> ShapeGroup:
+        """Stack shapes."""
         return cls(
+            tuple(shape.geom for shape in shapes),
             np.array([shape.position for shape in shapes]).reshape(-1, 3),
             np.array([shape.rotation for shape in shapes]).reshape(-1, 3, 3),
         )
+
+    def __iter__(self) -> Iterator[Shape]:
+        return map(Shape, self.geoms, self.positions, self.rotations)
 
     def at(self, positions: Array, rotations: Array) -> Frames:
         """Place the carrier at `positions` (n, 3) and `rotations` (n, 3, 3)."""
@@ -120,11 +120,11 @@ class Solids:
 
     scene: Scene
     model: mujoco.MjModel
-    objects: Mapping[str, tuple[Shape, ...]]
-    fixed: tuple[Shape, ...]
+    objects: Mapping[str, ShapeGroup]
+    fixed: ShapeGroup
     owners: Mapping[int, str]
-    hand: tuple[Shape, ...]
-    fingers: Mapping[str, tuple[Shape, ...]]
+    hand: ShapeGroup
+    fingers: Mapping[str, ShapeGroup]
     links: Mapping[int, int]
     _data: mujoco.MjData
     _segment: Array = field(default_factory=lambda: np.zeros(6))
@@ -152,29 +152,27 @@ class Solids:
         return middle, half
 
     @cached_property
-    def clusters(self) -> Mapping[str, Cluster]:
-        """Each object's shapes, stacked."""
-        return {name: Cluster.of(shapes) for name, shapes in self.objects.items()}
-
-    @cached_property
     def standing(self) -> Frames:
         """Poses of the fixed shapes at a single moment."""
-        return Cluster.of(self.fixed).at(np.zeros((1, 3)), np.eye(3)[None])
+        return self.fixed.at(np.zeros((1, 3)), np.eye(3)[None])
+
+    @cached_property
+    def pads(self) -> Mapping[str, ShapeGroup]:
+        """Pads of each finger."""
+        found: dict[str, ShapeGroup] = {}
+        for side, finger in self.fingers.items():
+            # Pads are the shapes whose friction overrides that of others; all of the finger otherwise.
+            pads = [shape for shape in finger if self.model.geom_priority[shape.geom] > 0]
+            found[side] = ShapeGroup.of(pads) if pads else finger
+        return found
 
     def raised(self, scene: Scene) -> Solids:
         """Shapes of the same scene with some surfaces at other heights."""
         fixed: list[Shape] = []
         for shape in self.fixed:
             up = np.array([0.0, 0.0, scene.rises.get(self.owners[shape.geom], 0.0)])
-            fixed.append(replace(shape, position=shape.position + up))
-        return replace(self, scene=scene, fixed=tuple(fixed), _results={})
-
-    def pads(self, side: str) -> tuple[Shape, ...]:
-        """Pads of a finger."""
-        finger = self.fingers[side]
-        # Pads are the shapes whose friction overrides that of others; all of the finger otherwise.
-        pads = [shape for shape in finger if self.model.geom_priority[shape.geom] > 0]
-        return tuple(pads) or finger
+            fixed.append(shape._replace(position=shape.position + up))
+        return replace(self, scene=scene, fixed=ShapeGroup.of(fixed), _results={})
 
     def centre_of_mass(self, name: str) -> Array:
         """(3,) m, believed centre of mass of an object, in its frame."""
@@ -233,13 +231,13 @@ class Solids:
     def convex(self, shape: Shape, pose: Pose) -> Convex:
         """A shape in the world with its carrier at a pose."""
         points = hull_points(self.model, shape.geom) @ shape.rotation.T + shape.position
-        kind = int(self.model.geom_type[shape.geom])
-        return Convex(points @ pose.rotation.T + pose.position, hull_edges(kind, len(points)))
+        edges = hull_edges(int(self.model.geom_type[shape.geom]), len(points))
+        return Convex(points @ pose.rotation.T + pose.position, edges)
 
 
 @lru_cache(CACHED_SCENES)
 def solids(scene: Scene) -> Solids:
-    """Shapes of a scene and its arm; compiled once, whatever heights are measured later.
+    """Shapes of a scene and its arm; compiled once for all measured heights.
 
     Raises:
         InputError: the scene does not compile with the arm in it.
@@ -294,21 +292,21 @@ class _Compiled:
     model: mujoco.MjModel
     data: mujoco.MjData
 
-    def objects(self) -> dict[str, tuple[Shape, ...]]:
-        found: dict[str, tuple[Shape, ...]] = {}
+    def objects(self) -> dict[str, ShapeGroup]:
+        found: dict[str, ShapeGroup] = {}
         for name in self.scene.objects:
             body = self.data.body(name)
             frame = Pose(body.xpos.copy(), body.xquat.copy())
             found[name] = self.shapes(frame, self.below(body.id))
         return found
 
-    def fixed(self) -> tuple[Shape, ...]:
+    def fixed(self) -> ShapeGroup:
         moved = {self.model.body(PREFIX + self.scene.arm.links[1]).id}
         moved |= {self.model.body(name).id for name in self.scene.objects}
         geoms = [geom for geom in self.solid() if moved.isdisjoint(self.ancestry(geom))]
         return self.shapes(ORIGIN, geoms)
 
-    def hand(self) -> tuple[Shape, ...]:
+    def hand(self) -> ShapeGroup:
         fingers = {geom for name in self.scene.arm.hand.fingers for geom in self.of_finger(name)}
         geoms: list[int] = []
         for geom in self.below(self.model.body(PREFIX + self.scene.arm.hand.body).id):
@@ -317,8 +315,8 @@ class _Compiled:
                 geoms.append(geom)
         return self.shapes(self.tool(), geoms)
 
-    def fingers(self) -> dict[str, tuple[Shape, ...]]:
-        tool, found = self.tool(), dict[str, tuple[Shape, ...]]()
+    def fingers(self) -> dict[str, ShapeGroup]:
+        tool, found = self.tool(), dict[str, ShapeGroup]()
         for name in self.scene.arm.hand.fingers:
             axis = self.data.xaxis[self.model.joint(PREFIX + name).id]
             side = LEFT if axis @ tool.rotation[:, 1] > 0 else RIGHT
@@ -328,7 +326,7 @@ class _Compiled:
             inwards = np.array([0.0, self.scene.arm.hand.opening / 2, 0.0])
             # The description has the open fingers; shapes are stored closed.
             closed = box.centre - SIDES[side] * inwards
-            found[side] = (*found[side], Shape(geom, closed, np.eye(3)))
+            found[side] = ShapeGroup.of([*found[side], Shape(geom, closed, np.eye(3))])
         return found
 
     def links(self) -> dict[int, int]:
@@ -351,13 +349,13 @@ class _Compiled:
         site, hand = self.data.site(PREFIX + arm.tcp), self.data.body(PREFIX + arm.hand.body)
         return Pose(site.xpos.copy(), hand.xquat.copy())
 
-    def shapes(self, frame: Pose, geoms: Iterable[int]) -> tuple[Shape, ...]:
+    def shapes(self, frame: Pose, geoms: Iterable[int]) -> ShapeGroup:
         """Geoms with their poses in a frame."""
         found: list[Shape] = []
         for geom in geoms:
             rotation = frame.rotation.T @ self.data.geom_xmat[geom].reshape(3, 3)
             found.append(Shape(geom, frame.local(self.data.geom_xpos[geom]), rotation))
-        return tuple(found)
+        return ShapeGroup.of(found)
 
     def solid(self) -> list[int]:
         """Geoms that collide."""

@@ -8,41 +8,32 @@ the face is its support polygon; the object is stable with its centre of mass ov
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from palpate.errors import InputError
-from palpate.geometry.outline import rim, slab
-from palpate.geometry.polygon import clipped, depth, hull
+from palpate.geometry.outline import clipped, depth, hull, rim, slab
 from palpate.geometry.pose import Array, Pose
-from palpate.vocabulary.admissible.solids import ORIGIN, Shape, Solids, solids
+from palpate.vocabulary.admissible.solids import ORIGIN, Solids, solids
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.violation import PRECONDITION, Violation
 
 SETTLES = 0.005
 """m between the lowest point of an object and a top, either way, up to which the top carries it."""
-FACE = 0.002
-"""m above an object's lowest point up to which its lower face reaches."""
+FACE = 0.002  # m above an object's lowest point up to which its lower face reaches
 SUNK = 0.02
 """m of a top above an object's lowest point up to which it counts as below, by the error of belief."""
-LIFTED = 0.005
-"""m between a held object and its support above which it hangs free."""
-TIPPING = 0.005
-"""m that a centre of mass must be inside the support polygon."""
+LIFTED = 0.005  # m between a held object and its support above which it hangs free
+TIPPING = 0.005  # m that a centre of mass must be inside the support polygon
 OFF_CENTRE = 0.1
 """Part of an object's extent by which an unstated centre of mass may be off the middle, each way: the
 prior of `quantities.com`."""
-EDGE = 0.003
-"""m between an object of unknown centre of mass and the edge of its carriers."""
-AS_FOUND = 0.003
-"""m from where an object stood up to which it stands there again."""
-UPRIGHT = np.radians(2.0)
-"""rad that an object may lean."""
-MIN_SLIDE = 0.03
-"""m: a shorter slide is not much more than the grip's and the arm's compliance."""
+EDGE = 0.003  # m between an object of unknown centre of mass and the edge of its carriers
+AS_FOUND = 0.003  # m from where an object stood up to which it stands there again
+UPRIGHT = np.radians(2.0)  # rad that an object may lean
+MIN_SLIDE = 0.03  # m: a shorter slide is not much more than the grip's and the arm's compliance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,7 +55,6 @@ class Footing:
         tops: tops under its outline, at any height below.
     """
 
-    name: str
     bottom: float
     outline: Array
     face: Array
@@ -91,11 +81,6 @@ class Footing:
         """m down to the highest top below it; inf where there is none."""
         return self.bottom - max((top.height for top in self.tops), default=-np.inf)
 
-    def is_over_carriers(self) -> bool:
-        """True if its whole outline is over its carriers, with `EDGE` to spare."""
-        tops = [top.outline for top in self.carriers]
-        return all(max(depth(top, corner) for top in tops) >= EDGE for corner in self.outline)
-
 
 def footing(state: SymbolicState, name: str, pose_world_object: Pose) -> Footing:
     """Footing of an object at a pose, among everything else that is not held."""
@@ -113,7 +98,12 @@ def _footing(shapes: Solids, state: SymbolicState, name: str, pose: Pose) -> Foo
     outline = hull(rim(points[:, :2]))
     low, high = outline.min(axis=0), outline.max(axis=0)
     tops: list[Top] = []
-    for owner, shape, place in _others(shapes, state, name):
+    others = [(shapes.owners[shape.geom], shape, ORIGIN) for shape in shapes.fixed]
+    for other in state.scene.objects:
+        if other not in (name, state.holding):
+            place = state.pose_of(other)
+            others += [(other, shape, place) for shape in shapes.objects[other]]
+    for owner, shape, place in others:
         reach = float(shapes.radii[shape.geom]) or np.inf
         middle = place.apply(shape.position)[:2]
         if (middle + reach < low).any() or (middle - reach > high).any():
@@ -125,17 +115,7 @@ def _footing(shapes: Solids, state: SymbolicState, name: str, pose: Pose) -> Foo
         top = Top(owner, hull(slab(part, height - FACE, height)), height)
         if len(clipped(outline, top.outline)) > 2:
             tops.append(top)
-    return Footing(name, bottom, outline, face, tuple(tops))
-
-
-def _others(shapes: Solids, state: SymbolicState, name: str) -> Iterator[tuple[str, Shape, Pose]]:
-    """Shapes other than those of object `name` and of the held one, with owner and its pose."""
-    for shape in shapes.fixed:
-        yield shapes.owners[shape.geom], shape, ORIGIN
-    for other in state.scene.objects:
-        if other not in (name, state.holding):
-            for shape in shapes.objects[other]:
-                yield other, shape, state.pose_of(other)
+    return Footing(bottom, outline, face, tuple(tops))
 
 
 def clear_of_support(state: SymbolicState, name: str, pose_world_object: Pose) -> bool:
@@ -163,7 +143,9 @@ def stable(state: SymbolicState, name: str, pose_world_object: Pose) -> str | No
         if there.gap > 0:
             return f"it would fall by {there.gap:.3f} m"
         return f"it would be pressed {-there.gap:.3f} m into what is below it"
-    if there.is_over_carriers() or _is_balanced(state, name, pose_world_object, there):
+    outlines = [top.outline for top in there.carriers]
+    inside = (max(depth(outline, corner) for outline in outlines) for corner in there.outline)
+    if all(edge >= EDGE for edge in inside) or _is_balanced(state, name, pose_world_object, there):
         return _unstable_carrier(state, name, pose_world_object, there)
     carriers = " and ".join(f"'{owner}'" for owner in there.owners)
     return f"it would tip over the edge of {carriers}"

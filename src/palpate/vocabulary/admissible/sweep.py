@@ -18,18 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.geometry.pose import Array, Pose
+from palpate.robots.trajectory.posed import rotation_vector
 from palpate.vocabulary.admissible.solids import Frames, Solids
 
-STEP = 0.02
-"""m between two moments of a path."""
-TURN = 0.1
-"""rad between two moments, of the tool or of a joint."""
-CORRECTIONS = 3
-"""Newton steps from interpolated joint angles onto the straight line."""
-DAMPING = 1e-6
-"""m^2, of a Newton step."""
-FINEST = 0.002
-"""m of travel below which an interval is not halved again."""
+STEP = 0.02  # m between two moments of a path
+TURN = 0.1  # rad between two moments, of the tool or of a joint
+CORRECTIONS = 3  # Newton steps from interpolated joint angles onto the straight line
+DAMPING = 1e-6  # m^2, of a Newton step
+FINEST = 0.002  # m of travel below which an interval is not halved again
 SLACK = 0.001
 """m by which a pair that is too near at the start may come nearer: the tracking error of the arm."""
 CURVED = 1.02
@@ -86,8 +82,7 @@ class ArmPath:
 def hand_path(start: Pose, end: Pose, width: float, step: float = STEP) -> ArmPath:
     """Straight path of the hand alone."""
     travel = end.position - start.position
-    turn = np.empty(3)
-    mujoco.mju_subQuat(turn, end.quaternion, start.quaternion)
+    turn = rotation_vector(start.quaternion, end.quaternion)
     parts = max(np.linalg.norm(travel) / step, np.linalg.norm(turn) / TURN, 1.0)
     shares = np.linspace(0.0, 1.0, int(np.ceil(parts)) + 1)
     quaternions = np.empty((len(shares), 4))
@@ -132,10 +127,8 @@ def _newton_step(solids: Solids, hand: ArmPath, q: Array) -> Array:
     poses, jacobian = solids.arm.stances(q)
     error = np.empty((len(q), 6))
     error[:, :3] = hand.positions - poses[:, :3]
-    turn = np.empty(3)
     for i, (wanted, found) in enumerate(zip(hand.quaternions, poses[:, 3:], strict=True)):
-        mujoco.mju_subQuat(turn, wanted, found)
-        mujoco.mju_rotVecQuat(error[i, 3:], turn, found)
+        mujoco.mju_rotVecQuat(error[i, 3:], rotation_vector(found, wanted), found)
     transposed = jacobian.transpose(0, 2, 1)
     square = jacobian @ transposed + DAMPING * np.eye(6)
     return (transposed @ np.linalg.solve(square, error[:, :, None]))[:, :, 0]

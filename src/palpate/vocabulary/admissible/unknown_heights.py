@@ -8,6 +8,7 @@ hold for all heights.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from itertools import combinations
 
@@ -70,34 +71,28 @@ def with_heights_changed(
     for count in range(len(surfaces) + 1 if surfaces else 0):
         for lower in combinations(surfaces, count):
             rises = {name: -GUESS if name in lower else GUESS for name in surfaces}
-            start, end = _shift(before, rises), _shift(after, rises)
+            (start, up), (end, shift) = _shifted(before, rises), _shifted(after, rises)
             # Over a single surface, hand and objects rise together: nothing changes.
-            if len(surfaces) == 1 and start == end != 0.0:
+            if len(surfaces) == 1 and up == shift != 0.0:
                 continue
             words = " and ".join(
                 f"'{name}' is 50 mm {'lower' if name in lower else 'higher'}" for name in surfaces
             )
-            yield _shifted(before, rises, start), _shifted(after, rises, end), words
+            yield start, end, words
 
 
-def _shift(state: SymbolicState, rises: Mapping[str, float]) -> float:
-    """m by which the present pose of the hand rises with the surfaces."""
-    try:
-        there = _raised(state.scene, rises).symbols.resolve(state.at or "", state.bound)
-        return round(float((there.position - state.resolve(state.at or "").position)[2]), 6)
-    except InputError:
-        return 0.0
-
-
-def _shifted(state: SymbolicState, rises: Mapping[str, float], shift: float) -> SymbolicState:
-    """The state with surfaces and their objects higher, and the hand by `shift` m."""
-    scene, pose = _raised(state.scene, rises), state.pose_world_tcp
+def _shifted(state: SymbolicState, rises: Mapping[str, float]) -> tuple[SymbolicState, float]:
+    """The state with surfaces and their objects higher, and m by which the hand rises with them."""
+    scene, pose, shift = _raised(state.scene, rises), state.pose_world_tcp, 0.0
+    with suppress(InputError):
+        there = scene.symbols.resolve(state.at or "", state.bound)
+        shift = round(float((there.position - state.resolve(state.at or "").position)[2]), 6)
     moved = {
         name: there.translated((0.0, 0.0, scene.rises.get(name, 0.0)))
         for name, there in state.moved.items()
     }
     pose = None if pose is None else pose.translated((0.0, 0.0, shift))
-    return replace(state, scene=scene, pose_world_tcp=pose, moved=moved)
+    return replace(state, scene=scene, pose_world_tcp=pose, moved=moved), shift
 
 
 def _raised(scene: Scene, rises: Mapping[str, float]) -> Scene:

@@ -8,7 +8,7 @@ from noises import JACOBIAN, model, moving
 
 from palpate.robots.nominal import wrench
 from palpate.robots.simulated.noise.disturbances import JointFriction, Rests
-from palpate.robots.simulated.noise.values import Streams
+from palpate.robots.simulated.noise.model import Streams
 
 PERIOD = 0.005
 

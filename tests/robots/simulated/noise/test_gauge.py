@@ -7,7 +7,7 @@ import pytest
 from noises import ARM, model, spectrum
 
 from palpate.robots.simulated.noise.gauge import Gauges, Relaxation, Wander
-from palpate.robots.simulated.noise.values import Streams
+from palpate.robots.simulated.noise.model import Streams
 
 Q = ARM.home
 

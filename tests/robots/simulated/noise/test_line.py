@@ -7,7 +7,7 @@ import pytest
 from noises import model
 
 from palpate.robots.simulated.noise.line import Line, Stamps
-from palpate.robots.simulated.noise.values import Streams
+from palpate.robots.simulated.noise.model import Streams
 
 RUNS = 500
 """of 8 log periods each."""

@@ -17,12 +17,11 @@ from pydantic import BaseModel
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Pose
-from palpate.robots.owner.datasheet import informed
+from palpate.robots.owner.arm import informed
 from palpate.robots.registry import load_description
 from palpate.robots.simulated.noise import models
-from palpate.robots.simulated.noise.model import NoiseModel
+from palpate.robots.simulated.noise.model import Drawn, NoiseModel
 from palpate.robots.simulated.noise.models import OWN, noise_models
-from palpate.robots.simulated.noise.values import Drawn
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.settings import Settings, request_json
 

@@ -11,9 +11,9 @@ from noises import ARM, HOME, model
 
 from palpate.geometry.pose import Pose
 from palpate.robots.description import pads_end
+from palpate.robots.simulated.noise.model import Streams
 from palpate.robots.simulated.noise.models import noise_models
 from palpate.robots.simulated.noise.true_arm import Truth
-from palpate.robots.simulated.noise.values import Streams
 
 BASE = Pose.of([0.1, 0.2, 0.3])
 

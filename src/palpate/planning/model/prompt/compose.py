@@ -38,24 +38,21 @@ if TYPE_CHECKING:
 Style = Literal["full", "lean"]
 """Style of the system prompt: with methods of measurement (full), or without (lean)."""
 STYLES: tuple[Style, ...] = get_args(Style)
-SYSTEM_MODULES = {
-    "role": "role.md",
-    "actions": "actions.md",
-    "composites": "composites.md",
-    "reasoning_rules": "reasoning.md",
-    "bt_rules": "bt_rules.md",
-    "metadata": "metadata.md",
-    "output": "output.md",
-}
-"""Modules of the system prompt in the order in which they are sent, with their files."""
-
+SYSTEM_MODULES = (
+    "role",
+    "actions",
+    "composites",
+    "reasoning_rules",
+    "bt_rules",
+    "metadata",
+    "output",
+)
+"""Modules of the system prompt in the order in which they are sent, each a Markdown file."""
 MODULES = (*SYSTEM_MODULES, "image", "text", "all")
 """Names for `--without`: a module of the system prompt, an input, or the whole system prompt."""
-
-_COMMENT = re.compile(r"\s*<!--.*?-->", re.DOTALL)
-
 LARGEST_DESCRIPTION = 200_000
 """Characters of the scene that are sent; a longer one is refused, not cut."""
+_COMMENT = re.compile(r"\s*<!--.*?-->", re.DOTALL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +75,7 @@ def compose(
     comments: bool = True,
     arm: RobotDescription | None = None,
 ) -> Prompt:
-    """The whole prompt for one task.
+    """The whole prompt for one task; untrusted text is fenced.
 
     Args:
         vocabulary: primitives and composites of plans.
@@ -93,10 +90,28 @@ def compose(
             too long.
     """
     removed = checked_modules(without)
-    system = system_prompt(vocabulary, removed, style)
-    user = user_prompt(request, scene, symbols, removed, len(images), comments, arm)
+    if not (request.strip() or scene):
+        raise InputError(
+            "there is neither a request nor a scene; give a sentence, an MJCF file, or both"
+        )
+    parts: list[str] = []
+    if "text" not in removed:
+        asked = fenced(request) if request.strip() else "None: acquire what D leaves out."
+        parts += [f"# Request R\n{asked}", scene_section(scene, comments)]
+    if scene is not None:
+        symbols, arm = scene.symbols, scene.arm
+    if arm is not None and "metadata" not in removed:
+        parts.append(robot_section(arm, scene.pose_world_base if scene is not None else None))
+    if symbols and "metadata" not in removed:
+        parts.append(poses_section(symbols))
     shown = () if "image" in removed else tuple(images)
-    return Prompt(system, user, shown)
+    if shown:
+        views = (
+            "the workspace now" if len(shown) == 1 else f"{len(shown)} views of the workspace now"
+        )
+        parts.append(f"# Image I\nAttached: {views}.")
+    parts.append("Return Φ, the explanation and the behavior tree.")
+    return Prompt(system_prompt(vocabulary, removed, style), "\n\n".join(parts), shown)
 
 
 def checked_modules(names: Iterable[str]) -> frozenset[str]:
@@ -117,10 +132,9 @@ def checked_style(name: str) -> Style:
     Raises:
         InputError: there is none; the message lists those there are.
     """
-    for style in STYLES:
-        if style == name:
-            return style
-    raise unknown_name("prompt", name, STYLES)
+    if name not in STYLES:
+        raise unknown_name("prompt", name, STYLES)
+    return name
 
 
 def system_prompt(
@@ -130,47 +144,15 @@ def system_prompt(
     if "all" in without:
         return ""
     return "\n".join(
-        filled_module(file, vocabulary, style)
-        for name, file in SYSTEM_MODULES.items()
+        filled_module(f"{name}.md", vocabulary, style)
+        for name in SYSTEM_MODULES
         if name not in without
     )
 
 
-def user_prompt(
-    request: str,
-    scene: Scene | None,
-    symbols: Symbols | None = None,
-    without: Collection[str] = (),
-    images: int = 0,
-    comments: bool = True,
-    arm: RobotDescription | None = None,
-) -> str:
-    """The request, the scene, the robot and the poses; untrusted text is fenced. Without a scene,
-    `symbols` name the poses of `arm`."""
-    if not (request.strip() or scene):
-        raise InputError(
-            "there is neither a request nor a scene; give a sentence, an MJCF file, or both"
-        )
-    parts: list[str] = []
-    if "text" not in without:
-        asked = fenced(request) if request.strip() else "None: acquire what D leaves out."
-        parts += [f"# Request R\n{asked}", scene_section(scene, comments)]
-    if scene is not None:
-        symbols, arm = scene.symbols, scene.arm
-    if arm is not None and "metadata" not in without:
-        parts.append(robot_section(arm, scene.pose_world_base if scene is not None else None))
-    if symbols and "metadata" not in without:
-        parts.append(poses_section(symbols))
-    if images and "image" not in without:
-        views = "the workspace now" if images == 1 else f"{images} views of the workspace now"
-        parts.append(f"# Image I\nAttached: {views}.")
-    parts.append("Return Φ, the explanation and the behavior tree.")
-    return "\n\n".join(parts)
-
-
 def fenced(text: str, language: str = "") -> str:
     """`text` in a Markdown fence longer than any in it."""
-    ticks = "```"
+    ticks = "```"  # Markdown closes a fence only with as many backticks as opened it
     while ticks in text:
         ticks += "`"
     return f"{ticks}{language}\n{text.rstrip()}\n{ticks}"
@@ -269,7 +251,7 @@ def robot_section(arm: RobotDescription, pose_world_base: Pose | None) -> str:
     """Section of the robot's dimensions and limits by which the check judges fit and clearance."""
     hand, limits = arm.hand, arm.limits
     half_x, half_y = hand.half_extents
-    beside = hand.opening / 2 + hand.finger
+    beside = hand.opening / 2 + hand.finger  # from the middle to the outside of an open finger
     low, high = limits.workspace_min.tolist(), limits.workspace_max.tolist()
     within = (f"{axis} {a:.3g} to {b:.3g} m" for axis, a, b in zip("xyz", low, high, strict=True))
     lines = [

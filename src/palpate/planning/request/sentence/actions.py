@@ -1,8 +1,4 @@
-"""What the rules of `words/grammar.txt` make of the meanings of their parts.
-
-Every action there is one of `ACTIONS`; it gets its own arguments and then the meanings, in order.
-One that makes several at once returns them as a tuple.
-"""
+"""Meanings of the grammar's rules: the functions behind `=> action`, from the meanings of the parts."""
 
 from __future__ import annotations
 
@@ -10,49 +6,146 @@ from collections.abc import Callable, Hashable, Mapping
 from dataclasses import replace
 
 from palpate.planning.request.sentence.meaning import (
+    Absent,
     Act,
     Again,
     Aside,
+    But,
+    Choice,
+    Chosen,
+    Coloured,
     Deed,
     Everything,
     Handled,
     It,
     Marks,
     Mention,
+    Named,
     Need,
     Pair,
+    Placed,
     Quantity,
     Say,
+    Several,
     Simulated,
     Thing,
     Told,
+    Top,
     Unfelt,
 )
-from palpate.planning.request.sentence.noun_actions import (
-    OF_THINGS,
-    Words,
-    all_of,
-    of_class,
-    placed,
-    several,
-)
+
+Words = tuple[str, ...]
+
+
+def all_of(thing: Thing) -> Thing:
+    """All of a choice, where it is compared or not wanted."""
+    return Several(thing.things) if isinstance(thing, Choice) else thing
+
+
+def _but(thing: Thing, less: Thing) -> But:
+    return But(thing, all_of(less))
+
+
+def several(*things: Thing) -> Thing:
+    return things[0] if len(things) == 1 else Several(things)
+
+
+def _named(many: str, words: Words) -> Named:
+    return Named(words, many)
+
+
+def _named_told(words: Words, told: str) -> Named:
+    """ "The mug, which my aunt gave us,"."""
+    return Named(words, told=told)
+
+
+def _choice(*things: Thing) -> Choice:
+    return Choice(things)
+
+
+def _absent(words: Words, _: Thing | None = None) -> Absent:
+    return Absent(words)
+
+
+def _counted(number: str) -> Named:
+    """ "Which of the five"."""
+    return Named(("object",), number)
+
+
+def _coloured(many: str, words: Words) -> Coloured:
+    return Coloured(words, many)
+
+
+def _others() -> Everything:
+    return Everything(others=True)
+
+
+def _select(place: str, words: Words) -> Chosen:
+    """ "The left box"."""
+    return Chosen(place, Named(words, "all"))
+
+
+def _select_last(words: Words, *places: str) -> Chosen:
+    """ "The box on the left", "farthest to the left"."""
+    return Chosen(places[-1], Named(words, "all"))
+
+
+def _marks(relation: str, *marks: Thing) -> Marks:
+    return Marks(relation, marks)
+
+
+def _marks_between(words: Words) -> Marks:
+    """ "Between the boxes"."""
+    return Marks("between", (Named(words, "2"),))
+
+
+def placed(thing: Thing, place: Marks) -> Placed:
+    return Placed(thing, place.relation, place.marks)
+
+
+def _whatever(place: Marks) -> Placed:
+    return placed(Everything(), place)
+
+
+def of_class(words: Words, place: Marks) -> Placed:
+    """All of a kind that stand so."""
+    return placed(Named(words, "all"), place)
+
+
+def _but_all(less: Thing) -> But:
+    return _but(Everything(), less)
+
+
+OF_THINGS: Mapping[str, Callable[..., Hashable]] = {
+    "several": several,
+    "named": _named,
+    "named_told": _named_told,
+    "choice": _choice,
+    "absent": _absent,
+    "counted": _counted,
+    "coloured": _coloured,
+    "again": Again,
+    "everything": Everything,
+    "others": _others,
+    "select": _select,
+    "select_last": _select_last,
+    "whatever": _whatever,
+    "placed": placed,
+    "class": of_class,
+    "marks": _marks,
+    "marks_between": _marks_between,
+    "surface_of": Top,
+    "but_all": _but_all,
+    "but": _but,
+}
+
 
 Part = Quantity | Thing | str
 """What actions get; a quantity also by its id."""
 
 
-def _do_others() -> Say:
-    return Say("want", (Pair((), Everything(others=True)),))
-
-
 def _class_mention(words: Words, place: Marks) -> Mention:
     return Mention(of_class(words, place))
-
-
-def _class_near(words: Words, place: str, mark: Thing) -> Mention:
-    """ "Which can is closer to the drill?"."""
-    relation = "nearest" if place == "near" else place
-    return Mention(of_class(words, Marks(relation, (mark,))))
 
 
 def _pair(*parts: Part) -> Pair:
@@ -64,12 +157,12 @@ def _pair(*parts: Part) -> Pair:
 
 
 def _unfelt_of(words: Words, thing: Thing) -> Pair:
-    """A property that nobody knows."""
+    """A property that nothing measures, of a thing."""
     return Pair((Quantity(" ".join(words), words[-1], measurable=False),), thing)
 
 
 def _listed(*parts: Part | Pair) -> tuple[Pair, ...]:
-    """Quantities of one thing, and what is listed behind."""
+    """Quantities of one thing, and the pairs that are listed behind it."""
     behind = tuple(part for part in parts if isinstance(part, Pair))
     first = [part for part in parts if not isinstance(part, Pair)]
     return (_pair(*first), *behind)
@@ -121,11 +214,6 @@ def _say_of_all(deed: str, *things: Thing) -> Say:
     return Say(deed, (Pair((), several(*things)),))
 
 
-def _say_model(deed: str, thing: Thing) -> Say:
-    """A model of a thing is one of all that stands on it."""
-    return Say(deed, (Pair((), thing, every=True),))
-
-
 def _say_every(deed: str, *quantities: Quantity) -> Say:
     return Say(deed, (_every(*quantities),))
 
@@ -147,11 +235,6 @@ def _unsaid(*parts: Act | Thing) -> tuple[Act, ...]:
     """What is said, as not wanted."""
     turned = [replace(part, deed="skip") if isinstance(part, Say) else part for part in parts]
     return _say_but(*turned)
-
-
-def _same(thing: Thing) -> Say:
-    """ "Do the same for the mug"."""
-    return Say("want", (_that(thing),))
 
 
 def _repeated(deed: str, thing: Thing) -> Say:
@@ -183,23 +266,8 @@ def _selected(*parts: Part) -> Say:
     return _compared(*quantities, *things[-1:])
 
 
-def _selected_among(thing: Thing, *parts: Part) -> Say:
-    """ "Is the wrench the lightest tool?"."""
-    return _selected(*parts) if len(parts) > 1 else _selected_all(thing, *parts)
-
-
-def _selected_all(thing: Thing, *quantities: Part) -> Say:
-    """ "Is the wrench lighter than all others?"."""
-    return _compared(*quantities, Everything())
-
-
 def _simulated(verb: str, *things: Thing) -> Simulated:
     return Simulated(verb, things[0] if things else None)
-
-
-def _simulated_by(_: Words, verb: str, *things: Thing) -> Simulated:
-    """ "A child pushing the cube": whoever does it is no matter of the thing."""
-    return _simulated(verb, *things)
 
 
 def _simulated_of(thing: Thing, verb: str) -> Simulated:
@@ -250,10 +318,7 @@ def _it(*_: Hashable) -> It:
 
 ACTIONS: Mapping[str, Callable[..., Hashable]] = {
     **OF_THINGS,
-    "do_others": _do_others,
     "class_mention": _class_mention,
-    "class_near": _class_near,
-    "marks_of": _marks_of,
     "pair": _pair,
     "unfelt_of": _unfelt_of,
     "listed": _listed,
@@ -263,22 +328,18 @@ ACTIONS: Mapping[str, Callable[..., Hashable]] = {
     "say": _say,
     "say_of": _say_of,
     "say_of_all": _say_of_all,
-    "say_model": _say_model,
     "say_every": _say_every,
     "say_but": _say_but,
     "unsaid": _unsaid,
-    "same": _same,
     "repeated": _repeated,
     "mass": _mass,
     "inertial": _inertial,
     "compared": _compared,
     "selected": _selected,
-    "selected_among": _selected_among,
-    "selected_all": _selected_all,
     "simulated": _simulated,
-    "simulated_by": _simulated_by,
     "simulated_of": _simulated_of,
     "nothing": _nothing,
+    "marks_of": _marks_of,
     "mention": _mention,
     "alone": _alone,
     "aside": Aside,

@@ -49,10 +49,10 @@ class Chart:
 
     def whole(self, name: str) -> list[Meanings]:
         """The cheapest readings of all of it."""
-        found = self._derived(name, 0).get(len(self._lattice))
+        found = self.derived(name, 0).get(len(self._lattice))
         return list(found.meanings) if found else []
 
-    def _derived(self, name: str, start: int) -> Ends:
+    def derived(self, name: str, start: int) -> Ends:
         known = self._known[start]
         if name in known:
             return known[name]
@@ -86,7 +86,7 @@ class Chart:
 
     def _part(self, part: str, at: int) -> Ends:
         if part.startswith("<"):
-            return self._derived(part, at)
+            return self.derived(part, at)
         ends: Ends = {}
         if at < len(self._lattice):
             for end, meanings in self._lattice[at].get(part, ()):

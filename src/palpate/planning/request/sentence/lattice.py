@@ -10,17 +10,20 @@ from collections.abc import Iterator, Sequence
 from functools import cache
 from typing import cast
 
-from palpate.planning.request import lexicon, spelling
+from palpate.planning.request import lexicon
 from palpate.planning.request.lexicon import COLOURS
 from palpate.planning.request.nouns import Nouns
 from palpate.planning.request.sentence.chart import Meanings
 from palpate.planning.request.sentence.grammar import grammar
 from palpate.planning.request.sentence.meaning import Quantity
 from palpate.planning.request.sentence.remarks import remarks
-from palpate.planning.request.tokens import forms, singulars
+from palpate.planning.request.tokens import forms, nearest_spelling, singulars
 from palpate.planning.request.wording import Phrase, english, longest
 from palpate.quantities.catalogue import catalogue
 from palpate.scene.scene import Scene
+
+SHORTEST = 3
+"""Words of the shortest background sentence."""
 
 Edge = tuple[str, int, Meanings]
 """A class, the place where its words end, and what they mean."""
@@ -69,7 +72,7 @@ class Lattice:
         known = {word for word in known if word.isalpha()}
         found: dict[str, str] = {}
         for token in self.unknown(tokens):
-            meant = spelling.meant(token, known)
+            meant = nearest_spelling(token, known)
             if meant is not None and token not in english().things:
                 found[token] = meant
         return found
@@ -106,6 +109,23 @@ class Lattice:
         if named or not self.nouns.names.isdisjoint(singulars(token)):
             return False
         return not any(True for _ in self._properties(tokens, at))
+
+    def is_background(self, tokens: Sequence[str]) -> bool:
+        """Test for a sentence that states facts and asks for nothing: "It is for a benchmark.",
+        "Everything else is right."."""
+        if "?" in tokens or len(tokens) < SHORTEST:
+            return False
+        words = {token for token in tokens if token.isalpha()}
+        allowed = english().harmless
+        if words & english().remaining:
+            # "And the rest, too" asks for it; "the rest of my model is right" does not.
+            if words.isdisjoint(english().settled):
+                return False
+            allowed = allowed | english().remaining | english().settled
+        for at, token in enumerate(tokens):
+            if token.isalpha() and token not in allowed and not self._says_nothing(tokens, at):
+                return False
+        return True
 
     def _bears(self, tokens: Sequence[str], at: int) -> bool:
         """Whether a word says nothing of what is wanted in a clause that tells why or when."""

@@ -8,8 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.geometry.pose import Array
-from palpate.robots.simulated.noise.model import Friction, PoseErrors, Sticking, Vibration
-from palpate.robots.simulated.noise.values import JOINTS, Streams
+from palpate.robots.simulated.noise.model import (
+    JOINTS,
+    Friction,
+    PoseErrors,
+    Sticking,
+    Streams,
+    Vibration,
+)
 from palpate.trace.samples import STANDARD_GRAVITY
 
 REACH = 0.3  # m, correlation length of the cable's pull
@@ -22,18 +28,12 @@ the usual release, which leaves 5 % of the torque that had stuck."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """Motion of an arm over n consecutive log periods, as input of the sensor models.
+    """Motion of an arm over n consecutive log periods, as input of the sensor models."""
 
-    Attributes:
-        q, dq: (n, 7) rad, rad/s.
-        jacobian: (6, 7) of the last period, world axes about the TCP.
-        position: (n, 3) m, the TCP's.
-    """
-
-    q: Array
-    dq: Array
-    jacobian: Array
-    position: Array
+    q: Array  # (n, 7) rad
+    dq: Array  # (n, 7) rad/s
+    jacobian: Array  # (6, 7) of the last period, world axes about the TCP
+    position: Array  # (n, 3) m, the TCP's
 
     def __len__(self) -> int:
         return len(self.q)

@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from palpate.geometry.pose import Array
-from palpate.robots.simulated.noise.model import Flicker, Torque
-from palpate.robots.simulated.noise.values import JOINTS, Streams
+from palpate.robots.simulated.noise.model import JOINTS, Flicker, Streams, Torque
 
 THRESHOLDS = 8  # play operators that make up the hysteresis, each half as wide as the one before
 WIDEST = 0.25  # of the range: the widest of them

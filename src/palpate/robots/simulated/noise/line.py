@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.geometry.pose import Array
-from palpate.robots.simulated.noise.model import Acquisition, Torque
-from palpate.robots.simulated.noise.values import JOINTS, Streams
+from palpate.robots.simulated.noise.model import JOINTS, Acquisition, Streams, Torque
 from palpate.robots.simulated.timing import BLOCK, PERIOD, TIMESTEP
 
 TAIL = 2  # degrees of freedom of Student's t distribution, from which outliers are drawn

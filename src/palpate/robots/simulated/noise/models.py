@@ -18,11 +18,11 @@ from pydantic import ValidationError
 
 from palpate.errors import InputError, unknown_name
 from palpate.extensions import extensions, public
-from palpate.files.plain_yaml import plain_yaml
+from palpate.files.plain_yaml import plain_yaml, worded
 from palpate.files.read import read_text
-from palpate.files.worded import worded
 from palpate.robots.description import RobotDescription
 from palpate.robots.registry import load_description
+from palpate.robots.sheet import merged
 from palpate.robots.simulated.noise.model import NoiseModel
 
 GROUP = "palpate.noise"
@@ -67,10 +67,6 @@ class NoiseModels:
             return NoiseModel.model_validate(content)
         except ValidationError as error:
             raise InputError(f"{name_or_path}: {worded(error, NoiseModel)}") from None
-
-    def check(self, name_or_path: str) -> None:
-        """Raises InputError as `load` does."""
-        self.load(name_or_path)
 
     def title(self, name_or_path: str) -> str:
         """Return a model's title in report and result: its name, or the file's if it is invalid."""
@@ -123,20 +119,6 @@ def _read(path: Path, version: int) -> Content:
         raise InputError(f"{path}: give the keys of a noise model, e.g. 'extends: lab'")
     said = cast("dict[Any, Any]", content)
     return {str(key): value for key, value in said.items() if value is not None}
-
-
-def merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> Content:
-    """Merge two models section by section; `above` replaces `below`."""
-    both: Content = {**below}
-    for key, value in above.items():
-        under = below.get(key)
-        # {fixed: VALUE} is a value, not a section.
-        if not isinstance(under, dict) or "fixed" in under:
-            under = {}
-        if isinstance(value, dict) and "fixed" not in value:
-            value = merged(cast("Content", under), cast("Content", value))
-        both[key] = value
-    return both
 
 
 def scale(content: Content, arm: RobotDescription) -> None:

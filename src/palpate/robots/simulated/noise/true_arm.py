@@ -10,9 +10,8 @@ import numpy as np
 
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import RobotDescription, pads_end
-from palpate.robots.simulated.noise.model import Model
-from palpate.robots.simulated.noise.values import Streams
-from palpate.robots.trajectory.posed import turned
+from palpate.robots.simulated.noise.model import Model, Streams
+from palpate.robots.trajectory import turned
 
 SHARE = 0.3  # of a body's mass that may be moved to shift its centre
 

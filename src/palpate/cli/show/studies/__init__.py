@@ -1,1 +1,0 @@
-"""The studies' results: tables on the terminal, or one JSON object."""

@@ -1,0 +1,247 @@
+"""`palpate study`: accuracy and efficiency of estimates, ablation and repeatability of planners."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from palpate.cli.command import command
+from palpate.cli.console import Ticker, aside
+from palpate.cli.options import MODEL, AsJson, Given, settings
+from palpate.settings import settings_of
+
+if TYPE_CHECKING:
+    from palpate.studies.accuracy import Question
+    from palpate.studies.planners.attempt import Conditions
+    from palpate.studies.scores.kept import Runs
+
+Names = Annotated[list[str] | None, typer.Argument(metavar="[SCENARIO]...")]
+Tasks = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="[SCENARIO]...", help="all | kinds (one of each kind) | names [bottle_and_table]"
+    ),
+]
+FIRST = ["bottle_and_table"]
+Planners = Annotated[
+    list[str],
+    typer.Option("--planner", help="Planner to study, e.g. openai:MODEL; may be repeated."),
+]
+Trials = Annotated[int, typer.Option("--trials", min=1)]
+InFlight = Annotated[int, typer.Option("--workers", help="Requests in flight.", min=1, max=64)]
+Results = Annotated[
+    Path, typer.Option("--out", help="File the results are appended to; run again to go on.")
+]
+Prompts = Annotated[
+    list[str] | None,
+    typer.Option("--prompt", metavar="full|lean", help="Which prompt [full]; may be repeated."),
+]
+ROUNDS = f"{MODEL}.rounds"
+OfTrials = Annotated[
+    Given,
+    settings(
+        *("images", "noise", f"{MODEL}.base_url", ROUNDS),
+        *(f"{MODEL}.budget.dollars", f"{MODEL}.critic"),
+        defaults={ROUNDS: 0},
+    ),
+]
+"""Options of all trials in a study of planners; the paper has no rounds of feedback."""
+
+
+@dataclass(frozen=True)
+class SeedOptions:
+    """Seeds of a study, its processes, and the folder of its rows."""
+
+    seeds: Annotated[int, typer.Option("--seeds", min=1)] = 20
+    first_seed: Annotated[int, typer.Option("--first-seed", help="The first one.", min=0)] = 0
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", min=1, help="At once (default: one for each processor)."),
+    ] = None
+    cluster: Annotated[
+        str,
+        typer.Option(
+            "--cluster",
+            metavar="ADDRESS",
+            help="Ray cluster: auto | HOST:PORT | ray://HOST:PORT | local, which is none.",
+        ),
+    ] = "local"
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", help="Folder of the rows and of a page with plots; run again to go on."
+        ),
+    ] = None
+
+    def runs(self, questions: Sequence[Question]) -> Runs:
+        """Run all questions over all seeds."""
+        from palpate.studies.cluster import crew
+        from palpate.studies.scores.kept import measure
+
+        seeds = range(self.first_seed, self.first_seed + self.seeds)
+        ticker = Ticker()
+        try:
+            with crew(self.cluster, self.workers) as workers:
+                return measure(questions, seeds, workers, self.out, ticker)
+        finally:
+            ticker.end()
+
+    def page(self) -> None:
+        """Write the page of everything in the folder, if there is a folder."""
+        from palpate.studies.scores.page import write_page
+
+        if self.out is not None and (page := write_page(self.out)):
+            aside(f"page: {page}")
+
+
+def conditions(given: Given) -> Conditions:
+    """Conditions for the studies of planners."""
+    from palpate.studies.planners.attempt import Conditions
+
+    asked = settings_of(**given)
+    return Conditions(asked.images, asked.noise, asked.model_settings.checked())
+
+
+def accuracy(
+    names: Names = None,
+    *,
+    given: Annotated[Given, settings("noise", "request", "within", "robot_config")],
+    over: SeedOptions,
+    every: Annotated[
+        bool, typer.Option("--all", help="Every scenario that the planner completes.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Repeat scenarios over many seeds and compare with the hidden truth.
+
+    Each draws another arm, and objects that stand off by the accuracy of their poses (0.5 mm).
+
+    With --out every run is kept as soon as it is done, and what is there is not run again.
+    """
+    from palpate.cli.show.studies import show_seed_runs
+    from palpate.studies.accuracy import Question
+    from palpate.studies.efficiency import comparable
+
+    chosen = comparable() if every else names or ["bottle_and_table"]
+    asked = settings_of(**given)
+    changes = given | {"within": asked.within}
+    if asked.robot_config is not None:
+        changes["robot_config"] = asked.robot_config.absolute()
+    try:
+        runs = over.runs([Question(name, tuple(changes.items())) for name in chosen])
+    finally:
+        over.page()
+    found = {group.scenario: seeds for group, seeds in runs.items()}
+    show_seed_runs(found, f"--noise {asked.noise}", as_json)
+
+
+def efficiency(
+    names: Names = None,
+    *,
+    given: Annotated[Given, settings("noise", "seed")],
+    plot: Annotated[Path | None, typer.Option("--plot", help="HTML file for the plot.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Actions and robot time of the symbolic planner against the exhaustive one."""
+    from palpate.cli.show.studies import show_comparisons
+    from palpate.studies import efficiency
+
+    found = efficiency.efficiency(names or efficiency.comparable(), given["noise"], given["seed"])
+    if plot:
+        plot.write_text(efficiency.plot(found), encoding="utf-8")
+    show_comparisons(found, efficiency.PAPER, as_json)
+
+
+def ablation(
+    names: Tasks = None,
+    *,
+    out: Results,
+    planner: Planners,
+    trials: Trials = 10,
+    workers: InFlight = 4,
+    configuration: Annotated[
+        list[str] | None, typer.Option("--configuration", help="Default: all.")
+    ] = None,
+    shared: OfTrials,
+    prompt: Prompts = None,
+    as_json: AsJson = False,
+) -> None:
+    """The paper's table II: ablation of the parts of the prompt.
+
+    A page beside the results shows the paper's tables and these.
+    """
+    from palpate.cli.show.studies import show_trials
+    from palpate.studies.planners import ablation as studies
+
+    asked = conditions(shared)
+    with _page_beside(out):
+        found = studies.ablation(
+            names or FIRST,
+            planner,
+            out,
+            asked,
+            trials,
+            configurations=configuration or studies.CONFIGURATIONS,
+            in_flight=workers,
+            say=aside,
+            prompts=prompt or ["full"],
+        )
+    show_trials(found, studies.published_ablation(), as_json)
+
+
+def repeatability(
+    names: Tasks = None,
+    *,
+    out: Results,
+    planner: Planners,
+    trials: Trials = 20,
+    workers: InFlight = 4,
+    shared: OfTrials,
+    prompt: Prompts = None,
+    as_json: AsJson = False,
+) -> None:
+    """The paper's table III: repeated trials of the same task.
+
+    A page beside the results shows the paper's tables and these.
+    """
+    from palpate.cli.show.studies import show_trials
+    from palpate.studies.planners import ablation as studies
+
+    asked = conditions(shared)
+    with _page_beside(out):
+        found = studies.repeatability(
+            names or FIRST,
+            planner,
+            out,
+            asked,
+            trials,
+            in_flight=workers,
+            say=aside,
+            prompts=prompt or ["full"],
+        )
+    show_trials(found, studies.published_repeatability(), as_json)
+
+
+@contextmanager
+def _page_beside(results: Path) -> Generator[None]:
+    """Write the page of trials beside their file, also after an error."""
+    from palpate.studies.planners.page import write_page
+
+    try:
+        yield
+    finally:
+        if page := write_page(results):
+            aside(f"page: {page}")
+
+
+app = typer.Typer(
+    no_args_is_help=True,
+    help="Run a study: accuracy, efficiency, ablation, repeatability.",
+)
+for study in (accuracy, efficiency, ablation, repeatability):
+    command(app)(study)

@@ -1,1 +1,0 @@
-"""`palpate study …`: the studies, as tables on the terminal, as JSON and as files of results."""

@@ -1,0 +1,131 @@
+"""The elements of an object or a surface: its body, the geoms that count, its `<inertial>`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from palpate.errors import InputError
+from palpate.mjcf.defaults import Defaults
+from palpate.mjcf.document import Element, around, children, compiler_settings, has_unknown, label
+
+Role = Literal["object", "surface"]
+PLACING = frozenset({"pos", "quat", "axisangle", "xyaxes", "zaxis", "euler"})
+"""Attributes that place a body, a frame or a site."""
+
+TRANSPARENT = ("frame", "replicate")
+"""Elements that only arrange their content."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Elements:
+    """The elements of an object or a surface.
+
+    Attributes:
+        name: its compiled name; of several copies, that of the first, which represents all.
+        element: its body; of a surface, its geom when that is a child of the worldbody.
+        geoms: all geoms of its body and what is fixed to it; of a surface, those that may carry.
+        colliding: those of them that can touch, else all.
+        inertial: its `<inertial>`, if any.
+        defaults: what its elements inherit.
+        parts: an object's bodies beside its own, which move with it.
+        through: the `<attach>` elements that bring it from another model, the outermost first.
+    """
+
+    name: str
+    role: Role
+    element: Element
+    geoms: tuple[Element, ...]
+    colliding: tuple[Element, ...]
+    inertial: Element | None
+    defaults: Defaults
+    parts: tuple[Element, ...] = ()
+    through: tuple[Element, ...] = ()
+
+    def moved_by(self) -> Element | None:
+        """Nearest ancestor with a pose, so that the element's pose is not the world's; or None."""
+        for outer in around(self.element, self.through):
+            moves = outer.tag == "replicate" or PLACING & set(outer.keys())
+            if outer.tag in (*TRANSPARENT, "body") and moves:
+                return outer
+        return None
+
+
+def inertial_of(body: Element) -> Element | None:
+    """A body's `<inertial>`, unless the compiler ignores it (`inertiafromgeom`)."""
+    settings = compiler_settings(body.getroottree().getroot())
+    if settings.get("inertiafromgeom") == "true":
+        return None
+    return body.find("inertial")
+
+
+def has_open_height(geom: Element, defaults: Defaults) -> bool:
+    """True if its z or its half height is written `?`."""
+    index = half_height_index(geom, defaults)
+    open_size = index is not None and has_unknown(geom, "size", index)
+    return open_size or has_unknown(geom, "pos", 2)
+
+
+def half_height_index(geom: Element, defaults: Defaults) -> int | None:
+    """Index of the half height in `size`: box 2, cylinder 1, others None."""
+    return {"box": 2, "cylinder": 1}.get(defaults.attribute(geom, "type") or "sphere")
+
+
+def own_geoms(body: Element) -> tuple[Element, ...]:
+    """Geoms of a body without those of bodies below it."""
+    return tuple(child for child in through_frames(body) if child.tag == "geom")
+
+
+def colliding(geoms: tuple[Element, ...], defaults: Defaults) -> tuple[Element, ...]:
+    """The geoms that can touch something (`contype` or `conaffinity` not 0); all where none can."""
+    touching: list[Element] = []
+    for geom in geoms:
+        masks = [defaults.attribute(geom, name) or "1" for name in ("contype", "conaffinity")]
+        if any(mask.strip() != "0" for mask in masks):
+            touching.append(geom)
+    return tuple(touching) or geoms
+
+
+def carrying(
+    element: Element, geoms: tuple[Element, ...], defaults: Defaults
+) -> tuple[Element, ...]:
+    """The geoms that may be a surface's top: the one whose own height is open, else all."""
+    marked = tuple(geom for geom in geoms if has_open_height(geom, defaults))
+    if len(marked) > 1:
+        raise InputError(
+            f"surface {label(element)} has `?` in several geoms; only one can be its top"
+        )
+    return marked or geoms
+
+
+def is_free(body: Element, defaults: Defaults) -> bool:
+    """True if a body has a free joint."""
+    for child in through_frames(body):
+        is_free = child.tag == "joint" and defaults.attribute(child, "type") == "free"
+        if is_free or child.tag == "freejoint":
+            return True
+    return False
+
+
+def has_joint(body: Element) -> bool:
+    """True if a body has a joint of its own."""
+    return any(child.tag in ("joint", "freejoint") for child in through_frames(body))
+
+
+def through_frames(body: Element) -> Iterator[Element]:
+    """Yield a body's children, with those inside frames."""
+    for child in children(body):
+        if child.tag in TRANSPARENT:
+            yield from through_frames(child)
+        else:
+            yield child
+
+
+def copy_mark(element: Element) -> str:
+    """Suffix of MuJoCo for names in the first copy that `<replicate>` makes of an element: zeros for
+    each digit of the count; suffixes of outer ones come last."""
+    mark = ""
+    for replicate in element.iterancestors("replicate"):
+        mark += (replicate.get("sep") or "") + "0" * len((replicate.get("count") or "").strip())
+    return mark

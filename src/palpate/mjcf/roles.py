@@ -1,0 +1,301 @@
+"""Roles of a document's elements: objects, surfaces and robots.
+
+A body with a free joint is an object; a static named body or geom that may carry things is a
+surface; an articulated body that is driven, or ends in a hand, is a robot and neither.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+from palpate.errors import InputError, unknown_name
+from palpate.mjcf.defaults import Defaults
+from palpate.mjcf.document import (
+    ATTACH,
+    Brought,
+    Document,
+    Element,
+    brought,
+    children,
+    elements,
+    label,
+    prefix,
+)
+from palpate.mjcf.elements import (
+    TRANSPARENT,
+    Elements,
+    Role,
+    carrying,
+    colliding,
+    copy_mark,
+    has_joint,
+    inertial_of,
+    is_free,
+    own_geoms,
+)
+from palpate.mjcf.robots import NOBODY, Robots, driven
+
+FLOOR = "floor"
+"""Name of a plane without a name."""
+
+
+@dataclass(slots=True, eq=False)
+class Roles:
+    """Roles of the bodies in a document, in its order.
+
+    Attributes:
+        root: the scene's root element.
+        robots: root bodies of robots, or the `<attach>` elements that bring them.
+        ignored: bodies with other joints, which are neither robot nor object: drawers and doors.
+        replicated: free bodies whose parts `<replicate>` or `<attach>` copies, so that one element
+            is many shapes.
+        brought: parts of attached models.
+        copied: `<attach>` elements whose content is already in the scene, where values are written.
+    """
+
+    root: Element
+    defaults: Defaults
+    bodies: dict[str, Elements] = field(default_factory=dict[str, Elements])
+    robots: list[Element] = field(default_factory=list[Element])
+    ignored: list[Element] = field(default_factory=list[Element])
+    replicated: list[Element] = field(default_factory=list[Element])
+    brought: list[Brought] = field(default_factory=list[Brought])
+    copied: list[Element] = field(default_factory=list[Element])
+
+    @property
+    def objects(self) -> dict[str, Elements]:
+        """Objects by name."""
+        return self._of("object")
+
+    @property
+    def surfaces(self) -> dict[str, Elements]:
+        """Candidates for surfaces, by name."""
+        return self._of("surface")
+
+    def _of(self, role: Role) -> dict[str, Elements]:
+        return {name: body for name, body in self.bodies.items() if body.role == role}
+
+    def compiled_name(self, element: Element, own: str) -> str | None:
+        """Compiled name of an element called `own`; None if it is in no model."""
+        contents = {part.content: part for part in self.brought}
+        outers = (element, *element.iterancestors()) if contents else ()
+        part = next((contents[outer] for outer in outers if outer in contents), None)
+        if part is None and element.getroottree().getroot() is not self.root:
+            return None
+        return compiled_name(element, own, () if part is None else part.through)
+
+
+def compiled_name(element: Element, own: str, through: Sequence[Element]) -> str:
+    """Compiled name of an element called `own` that `through` some `<attach>` elements bring."""
+    marks = [copy_mark(part) for part in (element, *reversed(through))]
+    return prefix(through) + own + "".join(marks)
+
+
+def find_roles(document: Document) -> Roles:
+    """Sort the bodies and geoms of a document into objects, surfaces and robots.
+
+    Raises:
+        InputError: an object without a geom, a name used twice, a surface with several geoms of
+            unknown height, a robot that is not there.
+    """
+    attached = [model.root for model in document.attached().values()]
+    found = Roles(document.root, Defaults(document.root, *attached))
+    robots = Robots(document.robots, driven(document.root), found.defaults)
+    for world in document.root.iterfind("worldbody"):
+        _walk(world, found, _Model(document, robots), world=True)
+    _require_named_robots(document, found)
+    return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Model:
+    """The model whose elements are being sorted.
+
+    Attributes:
+        robots: evidence of its robots.
+        through: the `<attach>` elements that bring it.
+    """
+
+    document: Document
+    robots: Robots
+    through: tuple[Element, ...] = ()
+
+    def bringing(self, attach: Element) -> Brought | None:
+        """Content of an `<attach>`."""
+        return brought(attach, self.document, self.through)
+
+    def brings(self, element: Element) -> Iterator[Brought]:
+        """Yield the attached content below an element."""
+        for attach in element.iter(ATTACH):
+            part = self.bringing(attach)
+            if part is not None:
+                yield part
+
+    def inside(self, part: Brought) -> _Model:
+        """The model that an attached part comes from."""
+        robots = self.robots.within(part.through[-1].get("prefix") or "", part.model.root)
+        return _Model(part.model, robots, part.through)
+
+
+def _walk(parent: Element, found: Roles, model: _Model, world: bool) -> None:
+    """Sort the children of an element; `world`: they are fixed in the world without a named body."""
+    for child in children(parent):
+        if child.tag in TRANSPARENT:
+            _walk(child, found, model, world)
+        elif child.tag == "geom" and world:
+            # Most models stand on a plane without a name; the first of them is the floor.
+            is_plane = found.defaults.attribute(child, "type") == "plane"
+            if child.get("name") or (is_plane and FLOOR not in found.bodies):
+                _add_surface(child, (child,), found, model)
+        elif child.tag == "body":
+            _sort_body(child, found, model)
+        elif child.tag == ATTACH and (part := model.bringing(child)) is not None:
+            if _holds_robot(part, model):
+                found.robots.append(child)
+            elif _is_there(part, found):
+                found.copied.append(child)
+            else:
+                found.brought.append(part)
+                if part.content.tag == "body":
+                    _sort_body(part.content, found, model.inside(part))
+                else:
+                    _walk(part.content, found, model.inside(part), world)
+
+
+def _sort_body(body: Element, found: Roles, model: _Model) -> None:
+    if model.robots.begin_with(body):
+        found.robots.append(body)
+    elif is_free(body, found.defaults):
+        # A value can be written only where one element is one part of the scene.
+        if _has_copies(body, found, model):
+            found.replicated.append(body)
+        else:
+            _add_object(body, found, model)
+    elif not has_joint(body):  # fixed in the world: it may carry objects
+        if body.get("name") and body.get("mocap") != "true":
+            _add_surface(body, own_geoms(body), found, model)
+        _walk(body, found, model, world=not body.get("name"))
+    else:
+        found.ignored.append(body)  # drawers and doors
+
+
+def _add_object(body: Element, found: Roles, model: _Model) -> None:
+    all_parts = list(_parts(body, found, model))
+    geoms = tuple(part for part in all_parts if part.tag == "geom")
+    if not geoms:
+        raise InputError(f"object {label(body)} has no geom, so it has no shape to touch")
+    own = body.get("name") or _named(body, geoms[0], found, model)
+    made = Elements(
+        name=compiled_name(body, own, model.through),
+        role="object",
+        element=body,
+        geoms=geoms,
+        colliding=colliding(geoms, found.defaults),
+        inertial=inertial_of(body),
+        defaults=found.defaults,
+        parts=tuple(part for part in all_parts if part.tag == "body" and part is not body),
+        through=model.through,
+    )
+    _register(made, found)
+
+
+def _add_surface(element: Element, geoms: tuple[Element, ...], found: Roles, model: _Model) -> None:
+    tops = carrying(element, colliding(geoms, found.defaults), found.defaults)
+    if tops:
+        body = Elements(
+            name=compiled_name(element, element.get("name") or FLOOR, model.through),
+            role="surface",
+            element=element,
+            geoms=tops,
+            colliding=tops,
+            inertial=None,
+            defaults=found.defaults,
+            through=model.through,
+        )
+        _register(body, found)
+
+
+def _register(body: Elements, found: Roles) -> None:
+    if body.name in found.bodies:
+        raise InputError(
+            f"two objects or surfaces are called '{body.name[:80]}' ({label(body.element)} is the "
+            "second); give each its own name"
+        )
+    found.bodies[body.name] = body
+
+
+def _parts(body: Element, found: Roles, model: _Model) -> Iterator[Element]:
+    """Yield an object's elements, with those that it attaches."""
+    for element in elements(body):
+        yield element
+        part = model.bringing(element) if element.tag == ATTACH else None
+        if part is not None:
+            found.brought.append(part)
+            yield from _parts(part.content, found, model.inside(part))
+
+
+def _named(body: Element, geom: Element, found: Roles, model: _Model) -> str:
+    """Give a body without a name one after its geom, its mesh or its shape; it is set in the tree, so
+    that compiled models have it."""
+    shape = found.defaults.attribute(geom, "type") or "sphere"
+    stem = geom.get("name") or found.defaults.attribute(geom, "mesh") or shape
+    taken = {e.get("name") for e in elements(body.getroottree().getroot()) if e.tag == "body"}
+    name, count = stem, 1
+    while name in taken or prefix(model.through) + name in found.bodies:
+        count += 1
+        name = f"{stem}_{count}"
+    body.set("name", name)
+    return name
+
+
+def _is_there(part: Brought, found: Roles) -> bool:
+    """True if an attached part shares elements with another part of the scene."""
+    return part.is_own or any(part.overlaps(other) for other in found.brought)
+
+
+def _holds_robot(part: Brought, model: _Model) -> bool:
+    """True if an attached part, or what that attaches, has a robot's root."""
+    pending, seen = [(part, model)], list[Brought]()
+    while pending:
+        part, model = pending.pop()
+        inside = model.inside(part)
+        if any(inside.robots.begin_with(body) for body in part.content.iter("body")):
+            return True
+        seen.append(part)
+        for inner in () if part.is_own else inside.brings(part.content):
+            if not any(inner.overlaps(other) for other in seen):
+                pending.append((inner, inside))
+    return False
+
+
+def _has_copies(body: Element, found: Roles, model: _Model) -> bool:
+    """True if one element of a body makes several parts of the scene."""
+    if body.find(".//replicate") is not None:
+        return True
+    pending = [(part, model) for part in model.brings(body)]
+    seen: list[Brought] = []
+    while pending:
+        part, outer = pending.pop()
+        if _is_there(part, found) or any(part.overlaps(other) for other in seen):
+            return True
+        seen.append(part)
+        inside = outer.inside(part)
+        pending += [(inner, inside) for inner in inside.brings(part.content)]
+    return False
+
+
+def _require_named_robots(document: Document, found: Roles) -> None:
+    """Require that each robot that the user names is in the scene."""
+    names = {NOBODY}
+    for robot in found.robots:
+        part = brought(robot, document, ()) if robot.tag == ATTACH else None
+        if part is None:
+            names.add(robot.get("name", ""))
+        else:
+            names |= {part.prefix + body.get("name", "") for body in part.content.iter("body")}
+    others = [*found.ignored, *(body.element for body in found.bodies.values())]
+    valid = {name for body in others if body.tag == "body" and (name := body.get("name"))}
+    for name in document.robots:
+        if name not in names:
+            raise unknown_name("body that a robot begins with", name, {*valid, NOBODY})

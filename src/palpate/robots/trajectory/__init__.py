@@ -1,1 +1,0 @@
-"""Bounded-jerk motions: piecewise quintic polynomials in time, from any state of motion to rest."""
