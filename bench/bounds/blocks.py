@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from palpate.estimation.load.observation import observe
-from palpate.estimation.windows import Mask, acceleration
+from palpate.estimation.motion import Mask, acceleration
 from palpate.geometry.pose import Array
 from palpate.robots.simulated.noise.gauge import PER_DECADE, WALK_TIME
 from palpate.robots.simulated.noise.model import Torque

@@ -11,8 +11,8 @@ from palpate.estimation import tuning
 from palpate.estimation.balance import BELIEVED, accuracy
 from palpate.estimation.estimate import Estimate
 from palpate.estimation.holds import pose_in_hand
-from palpate.estimation.load.around.causes import LINK
-from palpate.estimation.windows import mean_pose
+from palpate.estimation.load.causes import LINK
+from palpate.estimation.motion import mean_pose
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.inertial import whole
 from palpate.scene.scene import Scene

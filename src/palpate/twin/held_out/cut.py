@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from palpate.estimation.windows import load_of
+from palpate.estimation.load.segments import load_rows
 from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, Trace
 
@@ -33,7 +33,7 @@ def lifted(trace: Trace) -> list[str]:
 
 def cut_of(trace: Trace, name: str) -> Cut | None:
     """The last lift of several, else the way down after the object was measured."""
-    grasps = load_of(trace, name).grasps
+    grasps = load_rows(trace, name).grasps
     ends = [*grasps, float(trace.t[-1])]
     lifts: list[Cut] = []
     for start, end in list(pairwise(ends))[::2]:

@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
-from palpate.estimation.gains import gain_root
 from palpate.estimation.load.equations import FORCE_Z, SIDEWAYS, TORQUE_X, TORQUE_Y, Rows, equations
+from palpate.estimation.load.observation import gain_root
 from palpate.estimation.load.segments import Segment, Weighing
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.geometry.pose import Array, Pose
-from palpate.robots.trajectory.posed import rotation_vector
+from palpate.robots.trajectory import rotation_vector
 from palpate.vocabulary.admissible.solids import Frames, Solids
 
 STEP = 0.02  # m between two moments of a path
