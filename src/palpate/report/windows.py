@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.estimation.contact.descent import tip_height
 from palpate.estimation.estimate import Estimate, rounded
+from palpate.estimation.motion import tip_height
 from palpate.parameter import Parameter
 from palpate.quantities.catalogue import catalogue
 from palpate.trace.recording import Recording
@@ -20,7 +20,7 @@ FINEST = 1e-5
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Measured window: situation, time and reading."""
+    """Recording as the report lists it: situation, time and reading."""
 
     what: str
     when: str
