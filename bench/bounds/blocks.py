@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.estimation.load.observation import observe
-from palpate.estimation.windows import Mask, acceleration
+from palpate.estimation.motion import Mask, acceleration
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Trace
 

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bench.bounds.blocks import BLOCK, Blocks
-from palpate.estimation.windows import Mask
+from palpate.estimation.motion import Mask
 from palpate.geometry.pose import Array
 from palpate.robots.simulated.noise.gauge import PER_DECADE, WALK_TIME
 from palpate.robots.simulated.noise.model import Torque

@@ -11,8 +11,9 @@ import numpy as np
 from bench.bounds.blocks import Blocks, blocks
 from bench.bounds.errors import Hanging, deviation, errors
 from bench.bounds.information import Column, covariance
-from palpate.estimation.load.free import apart, lifted
-from palpate.estimation.windows import Mask, load_of, runs
+from palpate.estimation.load.blocks import apart, lifted
+from palpate.estimation.load.segments import load_rows
+from palpate.estimation.motion import Mask, runs
 from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription
 from palpate.robots.simulated.noise.model import Model, NoiseModel
@@ -196,7 +197,7 @@ def _carried(trace: Trace, name: str, standing: Array) -> Carried | None:
     found = blocks(trace)
     if found is None:
         return None
-    load = load_of(trace, name)
+    load = load_rows(trace, name)
     away = apart(trace)
     hangs = load.loaded & away & lifted(trace, load)
     empty, held = found.all(load.empty & away), found.all(load.loaded)

@@ -9,7 +9,7 @@ import pytest
 
 from palpate.calibration.gains import own_weight_tree, weighed_itself
 from palpate.errors import InputError
-from palpate.estimation.gains import gain_root
+from palpate.estimation.load.observation import gain_root
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.nominal import NominalArm, wrenches
 from palpate.robots.registry import load_description

@@ -7,11 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from palpate.estimation.contact.joint_friction import joint_friction_force
-from palpate.estimation.friction.joints import joint_friction
-from palpate.estimation.load.dahl import TURNED, dahl_states
+from palpate.estimation import tuning
+from palpate.estimation.joint_friction import (
+    LEFT,
+    TURNED,
+    dahl_states,
+    joint_friction,
+    joint_friction_force,
+)
 from palpate.estimation.load.observation import observation_of_torques
-from palpate.estimation.windows import Load
 from palpate.trace.recording import Chain, Hand
 from palpate.trace.samples import Samples, Trace
 
@@ -41,9 +45,8 @@ def swinging(seconds: float, noise: float = 0.02) -> tuple[Samples, np.ndarray]:
     return Samples(t, q, rates_of_q, tau, zeros, pose, zeros, pose, np.full(len(t), 0.08)), ways
 
 
-def empty(samples: Samples) -> Load:
-    rows = np.ones(len(samples), dtype=bool)
-    return Load(~rows, rows, ())
+def empty(samples: Samples) -> np.ndarray:
+    return np.ones(len(samples), dtype=bool)
 
 
 def test_what_turns_round_with_a_joint_is_friction_and_nothing_else_is():
@@ -80,9 +83,58 @@ def test_what_joints_add_to_a_force_as_they_turn_round_is_foreseen():
     samples = replace(samples, wrench=wrench)
     trace = Trace(samples, (), (), (), replace(UNTOLD, chain=CHAIN))
     rows, free = slice(0, 800), np.arange(800) < 100
-    found = joint_friction_force(trace, rows, free, 0.3)
+    found = joint_friction_force(trace, rows, free, empty(samples), 0.3)
     made = -np.einsum("nj,nj->n", seen[:, 2], FRICTION * ways)[rows]
     made -= np.median(made[free])
     assert np.std(made) > 0.5
     assert np.std(found - made) < 0.2 * np.std(made)
-    assert not joint_friction_force(replace(trace, hand=UNTOLD), rows, free, 0.3).any()
+    assert not joint_friction_force(
+        replace(trace, hand=UNTOLD), rows, free, empty(samples), 0.3
+    ).any()
+
+
+def turned(*ways: float) -> np.ndarray:
+    """(n, 1) rad: a joint that turns at an even speed by each of `ways` in 100 rows, 0 for a rest."""
+    steps = np.concatenate([np.full(100, way / 100) for way in ways])
+    return np.cumsum(steps)[:, None]
+
+
+def test_a_joint_that_turns_rubs_against_its_way() -> None:
+    states = dahl_states(turned(0.1, -0.1, 0.0))[:, 0, TURNED]
+    assert states[99] == pytest.approx(1.0, abs=0.01)
+    assert states[199] == pytest.approx(-1.0, abs=0.01)
+    assert states[299] == states[210]
+
+
+def test_friction_changes_over_as_the_joint_reverses() -> None:
+    way = tuning.PRESLIDING
+    state = dahl_states(turned(0.1, -way, 0.0))[-1, 0, TURNED]
+    assert state == pytest.approx(-1.0 + 2.0 / np.e, abs=0.04)
+
+
+def test_a_joint_that_does_not_turn_keeps_what_it_had() -> None:
+    states = dahl_states(np.hstack([turned(0.1, 0.0), turned(0.0, 0.0)]))
+    assert states[-1, :, LEFT] == pytest.approx([0.0, 1.0], abs=0.01)
+    assert states[-1, 1, TURNED] == 0.0
+
+
+def test_noise_of_the_encoders_is_no_motion() -> None:
+    noise = 2e-6 * np.random.default_rng(0).standard_normal((4000, 3))
+    states = dahl_states(noise)
+    assert (states[-1, :, LEFT] > 0.95).all()
+
+
+def test_dahl_states_follow_dahls_model_row_by_row() -> None:
+    draws = np.random.default_rng(1)
+    pace = np.repeat(draws.choice([0.0, 1e-4, -1e-4], size=(20, 3)), 40, axis=0)
+    q = np.cumsum(pace + 3e-6 * draws.standard_normal(pace.shape), axis=0)
+    coarse = q.reshape(-1, tuning.RUBBING_ROWS, 3).mean(axis=1)
+    play, state = coarse[0], np.array([[0.0] * 3, [1.0] * 3])
+    found = dahl_states(q)[:: tuning.RUBBING_ROWS]
+    for row, angles in zip(found, coarse, strict=True):
+        step = angles - play
+        step = step - np.clip(step, -tuning.ENCODER_PLAY, tuning.ENCODER_PLAY)
+        play = play + step
+        keep = np.exp(-np.abs(step) / tuning.PRESLIDING)
+        state = keep * state + [np.copysign(1.0 - keep, step), np.zeros(3)]
+        assert row == pytest.approx(np.stack([state[TURNED], state[LEFT]], axis=1), abs=1e-12)

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from palpate.estimation.droop import LIKELY, Droop
-from palpate.estimation.slip import PutDown, before, slid
+from palpate.estimation.slip import LIKELY, Droop, PutDown, before, slid
 from palpate.geometry.pose import Pose
 from palpate.scene.load import parse_scene
 

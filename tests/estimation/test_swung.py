@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from palpate.estimation.droop import EXPECTED, LIKELY, SPREAD, Droop
 from palpate.estimation.load.noise import Noise
+from palpate.estimation.slip import EXPECTED, LIKELY, SPREAD, Droop
 from palpate.estimation.swung import swings
 from palpate.geometry.pose import Pose
 from palpate.trace.recording import Context, Hand, Recording

@@ -9,9 +9,9 @@ import pytest
 
 from palpate import pipeline
 from palpate.estimation.holds import held
-from palpate.estimation.load.around.whole import fit_whole
 from palpate.estimation.load.fit import fit_load
 from palpate.estimation.load.weighing import weigh
+from palpate.estimation.load.whole import fit_whole
 from palpate.scenarios.catalogue import scenario
 
 TRUTH = 0.187

@@ -61,6 +61,10 @@ def test_perfect_sensors_give_the_horizontal_centre_in_the_body_frame(bench, noi
     assert found.values[:2] == pytest.approx(COM, abs=7e-4)
     assert np.all(np.abs(found.values[:2] - COM) < found.stds[:2])
     assert found.verdict == "identified"
+    for view in found.views:
+        assert len(view.x) == 3, "grasps"
+        assert view.measured == pytest.approx(view.predicted, abs=0.5), "mm"
+        assert (view.std > 0.0).all()
 
 
 def test_com_along_gravity_is_prior_dominated(bench, noises, scene):

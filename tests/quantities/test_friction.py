@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from palpate.estimation.load.inverse_dynamics import own_motion
+from palpate.estimation.load.chain import own_motion
 from palpate.estimation.load.observation import observe
 from palpate.parameter import Parameter
 from palpate.quantities.friction import PRIOR_SPREAD, estimate_friction

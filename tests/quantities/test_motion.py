@@ -39,6 +39,9 @@ def test_velocity_is_displacement_over_duration(bench, noises):
     assert found.values[2] == pytest.approx(expected, abs=3 * found.stds[2] + 0.002)
     assert np.abs(found.values[:2]).max() < 1e-3
     assert found.parts["mean twist z"].value == pytest.approx(found.values[2], rel=0.05)
+    (view,) = found.views
+    assert view.measured[[0, -1]] == pytest.approx(view.predicted[[0, -1]], abs=1e-6), "mm"
+    assert view.slopes @ found.values == pytest.approx(view.predicted)
 
 
 def test_momentum_is_the_objects_alone(bench, noises):
@@ -47,6 +50,9 @@ def test_momentum_is_the_objects_alone(bench, noises):
     found = estimate_momentum(trace, Parameter("can", "momentum"), None)
     assert found.values[2] == pytest.approx(0.3 * velocity.values[2], rel=0.1)
     assert found.intervals[2][0] <= 0.3 * velocity.values[2] <= found.intervals[2][1]
+    mass, way = found.views
+    assert mass.predicted == pytest.approx(found.parts["mass"].value)
+    assert way.predicted == pytest.approx(velocity.views[0].predicted)
 
 
 def placed(bench, noise, body):

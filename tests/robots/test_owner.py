@@ -12,7 +12,7 @@ import pytest
 
 import palpate as pp
 from palpate.errors import InputError
-from palpate.estimation.gains import gain_root
+from palpate.estimation.load.observation import gain_root
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.nominal import NominalArm
 from palpate.robots.owner.arm import as_measured, calibrated

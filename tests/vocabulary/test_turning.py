@@ -188,6 +188,10 @@ def test_the_inertia_of_a_bar_is_swung_out_of_it(tmp_path):
     assert (np.abs(found.values[1:3] - truth[1:]) < 3 * found.stds[1:3]).all()
     assert found.parts["mass"].value == pytest.approx(MASS, rel=0.02)
     assert 0 in found.unseen, "about its slim axis nothing is felt but what was believed"
+    (view,) = found.views
+    left = (view.measured - view.predicted) / view.std
+    assert np.sqrt(np.mean(left**2)) < 2.0
+    assert set(view.groups) == {"slow swings", "fast swings"}
 
 
 @pytest.mark.parametrize(

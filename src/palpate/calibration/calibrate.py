@@ -17,7 +17,7 @@ from palpate.calibration.session import Session
 from palpate.calibration.stated import LENGTH, MASS, Known
 from palpate.callbacks import SILENT, RunCallbacks
 from palpate.errors import InputError
-from palpate.estimation.gains import gain_root
+from palpate.estimation.load.observation import gain_root
 from palpate.robots.owner.arm import require_same
 from palpate.robots.owner.config import JOINTS, RobotConfig, Simulated, read_config, write_config
 from palpate.settings import Settings, noise_source

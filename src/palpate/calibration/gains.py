@@ -27,10 +27,9 @@ from palpate.calibration.stated import Stated
 from palpate.errors import InputError
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
-from palpate.estimation.gains import gain_root
 from palpate.estimation.load.equations import Model, equations
 from palpate.estimation.load.fit import fit_load, load_model
-from palpate.estimation.load.observation import observe
+from palpate.estimation.load.observation import gain_root, observe
 from palpate.estimation.load.segments import weighings
 from palpate.geometry.pose import Array, Pose
 from palpate.parameter import Parameter

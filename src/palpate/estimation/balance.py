@@ -9,12 +9,11 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
-from palpate.estimation.droop import EXPECTED, SPREAD
 from palpate.estimation.estimate import Shared
 from palpate.estimation.holds import Held, Hold
 from palpate.estimation.load.fit import Load
 from palpate.estimation.load.weighing import shared_gains, shared_links
-from palpate.estimation.slip import before, slid
+from palpate.estimation.slip import EXPECTED, SPREAD, before, slid
 from palpate.estimation.view import FitView
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body
@@ -27,15 +26,15 @@ BELIEVED = "what was believed before"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Grasps:
-    """Linear equations of all grasps for the centre of mass in the body frame, two per grasp.
+    """Linear equations rows c = right of all holds for the centre of mass c in the body frame, two per hold.
 
     Attributes:
-        recordings: one a grasp.
+        recordings: one a hold.
         rows: (2n, 3) and right: (2n,), m.
-        covariance: (2n, 2n) m² of them.
-        loose: m, extra std of each from the arm's pose error, by which its own weight adds a moment.
+        covariance: (2n, 2n) m² of `right`.
+        loose: m, further std of each by the pose error of the arm, by which its own weight adds a moment.
         freedom: degrees of freedom of the noise.
-        shared: causes that other runs share, with what they do to `right`.
+        shared: causes that other runs share, with their effects on `right`.
     """
 
     recordings: Sequence[Recording]
@@ -48,12 +47,12 @@ class Grasps:
 
 
 def grasps_of(trace: Trace, held: Held, body: Body, about: Array) -> Grasps:
-    """The equations for the centre of mass c in the body frame, near `about` (3,).
+    """Set up the equations for the centre of mass c in the body frame, near `about` (3,).
 
-    The load hangs at r = (-M_y, M_x) / F from the TCP, seen from above, because its moment about
-    the TCP is M = r x (0, 0, F). That point is p + R c in the world, with p and R the position and
-    rotation of the object in the hand: two rows of R c = TCP + r - p. A tilted hand turns R, and with
-    it what was along gravity.
+    Seen from above, the load is at r = (-M_y, M_x) / F from the TCP, as its moment about the TCP is
+    M = r x (0, 0, F). That point is p + R c in the world, with the position p and the rotation R of the
+    object in the hand: two rows of R c = TCP + r - p. A tilt of the hand turns R, so that the component
+    along gravity shows, too.
     """
     load = held.load
     recordings: list[Recording] = []
@@ -63,17 +62,17 @@ def grasps_of(trace: Trace, held: Held, body: Body, about: Array) -> Grasps:
     for i, hold in enumerate(held.holds):
         moment = load.value[1 + 2 * i : 3 + 2 * i]
         offset = np.array([-moment[1], moment[0]]) / load.force
-        pose_world_body = hold.pose_world_tcp @ _drooped(hold)
+        pose_world_body = hold.pose_world_tcp @ drooped_pose(hold)
         recordings.append(hold.recording)
         rows.append(pose_world_body.rotation[:2])
         along.append(hold.pose_world_tcp.rotation[:2])
         right.append(hold.pose_world_tcp.position[:2] + offset - pose_world_body.position[:2])
-    slopes, places = _slopes(load), _places(along, accuracy(body), trace.hand)
+    slopes, places = place_slopes(load), place_errors(along, accuracy(body), trace.hand)
     covariance = slopes @ load.covariance @ slopes.T
-    covariance += _shifted(held, body, trace.hand.pose_repeatability)
+    covariance += grasp_covariance(held, body, trace.hand.pose_repeatability)
     for place in places:
         covariance += np.outer(place.effect, place.effect)
-    for effect in (_turned(held, about) * SPREAD, _slid(held) * tuning.GRIP_SLIDE):
+    for effect in (droop_effects(held, about) * SPREAD, slip_effects(held) * tuning.GRIP_SLIDE):
         covariance += effect @ effect.T
     links = {name: slopes @ effect for name, effect in held.links.items()}
     shared = (*shared_gains(slopes @ load.gains), *shared_links(links), *places)
@@ -84,9 +83,12 @@ def grasps_of(trace: Trace, held: Held, body: Body, about: Array) -> Grasps:
 
 
 def balance(grasps: Grasps, body: Body) -> tuple[Array, Array, FitTest, tuple[Shared, ...]]:
-    """The centre of mass (3,) m, its covariance, whether the grasps agree on it, and what it shares
-    with other runs: generalised least squares around a prior at the geometric centre, with the
-    covariance inflated where they do not (Birge ratio)."""
+    """Estimate the centre of mass by generalised least squares around a prior at the geometric centre.
+
+    Returns:
+        the centre (3,) m, its covariance, inflated where the grasps disagree (Birge ratio), the test of their
+        agreement, and the errors shared with other runs.
+    """
     weight = np.linalg.inv(grasps.covariance)
     spread = tuning.COM_PRIOR * np.maximum(body.size, 1e-3)
     prior: Array = np.diag(spread**-2.0).astype(np.float64)
@@ -102,7 +104,17 @@ def balance(grasps: Grasps, body: Body) -> tuple[Array, Array, FitTest, tuple[Sh
         shared.append(replace(one, effect=tuple((carried @ np.array(one.effect)).tolist())))
     for axis, column in zip("xyz", (covariance / spread).T, strict=True):
         shared.append(Shared(f"{BELIEVED} of {axis}", "scene", tuple(column.tolist())))
-    return centre, inflated, _agreement(grasps, left, freedom), tuple(shared)
+    # The grasps agree within the datasheet accuracy of the arm.
+    allowed = grasps.covariance + grasps.loose**2 * np.eye(len(left))
+    agreement = chi_squared(
+        "grasps agree",
+        float(left @ np.linalg.solve(allowed, left)),
+        freedom,
+        f"The grasps disagree on where the centre of mass is by {1e3 * float(np.abs(left).max()):.1f} mm: something "
+        "in the object moves, something else pulls on it, or it is not where the scene has it.",
+        grasps.freedom,
+    )
+    return centre, inflated, agreement, tuple(shared)
 
 
 def balance_views(grasps: Grasps, held: Held, centre: Array) -> Iterator[FitView]:
@@ -112,7 +124,7 @@ def balance_views(grasps: Grasps, held: Held, centre: Array) -> Iterator[FitView
     measured = grasps.right.reshape(-1, 2)
     tools = np.array([hold.pose_world_tcp.rotation[:, 2] for hold in held.holds])
     fingers = np.array([hold.pose_world_tcp.position[:2] for hold in held.holds])
-    bodies = [(hold.pose_world_tcp @ _drooped(hold)).position[:2] for hold in held.holds]
+    bodies = [(hold.pose_world_tcp @ drooped_pose(hold)).position[:2] for hold in held.holds]
     # Horizontal place of the weight's line of action, from the fingers, (n, 2) m.
     levers, expected = (each + bodies - fingers for each in (measured, fitted))
     # Error bars are of what one hold does not share with the others.
@@ -148,7 +160,7 @@ def balance_views(grasps: Grasps, held: Held, centre: Array) -> Iterator[FitView
         ]
         left = [i for i in left if i not in tilt]
         if len(tilt) > 2:
-            below = float(_drooped(held.holds[first]).apply(centre)[2])
+            below = float(drooped_pose(held.holds[first]).apply(centre)[2])
             spread = [aside @ own[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] @ aside for i in tilt]
             yield FitView(
                 name=f"Tilted towards {np.degrees(np.arctan2(aside[1], aside[0])) % 360.0:.0f}° from world x.",
@@ -165,24 +177,10 @@ def balance_views(grasps: Grasps, held: Held, centre: Array) -> Iterator[FitView
             )
 
 
-def _agreement(grasps: Grasps, left: Array, freedom: int) -> FitTest:
-    """Test for residuals `left` (2n,) m within the datasheet accuracy of the arm."""
-    allowed = grasps.covariance + grasps.loose**2 * np.eye(len(left))
-    apart = 1e3 * float(np.abs(left).max())
-    return chi_squared(
-        "grasps agree",
-        float(left @ np.linalg.solve(allowed, left)),
-        freedom,
-        f"The grasps disagree on where the centre of mass is by {apart:.1f} mm: something in the object "
-        "moves, something else pulls on it, or it is not where the scene has it.",
-        grasps.freedom,
-    )
-
-
-def _shifted(held: Held, body: Body, repeatability: float) -> Array:
-    """(2n, 2n) m² of where the object is in the hand: the arm grips it, and has put it down before, as
-    exactly as it repeats a pose, and in putting down it slips along the fingers, which centre it
-    between them. It is gripped where it was put down: that adds up."""
+def grasp_covariance(held: Held, body: Body, repeatability: float) -> Array:
+    """(2n, 2n) m², covariance of the place of the object in the hand: by the repeatability of the arm in each
+    grasp and each put-down, and by slip along the fingers as it is put down. They add up, as it is gripped
+    where it was put down."""
     grasps = np.array([hold.grasp for hold in held.holds])
     same = np.repeat(np.repeat(grasps[:, None] == grasps, 2, axis=0), 2, axis=1)
     axes = np.vstack([hold.pose_world_tcp.rotation[:2] for hold in held.holds])
@@ -196,52 +194,42 @@ def _shifted(held: Held, body: Body, repeatability: float) -> Array:
     return gripped + np.minimum.outer(put, put) * np.outer(along, along)
 
 
-def _turned(held: Held, about: Array) -> Array:
-    """(2n, 2) m by which where the load hangs is another, seen from above, for each unit of what is not
-    known of how the pads let it turn: the same in all grasps, as far as the load turns it in each."""
+def droop_effects(held: Held, about: Array) -> Array:
+    """(2n, 2) m, horizontal displacement of the centre of mass per unit of the softness of the pads, which is
+    the same in all grasps."""
     effects: list[Array] = []
     for hold in held.holds:
         closing = hold.pose_world_tcp.rotation[:, 1]
-        lever = hold.pose_world_tcp.rotation @ _drooped(hold).apply(about)
+        lever = hold.pose_world_tcp.rotation @ drooped_pose(hold).apply(about)
         effects.append(np.outer(np.cross(closing, lever)[:2], hold.droop.turns))
     return np.vstack(effects)
 
 
-def _drooped(hold: Hold) -> Pose:
-    """The object in the hand, as far as pads are expected to have let it turn by then."""
+def drooped_pose(hold: Hold) -> Pose:
+    """Pose of the object in the hand after the expected droop."""
     return hold.droop.turned(hold.pose_tcp_body, EXPECTED)
 
 
-def _slid(held: Held) -> Array:
-    """(2n, 2) m likewise for each metre that a radian of a tilt lets the object slide along the tool's
-    x and z."""
+def slip_effects(held: Held) -> Array:
+    """(2n, 2) m, horizontal displacement per metre of slip along the tool's x and z and radian of tilt."""
     effects: list[Array] = []
     for hold in held.holds:
         effect = slid(hold.pose_tcp_body, hold.swept)
         for one in before(hold.grasp, held.put_down):
             effect += one.slid
-        effects.append(_seen(hold) @ effect)
+        effects.append((hold.pose_world_tcp @ hold.pose_tcp_body).rotation[:2] @ effect)
     return np.vstack(effects)
 
 
-def _seen(hold: Hold) -> Array:
-    """(2, 3) the object's axes, seen from above."""
-    return (hold.pose_world_tcp @ hold.pose_tcp_body).rotation[:2]
-
-
 def accuracy(body: Body) -> float:
-    """m (1 sigma): how far an object may be along the fingers from where the scene has it."""
+    """Standard deviation of the place of an object along the fingers in the scene, m."""
     return tuning.PLACE_ACCURACY if body.accuracy is None else body.accuracy
 
 
-def _places(tools: Sequence[Array], accuracy: float, hand: Hand) -> list[Shared]:
-    """Shared causes: disagreement of scene and arm on the object's place, the same in all grasps,
-    with its effect on the place in the hand, (2n,) m; `tools` (2, 3): horizontal components of the
-    tool's axes.
-
-    The fingers centre it between them as they close; along them, they leave it where it is, and
-    nothing that is felt shows by how much that is off.
-    """
+def place_errors(tools: Sequence[Array], accuracy: float, hand: Hand) -> list[Shared]:
+    """Shared causes: disagreement of scene and arm on the object's place, the same in all grasps, with its
+    effect on the place in the hand, (2n,) m; `tools` (2, 3): horizontal components of the tool's axes."""
+    # The fingers centre the object along y as they close; along x and z no measurement shows its error.
     seen = np.vstack(tools)
     placed = {"x": accuracy, "z": tuning.PLACE_ACCURACY}
     found: list[Shared] = []
@@ -255,8 +243,8 @@ def _places(tools: Sequence[Array], accuracy: float, hand: Hand) -> list[Shared]
     return found
 
 
-def _slopes(load: Load) -> Array:
-    """(2n, 1 + 2n) how where the load hangs changes with its force and moments."""
+def place_slopes(load: Load) -> Array:
+    """(2n, 1 + 2n) derivative of the places r = (-M_y, M_x) / F by F and the moments."""
     moments = load.value[1:]
     slopes = np.zeros((len(moments), 1 + len(moments)))
     for x in range(0, len(moments), 2):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from html import escape
 from typing import Literal
 
@@ -215,16 +215,12 @@ class Estimate:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Estimate):
             return NotImplemented
-        arrays = zip(self._arrays(), other._arrays(), strict=True)
-        return self._plain() == other._plain() and all(np.array_equal(a, b) for a, b in arrays)
-
-    def _arrays(self) -> tuple[Array, Array, Array]:
-        return self.values, self.stds, self.intervals
-
-    def _plain(self) -> tuple[object, ...]:
-        about = (self.parameter, self.unit, self.method, self.evidence)
-        fit = (self.tests, self.shared, self.freedom, self.unseen)
-        return *about, self.verdict, self.parts, *fit
+        # Views are made with the numbers, and charts are no part of the result.
+        arrays = {"values", "stds", "intervals"}
+        plain = {one.name for one in fields(self)} - arrays - {"views"}
+        return all(getattr(self, name) == getattr(other, name) for name in plain) and all(
+            np.array_equal(getattr(self, name), getattr(other, name)) for name in arrays
+        )
 
     def __repr__(self) -> str:
         if not self.has_value:

@@ -8,12 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from palpate.estimation import tuning
-from palpate.estimation.droop import Droop
 from palpate.estimation.load.fit import Load, fit_load
-from palpate.estimation.load.segments import Cut, Segment, Weighing, compared, weighings
+from palpate.estimation.load.segments import (
+    Cut,
+    Segment,
+    Weighing,
+    compared,
+    load_rows,
+    turn_bins,
+    weighings,
+)
 from palpate.estimation.load.weighing import whole_of
-from palpate.estimation.slip import PutDown
-from palpate.estimation.windows import at_rest, commanded, load_of, mean_pose, runs, turns
+from palpate.estimation.motion import at_rest, commanded, mean_pose, runs
+from palpate.estimation.slip import Droop, PutDown
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body
 from palpate.trace.recording import Recording
@@ -28,9 +35,9 @@ class Hold:
         recording: of it.
         grasp: s, when the hand had closed on it.
         pose_world_tcp: of the hand meanwhile.
-        pose_tcp_body: the object in the hand: where it was believed to stand when the measured hand
-            closed on it.
-        droop: what has turned it since.
+        pose_tcp_body: of the object in the hand: its pose in the scene, seen from the measured hand as it
+            closed.
+        droop: rotation in the grip since.
         swept: rad by which tilts have turned the hand with it since.
     """
 
@@ -47,10 +54,10 @@ class Held:
     """All holds of one object.
 
     Attributes:
-        load: what hung on the hand; of its `grasps`, each is one of the holds.
-        links: (1 + 2n,) what one of each error of the arm's links makes of that, by its name, where it is known.
-        weighings: what that rests on.
-        put_down: each time that a grasp in which it was held still came to its end.
+        load: on the hand; each of its `grasps` is one of the holds.
+        links: (1 + 2n,) effect of each error of the arm's links on its value, by name, where known.
+        weighings: of which the load is the fit.
+        put_down: ends of the grasps in which it was held still.
     """
 
     load: Load
@@ -75,33 +82,46 @@ def held(trace: Trace, body: Body) -> Held | None:
     still = _recordings(trace, body.name, "still")
     if not still:
         return None
-    weighed = [_before(trace, body.name, one) for one in weighings(trace, still[0])]
-    found = list(weighed)
-    levels = [grasp for one in found for grasp in one.grasps]
-    recordings = [next(one for one in still if one.start >= grasp) for grasp in levels]
-    for recording, tilted in tilted_holds(trace, body.name):
-        recordings.append(recording)
-        found.append(tilted)
+    # After a tilt or a swing the object may have rotated in the fingers.
+    turned = [*_recordings(trace, body.name, "tilting"), *_recordings(trace, body.name, "swinging")]
+    level: list[Weighing] = []
+    for weighed in weighings(trace, still[0]):
+        kept: list[Segment] = []
+        for segment in weighed.segments:
+            since = [one for one in turned if segment.grasp < one.start < segment.start]
+            if not (segment.loaded and since):
+                kept.append(segment)
+        level.append(replace(weighed, segments=kept))
+    times = [grasp for one in level for grasp in one.grasps]
+    recordings = [next(one for one in still if one.start >= grasp) for grasp in times]
+    tilted = list(tilted_holds(trace, body.name))
+    found = [*level, *(weighed for _, weighed in tilted)]
     load = fit_load(found, trace.gravity, trace.hand)
     keys = [grasp for one in found for grasp in one.grasps]
-    by_key = dict(zip(keys, recordings, strict=True))
+    by_key = dict(zip(keys, [*recordings, *(one for one, _ in tilted)], strict=True))
     holds: list[Hold] = []
-    level: dict[float, float] = {}
+    moments: dict[float, float] = {}
     for grasp, moment in zip(load.grasps, load.value[1:].reshape(-1, 2), strict=True):
         recording = by_key[grasp]
         here, time = mean_pose(trace.of(recording)), grasped(trace, recording, body)
-        in_hand = pose_in_hand(trace, recording, body)
-        # A grasp is held level before it is tilted.
-        closing = level.setdefault(time, float(here.rotation[:2, 1] @ moment))
+        # Each grasp is held level before it is tilted.
+        closing = moments.setdefault(time, float(here.rotation[:2, 1] @ moment))
         middle = (recording.start + recording.end) / 2.0
-        droop = Droop.since(time, middle, closing)
-        swept = _swept(trace, body.name, time, middle)
-        holds.append(Hold(recording, time, here, in_hand, droop, swept))
+        holds.append(
+            Hold(
+                recording,
+                grasp=time,
+                pose_world_tcp=here,
+                pose_tcp_body=pose_in_hand(trace, recording, body),
+                droop=Droop.since(time, middle, closing),
+                swept=swept_angle(trace, body.name, time, middle),
+            )
+        )
     put_down = tuple(_put_down(trace, body.name, holds))
-    told = None if len(found) > len(weighed) else _of_whole(trace, still[0], found, load, holds)
-    if told is None:
-        return Held(load, {}, holds, found, put_down)
-    return Held(*told, holds, found, put_down)
+    better = None if tilted else _of_whole(trace, still[0], found, load, holds)
+    if better is not None:
+        return Held(*better, holds, found, put_down)
+    return Held(load, {}, holds, found, put_down)
 
 
 def _of_whole(
@@ -111,8 +131,8 @@ def _of_whole(
     load: Load,
     holds: Sequence[Hold],
 ) -> tuple[Load, Mapping[str, Array]] | None:
-    """Load of a level hold, and `Held.links`, from all motion around its weighings, where that is
-    more precise and agrees with them in force and moments; else None."""
+    """Load of level holds, and `Held.links`, from all motion around their weighings, where that is more
+    precise and agrees with them in force and moments; else None."""
     whole = whole_of(trace, recording, found, load)
     if whole is None:
         return None
@@ -129,52 +149,40 @@ def _of_whole(
 
 
 def _put_down(trace: Trace, name: str, holds: Sequence[Hold]) -> Iterator[PutDown]:
-    changes = load_of(trace, name).grasps
+    changes = load_rows(trace, name).grasps
     first = {hold.grasp: hold for hold in reversed(holds)}
     for hold in sorted(first.values(), key=lambda each: each.grasp):
         opened = next((time for time in changes if time > hold.grasp), np.inf)
         if np.isfinite(opened):
             droop = Droop.since(hold.grasp, opened, hold.droop.moment)
-            swept = _swept(trace, name, hold.grasp, opened)
+            swept = swept_angle(trace, name, hold.grasp, opened)
             yield PutDown(hold.grasp, hold.pose_tcp_body, droop, swept)
 
 
-def _swept(trace: Trace, name: str, since: float, until: float) -> float:
-    """rad by which tilts turned the hand with an object meanwhile, s, to and fro alike."""
+def swept_angle(trace: Trace, name: str, since: float, until: float) -> float:
+    """Angle, rad, by which tilts turned the hand with an object between two times, s, to and fro alike."""
     samples = trace.samples
-    t, told = samples.t, commanded(samples)
+    t, moving = samples.t, commanded(samples)
     swept = 0.0
     for recording in _recordings(trace, name, "tilting"):
         start, end = max(since, recording.start), min(until, recording.end)
-        rows = told & (t >= start) & (t <= end)
+        rows = moving & (t >= start) & (t <= end)
         speeds = np.linalg.norm(samples.twist[rows, 3:], axis=1)
         swept += float(speeds @ np.gradient(t)[rows])
     return swept
 
 
-def _before(trace: Trace, name: str, found: Weighing) -> Weighing:
-    """Weighing without the segments after the load was turned: it may have rotated in the fingers."""
-    turned = [*_recordings(trace, name, "tilting"), *_recordings(trace, name, "swinging")]
-    kept: list[Segment] = []
-    for segment in found.segments:
-        since = [one for one in turned if segment.grasp < one.start < segment.start]
-        if not (segment.loaded and since):
-            kept.append(segment)
-    return replace(found, segments=kept)
-
-
 def _recordings(trace: Trace, name: str, activity: str) -> list[Recording]:
-    found: list[Recording] = []
-    for recording in trace.recordings:
-        context = recording.context
-        if recording.buffer == FORCES and context.activity == activity and context.holding == name:
-            found.append(recording)
-    return found
+    return [
+        one
+        for one in trace.recordings
+        if one.buffer == FORCES and one.context.activity == activity and one.context.holding == name
+    ]
 
 
 def tilted_holds(trace: Trace, name: str) -> Iterator[tuple[Recording, Weighing]]:
-    """Each part of a turn to a tilt, and each rest there, as a recording of its own, with the
-    weighing of it against the same part of the empty hand's turn."""
+    """Each part of a turn to a tilt, and each rest there, as a recording, with its weighing against the same
+    part of the turn of the empty hand."""
     empty = [
         one
         for one in trace.recordings
@@ -185,52 +193,46 @@ def tilted_holds(trace: Trace, name: str) -> Iterator[tuple[Recording, Weighing]
         for own in empty:
             there = mean_pose(trace.of(own).where(slice(0, 1)))
             if here.distance_to(there) < tuning.NEAR:
-                yield from _bits(trace, recording, own)
+                yield from tilt_parts(trace, recording, own)
                 break
 
 
-def _bits(
+def tilt_parts(
     trace: Trace, loaded: Recording, empty: Recording
 ) -> Iterator[tuple[Recording, Weighing]]:
     t, own = trace.samples.t, _parts(trace, empty)
     mine = {kind: rows for kind, rows in _parts(trace, loaded).items() if kind in own}
     cuts = [Cut(kind, True, rows) for kind, rows in mine.items()]
     cuts += [Cut(kind, False, own[kind]) for kind in mine]
-    all_of_them = compared(trace, loaded.context.holding or "", cuts)
+    together = compared(trace, loaded.context.holding or "", cuts)
     context = replace(loaded.context, activity="still")
     for kind, rows in mine.items():
         start, end = float(t[rows.start]), float(t[rows.stop - 1])
-        here = [segment for segment in all_of_them.segments if segment.kind == kind]
+        # In a tilted hand the moment differs, as of a load that was grasped at its start.
+        segments = [
+            replace(segment, grasp=start) if segment.loaded else segment
+            for segment in together.segments
+            if segment.kind == kind
+        ]
         part = replace(loaded, start=start, end=end, context=context)
-        yield part, _as_own(replace(all_of_them, segments=here), start)
+        yield part, replace(together, segments=segments)
 
 
 def _parts(trace: Trace, recording: Recording) -> dict[str, slice]:
     """Rows of a tilting: each turn in bins, and each rest."""
-    t, resting = trace.samples.t, at_rest(trace.samples)
+    t = trace.samples.t
     inside = (t >= recording.start) & (t <= recording.end)
-    parts = {f"tilt {i} {k}": rows for (i, k), rows in turns(trace, recording).items()}
-    rests = [rows for rows in runs(resting & inside) if _lasts(t[rows])]
-    for i, rest in enumerate(rests):
-        parts[f"rest {i}"] = rest
-    return parts
-
-
-def _lasts(t: Array) -> bool:
-    return float(t[-1] - t[0]) > tuning.TILT_HELD
-
-
-def _as_own(found: Weighing, time: float) -> Weighing:
-    """Weighing as of a load grasped at `time`: in a tilted hand its moment differs."""
-    segments = [
-        replace(segment, grasp=time) if segment.loaded else segment for segment in found.segments
+    parts = {f"tilt {i} {k}": rows for (i, k), rows in turn_bins(trace, recording).items()}
+    rests = [
+        rows
+        for rows in runs(at_rest(trace.samples) & inside)
+        if float(t[rows][-1] - t[rows][0]) > tuning.TILT_HELD
     ]
-    return replace(found, segments=segments)
+    return {**parts, **{f"rest {i}": rest for i, rest in enumerate(rests)}}
 
 
 def pose_in_hand(trace: Trace, recording: Recording, body: Body) -> Pose:
-    """The object in the hand: where it is believed to have stood, at rest, when the measured hand
-    closed on it."""
+    """Pose of the object in the hand: its pose at rest in the scene, seen from the measured hand as it closed."""
     time = grasped(trace, recording, body)
     if not np.isfinite(time):
         return mean_pose(trace.of(recording)).inverse() @ body.pose_at_rest
@@ -240,5 +242,5 @@ def pose_in_hand(trace: Trace, recording: Recording, body: Body) -> Pose:
 
 def grasped(trace: Trace, recording: Recording, body: Body) -> float:
     """Time at which the hand closed on the object held in a recording, s; -inf if unknown."""
-    grasps = load_of(trace, body.name).grasps
+    grasps = load_rows(trace, body.name).grasps
     return max((time for time in grasps if time <= recording.start), default=-np.inf)

@@ -1,35 +1,139 @@
-"""Velocity of the hand."""
+"""Motion of the hand in samples: rest, speed, acceleration, mean pose and mean velocity."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from palpate.estimation import tuning
 from palpate.estimation.view import FitView
-from palpate.geometry.pose import Array
-from palpate.trace.recording import Recording
-from palpate.trace.samples import Trace
+from palpate.geometry.pose import Array, Pose, rotations
+from palpate.trace.recording import Hand, Recording
+from palpate.trace.samples import Samples, Trace, once
+
+Mask = NDArray[np.bool_]
+
+
+def runs(mask: Mask) -> Iterator[slice]:
+    """Maximal stretches of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    for start, end in zip(edges[::2], edges[1::2], strict=True):
+        yield slice(int(start), int(end))
+
+
+def row_at(samples: Samples, time: float) -> int:
+    """First row from `time` on, or the last there is."""
+    return min(int(np.searchsorted(samples.t, time)), len(samples) - 1)
+
+
+def smoothed(values: Array, rows: int) -> Array:
+    """(n,) running mean of values (n,) over so many rows."""
+    return np.convolve(values, np.ones(rows) / rows, mode="same")
+
+
+def smoothed_with_rate(speeds: Array, t: Array, over: float) -> tuple[Array, Array]:
+    """Speeds (n, k) averaged over at most `over` s, and their rate of change per second."""
+    # An odd number of rows, so that both belong to the time of the row they stand in.
+    half = max(0, round(over / max(float(np.median(np.diff(t))), 1e-9)) - 1) // 2
+    smooth = np.column_stack([smoothed(speed, 2 * half + 1) for speed in speeds.T])
+    return smooth, np.gradient(smooth, t, axis=0)
+
+
+@once
+def acceleration(samples: Samples, over: float) -> Array:
+    """(n, 3) m/s² of the TCP, world axes, from its velocity averaged over `over` s, as encoders are noisy."""
+    t = samples.t
+    if len(t) < 2:
+        return np.zeros((len(t), 3))
+    return smoothed_with_rate(samples.twist[:, :3], t, over)[1]
+
+
+@once
+def steady(samples: Samples) -> Mask:
+    """Rows where the arm does not change its speed."""
+    change = acceleration(samples, tuning.SPEED_SMOOTH)
+    return np.linalg.norm(change, axis=1) < tuning.STEADY
+
+
+@once
+def commanded(samples: Samples) -> Mask:
+    """Rows where the commanded pose moves or turns."""
+    target = samples.target_world_tcp
+    moved = np.linalg.norm(np.diff(target[:, :3], axis=0), axis=1)
+    # A quaternion and its opposite are one orientation.
+    turned = 1.0 - np.abs(np.sum(target[1:, 3:] * target[:-1, 3:], axis=1))
+    return np.concatenate([[False], (moved > 1e-6) | (turned > 1e-12)])
+
+
+@once
+def at_rest(samples: Samples) -> Mask:
+    """Rows where neither the commanded pose nor the arm moves, without transients."""
+    t = samples.t
+    if len(t) < 2:
+        return np.zeros(len(t), dtype=bool)
+    changed = commanded(samples)
+    # Time of the last change of the command before each row, and of the next after it.
+    last_change = np.maximum.accumulate(np.where(changed, t, -np.inf))
+    next_change = np.minimum.accumulate(np.where(changed, t, np.inf)[::-1])[::-1]
+    slow = np.linalg.norm(samples.twist[:, :3], axis=1) < tuning.STILL_SPEED
+    slow &= np.linalg.norm(samples.twist[:, 3:], axis=1) < tuning.STILL_TURN
+    return (t - last_change > tuning.SETTLE) & (next_change - t > tuning.START) & slow
+
+
+def mean_pose(samples: Samples) -> Pose:
+    """Mean TCP pose (world) of samples that lie close together.
+
+    Raises:
+        ValueError: there are no samples.
+    """
+    if not len(samples):
+        raise ValueError("no samples to average a pose over")
+    quaternions = samples.pose_world_tcp[:, 3:]
+    signs = np.where(quaternions @ quaternions[0] < 0, -1.0, 1.0)
+    return Pose.of(
+        samples.pose_world_tcp[:, :3].mean(axis=0), (quaternions * signs[:, None]).mean(axis=0)
+    )
+
+
+def tip_height(samples: Samples, hand: Hand) -> Array:
+    """(n,) world z of the lower fingertip, m.
+
+    From the TCP the tips lie `tip_offset` along the tool axis z, and half the opening to either side along
+    the closing direction y. When the hand leans in that direction, one tip is lower than the other by the
+    opening times the sine of the lean, and touches first.
+    """
+    turned = rotations(samples.pose_world_tcp[:, 3:])
+    middle = samples.pose_world_tcp[:, 2] + hand.tip_offset * turned[:, 2, 2]
+    return middle - samples.width / 2 * np.abs(turned[:, 2, 1])
+
+
+def aligned(samples: Samples, pose: Pose) -> Mask:
+    """Rows where the TCP is oriented as in `pose`."""
+    dots = np.abs(samples.pose_world_tcp[:, 3:] @ pose.quaternion)
+    return 2.0 * np.arccos(np.minimum(dots, 1.0)) < tuning.NEAR_ANGLE
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeanVelocity:
-    """Mean linear velocity of the TCP: (3,) m/s in world axes, its standard deviation, and over
-    which time, s."""
+    """Mean linear velocity of the TCP: `value` (3,) m/s in world axes with its standard deviation, over
+    `duration` s."""
 
     value: Array
     std: Array
     duration: float
 
     def view(self, trace: Trace, recording: Recording) -> FitView:
-        """Way of the TCP along its mean velocity."""
+        """Displacement of the TCP along its mean velocity."""
         samples = trace.of(recording)
         along = self.value / max(float(np.linalg.norm(self.value)), 1e-12)
         since = samples.t - samples.t[0]
         return FitView(
-            name="Way of the hand.",
-            note="Its displacement from the first sample to the last is the mean velocity times the duration.",
-            axes=("robot time (s)", "way along the mean velocity (mm)"),
+            name="Displacement of the hand.",
+            note="From the first sample to the last, it is the mean velocity times the duration.",
+            axes=("robot time (s)", "along the mean velocity (mm)"),
             x=samples.t,
             measured=1e3 * (samples.pose_world_tcp[:, :3] - samples.pose_world_tcp[0, :3]) @ along,
             predicted=1e3 * since * float(np.linalg.norm(self.value)),
@@ -39,8 +143,7 @@ class MeanVelocity:
 
 
 def mean_velocity(trace: Trace, recording: Recording) -> MeanVelocity:
-    """The displacement over the duration, which holds less noise than the mean of the sensed
-    twist.
+    """Displacement over duration, which holds less noise than the mean of the sensed twist.
 
     Raises:
         ValueError: the recording has fewer than two samples.

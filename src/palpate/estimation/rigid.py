@@ -1,14 +1,13 @@
 """Log-Cholesky parameters of a rigid body: every value is a physically consistent body.
 
 A body's mass m, first moment h and second moment S make its pseudo-inertia [[S, h], [h', m]], which is
-positive definite for every body and for nothing else. It is U U' with
+positive definite for every physically consistent body, and only for those. It is U U' with
 
     U = exp(a) [[exp(d1), s12, s13, t1], [0, exp(d2), s23, t2], [0, 0, exp(d3), t3], [0, 0, 0, 1]]
 
-whatever the ten numbers are (log-Cholesky: C. Rucker and P. Wensing, "Smooth Parameterization of
-Rigid-Body Inertia", IEEE RA-L 7 (2022), doi:10.1109/LRA.2022.3144517). They speak for themselves: a
-is half the logarithm of the mass, t the centre of mass, and d the logarithm of how far the mass lies
-from it along an axis, root mean square.
+for any ten numbers (log-Cholesky: C. Rucker and P. Wensing, "Smooth Parameterization of
+Rigid-Body Inertia", IEEE RA-L 7 (2022), doi:10.1109/LRA.2022.3144517): a is half the logarithm of the mass, t
+the centre of mass, and d the logarithm of the root mean square distance of the mass from it along an axis.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ MASS, RADIUS, SKEW, CENTRE = 0, slice(1, 4), slice(4, 7), slice(7, 10)
 
 
 def pseudo_inertia(theta: Array) -> Array:
-    """(4, 4) of the ten numbers."""
+    """(4, 4) pseudo-inertia of the ten numbers."""
     root = np.eye(4)
     root[:3, :3] = np.diag(np.exp(theta[RADIUS]))
     root[[0, 0, 1], [1, 2, 2]] = theta[SKEW]
@@ -32,13 +31,13 @@ def pseudo_inertia(theta: Array) -> Array:
 
 
 def of_box(mass: float, centre: Array, size: Array) -> Array:
-    """The ten numbers of an even box of `mass` kg about `centre` (3,), m."""
+    """Ten numbers of a uniform box of `mass` kg about `centre` (3,), m."""
     radii = np.log(np.maximum(size, 1e-3) / np.sqrt(12.0))
     return np.concatenate([[np.log(mass) / 2.0], radii, np.zeros(3), centre])
 
 
 def moved(pseudo: Array, pose: Pose) -> Array:
-    """A pseudo-inertia in the frame in which its own is at `pose`."""
+    """Pseudo-inertia in the frame in which its own frame is at `pose`."""
     transform = np.eye(4)
     transform[:3, :3], transform[:3, 3] = pose.rotation, pose.position
     return transform @ pseudo @ transform.T

@@ -1,18 +1,18 @@
 """Inertia tensor from sinusoidal excitation: swings with the load against swings without.
 
-A hand that turns to and fro about its TCP makes every joint's torque swing along, as what the arm
-itself weighs and resists with, and as the load's wrench does: about the TCP,
+As the hand turns to and fro about its TCP, every joint torque oscillates by the weight and inertia of the
+arm itself, and by the wrench of the load: about the TCP,
 
     f = m (a + g) + alpha x h + w x (w x h)        n = h x (a + g) + I alpha + w x I w
 
-with the TCP's acceleration a, the hand's rate w and angular acceleration alpha, gravity g (upwards, as
-it is held), the load's first moment h = m c and its inertia I about the TCP: linear in all ten. Each
-signal is fitted by a constant, a trend and a sine of the swing's frequency (a lock-in): constants,
-drift and all noise at other frequencies drop out, and friction is a quarter of a period off. What
-unit parameters make of the signals, and what moves the arm's own links, is computed sample by sample
-and locked in alike: springs that still ring as a swing begins are no pure sine, and -w² times the
-place, which would be 1 to 2 % off, is no acceleration then. What the links' nominal inertias leave of
-the arm's own part is that of the empty hand's swing, in proportion to how far the hand turned.
+with the acceleration a of the TCP, the rate w and angular acceleration alpha of the hand, gravity g (upward,
+as the force that holds the load), the first moment h = m c of the load and its inertia I about the TCP: linear
+in all ten parameters. Each signal is fitted by a constant, a trend and a sine at the frequency of the swing (a
+lock-in), which rejects constants, drift and noise at other frequencies; friction is a quarter of a period out
+of phase. Signals of unit parameters and of the arm's own links are computed sample by sample and pass the
+same lock-in, because springs that still ring as a swing begins are no pure sine: -w² times the displacement
+would be 1 to 2 % off. The error of the links' nominal inertias cancels against the swing of the empty hand, in
+proportion to the angle.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from palpate.estimation import tuning
 from palpate.estimation.load.noise import Noise
 from palpate.estimation.load.observation import WrenchObservation, observe
-from palpate.estimation.windows import Mask, commanded, mean_pose, runs
+from palpate.estimation.motion import Mask, commanded, mean_pose, runs
 from palpate.geometry.pose import Array, Pose, rotations
 from palpate.trace.recording import Recording
 from palpate.trace.samples import Samples, Trace
@@ -48,8 +48,8 @@ class Swing:
         angle: rad, amplitude.
         rate: rad/s.
         observed: (m,) amplitudes of the signals, N m.
-        variance: (m,) that the sensors' noise has in them.
-        own: (m,) part that moves the arm's own links, by their nominal inertias; 0 where unknown.
+        variance: (m,) of the amplitudes, by the noise of the sensors.
+        own: (m,) part of the arm's own links, by their nominal inertias; 0 where unknown.
         load: (m, 10) amplitudes per unit mass, first moment and inertia (about the TCP, tool axes).
     """
 
@@ -67,53 +67,47 @@ class Swing:
 def swings(trace: Trace, recording: Recording, noise: Noise) -> Sequence[Swing]:
     """All swings in a recording, in order."""
     samples, observed = trace.of(recording), observe(trace)
-    signals = observed.signals[_rows(trace, recording)]
+    first, last = np.searchsorted(trace.samples.t, [recording.start, recording.end + 1e-9])
+    signals = observed.signals[int(first) : int(last)]
     found: list[Swing] = []
-    for rows in _turning(samples):
-        found.append(_swing(samples.where(rows), signals[rows], observed, noise, trace.gravity))
+    for rows in rows_of_swings(samples):
+        found.append(swing_of(samples.where(rows), signals[rows], observed, noise, trace.gravity))
     return found
 
 
 def contrast(
     loaded: Sequence[Swing], empty: Sequence[Swing]
 ) -> Iterator[tuple[Swing, Array, Array]]:
-    """Each swing with the load that has one without, with what the load makes of the signals (m,),
-    and its variance (m,)."""
+    """Each loaded swing that has an empty counterpart, with the signals of the load alone (m,), and their
+    variance (m,)."""
     for swing in loaded:
-        own = _counterpart(swing, empty)
-        if own is None:
+        # The swing of the empty hand about the same axis at the same pose and frequency.
+        alike = [
+            own
+            for own in empty
+            if own.pose.distance_to(swing.pose) < tuning.NEAR
+            and abs(float(own.axis @ swing.axis)) > tuning.SAME_AXIS
+            and abs(own.rate - swing.rate) < tuning.SAME_RATE * swing.rate
+        ]
+        if not alike:
             continue
+        own = alike[0]
         ratio = swing.angle / own.angle
-        # The load bends the arm a little, whose joints then share the swing otherwise.
+        # The load bends the arm a little, so that the joints share the swing differently.
         bent = swing.own - ratio * own.own
         inexact = tuning.ARM_SWING * own.observed, tuning.ARM_BENT * bent
         variance = swing.variance + ratio**2 * own.variance + inexact[0] ** 2 + inexact[1] ** 2
         yield swing, swing.observed - ratio * own.observed - bent, variance
 
 
-def _counterpart(swing: Swing, empty: Sequence[Swing]) -> Swing | None:
-    """The swing of the empty hand about the same axis at the same pose and frequency."""
-    for own in empty:
-        near = own.pose.distance_to(swing.pose) < tuning.NEAR
-        alike = abs(float(own.axis @ swing.axis)) > tuning.SAME_AXIS
-        if near and alike and abs(own.rate - swing.rate) < tuning.SAME_RATE * swing.rate:
-            return own
-    return None
-
-
-def _rows(trace: Trace, recording: Recording) -> slice:
-    first, last = np.searchsorted(trace.samples.t, [recording.start, recording.end + 1e-9])
-    return slice(int(first), int(last))
-
-
-def _turning(samples: Samples) -> Iterator[slice]:
-    """Rows of each swing: the commanded pose turns, but for moments at its turning points."""
-    told = commanded(samples)
-    turning = told.copy()
+def rows_of_swings(samples: Samples) -> Iterator[slice]:
+    """Rows of each swing: the commanded pose turns, apart from short pauses at its turning points."""
+    moving = commanded(samples)
+    turning = moving.copy()
     period = float(np.median(np.diff(samples.t))) if len(samples) > 1 else 1.0
     gap = max(1, round(tuning.TURNING_POINT / period))
-    for rows in runs(~told):
-        inside = rows.start > 0 and rows.stop < len(told)
+    for rows in runs(~moving):
+        inside = rows.start > 0 and rows.stop < len(moving)
         if inside and rows.stop - rows.start < gap:
             turning[rows] = True
     for rows in runs(turning):
@@ -121,17 +115,17 @@ def _turning(samples: Samples) -> Iterator[slice]:
             yield rows
 
 
-def _swing(
+def swing_of(
     samples: Samples, signals: Array, observed: WrenchObservation, noise: Noise, gravity: float
 ) -> Swing:
-    rate = _rate(samples)
+    rate = commanded_rate(samples)
     period = 2.0 * np.pi / rate
-    # It grows in its first period and fades in its last.
+    # The amplitude grows in the first period and fades in the last.
     steady = (samples.t > samples.t[0] + period) & (samples.t < samples.t[-1] - period)
     motion = _Changes.of(samples).where(steady)
     samples, signals = samples.where(steady), signals[steady]
     pose = mean_pose(samples)
-    turned = _rotation_vectors(samples.pose_world_tcp[:, 3:], pose)
+    turned = rotation_vectors(samples.pose_world_tcp[:, 3:], pose)
     lock = _Lock.of(samples.t, rate)
     turn = lock.of_signal(turned)
     along = np.linalg.svd(np.stack([turn.real, turn.imag]))[2][0]
@@ -144,29 +138,21 @@ def _swing(
         flat = lock.of_signal(values.reshape(len(values), -1)) / unit
         return flat.real.reshape(values.shape[1:])
 
-    made = observed.maps(samples.q) @ _unit_loads(samples, motion, gravity)
+    t = samples.t
     links = observed.links_motion(samples.q, samples.dq, motion.joints)
-    variance = _amplitude_variance(noise, samples.t, rate)
+    # Density of the noise at the frequency of the swing over the duration: 2 s² dt of white noise, h²/f of 1/f noise.
+    slow = 2.0 * np.pi * noise.flicker / (rate * float(t[-1] - t[0]))
     return Swing(
-        float(samples.t.mean()),
-        pose,
-        along,
-        angle,
-        rate,
-        in_phase(signals),
-        variance,
-        in_phase(links),
-        in_phase(made),
+        time=float(t.mean()),
+        pose=pose,
+        axis=along,
+        angle=angle,
+        rate=rate,
+        observed=in_phase(signals),
+        variance=2.0 * noise.white / len(t) + slow,
+        own=in_phase(links),
+        load=in_phase(observed.maps(samples.q) @ unit_load_wrenches(samples, motion, gravity)),
     )
-
-
-def _amplitude_variance(noise: Noise, t: Array, rate: float) -> Array:
-    """(m,) of the amplitude in one phase at `rate`, rad/s: the density at that frequency over the time.
-
-    White noise has 2 s² dt, slower noise h²/f: at some hertz a sensor that wanders has more of it.
-    """
-    duration = float(t[-1] - t[0])
-    return 2.0 * noise.white / len(t) + 2.0 * np.pi * noise.flicker / (rate * duration)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -183,7 +169,7 @@ class _Changes:
 
     @classmethod
     def of(cls, samples: Samples) -> _Changes:
-        """By splines through the speeds, which lag and flatten nothing at a swing's frequencies."""
+        """Derivatives of splines through the speeds, without lag or attenuation at the frequencies of swings."""
         from scipy.interpolate import CubicSpline
 
         speeds = np.hstack([samples.dq, samples.twist])
@@ -191,7 +177,7 @@ class _Changes:
         return cls(*np.split(changes, [samples.dq.shape[1]], axis=1))
 
     def where(self, rows: Mask) -> _Changes:
-        """Some rows of it."""
+        """Derivatives in some rows."""
         return _Changes(self.joints[rows], self.hand[rows])
 
 
@@ -216,11 +202,11 @@ class _Lock:
         return cosine - 1j * sine
 
 
-def _rate(samples: Samples) -> float:
-    """rad/s of the commanded swing: the one whose sine leaves least of it, to a hundredth of a
-    period over its whole length."""
+def commanded_rate(samples: Samples) -> float:
+    """Rate of the commanded swing, rad/s: that of the sine with the least residuals, to a hundredth of a period
+    over the whole length."""
     middle = Pose(np.zeros(3), samples.target_world_tcp[0, 3:])
-    turned = _rotation_vectors(samples.target_world_tcp[:, 3:], middle)
+    turned = rotation_vectors(samples.target_world_tcp[:, 3:], middle)
     along = turned @ np.linalg.svd(turned, full_matrices=False)[2][0]
     crossings = np.flatnonzero(np.diff(np.signbit(along)))
     inner = samples.t[crossings[1:-1]]
@@ -234,8 +220,8 @@ def _rate(samples: Samples) -> float:
     return float(rate)
 
 
-def _rotation_vectors(quaternions: Array, about: Pose) -> Array:
-    """(n, 3) rad, world axes: how far poses are turned from `about`, for small angles."""
+def rotation_vectors(quaternions: Array, about: Pose) -> Array:
+    """(n, 3) rad, world axes: small rotations of poses from `about`."""
     relative = rotations(quaternions) @ about.rotation.T
     skew = relative - relative.transpose(0, 2, 1)
     vectors = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1) / 2.0
@@ -243,9 +229,8 @@ def _rotation_vectors(quaternions: Array, about: Pose) -> Array:
     return vectors * np.where(sines > 1e-9, np.arcsin(sines) / np.maximum(sines, 1e-9), 1.0)
 
 
-def _unit_loads(samples: Samples, changes: _Changes, gravity: float) -> Array:
-    """(n, 6, 10) wrench about the TCP, world axes, of unit mass, first moment and inertia in the
-    tool's axes."""
+def unit_load_wrenches(samples: Samples, changes: _Changes, gravity: float) -> Array:
+    """(n, 6, 10) wrenches about the TCP, world axes, of unit mass, first moment and inertia in tool axes."""
     tools = rotations(samples.pose_world_tcp[:, 3:])
     rate, turned = samples.twist[:, 3:], changes.hand[:, 3:]
     carried = changes.hand[:, :3] + np.array([0.0, 0.0, gravity])

@@ -10,10 +10,10 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
-from palpate.estimation.droop import EXPECTED, SPREAD, Droop
 from palpate.estimation.estimate import Estimate, Part, not_identified
 from palpate.estimation.holds import Held, grasped, held, pose_in_hand
 from palpate.estimation.rigid import MASS, about_centre, linear, moved, of_box, pseudo_inertia
+from palpate.estimation.slip import EXPECTED, SPREAD, Droop
 from palpate.estimation.swung import contrast, swings
 from palpate.estimation.view import FitView
 from palpate.geometry.pose import Array, Pose, components
@@ -110,7 +110,7 @@ class SwungObject:
 
 
 # Parameters of the fit: ten inertial ones, compliance between pads and object about three axes, s², and
-# rotation in the fingers (`estimation.droop`).
+# rotation in the fingers (`estimation.slip`).
 INERTIAL, GIVE, SOFTNESS = slice(0, 10), slice(10, 13), slice(13, 15)
 FASTER = 1.2
 """Least ratio to the slowest rate of a swing that a chart calls fast."""

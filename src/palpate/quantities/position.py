@@ -10,8 +10,8 @@ import numpy as np
 from palpate.errors import InputError
 from palpate.estimation import tuning
 from palpate.estimation.estimate import Estimate, not_identified, not_measured
+from palpate.estimation.motion import mean_pose
 from palpate.estimation.view import FitView, closing_samples, constant
-from palpate.estimation.windows import mean_pose
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.document import UNKNOWN, has_unknown, label, tokens

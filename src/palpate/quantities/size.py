@@ -16,8 +16,8 @@ from palpate.estimation.contact.descent import probes
 from palpate.estimation.contact.plane import fit_plane
 from palpate.estimation.contact.touch import touch_views, touches_of
 from palpate.estimation.estimate import Estimate, not_identified
+from palpate.estimation.motion import mean_pose
 from palpate.estimation.view import FitView, closing_samples, constant, unit_slopes
-from palpate.estimation.windows import mean_pose
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.document import UNKNOWN, Element, has_unknown, label, tokens

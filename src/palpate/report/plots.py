@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.estimation.contact.descent import tip_height
+from palpate.estimation.motion import tip_height
 from palpate.geometry.pose import Array
 from palpate.trace.recording import LeafRun, Recording
 from palpate.trace.samples import Samples, Trace

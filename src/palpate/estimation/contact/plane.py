@@ -23,7 +23,7 @@ class Plane:
             plane.
         slope: (2,) rise along x and along y, and slope_std; None where they do not.
         misfit: sum of the squared residuals over their variances.
-        freedom: how many touches are more than it takes.
+        freedom: number of touches beyond the unknowns.
     """
 
     height: float
@@ -41,12 +41,8 @@ class Plane:
 
 
 def fit_plane(spots: Array, heights: Sequence[float], stds: Sequence[float]) -> Plane:
-    """The plane through touches at `spots` (n, 2), m, by weighted least squares; where they do not
-    span one, their weighted mean.
-
-    A surface that leans is higher on one side than on the other: its height, one number, is then as
-    uncertain as the touches are apart along the slope (root mean square).
-    """
+    """Fit the plane through touches at `spots` (n, 2), m, by weighted least squares; where they do not span
+    one, their weighted mean."""
     z, weight = np.asarray(heights), 1.0 / np.asarray(stds)
     middle = spots.mean(axis=0)
     level = np.ones((len(z), 1))
@@ -62,6 +58,8 @@ def fit_plane(spots: Array, heights: Sequence[float], stds: Sequence[float]) -> 
     if design.shape[1] == 3:
         slope, slope_std = solution[1:], np.sqrt(np.diag(covariance)[1:])
         tilt = (float(np.linalg.norm(slope)), float(np.sqrt(np.mean(slope_std**2))))
+        # The height of a tilted surface, one number, is as uncertain as the touches differ along the slope
+        # (root mean square).
         rise: Array = (spots - middle) @ slope
         variance += float(np.mean(rise**2))
     freedom = len(z) - len(solution)
@@ -97,8 +95,8 @@ def spans_plane(spots: Array) -> bool:
     """Three of the spots are at least `APART` from one another, and not collinear."""
     if len(spots) < 3:
         return False
-    # The spread along the shorter main axis; that of three points APART from one another, at the
-    # corners of an equilateral triangle, is APART / sqrt(6). Half of it is still no line.
+    # Spread along the shorter main axis: APART / sqrt(6) of an equilateral triangle with sides APART; half of
+    # that is still no line.
     centred = spots - spots.mean(axis=0)
     variances = np.linalg.eigvalsh(centred.T @ centred / len(spots)).astype(np.float64)
     return float(variances[0]) >= (tuning.APART / 2) ** 2 / 6

@@ -2,14 +2,14 @@
 
     f = f0 + k max(z0 - z, 0) - m a - [contact] d v + s [at rest]
 
-with the pressing force f, less what joints that turn round on the way make of it (`joint_friction`), tip
-height z, its velocity v and acceleration a. f0 is what free air feels like while the arm descends, s
-what the joints' friction adds once it rests, m the arm's apparent mass, whose inertia the torque
-sensors feel, and d what the surface dissipates. All but z0 enter linearly, so that they are solved for
-at each z0, and z0 is searched for (variable projection, Golub & Pereyra 1973).
+with the pressing force f without that of reversing joints (`joint_friction`), tip height z, its velocity v
+and acceleration a. f0 is the force in free air while the arm descends, s the friction of the joints at rest,
+m the apparent mass of the arm, whose inertia the torque sensors measure, and d the damping of the surface.
+All but z0 enter linearly and are solved for at each z0; z0 is searched for (variable projection, Golub &
+Pereyra 1973).
 
-The controller's own stiffness, though in series with the surface, is not in it: the tip's height is
-measured. What gives way between the encoders and the pads' end is, as `tip_compliance`.
+The stiffness of the controller, though in series with the surface, does not matter, as the height of the tip
+is measured. The compliance between the encoders and the end of the pads does, as `tip_compliance`.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.contact.descent import Descent, block_means
+from palpate.estimation.motion import Mask
 from palpate.estimation.view import FitView
-from palpate.estimation.windows import Mask
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
 
@@ -35,7 +35,7 @@ class Onset:
 
     Attributes:
         first: m, tip height at which the force began to rise, with its standard deviation.
-        bottomed: m, tip height at which something soft had been pressed through; None for none.
+        bottomed: m, tip height at which something soft had been pressed through; None without such.
         secant: m/N, of the whole loading curve.
     """
 
@@ -51,13 +51,12 @@ class Spring:
 
     Attributes:
         compliance: m/N, of the surface alone, with its standard deviation.
-        held, held_std: m/N, the same as the arm at rest shows it: how deep the tip is held below where
-            the force began to rise, over the force.
-        first: m, tip height at which it was met.
+        held, held_std: m/N, the same at rest: depth of the held tip below the onset of the force, over the
+            force.
+        first: m, tip height of the first contact.
         depth, bearing: (n,) m below `first` and N in each row used; of the force, the spring's part, without
             what inertia, friction and damping make of it.
-        hardening: by how much of itself the stiffness grows at most from some depth on, with its
-            standard deviation.
+        hardening: largest relative growth of the stiffness from some depth on, with its standard deviation.
     """
 
     compliance: float
@@ -72,33 +71,32 @@ class Spring:
 
     @property
     def unevenness(self) -> float:
-        """1 where it certainly hardens or softens by too much to be one spring, and more beyond."""
+        """Statistic of a test of one spring: above 1 it certainly hardens or softens by too much."""
         size = abs(self.hardening)
         return min(size / tuning.HARDENS, size / self.hardening_std / tuning.BEYOND_DOUBT)
 
     @property
     def flow(self) -> float:
-        """Standard deviations by which what is held at rest is deeper than a spring would be."""
+        """Standard deviations by which the tip is held deeper at rest than a spring allows."""
         doubt = float(np.hypot(self.held_std, self.compliance_std))
         return (self.held - self.compliance) / doubt
 
     def at_most(self, sigmas: float) -> float:
-        """Upper bound of the compliance, m/N, at the given number of standard deviations, from the
-        whole curve where the held force does not contradict it (a surface that flows is deeper when
-        held than a spring)."""
+        """Upper bound of the compliance, m/N, at the given number of standard deviations."""
+        # From the whole curve, unless the held force contradicts it: a surface that flows is held deeper.
         curve = self.compliance + sigmas * self.compliance_std
         doubt = sigmas * self.held_std
         return min(max(curve, self.held - doubt), self.held + doubt)
 
     def at_least(self, sigmas: float) -> float:
-        """m/N, likewise."""
+        """Lower bound of the compliance, m/N, likewise."""
         curve = self.compliance - sigmas * self.compliance_std
         return max(curve, self.held - sigmas * self.held_std)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Curve:
-    """Rows of a descent, and the columns of the model that do not depend on z0.
+    """Rows of a descent, with the columns of the model that do not depend on z0.
 
     Attributes:
         z: (n,) m.
@@ -106,8 +104,8 @@ class _Curve:
         speed, acceleration: (n,) m/s, m/s².
         resting: (n,) 0 to 1.
         noise: N, of a row.
-        prior: (5,) 1 sigma of f0, k, m, d, s.
-        believed: (5,) their means.
+        prior: (5,) prior standard deviations of f0, k, m, d, s.
+        believed: (5,) prior means.
     """
 
     z: Array
@@ -120,19 +118,19 @@ class _Curve:
     believed: Array
 
     def design(self, first: float) -> Array:
-        """(n, 5): what one unit of f0, k, m, d and s does to the force."""
+        """(n, 5) force per unit of f0, k, m, d and s."""
         depth = np.maximum(first - self.z, 0.0)
         drag = -self.speed * (depth > 0.0)
         columns = (np.ones(len(self.z)), depth, -self.acceleration, drag, self.resting)
         return np.column_stack(columns)
 
     def solve(self, first: float) -> tuple[Array, float]:
-        """The other unknowns (5,) for a height of the first contact, and the sum of squares."""
+        """Solve for the other unknowns (5,) at a height of the first contact; returns the sum of squares, too."""
         design = self.design(first)
         found, squares = self._least_squares(design)
         if found[DAMPING] >= 0.0:
             return found, squares
-        design[:, DAMPING] = 0.0  # nothing that is pressed drives the hand on
+        design[:, DAMPING] = 0.0  # a surface dissipates, it does not drive the hand
         return self._least_squares(design)
 
     def bearing(self, found: Array, first: float) -> Array:
@@ -151,12 +149,12 @@ class _Curve:
         return found, float(misfit @ misfit + off @ off)
 
     def variance(self, found: Array, first: float) -> float:
-        """Of k, with z0 unknown as well."""
+        """Variance of k, with z0 unknown as well."""
         design = self.design(first)
         edge = found[STIFFNESS] * (design[:, STIFFNESS] > 0.0)
         full = np.column_stack([design, edge]) / self.noise
         precision = np.diag([*self.prior**-2.0, 0.0])
-        # The noise is that of rows, of which some tell the same.
+        # Neighbouring rows are correlated.
         normal = full.T @ full / tuning.ALIKE + precision
         return float(np.linalg.inv(normal)[STIFFNESS, STIFFNESS])
 
@@ -164,10 +162,9 @@ class _Curve:
 def fit_spring(descent: Descent, onset: Onset, hand: Hand) -> Spring:
     """Fit the spring that a descent pressed on, above a stiffer support below it if there is one.
 
-    The standard deviation holds the fit's, and so what the joints' friction lets go of as the arm stops;
-    the gain of the joints' sensors; how the force changes and wanders with the place, in free air and so
-    on the way through; by how much the stiffness certainly changes on that way; and what is not known of
-    the pads.
+    The standard deviation contains that of the fit with the friction of the joints as the arm stops, gains of
+    the sensors, change and wander of the force with the place, certain changes of the stiffness with the
+    depth, and the uncertainty of the pads.
     """
     curve = _curve(descent, onset, hand)
     first = _first(descent, onset, curve)
@@ -176,8 +173,8 @@ def fit_spring(descent: Descent, onset: Onset, hand: Hand) -> Spring:
     relative = np.sqrt(curve.variance(found, first)) / stiffness
     gain = tuning.GAIN_RATIO * hand.torque_gain
     total = 1.0 / stiffness
-    # What free air does on the way down to the contact, it may do otherwise on the way through, and
-    # what joints rub with is another force in another posture, foreseen or not.
+    # The trend of free air may differ on the way through, and joint friction is another force in another
+    # posture, whether predicted or not.
     rubs = max(abs(float(descent.set_out[2])) - 2.0 * hand.force_repeatability, 0.0)
     if descent.joint_friction.any():
         rubs *= tuning.RUBBED
@@ -187,10 +184,10 @@ def fit_spring(descent: Descent, onset: Onset, hand: Hand) -> Spring:
     hardening, hardening_std = _hardening(
         curve, found, first, np.hypot(descent.wander[2], reversing)
     )
-    # Where it changes, it is half of that off its mean; where it changes by more, it is no spring.
+    # A change of the stiffness is half of it off the mean; with a larger change it is no spring.
     certain = max(abs(hardening) - tuning.LOOKED_FOR * hardening_std, 0.0)
     uneven = min(certain, tuning.HARDENS) / 2
-    # Of what it bore in those rows: what is stiff below something soft bears the rest.
+    # Of the force of the spring alone: a stiff support below bears the rest.
     wander = descent.wander[2] / (stiffness * float(curve.design(first)[:, STIFFNESS].max()))
     shares = total * np.array([relative, gain, slope, wander, uneven])
     std = np.linalg.norm([*shares, hand.tip_compliance_std])
@@ -233,26 +230,26 @@ def spring_view(spring: Spring, compliance: float, tips: float, start: float) ->
 
 
 def _hardening(curve: _Curve, found: Array, first: float, wander: float) -> tuple[float, float]:
-    """By how much of itself the stiffness grows from that depth on from which growing explains most, and
-    its standard deviation: an F-test of one more slope (Hudson 1966), in means over some rows.
+    """Relative growth of the stiffness from the depth at which it explains most of the residuals, and its
+    standard deviation: an F-test of one more slope (Hudson 1966), in means over some rows.
 
-    The noise is what the two slopes leave, and no less than what free air shows: what makes the whole
-    curve rough, such as delays and wild samples, makes nothing hard.
+    The noise is that of the residuals of the two slopes, at least that in free air `wander`, so that a curve
+    which is rough all over, by delays and wild samples, does not count as hardening.
     """
     design = curve.design(first)
     depth = design[:, STIFFNESS]
     edge = found[STIFFNESS] * (depth > 0.0)
     chance = float(np.hypot(curve.noise * np.sqrt(tuning.ALIKE / tuning.BLOCK_ROWS), wander))
-    # What is believed beforehand counts as rows, too.
+    # Priors count as further rows.
     beliefs = np.diag(np.append(chance / curve.prior, 0.0))
     known = np.vstack([block_means(np.column_stack([design, edge])), beliefs])
     nothing = np.zeros(len(beliefs))
-    left = _beside(known, np.append(block_means(curve.force - design @ found), nothing))
+    left = orthogonal_part(known, np.append(block_means(curve.force - design @ found), nothing))
     pressing = block_means(depth) > 0.0
     best, most = (0.0, np.inf), 0.0
     for share in np.linspace(0.1, 0.9, tuning.HINGES):
         further = np.maximum(depth - share * depth.max(), 0.0)
-        steeper = _beside(known, np.append(block_means(further), nothing))
+        steeper = orthogonal_part(known, np.append(block_means(further), nothing))
         size = float(steeper @ steeper)
         if size <= tuning.UNSEEN**2:
             continue
@@ -265,7 +262,7 @@ def _hardening(curve: _Curve, found: Array, first: float, wander: float) -> tupl
     return best
 
 
-def _beside(known: Array, column: Array) -> Array:
+def orthogonal_part(known: Array, column: Array) -> Array:
     """Component of a column (n,) orthogonal to the columns `known` (n, m)."""
     share = np.linalg.lstsq(known, column, rcond=None)[0].astype(np.float64)
     return column - known @ share
@@ -295,14 +292,13 @@ def _curve(descent: Descent, onset: Onset, hand: Hand) -> _Curve:
 
 
 def _rows(descent: Descent, onset: Onset, noise: float) -> Mask:
-    """From when the arm has set out to the end, without wild samples; without what is stiff below
-    something soft; and without what comes after the greatest force of a probe that was eased, for the
-    joints' friction turns round there."""
+    """Rows from the start of the motion to the end, without wild samples, without a stiff support below
+    something soft, and until the greatest force of a probe that was eased, as joint friction reverses there."""
     samples = descent.samples
     rows = samples.t > descent.leaf.start + tuning.SWING
     rows &= np.abs(descent.force - descent.smooth) < tuning.WILD * noise
-    told = samples.target_world_tcp[:, 2]
-    if told[-1] - told.min() > tuning.EASED:
+    target = samples.target_world_tcp[:, 2]
+    if target[-1] - target.min() > tuning.EASED:
         rows &= np.arange(len(rows)) <= int(np.argmax(descent.smooth))
     if onset.bottomed is None:
         return rows
@@ -310,7 +306,7 @@ def _rows(descent: Descent, onset: Onset, noise: float) -> Mask:
 
 
 def _first(descent: Descent, onset: Onset, curve: _Curve) -> float:
-    """m: the height of the first contact that leaves least of the force."""
+    """Height of the first contact, m, with the least residuals."""
     held = descent.held
     depth = max(onset.first - held, tuning.UNSEEN)
     low, high = held, min(onset.first + max(depth / 2, tuning.SOFT), float(descent.z.max()))

@@ -1,10 +1,9 @@
-"""Touch of a surface by a guarded descent: tip height over pressing force, from the first contact
-on.
+"""Touch of a surface by a guarded descent: tip height over pressing force, from the first contact on.
 
-Touching has three stages: free air, perhaps something soft that gives way while the force rises
-slowly, then what the tip is stopped by. The slope of the last stretch, from `LATE` of the force to
-all of it, tells a rigid surface from one that gives way; a rigid one is where the tip was held,
-carried back along that slope to the force at which the stretch began.
+A touch has three stages: free air, perhaps something soft under a slowly rising force, then the surface that
+stops the tip. The slope of the last stretch, from `LATE_FORCE` of the force to all of it, tells a rigid
+surface from a compliant one. The height of a rigid surface is that of the held tip, carried back along that
+slope to the force at which the stretch began.
 
                  tip height
                      |  free air   |   soft   | stiff
@@ -24,17 +23,20 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest
-from palpate.estimation.contact.curve import at_most, bottomed, first_contact, knee
 from palpate.estimation.contact.descent import (
     Descent,
+    at_most,
+    bottomed,
     descent_before,
+    first_contact,
+    knee,
     leans,
     running_median,
 )
 from palpate.estimation.contact.plane import Plane, plane_view
 from palpate.estimation.contact.spring import Onset, Spring, fit_spring
+from palpate.estimation.motion import mean_pose
 from palpate.estimation.view import FitView
-from palpate.estimation.windows import mean_pose
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand, Recording
 from palpate.trace.samples import Trace
@@ -45,21 +47,21 @@ class Touch:
     """Contact at the end of a guarded descent.
 
     Attributes:
-        recording: of the pose in which the tip was held.
+        recording: of the held pose.
         spot: (2,) m, world x and y of the fingertips.
         held: m, tip height at the force `full`, N.
         rise: N, of the last stretch.
         compliance: m/N, of the last stretch of the loading curve.
-        knee: N, the force at which that stretch began; 0 where it began in free air.
-        bottomed: m, tip height at which something soft had been pressed through; None for none.
+        knee: N, force at the beginning of that stretch; 0 where it began in free air.
+        bottomed: m, tip height at which something soft had been pressed through; None without such.
         first: m, tip height at which the force began to rise, with its standard deviation.
-        lever: m along the closing direction from the middle of the fingers to where the force acts,
-            with its standard deviation.
-        lean: rad by which the contact made the hand lean over in that direction at most.
+        lever: m along the closing direction from the middle of the fingers to the line of the force, with its
+            standard deviation.
+        lean: rad, largest lean of the hand in that direction by the contact.
         opening: m, between the fingers.
-        own: m/N, what the tips themselves give way, with its standard deviation.
-        out_of_level: rad that the arm may be out of level against what it touches.
-        spring: what it is if it is a spring, above what may have been met below.
+        own: m/N, compliance of the tips themselves, with its standard deviation.
+        out_of_level: rad, uncertainty of the level of the arm against the surface.
+        spring: the surface as a spring, above a stiff support.
     """
 
     recording: Recording
@@ -89,8 +91,8 @@ class Touch:
         return self.first if self.gives_way else self.held + self.penetration
 
     def height_std(self, hand: Hand) -> float:
-        """m: of one touch, without the length of the tips, which all share: of the pose, of the way
-        back to no force, and of what stays of something soft."""
+        """Standard deviation of the height, m, of one touch, without the length of the tips that all touches
+        share."""
         compliance = self.penetration / self.full
         stiff = compliance <= tuning.STIFF
         correction = tuning.CORRECTION if stiff else tuning.YIELDING
@@ -106,14 +108,12 @@ class Touch:
 
     @property
     def penetration(self) -> float:
-        """m, how far the pressed tip was below that.
-
-        Along the last stretch, as long as it leads to where the contact began; what it shows is
-        disturbed by the arm's swing, and then the whole curve is what counts.
-        """
+        """Depth of the held tip below the surface, m."""
         whole = max(self.first - self.held, 0.0)
         if self.gives_way:
             return whole
+        # Along the last stretch, as long as it leads to the first contact: a swing of the arm disturbs it,
+        # and then the whole curve counts.
         stretch = self.compliance * max(self.full - self.knee, 0.0)
         if self.knee > 0.0 or abs(whole - stretch) < 2.0 * self.first_std:
             return stretch
@@ -121,8 +121,8 @@ class Touch:
 
     @property
     def at_most(self) -> float:
-        """Upper bound of the surface's compliance without the tips', m/N, at `SURE` standard
-        deviations: from the spring, or below something soft from the last stretch."""
+        """Upper bound of the compliance of the surface alone, m/N, at `SURE` standard deviations: from the
+        spring, or below something soft from the last stretch."""
         if self.knee == 0.0:
             return self.spring.at_most(tuning.SURE)
         return self._stretched(-tuning.SURE) - self.own + tuning.SURE * self.own_std
@@ -135,8 +135,8 @@ class Touch:
         return self._stretched(2.0) - self.own - 2.0 * self.own_std
 
     def _stretched(self, sigmas: float) -> float:
-        """Compliance of the last stretch, m/N, if the force had risen by so many standard
-        deviations more: joint friction relaxes by an unknown part as the arm stops."""
+        """Compliance of the last stretch, m/N, if the force had risen by so many standard deviations more, as
+        joint friction relaxes by an unknown part when the arm stops."""
         risen = max(self.rise + sigmas * self.descent.friction, tuning.SOFT_FORCE)
         return self.compliance * self.rise / risen
 
@@ -147,7 +147,7 @@ class Touch:
 
     @property
     def soft(self) -> float:
-        """m, thickness of what was pressed through before something stiff was met; 0 for none."""
+        """Thickness of something soft that was pressed through, m; 0 without such."""
         thickness = self.first - self.height
         return thickness if thickness > tuning.SOFT and not self.gives_way else 0.0
 
@@ -165,11 +165,8 @@ class Touch:
         )
 
     def sides(self) -> Iterator[FitTest]:
-        """Tests for contact of both fingers, by the lean and the moment.
-
-        One finger alone bears the force nearer to itself than to the middle of the two, and the
-        hand leans over to its other side until that finger stands, too.
-        """
+        """Tests for contact of both fingers, by the lean and the moment: of one finger alone, the force acts
+        nearer to it than to the middle, and the hand leans to the other side."""
         lower = abs(self.lean) * self.opening
         yield FitTest(
             "both fingers stand",
@@ -208,7 +205,7 @@ def touch_views(
     beside = spots - spots.mean(axis=0)
     effect = np.ones(1) if slopes is None else slopes
     curves = [
-        _curve_view(touch, height, effect)
+        loading_curve_view(touch, height, effect)
         for touch, height in zip(touches, plane.at(beside).tolist(), strict=True)
     ]
     if len(touches) == 1 or slopes is not None:
@@ -218,7 +215,7 @@ def touch_views(
     return plane_view(plane, spots, heights, stds, of_tilt=False), *curves
 
 
-def _curve_view(touch: Touch, height: float, effect: Array) -> FitView:
+def loading_curve_view(touch: Touch, height: float, effect: Array) -> FitView:
     """Loading curve of a touch against the surface at `height`, m: its last stretch, carried back."""
     descent, met = touch.descent, max(height, touch.first)
     # So much free air above the contact is shown.
@@ -256,12 +253,12 @@ def touched(trace: Trace, recording: Recording) -> Touch | None:
     first, first_std = first_contact(descent, late)
     rise = most - tuning.LATE_FORCE * most
     if first - float(descent.z[late]) > tuning.SOFT:
-        # Something soft may bear as much as that.
+        # Something soft may bear that force.
         late, rise = descent.crossing(tuning.LATER_FORCE * most), most - tuning.LATER_FORCE * most
     sunk = float(np.median(descent.z[late - 2 : late + 3])) - deepest
     through = bottomed(descent, late, first)
     onset = Onset(first, first_std, through, max(first - deepest, 0.0) / most)
-    lever, lever_std = _lever(descent, trace.hand)
+    lever, lever_std = force_lever(descent, trace.hand)
     return Touch(
         recording,
         descent,
@@ -276,7 +273,7 @@ def touched(trace: Trace, recording: Recording) -> Touch | None:
         first_std=first_std,
         lever=lever,
         lever_std=lever_std,
-        lean=_lean(descent),
+        lean=largest_lean(descent),
         opening=float(np.median(samples.width[descent.pressed])),
         own=trace.hand.tip_compliance,
         own_std=trace.hand.tip_compliance_std,
@@ -285,35 +282,33 @@ def touched(trace: Trace, recording: Recording) -> Touch | None:
     )
 
 
-def _lean(descent: Descent) -> float:
-    """rad: the most for several rows until it pressed most, or while the pose was recorded, against
-    free air; in between the hand swings."""
+def largest_lean(descent: Descent) -> float:
+    """Largest lean for several rows until the greatest force, or that while the pose was recorded, against
+    free air, rad."""
     lean = leans(descent.samples)
     lean = lean - np.median(lean[descent.free])
+    # In between, the hand swings.
     most = max(int(np.argmax(descent.smooth)), descent.onset + 1)
     pressing = running_median(lean[descent.onset : most])
     seen = np.append(pressing, np.median(lean[descent.pressed]))
     return float(seen[int(np.argmax(np.abs(seen)))])
 
 
-def _lever(descent: Descent, hand: Hand) -> tuple[float, float]:
-    """Offset of the held force from the middle of the fingertips along the closing direction, m,
-    and its standard deviation.
-
-    At a lever p from there the force F turns the hand about the tips by p x F; about the TCP the
-    tips' own lever r adds r x F. As the arm is stopped, the joints' friction lets go of about as
-    much as it showed when the arm set out, about whichever axis; friction that changes with the
-    place showed on the way down, and may do as much on the way through what gives way; and a moment
-    repeats to `TORQUE_LEVER` times the repeatability of a force.
-    """
+def force_lever(descent: Descent, hand: Hand) -> tuple[float, float]:
+    """Offset of the held force from the middle of the fingertips along the closing direction, m, and its
+    standard deviation."""
     samples, pressed = descent.samples, descent.pressed
     wrench = samples.wrench
     change = np.mean(wrench[pressed], axis=0) - np.median(wrench[descent.free], axis=0)
     closing, tool = mean_pose(samples.where(pressed)).rotation.T[1:]
+    # At a lever p from the tips the force F has the moment p x F; about the TCP the lever r of the tips adds r x F.
     force = change[:3]
     moment = change[3:] - np.cross(hand.tip_offset * tool, force)
     place = np.cross(force, moment) / float(force @ force)
     about = np.cross(tool, closing)
+    # As the arm stops, joint friction relaxes by about as much as it showed when the arm set out, about any
+    # axis; friction that changes with the place may do so on the way through a soft layer as in free air; and
+    # a moment repeats to `TORQUE_LEVER` times the repeatability of a force.
     friction = float(np.linalg.norm(descent.set_out[3:5]))
     wander = float(np.linalg.norm(descent.wander[3:] * about))
     through = tuning.FREE_SLOPE * abs(float(descent.z[descent.onset]) - descent.held)

@@ -1,16 +1,15 @@
 """Static friction: force at which a held object begins to slide.
 
-While the hand sets out, the force along the support rises as the grip is strained, up to what sticking
-bears. There it stays as long as the object creeps, and then falls to the level of sliding, which is known
-by then. Neither the rows in which it rises nor the one in which it falls show what sticking bears; where
-they begin and end is not known, either, so that the coefficient is averaged over all ways to tell rows
-apart, by how likely each is (a change point model, e.g. Bishop, Pattern Recognition and Machine Learning,
+As the hand sets out, the force along the support rises with the strain of the grip up to the limit of
+sticking. It stays there as long as the object creeps, and then falls to the known level of sliding. Only the
+rows between show the limit; their beginning and end are unknown, so the coefficient is averaged over all
+segmentations by their likelihood (a change point model, e.g. Bishop, Pattern Recognition and Machine Learning,
 section 14.1).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import erfc, sqrt
@@ -27,16 +26,16 @@ FLOOR = 1e-300
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Parting:
+class Parting:
     """Likelihood of the static coefficient from one breakaway.
 
     Attributes:
         drag: its number.
-        chance: (m,) of each value that is tried, but for what is no friction.
-        mean, variance: of that.
-        rows: that hold before the object lets go.
-        normal: N, in them.
-        turning: N by which the arm's joints rub less in them than when they have turned round.
+        chance: (m,) of each tried value, without the uncertainty of other causes than friction.
+        mean, variance: of that likelihood.
+        rows: at the limit of sticking.
+        normal: N, in these rows.
+        turning: N, difference of the joints' friction in them from that after the joints have reversed.
     """
 
     drag: int
@@ -51,19 +50,28 @@ class _Parting:
 def static_friction(drags: Sequence[Drag], sliding: Sliding) -> tuple[float, float] | None:
     """mu_s and its standard deviation, from the force at each breakaway; None without one.
 
-    Where breakaways differ by more than they should, that widens it (Birge's ratio; e.g. Particle
+    A scatter of the breakaways beyond their standard deviations widens it (Birge's ratio; e.g. Particle
     Data Group, Review of Particle Physics, 2024, introduction, section 5.2.2).
     """
     mu = sliding.friction[0]
     values = np.linspace(1.0, tuning.STATIC_RANGE, tuning.STATIC_STEPS) * mu
-    seen = list(_partings(drags, sliding, values))
-    expected = _expected(values / mu)
+    seen = [
+        parting_of(i, drag, sliding, values)
+        for i, drag in enumerate(drags)
+        # Where the hand did not rest before, the object may have slid all along.
+        if drag.breakaway is not None and drag.begins >= tuning.PARTING_ROWS
+    ]
+    # Log-normal prior of the excess of static over sliding friction.
+    ratios = values / mu
+    beyond = np.maximum(ratios - 1.0, ratios[1] - 1.0)
+    log_ratio = np.log(beyond / tuning.STICKIER) / np.log(tuning.STICKIER_FACTOR)
+    expected: Array = np.exp(-0.5 * log_ratio**2) / beyond
     if not seen:
         return None
     aside = np.array([_apart(sliding, [parting], np.ones(1)) ** 2 for parting in seen])
     chance = expected
     for parting, variance in zip(seen, aside.tolist(), strict=True):
-        chance = chance * _widened(parting.chance, values, variance)
+        chance = chance * widened(parting.chance, values, variance)
     mean, variance = _moments(chance, values)
     if variance > tuning.PARTINGS_SEEN**2 * _moments(expected, values)[1]:
         return None
@@ -72,91 +80,78 @@ def static_friction(drags: Sequence[Drag], sliding: Sliding) -> tuple[float, flo
     weight = 1.0 / (own + aside)
     excess = float(np.mean((means - mean) ** 2 * weight))
     weight /= weight.sum()
-    # What is no friction drags have in common, more or less.
+    # Other causes are partly common to all drags.
     common = max(0.0, _apart(sliding, seen, weight) ** 2 - float(weight**2 @ aside))
     return mean, float(np.sqrt(max(1.0, excess) * variance + common))
 
 
-def _expected(ratios: Array) -> Array:
-    """(m,) how likely it is before any breakaway that something sticks so much better than it slides."""
-    beyond = np.maximum(ratios - 1.0, ratios[1] - 1.0)
-    return (
-        np.exp(-0.5 * (np.log(beyond / tuning.STICKIER) / np.log(tuning.STICKIER_FACTOR)) ** 2)
-        / beyond
-    )
-
-
 def _moments(chance: Array, values: Array) -> tuple[float, float]:
-    """Mean and variance of values (m,) by their chances."""
+    """Mean and variance of values (m,) weighted by `chance`."""
     mean = float(chance @ values / chance.sum())
     return mean, float(chance @ (values - mean) ** 2 / chance.sum())
 
 
-def _widened(chance: Array, values: Array, variance: float) -> Array:
-    """Chances (m,) of values, with so much variance more."""
+def widened(chance: Array, values: Array, variance: float) -> Array:
+    """Chances (m,) of values, convolved with a normal distribution of this variance."""
     spread = max(variance, (values[1] - values[0]) ** 2)
     kernel = np.exp(-0.5 * (values[:, None] - values) ** 2 / spread)
     wide: Array = (kernel / kernel.sum(axis=0)) @ chance
     return wide / wide.max()
 
 
-def _apart(sliding: Sliding, seen: Sequence[_Parting], weight: Array) -> float:
-    """Standard deviation of a weighted mean by what is no friction of the object, which drags have in common."""
+def _apart(sliding: Sliding, seen: Sequence[Parting], weight: Array) -> float:
+    """Standard deviation of a weighted mean of breakaways by other causes than friction of the object."""
     each = list(zip(seen, weight.tolist(), strict=True))
     turning = sum(share * part.turning / part.normal for part, share in each)
     others = sliding.apart([(part.drag, part.rows, share / part.normal) for part, share in each])
     return float(np.hypot(others, tuning.TURNING * turning))
 
 
-def _partings(drags: Sequence[Drag], sliding: Sliding, values: Array) -> Iterator[_Parting]:
-    for i, drag in enumerate(drags):
-        # Where the hand did not rest before, the object may have slid all along.
-        if drag.breakaway is not None and drag.begins >= tuning.PARTING_ROWS:
-            yield _parted(i, drag, sliding, values)
-
-
-def _parted(number: int, drag: Drag, sliding: Sliding, values: Array) -> _Parting:
-    """Likelihood of each of `values` (m,) of the static coefficient from a drag; the first is the
-    sliding one."""
-    mass, mass_std = _further_mass(number, drag, sliding)
+def parting_of(number: int, drag: Drag, sliding: Sliding, values: Array) -> Parting:
+    """Likelihood of each of `values` (m,) of the static coefficient from a drag; the first is the sliding
+    coefficient."""
+    mass, mass_std = apparent_mass(number, drag, sliding)
     normal = np.maximum(drag.normal, tuning.NORMAL_MIN)
-    ratio = (drag.tangential - sliding.besides(number) - mass * drag.acceleration) / normal
+    ratio = (drag.tangential - sliding.other_causes(number) - mass * drag.acceleration) / normal
     scatter = max(drag.row_variance(), drag.noise)
     noise = np.hypot(np.sqrt(scatter) / normal, tuning.STATIC_NOISE)
-    # From what is seen to rise, to what slides for a while: the hand follows soon after.
+    # From the visible rise to steady sliding: the hand follows soon after the breakaway.
     seen = slice(drag.begins - tuning.PARTING_ROWS, drag.follows + 3 * tuning.PARTING_ROWS)
-    likely = _likely(ratio[seen], noise[seen], values)
+    likely = segmentation_likelihood(ratio[seen], noise[seen], values)
     falls, holds = np.unravel_index(np.argmax(likely.max(axis=2)), likely.shape[:2])
     rows = slice(seen.start + int(falls - holds), seen.start + int(falls) + 1)
-    # It may as well have let go before, at any value, and slide all the time.
-    slid = _normal(ratio[seen] - values[0], noise[seen])[tuning.PARTING_ROWS :].sum()
+    # Or the breakaway was before these rows, at any value, and the object slides in all of them.
+    slid = log_normal_density(ratio[seen] - values[0], noise[seen])[tuning.PARTING_ROWS :].sum()
     before = -tuning.PARTING_ROWS * np.log(2.0 * values)
     most = max(float(likely.max()), slid + before.max())
     chance: Array = np.exp(likely - most).mean(axis=(0, 1)) + np.exp(slid + before - most)
-    # While its foot sticks the object turns in the grip: less of it than all goes with the hand.
+    # While its foot sticks the object turns in the grip, so that only part of its mass moves with the hand.
     pressed = float(normal[rows].mean())
-    gained = float(drag.acceleration[rows].mean())
-    turning = drag.mass * gained / pressed
-    unsure = np.hypot(mass_std * gained, tuning.INERTIA_SHARE * float(drag.inertial[rows].mean()))
+    accelerated = float(drag.acceleration[rows].mean())
+    turning = drag.mass * accelerated / pressed
+    unsure = np.hypot(
+        mass_std * accelerated, tuning.INERTIA_SHARE * float(drag.inertial[rows].mean())
+    )
     wider = turning**2 / 12.0 + float(unsure / pressed) ** 2
     moved: Array = np.interp(values - turning / 2.0, values, chance)
-    chance = _widened(moved, values, wider)
+    chance = widened(moved, values, wider)
     less = sliding.turning(number, rows, drag.steady)
-    return _Parting(number, chance, *_moments(chance, values), rows, pressed, less)
+    return Parting(number, chance, *_moments(chance, values), rows, pressed, less)
 
 
-def _likely(ratio: Array, noise: Array, values: Array) -> Array:
-    """(n, h, m) log likelihood of force ratios (n,) with std `noise`, if row i is the last before
-    breakaway, after j + 1 rows at the k-th of `values` (m,), the first of which holds during
-    sliding.
-
-    All of these explain as many rows: an explanation of more would seem better.
-    """
+def segmentation_likelihood(ratio: Array, noise: Array, values: Array) -> Array:
+    """(n, h, m) log likelihood of force ratios (n,) with std `noise`, if row i is the last before breakaway,
+    after j + 1 rows at the k-th of `values` (m,), the first of which holds during sliding. All hypotheses
+    explain the same rows, so that they compare."""
     count, mu = len(ratio), float(values[0])
-    parting = _parting(ratio, noise, mu, values)
-    holding = _summed(_normal(ratio[:, None] - values, noise[:, None]))
-    sliding = _summed(_normal(ratio - mu, noise))
-    # Before all that the force may be anything.
+    parting = breakaway_likelihood(ratio, noise, mu, values)
+    # Cumulative sums from 0, so that any stretch is a difference.
+    each = log_normal_density(ratio[:, None] - values, noise[:, None])
+    holding = np.concatenate([np.zeros_like(each[:1]), np.cumsum(each, axis=0)])
+    sliding = np.concatenate(
+        [np.zeros(1), np.cumsum(log_normal_density(ratio - mu, noise), axis=0)]
+    )
+    # Before the rise, the force may have any value.
     anything = -np.log(2.0 * values)
     found = np.full((count, tuning.HOLDING, len(values)), -np.inf)
     for i in range(tuning.PARTING_ROWS - 1, count - 2 * tuning.PARTING_ROWS):
@@ -164,31 +159,29 @@ def _likely(ratio: Array, noise: Array, values: Array) -> Array:
         after = sliding[count] - sliding[i + 2]
         for j in range(tuning.HOLDING):
             part = slice(begun, i - j)
-            rising = _rising(ratio[part], noise[part], values)
+            rising = rise_likelihood(ratio[part], noise[part], values)
             held = holding[i] - holding[i - j]
             found[i, j] = anything * begun + rising + held + parting[i] + after
     return found
 
 
-def _parting(ratio: Array, noise: Array, mu: float, values: Array) -> Array:
-    """(n - 1, m) log likelihood of two neighbouring ratios with the breakaway between them.
-
-    It does so up to half a row earlier or later, and what the arm gains by it is a mean over two rows: of the
-    fall, half is in the two, none to all of that half in the first.
-    """
+def breakaway_likelihood(ratio: Array, noise: Array, mu: float, values: Array) -> Array:
+    """(n - 1, m) log likelihood of two neighbouring ratios with the breakaway between them."""
+    # The breakaway is up to half a row earlier or later, and accelerations are means over two rows: half of the
+    # fall is in the two rows, none to all of that half in the first.
     fall = values - mu
     each = [
-        _normal(ratio[:-1, None] - (values - part * fall), noise[:-1, None])
-        + _normal(ratio[1:, None] - (mu + (0.5 - part) * fall), noise[1:, None])
+        log_normal_density(ratio[:-1, None] - (values - part * fall), noise[:-1, None])
+        + log_normal_density(ratio[1:, None] - (mu + (0.5 - part) * fall), noise[1:, None])
         for part in (0.0, 0.25, 0.5)
     ]
     likely: Array = np.logaddexp.reduce(each) - np.log(len(each))
     return likely
 
 
-def _rising(ratio: Array, noise: Array, values: Array) -> Array:
-    """(m,) how likely quotients are that rise in a straight line up to each of `values`, as logarithms;
-    how steeply is not known, nor whether the last of them is a whole step below or half of one."""
+def rise_likelihood(ratio: Array, noise: Array, values: Array) -> Array:
+    """(m,) log likelihood of quotients that rise in a straight line up to each of `values`, with unknown slope,
+    the last of them a whole step or half a step below."""
     whole = np.arange(len(ratio), 0.0, -1.0)
     short = (values - ratio[:, None]) / noise[:, None]
     steep = (tuning.RISING * values) ** 2
@@ -217,19 +210,14 @@ def _table() -> tuple[Array, Array]:
     return at, np.array([0.5 * erfc(-x / sqrt(2.0)) for x in at.tolist()])
 
 
-def _summed(rows: Array) -> Array:
-    """(n + 1, ...) sums of the first rows of (n, ...)."""
-    return np.concatenate([np.zeros_like(rows[:1]), np.cumsum(rows, axis=0)])
-
-
-def _normal(off: Array, noise: Array) -> Array:
-    """Logarithms of the normal density `off` its mean."""
+def log_normal_density(off: Array, noise: Array) -> Array:
+    """Log density of a normal distribution at a deviation `off`."""
     return -0.5 * (off / noise) ** 2 - np.log(noise * np.sqrt(2.0 * np.pi))
 
 
-def _further_mass(number: int, drag: Drag, sliding: Sliding) -> tuple[float, float]:
-    """kg that an arm of unknown links seems to have in a drag's direction beyond `HORIZONTAL_MASS`, and
-    the standard deviation: what the force lost as the hand slowed down, over the loss of speed."""
+def apparent_mass(number: int, drag: Drag, sliding: Sliding) -> tuple[float, float]:
+    """Apparent mass of an arm with unknown links in the direction of a drag beyond `HORIZONTAL_MASS`, kg, and its
+    standard deviation: change of the force over change of the speed as the hand slows down."""
     if not drag.unsure_mass:
         return 0.0, 0.0
     prior = drag.unsure_mass**-2

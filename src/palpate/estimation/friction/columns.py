@@ -2,18 +2,17 @@
 
 A row of a drag in direction w (a unit vector), at the place r of the hand and the speed v, follows
 
-    f_t = mu N                                  friction, which is sought; N is the normal force
-        + N (w·θ)                               the support leans by θ
-        + N (a cos 2φ + a' sin 2φ)              friction differs between axes; φ is the angle of w
-        + N (z·r) + N c log2 v                  ... between places, or with the speed
-        + A                                     the object is held, however hard it is pressed
-        + w·(b + K r + ∇E3(r))                  a bias, and what pulls with the place: springs, cables
-        + Σ_j l_j s_j t_j + h_i                 friction in the arm's joints, and what of it is
-                                                another in every drag
+    f_t = mu N                                  friction, the unknown of interest; N is the normal force
+        + N (w·θ)                               tilt θ of the support
+        + N (a cos 2φ + a' sin 2φ)              anisotropic friction; φ is the angle of w
+        + N (z·r) + N c log2 v                  friction that changes with the place or the speed
+        + A                                     a force independent of the pressure, such as adhesion
+        + w·(b + K r + ∇E3(r))                  a bias, and forces that change with the place: springs, cables
+        + Σ_j l_j s_j t_j + h_i                 friction in the arm's joints, with a part of each drag
         + Σ_j l_j τ_j g_j                       the gains of the joints' sensors
 
-with l_j the force that a joint's torque seems to add to f_t - mu N, s_j which way the joint was
-turned last, and τ_j the torque that it feels.
+with the force l_j that a torque in a joint adds to f_t - mu N, the direction s_j of the last motion of the
+joint, and its measured torque τ_j.
 """
 
 from __future__ import annotations
@@ -26,8 +25,7 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.friction.drags import Drag
-from palpate.estimation.gains import gain_root
-from palpate.estimation.load.observation import WrenchObservation
+from palpate.estimation.load.observation import WrenchObservation, gain_root
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
 
@@ -46,12 +44,12 @@ class Columns:
 
     Attributes:
         of: for each drag (n, p), one row for each of its own.
-        levers: for each drag (m,), N that noise of a newton metre in each joint adds to its force,
-            or a newton in the wrench.
+        levers: for each drag (m,), effect of a newton metre in each joint, or a newton in the wrench, on the
+            force, N.
         expected: (p,) prior means.
         fixed: (p,) prior standard deviations.
-        uneven: (p,) what is added to them for each part by which friction is uneven.
-        joints, gains: which unknowns are the joints' friction and their gains.
+        uneven: (p,) further prior standard deviations per share of uneven friction.
+        joints, gains: places of the joints' friction and of their gains.
     """
 
     of: tuple[Array, ...]
@@ -63,12 +61,12 @@ class Columns:
     gains: slice
 
     def prior(self, share: float) -> Array:
-        """(p,) standard deviations where friction is so uneven."""
+        """(p,) prior standard deviations for a `share` of uneven friction."""
         return self.fixed + share * self.uneven
 
     def shared(self, covariance: Array) -> Iterator[tuple[str, Origin, float]]:
-        """Causes that are the same in other runs, whose they are, and what one standard deviation of
-        each does to an unknown, by its `covariance` (p,) with all of them."""
+        """Causes shared with other runs, their origin, and the effect of one standard deviation of each on an
+        unknown, by its `covariance` (p,) with all of them."""
         kinds: tuple[tuple[str, Origin, slice], ...] = (
             ("gain of joint", "arm", self.gains),
             ("friction of joint", "arm", self.joints),
@@ -84,18 +82,22 @@ class Columns:
 
 
 def columns(drags: Sequence[Drag], observed: WrenchObservation, hand: Hand, mu: float) -> Columns:
-    """All unknowns; the arm's columns and their priors are those at about `mu`."""
+    """Columns of all unknowns; those of the arm are linearised at `mu`."""
     middle, usual = middle_of(drags), usual_speed(drags)
     whole: list[Array] = []
     dahl: list[Array] = []
     for drag, mine in zip(drags, np.eye(len(drags)), strict=True):
-        dahl_states, gains = _arm(drag, drags, observed, hand, mu)
+        dahl_states, gains = of_arm(drag, drags, observed, hand, mu)
         own = np.ones((len(drag.t), 1)) * mine
         whole.append(np.hstack([of_support(drag, middle, usual), dahl_states, own, gains]))
         dahl.append(dahl_states[drag.steady].mean(axis=0))
 
-    # After those of the support: friction of the joints, one for each drag, gains.
-    friction, unsure = _friction(drags[0], observed, len(dahl[0]))
+    # After the columns of the support: friction of the joints, one for each drag, gains.
+    hanging, count = drags[0].hanging, len(dahl[0])
+    friction, unsure = hanging.friction, hanging.unsure
+    if observed.chain is None:
+        # Unknown joints: N on each line, instead of N m in each joint.
+        friction, unsure = np.zeros(count), np.full(count, tuning.KIND_BIAS)
     joints = slice(FIRST, FIRST + len(friction))
     each = slice(joints.stop, joints.stop + len(drags))
     gains = slice(each.stop, whole[0].shape[1])
@@ -106,33 +108,25 @@ def columns(drags: Sequence[Drag], observed: WrenchObservation, hand: Hand, mu: 
     expected[joints], fixed[joints] = friction, np.hypot(unsure, tuning.ANOTHER * friction)
     fixed[each] = np.hypot(tuning.DRAG_BIAS, tuning.ANOTHER_DRAG * (np.array(dahl) @ friction))
     fixed[gains] = 1.0
-    levers = tuple(_lever(drag.q, drag, observed, mu) for drag in drags)
+    levers = tuple(signal_levers(drag.q, drag, observed, mu) for drag in drags)
     return Columns(tuple(whole), levers, expected, fixed, uneven, joints, gains)
 
 
-def _friction(drag: Drag, observed: WrenchObservation, count: int) -> tuple[Array, Array]:
-    """(k,) what is expected of the arm's own friction, and the standard deviation: N m in each joint,
-    or N on each line where nothing is known of joints."""
-    if observed.chain is None:
-        return np.zeros(count), np.full(count, tuning.KIND_BIAS)
-    return drag.hanging.friction, drag.hanging.unsure
-
-
 def middle_of(drags: Sequence[Drag]) -> Array:
-    """(2,) m: the middle of all places."""
+    """(2,) m, middle of all places of steady sliding."""
     places = np.vstack([drag.place[drag.steady] for drag in drags])
     middle: Array = (places.max(axis=0) + places.min(axis=0)) / 2
     return middle
 
 
 def usual_speed(drags: Sequence[Drag]) -> float:
-    """m/s."""
+    """Geometric mean of the commanded speeds, m/s."""
     speeds = np.concatenate([np.log2(drag.speed[drag.steady]) for drag in drags])
     return float(np.exp2(speeds.mean()))
 
 
 def of_support(drag: Drag, middle: Array, usual: float) -> Array:
-    """(n, FIRST) with places from `middle` (2,), m, and a `usual` speed, m/s."""
+    """(n, FIRST) columns of the support, with places from `middle` (2,), m, and a `usual` speed, m/s."""
     x, y = ((drag.place - middle) / tuning.HALF_WAY).T
     wx, wy = drag.way
     normal, ones = drag.pressing[0], np.ones(len(drag.t))
@@ -152,41 +146,34 @@ def of_support(drag: Drag, middle: Array, usual: float) -> Array:
     )
 
 
-def _arm(
+def of_arm(
     drag: Drag, drags: Sequence[Drag], observed: WrenchObservation, hand: Hand, mu: float
 ) -> tuple[Array, Array]:
-    """(n, k) N for each N m of the joints' friction, and (n, m) N for each standard deviation of
-    what their gains are off by."""
+    """(n, k) N per N m of the joints' friction, and (n, m) N per standard deviation of their gains."""
     if observed.chain is None:
-        # Not known joint by joint: both forces carry the gain of the joints that sensed them.
+        # Unknown joints: friction on each line of motion, either way, and one gain of both forces.
+        lines: list[Array] = []
+        for other in drags:
+            if not any(same_line(line, other.way) for line in lines):
+                lines.append(other.way)
+        own = np.array([same_line(line, drag.way) for line in lines], dtype=float)
         gain = tuning.GAIN_RATIO * hand.torque_gain * mu * drag.normal
-        return _by_line(drag, drags), gain[:, None]
+        return np.ones((len(drag.t), 1)) * own, gain[:, None]
     there, hanging = (
-        _lever(drag.q, drag, observed, mu),
-        _lever(drag.hanging.q[None], drag, observed, mu),
+        signal_levers(drag.q, drag, observed, mu),
+        signal_levers(drag.hanging.q[None], drag, observed, mu),
     )
     friction = there * drag.turned - hanging * drag.hanging.turned
     return friction, (there * drag.torque) @ gain_root(hand, len(there))
 
 
-def _lever(q: Array, drag: Drag, observed: WrenchObservation, mu: float) -> Array:
-    """(m,) what a unit of each signal adds to f_t - mu N of a drag, at the middle of the angles `q`
-    (n, 7): the wrench is (J^T)^+ tau."""
+def signal_levers(q: Array, drag: Drag, observed: WrenchObservation, mu: float) -> Array:
+    """(m,) effect of a unit of each signal on f_t - mu N of a drag, at the mean of the angles `q` (n, 7)."""
+    # w = (J^T)^+ tau
     middle: Array = q.mean(axis=0, keepdims=True)
     wrenches: Array = np.linalg.pinv(observed.maps(middle)).astype(np.float64)
     return drag.way @ wrenches[0, :2] + mu * wrenches[0, 2]
 
 
-def _by_line(drag: Drag, drags: Sequence[Drag]) -> Array:
-    """(n, k) ones in the column of the line on which a drag goes, either way: friction of an arm of
-    which nothing is known joint by joint."""
-    lines: list[Array] = []
-    for other in drags:
-        if not any(_same(line, other.way) for line in lines):
-            lines.append(other.way)
-    same = [_same(line, drag.way) for line in lines]
-    return np.ones((len(drag.t), 1)) * np.array(same, dtype=float)
-
-
-def _same(line: Array, way: Array) -> bool:
+def same_line(line: Array, way: Array) -> bool:
     return abs(float(line @ way)) > tuning.SAME_LINE

@@ -1,15 +1,14 @@
 """Sliding friction from drags of a held object along its support.
 
-What the drags have in common is linear in its unknowns (`columns`), which have normal priors but for
-the friction itself (Bayesian linear regression, e.g. Bishop, Pattern Recognition and Machine
-Learning, section 3.3). A normal force that rises and falls along the way tells friction from all of
-them, whatever they are; where it does not, their priors are in the standard deviation.
+All drags follow one linear model (`columns`), whose unknowns have normal priors, apart from the friction
+itself (Bayesian linear regression, e.g. Bishop, Pattern Recognition and Machine Learning, section 3.3). A
+normal force that rises and falls along the way separates friction from all other unknowns; where it is
+constant, their priors are part of the standard deviation.
 
-Two priors are learned from the drags themselves, each over a few values that are averaged by their
-evidence (ibid., sections 3.4 and 14.1): how much friction the arm's joints have, and how much the
-friction of the object differs between axes, places and speeds. The noise comes from the scatter
-within short stretches, never from the misfit, which would let the priors outweigh the recordings;
-the misfit is added to the standard deviation afterwards.
+The variation of the object's friction between axes, places and speeds is learned from the drags: a few values
+are averaged by their evidence (ibid., sections 3.4 and 14.1). The noise follows from the scatter within short
+stretches, never from the residuals, which would let the priors outweigh the recordings; the misfit is added
+to the standard deviation at the end.
 """
 
 from __future__ import annotations
@@ -26,16 +25,15 @@ from palpate.estimation.friction.columns import MU, Columns, columns
 from palpate.estimation.friction.drags import Drag
 from palpate.estimation.load.biases import flicker
 from palpate.estimation.load.observation import WrenchObservation
+from palpate.estimation.motion import Mask
 from palpate.estimation.view import FitView, constant, unit_slopes
-from palpate.estimation.windows import Mask
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posterior:
-    """Normal, of all unknowns: mean (p,) and covariance (p, p); `evidence`, the logarithm of how
-    likely the forces are."""
+    """Normal posterior of all unknowns: mean (p,), covariance (p, p), and the log evidence of the forces."""
 
     mean: Array
     covariance: Array
@@ -49,8 +47,8 @@ class Forces:
     Attributes:
         force: (m,) N, tangential.
         design: (m, p), a column for each unknown.
-        noise: (m,) N², its variance within a block.
-        root: (m, m) N: all noise is this times what is independent and of unit variance.
+        noise: (m,) N², variance within a block.
+        root: (m, m) N, Cholesky factor of the covariance of all noise.
     """
 
     force: Array
@@ -60,15 +58,15 @@ class Forces:
 
     @cached_property
     def white(self) -> tuple[Array, Array]:
-        """Force (m,) and design (m, p) in which noise is independent and of unit variance."""
+        """Force (m,) and design (m, p) with independent noise of unit variance."""
         both = np.column_stack([self.force, self.design])
         solved = np.linalg.solve(self.root, both).astype(np.float64)
         return solved[:, 0], solved[:, 1:]
 
     def given(self, expected: Array, prior: Array) -> Posterior:
-        """The unknowns, with prior means and standard deviations (p,)."""
+        """Posterior for prior means and standard deviations (p,)."""
         force, design = self.white
-        # In units of the prior, which is as many more rows; by QR, lest perfect sensors make the
+        # In units of the prior deviations, which are further rows; by QR, as perfect sensors make the normal
         # equations singular.
         rows = np.vstack([design * prior, np.eye(len(prior))])
         beyond = np.concatenate([force - design @ expected, np.zeros(len(prior))])
@@ -97,11 +95,11 @@ class Sliding:
 
     Attributes:
         columns: of the unknowns.
-        forces: the recordings.
-        found: the unknowns, averaged over what their priors may be.
-        uneven: 1 sigma by which friction differs between axes, places and speeds.
-        misfit: N, root mean square of what the model leaves beyond the noise.
-        disagreement, freedom: of a chi-squared test of what it leaves.
+        forces: in blocks of steady sliding.
+        found: posterior of the unknowns, averaged over their priors.
+        uneven: variation (1 sigma) of the friction between axes, places and speeds.
+        misfit: N, root mean square of the residuals beyond the noise.
+        disagreement, freedom: of a chi-squared test of the residuals.
     """
 
     columns: Columns
@@ -114,19 +112,19 @@ class Sliding:
 
     @property
     def shared(self) -> tuple[Shared, ...]:
-        """Shared causes of mu_d's error, common to measurements of that arm or that object."""
+        """Errors of mu_d shared by measurements with that arm or of that object."""
         effects = self.columns.shared(self.found.covariance[MU])
         causes = [Shared(cause, of, (effect,)) for cause, of, effect in effects]
         return *causes, Shared("unevenness of the friction", "scene", (self.uneven,))
 
     @property
     def friction(self) -> tuple[float, float]:
-        """mu_d and its standard deviation, which holds by how much it differs."""
+        """mu_d and its standard deviation, with its variation."""
         std = float(np.hypot(np.sqrt(self.found.covariance[MU, MU]), self.uneven))
         return float(self.found.mean[MU]), std
 
     def knowing(self, friction: float, std: float) -> Sliding:
-        """With what is known better of the friction, from elsewhere, and what follows of the other unknowns."""
+        """Condition on a friction that is known better from elsewhere."""
         own = self.found.covariance[MU, MU]
         follows = self.found.covariance[MU] / own
         mean = self.found.mean + follows * (friction - self.found.mean[MU])
@@ -175,29 +173,29 @@ class Sliding:
         )
 
     def aside(self, drag: int, rows: slice) -> tuple[float, float]:
-        """N: mean over rows of a drag of what is no friction of the object, and its standard
+        """Mean force over rows of a drag by other causes than friction of the object, N, and its standard
         deviation."""
         row = self.columns.of[drag][rows].mean(axis=0)
         row[MU] = 0.0
         return float(row @ self.found.mean), float(np.sqrt(row @ self.found.covariance @ row))
 
-    def besides(self, drag: int) -> Array:
-        """(n,) N: what is no friction of the object in each row of a drag."""
+    def other_causes(self, drag: int) -> Array:
+        """(n,) N, force by other causes than friction of the object in each row of a drag."""
         others = self.found.mean.copy()
         others[MU] = 0.0
         return self.columns.of[drag] @ others
 
     def turning(self, drag: int, rows: slice, steady: Mask) -> float:
-        """N: root sum of squares over joints of how much less each rubs, mean over rows of a drag, than in
-        those in which it has turned round."""
+        """Root sum of squares over joints of the mean friction in rows of a drag against that in steady rows,
+        in which the joints have reversed, N."""
         joints = self.columns.joints
         own = self.columns.of[drag][:, joints]
         less = own[rows].mean(axis=0) - own[steady].mean(axis=0)
         return float(np.linalg.norm(less * self.found.mean[joints]))
 
     def apart(self, shares: Sequence[tuple[int, slice, float]]) -> float:
-        """Standard deviation of a sum over drags (by number) of what is no friction of the object, mean
-        over rows, N, times a share of each."""
+        """Standard deviation of a weighted sum over drags (number, rows, weight) of the mean force by other
+        causes than friction of the object."""
         row = np.zeros(len(self.found.mean))
         for drag, rows, share in shares:
             row += share * self.columns.of[drag][rows].mean(axis=0)
@@ -205,8 +203,8 @@ class Sliding:
         return float(np.sqrt(row @ self.found.covariance @ row))
 
     def difference(self, what: slice, likely: float, small: float) -> Difference:
-        """Of the unknowns `what`, which may be as large as `likely` and are no harm as long as they
-        are `small` (1 sigma each); friction is even but for them."""
+        """Test the unknowns `what`, of prior size `likely`, against tolerated values `small` (1 sigma each); all
+        other friction is even."""
         fixed, even = self.columns.fixed.copy(), np.zeros_like(self.columns.uneven)
         fixed[what] = likely
         found, _ = averaged(self.forces, replace(self.columns, fixed=fixed, uneven=even))
@@ -218,40 +216,45 @@ class Sliding:
 
 def fit_sliding(drags: Sequence[Drag], observed: WrenchObservation, hand: Hand) -> Sliding:
     """Fit the friction of steady sliding."""
-    mu = _quotient(drags)
+    # Initial value: mean tangential over mean normal force.
+    tangential = sum(float(drag.tangential[drag.steady].sum()) for drag in drags)
+    mu = max(0.0, tangential / sum(float(drag.normal[drag.steady].sum()) for drag in drags))
     for _ in range(tuning.FRICTION_ITERATIONS - 1):
         mu = max(float(_fitted(drags, observed, hand, mu)[2].mean[MU]), 0.0)
     unknowns, forces, found, uneven = _fitted(drags, observed, hand, mu)
     force, design = forces.white
     excess = max(0.0, float(np.mean((force - design @ found.mean) ** 2)) - 1.0)
     squares = (forces.force - forces.design @ found.mean) ** 2
-    # Within one drag, half of what an approach may be off, and half of what joints rub otherwise.
+    # Allowed within one drag: half of the repeatability of an approach, and half of the change of joint friction.
     each = slice(unknowns.joints.stop, unknowns.gains.start)
     dahl = forces.design[:, each] @ unknowns.fixed[each]
     allowed = forces.noise + (hand.force_repeatability / 2) ** 2 + (dahl / 2) ** 2
+    # The weights did not include a white variance of the misfit in every block.
+    gain = found.covariance @ design.T
+    wider = found.covariance + tuning.CORRELATED_BLOCKS * excess * (gain @ gain.T)
     return Sliding(
         unknowns,
         forces,
-        _with_extra_variance(found, design, tuning.CORRELATED_BLOCKS * excess),
+        replace(found, covariance=wider),
         uneven,
-        float(np.sqrt(max(0.0, float(np.mean(squares - forces.noise))))),
-        float((squares / allowed).sum()) / tuning.CORRELATED_BLOCKS,
-        max(1, round(len(squares) / tuning.CORRELATED_BLOCKS)),
+        misfit=float(np.sqrt(max(0.0, float(np.mean(squares - forces.noise))))),
+        disagreement=float((squares / allowed).sum()) / tuning.CORRELATED_BLOCKS,
+        freedom=max(1, round(len(squares) / tuning.CORRELATED_BLOCKS)),
     )
 
 
 def _fitted(
     drags: Sequence[Drag], observed: WrenchObservation, hand: Hand, mu: float
 ) -> tuple[Columns, Forces, Posterior, float]:
-    """With the arm's columns, and how uneven friction may be, as at a friction of `mu`."""
+    """Columns, forces, posterior and variation of the friction, linearised at a friction of `mu`."""
     unknowns = columns(drags, observed, hand, mu)
     forces = _forces(drags, unknowns, mu)
     return unknowns, forces, *averaged(forces, unknowns)
 
 
 def averaged(forces: Forces, unknowns: Columns) -> tuple[Posterior, float]:
-    """The unknowns, and by how much friction differs (1 sigma), averaged over what is assumed of the
-    arm's friction and of the object's."""
+    """Posterior and variation of the friction (1 sigma), averaged over the shares of uneven friction by their
+    evidence."""
     each = [forces.given(unknowns.expected, unknowns.prior(share)) for share in tuning.UNEVEN]
     uneven = [share * float(unknowns.uneven.max()) for share in tuning.UNEVEN]
     evidence = np.array([one.evidence for one in each]) + np.log(tuning.LIKELY_UNEVEN)
@@ -262,19 +265,6 @@ def averaged(forces: Forces, unknowns: Columns) -> tuple[Posterior, float]:
     for weight, one in zip(weights, each, strict=True):
         covariance += weight * (one.covariance + np.outer(one.mean - mean, one.mean - mean))
     return Posterior(np.asarray(mean), covariance), float(np.sqrt(weights @ np.square(uneven)))
-
-
-def _with_extra_variance(found: Posterior, design: Array, variance: float) -> Posterior:
-    """Posterior with an additional white `variance` in every block of a whitened `design`, which
-    the weights did not include."""
-    gain = found.covariance @ design.T
-    return replace(found, covariance=found.covariance + variance * (gain @ gain.T))
-
-
-def _quotient(drags: Sequence[Drag]) -> float:
-    """Tangential over normal force, in all rows of steady sliding."""
-    tangential = sum(float(drag.tangential[drag.steady].sum()) for drag in drags)
-    return max(0.0, tangential / sum(float(drag.normal[drag.steady].sum()) for drag in drags))
 
 
 def _forces(drags: Sequence[Drag], unknowns: Columns, mu: float) -> Forces:

@@ -1,13 +1,13 @@
 """Sliding friction from all motion around the drags, joint by joint.
 
-Referred to a rest in the air, the force of a drag holds what an arm's biases make from there to here, and
-only how the force grows with pressure tells friction from that. But the same links, zeros, gains and
-joints' friction show in all free motion around the drags (`estimation.load.around.causes`). Fitted together, the
-whole sliding force counts. What the support does in a block of a drag but the force along it is unknown: it
-presses as it likes, and rubs with that; it pushes aside; it turns the hand.
+Referred to a rest in the air, the force of a drag contains the change of the arm's biases from there to
+here, and only the growth of the force with the pressure separates friction from it. But the same links,
+zeros, gains and friction of the joints show in all free motion around the drags (`estimation.load.causes`).
+Fitted together, the whole sliding force counts. In each block of a drag the other forces of the support are
+unknown: the normal force with its friction, a sideways force, and moments.
 
-It rests on the model of the arm. What that leaves beyond the noise is taken for more of it (the Birge ratio:
-R. T. Birge, Physical Review 40, 1932).
+The result depends on the model of the arm. Residuals beyond the noise widen it (the Birge ratio: R. T. Birge,
+Physical Review 40, 1932).
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from palpate.estimation.friction.columns import (
     usual_speed,
 )
 from palpate.estimation.friction.drags import Drag
-from palpate.estimation.load.around.blocks import UP, Blocks, Rows, blocks, free_rows
-from palpate.estimation.load.around.causes import (
+from palpate.estimation.load.blocks import UP, Blocks, Rows, blocks, free_rows
+from palpate.estimation.load.causes import (
     GAIN,
     LINK,
     Cause,
@@ -47,7 +47,7 @@ from palpate.estimation.load.around.causes import (
 )
 from palpate.estimation.load.equations import Model, ScaleHyperprior
 from palpate.estimation.load.observation import WrenchObservation
-from palpate.estimation.windows import row_at
+from palpate.estimation.motion import row_at
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Trace
 
@@ -67,10 +67,9 @@ class Whole:
 
     Attributes:
         friction, std: the coefficient, and its standard deviation.
-        shared: what of its error all measurements with that arm, or of that object, have in common.
-        misfit: mean square of what is left, in units of the noise: of free motion or of the drags, where it
-            is more.
-        stepped: N m by which the sensors' zeros differ after the drags, root mean square.
+        shared: errors in common with measurements with that arm, or of that object.
+        misfit: mean square of the residuals, in units of the noise: the larger of free motion and drags.
+        stepped: N m, change of the sensors' zeros after the drags, root mean square.
     """
 
     friction: float
@@ -81,19 +80,15 @@ class Whole:
 
     @property
     def explains(self) -> bool:
-        """The model of the arm fits well enough for its residuals to count as noise, and equally
-        before and after the drags."""
+        """The residuals of the model of the arm are no more than the noise, and its zeros are the same before
+        and after the drags."""
         return self.misfit < tuning.SLID_MISFIT and self.stepped < tuning.STEP
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Pressed:
-    """Support forces in the blocks: first those of free motion, then those of the drags.
-
-    Attributes:
-        way: (k, 3) of the drag, 0 in free motion.
-        support: (k, FIRST) as `columns.of_support`.
-    """
+    """Support forces in the blocks: first those of free motion, then those of the drags; `way` (k, 3): direction
+    of the drag, 0 in free motion; `support` (k, FIRST) as `columns.of_support`."""
 
     way: Array
     support: Array
@@ -112,55 +107,51 @@ class _Pressed:
 def fit_whole(
     trace: Trace, name: str, drags: Sequence[Drag], observed: WrenchObservation, about: float
 ) -> Whole | None:
-    """The coefficient with which `name` slid in all drags, near `about`; None where the arm's links are not
-    known, or it never hung free."""
+    """Fit the coefficient with which `name` slid in all drags, near `about`; None where the arm's links are
+    unknown, or it never hung free."""
     free = free_rows(trace, name) if observed.knows_links else []
     if not free:
         return None
-    seen = blocks(trace, observed, name, [*free, *_slid_rows(trace, drags)])
+    slid: list[Rows] = []
+    for drag in drags:
+        first = row_at(trace.samples, float(drag.t[0]))
+        slid += [first + block for block in drag.slid]
+    seen = blocks(trace, observed, name, [*free, *slid])
     pressed = _pressed(drags, len(free))
     force = drags[0].mass * trace.gravity
     slides = pressed.slides[:, None]
-    # In a drag its weight is borne by hand and support together, and it is moved along.
+    # In a drag hand and support bear its weight together, and the hand accelerates it.
     along = seen.acceleration * [1.0, 1.0, 0.0] / trace.gravity
     pull = seen.pull + slides * (UP + along)
     load = list(of_load(seen, pull))
     rubs = pressed.normal[:, None] * (about * pressed.way - slides * UP)
     borne = force * load[0].torque + seen.torques(rubs)
-    scene = list(_of_scene(seen, pressed, about))
-    scene += _of_steps(seen, len(free))
+    scene = list(of_scene(seen, pressed, about))
+    scene += of_steps(seen, len(free))
     causes = [*scene, *load, *of_arm(trace, observed, seen, force * pull[:, 2], borne)]
     support = list(_of_support(seen, pressed, about))
     design, y = whitened([*causes, *support], seen, drags[0].hanging.noise)
     known, anything = np.split(design, [len(causes)], axis=1)
-    # What may be anything is taken out of all rows (Frisch and Waugh, Econometrica 1, 1933).
+    # Unknowns without a prior are projected out of all rows (Frisch and Waugh, Econometrica 1, 1933).
     basis = np.linalg.qr(anything)[0]
     known = known - basis @ (basis.T @ known)
     y = y - basis @ (basis.T @ y)
     freedom = drags[0].hanging.noise.freedom
     model = Model(known, y, sizes(causes), freedom, (*hyperpriors(causes), *_hyperpriors(causes)))
     count = named(causes, UNEVEN).stop
-    misfit = _misfit(model, len(seen.t), len(free), len(support))
+    misfit = mean_square_misfit(model, len(seen.t), len(free), len(support))
     louder = max(1.0, misfit) ** 0.5
     mean, covariance = replace(model, design=known / louder, y=y / louder).solve(count)
     stepped = float(np.sqrt(np.mean(mean[named(causes, STEP)] ** 2)))
     off = float(np.max(mean[1:count] ** 2 + np.diag(covariance)[1:])) ** 0.5 * about
     variance = float(covariance[0, 0]) + off**2
-    shared = (*_shared(causes, -covariance[0] / model.prior), _uneven(off))
+    uneven = Shared("unevenness of the friction", "scene", (off,))
+    shared = (*_shared(causes, -covariance[0] / model.prior), uneven)
     return Whole(about + float(mean[0]), float(np.sqrt(variance)), shared, misfit, stepped)
 
 
-def _slid_rows(trace: Trace, drags: Sequence[Drag]) -> list[Rows]:
-    """Rows of the trace in each block of steady sliding."""
-    found: list[Rows] = []
-    for drag in drags:
-        first = row_at(trace.samples, float(drag.t[0]))
-        found += [first + block for block in drag.slid]
-    return found
-
-
 def _pressed(drags: Sequence[Drag], free: int) -> _Pressed:
-    """Of so many blocks of free motion, and those of the drags."""
+    """Support forces in so many blocks of free motion, and in those of the drags."""
     middle, usual = middle_of(drags), usual_speed(drags)
     way: list[Array] = [np.zeros((free, 3))]
     support: list[Array] = [np.zeros((free, FIRST))]
@@ -171,9 +162,8 @@ def _pressed(drags: Sequence[Drag], free: int) -> _Pressed:
     return _Pressed(np.concatenate(way), np.concatenate(support))
 
 
-def _of_scene(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Cause]:
-    """Friction first, in how far it is more than `about`; what of it is uneven, in parts of that; and what
-    else may act along a drag."""
+def of_scene(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Cause]:
+    """Causes along a drag: first friction beyond `about`; its variation, in parts of `about`; other forces."""
     kinds = (
         ("friction", slice(MU, MU + 1), tuning.FRICTION_PRIOR),
         (UNEVEN, slice(AXES.start, SPEED.stop), 1.0),
@@ -190,8 +180,8 @@ def _of_scene(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Cause]:
             yield Cause(f"{name} {i}", torque, size)
 
 
-def _of_steps(seen: Blocks, free: int) -> Iterator[Cause]:
-    """A sensor's zero that is another after the drags."""
+def of_steps(seen: Blocks, free: int) -> Iterator[Cause]:
+    """Changes of the sensors' zeros after the drags."""
     after = (seen.t > seen.t[free:].mean())[:, None]
     for joint in np.eye(seen.observed.shape[1]):
         yield Cause(STEP, after * joint, tuning.STEP)
@@ -224,17 +214,17 @@ def _of_support(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Cause
             yield Cause("support", alone, 1.0)
 
 
-def _misfit(model: Model, count: int, free: int, taken: int) -> float:
-    """Mean square of what a model leaves of `count` blocks, the first of which are `free`, where so many unknowns
-    have taken their part in the drags. What neighbours have in common counts as often."""
+def mean_square_misfit(model: Model, count: int, free: int, taken: int) -> float:
+    """Mean square of the residuals of `count` blocks, the first of which are `free`; `taken` unknowns were
+    projected out of the drags. Correlated neighbours count as one."""
     mean, _ = model.solve(1)
     left: Array = (model.y - model.design @ mean).reshape(-1, count)
     share = 1.0 - taken / left[:, free:].size
-    return max(_together(left[:, :free]), _together(left[:, free:]) / share)
+    return max(mean_square_of_sums(left[:, :free]), mean_square_of_sums(left[:, free:]) / share)
 
 
-def _together(left: Array) -> float:
-    """Mean square of the sums of some neighbours of (m, k), over their number."""
+def mean_square_of_sums(left: Array) -> float:
+    """Mean square of the sums of neighbours of (m, k), over their number."""
     size = min(round(tuning.CORRELATED_BLOCKS), left.shape[1])
     whole = left[:, : left.shape[1] // size * size].reshape(len(left), -1, size)
     sums: Array = whole.sum(axis=2)
@@ -246,14 +236,10 @@ def _shared(causes: Sequence[Cause], effects: Array) -> Iterator[Shared]:
     gains = 0
     for cause, effect in zip(causes, effects.tolist(), strict=True):
         if cause.name.startswith(LINK):
-            # As of a load: what one of it does, not one standard deviation.
+            # As of a load: the effect of a unit, not of one standard deviation.
             yield Shared(cause.name, "arm", (effect,))
         elif cause.name.startswith(GAIN):
             gains += 1
             yield Shared(f"gain of joint {gains}", "arm", (effect,))
         elif cause.name.startswith((LEAN, HOLDS, PULLS)):
             yield Shared(cause.name, "scene", (effect,))
-
-
-def _uneven(off: float) -> Shared:
-    return Shared("unevenness of the friction", "scene", (off,))

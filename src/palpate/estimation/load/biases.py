@@ -2,55 +2,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from palpate.estimation import tuning
-from palpate.estimation.load.segments import Segment, Weighing
-from palpate.estimation.windows import Mask
+from palpate.estimation.load.segments import Weighing
 from palpate.geometry.pose import Array
 
 
 def covariance(weighing: Weighing, maps: Array, apart: float) -> Array:
-    """(n, n) of all rows without the load: white noise, biases, the arm's inertia, and drift.
+    """(n, n) of all rows without the load: white noise, biases, inertia of the arm, and drift.
 
-    `apart` is the part (1 sigma) of their bias that kinds of segments have of their own.
+    `apart` is the share (1 sigma) of the bias that each kind of segments has of its own.
     """
     found = weighing.segments
     bins, signals = maps.shape[:2]
     variance = np.concatenate([segment.variance for segment in found])
-    bias = _bias(found, apart)
+    bias = bias_covariance(weighing, apart)
     t = np.concatenate([segment.t for segment in found])
     between = np.abs(t[:, None] - t)
-    moved = _moved(found, weighing.scale)
+    # Ornstein-Uhlenbeck process.
+    drift = tuning.DRIFT**2 * np.exp(-between / tuning.DRIFT_TIME)
+    moved = inertia_covariance(weighing)
     out = np.zeros((signals * bins, signals * bins))
     for i, scale in enumerate(weighing.scale.tolist()):
-        block = scale**2 * (bias + _drift(between)) + weighing.noise.flicker[i] * flicker(between)
-        block += _empty(found, i) ** 2
+        block = scale**2 * (bias + drift) + weighing.noise.flicker[i] * flicker(between)
+        # Mean with the empty hand, N m: the scale of the bias where an end effector is wrongly configured.
+        # The contrast with the load does not depend on it.
+        shown = [float(segment.observed[:, i].mean()) for segment in found if not segment.loaded]
+        block += (float(np.mean(shown)) if shown else 0.0) ** 2
         block += moved[i]
         block += np.diag(variance[:, i] + (tuning.FLOOR * scale) ** 2)
         out[i * bins : (i + 1) * bins, i * bins : (i + 1) * bins] = block
     return out
 
 
-def _empty(found: Sequence[Segment], signal: int) -> float:
-    """Mean of a signal with the empty hand, N m: the scale of its bias where an end effector is
-    wrongly configured. The contrast with the load does not depend on it."""
-    shown = [float(segment.observed[:, signal].mean()) for segment in found if not segment.loaded]
-    return float(np.mean(shown)) if shown else 0.0
+def _each(found: Weighing, name: str) -> Array:
+    """An attribute of all segments, bin after bin."""
+    return np.concatenate([getattr(segment, name) for segment in found.segments])
 
 
-def _bias(found: Sequence[Segment], apart: float) -> Array:
-    """(bins, bins) N²: covariance of one signal in units of its scale, without noise: constant
-    bias; bias along the path, of which each kind has its own part `apart`, and each turn the whole;
-    inertia and viscous effects of the motion; residual stiction of rests."""
+def bias_covariance(weighing: Weighing, apart: float) -> Array:
+    """(bins, bins) N²: covariance of one signal in units of its scale, without noise: constant bias; bias
+    along the path, of which each kind has its own share `apart`, and each turn all; inertia and viscous
+    effects of the motion; residual stiction of rests."""
+    found = weighing.segments
     kinds = np.concatenate([[segment.kind] * len(segment.t) for segment in found])
     own = np.concatenate([np.full(len(s.t), i) for i, s in enumerate(found)])
     at_rest = np.concatenate([np.full(len(s.t), float(s.at_rest)) for s in found])
-    speed2 = np.concatenate([segment.speed2 for segment in found])
     turning = np.concatenate([np.full(len(s.t), s.turns) for s in found])
-    place = _places(found, turning)
+    speed2, path, turned = (_each(weighing, name) for name in ("speed2", "path", "turned"))
+    # Place from -1 to 1 along the path; of a turn, along all turns.
+    place = np.zeros(len(path))
+    for rows, way in ((~turning, path), (turning, turned)):
+        if rows.any():
+            middle, half = _middle(way[rows])
+            place[rows] = (way[rows] - middle) / half
     powers = np.power.outer(place, np.arange(tuning.DEGREE + 1))
     near = np.maximum(0.0, 1.0 - np.abs(place[:, None] - place) * tuning.BINS / 2.0)
     share = np.where(turning, 1.0, apart)
@@ -66,35 +72,24 @@ def _bias(found: Sequence[Segment], apart: float) -> Array:
     return out
 
 
-def _places(found: Sequence[Segment], turning: Mask) -> Array:
-    """(bins,) from -1 to 1 along the path; of a turn, along all turns."""
-    path = np.concatenate([segment.path for segment in found])
-    turned = np.concatenate([segment.turned for segment in found])
-    places = np.zeros(len(path))
-    for rows, way in ((~turning, path), (turning, turned)):
-        if rows.any():
-            middle, half = _middle(way[rows])
-            places[rows] = (way[rows] - middle) / half
-    return places
-
-
 def _middle(path: Array) -> tuple[float, float]:
-    """m: the middle of a path, and how far it goes to either side."""
+    """m: middle of a path, and its half length."""
     low, high = float(path.min()), float(path.max())
     return (high + low) / 2.0, max((high - low) / 2.0, 1e-9)
 
 
-def _powers(path: Array, degree: int) -> Array:
-    """(bins, degree + 1) of the place along the path, from -1 to 1."""
-    middle, half = _middle(path)
-    return np.power.outer((path - middle) / half, np.arange(degree + 1))
-
-
-def _moved(found: Sequence[Segment], scale: Array) -> Array:
-    """(signals, bins, bins) what is not known of what the arm's own motion takes."""
-    motion = np.concatenate([segment.motion for segment in found])
+def inertia_covariance(weighing: Weighing) -> Array:
+    """(signals, bins, bins) uncertainty of the torque that moves the arm's own links."""
+    motion = _each(weighing, "motion")
     if not motion.shape[1]:
-        return scale[:, None, None] ** 2 * _inertia(found)
+        # An apparent mass at the TCP stands for unknown links, (bins, bins) N².
+        path, acceleration = _each(weighing, "path"), _each(weighing, "acceleration")
+        middle, half = _middle(path)
+        powers = np.power.outer((path - middle) / half, np.arange(tuning.INERTIA_DEGREE + 1))
+        inertia = acceleration[:, None] * powers
+        force: Array = tuning.APPARENT_MASS**2 * (inertia @ inertia.T)
+        force = force + np.diag((tuning.UNSTEADY * acceleration) ** 2)
+        return weighing.scale[:, None, None] ** 2 * force
     out: list[Array] = []
     for taken in motion.T:
         block = tuning.INERTIA_SHARE**2 * np.outer(taken, taken)
@@ -102,23 +97,9 @@ def _moved(found: Sequence[Segment], scale: Array) -> Array:
     return np.array(out)
 
 
-def _inertia(found: Sequence[Segment]) -> Array:
-    """(bins, bins) N² of what an unknown arm takes."""
-    path = np.concatenate([segment.path for segment in found])
-    acceleration = np.concatenate([segment.acceleration for segment in found])
-    inertia = acceleration[:, None] * _powers(path, tuning.INERTIA_DEGREE)
-    out: Array = tuning.APPARENT_MASS**2 * (inertia @ inertia.T)
-    return out + np.diag((tuning.UNSTEADY * acceleration) ** 2)
-
-
-def _drift(apart: Array) -> Array:
-    """(n, n) N²: covariance of an Ornstein-Uhlenbeck process at times `apart`, s."""
-    return tuning.DRIFT**2 * np.exp(-apart / tuning.DRIFT_TIME)
-
-
 def flicker(apart: Array) -> Array:
-    """(n, n): covariance of 1/f noise of density 1/f, at times `apart`, s: a sum of processes with
-    time constants evenly in their logarithm (Riley, as in `estimation.load.noise`, section 3.3)."""
+    """(n, n) covariance of noise of density 1/f, at times `apart`, s: a sum of processes with time constants
+    evenly spaced in their logarithm (Riley, as in `estimation.load.noise`, section 3.3)."""
     times = tuning.FLICKER_TIMES
     step = float(np.log(times[1] / times[0]))
     out = np.zeros_like(apart)

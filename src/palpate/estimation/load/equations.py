@@ -1,5 +1,4 @@
-"""The equations of a weighing: its signals in rows, their covariance without the load, and linear
-models of them."""
+"""Equations of a weighing: signals in rows, their covariance without the load, and linear models."""
 
 from __future__ import annotations
 
@@ -13,8 +12,8 @@ from numpy.typing import NDArray
 
 from palpate.estimation import tuning
 from palpate.estimation.load.biases import covariance
-from palpate.estimation.load.segments import Segment, Weighing
-from palpate.estimation.windows import Mask
+from palpate.estimation.load.segments import Weighing
+from palpate.estimation.motion import Mask
 from palpate.geometry.pose import Array
 
 FORCE_Z, TORQUE_X, TORQUE_Y, TORQUE_Z = 2, 3, 4, 5
@@ -61,7 +60,7 @@ class Rows:
         way: (n,) 1 up, -1 down, 0 at rest.
         rest: (n,) 1 at rest.
         dahl: (n, p) signals per unit of friction level in each joint, and per unit of its initial
-            state (`estimation.load.dahl`).
+            state (`estimation.joint_friction`).
         stiction: columns of the torque that an approach leaves in the joints, per rest and pass.
         since: (n, k) signals per newton upward at the TCP, as a step that begins with the second segment in time,
             with the third, and so on.
@@ -96,8 +95,8 @@ class Rows:
 
 
 class _Solved(NamedTuple):
-    """A posterior: prior deviations and mean (p,), and the Cholesky factor of the information in
-    units of the former."""
+    """Posterior: prior deviations and mean (p,), and the Cholesky factor of the information in units of the
+    prior deviations."""
 
     prior: Array
     root: Array
@@ -125,9 +124,8 @@ class ScaleHyperprior:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Model:
-    """A linear model in rows of unit variance: `y` (n,) = `design` (n, p) times coefficients with
-    prior deviations `prior` (p,), the scales of some of which have `hyperpriors`; the unit is known with `freedom`
-    degrees of freedom."""
+    """Linear model in rows of unit variance: `y` (n,) = `design` (n, p) times coefficients with prior deviations
+    `prior` (p,), some of whose scales have `hyperpriors`; the variance has `freedom` degrees of freedom."""
 
     design: Array
     y: Array
@@ -163,11 +161,11 @@ class Model:
 
     def _every(self) -> Sequence[_Solved]:
         """Posteriors for each combination of the hyperpriors' factors."""
-        told, gram = self.design.T @ self.y, self.design.T @ self.design
+        projected, gram = self.design.T @ self.y, self.design.T @ self.design
         choices = product(*(range(len(each.factors)) for each in self.hyperpriors))
-        return [self._solve(choice, told, gram) for choice in choices]
+        return [self._solve(choice, projected, gram) for choice in choices]
 
-    def _solve(self, choice: tuple[int, ...], told: Array, gram: Array) -> _Solved:
+    def _solve(self, choice: tuple[int, ...], projected: Array, gram: Array) -> _Solved:
         """Posterior with the chosen scale factors. Its evidence is the log probability of the
         choice and of `y`, up to a constant common to all choices (Bishop, Pattern Recognition and
         Machine Learning, section 3.5.1)."""
@@ -177,13 +175,13 @@ class Model:
         for each, i in zip(self.hyperpriors, choice, strict=True):
             prior[each.columns] *= each.factors[i]
             chance += float(np.log(each.chance[i]))
-        # In units of the prior, where what is known for certain has none.
+        # In units of the prior deviations, so that known coefficients (deviation 0) need no inverse.
         information = np.outer(prior, prior) * gram + np.eye(len(prior))
         root = dpotrf(information, lower=True)[0]
-        solved = dpotrs(root, prior * told, lower=True)[0]
+        solved = dpotrs(root, prior * projected, lower=True)[0]
         mean = prior * solved
         volume = 2.0 * float(np.log(np.diag(root)).sum())
-        return _Solved(prior, root, mean, chance + 0.5 * (float(mean @ told) - volume))
+        return _Solved(prior, root, mean, chance + 0.5 * (float(mean @ projected) - volume))
 
     def each_alone(self, columns: Array, prior: float) -> tuple[Array, Array]:
         """Posterior means and variances (k,) of the coefficients of `columns` (n, k), each added to the model
@@ -191,7 +189,7 @@ class Model:
         from scipy.linalg.lapack import dpotrs
 
         shared = self.design.T @ columns
-        told, squares = columns.T @ self.y, (columns**2).sum(axis=0)
+        projected, squares = columns.T @ self.y, (columns**2).sum(axis=0)
         means: list[Array] = []
         variances: list[Array] = []
         evidence: list[Array] = []
@@ -199,7 +197,7 @@ class Model:
             scaled = each.prior[:, None] * shared
             known = (scaled * dpotrs(each.root, scaled, lower=True)[0]).sum(axis=0)
             variance = 1.0 / (np.maximum(squares - known, 0.0) + prior**-2)
-            mean = variance * (told - shared.T @ each.mean)
+            mean = variance * (projected - shared.T @ each.mean)
             means.append(mean)
             variances.append(variance)
             evidence.append(each.evidence + 0.5 * (mean**2 / variance + np.log(variance)))
@@ -210,24 +208,25 @@ class Model:
 
     def extended(self, columns: Array, prior: float) -> Model:
         """Model with the coefficients of `columns` in front of its own."""
-        more = np.full(columns.shape[1], prior)
-        wider = np.concatenate([columns, self.design], axis=1)
+        count = columns.shape[1]
         hyperpriors: list[ScaleHyperprior] = []
         for each in self.hyperpriors:
-            moved = slice(each.columns.start + len(more), each.columns.stop + len(more))
+            moved = slice(each.columns.start + count, each.columns.stop + count)
             hyperpriors.append(replace(each, columns=moved))
-        deviations = np.concatenate([more, self.prior])
-        return replace(self, design=wider, prior=deviations, hyperpriors=tuple(hyperpriors))
+        return replace(
+            self,
+            design=np.concatenate([columns, self.design], axis=1),
+            prior=np.concatenate([np.full(count, prior), self.prior]),
+            hyperpriors=tuple(hyperpriors),
+        )
 
 
 def equations(weighing: Weighing, gravity: float, apart: float = 1.0) -> Rows:
-    """Equations of a weighing; `apart` is the part of the bias that each kind of segment has of its own
+    """Equations of a weighing; `apart` is the share of the bias that each kind of segment has of its own
     (`estimation.load.biases`)."""
     found = weighing.segments
-    hanging: list[Array] = []
-    for segment in found:
-        hanging.append(segment.loaded * (1.0 + segment.acceleration / gravity))
-    loaded = np.concatenate(hanging)
+    # The load resists vertical acceleration, too.
+    loaded = np.concatenate([s.loaded * (1.0 + s.acceleration / gravity) for s in found])
     maps = np.concatenate([segment.maps for segment in found])
     path = np.concatenate([segment.path for segment in found])
     signals = int(maps.shape[1])
@@ -238,32 +237,32 @@ def equations(weighing: Weighing, gravity: float, apart: float = 1.0) -> Rows:
         pairs = zip(found, values, strict=True)
         return np.tile(np.concatenate([np.full(len(s.t), v) for s, v in pairs]), signals)
 
-    return Rows(
-        np.concatenate([segment.observed for segment in found]).T.ravel(),
-        root,
-        (maps * loaded[:, None, None]).transpose(1, 0, 2).reshape(-1, 6),
-        each(segment.grasp for segment in found),
-        np.tile(path - path[loaded != 0.0].mean(), signals),
-        each(WAYS.get(segment.kind, 0.0) for segment in found),
-        each(float(segment.at_rest) for segment in found),
-        _rubbed(found, signals),
-        _stiction(weighing, maps),
-        _since(found, maps),
-        np.repeat(np.arange(signals), len(path)),
-        weighing.noise.freedom,
-    )
-
-
-def _rubbed(found: Sequence[Segment], signals: int) -> Array:
-    """(signals x bins, 2 joints): a joint's friction shows in its own signal."""
+    # Friction of a joint shows in its own signal: (signals x bins, 2 joints).
     states = np.concatenate([segment.dahl for segment in found])
     bins, joints, kinds = states.shape
-    if not joints:
-        return np.zeros((signals * bins, 0))
-    columns = np.zeros((joints, bins, joints, kinds))
+    dahl = np.zeros((joints or signals, bins, joints, kinds))
     for joint in range(joints):
-        columns[joint, :, joint] = states[:, joint]
-    return columns.reshape(joints * bins, joints * kinds)
+        dahl[joint, :, joint] = states[:, joint]
+    # Steps upward that begin with the second segment in time, with the third, and so on.
+    upward = maps[:, :, FORCE_Z].T
+    start = np.concatenate([np.full(len(segment.t), segment.start) for segment in found])
+    steps: list[Array] = []
+    for moment in sorted({segment.start for segment in found})[1:]:
+        steps.append((upward * (start >= moment)).ravel())
+    return Rows(
+        observed=np.concatenate([segment.observed for segment in found]).T.ravel(),
+        root=root,
+        wrench=(maps * loaded[:, None, None]).transpose(1, 0, 2).reshape(-1, 6),
+        grasp=each(segment.grasp for segment in found),
+        height=np.tile(path - path[loaded != 0.0].mean(), signals),
+        way=each(WAYS.get(segment.kind, 0.0) for segment in found),
+        rest=each(float(segment.at_rest) for segment in found),
+        dahl=dahl.reshape(signals * bins, joints * kinds),
+        stiction=residual_stiction(weighing, maps),
+        since=np.array(steps).reshape(-1, signals * len(start)).T,
+        signal=np.repeat(np.arange(signals), len(path)),
+        freedom=weighing.noise.freedom,
+    )
 
 
 def in_each(row: Rows, grasps: Sequence[float], components: Sequence[int]) -> Array:
@@ -285,14 +284,14 @@ def each_its_own(blocks: Sequence[Array]) -> list[Array]:
     return wide
 
 
-def _stiction(weighing: Weighing, maps: Array) -> ResidualStiction:
-    """The columns of `Rows.stiction`."""
-    signals, count = int(maps.shape[1]), len(maps)
+def residual_stiction(weighing: Weighing, maps: Array) -> ResidualStiction:
+    """Columns of the residual stiction, segment by segment."""
+    found, signals, count = weighing.segments, int(maps.shape[1]), len(maps)
     own = np.eye(signals) * weighing.scale[:, None]
     forces: list[Array] = []
     offsets: list[Array] = []
     at = 0
-    for segment in weighing.segments:
+    for segment in found:
         here = slice(at, at + len(segment.t))
         at = here.stop
         pushed, off = np.zeros((signals, count, 3)), np.zeros((signals, count, signals))
@@ -300,9 +299,12 @@ def _stiction(weighing: Weighing, maps: Array) -> ResidualStiction:
         off[:, here] = own[:, None, :]
         forces.append(pushed.reshape(signals * count, 3))
         offsets.append(off.reshape(signals * count, signals))
-    rests = [i for i, segment in enumerate(weighing.segments) if segment.at_rest]
-    passes = [i for i, segment in enumerate(weighing.segments) if not segment.at_rest]
-    pairs = _pairs(weighing.segments)
+    rests = [i for i, segment in enumerate(found) if segment.at_rest]
+    passes = [i for i, segment in enumerate(found) if not segment.at_rest]
+    # Each rest with the pass that begins at it.
+    pairs = [
+        (i, j) for i in rests for j in passes if 0.0 < found[j].start - found[i].end < tuning.PAUSE
+    ]
     both = {i for pair in pairs for i in pair}
     nothing = np.zeros((signals * count, 0))
     return ResidualStiction(
@@ -312,24 +314,3 @@ def _stiction(weighing: Weighing, maps: Array) -> ResidualStiction:
         np.hstack([nothing, *(offsets[i] for i in passes)]),
         np.repeat([i in both for i in [*rests, *passes]], 3),
     )
-
-
-def _since(found: Sequence[Segment], maps: Array) -> Array:
-    """The columns of `Rows.since`."""
-    signals, upward = int(maps.shape[1]), maps[:, :, FORCE_Z].T
-    start = np.concatenate([np.full(len(segment.t), segment.start) for segment in found])
-    columns: list[Array] = []
-    for moment in sorted({segment.start for segment in found})[1:]:
-        columns.append((upward * (start >= moment)).ravel())
-    return np.array(columns).reshape(-1, signals * len(start)).T
-
-
-def _pairs(found: Sequence[Segment]) -> list[tuple[int, int]]:
-    """Each rest with the pass that begins at it."""
-    pairs: list[tuple[int, int]] = []
-    for i, rest in enumerate(found):
-        for j, one in enumerate(found):
-            begins = 0.0 < one.start - rest.end < tuning.PAUSE
-            if rest.at_rest and not one.at_rest and begins:
-                pairs.append((i, j))
-    return pairs

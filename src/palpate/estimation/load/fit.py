@@ -8,32 +8,30 @@ path of a lift, is modelled as
     W       the wrench of the load, which is sought: (0, 0, F, M_x, M_y, 0) of what hangs free;
             L_b is 1 with the load in the hand and 0 without
     a, g    vertical acceleration and gravity
-    m       what moving the arm's links takes (`estimation.load.inverse_dynamics`), which is out of y but for an
+    m       what moving the arm's links takes (`estimation.load.chain`), which is out of y but for an
             error i of some per cent; where links are not known, the acceleration takes its place
-    f, s    friction of a joint, whose state follows its motion (`estimation.load.dahl`)
+    f, s    friction of a joint, whose state follows its motion (`estimation.joint_friction`)
     c       bias of each kind of segment, a cubic along the path x and a bit of its own in each bin;
             kinds have some or all of it in common
     d       drift and 1/f noise over time t
     e       what an approach leaves in the joints; n white noise
 
-Everything but W has a normal prior, so that W follows by generalised least squares from
-the covariance of all the rest (e.g. Bishop, Pattern Recognition and Machine Learning, section 3.3).
-White and 1/f noise are known from the scatter of blocks (`estimation.load.noise`), never from what the
-model leaves. A gain error is one number a signal, the same in all weighings; its column is the load
-itself, so that joints which bear little of it come to the aid of those that bear much.
+Everything but W has a normal prior, so that W follows by generalised least squares from the covariance of
+all the rest (e.g. Bishop, Pattern Recognition and Machine Learning, section 3.3). White and 1/f noise follow
+from the scatter of blocks (`estimation.load.noise`), never from the residuals. A gain error is one number a
+signal, the same in all weighings; its column is the load itself, so that joints with little load correct
+those with much.
 
-What an approach leaves in the joints may stay while they move (the datasheet says how much it is at
-most, not how much this arm leaves, nor whether motion shakes it off): each rest is off by something
-of its own, and each pass may be, by part of that. How much is averaged over by what the recordings
-say: where rests agree it is next to nothing, and so it is where passes do; where they do not,
-intervals are as wide as that asks for. So it is with gains: where the joints do not agree on the
-load, they may be farther off than the datasheet says. And so it is with the biases of rests, of
-passes up and of passes down: where the recordings say that they are one, each tells of all (type II
-maximum likelihood; Bishop, section 3.5), if that evidence is very strong.
+Three scales are learned from the recordings. Residual stiction: an approach leaves a torque in the joints
+that may persist in motion; the datasheet bounds it, and each rest, and each pass, has an offset of its own,
+whose size is averaged over (near zero where rests agree, wide intervals where they do not). Gains: where the
+joints disagree on the load, they may be farther off than the datasheet says. Biases of rests, of passes up
+and of passes down: they count as one where the evidence for that is very strong (type II maximum likelihood;
+Bishop, section 3.5).
 
-The model is one of several, nested in each other: forces to the side, a force that grows with the
-height (a spring), one that changes its sign with the direction (something rubs), one that is there
-at rests alone, and a load that is another at every weighing. Each is tested (`Load.tests`).
+The model is one of several, nested in each other: forces to the side, a force that grows with the height (a
+spring), one that changes its sign with the direction (something rubs), one at rests alone, and a different
+load at every weighing. Each is tested (`Load.tests`).
 """
 
 from __future__ import annotations
@@ -45,7 +43,6 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest
-from palpate.estimation.gains import gain_root
 from palpate.estimation.load.equations import (
     FORCE_Z,
     LEANING,
@@ -60,6 +57,7 @@ from palpate.estimation.load.equations import (
     in_each,
 )
 from palpate.estimation.load.misspecification import tests_of
+from palpate.estimation.load.observation import gain_root
 from palpate.estimation.load.segments import Weighing
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
@@ -107,10 +105,10 @@ class Load:
 
 
 def fit_load(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
-    """Fit the load that hung on the hand in all `weighings`, at g = `gravity` m/s².
+    """Fit the load on the hand in all `weighings`, at g = `gravity` m/s².
 
-    Where they do not agree, those that contradict themselves have no say in the value, and the
-    tests tell of them.
+    Where they disagree, weighings that contradict themselves are left out of the value, and their failed
+    tests are kept.
 
     Raises:
         ValueError: there is a weighing without a loaded segment.
@@ -130,9 +128,8 @@ def fit_load(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
 
 
 def foreseen(weighing: Weighing, weight: float, gravity: float, hand: Hand) -> float:
-    """Predict the variance of F, N², for a load of `weight` N from planned rests and passes. The
-    segments' signals are not used: the agreement of the passes is taken from typical draws of the
-    noise."""
+    """Predict the variance of F, N², for a load of `weight` N from planned rests and passes, whose signals are
+    not used: the agreement of the passes follows from typical draws of the noise."""
     rows = [equations(weighing, gravity)]
     grasps = tuple(weighing.grasps)
     about = np.zeros(1 + 2 * len(grasps))
@@ -165,100 +162,93 @@ def _fit(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
 def _solved(
     weighings: Sequence[Weighing], gravity: float, hand: Hand
 ) -> tuple[Sequence[Rows], Model, Array, Array]:
-    """The equations, their model at what was found, the mean of its coefficients, and what is `Load`'s of
-    their covariance."""
+    """Equations, their model linearised at the solution, mean of its coefficients, and the first rows of their
+    covariance, those of `Load`."""
     grasps = _grasps(weighings)
     count = 1 + 2 * len(grasps)
-    rows = _equations(weighings, gravity, tuning.KINDS_APART[0])
-    # What gains and tilts do is in proportion to the load, which is not known at first.
+    rows = [equations(weighing, gravity, tuning.KINDS_APART[0]) for weighing in weighings]
+    # Effects of gains and tilts are in proportion to the load, which is unknown at first.
     mean, covariance = load_model(rows, grasps, np.zeros(count), hand).solve(count)
-    rows, model = _likeliest(weighings, gravity, mean[:count], hand)
+    rows, model = likeliest_model(weighings, gravity, mean[:count], hand)
     for _ in range(tuning.LOAD_ITERATIONS):
         model = load_model(rows, grasps, mean[:count], hand)
         mean, covariance = model.solve(count)
     return rows, model, mean, covariance
 
 
-def _likeliest(
+def likeliest_model(
     weighings: Sequence[Weighing], gravity: float, about: Array, hand: Hand
 ) -> tuple[Sequence[Rows], Model]:
-    """The equations and their model with kinds of segments as far apart as they may be, or less, where
-    the evidence for that is very strong and the load is then known better: what turns round with the
-    direction could pass for something that each approach leaves."""
+    """Equations and model with the biases of the kinds of segments as far apart as they may be, or less where
+    the evidence for that is very strong and the load is then known better."""
     ways: list[tuple[Sequence[Rows], Model]] = []
+    evidence: list[float] = []
     for apart in tuning.KINDS_APART:
-        rows = _equations(weighings, gravity, apart)
-        ways.append((rows, load_model(rows, _grasps(weighings), about, hand)))
-    evidence = [_evidence(*way) for way in ways]
+        rows = [equations(weighing, gravity, apart) for weighing in weighings]
+        model = load_model(rows, _grasps(weighings), about, hand)
+        ways.append((rows, model))
+        # Of the signals: that of the whitened rows plus the log determinant of the whitening.
+        evidence.append(model.evidence - sum(row.volume for row in rows))
     best = int(np.argmax(evidence))
     if evidence[best] <= evidence[0] + tuning.VERY_STRONG:
         return ways[0]
+    # A bias that changes sign with the direction could pass for residual stiction of each approach.
     apart, alike = (model.solve(1)[1][0, 0] for _, model in (ways[0], ways[best]))
     return ways[best] if alike < apart else ways[0]
 
 
-def _equations(weighings: Sequence[Weighing], gravity: float, apart: float) -> Sequence[Rows]:
-    return [equations(weighing, gravity, apart) for weighing in weighings]
-
-
-def _evidence(rows: Sequence[Rows], model: Model) -> float:
-    """Log probability density of the signals, up to a constant: that of the whitened rows plus the
-    log determinant of the whitening."""
-    return model.evidence - sum(row.volume for row in rows)
-
-
 def _grasps(weighings: Sequence[Weighing]) -> tuple[float, ...]:
-    """s, of each grasp once, on however many paths the load was weighed in it."""
+    """Times (s) of the grasps, each once, on however many paths the load was weighed."""
     return tuple(dict.fromkeys(time for weighing in weighings for time in weighing.grasps))
 
 
 def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand: Hand) -> Model:
-    """F, the moments in each grasp, by how gravity leans in all of them, what approaches leave at
-    rests and in passes, friction of the joints, gains. `about` is where F and the moments are."""
-    force = abs(float(about[0]))
-    lean = tuning.TILT * force + tuning.FLOOR
+    """Linear model of F, the moments in each grasp, tilt of gravity, residual stiction of rests and passes,
+    friction of the joints, and gains; linearised at `about` (F, then the moments)."""
     signals, count = int(rows[0].signal.max()) + 1, 1 + 2 * len(grasps)
     gains = gain_root(hand, signals)
-    levels = np.full(rows[0].dahl.shape[1], tuning.JOINT_LEVEL)
     left = [each_its_own([row.stiction.columns[i] for row in rows]) for i in range(4)]
     at_hand, offsets = sum(blocks[0].shape[1] for blocks in left[:3]), left[3][0].shape[1]
-    first = count + len(LEANING)
-    most = hand.force_repeatability + tuning.FLOOR
-    prior = [
-        np.full(count, tuning.LOAD_PRIOR),
-        np.full(len(LEANING), lean),
-        np.full(at_hand + offsets, most),
-        levels,
-        np.ones(signals),
-    ]
+    deviations = np.concatenate(
+        [
+            np.full(count, tuning.LOAD_PRIOR),
+            np.full(len(LEANING), tuning.TILT * abs(float(about[0])) + tuning.FLOOR),
+            np.full(at_hand + offsets, hand.force_repeatability + tuning.FLOOR),
+            np.full(rows[0].dahl.shape[1], tuning.JOINT_LEVEL),
+            np.ones(signals),
+        ]
+    )
     designs: list[Array] = []
     for row, *left_in in zip(rows, *left, strict=True):
         vertical = np.column_stack(
             [row.wrench[:, FORCE_Z], in_each(row, grasps, (TORQUE_X, TORQUE_Y))]
         )
         borne = (vertical @ about)[:, None] * gains[row.signal]
-        leaning = _leaning(row, grasps, about)
-        design = [vertical, leaning, *left_in, row.dahl, borne]
+        design = [vertical, tilted_weight(row, grasps, about), *left_in, row.dahl, borne]
         designs.append(row.white(np.column_stack(design)))
-    y = np.concatenate([row.white(row.observed) for row in rows])
-    freedom = min(row.freedom for row in rows)
-    deviations = np.concatenate(prior)
     shares = tuning.LEFT_SHARES
     even = [1.0 / len(shares)] * len(shares)
+    first = count + len(LEANING)
     in_signals = slice(first + at_hand, first + at_hand + offsets)
-    # How much of the datasheet's figure this arm leaves; how much of that stays in motion.
+    # Shares of the datasheet's figure: left by this arm at all; of that, left in motion.
     hyperpriors = (
         ScaleHyperprior(slice(first, in_signals.stop), shares, even),
-        ScaleHyperprior(slice(first, in_signals.start), _staying(rows), even),
+        ScaleHyperprior(slice(first, in_signals.start), stiction_scales(rows), even),
         ScaleHyperprior(in_signals, shares, even),
         ScaleHyperprior(slice(len(deviations) - signals, len(deviations)), *tuning.GAINS_OFF),
     )
-    return Model(np.concatenate(designs), y, deviations, freedom, hyperpriors)
+    return Model(
+        np.concatenate(designs),
+        y=np.concatenate([row.white(row.observed) for row in rows]),
+        prior=deviations,
+        freedom=min(row.freedom for row in rows),
+        hyperpriors=hyperpriors,
+    )
 
 
-def _staying(rows: Sequence[Rows]) -> Sequence[Array]:
-    """Scales of the stiction forces at rests, in passes, and common to a rest and its pass, for
-    each of `tuning.LEFT_SHARES`: a pass that keeps all of it has the force of the rest before."""
+def stiction_scales(rows: Sequence[Rows]) -> Sequence[Array]:
+    """Scales of the stiction forces at rests, in passes, and common to a rest and its pass, for each of
+    `tuning.LEFT_SHARES`."""
     paired = [np.split(row.stiction.paired, [row.stiction.stuck.shape[1]]) for row in rows]
     rests, passes = (np.concatenate([pair[i] for pair in paired]) for i in (0, 1))
     both = sum(row.stiction.carried.shape[1] for row in rows)
@@ -266,15 +256,15 @@ def _staying(rows: Sequence[Rows]) -> Sequence[Array]:
     for share in tuning.LEFT_SHARES[:-1]:
         parts = [np.ones(len(rests)), np.full(len(passes), share), np.zeros(both)]
         found.append(np.concatenate(parts))
+    # A pass that keeps all of it has the force of the rest before it.
     found.append(np.concatenate([~rests, ~passes, np.ones(both)]).astype(np.float64))
     return found
 
 
-def _leaning(row: Rows, grasps: Sequence[float], about: Array) -> Array:
-    """(n, 2): what a newton of the weight makes of the rows along world x and y, where gravity leans:
-    it pulls at the centre of mass in every grasp, which is r = (-M_y, M_x) / F beside the TCP, and
-    so turns the hand about the vertical, too."""
+def tilted_weight(row: Rows, grasps: Sequence[float], about: Array) -> Array:
+    """(n, 2) signals per newton of horizontal weight along world x and y, where gravity is tilted."""
     leaning = row.wrench[:, LEANING].copy()
+    # The weight acts at r = (-M_y, M_x) / F beside the TCP, so that it also turns the hand about the vertical.
     moments = about[1:].reshape(-1, 2) / max(abs(float(about[0])), tuning.FLOOR)
     for grasp, moment in zip(grasps, moments, strict=True):
         turning = row.wrench[:, TORQUE_Z] * (row.grasp == grasp)

@@ -1,5 +1,5 @@
-"""Predicted precision of a load after planned passes: the covariance of the fit needs the planned
-motion and the noise, no measured values."""
+"""Predicted precision of a load after planned passes: the covariance of the fit needs the planned motion and
+the noise, but no measured values."""
 
 from __future__ import annotations
 
@@ -85,16 +85,16 @@ class Lift:
             kind,
             loaded,
             grasp,
-            start,
-            start + self.length / speed,
-            start + gone * self.length / speed,
-            share * self.length,
-            np.zeros(tuning.BINS),
-            np.full(tuning.BINS, speed**2),
-            maps,
-            np.zeros((tuning.BINS, count)),
-            np.tile(self.white / part, (tuning.BINS, 1)),
-            np.zeros((tuning.BINS, 0)),
-            np.zeros((tuning.BINS, 0, 2)),
-            np.zeros(tuning.BINS),
+            start=start,
+            end=start + self.length / speed,
+            t=start + gone * self.length / speed,
+            path=share * self.length,
+            acceleration=np.zeros(tuning.BINS),
+            speed2=np.full(tuning.BINS, speed**2),
+            maps=maps,
+            observed=np.zeros((tuning.BINS, count)),
+            variance=np.tile(self.white / part, (tuning.BINS, 1)),
+            motion=np.zeros((tuning.BINS, 0)),
+            dahl=np.zeros((tuning.BINS, 0, 2)),
+            turned=np.zeros(tuning.BINS),
         )

@@ -1,5 +1,4 @@
-"""Tests of model misspecification: extended models in which other forces than its weight act on the
-load."""
+"""Tests of model misspecification: models extended by forces other than the weight of the load."""
 
 from __future__ import annotations
 
@@ -23,22 +22,21 @@ from palpate.geometry.pose import Array
 def tests_of(
     rows: Sequence[Rows], grasps: Sequence[float], model: Model, force: float, left: float
 ) -> tuple[FitTest, ...]:
-    """Tests of the extended models. Forces up to the uncertainty of kinematics and friction, in proportion
-    to the load, are tolerated, and `left` N (1 sigma) of residual stiction."""
+    """Test each extended model, for a load of `force` N with `left` N (1 sigma) of residual stiction."""
+    # Tolerated: the uncertainty of kinematics and friction, in proportion to the load.
     rub = float(np.hypot(tuning.RUB_SMALL, tuning.RUB_SHARE * force))
     pull = float(np.hypot(tuning.PULL_SMALL, tuning.PULL_SHARE * force))
-    found = [_sideways(rows, grasps, model, rub), *_vertical(rows, model, rub, pull, left)]
+    found = [sideways_test(rows, grasps, model, rub), *vertical_tests(rows, model, rub, pull, left)]
     if len(grasps) > 1:
-        found.append(_weighings(rows, grasps, model, rub))
+        found.append(weighings_test(rows, grasps, model, rub))
     return tuple(found)
 
 
-def _vertical(
+def vertical_tests(
     rows: Sequence[Rows], model: Model, rub: float, pull: float, left: float
 ) -> list[FitTest]:
-    """Tests for vertical forces, one at a time; `rub` N, `pull` N/m and `left` N (1 sigma) are
-    tolerated. A force that cannot be told from the load is not tested; of the possible onsets of a
-    step, the worst counts."""
+    """Test for vertical forces, one at a time: in proportion to the height, changing sign with the direction,
+    at rest only, and a step. `rub` N, `pull` N/m and `left` N (1 sigma) are tolerated."""
     stuck = float(np.hypot(rub, left))
     since = each_its_own([row.since for row in rows])
     white: list[Array] = []
@@ -47,24 +45,48 @@ def _vertical(
         white.append(row.white(np.hstack([row.wrench[:, [FORCE_Z]] * on_load, later])))
     forces, variances = model.each_alone(np.concatenate(white), tuning.LOAD_PRIOR)
     kinds = [
-        ("along the lift", pull, _pulled),
-        ("up against down", rub, _rubbed),
-        ("rest against pass", stuck, _rested),
-        *[("before against after", stuck, _jumped)] * since[0].shape[1],
+        ("along the lift", pull),
+        ("up against down", rub),
+        ("rest against pass", stuck),
+        # One for each possible onset of a step; the worst counts.
+        *[("before against after", stuck)] * since[0].shape[1],
     ]
     found: dict[str, FitTest] = {}
     for kind, force, variance in zip(kinds, forces.tolist(), variances.tolist(), strict=True):
-        name, small, worded = kind
+        name, small = kind
         statistic = force**2 / (variance + small**2)
-        told = variance < (tuning.TELLING * tuning.LOAD_PRIOR) ** 2
-        if told and (name not in found or statistic > found[name].statistic):
-            # What is harmless is known for certain (Welch and Satterthwaite; GUM, annex G.4).
+        # A force that cannot be separated from the load is not tested.
+        separable = variance < (tuning.TELLING * tuning.LOAD_PRIOR) ** 2
+        if separable and (name not in found or statistic > found[name].statistic):
+            # The tolerated part is known exactly (Welch and Satterthwaite; GUM, annex G.4).
             freedom = model.freedom * (1.0 + small**2 / variance) ** 2
-            found[name] = chi_squared(name, statistic, 1, worded(force), freedom)
+            found[name] = chi_squared(name, statistic, 1, _finding(name, force), freedom)
     return list(found.values())
 
 
-def _sideways(rows: Sequence[Rows], grasps: Sequence[float], model: Model, small: float) -> FitTest:
+def _finding(name: str, force: float) -> str:
+    size, positive = abs(force), force > 0
+    if name == "along the lift":
+        return (
+            f"The force {'grows' if positive else 'falls'} with the height, by {size:.2g} N/m: something pulls on it "
+            "or carries part of it."
+        )
+    if name == "up against down":
+        return (
+            f"It is {2 * size:.2g} N heavier on the way {'up' if positive else 'down'} than back: something rubs on "
+            "it, or the force jumped."
+        )
+    if name == "rest against pass":
+        return f"At rest it is {size:.2g} N {'heavier' if positive else 'lighter'} than in motion."
+    return (
+        f"From some moment on {size:.2g} N {'more' if positive else 'less'} are measured, with the object and without: "
+        "the sensors' zero jumped, or approaches leave more in the joints than the datasheet says."
+    )
+
+
+def sideways_test(
+    rows: Sequence[Rows], grasps: Sequence[float], model: Model, small: float
+) -> FitTest:
     """Test for a sideways force, or a moment about the vertical, in any grasp; `small` N (1 sigma)
     is tolerated."""
     columns = [row.white(in_each(row, grasps, SIDEWAYS)) for row in rows]
@@ -82,7 +104,7 @@ def _sideways(rows: Sequence[Rows], grasps: Sequence[float], model: Model, small
     return chi_squared("sideways", statistic, count, finding, model.freedom)
 
 
-def _weighings(
+def weighings_test(
     rows: Sequence[Rows], grasps: Sequence[float], model: Model, small: float
 ) -> FitTest:
     """Test for the same force in every grasp."""
@@ -94,32 +116,3 @@ def _weighings(
     forces = ", ".join(f"{mean[count] + part:.3g}" for part in [0.0, *more.tolist()])
     finding = f"The weighings disagree: {forces} N."
     return chi_squared("weighing against weighing", statistic, count, finding, model.freedom)
-
-
-def _pulled(slope: float) -> str:
-    way = "grows" if slope > 0 else "falls"
-    return (
-        f"The force {way} with the height, by {abs(slope):.2g} N/m: something pulls on it or "
-        "carries part of it."
-    )
-
-
-def _rubbed(force: float) -> str:
-    more = "up" if force > 0 else "down"
-    return (
-        f"It is {2 * abs(force):.2g} N heavier on the way {more} than back: something rubs on it, "
-        "or the force jumped."
-    )
-
-
-def _rested(force: float) -> str:
-    more = "heavier" if force > 0 else "lighter"
-    return f"At rest it is {abs(force):.2g} N {more} than in motion."
-
-
-def _jumped(force: float) -> str:
-    more = "more" if force > 0 else "less"
-    return (
-        f"From some moment on {abs(force):.2g} N {more} are measured, with the object and without: the sensors' "
-        "zero jumped, or approaches leave more in the joints than the datasheet says."
-    )

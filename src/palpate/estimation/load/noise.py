@@ -1,8 +1,8 @@
 """Noise of the signals, estimated from the signals alone, at rest or in smooth motion.
 
-Means over neighbouring blocks differ by the noise; second differences of them do not know a trend.
-A sixth of their mean square is the Hadamard variance; that of white noise falls with the length of
-the block, that of 1/f noise does not (W. J. Riley, Handbook of Frequency Stability Analysis, NIST SP
+Means over neighbouring blocks differ by the noise, and their second differences cancel a linear trend. A
+sixth of their mean square is the Hadamard variance; that of white noise falls with the length of the block,
+that of 1/f noise does not (W. J. Riley, Handbook of Frequency Stability Analysis, NIST SP
 1065, 2008, section 5.2.10).
 """
 
@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +22,9 @@ Rows = NDArray[np.intp] | slice
 """Rows of a trace's samples."""
 
 TINY = 1e-300
-"""Lest perfect signals divide by zero."""
+"""Keeps perfect signals from a division by zero."""
 RANK = 1e-9
-"""Singular values below this part of the largest say nothing."""
+"""Singular values below this share of the largest count as zero."""
 
 FLICKER_HADAMARD = 0.5 * float(np.log(256.0 / 27.0))
 """Hadamard variance of noise of one-sided density h²/f, over h² (Riley, as above)."""
@@ -37,8 +36,8 @@ class Noise:
 
     Attributes:
         white: (m,) variance that the mean of n rows has, times n.
-        flicker: (m,) h², level at 1 Hz of a density h²/f, as far as it stands out.
-        freedom: degrees of freedom of it all over seconds.
+        flicker: (m,) h², level at 1 Hz of a density h²/f, as far as it exceeds white noise.
+        freedom: degrees of freedom of both together over seconds.
     """
 
     white: Array
@@ -47,12 +46,15 @@ class Noise:
 
 
 def block_noise(signals: Array, t: Array, cause: Array, windows: Sequence[Rows]) -> Noise:
-    """Of signals (n, m) with time stamps `t` (n,), from rows of `windows`, less what is smooth
-    there and what follows a known `cause` (n,), the arm's acceleration."""
+    """Noise of signals (n, m) with time stamps `t` (n,), from rows of `windows`, without a polynomial in time
+    and what is in proportion to a known `cause` (n,), the acceleration of the arm."""
     stretches: list[_Stretch] = []
     for rows in windows:
-        for stretch in _unbroken(t[rows]):
-            part = np.arange(len(t))[rows][stretch]
+        every, times = np.arange(len(t))[rows], t[rows]
+        if len(times) < 2:
+            continue
+        gaps = np.flatnonzero(np.diff(times) > tuning.GAP * float(np.median(np.diff(times))))
+        for part in np.split(every, gaps + 1):
             if len(part) > tuning.SMOOTH_DEGREE + 2:
                 stretches.append(_stretch(signals[part], t[part], cause[part]))
     short = _differences(stretches, tuning.SHORT_BLOCK)
@@ -63,23 +65,18 @@ def block_noise(signals: Array, t: Array, cause: Array, windows: Sequence[Rows])
     sure = max(short.count / tuning.OVERLAP, tuning.FLICKER_FREEDOM[0])
     if long is None:
         return Noise(white, np.zeros_like(white), sure)
-    # Most signals together say whether something slower than white noise stands out.
+    # The median of all signals decides whether noise slower than white exceeds it.
     excess = float(np.median(long.white / np.maximum(white, TINY))) - 1.0
     unsure = float(np.sqrt(2.0 * tuning.OVERLAP / (long.count * len(white))))
     beyond = max(0.0, excess - tuning.STANDS_OUT * unsure)
     slow = beyond / (FLICKER_HADAMARD * (long.rows - short.rows))
     share = slow / (slow + short.period / tuning.FLICKER_SPAN)
-    freedom_slow = _freedom_of_level(beyond, unsure * (1.0 + excess))
+    # Few blocks show the slow noise, and its level is extrapolated.
+    least, most = tuning.FLICKER_FREEDOM
+    exceeds = (beyond / max(unsure * (1.0 + excess), TINY)) ** 2
+    freedom_slow = max(least, most * exceeds / (exceeds + 0.5 * most))
     freedom = 1.0 / (share**2 / freedom_slow + (1.0 - share) ** 2 / sure)
     return Noise(white, slow * white, freedom)
-
-
-def _freedom_of_level(beyond: float, unsure: float) -> float:
-    """Degrees of freedom of the level of what is slow, which shows in few blocks as `beyond`, of which `unsure`
-    is one standard deviation, and is extrapolated."""
-    least, most = tuning.FLICKER_FREEDOM
-    stands_out = (beyond / max(unsure, TINY)) ** 2
-    return max(least, most * stands_out / (stands_out + 0.5 * most))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,8 +85,8 @@ class _Stretch:
 
     Attributes:
         period: s.
-        basis: (n, p) orthonormal, what was taken out.
-        left: (n, m) what is left of the signals.
+        basis: (n, p) orthonormal, of the fitted trend and cause.
+        left: (n, m) residuals of the signals.
     """
 
     period: float
@@ -107,11 +104,8 @@ def _stretch(signals: Array, t: Array, cause: Array) -> _Stretch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Differences:
-    """Second differences of means over blocks of `rows` at a `period` in s, `count` of them.
-
-    Attributes:
-        white: (m,) variance of a row, if all of it were white.
-    """
+    """`count` second differences of means over blocks of `rows` at a `period`, s; `white` (m,): variance of a
+    row if all noise were white."""
 
     white: Array
     rows: int
@@ -127,28 +121,20 @@ def _differences(stretches: Sequence[_Stretch], block: float) -> _Differences | 
     size = max(1, round(block / max(period, TINY)))
     total, weight, count = np.zeros(stretches[0].left.shape[1]), 0.0, 0
     for stretch in stretches:
-        second = _second(stretch.left, size)
+        second = second_differences(stretch.left, size)
         total = total + (second**2).sum(axis=0)
-        # White noise of unit variance has 6 / size in each, less what the basis took out of it.
-        weight += 6.0 * len(second) / size - float((_second(stretch.basis, size) ** 2).sum())
+        # White noise of unit variance has 6 / size in each, minus the part in the fitted basis.
+        weight += 6.0 * len(second) / size - float(
+            (second_differences(stretch.basis, size) ** 2).sum()
+        )
         count += len(second)
     if weight * size < 1.0:
         return None
     return _Differences(total / weight, size, period, count)
 
 
-def _second(signals: Array, size: int) -> Array:
+def second_differences(signals: Array, size: int) -> Array:
     """(k, m) second differences of means over blocks of `size` rows."""
     count = len(signals) // size
     blocks = signals[: count * size].reshape(count, size, signals.shape[1])
     return np.diff(blocks.mean(axis=1), n=2, axis=0)
-
-
-def _unbroken(t: Array) -> list[slice]:
-    """Stretches without a gap."""
-    if len(t) < 2:
-        return []
-    usual = float(np.median(np.diff(t)))
-    gaps = np.flatnonzero(np.diff(t) > tuning.GAP * usual)
-    edges = [0, *(gaps + 1).tolist(), len(t)]
-    return [slice(first, last) for first, last in pairwise(edges)]

@@ -1,43 +1,146 @@
 """Segmentation of a trace into rests, passes and turns, with and without the load.
 
-The sensed wrench is load + bias, and the bias depends on where the arm is, which way its joints
-slide, how it came to rest, and on time. All of that is the same with and without the object on the
-same path in the same direction. So a trace is cut into *rests* at the pose where the object was
-measured and *passes* along the straight line on which it was lifted, each loaded or empty, and each
-of a *kind*: what makes two of them comparable. A *turn* of the hand where the object was measured is a pass,
-too, along which the moment of what hangs on it turns, and what the sensors are off by does not.
+The sensed wrench is load + bias, and the bias depends on the configuration of the arm, on the direction
+in which its joints slide, on how it came to rest, and on time. All of that is the same with and without
+the object on the same path in the same direction. So a trace is cut into *rests* at the pose where the
+object was measured and *passes* along the straight line on which it was lifted, each loaded or empty, and
+each of a *kind*; segments of one kind are comparable. A *turn* of the hand where the object was measured
+is a pass, too: along it the moment of the load turns with the hand, and the bias of the sensors does not.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
-from palpate.estimation.load.dahl import dahl_states
+from palpate.estimation.joint_friction import joint_states
 from palpate.estimation.load.noise import Noise, Rows, block_noise
 from palpate.estimation.load.observation import WrenchObservation, observe
-from palpate.estimation.windows import (
-    Load,
+from palpate.estimation.motion import (
     Mask,
-    Path,
     acceleration,
+    aligned,
     at_rest,
     commanded,
-    gained,
-    lift_path,
-    load_of,
     mean_pose,
-    near,
+    row_at,
     runs,
-    turns,
+    smoothed_with_rate,
+    steady,
 )
 from palpate.geometry.pose import Array, Pose
 from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, Samples, Trace, once
+
+TURN = "turn"
+"""Prefix of the kinds of turns."""
+LEVER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+"""Matrix from the lever of a weight to its moment about the TCP per newton, world axes."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadRows:
+    """Rows of a trace with the object in the hand and with an empty hand; rows while the fingers move are
+    in neither. `grasps`: s, when the content of the hand changed to or from the object."""
+
+    loaded: Mask
+    empty: Mask
+    grasps: tuple[float, ...]
+
+
+def load_rows(trace: Trace, name: str | None) -> LoadRows:
+    """Rows in which `name` was held, from the symbolic contexts of the leaves."""
+    t = trace.samples.t
+    loaded, empty = np.zeros(len(t), dtype=bool), np.ones(len(t), dtype=bool)
+    held: str | None = None
+    grasps: list[float] = []
+    for leaf in sorted(trace.leaves, key=lambda run: run.end):
+        if leaf.context is None or leaf.context.holding == held:
+            continue
+        if name in (held, leaf.context.holding):
+            grasps.append(leaf.end if leaf.context.holding else leaf.start)
+        held = leaf.context.holding
+        loaded[t >= leaf.start] = empty[t >= leaf.start] = False
+        loaded[t > leaf.end] = held == name and held is not None
+        empty[t > leaf.end] = held is None
+    return LoadRows(loaded, empty, tuple(grasps))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Path:
+    """Straight line of a lift, from the grasp to the pose of the measurement.
+
+    Attributes:
+        origin: (3,) world, the grasp.
+        axis: (3,) unit.
+        length: m.
+        pose: of the measurement.
+    """
+
+    origin: Array
+    axis: Array
+    length: float
+    pose: Pose
+
+    def progress(self, samples: Samples) -> Array:
+        """(n,) m along the line from its origin."""
+        return (samples.pose_world_tcp[:, :3] - self.origin) @ self.axis
+
+    def inside(self, samples: Samples) -> Mask:
+        """Rows on the line, clear of the support, in the measured orientation."""
+        relative = samples.pose_world_tcp[:, :3] - self.origin
+        along = relative @ self.axis
+        beside = np.linalg.norm(relative - along[:, None] * self.axis, axis=1)
+        clearance = min(tuning.CLEARANCE, tuning.SHORT_LIFT * self.length)
+        clear = (along > clearance) & (along < self.length)
+        return clear & (beside < tuning.CORRIDOR) & aligned(samples, self.pose)
+
+
+def lift_path(trace: Trace, recording: Recording, load: LoadRows) -> Path | None:
+    """Path of the lift before `recording`; None where the grasp is not in the trace, or at the same place."""
+    before = [time for time in load.grasps if time <= recording.start]
+    window = trace.of(recording)
+    if not before or not len(window):
+        return None
+    grasp = trace.samples.pose_world_tcp[row_at(trace.samples, before[-1]), :3]
+    measured = mean_pose(window)
+    line = measured.position - grasp
+    length = float(np.linalg.norm(line))
+    if length <= tuning.LIFT_MIN:
+        return None
+    return Path(grasp, line / length, length, measured)
+
+
+def turn_bins(trace: Trace, recording: Recording) -> dict[tuple[int, int], slice]:
+    """Rows of each turn in a recording by its number and the number of a bin; bins are at the same share of
+    the turn in every recording. Only bins in which the hand turns at a constant rate."""
+    samples, t = trace.samples, trace.samples.t
+    inside = (t >= recording.start) & (t <= recording.end)
+    edges = np.linspace(0.0, 1.0, tuning.TURN_BINS + 1)[1:-1]
+    found: dict[tuple[int, int], slice] = {}
+    for i, turn in enumerate(runs(commanded(samples) & inside)):
+        if turn.stop - turn.start <= tuning.TURN_BINS * tuning.REST_ROWS:
+            continue
+        quaternions = samples.pose_world_tcp[turn, 3:]
+        angle = 2.0 * np.arccos(np.minimum(np.abs(quaternions @ quaternions[0]), 1.0))
+        progress: Array = np.maximum.accumulate(angle)
+        cuts: NDArray[np.intp] = np.asarray(
+            np.searchsorted(progress, edges * progress[-1]), np.intp
+        )
+        for k, (first, last) in enumerate(pairwise((cuts + turn.start).tolist())):
+            if last - first < tuning.REST_ROWS:
+                continue
+            # While the rate is constant, no inertial moment adds to that of the weight.
+            since = t[first:last] - t[first:last].mean()
+            trend = since @ samples.twist[first:last, 3:] / float(since @ since)
+            if float(np.linalg.norm(trend)) < tuning.TURN_STEADY:
+                found[i, k] = slice(first, last)
+    return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,7 +150,7 @@ class Segment:
     Attributes:
         kind: `up`, `down` (passes), `rest ...` with how the arm came to rest, or `turn ...` with its number.
         loaded: with the object in the hand.
-        grasp: s, when the hand took or left something last.
+        grasp: s, last time at which the hand took or left something.
         start, end: s.
         t: (k,) mean time, s.
         path: (k,) m along the path.
@@ -55,12 +158,12 @@ class Segment:
         speed2: (k,) m²/s², squared speed.
         maps: (k, m, 6) m signals per unit wrench (`estimation.load.observation`).
         observed, variance: (k, m) means of the signals, and the variance of white noise in them.
-        motion: (k, m) N m that the arm's own links took to move, which is out of `observed`; nothing, (k, 0),
-            where it is not known.
-        dahl: (k, m, 2) Dahl states of the joints (`estimation.load.dahl`); (k, 0, 2) where the signals
-            are no joint torques.
-        turned: (k,) rad by which the hand is turned about the vertical from where the load was measured; what
-            hangs on it turns with it, and so do the moments that `maps` are of.
+        motion: (k, m) N m that moved the arm's own links, already subtracted from `observed`; (k, 0) where
+            the links are not known.
+        dahl: (k, m, 2) Dahl states of the joints (`estimation.joint_friction`); (k, 0, 2) where the signals
+            are not joint torques.
+        turned: (k,) rad, rotation of the hand about the vertical since the load was measured; the load and
+            the moments in `maps` turn with it.
     """
 
     kind: str
@@ -88,15 +191,9 @@ class Segment:
         return self.kind.startswith(TURN)
 
 
-TURN = "turn"
-"""Prefix of the kinds of turns."""
-LEVER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-"""Matrix from the lever of a weight to its moment about the TCP per newton, world axes."""
-
-
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """Rows of one rest or pass; `kind` as a `Segment`'s."""
+    """Rows of one rest or pass; `kind` as that of a `Segment`."""
 
     kind: str
     loaded: bool
@@ -119,117 +216,41 @@ class Weighing:
 
     @property
     def grasps(self) -> Sequence[float]:
-        """s, of each grasp with which the load was weighed on it."""
+        """Times (s) of the grasps in which the load was weighed."""
         return sorted({segment.grasp for segment in self.segments if segment.loaded})
 
     def only(self, at_rest: bool) -> Weighing:
-        """Its rests, or its passes, alone."""
+        """Rests alone, or passes alone."""
         kept = [segment for segment in self.segments if segment.at_rest == at_rest]
         return replace(self, segments=kept)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Signals:
-    """A trace's signals with what its segments are made of, row by row."""
-
-    samples: Samples
-    observed: WrenchObservation
-    net: Array
-    motion: Array
-    noise: Noise
-    acceleration: Array
-    speed2: Array
-    progress: Array
-    grasps: tuple[float, ...]
-    dahl: Array
 
 
 @once
 def weighing(trace: Trace, recording: Recording) -> Weighing:
     """Find the rests and passes that weigh the load of `recording`, with and without it."""
-    load = load_of(trace, recording.context.holding)
+    load = load_rows(trace, recording.context.holding)
     path = lift_path(trace, recording, load)
-    samples = trace.samples
-    told, steady = commanded(samples), _steady(samples)
     rests = list(_rests(trace, recording, load, path))
-    quiet = [cut for cut in rests if not told[cut.rows].any()]
-    passes = _passes(trace, load, path, steady) if path is not None else []
+    passes = [] if path is None else _passes(trace.samples, load, path)
     turned = list(_turns(trace, recording))
-    signals = _signals(trace, load, path, [*rests, *passes, *(cut for cut, _ in turned)])
-    found = [_segment(signals, cut, [cut.rows]) for cut in quiet]
+    signals = _Signals.of(trace, load, path, [*rests, *passes, *(cut for cut, _ in turned)])
+    moving = commanded(trace.samples)
+    found = [signals.segment(cut, [cut.rows]) for cut in rests if not moving[cut.rows].any()]
     binned = _binned(signals, passes)
-    found += [one for one in binned if _has_counterpart(one, binned)]
+    found += [one for one in binned if any(comparable_passes(one, other) for other in binned)]
     here = mean_pose(trace.of(recording))
-    found += [
-        _turned(_segment(signals, *one), signals, one[1], here, trace.gravity) for one in turned
-    ]
+    found += [_turned(signals, *one, here, trace.gravity) for one in turned]
     if not any(segment.loaded for segment in found):
-        # A recording of a motion is all there is.
-        found = [_segment(signals, cut, [cut.rows]) for cut in rests]
+        # The object was recorded in motion only.
+        found = [signals.segment(cut, [cut.rows]) for cut in rests]
     return Weighing(found, signals.noise, signals.observed.scale)
 
 
 def compared(trace: Trace, name: str, cuts: Sequence[Cut]) -> Weighing:
-    """Weighing of the load `name` from given cuts, which are compared within each kind, at one
-    place each."""
-    signals = _signals(trace, load_of(trace, name), None, cuts)
-    found = [_segment(signals, cut, [cut.rows]) for cut in cuts]
+    """Weighing of the load `name` from given cuts at one place, compared within each kind."""
+    signals = _Signals.of(trace, load_rows(trace, name), None, cuts)
+    found = [signals.segment(cut, [cut.rows]) for cut in cuts]
     return Weighing(found, signals.noise, signals.observed.scale)
-
-
-def _signals(trace: Trace, load: Load, path: Path | None, cuts: Iterable[Cut]) -> _Signals:
-    """Row-wise signals of a trace; expensive ones only in the rows of `cuts`."""
-    samples = trace.samples
-    observed, rising = observe(trace), acceleration(samples, tuning.SPEED_SHORT)[:, 2]
-    used = np.zeros(len(samples), dtype=bool)
-    for cut in cuts:
-        used[cut.rows] = True
-    motion = observed.own_motion(samples, used)
-    calm = (at_rest(samples) | (_steady(samples) & _moves(samples))) & (load.loaded | load.empty)
-    calm &= ~_dragged(trace)
-    return _Signals(
-        samples,
-        observed,
-        _net(observed, samples, motion),
-        motion,
-        block_noise(observed.signals, samples.t, rising, list(runs(calm))),
-        rising,
-        (samples.twist[:, :3] ** 2).sum(axis=1),
-        path.progress(samples) if path is not None else np.zeros(len(samples)),
-        load.grasps,
-        _rubbed(observed, samples),
-    )
-
-
-def _dragged(trace: Trace) -> Mask:
-    """Rows between the first and the last slide of an object along its support, which the noise
-    estimate leaves out."""
-    t = trace.samples.t
-    slides = [one for one in trace.recordings if one.context.activity == "sliding"]
-    if not slides:
-        return np.zeros(len(t), dtype=bool)
-    first, last = min(one.start for one in slides), max(one.end for one in slides)
-    return (first <= t) & (t <= last)
-
-
-def _net(observed: WrenchObservation, samples: Samples, motion: Array) -> Array:
-    """(n, m) signals without the torque that moves the arm's own links."""
-    if not motion.shape[1]:
-        return observed.signals
-    # Averaged as the motion is, lest what is faster shows as a difference.
-    return gained(observed.signals, samples.t, tuning.SPEED_SHORT)[0] - motion
-
-
-def _rubbed(observed: WrenchObservation, samples: Samples) -> Array:
-    """(n, m, 2) Dahl states of the joints; (n, 0, 2) where the signals are no joint torques."""
-    if observed.chain is None:
-        return np.zeros((len(samples), 0, 2))
-    return _joint_rubbing(samples)
-
-
-@once
-def _joint_rubbing(samples: Samples) -> Array:
-    return dahl_states(samples.q)
 
 
 def weighings(trace: Trace, recording: Recording) -> Sequence[Weighing]:
@@ -248,92 +269,119 @@ def _same_place(trace: Trace, one: Recording, other: Recording) -> bool:
     """Two recordings belong to one lift, or to lifts along the same path."""
     if one is other:
         return True
-    load = load_of(trace, one.context.holding)
-    paths = lift_path(trace, one, load), lift_path(trace, other, load)
-    if paths[0] is None or paths[1] is None:
-        return paths[0] is paths[1]
-    same_grasp = float(np.linalg.norm(paths[0].origin - paths[1].origin)) < tuning.NEAR
-    return same_grasp and float(abs(paths[0].axis @ paths[1].axis)) > tuning.ALONG
+    load = load_rows(trace, one.context.holding)
+    first, second = lift_path(trace, one, load), lift_path(trace, other, load)
+    if first is None or second is None:
+        return first is second
+    same_grasp = float(np.linalg.norm(first.origin - second.origin)) < tuning.NEAR
+    return same_grasp and float(abs(first.axis @ second.axis)) > tuning.ALONG
 
 
 def referenced(found: Iterable[Segment]) -> bool:
     """At least one kind of segment was recorded both with and without the load."""
-    loaded: set[str] = set()
-    empty: set[str] = set()
-    for segment in found:
-        (loaded if segment.loaded else empty).add(segment.kind)
-    return bool(loaded & empty)
+    kinds = {(segment.kind, segment.loaded) for segment in found}
+    return any((kind, not loaded) in kinds for kind, loaded in kinds)
 
 
-def _has_counterpart(one: Segment, found: Iterable[Segment]) -> bool:
-    return any(_comparable(one, other) for other in found)
+@dataclass(frozen=True, slots=True, eq=False)
+class _Signals:
+    """Signals of a trace, with all that its segments are means of, row by row."""
+
+    samples: Samples
+    observed: WrenchObservation
+    net: Array
+    motion: Array
+    noise: Noise
+    acceleration: Array
+    speed2: Array
+    progress: Array
+    grasps: tuple[float, ...]
+    dahl: Array
+
+    @classmethod
+    def of(cls, trace: Trace, load: LoadRows, path: Path | None, cuts: Iterable[Cut]) -> _Signals:
+        """Signals of a trace; the torques that move the arm's links only in the rows of `cuts`."""
+        samples, t = trace.samples, trace.samples.t
+        observed, rising = observe(trace), acceleration(samples, tuning.SPEED_SHORT)[:, 2]
+        used = np.zeros(len(samples), dtype=bool)
+        for cut in cuts:
+            used[cut.rows] = True
+        motion = observed.own_motion(samples, used)
+        net = observed.signals
+        if motion.shape[1]:
+            # Averaged like the motion, so that faster changes do not show as a difference.
+            net = smoothed_with_rate(observed.signals, t, tuning.SPEED_SHORT)[0] - motion
+        moves = np.linalg.norm(samples.twist[:, :3], axis=1) > tuning.PASS_SPEED
+        calm = (at_rest(samples) | (steady(samples) & moves)) & (load.loaded | load.empty)
+        slides = [one for one in trace.recordings if one.context.activity == "sliding"]
+        if slides:
+            # Friction with the support is no noise of the sensors.
+            first, last = min(one.start for one in slides), max(one.end for one in slides)
+            calm &= ~((first <= t) & (t <= last))
+        joints = observed.chain is not None
+        return cls(
+            samples,
+            observed,
+            net,
+            motion,
+            noise=block_noise(observed.signals, t, rising, list(runs(calm))),
+            acceleration=rising,
+            speed2=(samples.twist[:, :3] ** 2).sum(axis=1),
+            progress=path.progress(samples) if path is not None else np.zeros(len(samples)),
+            grasps=load.grasps,
+            dahl=joint_states(samples) if joints else np.zeros((len(samples), 0, 2)),
+        )
+
+    def segment(self, cut: Cut, bins: Sequence[Rows]) -> Segment:
+        """Means of a cut over `bins`."""
+        samples, t = self.samples, self.samples.t[cut.rows]
+
+        def means(signal: Array) -> Array:
+            return np.array([signal[rows].mean(axis=0) for rows in bins])
+
+        return Segment(
+            cut.kind,
+            cut.loaded,
+            grasp=max([time for time in self.grasps if time <= t[0]], default=-np.inf),
+            start=float(t[0]),
+            end=float(t[-1]),
+            t=means(samples.t),
+            path=means(self.progress),
+            acceleration=means(self.acceleration),
+            speed2=means(self.speed2),
+            maps=self.observed.maps(means(samples.q)),
+            observed=means(self.net),
+            variance=np.array([self.noise.white / len(samples.t[rows]) for rows in bins]),
+            motion=means(self.motion),
+            dahl=means(self.dahl),
+            turned=np.zeros(len(bins)),
+        )
 
 
-def _comparable(one: Segment, other: Segment) -> bool:
-    """Two passes, one with the load and one without, have the same motion, so that the inertia of
-    the arm, far larger than the load's, cancels."""
+def comparable_passes(one: Segment, other: Segment) -> bool:
+    """Two passes, one with the load and one without, have the same motion, so that the inertia of the arm,
+    far larger than that of the load, cancels."""
     if one.kind != other.kind or one.loaded == other.loaded:
         return False
     apart = one.acceleration - np.interp(one.path, other.path, other.acceleration)
     return float(np.sqrt(np.mean(apart**2))) < tuning.SAME_MOTION
 
 
-def _loaded_and_empty(load: Load) -> tuple[tuple[bool, Mask], tuple[bool, Mask]]:
-    return (True, load.loaded), (False, load.empty)
-
-
-def _rests(trace: Trace, recording: Recording, load: Load, path: Path | None) -> Iterator[Cut]:
+def _rests(trace: Trace, recording: Recording, load: LoadRows, path: Path | None) -> Iterator[Cut]:
     """Rests at the pose of `recording`, and `recording` itself, however much the arm swung."""
-    samples = trace.samples
+    samples, pose = trace.samples, mean_pose(trace.of(recording))
     measured = (samples.t >= recording.start) & (samples.t <= recording.end)
-    here = (at_rest(samples) & near(samples, mean_pose(trace.of(recording)))) | measured
-    for loaded, mask in _loaded_and_empty(load):
+    # A loaded arm sags a little.
+    away = np.linalg.norm(samples.pose_world_tcp[:, :3] - pose.position, axis=1)
+    near = (away < tuning.NEAR) & aligned(samples, pose)
+    here = (at_rest(samples) & near) | measured
+    for loaded, mask in ((True, load.loaded), (False, load.empty)):
         for rows in runs(here & mask):
             if rows.stop - rows.start >= tuning.REST_ROWS:
-                yield Cut(f"rest {_arrival(samples, rows.start, path)}", loaded, rows)
+                yield Cut(f"rest {arrival(samples, rows.start, path)}", loaded, rows)
 
 
-def _turns(trace: Trace, recording: Recording) -> Iterator[tuple[Cut, Sequence[slice]]]:
-    """Each turn where the object was measured, with it and without, in bins that all of them have."""
-    context, here = recording.context, mean_pose(trace.of(recording))
-    found: list[tuple[bool, dict[tuple[int, int], slice]]] = []
-    for one in trace.recordings:
-        holding = one.context.holding
-        if one.context.activity == "turning" and holding in (None, context.holding):
-            begins = mean_pose(trace.of(one).where(slice(0, 1)))
-            if begins.distance_to(here) < tuning.NEAR and begins.angle_to(here) < tuning.NEAR_ANGLE:
-                found.append((holding is not None, turns(trace, one)))
-    if {loaded for loaded, _ in found} != {True, False}:
-        return
-    (_, first), *others = found
-    common = [place for place in sorted(first) if all(place in bits for _, bits in others)]
-    for loaded, bits in found:
-        for number in sorted({turn for turn, _ in common}):
-            bins = [bits[turn, place] for turn, place in common if turn == number]
-            every = np.arange(len(trace.samples), dtype=np.intp)
-            yield (
-                Cut(f"{TURN} {number}", loaded, np.concatenate([every[one] for one in bins])),
-                bins,
-            )
-
-
-def _turned(
-    segment: Segment, signals: _Signals, bins: Sequence[slice], here: Pose, gravity: float
-) -> Segment:
-    """A turn, its moments in axes that turn with the hand from `here`, with what keeps the load on its circle."""
-    samples = signals.samples
-    angles: list[float] = []
-    maps = segment.maps.copy()
-    for i, rows in enumerate(bins):
-        now = mean_pose(samples.where(rows)).rotation @ here.rotation.T
-        rate = float(samples.twist[rows, 5].mean())
-        angles.append(float(np.arctan2(now[1, 0], now[0, 0])))
-        inward = -(rate**2) / gravity * now @ LEVER
-        maps[i, :, 3:] = maps[i, :, 3:] @ now + maps[i, :, :3] @ inward
-    return replace(segment, maps=maps, turned=np.array(angles))
-
-
-def _arrival(samples: Samples, row: int, path: Path | None) -> str:
+def arrival(samples: Samples, row: int, path: Path | None) -> str:
     """Direction of the arm's arrival at the rest at `row`: `up` or `down` the path, or `beside` it."""
     if path is None:
         return "beside"
@@ -347,45 +395,29 @@ def _arrival(samples: Samples, row: int, path: Path | None) -> str:
     return "down" if along < -tuning.ALONG else "beside"
 
 
-@once
-def _steady(samples: Samples) -> Mask:
-    """Rows where the arm does not change its speed."""
-    change = acceleration(samples, tuning.SPEED_SMOOTH)
-    return np.linalg.norm(change, axis=1) < tuning.STEADY
+def _passes(samples: Samples, load: LoadRows, path: Path) -> list[Cut]:
+    """Motions along the path that cover enough of it, up and down: where the arm has a constant speed, if
+    that is enough of the path both with the load and without, else at any speed."""
+    progress, inside = path.progress(samples), path.inside(samples)
+    speed = np.gradient(progress, samples.t)
 
+    def motions(kind: str, which: Mask) -> Iterator[Cut]:
+        for loaded, mask in ((True, load.loaded), (False, load.empty)):
+            for rows in _joined(inside & which & mask, samples.t):
+                if np.ptp(progress[rows]) > tuning.COVERED * path.length:
+                    yield Cut(kind, loaded, rows)
 
-@once
-def _moves(samples: Samples) -> Mask:
-    return np.linalg.norm(samples.twist[:, :3], axis=1) > tuning.PASS_SPEED
-
-
-def _passes(trace: Trace, load: Load, path: Path, steady: Mask) -> list[Cut]:
-    """Motions along the path that cover enough of it, up and down; where the arm goes steadily, if
-    that is enough of this way both with the load and without."""
-    samples, anyhow = trace.samples, np.ones_like(steady)
-    speed = np.gradient(path.progress(samples), samples.t)
     ways = {"up": speed > tuning.PASS_SPEED, "down": speed < -tuning.PASS_SPEED}
     found: list[Cut] = []
     for kind, moving in ways.items():
-        calm = list(_motions(samples, load, path, kind, moving & steady))
-        if {cut.loaded for cut in calm} == {True, False}:
-            found += calm
-        else:
-            found += _motions(samples, load, path, kind, moving & anyhow)
+        calm = list(motions(kind, moving & steady(samples)))
+        both = {cut.loaded for cut in calm} == {True, False}
+        found += calm if both else motions(kind, moving)
     return found
 
 
-def _motions(samples: Samples, load: Load, path: Path, kind: str, which: Mask) -> Iterator[Cut]:
-    progress, inside = path.progress(samples), path.inside(samples) & which
-    for loaded, mask in _loaded_and_empty(load):
-        for rows in _joined(inside & mask, samples.t):
-            if np.ptp(progress[rows]) > tuning.COVERED * path.length:
-                yield Cut(kind, loaded, rows)
-
-
-def _joined(moving: Mask, t: Array) -> Iterator[NDArray[np.intp]]:
-    """Rows of each pass: stretches with a pause between them, where the arm changes its speed, are
-    one."""
+def _joined(moving: Mask, t: Array) -> list[NDArray[np.intp]]:
+    """Rows of each pass; stretches with a pause between them, where the arm changes its speed, are one."""
     found: list[NDArray[np.intp]] = []
     for stretch in runs(moving):
         rows: NDArray[np.intp] = np.arange(stretch.start, stretch.stop, dtype=np.intp)
@@ -393,7 +425,7 @@ def _joined(moving: Mask, t: Array) -> Iterator[NDArray[np.intp]]:
             found[-1] = np.concatenate([found[-1], rows])
         else:
             found.append(rows)
-    yield from found
+    return found
 
 
 def _binned(signals: _Signals, passes: Sequence[Cut]) -> list[Segment]:
@@ -408,31 +440,44 @@ def _binned(signals: _Signals, passes: Sequence[Cut]) -> list[Segment]:
     for cut in passes:
         rows = np.arange(len(progress))[cut.rows]
         filled = [k for k in range(tuning.BINS) if np.any(bins[rows] == k)]
-        found.append(_segment(signals, cut, [rows[bins[rows] == k] for k in filled]))
+        found.append(signals.segment(cut, [rows[bins[rows] == k] for k in filled]))
     return found
 
 
-def _segment(signals: _Signals, cut: Cut, bins: Sequence[Rows]) -> Segment:
-    """A cut's means over `bins`."""
-    samples, t = signals.samples, signals.samples.t[cut.rows]
-    return Segment(
-        cut.kind,
-        cut.loaded,
-        max([time for time in signals.grasps if time <= t[0]], default=-np.inf),
-        float(t[0]),
-        float(t[-1]),
-        _means(samples.t, bins),
-        _means(signals.progress, bins),
-        _means(signals.acceleration, bins),
-        _means(signals.speed2, bins),
-        signals.observed.maps(_means(samples.q, bins)),
-        _means(signals.net, bins),
-        np.array([signals.noise.white / len(samples.t[rows]) for rows in bins]),
-        _means(signals.motion, bins),
-        _means(signals.dahl, bins),
-        np.zeros(len(bins)),
-    )
+def _turns(trace: Trace, recording: Recording) -> Iterator[tuple[Cut, Sequence[slice]]]:
+    """Each turn where the object was measured, with it and without, in bins that all of them have."""
+    context, here = recording.context, mean_pose(trace.of(recording))
+    found: list[tuple[bool, dict[tuple[int, int], slice]]] = []
+    for one in trace.recordings:
+        holding = one.context.holding
+        if one.context.activity == "turning" and holding in (None, context.holding):
+            begins = mean_pose(trace.of(one).where(slice(0, 1)))
+            if begins.distance_to(here) < tuning.NEAR and begins.angle_to(here) < tuning.NEAR_ANGLE:
+                found.append((holding is not None, turn_bins(trace, one)))
+    if {loaded for loaded, _ in found} != {True, False}:
+        return
+    (_, first), *others = found
+    common = [place for place in sorted(first) if all(place in bits for _, bits in others)]
+    for loaded, bits in found:
+        for number in sorted({turn for turn, _ in common}):
+            bins = [bits[turn, place] for turn, place in common if turn == number]
+            every = np.arange(len(trace.samples), dtype=np.intp)
+            rows = np.concatenate([every[one] for one in bins])
+            yield Cut(f"{TURN} {number}", loaded, rows), bins
 
 
-def _means(signal: Array, bins: Sequence[Rows]) -> Array:
-    return np.array([signal[rows].mean(axis=0) for rows in bins])
+def _turned(
+    signals: _Signals, cut: Cut, bins: Sequence[slice], here: Pose, gravity: float
+) -> Segment:
+    """Segment of a turn, its moments in axes that turn with the hand from `here`, with the centripetal force
+    of the load."""
+    segment, samples = signals.segment(cut, bins), signals.samples
+    angles: list[float] = []
+    maps = segment.maps.copy()
+    for i, rows in enumerate(bins):
+        now = mean_pose(samples.where(rows)).rotation @ here.rotation.T
+        rate = float(samples.twist[rows, 5].mean())
+        angles.append(float(np.arctan2(now[1, 0], now[0, 0])))
+        inward = -(rate**2) / gravity * now @ LEVER
+        maps[i, :, 3:] = maps[i, :, 3:] @ now + maps[i, :, :3] @ inward
+    return replace(segment, maps=maps, turned=np.array(angles))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
 
@@ -11,15 +11,19 @@ import numpy as np
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest
 from palpate.estimation.estimate import Part, Shared, Verdict, half95
-from palpate.estimation.load.around.whole import Whole, fit_whole
-from palpate.estimation.load.equations import FORCE_Z
+from palpate.estimation.load.blocks import Blocks
+from palpate.estimation.load.causes import Cause, of_load, whitened
+from palpate.estimation.load.equations import FORCE_Z, TORQUE_X, TORQUE_Y, each_its_own, in_each
 from palpate.estimation.load.fit import Load, fit_load, untested
 from palpate.estimation.load.segments import Segment, Weighing, referenced, weighings
-from palpate.estimation.load.view import weighing_view, whole_view
-from palpate.estimation.view import FitView
+from palpate.estimation.load.whole import Whole, fit_whole
+from palpate.estimation.motion import Mask
+from palpate.estimation.view import FitView, constant, unit_slopes
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, Trace
+
+KINDS = {"up": "on the way up", "down": "on the way down", "rest": "at rest", "turn": "turning"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,14 +32,14 @@ class Weight:
 
     Attributes:
         mass, std, ci95: kg.
-        verdict: `prior-dominated` where the object is so light that it is positive says as much
-            about its mass as the forces, or where nothing was recorded of the empty hand.
-        weighings: what it rests on.
-        tests: of what else might have acted on it.
-        shared: what it has in common with other weighings on that arm.
-        freedom: of the noise.
+        verdict: `prior-dominated` where the object is so light that the bound at 0 says as much about its
+            mass as the forces, or where nothing was recorded of the empty hand.
+        weighings: of which it is the mass.
+        tests: for other forces on the object.
+        shared: errors in common with other weighings on that arm.
+        freedom: degrees of freedom of the noise.
         load: the fit of the weighings.
-        whole: what it follows from, where all that the arm did around the weighing tells more.
+        whole: the fit to all free motion, where that is more precise and gives the mass.
     """
 
     mass: float
@@ -87,7 +91,7 @@ def weigh(trace: Trace, recording: Recording) -> Weight:
     low, high = mass - half, mass + half
     common = shared, load.freedom, load, whole
     if low > 0.0:
-        # Without anything to compare with, the arm's own bias is what was believed before.
+        # Without a reference the bias of the arm has its prior.
         compared = any(referenced(weighing.segments) for weighing in found)
         verdict = "identified" if compared else "prior-dominated"
         return Weight(mass, std, (low, high), verdict, found, load.tests, *common)
@@ -99,8 +103,8 @@ def weigh(trace: Trace, recording: Recording) -> Weight:
 def whole_of(
     trace: Trace, recording: Recording, found: Sequence[Weighing], load: Load
 ) -> Whole | None:
-    """Load fitted to all free motion around its weighings, where that is more precise than they
-    are, no test failed, and both agree; else None."""
+    """Load fitted to all free motion around its weighings, where that is more precise, no test failed, and
+    both agree; else None."""
     name = recording.context.holding
     if name is None or not load.agrees:
         return None
@@ -166,3 +170,86 @@ def positive(mean: float, std: float) -> tuple[float, float]:
     hazard = unit.pdf(alpha) / max(1.0 - unit.cdf(alpha), 1e-12)
     narrower = float(np.sqrt(max(1.0 + alpha * hazard - hazard**2, 1e-6)))
     return mean + std * hazard, std * narrower
+
+
+def weighing_view(load: Load, gravity: float) -> FitView:
+    """Mass by rests and passes of the fit `load`."""
+    columns: list[Array] = []
+    parts: list[Segment] = []
+    for weighing, row in zip(load.weighings, load.rows, strict=True):
+        vertical = np.column_stack(
+            [row.wrench[:, FORCE_Z], in_each(row, load.grasps, (TORQUE_X, TORQUE_Y))]
+        )
+        borne = vertical @ load.value / load.force
+        count = [len(segment.t) for segment in weighing.segments]
+        owner = np.tile(np.repeat(np.arange(len(count)), count), len(borne) // sum(count))
+        loaded = [i for i, segment in enumerate(weighing.segments) if segment.loaded]
+        own = np.array([borne * (owner == i) for i in loaded]).T
+        columns.append(row.white(own))
+        parts += [weighing.segments[i] for i in loaded]
+    wide = np.concatenate(each_its_own(columns))
+    mean, variance = load.model.each_alone(wide, tuning.LOAD_PRIOR)
+    return _view(
+        np.array([(part.start + part.end) / 2.0 for part in parts]),
+        load.force,
+        (mean, variance),
+        [KINDS.get(part.kind.split()[0], part.kind) for part in parts],
+        gravity,
+        "Each rest and each pass with the object, fitted with a mass of its own, less the empty hand's",
+    )
+
+
+def whole_view(whole: Whole, gravity: float) -> FitView:
+    """Mass by stretches of free motion of the fit `whole`."""
+    seen = whole.seen
+    load = np.array([cause.torque for cause in of_load(seen, seen.pull)])
+    borne = np.tensordot(whole.value, load, 1) / whole.force
+    parts = list(_stretches(seen))
+    causes = [Cause("part", borne * part[:, None], tuning.LOAD_PRIOR) for part in parts]
+    columns, _ = whitened(causes, seen, whole.noise)
+    resting = seen.resting.sum(axis=1)
+    return _view(
+        np.array([float(seen.t[part].mean()) for part in parts]),
+        whole.force,
+        whole.model.each_alone(columns, tuning.LOAD_PRIOR),
+        [KINDS["rest"] if float(resting[part].mean()) > 0.5 else "in motion" for part in parts],
+        gravity,
+        "Each half second in which the object hung free, fitted with a mass of its own",
+    )
+
+
+def _view(
+    x: Array,
+    force: float,
+    own: tuple[Array, Array],
+    groups: Sequence[str],
+    gravity: float,
+    parts: str,
+) -> FitView:
+    mean, variance = own
+    mass = force / gravity
+    return FitView(
+        name="Mass by part of the recording.",
+        note=f"{parts}, ± 1 std with all error causes. Parts share causes, such as gains of the joints' "
+        "sensors, so that their common fit is not their plain mean.",
+        axes=("robot time (s)", "mass (kg)"),
+        x=x,
+        measured=mass + mean / gravity,
+        predicted=constant(mass, x),
+        std=np.sqrt(variance) / gravity,
+        groups=groups,
+        slopes=unit_slopes(x),
+    )
+
+
+def _stretches(seen: Blocks) -> Iterator[Mask]:
+    """(k,) blocks of each stretch in which the load hung free."""
+    hanging = np.flatnonzero(seen.pull[:, 2] > 0.0)
+    for run in np.split(
+        hanging, np.flatnonzero(np.diff(seen.t[hanging]) > tuning.VIEW_STRETCH) + 1
+    ):
+        lasted = float(np.ptp(seen.t[run]))
+        for rows in np.array_split(run, max(1, round(lasted / tuning.VIEW_STRETCH))):
+            part = np.zeros(len(seen.t), dtype=bool)
+            part[rows] = True
+            yield part

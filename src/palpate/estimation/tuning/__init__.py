@@ -12,13 +12,8 @@ tuned: it comes with the trace, in `trace.hand`.
 Each concern has a file of its own; `tuning.NAME` finds a number whichever it stands in.
 """
 
-from palpate.estimation.tuning.com import *
 from palpate.estimation.tuning.contact import *
 from palpate.estimation.tuning.friction import *
+from palpate.estimation.tuning.held import *
 from palpate.estimation.tuning.load import *
-from palpate.estimation.tuning.noise import *
-from palpate.estimation.tuning.position import *
 from palpate.estimation.tuning.shared import *
-from palpate.estimation.tuning.size import *
-from palpate.estimation.tuning.swung import *
-from palpate.estimation.tuning.windows import *

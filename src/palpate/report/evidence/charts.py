@@ -65,6 +65,7 @@ def fit_figure(view: FitView, measured: Measured) -> Figure:
     residuals = stated > 0.0 and float(np.nanmax(view.predicted) - np.nanmin(view.predicted)) > (
         BARELY_SEEN * stated
     )
+    # Values that the vertical axis must hold.
     shown = [view.measured, view.predicted]
     certain = std <= WIDE * stated
     shown += [(view.measured + sign * std)[certain] for sign in (-1.0, 1.0)]
@@ -97,6 +98,7 @@ def fit_figure(view: FitView, measured: Measured) -> Figure:
         },
     }
     if residuals:
+        # A second axis below, on the same abscissa.
         left = view.measured - view.predicted
         data += [{**one, "showlegend": False} for one in _points(view, std, left, "y2")]
         near = np.concatenate([(left - std)[certain], (left + std)[certain], left, [0.0]])
@@ -129,12 +131,14 @@ def _prediction(view: FitView, measured: Measured, shown: list[Array]) -> Iterat
             unit = "" if estimate.unit == "1" else estimate.unit
             value, std = float(estimate.values[0]), float(estimate.stds[0])
             name = f"the fit, {with_spread(value, std, unit)}"
+            # The interval of one component may be skewed, e.g. cut off at 0.
             low, high = (estimate.intervals[0] - value).tolist()
             ends = predicted + low * slopes[:, 0], predicted + high * slopes[:, 0]
         else:
             half = Z95 * np.sqrt(slopes**2 @ estimate.stds**2)
             ends = predicted - half, predicted + half
         shown += ends
+        # Two invisible edges, the area between them filled.
         edge: dict[str, Any] = {"line": {"width": 0}, "hoverinfo": "skip"}
         yield _curve("", x, ends[0], showlegend=False, **edge)
         yield _curve("its 95 % interval", x, ends[1], fill="tonexty", fillcolor=BAND, **edge)

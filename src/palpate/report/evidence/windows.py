@@ -1,50 +1,40 @@
-"""Measured windows: what each recording is evidence of, and what it shows at a glance."""
+"""Recordings behind the estimates: names for the timeline, and the reading of each."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
-from palpate.estimation.contact.descent import tip_height
 from palpate.estimation.estimate import Estimate, rounded
-from palpate.geometry.pose import Array
+from palpate.estimation.motion import tip_height
 from palpate.parameter import Parameter
 from palpate.quantities.catalogue import catalogue
-from palpate.trace.recording import Context, Recording
+from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, Trace
 
 FINEST = 1e-5
-"""N or m: what a recording's spread is not shown below."""
+"""N or m: least standard deviation of a recording that is shown."""
 
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Measured window: situation, time and reading."""
+    """Recording as the report lists it: situation, time and reading."""
 
     what: str
     when: str
     reading: str
 
 
-class _Signal(NamedTuple):
-    """Signal of a recording for the overview."""
-
-    name: str
-    unit: str
-    values: Array
-
-
 def quantity_label(id: str) -> str:
-    """In words, or the id itself where a quantity is not in the catalogue."""
+    """Label of a quantity, or the id itself where it is not in the catalogue."""
     return catalogue()[id].label if id in catalogue() else id
 
 
 def windows(trace: Trace, estimates: Sequence[Estimate]) -> dict[Recording, str]:
-    """Every recording with the names of what it is evidence of, by an estimate's or a conversion's
-    word; with its situation where nobody claims it."""
+    """Every recording with the names of the parameters that it is evidence of, by the estimates and the
+    conversions; with its situation where it is evidence of none."""
     names: dict[Recording, list[str]] = {recording: [] for recording in trace.recordings}
 
     def claim(recording: Recording, parameter: Parameter) -> None:
@@ -59,26 +49,15 @@ def windows(trace: Trace, estimates: Sequence[Estimate]) -> dict[Recording, str]
         claim(conversion.recording, Parameter(conversion.object, conversion.quantity))
     for recording, claimed in names.items():
         if not claimed:
-            claimed.append(_situation(recording.context))
+            context = recording.context
+            about = context.holding or context.support or ""
+            claimed.append(f"{context.activity} {about}".strip())
     return {recording: ", ".join(claimed) for recording, claimed in names.items()}
 
 
-def _situation(context: Context) -> str:
-    about = context.holding or context.support or ""
-    return f"{context.activity} {about}".strip()
-
-
 def evidence(recording: Recording, trace: Trace) -> Evidence:
-    """Evidence of one measured window."""
-    signal = _signal(recording, trace)
-    return Evidence(
-        _in_words(recording.context),
-        f"{recording.start:.2f}–{recording.end:.2f} s",
-        _reading(signal),
-    )
-
-
-def _in_words(context: Context) -> str:
+    """Situation, time and reading of a recording."""
+    context = recording.context
     words: list[str] = [context.activity]
     if context.holding:
         words.append(f"holding {context.holding}")
@@ -86,23 +65,22 @@ def _in_words(context: Context) -> str:
         words.append(f"on {context.support}")
     if context.at:
         words.append(f"at {context.at}")
-    return ", ".join(words)
+    when = f"{recording.start:.2f}–{recording.end:.2f} s"
+    return Evidence(", ".join(words), when, _reading(recording, trace))
 
 
-def _signal(recording: Recording, trace: Trace) -> _Signal:
+def _reading(recording: Recording, trace: Trace) -> str:
+    """Mean, standard deviation and number of samples of the signal that a recording is about."""
     if recording.reading:
-        return _Signal("reading", "", np.array(recording.reading))
-    samples = trace.of(recording)
-    if recording.buffer == FORCES:
-        return _Signal("Fz", " N", samples.wrench[:, 2])
-    return _Signal("fingertips z", " m", tip_height(samples, trace.hand))
-
-
-def _reading(signal: _Signal) -> str:
-    count = len(signal.values)
-    if not count:
+        name, unit, values = "reading", "", np.array(recording.reading)
+    else:
+        samples = trace.of(recording)
+        name, unit, values = "fingertips z", " m", tip_height(samples, trace.hand)
+        if recording.buffer == FORCES:
+            name, unit, values = "Fz", " N", samples.wrench[:, 2]
+    if not len(values):
         return "no samples"
-    std = max(float(signal.values.std()), FINEST)
-    mean, std = rounded(float(signal.values.mean()), std)
-    samples = "1 sample" if count == 1 else f"{count} samples"
-    return f"{signal.name} = {mean} ± {std}{signal.unit}, {samples}"
+    std = max(float(values.std()), FINEST)
+    mean, spread = rounded(float(values.mean()), std)
+    number = "1 sample" if len(values) == 1 else f"{len(values)} samples"
+    return f"{name} = {mean} ± {spread}{unit}, {number}"

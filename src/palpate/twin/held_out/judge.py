@@ -11,8 +11,7 @@ import numpy as np
 
 from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.estimate import Estimate
-from palpate.estimation.load.segments import weighing
-from palpate.estimation.windows import load_of
+from palpate.estimation.load.segments import load_rows, weighing
 from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
 from palpate.quantities.estimators import estimate_all
@@ -97,7 +96,7 @@ def held_still(trace: Trace, name: str | None = None) -> Iterator[Recording]:
 
 def cut_of(trace: Trace, name: str) -> Cut | None:
     """The last lift of several, else the way down after the object was measured."""
-    grasps = load_of(trace, name).grasps
+    grasps = load_rows(trace, name).grasps
     lifts: list[Cut] = []
     # Grasps and releases alternate.
     for start, end in list(pairwise([*grasps, float(trace.t[-1])]))[::2]:

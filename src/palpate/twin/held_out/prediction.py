@@ -24,12 +24,12 @@ from numpy.typing import NDArray
 from palpate.estimation import tuning
 from palpate.estimation.balance import BELIEVED, accuracy
 from palpate.estimation.estimate import Estimate
-from palpate.estimation.gains import gain_root
 from palpate.estimation.holds import pose_in_hand
-from palpate.estimation.load.around.causes import LINK
+from palpate.estimation.load.causes import LINK
 from palpate.estimation.load.equations import FORCE_Z, SIDEWAYS, TORQUE_X, TORQUE_Y, Rows, equations
+from palpate.estimation.load.observation import gain_root
 from palpate.estimation.load.segments import Segment, Weighing
-from palpate.estimation.windows import mean_pose
+from palpate.estimation.motion import mean_pose
 from palpate.geometry.pose import Array
 from palpate.mjcf.inertial import whole
 from palpate.scene.scene import Scene

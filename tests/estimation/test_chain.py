@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from palpate.estimation.load.inverse_dynamics import own_motion
+from palpate.estimation.load.chain import own_motion
 from palpate.geometry.pose import Pose
 from palpate.robots.nominal import NominalArm
 from palpate.robots.registry import load_description

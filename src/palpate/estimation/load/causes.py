@@ -9,13 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from palpate.estimation import tuning
-from palpate.estimation.gains import gain_root
-from palpate.estimation.load.around.blocks import Blocks
 from palpate.estimation.load.biases import flicker
+from palpate.estimation.load.blocks import Blocks
+from palpate.estimation.load.chain import Hinge, hinges
 from palpate.estimation.load.equations import ScaleHyperprior
-from palpate.estimation.load.hinges import Hinge, hinges
 from palpate.estimation.load.noise import Noise
-from palpate.estimation.load.observation import WrenchObservation
+from palpate.estimation.load.observation import WrenchObservation, gain_root
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Trace
 
@@ -33,8 +32,8 @@ class Cause(NamedTuple):
 
 
 def of_load(seen: Blocks, pull: Array) -> Iterator[Cause]:
-    """A newton of weight, which pulls with `pull` (k, 3), upward; and of where it hangs in each grasp along the
-    hand's axes."""
+    """Weight of the load, per newton with the force `pull` (k, 3), upward; and in each grasp its lever along
+    the axes of the hand."""
     yield Cause("weight", seen.torques(pull), tuning.LOAD_PRIOR)
     for grasp in seen.grasps:
         here = (seen.grasp == grasp)[:, None]
@@ -48,15 +47,23 @@ def of_load(seen: Blocks, pull: Array) -> Iterator[Cause]:
 def of_arm(
     trace: Trace, observed: WrenchObservation, seen: Blocks, lifted: Array, borne: Array
 ) -> list[Cause]:
-    """All that the arm itself may be off by, where its hand lifts (k,) N and what acts on that makes `borne`
-    (k, m) N m."""
+    """Error causes of the arm itself, where its hand lifts `lifted` (k,) N and the load has the torques
+    `borne` (k, m) N m."""
     hand, signals = trace.hand, seen.observed.shape[1]
-    weight, links, lean = _links(observed, seen.q, trace.gravity)
+    weight, links, lean = link_errors(observed, seen.q, trace.gravity)
     found = [Cause(*link) for link in links]
     for axis in range(2):
         pulled = seen.maps[:, :, axis] * lifted[:, None]
         found.append(Cause("lean", lean[axis] + pulled, tuning.TILT))
-    for own, size in _of_joints(seen):
+    # Each joint in its own signal: zero, Dahl friction and its initial state, viscous friction, inertia.
+    own_columns = (
+        (np.ones_like(seen.observed), tuning.ANY_ZERO),
+        (seen.dahl[:, :, 0], tuning.JOINT_LEVEL),
+        (seen.dahl[:, :, 1], tuning.JOINT_LEVEL),
+        (seen.dq, tuning.JOINT_VISCOUS),
+        (seen.moved, tuning.INERTIA_SHARE),
+    )
+    for own, size in own_columns:
         for joint in range(signals):
             alone = np.zeros_like(seen.observed)
             alone[:, joint] = own[:, joint]
@@ -77,7 +84,7 @@ def named(causes: Sequence[Cause], name: str) -> slice:
 
 
 def sizes(causes: Sequence[Cause]) -> Array:
-    """(p,) standard deviations beforehand."""
+    """(p,) prior standard deviations."""
     return np.array([cause.size for cause in causes])
 
 
@@ -88,22 +95,12 @@ def hyperpriors(causes: Sequence[Cause]) -> tuple[ScaleHyperprior, ...]:
     return left, ScaleHyperprior(named(causes, GAIN), *tuning.GAINS_OFF)
 
 
-def _of_joints(seen: Blocks) -> list[tuple[Array, float]]:
-    """Columns of each joint in its own signal: (k, m) N m per unit, and prior standard deviation."""
-    return [
-        (np.ones_like(seen.observed), tuning.ANY_ZERO),
-        (seen.dahl[:, :, 0], tuning.JOINT_LEVEL),
-        (seen.dahl[:, :, 1], tuning.JOINT_LEVEL),
-        (seen.dq, tuning.JOINT_VISCOUS),
-        (seen.moved, tuning.INERTIA_SHARE),
-    ]
-
-
-def _links(
+def link_errors(
     observed: WrenchObservation, q: Array, gravity: float
 ) -> tuple[Array, list[tuple[str, Array, float]], Array]:
-    """N m (k, m) that hold up the arm's links; what errors of what moves with each joint add to that,
-    with the name and size of each; and (2, k, m) what a radian adds by which gravity leans along world x or y."""
+    """Gravity torques of the arm's links, N m (k, m); effects on them of errors in the mass and the centre of
+    what moves with each joint, with name and prior size; and (2, k, m) per radian of tilt of gravity along
+    world x or y."""
     assert observed.chain is not None
     joints = hinges(observed.chain, q)
     holds = np.zeros((3, *q.shape))
@@ -115,30 +112,28 @@ def _links(
             continue
         com = sum((part.mass * np.array(part.com) for part in parts), np.zeros(3)) / mass
         centre = joint.frame @ com + joint.origin
-        borne = gravity * _borne(joints[: i + 1], q.shape, observed.turn, centre)
+        borne = gravity * torques_of_force(joints[: i + 1], q.shape, observed.turn, centre)
         holds += mass * borne
         errors.append((f"{LINK} mass at joint {i + 1}", borne[2], tuning.LINK_MASS * mass))
         for axis, letter in enumerate("xyz"):
-            moved = _turned(joints[: i + 1], q.shape, observed.turn, joint.frame[:, :, axis])
+            # A shift of the centre along this axis of the link.
+            moved = np.zeros(q.shape)
+            for j, before in enumerate(joints[: i + 1]):
+                lever = np.cross(before.axis, joint.frame[:, :, axis])
+                moved[:, j] = lever @ observed.turn[2]
             name = f"{LINK} centre along {letter} at joint {i + 1}"
             errors.append((name, mass * gravity * moved, tuning.LINK_CENTRE))
     return holds[2], errors, holds[:2]
 
 
-def _borne(before: Sequence[Hinge], shape: tuple[int, ...], turn: Array, place: Array) -> Array:
-    """(3, k, m) what a newton along each of the world's axes at a place (k, 3) takes in the joints before
-    it; `turn`: the base's axes in the world."""
+def torques_of_force(
+    before: Sequence[Hinge], shape: tuple[int, ...], turn: Array, place: Array
+) -> Array:
+    """(3, k, m) torques of the joints `before` a place (k, 3) per newton there along each world axis; `turn`:
+    axes of the base in the world."""
     torque = np.zeros((3, *shape))
     for j, joint in enumerate(before):
         torque[:, :, j] = turn @ np.cross(joint.axis, place - joint.anchor).T
-    return torque
-
-
-def _turned(before: Sequence[Hinge], shape: tuple[int, ...], turn: Array, lever: Array) -> Array:
-    """(k, m) what a newton upward takes more in them where it lies farther along a lever (k, 3)."""
-    torque = np.zeros(shape)
-    for j, joint in enumerate(before):
-        torque[:, j] = np.cross(joint.axis, lever) @ turn[2]
     return torque
 
 

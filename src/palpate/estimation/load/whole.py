@@ -1,11 +1,11 @@
 """Load estimate from all free motion around a weighing, not only from passes along one path.
 
-Away from the path of a lift there is nothing to compare with place by place. But what the joints feel
-there is made by few causes, each linear in unknown numbers: what the load weighs and where it hangs,
-masses and centres of the arm's links that are not quite what they are said to be, zeros and gains of
-the sensors, friction (Dahl's, and what grows with the speed), what rests leave, and how gravity leans.
-All are fitted together by generalised least squares. It tells more, and holds only where that is all there is:
-its residuals have to be no more than the noise (`Whole.explains`), else the contrast along the path stands.
+Away from the path of a lift no empty pass at the same place exists for a contrast. But the joint torques
+there have few causes, each linear in unknown numbers: weight and place of the load, errors in the masses and
+centres of the arm's links, zeros and gains of the sensors, friction (Dahl's, and viscous), residual stiction
+of rests, and the tilt of gravity. All are fitted together by generalised least squares. The result is more
+precise, and valid only where the model is complete: where the residuals are no more than the noise
+(`Whole.explains`). Else the contrast along the path is used.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.estimation import tuning
-from palpate.estimation.load.around.blocks import Blocks, blocks, free_rows
-from palpate.estimation.load.around.causes import (
+from palpate.estimation.load.blocks import Blocks, blocks, free_rows
+from palpate.estimation.load.causes import (
     GAIN,
     LINK,
     Cause,
@@ -37,17 +37,17 @@ from palpate.trace.samples import Trace
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Whole:
-    """A load from a whole stretch of a trace, which in n grasps hung on the hand.
+    """Load from all free motion around n grasps.
 
     Attributes:
         grasps: s, when the hand had closed on it.
-        value: (1 + 3n,) what it pulls down with, N, and where it hangs in each grasp times that, N m
-            along the hand's axes.
-        covariance: (1 + 3n, 1 + 3n) of it.
-        gains: (1 + 3n, m) what one standard deviation of each cause of the sensors' gains makes of it.
-        links: (1 + 3n,) what one of each error of the arm's links makes of it, by its name.
-        misfit: mean square of what is left, in units of the noise.
-        seen, noise, model: what was fitted.
+        value: (1 + 3n,) weight, N, and in each grasp the first moment of the weight along the axes of the
+            hand, N m.
+        covariance: (1 + 3n, 1 + 3n) of `value`.
+        gains: (1 + 3n, m) effect on `value` of one standard deviation of each cause of the sensors' gains.
+        links: (1 + 3n,) effect on `value` of each error of the arm's links, by name.
+        misfit: mean square of the residuals, in units of the noise.
+        seen, noise, model: of the fit.
     """
 
     grasps: tuple[float, ...]
@@ -76,8 +76,8 @@ class Whole:
         return self.misfit < tuning.WHOLE_MISFIT
 
     def at(self, grasps: Sequence[float], tools: Sequence[Array]) -> Array | None:
-        """(1 + 2n, 1 + 3n) what makes force and moments as `estimation.load.fit.Load` has them of `value`,
-        in n grasps, s, with the hand's axes in the world (3, 3); None where it did not hang free in one."""
+        """(1 + 2n, 1 + 3n) matrix from `value` to force and moments as in `estimation.load.fit.Load`, for n
+        grasps, s, with the axes of the hand in the world (3, 3); None where it did not hang free in one."""
         if not set(grasps) <= set(self.grasps):
             return None
         turned = np.zeros((1 + 2 * len(grasps), len(self.value)))
@@ -90,12 +90,12 @@ class Whole:
 
 
 def fit_whole(trace: Trace, name: str, noise: Noise, about_force: float) -> Whole | None:
-    """Fit the load `name` to all the time it hung on the hand, linearised at `about_force` N; None
-    where the arm's link model is unknown, or it never hung free.
+    """Fit the load `name` to all the time it hung on the hand, linearised at `about_force` N; None where the
+    arm's links are unknown, or it never hung free.
 
-    Of all free motion, if the noise accounts for what is left there; else of what is surely free: so high
-    that what hangs askew has left its support with its far end, too, close to where it hung, and settled at
-    rests or well away from them.
+    All free motion is used if the noise explains the residuals; else only motion that certainly is free: so
+    high that a tilted object has left its support with its far end, too, close to where it hung, and settled
+    at rests or well away from them.
     """
     observed = observe(trace)
     if observed.chain is None or not observed.knows_links:
@@ -117,7 +117,7 @@ def _fitted(
     load = list(of_load(seen, seen.pull))
     about = np.zeros(len(load))
     about[0] = about_force
-    # What gains do is in proportion to the moments, too, which are not known at first.
+    # Effects of gains are in proportion to the moments, too, which are unknown at first.
     model, _ = _model(trace, observed, seen, noise, load, about)
     about = model.solve(len(load))[0][: len(load)]
     model, causes = _model(trace, observed, seen, noise, load, about)

@@ -1,0 +1,146 @@
+"""Friction of the arm's own joints, behind their torque sensors.
+
+In Dahl's model friction goes over to its level in the direction of the motion while a joint turns by some
+mrad, and stays constant while the joint rests (P. Dahl, "Solid friction damping of mechanical vibrations",
+AIAA Journal 14, 1976). So joints that a lift turns have friction in one direction or the other, and joints
+that it does not turn keep for long what the last motion before the recording left in them.
+
+The level of each joint follows from motions through free air, where no contact acts: the torque that
+changes its sign where the joint reverses. It is fitted joint by joint, linear in
+
+    tau = s tau_f + what grows with the angles (gravity that the model of the arm leaves)
+                  + what grows with acceleration and squared speed (its inertia)
+
+with the Dahl state s of the joint. This is the tau_f of w = (J^T)^+ (tau - tau_g - tau_f).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from palpate.estimation import tuning
+from palpate.estimation.load.observation import observe
+from palpate.estimation.motion import Mask, smoothed
+from palpate.geometry.pose import Array
+from palpate.trace.samples import Samples, Trace, once
+
+TURNED, LEFT = 0, 1
+"""Last axis of `dahl_states`: direction of the last motion, and the rest of the initial friction."""
+
+
+@once
+def joint_states(samples: Samples) -> Array:
+    """(n, m, 2) Dahl states of all joints, as `dahl_states`."""
+    return dahl_states(samples.q)
+
+
+def dahl_states(q: Array) -> Array:
+    """(n, m, 2) Dahl states for joint angles `q` (n, m), rad: direction of the last motion, -1 to 1, between
+    them while the joint reverses; and the remaining share of the friction at the start, 1 to 0."""
+    # Means over some rows, the last over what remains.
+    starts = np.arange(0, len(q), tuning.RUBBING_ROWS)
+    counts = np.diff(np.append(starts, len(q)))
+    blocks = np.add.reduceat(q, starts, axis=0) / counts[:, None]
+    steps = np.apply_along_axis(_steps, 0, blocks)
+    keep = np.exp(-np.abs(steps) / tuning.PRESLIDING)
+    added = np.copysign(1.0 - keep, steps)
+    states = np.empty((*steps.shape, 2))
+    states[..., LEFT] = np.multiply.accumulate(keep, axis=0)
+    for joint in range(q.shape[1]):
+        state = 0.0
+        for row, (share, more) in enumerate(
+            zip(keep[:, joint].tolist(), added[:, joint].tolist(), strict=True)
+        ):
+            state = share * state + more
+            states[row, joint, TURNED] = state
+    return states[np.arange(len(q)) // tuning.RUBBING_ROWS]
+
+
+def _steps(q: Array) -> Array:
+    """(k,) rad that a joint at angles `q` (k,) turned at each, beyond the play of its encoder."""
+    most, play = tuning.ENCODER_PLAY, float(q[0])
+    found: list[float] = []
+    # Python floats: numpy scalars in a loop take ten times as long.
+    for angle in q.tolist():
+        step = angle - play
+        step -= min(max(step, -most), most)
+        play += step
+        found.append(step)
+    return np.array(found)
+
+
+def joint_friction(
+    samples: Samples, states: Array, empty: Mask, height: float
+) -> tuple[Array, Array]:
+    """Friction level of each joint, (m,) N m, with standard deviations, from motions of the `empty` hand (n,)
+    above `height`, m; `states` (n, m): direction of the last motion of each joint."""
+
+    def rate(values: Array, over: float) -> Array:
+        rows = max(1, round(over / max(float(np.median(np.diff(samples.t))), 1e-9)))
+        rates: Array = np.asarray(np.gradient(values, samples.t, axis=0))
+        return np.column_stack([smoothed(one, rows) for one in rates.T])
+
+    speed = rate(samples.q, tuning.SMOOTH)
+    faster = rate(speed, 2 * tuning.SMOOTH)
+    # Empty and high, after the arm has begun to move, and without jerks.
+    free = empty & (samples.pose_world_tcp[:, 2] > height) & (np.abs(states).max(axis=1) > 0.5)
+    free = free & (np.abs(faster).max(axis=1) < tuning.SLOWLY)
+    if free.sum() < tuning.FREE_MOTION:
+        none = np.zeros(samples.q.shape[1])
+        return none, none + tuning.JOINT_LEVEL
+    angles = samples.q[free] - samples.q[free].mean(axis=0)
+    ones = np.ones((len(angles), 1))
+    known = np.hstack([faster[free], speed[free] ** 2, ones, angles, angles**2])
+    torques = samples.tau_ext[free]
+    found = [
+        friction_level(known, way, tau) for way, tau in zip(states[free].T, torques.T, strict=True)
+    ]
+    mean, own = np.array(found).T
+    return mean, np.hypot(tuning.JOINT_ERROR, own)
+
+
+def friction_level(known: Array, way: Array, tau: Array) -> tuple[float, float]:
+    """Coefficient of `way` (n,) beside those of the columns `known`, at least 0, and its standard deviation."""
+    design = np.column_stack([way, known])
+    # A joint that never reversed shows nothing: a prior in units of what a joint may have.
+    prior = np.zeros(design.shape[1])
+    prior[0] = tuning.JOINT_LEVEL**-2.0
+    left = tau - design @ np.linalg.lstsq(design, tau, rcond=None)[0]
+    # Variance of a mean of n residuals, times n: of white noise, or of slower noise where that is more.
+    size = tuning.CORRELATED_ROWS
+    whole = left[: len(left) // size * size].reshape(-1, size)
+    scatter = max(float(left.var()), size * float(whole.mean(axis=1).var()), tuning.FLOOR**2)
+    covariance = np.linalg.pinv(design.T @ design / scatter + np.diag(prior))
+    found = covariance @ (design.T @ tau) / scatter
+    return max(0.0, float(found[0])), float(np.sqrt(covariance[0, 0]))
+
+
+def joint_friction_force(
+    trace: Trace, rows: slice, free: Mask, empty: Mask, height: float
+) -> Array:
+    """(n,) N that joint friction adds to the pressing force of a guarded descent in `rows`.
+
+    The hand moves straight down, but some joints reverse on the way through a compliant surface, and a
+    constant joint torque is another force in another posture: of a force of 8 N that can be 1 N or more,
+    rising with the depth like that of a spring. The linear trend over the rows in `free` air (n,) belongs to
+    the baseline and is subtracted. 0 where the arm's chain is unknown.
+
+    Args:
+        empty: rows of the trace with an empty hand.
+        height: m, world z of the TCP above which motions show the friction levels.
+    """
+    observed, samples = observe(trace), trace.samples
+    if observed.chain is None:
+        return np.zeros(len(free))
+    states = joint_states(samples)[:, :, TURNED]
+    level, _ = joint_friction(samples, states, empty, height)
+    turning = level * states[rows]
+    still = np.median((observed.signals[rows] - turning)[free], axis=0)
+    seen = np.linalg.pinv(observed.maps(samples.q[rows]))[:, 2, :]
+    force: Array = -np.einsum("nm,nm->n", seen, turning + still).astype(np.float64)
+    z: Array = samples.pose_world_tcp[rows, 2]
+    if np.count_nonzero(free) < tuning.CURVE_ROWS or np.ptp(z[free]) == 0.0:
+        # Too few rows for a line, or all at one height.
+        return force - np.full(len(force), float(np.median(force[free])))
+    rise, level_in_air = np.polyfit(z[free], force[free], 1).tolist()
+    return force - (rise * z + level_in_air)

@@ -1,0 +1,198 @@
+"""Block means of the joint signals in free air, around a weighing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.estimation import tuning
+from palpate.estimation.joint_friction import joint_states
+from palpate.estimation.load.observation import WrenchObservation
+from palpate.estimation.load.segments import LoadRows, load_rows
+from palpate.estimation.motion import Mask, acceleration, at_rest, row_at, runs, smoothed_with_rate
+from palpate.geometry.pose import Array, rotations
+from palpate.trace.samples import Samples, Trace
+
+TOUCHING = ("contact", "sliding")
+
+UP = np.array([0.0, 0.0, 1.0])
+
+Rows = NDArray[np.intp]
+"""Of a trace's samples."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Blocks:
+    """Means of k blocks of time, each so short that nothing moves far.
+
+    Attributes:
+        rows: (k,) samples in each.
+        t: (k,) s.
+        q, dq: (k, m) rad, rad/s.
+        observed: (k, m) N m, without the torque that moves the arm's links.
+        moved: (k, m) N m, that torque.
+        maps: (k, m, 6) as `WrenchObservation.maps`.
+        tool: (k, 3, 3) the hand's axes in the world.
+        acceleration: (k, 3) m/s² of the TCP.
+        pull: (k, 3) force of the load in units of its weight, upward; 0 where it does not hang.
+        inward: (k, 3, 3) centripetal part of that per metre of lever beside the TCP, as the hand turns.
+        grasp: (k,) s, of the load.
+        dahl: (k, m, 2) as `estimation.joint_friction`.
+        resting: (k, rests) 1 where the arm is at a rest.
+    """
+
+    rows: Array
+    t: Array
+    q: Array
+    dq: Array
+    observed: Array
+    moved: Array
+    maps: Array
+    tool: Array
+    acceleration: Array
+    pull: Array
+    inward: Array
+    grasp: Array
+    dahl: Array
+    resting: Array
+
+    def torques(self, force: Array) -> Array:
+        """(k, m) N m of forces (k, 3) N at the TCP."""
+        return np.einsum("kji,ki->kj", self.maps[:, :, :3], force)
+
+    def turned(self, moment: Array) -> Array:
+        """(k, m) N m of moments (k, 3) N m."""
+        return np.einsum("kji,ki->kj", self.maps[:, :, 3:], moment)
+
+    @property
+    def grasps(self) -> tuple[float, ...]:
+        """s, when the hand had closed on what hung on it."""
+        found: list[float] = self.grasp[self.pull[:, 2] > 0.0].tolist()
+        return tuple(sorted(set(found)))
+
+
+def blocks(
+    trace: Trace,
+    observed: WrenchObservation,
+    name: str,
+    groups: Sequence[Rows],
+    surely: bool = False,
+) -> Blocks:
+    """Block means over the rows of each group, in which the hand is empty or holds `name`."""
+    samples, load = trace.samples, load_rows(trace, name)
+    rows, t = np.concatenate(groups), samples.t
+    count = np.array([len(group) for group in groups])
+    place = np.repeat(np.arange(len(groups)), count)
+
+    def mean(signal: Array) -> Array:
+        sums = np.zeros((len(groups), *signal.shape[1:]))
+        np.add.at(sums, place, signal[rows])
+        return sums / count.reshape(-1, *[1] * (signal.ndim - 1))
+
+    used = np.zeros(len(t), dtype=bool)
+    used[rows] = True
+    gaining = acceleration(samples, tuning.SPEED_SHORT)
+    pull = _hangs(trace, load, surely)[:, None] * (UP + gaining / trace.gravity)
+    motion = observed.own_motion(samples, used)
+    net = smoothed_with_rate(observed.signals, t, tuning.SPEED_SHORT)[0] - motion
+    middle = np.array([group[len(group) // 2] for group in groups])
+    grasp = [max([g for g in load.grasps if g <= time], default=-np.inf) for time in t[middle]]
+    q = mean(samples.q)
+    resting: list[Mask] = []
+    for rest in runs(at_rest(samples)):
+        here = np.zeros(len(t))
+        here[rest] = 1.0
+        resting.append(mean(here) > 0.0)
+    rate = mean(samples.twist[:, 3:])
+    inward = np.einsum("ki,kj->kij", rate, rate) - (rate**2).sum(axis=1)[:, None, None] * np.eye(3)
+    return Blocks(
+        rows=count.astype(float),
+        t=mean(t),
+        q=q,
+        dq=mean(samples.dq),
+        observed=mean(net),
+        moved=mean(motion),
+        maps=observed.maps(q),
+        tool=rotations(samples.pose_world_tcp[middle, 3:]),
+        acceleration=mean(gaining),
+        pull=mean(pull),
+        inward=inward / trace.gravity,
+        grasp=np.array(grasp),
+        dahl=mean(joint_states(samples)),
+        resting=np.array(resting, dtype=float).reshape(-1, len(groups)).T,
+    )
+
+
+def free_rows(trace: Trace, name: str, surely: bool = False) -> list[Rows]:
+    """Rows of each block of free motion in which the hand is empty or `name` hangs on it, around the time that
+    it hangs; `surely`: only motion that certainly is free; none where it never hung free."""
+    load, samples = load_rows(trace, name), trace.samples
+    hangs, t = _hangs(trace, load, surely), samples.t
+    if not hangs.any():
+        return []
+    first, last = t[hangs][0] - tuning.WHOLE_AROUND, t[hangs][-1] + tuning.WHOLE_AROUND
+    used = (hangs | (load.empty & apart(trace))) & (first <= t) & (t <= last)
+    # A change of the turning rate adds an inertial moment to that of the weight.
+    change = smoothed_with_rate(samples.twist[:, 3:], t, tuning.SPEED_SMOOTH)[1]
+    used &= ~(hangs & (np.linalg.norm(change, axis=1) > tuning.TURN_STEADY))
+    if surely:
+        # Near the places where the load hung.
+        position = samples.pose_world_tcp[:, :3]
+        low, high = position[hangs].min(axis=0), position[hangs].max(axis=0)
+        beyond = np.maximum(np.maximum(low - position, position - high), 0.0)
+        used &= np.linalg.norm(beyond, axis=1) < tuning.WHOLE_NEAR
+        used &= _settled_or_away(samples)
+    length = max(tuning.WHOLE_BLOCK, float(min(last, t[-1]) - max(first, t[0])) / tuning.WHOLE_MOST)
+    place = ((t - t[0]) / length).astype(int)
+    parts = np.split(np.arange(len(t)), np.flatnonzero(np.diff(place)) + 1)
+    return [rows for rows in parts if used[rows].all()]
+
+
+def _hangs(trace: Trace, load: LoadRows, surely: bool) -> Mask:
+    above = tuning.CLEARANCE if surely else tuning.FREE_ABOVE
+    return load.loaded & apart(trace) & lifted(trace, load, above)
+
+
+def _settled_or_away(samples: Samples) -> Mask:
+    """Rows at rests without their beginnings, or after the arm has moved away from a rest: the residual
+    stiction of a rest builds up as the arm settles and decays as it leaves."""
+    t, resting = samples.t, at_rest(samples)
+    settled = resting.copy()
+    for rows in runs(resting):
+        settled[rows] &= t[rows] - t[rows.start] > tuning.WHOLE_SETTLED
+    speed = np.linalg.norm(smoothed_with_rate(samples.dq, t, tuning.SPEED_SHORT)[0], axis=1)
+    slow = speed < tuning.WHOLE_SLOW
+    gone = np.cumsum(speed * np.gradient(t))
+    since = gone - np.maximum.accumulate(np.where(slow, gone, -np.inf))
+    return settled | (~slow & (since > tuning.WHOLE_SHAKEN))
+
+
+def apart(trace: Trace) -> Mask:
+    """Rows in free air: the hand is away from the place where a leaf began or ended in contact, and no leaf
+    that begins and ends in contact runs."""
+    t, position = trace.samples.t, trace.samples.pose_world_tcp[:, :3]
+    found = np.ones(len(t), dtype=bool)
+    touched = False
+    leaves = sorted(trace.leaves, key=lambda run: run.end)
+    for leaf, until in zip(leaves, [*(other.start for other in leaves[1:]), np.inf], strict=True):
+        touches = leaf.context is not None and leaf.context.activity in TOUCHING
+        rows = (t >= leaf.start) & (t < max(until, leaf.end))
+        if touched and touches:
+            found[rows] = False
+        elif touched or touches:
+            place = position[row_at(trace.samples, leaf.start if touched else leaf.end)]
+            found[rows] &= np.linalg.norm(position[rows] - place, axis=1) > tuning.FREE_ABOVE
+        touched = touches
+    return found
+
+
+def lifted(trace: Trace, load: LoadRows, above: float = tuning.FREE_ABOVE) -> Mask:
+    """Rows in which the hand is `above` m or more over the place where it took the object."""
+    z = trace.samples.pose_world_tcp[:, 2]
+    found = np.zeros(len(z), dtype=bool)
+    for rows in runs(load.loaded):
+        found[rows] = z[rows] > z[rows.start] + above
+    return found
