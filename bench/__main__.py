@@ -83,7 +83,7 @@ def faults(
 
     Forces come from MuJoCo's own state at every physics step.
     """
-    from bench.faults.campaign import Order, conduct, repeat
+    from bench.campaign.kinds import Order, conduct, repeat
     from bench.show import show_campaign, show_case
 
     if case is not None:

@@ -1,5 +1,4 @@
-"""Things that go wrong on purpose: how each mishap ends over many seeds, and whether anything was
-dropped."""
+"""Bundled mishap scenarios over many seeds: endings, and dropped objects."""
 
 from __future__ import annotations
 
@@ -11,30 +10,24 @@ from itertools import product
 
 import numpy as np
 
+from bench.harm.harm import FALLING, TIPPED
 from palpate import pipeline
 from palpate.geometry.pose import Array
 from palpate.pictures.film import Footage
-from palpate.runs.run import Run
 from palpate.scenarios.catalogue import scenario, scenarios
 from palpate.studies.workers import spread
-
-FALL = 0.5
-"""m/s downwards: free fall of 13 mm; the arm lowers things at a third of it."""
-
-TIPPED = np.deg2rad(15)
-"""rad from its first attitude: an object lies."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ending:
-    """How one run of a mishap ended.
+    """End of one run of a mishap.
 
     Attributes:
         status: as in `result.json`.
-        expected: as the scenario says.
-        reason: why it stopped or was rejected.
+        expected: status that the scenario states.
+        reason: of the stop or the rejection.
         dropped: objects that fell or tipped over.
-        holding: what the hand still holds.
+        holding: object in the hand at the end.
     """
 
     scenario: str
@@ -51,10 +44,10 @@ class Row:
     """A mishap over all seeds.
 
     Attributes:
-        endings: how often it ended with which status.
-        as_expected: how often as it should.
-        dropped, holding: runs in which something was dropped, or was still held in the end.
-        reason: the commonest one.
+        endings: number of runs by status.
+        as_expected: number of runs with the expected status.
+        dropped, holding: number of runs with a dropped object, or with one still held.
+        reason: the most frequent one.
     """
 
     scenario: str
@@ -67,14 +60,14 @@ class Row:
 
 
 def mishaps() -> list[str]:
-    """The bundled scenarios in which something goes wrong."""
+    """Names of the bundled mishap scenarios."""
     return [name for name in scenarios() if name.startswith("mishaps/")]
 
 
 def faults(
     chosen: Sequence[str], noise: str, seeds: Sequence[int], workers: int = 1
 ) -> list[Ending]:
-    """Every chosen mishap with every seed.
+    """Run every chosen mishap with every seed.
 
     Raises:
         InputError: no such scenario.
@@ -92,27 +85,24 @@ def _ending(case: tuple[str, int], noise: str) -> Ending:
     settings = task.settings(noise=noise, seed=seed).checked()
     run = pipeline.measure(pipeline.plan(settings, pipeline.load(settings)))
     done = run.execution
-    if done is None:
-        return Ending(name, seed, run.status, task.status, _rejection(run))
-    reason = done.stopped_by or ""
-    holding = run.final_state.holding if run.final_state else None
-    return Ending(name, seed, run.status, task.status, reason, _dropped(run), holding)
-
-
-def _rejection(run: Run) -> str:
-    """Why nothing moved."""
-    findings = [finding.message for finding in run.findings]
-    return "; ".join(findings) or run.plan.explanation
-
-
-def _dropped(run: Run) -> tuple[str, ...]:
-    if run.footage is None:
-        return ()
-    return dropped(run.footage, tuple(run.scene.objects))
+    if done is None:  # the plan was rejected: nothing moved
+        findings = [finding.message for finding in run.findings]
+        reason = "; ".join(findings) or run.plan.explanation
+        return Ending(name, seed, run.status, task.status, reason)
+    lost = dropped(run.footage, tuple(run.scene.objects)) if run.footage is not None else ()
+    return Ending(
+        name,
+        seed,
+        run.status,
+        task.status,
+        reason=done.stopped_by or "",
+        dropped=lost,
+        holding=run.final_state.holding if run.final_state else None,
+    )
 
 
 def dropped(footage: Footage, objects: Sequence[str]) -> tuple[str, ...]:
-    """The objects that fell or tipped over while the camera looked, by the hidden world."""
+    """Objects that fell or tipped over in the footage of the hidden world."""
     model = footage.model
     moments, positions = zip(*footage.frames, strict=True)
     times, qpos = np.array(moments), np.array(positions)
@@ -125,12 +115,12 @@ def dropped(footage: Footage, objects: Sequence[str]) -> tuple[str, ...]:
 
 
 def _fell(times: Array, poses: Array) -> bool:
-    """Whether a free body with `poses` (n, 7) at `times` (n,) s fell, or lies in the end."""
+    """True if a free body with `poses` (n, 7) at `times` (n,) s fell, or is tipped over at the end."""
     if len(times) < 2:
         return False
     speed = -np.diff(poses[:, 2]) / np.diff(times)
     tipped = abs(_tilt(poses[-1]) - _tilt(poses[0]))
-    return bool(speed.max() > FALL) or tipped > TIPPED
+    return bool(speed.max() > FALLING) or tipped > TIPPED
 
 
 def _tilt(pose: Array) -> float:
@@ -141,7 +131,7 @@ def _tilt(pose: Array) -> float:
 
 
 def table(endings: Sequence[Ending]) -> list[Row]:
-    """One row for each mishap, in order of first appearance."""
+    """Make a row for each mishap, in order of first appearance."""
     groups: dict[str, list[Ending]] = {}
     for each in endings:
         groups.setdefault(each.scenario, []).append(each)
@@ -149,14 +139,13 @@ def table(endings: Sequence[Ending]) -> list[Row]:
 
 
 def _row(name: str, runs: Sequence[Ending]) -> Row:
-    endings = Counter[str]()
-    reasons = Counter[str]()
-    as_expected = with_dropped = with_held = 0
-    for run in runs:
-        endings[run.status] += 1
-        reasons[run.reason] += 1
-        as_expected += run.status == run.expected
-        with_dropped += bool(run.dropped)
-        with_held += run.holding is not None
-    ((reason, _),) = reasons.most_common(1)
-    return Row(name, len(runs), dict(endings), as_expected, with_dropped, with_held, reason)
+    ((reason, _),) = Counter(run.reason for run in runs).most_common(1)
+    return Row(
+        name,
+        len(runs),
+        endings=dict(Counter(run.status for run in runs)),
+        as_expected=sum(run.status == run.expected for run in runs),
+        dropped=sum(bool(run.dropped) for run in runs),
+        holding=sum(run.holding is not None for run in runs),
+        reason=reason,
+    )

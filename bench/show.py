@@ -1,4 +1,4 @@
-"""Tables of the instruments on the terminal."""
+"""Tables of the instruments, on the terminal."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ from bench import mishaps
 from bench.bounds.efficiency import OverBound
 from bench.campaign import ledger
 from bench.campaign.page import counts
-from bench.deceptions.coverage import Coverage, coverage
-from bench.deceptions.page import by_world, worst
+from bench.deceptions.page import Coverage, by_world, coverage, worst
 from bench.mishaps import Ending
 from palpate.cli.console import out, print_json
 from palpate.cli.show.layout import Column, print_rows
@@ -72,7 +71,7 @@ def show_bounds(rows: Sequence[OverBound], as_json: bool) -> None:
 
 
 def show_endings(endings: Sequence[Ending], as_json: bool) -> None:
-    """How the mishaps ended, and why."""
+    """Endings of the mishaps, with the reasons."""
     if as_json:
         print_json({"runs": [asdict(ending) for ending in endings]})
         return
@@ -89,19 +88,18 @@ def show_endings(endings: Sequence[Ending], as_json: bool) -> None:
 
 
 def show_campaign(rows: Mapping[str, Sequence[ledger.Row]], as_json: bool) -> None:
-    """Counts of every kind, and what was beyond the figures."""
+    """Counts of every kind, and cases beyond the limits."""
     if as_json:
         print_json({kind: [asdict(row) for row in found] for kind, found in rows.items()})
         return
-    print_rows(CAMPAIGN, [[kind, *_counts(of), _outcomes(of)] for kind, of in rows.items()])
+    lines = [[kind, *map(str, counts(of).values()), _outcomes(of)] for kind, of in rows.items()]
+    print_rows(CAMPAIGN, lines)
     for found in rows.values():
-        for row in found:
-            if row.beyond or row.crash:
-                out.print(Text(_beyond(row), "dim"))
+        _show_beyond(found)
 
 
 def show_deceptions(rows: Sequence[ledger.Row], as_json: bool) -> None:
-    """What was answered in every world, and how honest the intervals are."""
+    """Verdicts in every world, and coverage of the intervals."""
     found = coverage(rows)
     if as_json:
         print_json({"coverage": [asdict(row) for row in found], "rows": [asdict(r) for r in rows]})
@@ -114,9 +112,15 @@ def show_deceptions(rows: Sequence[ledger.Row], as_json: bool) -> None:
         worlds.append([escape(name), kind, _outcomes(group), shown])
     print_rows(WORLDS, worlds)
     print_rows(COVERAGE, [_coverage_cells(row) for row in found])
+    _show_beyond(rows)
+
+
+def _show_beyond(rows: Sequence[ledger.Row]) -> None:
+    """A line for each case beyond the limits, or crashed."""
     for row in rows:
         if row.beyond or row.crash:
-            out.print(Text(_beyond(row), "dim"), soft_wrap=True)
+            reason = "; ".join(row.beyond) or row.crash.strip().splitlines()[-1]
+            out.print(Text(f"{row.command}: {reason}", "dim"), soft_wrap=True)
 
 
 def _coverage_cells(row: Coverage) -> list[str]:
@@ -124,25 +128,16 @@ def _coverage_cells(row: Coverage) -> list[str]:
     return [row.quantity, str(row.values), *parts, f"{row.worst:.1f}"]
 
 
-def _counts(rows: Sequence[ledger.Row]) -> list[str]:
-    return [str(count) for count in counts(rows).values()]
-
-
 def _outcomes(rows: Sequence[ledger.Row]) -> str:
-    """How cases ended, the most frequent first."""
+    """Outcomes of cases, the most frequent first."""
     endings = Counter(row.outcome for row in rows)
     return ", ".join(f"{outcome} {count}" for outcome, count in endings.most_common())
 
 
 def show_case(row: ledger.Row, as_json: bool) -> None:
-    """One case of a campaign."""
+    """Result of one case."""
     if as_json:
         print_json(asdict(row))
         return
     lines = [f"{row.what}: {row.outcome}", *row.said, *row.beyond, row.crash]
     out.print(Text("\n".join(line for line in lines if line)))
-
-
-def _beyond(row: ledger.Row) -> str:
-    reason = "; ".join(row.beyond) or row.crash.strip().splitlines()[-1]
-    return f"{row.command}: {reason}"

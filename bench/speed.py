@@ -1,5 +1,5 @@
-"""`make bench`: processor time, as ratios and seconds taken side by side in one run: what else the machine
-does makes it no longer."""
+"""`make bench`: processor time in ratios and seconds, measured side by side, so that other load of the
+machine does not change it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ROUNDS = 3
 
 
 def main() -> None:
-    """Print every figure with its budget."""
+    """Print all figures with their budgets."""
     _line("closed loop / bare mj_step", f"{closed_loop_ratio():.2f}", "≤ 1.25")
     _line("palpate --help", f"{_median(lambda: _palpate('--help')):.2f} s", "≤ 0.4 s")
     with tempfile.TemporaryDirectory() as folder:
@@ -43,8 +43,8 @@ def main() -> None:
 
 
 def closed_loop_ratio() -> float:
-    """Processor time of the whole loop (control, sensing, ticks, logging) over as many bare `mj_step`s,
-    alternated."""
+    """Processor time of the whole loop (control, sensing, ticks, logging) over that of as many bare
+    `mj_step`s, alternated."""
     ratios: list[float] = []
     for seed in range(ROUNDS):
         settings = scenario("bottle_and_table").settings(noise="lab", seed=seed)
@@ -107,7 +107,7 @@ def _median(run: Callable[[], None]) -> float:
 
 
 def _of_children() -> float:
-    """s that ended children have used so far."""
+    """Processor time of all ended child processes, s."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 

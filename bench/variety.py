@@ -1,8 +1,7 @@
-"""Scenes of many kinds, written as a user would write them: other objects, other heights, other
-gaps.
+"""Scenes of other objects, heights and missing values, written as a user would write them.
 
-Each is a pair of MJCF files from one description: the scene, in which the unknowns are left out,
-and the hidden world, in which they are not.
+Each is a pair of MJCF files from one description: the scene, without the unknowns, and the hidden
+world, with them.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ FRUSTUM_SIDES = 12
 TABLE_HALF = 0.02
 """m: half the thickness of the table's top."""
 RAISED = 0.002
-"""m that things are believed too high where the table's height is missing."""
+"""m: error of the objects' heights if the table's height is missing."""
 
 SCENE = """\
 <mujoco model="{name}">
@@ -111,7 +110,7 @@ class Variety:
     missing: tuple[Parameter, ...]
 
     def write(self, folder: Path) -> Settings:
-        """Scene and world in `folder`, and the settings that measures what is missing."""
+        """Write scene and world into `folder`; return settings that measure all missing values."""
         folder.mkdir(parents=True, exist_ok=True)
         for thing in self.things:
             if thing.shape == "frustum":
@@ -121,7 +120,7 @@ class Variety:
         return Settings(scene=folder / "scene.xml", world=folder / "world.xml")
 
     def _mjcf(self, hidden: tuple[Parameter, ...]) -> str:
-        """The scene without what is hidden. Where the table's height is, things stand 2 mm off."""
+        """The scene without the `hidden` values; without the table's height, objects are `RAISED`."""
         middle, raised = f"{self.height - TABLE_HALF:.4f}", 0.0
         if HEIGHT in hidden:
             middle, raised = "?", RAISED
@@ -252,7 +251,7 @@ SCENES: tuple[Variety, ...] = (
 
 
 def run_all(noise: str, seed: int, workers: int = 1) -> dict[str, SeedRun]:
-    """Every scene once, by name."""
+    """Run every scene once; results by name."""
     with TemporaryDirectory() as folder:
         todo: list[Settings] = []
         for variety in SCENES:

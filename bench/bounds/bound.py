@@ -1,5 +1,5 @@
-"""The least standard deviation that any estimator of a quantity can have on a recording, from the
-noise model's own figures, which no estimator is told."""
+"""Cramér-Rao bounds of estimates: the least standard deviation of any estimator on a recording, from the
+noise model's figures, which estimators do not know."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from palpate.runs.run import Run
 from palpate.trace.samples import Trace
 
 Bounds = tuple[float | None, ...]
-"""One for each component, in the quantity's SI unit."""
+"""Bound of each component, in the quantity's SI unit."""
 
 
 @dataclass(frozen=True)
@@ -44,12 +44,11 @@ class _Seen:
 
     @property
     def standing(self) -> Array:
-        """The rotation with which the object stood at the beginning, (3, 3)."""
+        """Initial rotation matrix of the object, (3, 3)."""
         return self.run.scene.bodies[self.parameter.object].pose_world.rotation
 
     def about(self, quantity: str) -> float | None:
-        """Where equations are linearised: what is so of the object, or what the scene states, or
-        what was found besides."""
+        """Value at which equations are linearised: the truth, else the scene's, else another estimate."""
         other = Parameter(self.parameter.object, quantity)
         known = self.run.scene.bodies[self.parameter.object].known.get(quantity)
         true = self.run.truth.get(other) or known
@@ -60,8 +59,8 @@ class _Seen:
 
 
 def bounds_of(run: Run, estimate: Estimate) -> Bounds | None:
-    """Of each component of an estimate; None where none is known of its quantity, or the run was
-    not simulated."""
+    """Bound of each component of an estimate; None for quantities without a bound, and for runs on a
+    real robot."""
     bound = BOUNDS.get(estimate.parameter.quantity)
     if bound is None or run.trace_if_any is None or not run.simulated:
         return None
@@ -81,7 +80,7 @@ def _com(seen: _Seen) -> Bounds | None:
 
 
 def _load(seen: _Seen) -> tuple[float, Array] | None:
-    """Of the mass and of the centre of mass of what was held."""
+    """Bounds of mass and centre of mass of the held object."""
     mass = seen.about("mass")
     if mass is None:
         return None

@@ -34,7 +34,7 @@ class OverBound:
 def over_bounds(
     names: Sequence[str], noise: str, seeds: Sequence[int], workers: int = 1
 ) -> list[OverBound]:
-    """One row for each component of every scenario that has a bound.
+    """Make a row for each component of every scenario that has a bound.
 
     Raises:
         InputError: no such scenario.
@@ -51,7 +51,7 @@ def over_bounds(
 
 
 def _ratios(case: tuple[str, int], noise: str) -> list[Ratio]:
-    """Run a scenario with a seed, its objects about where the scene has them."""
+    """Run a scenario with a seed and displaced objects."""
     name, seed = case
     settings = replace(scenario(name).settings(noise=noise), seed=seed)
     made = pipeline.plan(settings, pipeline.load(settings))

@@ -1,9 +1,9 @@
-"""What the errors of an arm make of its joint torques along a recorded motion: one column for every
-number that the noise model draws.
+"""Effects of an arm's errors on its joint torques along a recorded motion: one column for every number
+that the noise model draws.
 
-Of what an arm's owner is told nothing of (zeros, links, levels of friction) nothing is taken as
-known; of the rest, how large it may be. What is not here (curvature and hysteresis of the sensors,
-lost samples) could only raise a bound.
+Errors without a figure for the arm's owner (zeros, links, levels of friction) have a wide prior, the
+others their standard deviation. Errors that are left out (curvature and hysteresis of the sensors, lost
+samples) could only raise a bound.
 """
 
 from __future__ import annotations
@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from bench.bounds.blocks import Blocks
-from bench.bounds.information import Column
+from bench.bounds.blocks import Blocks, Column
 from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription
 from palpate.robots.simulated.noise.disturbances import NEW_APPROACH, REACH, REST_SPEED
@@ -32,18 +31,18 @@ from palpate.robots.simulated.noise.model import (
 from palpate.trace.samples import Samples
 
 ZERO = 10.0
-"""N m: where a sensor's zero may be, of which nothing is known beforehand."""
+"""N m: wide prior of a sensor's zero."""
 ANY_PLACE = 0.1
-"""m: where a link's centre may be, likewise."""
+"""m: wide prior of a link's centre of mass."""
 VERTICAL = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hanging:
-    """What hangs on the hand in each block.
+    """Load of the hand in each block.
 
     Attributes:
-        torque: (n, 7) N m that it makes in the joints.
+        torque: (n, 7) N m in the joints.
         mass: (n,) kg.
     """
 
@@ -56,9 +55,9 @@ class _Links:
     """The arm's own weight along a motion.
 
     Attributes:
-        shift: (n, 3, 7) N m that an acceleration of 1 m/s² of everything makes, base axes.
-        mass: (n, k, 7) N m that a further kilogram at the centre of body k makes.
-        com: (n, k, 3, 7) what a metre makes by which its centre lies elsewhere in its own axes.
+        shift: (n, 3, 7) N m of an acceleration of 1 m/s² of all bodies, base axes.
+        mass: (n, k, 7) N m of one more kilogram at the centre of body k.
+        com: (n, k, 3, 7) N m of a shift of its centre by a metre, in its own axes.
         nominal: (k,) kg.
     """
 
@@ -76,7 +75,7 @@ def errors(
     noise: NoiseModel,
     gravity: float,
 ) -> list[Column]:
-    """All errors of the arm, with what they make of a load."""
+    """Columns of all errors of the arm, with their effect on a load."""
     links = _links(arm, blocks.q, gravity)
     weight = gravity * links.shift[:, VERTICAL]
     return [
@@ -92,12 +91,12 @@ def errors(
 
 
 def deviation(drawn: Drawn) -> Array:
-    """Its standard deviation; none where it is fixed, and so known."""
+    """Standard deviation of a drawn number."""
     return drawn.size / math.sqrt(3.0) if drawn.law == "uniform" else drawn.size
 
 
 def _each_joint(torque: Array, sizes: Array) -> Iterator[Column]:
-    """One unknown a joint: `torque` (n, 7) N m a unit of it."""
+    """Columns of one unknown for each joint, `torque` (n, 7) N m a unit."""
     for joint, size in enumerate(sizes.tolist()):
         alone = np.zeros_like(torque)
         alone[:, joint] = torque[:, joint]
@@ -105,25 +104,24 @@ def _each_joint(torque: Array, sizes: Array) -> Iterator[Column]:
 
 
 def _gains(torque: Torque, shown: Array) -> Iterator[Column]:
-    """Each sensor's own gain, and cross-talk of every other joint, of the torques (n, 7) that are `shown`: a
-    sensor shows the arm's weight right where it was zeroed, at the beginning."""
+    """Gain of each sensor, and cross-talk from every other joint, for the torques `shown` (n, 7)."""
+    # A sensor is zeroed at the beginning, with the arm's weight there.
     yield from _each_joint(shown, deviation(torque.gain_max))
     crossed = deviation(torque.crosstalk) * (1.0 - np.eye(shown.shape[1]))
-    for felt, told in np.argwhere(crossed > 0.0).tolist():
+    for sensor, source in np.argwhere(crossed > 0.0).tolist():
         alone = np.zeros_like(shown)
-        alone[:, felt] = shown[:, told]
-        yield Column(alone, float(crossed[felt, told]))
+        alone[:, sensor] = shown[:, source]
+        yield Column(alone, float(crossed[sensor, source]))
 
 
 def _rippled(ripple: Ripple, samples: Samples, blocks: Blocks) -> Iterator[Column]:
-    """Ripple of the sensors, whose phase nobody knows."""
+    """Ripple of the sensors, with unknown phase: sine and cosine."""
     for wave in (np.sin, np.cos):
         yield from _each_joint(blocks.mean(wave(ripple.cycles * samples.q)), ripple.size)
 
 
 def _of_links(links: _Links) -> Iterator[Column]:
-    """Masses and centres of the links, and last of the hand. How well they are known no datasheet
-    says."""
+    """Masses and centres of the links and the hand, with wide priors: no datasheet states their error."""
     for k, nominal in enumerate(links.nominal.tolist()):
         yield Column(links.mass[:, k], nominal)
         for axis in range(3):
@@ -133,7 +131,7 @@ def _of_links(links: _Links) -> Iterator[Column]:
 def _frame(
     model: Model, links: _Links, blocks: Blocks, load: Hanging, gravity: float
 ) -> Iterator[Column]:
-    """The way gravity points in the base's axes, and its size."""
+    """Direction of gravity in the base's axes, and its magnitude."""
     tilt = gravity * deviation(model.base_tilt)
     for axis, size in enumerate([*tilt.tolist(), float(deviation(model.gravity))]):
         pulled = blocks.maps[:, :, :3] @ blocks.turn[:, axis]
@@ -143,9 +141,8 @@ def _frame(
 def _rubbing(
     friction: Friction, samples: Samples, blocks: Blocks, borne: Array
 ) -> Iterator[Column]:
-    """Friction behind the sensors (Dahl): its level, of which nothing more is known than its order;
-    what it was at the start; what grows with the speed; how much more of it there is at a place, where
-    a joint is slow, and under the torque (n, 7) that is `borne`."""
+    """Friction behind the sensors (Dahl): level, initial state, viscous part, variation with the angle,
+    Stribeck increase at low speed, and increase with the torque `borne` (n, 7)."""
     turned, left = np.zeros_like(samples.q), np.ones_like(samples.q)
     steps = np.diff(samples.q, axis=0)
     for row, step in enumerate(steps, start=1):
@@ -166,7 +163,7 @@ def _rubbing(
 
 
 def _stuck(sticking: Sticking, samples: Samples, blocks: Blocks) -> Iterator[Column]:
-    """What each rest leaves in the joints: a force at the TCP, and a torque of each joint."""
+    """Residual of each rest in the joints: a force at the TCP, and a torque of each joint."""
     forces, torques = deviation(sticking.force), deviation(sticking.torque)
     if not (forces.any() or torques.any()):
         return
@@ -174,7 +171,7 @@ def _stuck(sticking: Sticking, samples: Samples, blocks: Blocks) -> Iterator[Col
     means = blocks.mean(shares)
     memory = sticking.memory
     for i, row in enumerate(begins):
-        # What a rest has in common with the next ones was drawn here.
+        # A rest shares a part of its residual with the following ones.
         common = math.sqrt(1.0 - memory**2) if i else 1.0
         faded = common * memory ** np.arange(len(begins) - i)
         share = means[:, i:] @ faded
@@ -185,8 +182,8 @@ def _stuck(sticking: Sticking, samples: Samples, blocks: Blocks) -> Iterator[Col
 
 
 def _approaches(sticking: Sticking, samples: Samples) -> tuple[Array, Sequence[int]]:
-    """(rows, k) how much of what each of k rests left is there, and the rows at which they began:
-    as `robots.simulated.noise.disturbances` has it."""
+    """Share of the residual of each of k rests, (rows, k), and the rows at which they began, as
+    `robots.simulated.noise.disturbances` draws them."""
     period = float(np.median(np.diff(samples.t)))
     steps = np.linalg.norm(samples.dq, axis=1) * period
     builds, stays = min(1.0, period / sticking.settling), math.exp(-period / sticking.relaxation)
@@ -214,7 +211,7 @@ def _approaches(sticking: Sticking, samples: Samples) -> tuple[Array, Sequence[i
 
 
 def _cable(size: float, blocks: Blocks) -> Iterator[Column]:
-    """A force at the TCP that varies over `REACH` m, to first order about the middle."""
+    """Pull of a cable: a force at the TCP that varies over `REACH` m, to first order about the middle."""
     away = (blocks.position - blocks.position.mean(axis=0)) / REACH
     for share in (np.ones(len(away)), *away.T):
         for axis in range(3):
@@ -222,7 +219,7 @@ def _cable(size: float, blocks: Blocks) -> Iterator[Column]:
 
 
 def _links(arm: RobotDescription, q: Array, gravity: float) -> _Links:
-    """Of every link, and last of the hand, at joint angles `q` (n, 7)."""
+    """Weight of every link, and last of the hand, at joint angles `q` (n, 7)."""
     model = arm.spec().compile()
     data = mujoco.MjData(model)
     qpos = [int(model.jnt_qposadr[model.joint(name).id]) for name in arm.joints]

@@ -1,5 +1,4 @@
-"""The least that can be known of a height that fingertips touch: where the arm, its links and its
-fingertips are."""
+"""Bound of a height measured by touch: from the errors of the arm, its links and its fingertips."""
 
 from __future__ import annotations
 
@@ -22,13 +21,13 @@ VERTICAL = 2
 def of_height(
     trace: Trace, parameter: Parameter, base: Pose, arm: RobotDescription, noise: NoiseModel
 ) -> float | None:
-    """Least standard deviation (m) of a surface's height; None where it was not touched.
+    """Least standard deviation (m) of a surface's height; None if it was not touched.
 
-    Touching cannot tell a higher surface from a higher base, another link or longer fingertips,
-    which are drawn once a robot: all that they do to the height of the fingertips, and what of the
-    pose's repeatability is left after n touches, root of the sum of squares. Force noise is left
-    out: over the stiffness of a rigid surface it is nothing.
+    Touching cannot distinguish a higher surface from a higher base, longer links or longer
+    fingertips, which are drawn once a robot. The bound is the root of the sum of squares of their
+    effects on the height of the fingertips, and of the pose's repeatability over √n for n touches.
     """
+    # Force noise over the stiffness of a rigid surface is negligible.
     touches = probes(trace, parameter)
     if not touches:
         return None
@@ -39,7 +38,7 @@ def of_height(
 
 
 def _of_robot(q: Array, base: Pose, arm: RobotDescription, noise: NoiseModel) -> Iterator[float]:
-    """m by which the errors that are drawn once a robot raise the fingertips, at angles `q`."""
+    """Effects (m) of the errors that are drawn once a robot on the fingertips' height, at angles `q`."""
     drawn = noise.model
     model = arm.spec().compile()
     data = mujoco.MjData(model)

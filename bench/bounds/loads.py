@@ -8,9 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.bounds.blocks import Blocks, blocks
+from bench.bounds.blocks import Blocks, Column, blocks, covariance
 from bench.bounds.errors import Hanging, deviation, errors
-from bench.bounds.information import Column, covariance
 from palpate.estimation.load.blocks import apart, lifted
 from palpate.estimation.load.segments import load_rows
 from palpate.estimation.motion import Mask, runs
@@ -20,22 +19,22 @@ from palpate.robots.simulated.noise.model import Model, NoiseModel
 from palpate.trace.samples import Trace
 
 ANY_MASS, ANY_LEVER, ANY_FORCE, ANY_RATIO = 10.0, 1.0, 1e3, 10.0
-"""kg, m, N or N m, and of a coefficient: so much that nothing is known beforehand."""
+"""kg, m, N or N m, and a coefficient: standard deviations of wide priors."""
 SLIDES, PRESSED = 5e-3, 1.0
-"""m/s and N from which a thing slides along its support."""
+"""Least speed (m/s) and normal force (N) of an object that slides on its support."""
 LEVEL = 1e-2
-"""square of the part of the fingers' way that is not known yet, below which it tells nothing more."""
+"""Square of the unknown part of the closing direction, below which a grasp adds no information."""
 UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Carried:
-    """A trace in which an object was carried, in blocks.
+    """Blocks of a trace in which an object was carried.
 
     Attributes:
-        pull: (n, 3) N that a kilogram of it pulls with while it hangs free, else nothing.
-        axes: (n, 3, 3) the object's axes in the world, as far as it was held.
-        free: (n,) blocks in which the hand is empty or the object hangs, and nothing is touched.
+        pull: (n, 3) N of a kilogram of it while it hangs free, else zero.
+        axes: (n, 3, 3) the object's axes in the world while it is held.
+        free: (n,) blocks without contact: the hand is empty, or the object hangs.
         held: (n,) blocks in which it is held.
     """
 
@@ -55,12 +54,17 @@ def of_load(
     noise: NoiseModel,
     place: float = 0.0,
 ) -> tuple[float, Array] | None:
-    """Least standard deviations of the mass (kg) and of the centre of mass (3,) (m, in the axes
-    that the object has when it stands with the rotation matrix `standing`); None where the trace
-    does not say what joint torques come from.
+    """Least standard deviations of the mass (kg) and of the centre of mass (3,) (m, in the object's
+    axes with the rotation matrix `standing`); None for a trace without the arm's kinematics.
 
-    `mass`: the true one, kg, where the equations are linearised. `place`: m (1 sigma), each way, that it may
-    have stood elsewhere on the level than the scene has it.
+    Args:
+        trace: of the whole run.
+        name: of the object.
+        standing: rotation matrix of the object before the run.
+        mass: true mass, kg, at which the equations are linearised.
+        arm: the nominal robot.
+        noise: noise model of the run.
+        place: horizontal accuracy of the object's pose, m (1 sigma) along each axis.
     """
     carried = _carried(trace, name, standing)
     if carried is None:
@@ -74,18 +78,18 @@ def of_load(
         noise.torque,
     )
     stds = np.sqrt(np.diag(found))
-    return float(stds[0]), np.hypot(stds[1:], place * _unfelt(carried, standing))
+    return float(stds[0]), np.hypot(stds[1:], place * _unmeasured(carried, standing))
 
 
-def _unfelt(carried: Carried, standing: Array) -> Array:
-    """(3,) along the object's axes: the part of a step aside on the level that nothing tells; fingers
-    that close on it tell what is along their way."""
+def _unmeasured(carried: Carried, standing: Array) -> Array:
+    """Share of a horizontal displacement that stays unknown, (3,) along the object's axes: fingers that
+    close on it measure the component along their closing direction."""
     unknown = standing.T @ np.diag([1.0, 1.0, 0.0]) @ standing
     for rows in runs(carried.held):
         closing = carried.axes[rows.start].T @ carried.blocks.rotation[rows.start][:, 1]
-        told = unknown @ closing
-        if (size := float(closing @ told)) > LEVEL:
-            unknown = unknown - np.outer(told, told) / size
+        measured = unknown @ closing
+        if (size := float(closing @ measured)) > LEVEL:
+            unknown = unknown - np.outer(measured, measured) / size
     return np.sqrt(np.clip(np.diag(unknown), 0.0, None))
 
 
@@ -97,13 +101,14 @@ def of_friction(
     arm: RobotDescription,
     noise: NoiseModel,
 ) -> float | None:
-    """Least standard deviation of the coefficient with which an object slid, beside its weight and
-    all that the support did to it but the force along the motion; None where it did not slide.
+    """Least standard deviation of the friction coefficient of an object that slides; None if it did
+    not slide.
 
-    It is that of one who knows that nothing else holds the object, that friction is even, and that the support
-    is level, of which no estimator is told; but not how the arm's own frame leans.
+    Unknown are its weight, and the wrench of the support except for the force along the motion. Known are
+    that nothing else holds the object, that friction is uniform, and that the support is level; not
+    the tilt of the arm's own frame.
 
-    `about`: the true mass (kg) and friction, where the equations are linearised.
+    `about`: true mass (kg) and friction, at which the equations are linearised.
     """
     mass, friction = about
     carried = _carried(trace, name, standing)
@@ -137,8 +142,8 @@ def of_friction(
 
 
 def _leaning(blocks: Blocks, pressed: Array, way: Array, model: Model) -> Iterator[Column]:
-    """What a support adds along the motion that seems to lean, as the base is tilted, or encoders have
-    other zeros."""
+    """Force along the motion on a support that appears to lean, by a tilt of the base or by encoder
+    zeros."""
     zeros = zip(
         blocks.maps[:, :, 3:].transpose(1, 0, 2), deviation(model.joint_offset), strict=True
     )
@@ -149,7 +154,7 @@ def _leaning(blocks: Blocks, pressed: Array, way: Array, model: Model) -> Iterat
 
 
 def _supported(blocks: Blocks, place: int, way: Array, friction: float) -> Iterator[Column]:
-    """What a support may do in one block: press, and rub with that; push aside, and turn."""
+    """Unknown wrench of the support in one block: normal force with its friction, lateral force, moments."""
     aside = np.cross(UP, way)
     forces = [(UP - friction * way, np.zeros(3)), (aside, np.zeros(3))]
     forces += [(np.zeros(3), axis) for axis in np.eye(3)]
@@ -160,8 +165,8 @@ def _supported(blocks: Blocks, place: int, way: Array, friction: float) -> Itera
 
 
 def _of_weight(carried: Carried, mass: float, also: Array | None = None) -> Sequence[Column]:
-    """Of a kilogram, and of a metre of its lever along each of the object's axes; `also` (n,) N/kg:
-    where its weight is borne by the hand and the support together."""
+    """Columns of a kilogram, and of a metre of its lever along each of the object's axes; `also` (n,)
+    N/kg: weight that hand and support bear together."""
     pull = carried.pull if also is None else carried.pull + also[:, None] * UP
     columns = [Column(_torques(carried.blocks, pull), ANY_MASS)]
     for axis in range(3):
@@ -171,7 +176,7 @@ def _of_weight(carried: Carried, mass: float, also: Array | None = None) -> Sequ
 
 
 def _torques(blocks: Blocks, force: Array, moment: Array | None = None) -> Array:
-    """(n, 7) N m of forces (n, 3) N, and moments (n, 3) N m, at the TCP."""
+    """Joint torques (n, 7) N m of forces (n, 3) N and moments (n, 3) N m at the TCP."""
     turned = np.zeros_like(force) if moment is None else moment
     wrench = np.concatenate([force, turned], axis=1)
     return np.einsum("njk,nk->nj", blocks.maps, wrench)
@@ -186,7 +191,7 @@ def _errors(
     also: Array | float = 0.0,
     borne: Array | float = 0.0,
 ) -> Sequence[Column]:
-    """`also` as in `_of_weight`; `borne` (n, 7) N m that a support makes of what it bears."""
+    """Columns of the arm's errors; `also` as in `_of_weight`; `borne` (n, 7) N m from the support."""
     pull = carried.pull + np.reshape(also, (-1, 1)) * UP
     torque = _torques(carried.blocks, mass * pull) + borne
     load = Hanging(torque, mass * (np.abs(pull).max(axis=1) > 0.0))
@@ -207,7 +212,7 @@ def _carried(trace: Trace, name: str, standing: Array) -> Carried | None:
 
 
 def _axes(blocks: Blocks, held: Mask, standing: Array) -> Array:
-    """(n, 3, 3) the object's axes: they turn with the hand while it is held."""
+    """The object's axes (n, 3, 3): they turn with the hand while it is held."""
     axes = np.broadcast_to(standing, blocks.rotation.shape).copy()
     now = standing
     for rows in runs(held):

@@ -1,5 +1,4 @@
-"""The cases of a campaign and their rows: appended case by case, so that one that was stopped goes
-on."""
+"""The campaign engine: cases, their rows, and a file of rows that a later run continues."""
 
 from __future__ import annotations
 
@@ -7,6 +6,7 @@ import signal
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any, Protocol, TypeVar
@@ -19,22 +19,60 @@ from palpate.studies.lines import Lines
 from palpate.studies.workers import Lost, Processes
 
 LONGEST = 120
-"""s of the processor for one case; beyond, it hangs."""
+"""s of processor time after which a case counts as hung."""
 
 
 class Case(Protocol):
-    """What is done once; its name is its own within its kind."""
+    """A case, with a name that is unique within its kind."""
 
     @property
     def name(self) -> str: ...
+
+    def blank(self) -> Row:
+        """Its row before it is executed."""
+        ...
 
 
 AnyCase = TypeVar("AnyCase", bound=Case)
 
 
 @dataclass(frozen=True, slots=True)
+class Row:
+    """Result of a case.
+
+    Attributes:
+        kind: of the case.
+        case: its name.
+        what: description.
+        command: repeats it.
+        outcome: in a word.
+        said: messages of palpate.
+        crash: a traceback.
+        beyond: what exceeds the limits, in words.
+        touches: contact forces: thing, peak, mean10, mean20, tail, sideways.
+        figures: anything else, by name.
+    """
+
+    kind: str
+    case: str
+    what: str
+    command: str
+    outcome: str = ""
+    said: tuple[str, ...] = ()
+    crash: str = ""
+    beyond: tuple[str, ...] = ()
+    touches: tuple[dict[str, Any], ...] = ()
+    figures: dict[str, Any] = field(default_factory=dict[str, Any])
+
+    @classmethod
+    def named(cls, kind: str, case: str, what: str) -> Row:
+        """Blank row of a case with a name of its own."""
+        return cls(kind, case, what, f"python -m bench faults --kind {kind} --case '{case}'")
+
+
+@dataclass(frozen=True, slots=True)
 class Drawn:
-    """A case that is drawn at random: which one, from a seed."""
+    """A random case, identified by seed and number."""
 
     kind: str
     seed: int
@@ -46,16 +84,15 @@ class Drawn:
 
     @property
     def command(self) -> str:
-        """What repeats it."""
+        """Command line that repeats it."""
         return f"python -m bench faults --kind {self.kind} --seed {self.seed} --case {self.number}"
 
     def random(self, *stream: int) -> np.random.Generator:
-        """The same numbers every time; others for another `stream`."""
+        """Generator of the case, always the same; independent ones for each `stream`."""
         return np.random.default_rng([self.seed, self.number, *stream])
 
-    def blank(self, what: str = "") -> Row:
-        """Its row before anything is known."""
-        return Row(self.kind, self.name, what, self.command, "")
+    def blank(self) -> Row:
+        return Row(self.kind, self.name, "", self.command)
 
 
 def drawn(kind: str, seed: int, count: int) -> list[Drawn]:
@@ -63,53 +100,11 @@ def drawn(kind: str, seed: int, count: int) -> list[Drawn]:
     return [Drawn(kind, seed, number) for number in range(count)]
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
-    """One case and how it went.
-
-    Attributes:
-        kind: which part of the campaign.
-        case: names it within its kind.
-        what: what was done, in words.
-        command: repeats it.
-        outcome: in a word.
-        said: what palpate said about it.
-        crash: a traceback, where there was one.
-        beyond: what it did to the world that is worse than the figures allow.
-        touches: forces on everything that was touched: thing, peak, mean10, mean20, tail, sideways.
-        figures: anything else, by name.
-    """
-
-    kind: str
-    case: str
-    what: str
-    command: str
-    outcome: str
-    said: tuple[str, ...] = ()
-    crash: str = ""
-    beyond: tuple[str, ...] = ()
-    touches: tuple[dict[str, Any], ...] = ()
-    figures: dict[str, Any] = field(default_factory=dict[str, Any])
-
-    @classmethod
-    def named(cls, kind: str, case: str, what: str) -> Row:
-        """The row of a case that has a name, before anything is known."""
-        return cls(kind, case, what, f"python -m bench faults --kind {kind} --case '{case}'", "")
-
-    @classmethod
-    def read(cls, document: dict[str, Any]) -> Row:
-        """A row from its line of a file."""
-        fields = dict(document)
-        for name in ("said", "beyond", "touches"):
-            fields[name] = tuple(fields[name])
-        return cls(**fields)
-
-
 TOUCH = ("thing", "part", "load", "peak", "mean10", "mean20", "tail", "over", "sideways")
 
 
 def touches_of(seen: Harm) -> tuple[dict[str, Any], ...]:
-    """The forces of a judgement, as a row keeps them."""
+    """The contact forces of a judgement, rounded, as a row holds them."""
     kept: list[dict[str, Any]] = []
     for touch in seen.touches:
         figures = {name: getattr(touch, name) for name in TOUCH}
@@ -118,7 +113,7 @@ def touches_of(seen: Harm) -> tuple[dict[str, Any], ...]:
 
 
 def judged_run(blank: Row, seen: Probed) -> Row:
-    """The row of a plan that was executed: how it ended, and what it did."""
+    """Row of an executed plan: end of the run, and harm."""
     done = seen.execution
     return replace(
         blank,
@@ -131,23 +126,25 @@ def judged_run(blank: Row, seen: Probed) -> Row:
 
 
 class Overtime(BaseException):
-    """A case takes too long. Nothing that catches `Exception` keeps it from ending."""
+    """A case takes too long; not an `Exception`, so that no handler of palpate's swallows it."""
 
 
-def within_time(work: Callable[[], Row], otherwise: Row, seconds: int = LONGEST) -> Row:
-    """What `work` gives, or `otherwise` with its traceback; for the main thread of a process."""
+def judged(case: AnyCase, work: Callable[[AnyCase, Row], Row]) -> Row:
+    """Execute a case by `work`, which fills its blank row; a failure or overtime is a row, too. Only
+    in the main thread of a process, which receives the timer's signal."""
+    blank = case.blank()
 
     def overtime(_signum: int, _frame: FrameType | None) -> None:
         raise Overtime
 
     previous = signal.signal(signal.SIGPROF, overtime)
-    signal.setitimer(signal.ITIMER_PROF, seconds)
+    signal.setitimer(signal.ITIMER_PROF, LONGEST)
     try:
-        return work()
+        return work(case, blank)
     except Overtime:
-        return replace(otherwise, outcome="hung", crash=f"not done after {seconds} s")
+        return replace(blank, outcome="hung", crash=f"not done after {LONGEST} s")
     except Exception:
-        return replace(otherwise, outcome="crashed", crash=traceback.format_exc(limit=-8))
+        return replace(blank, outcome="crashed", crash=traceback.format_exc(limit=-8))
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0)
         signal.signal(signal.SIGPROF, previous)
@@ -160,34 +157,30 @@ class Ledger:
     file: Path
 
     def rows(self) -> list[Row]:
-        """All so far.
+        """Read all rows.
 
         Raises:
-            InputError: it is another file.
+            InputError: the file holds something else.
         """
-        lines = Lines(self.file)
-        try:
-            return [Row.read(line) for line in lines.read()]
-        except (TypeError, KeyError):
-            raise lines.other() from None
+        return Lines(self.file).read_as(Row)
 
     def complete(
         self,
         cases: Sequence[AnyCase],
-        work: Callable[[AnyCase], Row],
+        work: Callable[[AnyCase, Row], Row],
         workers: int = 1,
         say: Callable[[str], None] = lambda _: None,
     ) -> list[Row]:
-        """Do the cases that have no row yet; returns the rows of all of them, in their order.
+        """Execute the cases that have no row yet; return the rows of all of them, in their order.
 
-        `work` and `cases` must be picklable where there is more than one worker.
+        `work` and `cases` must be picklable if there are several workers.
 
         Raises:
-            Lost: a case took its process with it.
+            Lost: the process that executed a case ended.
         """
         done = {row.case: row for row in self.rows()}
         todo = [case for case in cases if case.name not in done]
-        for _, row in Processes(workers).each(work, todo):
+        for _, row in Processes(workers).each(partial(judged, work=work), todo):
             if isinstance(row, Lost):
                 raise row
             Lines(self.file).add(asdict(row))

@@ -1,4 +1,4 @@
-"""The campaign as one HTML page: counts, worst cases, force histograms, every case beyond."""
+"""A campaign as an HTML page: counts, force histograms, worst contacts, cases beyond the limits."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from palpate.report.assets import style as shared_style
 TITLES = {
     "plans": "Corrupted plans, checked",
     "accepted": "Corrupted plans that the check accepts, executed",
-    "bypass": "Corrupted plans that the check refuses, executed all the same",
+    "bypass": "Corrupted plans that the check refuses, executed without it",
     "nasty": "Plans written by hand",
-    "runtime": "Faults while a plan runs",
+    "runtime": "Faults during a run",
     "signals": "Signals",
     "poses": "Poses up to 20 mm off",
-    "obstacles": "Posts that no scene shows",
-    "cautious": "Posts that no scene shows, met by a cautious arm",
-    "light": "Light objects that no scene shows",
+    "obstacles": "Posts that the scene does not show",
+    "cautious": "Posts that the scene does not show, with a cautious arm",
+    "light": "Light objects that the scene does not show",
     "inputs": "Bad inputs",
     "schema": "Random scenes over MuJoCo's schema",
 }
 """Kinds in the order of the page."""
 WORST = 10
-"""Cases with the greatest forces that are listed of every kind."""
+"""Number of contacts listed for each kind, the largest forces first."""
 STEP, MOST = 10, 200
-"""N: width of the histogram's bins, and where the last one begins."""
+"""N: width of the histogram's bins, and start of the last one."""
 WIDTH, HEIGHT, MARGIN = 640, 150, 24
-"""Pixels of a histogram."""
+"""Size of a histogram, px."""
 
 STYLE = """
 body { max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }
@@ -42,11 +42,11 @@ code { font: .8rem var(--mono); overflow-wrap: anywhere; }
 svg text { font: 11px var(--sans); fill: var(--muted); }
 rect { fill: var(--accent); } rect.beyond { fill: var(--bad); } line { stroke: var(--bad); }
 """
-"""Besides what all pages share."""
+"""In addition to the style of all pages."""
 
 
 def framed(title: str, heading: str, parts: Iterable[str]) -> str:
-    """A page of parts, light or dark."""
+    """Join parts to a page."""
     head = (
         "<!doctype html><html lang=en><meta charset=utf-8>"
         "<meta name=viewport content='width=device-width, initial-scale=1'>"
@@ -56,7 +56,7 @@ def framed(title: str, heading: str, parts: Iterable[str]) -> str:
 
 
 def page(rows: Mapping[str, Sequence[Row]], about: str) -> str:
-    """The page; `rows` by kind, `about` says what was run and on which version."""
+    """The page; `rows` by kind, `about`: version and method."""
     kinds = [kind for kind in TITLES if rows.get(kind)]
     parts = [
         f"<p class=small>{escape(about)}</p>",
@@ -64,11 +64,11 @@ def page(rows: Mapping[str, Sequence[Row]], about: str) -> str:
     ]
     for kind in kinds:
         parts += _section(kind, rows[kind])
-    return framed("Faults", "Nothing hit, nothing dropped, nothing lost", parts)
+    return framed("Faults", "Harm and crashes under faults", parts)
 
 
 def counts(rows: Sequence[Row]) -> dict[str, int]:
-    """What there is to count of every kind."""
+    """Numbers of cases, of crashes, and of cases beyond the limits."""
     return {
         "cases": len(rows),
         "crashes": sum(bool(row.crash) for row in rows),
@@ -106,15 +106,15 @@ def _section(kind: str, rows: Sequence[Row]) -> Iterable[str]:
         unseen.update(row.figures.get("unseen", ()))
     if unseen:
         listed = "; ".join(f"{fate} ({number})" for fate, number in unseen.most_common())
-        yield f"<p class=small>Of what no scene shows: {escape(listed)}</p>"
+        yield f"<p class=small>Things that the scene does not show: {escape(listed)}</p>"
     bad = [row for row in rows if row.beyond or row.crash]
-    yield f"<h3>Beyond the figures, or crashed: {len(bad)} of {len(rows)}</h3>"
+    yield f"<h3>Beyond the limits, or crashed: {len(bad)} of {len(rows)}</h3>"
     if bad:
         yield _listed(bad)
 
 
 def histogram(forces: Sequence[float], limit: float) -> str:
-    """How many contacts reached which 10 ms mean, N, with the limit as a line."""
+    """Histogram of contacts by their largest 10 ms mean, N, with the limit as a line."""
     bins = [0] * (MOST // STEP + 1)
     for force in forces:
         bins[min(int(force // STEP), len(bins) - 1)] += 1
@@ -133,7 +133,7 @@ def histogram(forces: Sequence[float], limit: float) -> str:
             drawn.append(f'<text x="{x:.1f}" y="{HEIGHT - 8}">{i * STEP}</text>')
     at = MARGIN + across * limit / STEP
     drawn.append(f'<line x1="{at:.1f}" x2="{at:.1f}" y1="4" y2="{HEIGHT - MARGIN}"/>')
-    caption = "<p class=small>Contacts by their greatest 10 ms mean, N; the line is the limit.</p>"
+    caption = "<p class=small>Contacts by their largest 10 ms mean, N; the line is the limit.</p>"
     return f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}">{"".join(drawn)}</svg>{caption}'
 
 

@@ -1,22 +1,86 @@
-"""What was answered in every world, as one HTML page."""
+"""Coverage of the intervals over all worlds, and the verdicts in each, as an HTML page."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from html import escape
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
 
 from bench.campaign.ledger import Row
 from bench.campaign.page import framed
-from bench.deceptions.coverage import Coverage, coverage
 from bench.deceptions.world import Deception, deceptions
 
 TITLES = {
-    "deceptive": "Worlds that deceive",
+    "deceptive": "Deceptive worlds",
     "innocent": "Innocent worlds",
-    "not observable": "What no recording can tell",
+    "not observable": "Not observable from any recording",
 }
 """Kinds of worlds, in the order of the page."""
+
+
+HALF = NormalDist().inv_cdf(0.75)
+"""Half width of the central 50 % interval of a normal distribution, in standard deviations."""
+TINY = 1e-12
+"""Least mean square of z, for values without any error."""
+FAR, FARTHEST = 4.0, 5.0
+"""Stated standard deviations beyond which values are counted."""
+
+
+@dataclass(frozen=True, slots=True)
+class Coverage:
+    """Coverage of the `values` identified values of a quantity, or of all.
+
+    Attributes:
+        covered95, covered50: shares whose central interval holds the truth.
+        stated: 1 / RMS(z), z = error / stated standard deviation; 1 for calibrated estimates.
+        far, farthest: number of values beyond 4 and 5 stated standard deviations.
+        worst: largest |z|.
+    """
+
+    quantity: str
+    values: int
+    covered95: float
+    covered50: float
+    stated: float
+    far: int
+    farthest: int
+    worst: float
+
+
+def coverage(rows: Iterable[Row]) -> list[Coverage]:
+    """Coverage over all worlds in which verdicts are judged: pooled, then by quantity."""
+    found: dict[str, list[dict[str, Any]]] = {}
+    for row in rows:
+        if row.figures.get("kind") == "not observable":
+            continue
+        for score in row.figures.get("scores", ()):
+            if score["verdict"] == "identified":
+                quantity = score["parameter"].rpartition(".")[2]
+                found.setdefault(quantity, []).append(score)
+    everything = [score for scores in found.values() for score in scores]
+    if not everything:
+        return []
+    groups = [("all", everything), *sorted(found.items())]
+    return [_coverage(quantity, scores) for quantity, scores in groups]
+
+
+def _coverage(quantity: str, scores: Sequence[dict[str, Any]]) -> Coverage:
+    z = np.array([score["z"] for score in scores])
+    return Coverage(
+        quantity,
+        values=len(z),
+        covered95=float(np.mean([score["covered"] for score in scores])),
+        covered50=float(np.mean(z < HALF)),
+        stated=float(1.0 / np.sqrt(max(float(np.mean(z**2)), TINY))),
+        far=int(np.sum(z > FAR)),
+        farthest=int(np.sum(z > FARTHEST)),
+        worst=float(z.max()),
+    )
 
 
 def page(rows: Sequence[Row]) -> str:
@@ -29,11 +93,11 @@ def page(rows: Sequence[Row]) -> str:
     crashed = [row for row in rows if row.crash]
     for row in crashed:
         parts.append(f"<p class=beyond>{escape(row.case)}</p><pre>{escape(row.crash)}</pre>")
-    return framed("Deceptions", "Who is deceived", parts)
+    return framed("Deceptions", "Verdicts in deceptive and innocent worlds", parts)
 
 
 def by_world(rows: Sequence[Row]) -> dict[str, list[Row]]:
-    """Rows of worlds that are still known, in the worlds' order."""
+    """Rows by world, in the order of `worlds.toml`; rows of removed worlds are left out."""
     found: dict[str, list[Row]] = {name: [] for name in deceptions()}
     for row in rows:
         found.get(str(row.figures.get("world")), []).append(row)
@@ -41,7 +105,7 @@ def by_world(rows: Sequence[Row]) -> dict[str, list[Row]]:
 
 
 def worst(rows: Sequence[Row]) -> float | None:
-    """The most stated standard deviations that an identified value is off; None without any."""
+    """Largest |z| of the identified values; None without any."""
     return max(
         (
             float(score["z"])
@@ -87,7 +151,9 @@ def _line(tag: str, cells: Sequence[str]) -> str:
 
 
 def _worlds(rows: Sequence[Row]) -> str:
-    lines = ["<tr><th>world</th><th>answers</th><th class=number>worst std</th><th>said</th></tr>"]
+    lines = [
+        "<tr><th>world</th><th>verdicts</th><th class=number>worst |z|</th><th>estimates</th></tr>"
+    ]
     for name, group in by_world(rows).items():
         lines.append(_world(deceptions()[name], group))
     return f"<table>{''.join(lines)}</table>"

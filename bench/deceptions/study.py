@@ -1,7 +1,7 @@
-"""Who is deceived: every world, what was answered in it, and whether an honest tool may answer so.
+"""Verdicts in deceptive and innocent worlds, against the truth.
 
-Identified values must be within `FAR` of their stated standard deviations of what is true; a
-deceptive world may be contradicted or not identified just as well, an innocent one may not.
+An identified value must be within `FAR` of its stated standard deviations of the truth; a deceptive
+world may also be contradicted or not identified, an innocent one may not.
 """
 
 from __future__ import annotations
@@ -14,11 +14,10 @@ from functools import partial
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 
-from bench.campaign.ledger import Ledger, Row, within_time
+from bench.campaign.ledger import Ledger, Row
 from bench.deceptions.world import Deception, Jump, deception, task
 from palpate import pipeline
 from palpate.cells.simulated import SimulatedCell, simulated_cell
@@ -37,12 +36,12 @@ KIND = "deceptions"
 FAR = 4.0
 """Stated standard deviations beyond which an identified value is wrong."""
 NOISES = Path(__file__).with_name("noises")
-"""Noise models of other installations, by which no estimator was tuned."""
+"""Noise models of other installations, on which no estimator was tuned."""
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A world at a noise, with a seed."""
+    """A world at a noise model, with a seed."""
 
     world: str
     noise: str
@@ -53,20 +52,20 @@ class Case:
         return f"{self.world} / {self.noise} / {self.seed}"
 
     def blank(self) -> Row:
-        """Its row before anything is known."""
         command = f"python -m bench deceptions '{self.world}' --noise {self.noise} --seed {self.seed} --seeds 1"
-        return Row(KIND, self.name, deception(self.world).story, command, "")
+        return Row(KIND, self.name, deception(self.world).story, command)
 
 
 @dataclass(frozen=True, slots=True)
 class Scored:
-    """One number of an estimate beside the truth, in the quantity's SI unit.
+    """Component of an estimate and its true values, in the quantity's SI unit.
 
     Attributes:
         component: index into a vector quantity.
         low, high: its 95 % interval.
-        z: stated standard deviations off what is true, the most of them where several things are.
-        covered: whether the interval holds all that is true.
+        truth: all values that are equally true.
+        z: |error| in stated standard deviations, the largest of all true values.
+        covered: the interval holds all true values.
     """
 
     parameter: str
@@ -87,7 +86,7 @@ def own_noises() -> dict[str, Path]:
 
 
 def cases(worlds: Iterable[str], noises: Iterable[str], seeds: Iterable[int]) -> list[Case]:
-    """All of them.
+    """All combinations of worlds, noise models and seeds.
 
     Raises:
         InputError: no such world, or no such noise model.
@@ -106,33 +105,31 @@ def deceive(
     traces: Path | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> list[Row]:
-    """Do the cases that have no row in the folder `out` yet, and write the page of all that have.
+    """Execute the cases that have no row in the folder `out` yet, and write the page of all rows.
 
     Args:
-        traces: folder in which traces are kept; what lies there is estimated anew, not executed.
+        asked: the cases.
+        out: folder of rows and page.
+        workers: processes.
+        traces: folder of traces: a case whose trace is there is estimated again, not executed.
+        say: receives progress.
     """
     from bench.deceptions.page import page
 
     ledger = Ledger(out / f"{KIND}.jsonl")
-    rows = ledger.complete(asked, partial(judged, traces=traces), workers, say)
-    everything = ledger.rows()
-    (out / f"{KIND}.html").write_text(page(everything), encoding="utf-8")
+    rows = ledger.complete(asked, partial(judge, traces=traces), workers, say)
+    (out / f"{KIND}.html").write_text(page(ledger.rows()), encoding="utf-8")
     return rows
 
 
-def judged(case: Case, traces: Path | None = None) -> Row:
-    """The row of a case."""
-    blank = case.blank()
-    return within_time(lambda: _judged(case, blank, traces), blank)
-
-
-def _judged(case: Case, blank: Row, traces: Path | None) -> Row:
+def judge(case: Case, blank: Row, traces: Path | None = None) -> Row:
+    """Measure in a world, and judge the verdicts by the truth."""
     world = deception(case.world)
     run = measured(case, traces)
     scores = scored(run, world)
     far = [score for score in scores if score.verdict == "identified" and score.z > FAR]
-    said = tuple(_said(estimate) for estimate in run.estimates)
-    beyond = () if world.kind == "not observable" else tuple(map(_beyond, far))
+    said = tuple(f"{estimate!r} {estimate.contradiction}".strip() for estimate in run.estimates)
+    beyond = () if world.kind == "not observable" else tuple(map(_violation, far))
     figures = {
         "world": case.world,
         "kind": world.kind,
@@ -157,11 +154,7 @@ def _outcome(world: Deception, estimates: Sequence[Estimate], far: bool) -> str:
     return "right" if any(identified) else "refused"
 
 
-def _said(estimate: Estimate) -> str:
-    return f"{estimate!r} {estimate.contradiction}".strip()
-
-
-def _beyond(score: Scored) -> str:
+def _violation(score: Scored) -> str:
     return (
         f"{score.parameter}[{score.component}] = {score.value:.4g} ± {score.std:.2g}, where "
         f"{' or '.join(f'{value:.4g}' for value in score.truth)} is true: {score.z:.1f} std"
@@ -169,8 +162,7 @@ def _beyond(score: Scored) -> str:
 
 
 def measured(case: Case, traces: Path | None = None) -> Run:
-    """The run of a case, up to its estimates and what is true; without executing it where its trace
-    is kept already."""
+    """Run a case up to its estimates and their truth; from its trace if that is kept in `traces`."""
     world = deception(case.world)
     with TemporaryDirectory() as folder:
         noise = _noise(world, case.noise, Path(folder))
@@ -182,7 +174,9 @@ def measured(case: Case, traces: Path | None = None) -> Run:
             made = cut_off(replace(made, recorded=read_mcap(file)))
         else:
             made = pipeline.execute(made, cell)
-            _keep(made.trace, file)
+            if file is not None:
+                file.parent.mkdir(parents=True, exist_ok=True)
+                write_mcap(file, made.trace)
     if world.jump is not None and made.trace_if_any is not None:
         made = replace(made, recorded=jumped(made.trace, world.jump))
     return pipeline.estimate(made, cell)
@@ -205,7 +199,7 @@ def _planned(
 
 
 def _noise(world: Deception, noise: str, folder: Path) -> str:
-    """The noise model, with what the world says instead of it."""
+    """Name or file of the noise model, with the keys that the world overrides."""
     below = _path(noise)
     if not world.noise:
         return below
@@ -213,7 +207,7 @@ def _noise(world: Deception, noise: str, folder: Path) -> str:
         below = str(Path(below).resolve())
     file = folder / "noise.yaml"
     content = {"palpate_noise": 1, "name": world.name, "extends": below, **world.noise}
-    # JSON is YAML, but for the word for infinity.
+    # JSON is YAML, except for infinity.
     file.write_text(json.dumps(content).replace("Infinity", ".inf"), encoding="utf-8")
     return str(file)
 
@@ -223,20 +217,14 @@ def _path(noise: str) -> str:
 
 
 def _digest(case: Case, world_text: str, world: Deception) -> str:
-    """Names a trace: the same wherever the same was executed."""
+    """File name of a trace, equal for equal executions."""
     content = [world.base, world.request, world_text, repr(world.noise), _path(case.noise)]
     digest = hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
     return f"{digest}-{Path(case.noise).stem}-{case.seed}"
 
 
-def _keep(trace: Trace | None, file: Path | None) -> None:
-    if trace is not None and file is not None:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        write_mcap(file, trace)
-
-
 def jumped(trace: Trace, jump: Jump) -> Trace:
-    """The trace of sensors whose zero jumps: joint torques and wrench alike."""
+    """Add a jump of the sensors' zero to a trace, in joint torques and wrench."""
     samples = trace.samples
     observed = observe(trace)
     start, end = float(samples.t[0]), float(samples.t[-1])
@@ -251,7 +239,7 @@ def jumped(trace: Trace, jump: Jump) -> Trace:
 
 
 def scored(run: Run, world: Deception) -> list[Scored]:
-    """Every number that has a value, beside what is true."""
+    """Score every component that has a value and a known truth."""
     found: list[Scored] = []
     for estimate in run.estimates:
         truths = _truths(run, world, estimate.parameter)
@@ -263,24 +251,23 @@ def scored(run: Run, world: Deception) -> list[Scored]:
             z = max(abs(value - one) / std for one in true)
             covered = all(low <= one <= high for one in true)
             score = Scored(
-                str(estimate.parameter),
-                i,
-                estimate.verdicts[i],
-                value,
-                std,
-                low,
-                high,
-                true,
-                z,
-                covered,
+                parameter=str(estimate.parameter),
+                component=i,
+                verdict=estimate.verdicts[i],
+                value=value,
+                std=std,
+                low=low,
+                high=high,
+                truth=true,
+                z=z,
+                covered=covered,
             )
             found.append(score)
     return found
 
 
 def _truths(run: Run, world: Deception, parameter: Parameter) -> Sequence[Sequence[float]]:
-    told: dict[str, Any] = dict(world.truth)
-    if str(parameter) in told:
-        return told[str(parameter)]
+    if str(parameter) in world.truth:
+        return world.truth[str(parameter)]
     true = run.truth.get(parameter)
     return () if true is None else (true,)

@@ -1,5 +1,5 @@
-"""Worlds in which an estimator may be deceived: hidden worlds of bundled scenarios with small edits,
-what an honest tool may answer in them, and innocent ones."""
+"""Deceptive and innocent worlds: hidden worlds of bundled scenarios with small edits, and the verdicts
+that are right in them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Point = tuple[float, float, float]
 
 
 class Cord(Section):
-    """A cord from a place in the world to one of a body; it only pulls.
+    """Cord from a point of the world to one of a body; it only pulls.
 
     Attributes:
         stiffness: N/m, from the length `length`, m, on.
@@ -41,7 +41,7 @@ class Cord(Section):
     damping: float = 0.0
 
     def mjcf(self) -> str:
-        """What the model has of it, besides its ends."""
+        """MJCF of the model, without the sites at its ends."""
         return (
             f'<tendon><spatial name="cord" stiffness="{self.stiffness}" damping="{self.damping}" '
             f'springlength="0 {self.length}">{_ENDS}</spatial></tendon>'
@@ -49,8 +49,8 @@ class Cord(Section):
 
 
 class Magnet(Section):
-    """A pull on a place of a body towards one in the world: `force` N where they meet, which falls to
-    nothing at `reach` m; without a reach it is the same everywhere."""
+    """Pull on a point of a body towards one of the world: `force` N at no distance, falling linearly to
+    zero at `reach` m; constant without a reach."""
 
     anchor: Point
     body: str
@@ -59,7 +59,7 @@ class Magnet(Section):
     reach: float = float("inf")
 
     def mjcf(self) -> str:
-        """What the model has of it, besides its ends."""
+        """MJCF of the model, without the sites at its ends."""
         slope = self.force / self.reach
         return (
             f'<tendon><spatial name="field">{_ENDS}</spatial></tendon>'
@@ -73,25 +73,25 @@ _ENDS = '<site site="anchor"/><site site="end"/>'
 
 
 class Jump(Section):
-    """The sensors' zero jumps by `force`, N at the TCP, when `at` of the run has passed."""
+    """Jump of the sensors' zero by `force`, N at the TCP, at the share `at` of the run."""
 
     force: Point
     at: float
 
 
 class Deception(Section):
-    """A world, and what is true in it.
+    """A world and its truth.
 
     Attributes:
         base: the scenario, or the scene of `worlds.toml`, whose hidden world is edited.
-        story: what is so, for people.
-        why: nobody can tell it, where it is not observable.
-        request: asked instead of the base's.
-        replace: texts of the world's MJCF and what stands there instead.
-        inside: what bodies hold besides.
-        world, root: what the worldbody and the model hold besides.
-        noise: keys of the noise model that are so here, whatever it says.
-        truth: of parameters whose truth the file does not have, all that is equally true.
+        story: description of the world.
+        why: reason why it is not observable.
+        request: instead of the base's.
+        replace: texts of the world's MJCF and their replacements.
+        inside: MJCF to add to bodies, by name.
+        world, root: MJCF to add to the worldbody and to the model.
+        noise: keys of the noise model to override.
+        truth: of parameters without a value in the MJCF, all values that are equally true.
     """
 
     name: str
@@ -111,10 +111,10 @@ class Deception(Section):
     truth: Mapping[str, tuple[tuple[float, ...], ...]] = Field(default_factory=dict)
 
     def edited(self, text: str) -> str:
-        """The MJCF of the hidden world, from the base's.
+        """Edit the base's MJCF.
 
         Raises:
-            ValueError: a text that is to be replaced does not stand there once.
+            ValueError: a text to replace does not occur exactly once.
         """
         for old, new in self.replace:
             if text.count(old) != 1:
@@ -133,7 +133,7 @@ class Deception(Section):
 
 
 class Base(Section):
-    """A scene of `worlds.toml` itself: what is asked, what the user knows, and what is so."""
+    """A scene of `worlds.toml`: request, the user's scene, and the hidden world."""
 
     request: str
     scene: str
@@ -152,7 +152,7 @@ def _content() -> _Content:
 
 @cache
 def deceptions() -> Mapping[str, Deception]:
-    """All worlds by name."""
+    """All worlds, by name."""
     return MappingProxyType({world.name: world for world in _content().world})
 
 
@@ -168,8 +168,8 @@ def deception(name: str) -> Deception:
 
 
 def task(world: Deception) -> tuple[Settings, str | None, str]:
-    """What is asked in a world, the MJCF that the user has (None: the settings name its file), and
-    that of the hidden world."""
+    """Settings with the world's request, the user's MJCF (None: the settings name its file), and the
+    MJCF of the hidden world."""
     base = _content().base.get(world.base)
     if base is not None:
         return Settings(request=world.request or base.request), base.scene, world.edited(base.world)
@@ -180,7 +180,7 @@ def task(world: Deception) -> tuple[Settings, str | None, str]:
 
 
 def _inside(text: str, body: str, more: str) -> str:
-    """With `more` as the first thing in a body; a free joint stays the very first."""
+    """Insert `more` at the beginning of a body, after its free joint."""
     opening = re.search(rf'<body name="{re.escape(body)}"[^>]*>\s*(<freejoint/>)?', text)
     if opening is None:
         raise ValueError(f"the world has no body '{body}'")

@@ -1,4 +1,4 @@
-"""What is corrupted: the valid plans of the bundled scenarios."""
+"""Valid plans of the bundled scenarios, to be corrupted."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from palpate.scenarios.catalogue import Scenario, scenario, scenarios
 from palpate.scene.scene import Scene
 
 LIGHT = 7
-"""Objects up to which a scenario is quick to simulate."""
+"""Most objects of a scenario that is quick to simulate."""
 SHORT = 30
-"""Actions up to which a plan is."""
+"""Most actions of a plan that is quick to execute."""
 PLANNERS = ("symbolic", "exhaustive")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Base:
-    """A valid plan where it belongs.
+    """A valid plan and its scene.
 
     Attributes:
         name: `SCENARIO:PLAN`.
         world: the scenario's hidden world.
-        mishap: something is to go wrong there, whatever the plan.
+        mishap: the scenario is a mishap: any plan fails in it.
     """
 
     name: str
@@ -44,15 +44,14 @@ class Base:
 
     @property
     def light(self) -> bool:
-        """Whether executing it is a matter of seconds, and nothing goes wrong by design."""
+        """True if it is executed in seconds and nothing fails by design."""
         quick = len(self.scene.objects) <= LIGHT and self.plan.actions <= SHORT
         return quick and not self.mishap and not self.remeasure
 
 
 @cache
 def bases() -> tuple[Base, ...]:
-    """Every different valid plan of every scenario whose scene tells what is meant, in order of
-    name."""
+    """All distinct valid plans of the scenarios that need no picture, in order of name."""
     found: list[Base] = []
     for name, task in scenarios().items():
         if not task.only_seen:

@@ -1,7 +1,4 @@
-"""Plans as a confused or hostile model might write them: valid ones, changed at random.
-
-Everything is drawn from one seeded generator, so that a seed and a number are a plan.
-"""
+"""Plans of a confused or hostile model: valid plans, changed at random by a seeded generator."""
 
 from __future__ import annotations
 
@@ -20,20 +17,20 @@ from palpate.scene.scene import Scene
 Document = dict[str, Any]
 Siblings = list[Document]
 Place = tuple[Siblings, int]
-"""A node: its siblings, and which of them it is."""
+"""A node: its list of siblings, and its index in it."""
 
 MOST = 3
-"""Changes of one plan."""
+"""Most changes of one plan."""
 SPOILT = 0.08
-"""Share of plans in which something is of another kind besides, after which nobody can read on."""
+"""Share of plans with, in addition, a value of another type, which makes them unreadable."""
 GARBLED = 0.04
-"""Share of plans whose text is damaged besides."""
+"""Share of plans with, in addition, damaged text."""
 DEEPEST = 40
-"""Composites about one node."""
+"""Most composites around one node."""
 FACTORS = (-20.0, -3.0, -2.0, -1.0, -0.5, 0.0, 0.2, 0.37, 0.5, 0.8, 1.5, 2.0, 3.0, 5.0, 16.0, 1e6)
 NUMBERS = (0.0, -1.0, 1.0, 7.3, 1e9, 1e308, -1e308, 1e-308)
 SCRAWLS = ("1e999", "nan", "-inf", "0x10", "1_0", "٣", "½", "1,5", "--1", "")
-"""Where a factor belongs."""
+"""Text in place of a factor."""
 ANYTHING: tuple[Any, ...] = (
     None,
     True,
@@ -46,15 +43,15 @@ ANYTHING: tuple[Any, ...] = (
     float("nan"),
     10**400,
 )
-"""Where something of another kind belongs."""
+"""Values of another type."""
 MISSPELLINGS: tuple[Callable[[str], str], ...] = (
     str.upper,
     str.title,
-    lambda name: name.replace("a", "\u0430").replace("o", "\u043e"),  # Cyrillic ones
-    lambda name: name[:3] + "\u200b" + name[3:],  # a space of no width
-    lambda name: "\u202e" + name,  # the wrong way round
+    lambda name: name.replace("a", "\u0430").replace("o", "\u043e"),  # Cyrillic letters
+    lambda name: name[:3] + "\u200b" + name[3:],  # zero-width space
+    lambda name: "\u202e" + name,  # right-to-left override
     lambda name: f" {name}\n",
-    lambda name: name + "\u0301",  # an accent
+    lambda name: name + "\u0301",  # combining accent
     lambda name: 300 * name,
     lambda name: name.replace("_", "."),
 )
@@ -66,14 +63,14 @@ AXES = ("+x", "-x", "+y", "-y", "+z", "-z", "+w")
 
 @dataclass(frozen=True, slots=True)
 class Corrupted:
-    """A plan's text, and what was done to it, in words."""
+    """A plan's text, and its changes in words."""
 
     text: str
     changes: tuple[str, ...]
 
 
 class Corruption:
-    """Changes one document, in place."""
+    """Random changes of one document, in place; each returns its description."""
 
     def __init__(self, document: Document, scene: Scene, random: np.random.Generator) -> None:
         self.document, self.scene, self.random = document, scene, random
@@ -104,7 +101,7 @@ class Corruption:
         return f"inserted {_shown(siblings[i])}"
 
     def elsewhere(self) -> str:
-        """Another base pose, the same offsets."""
+        """Replace the base pose, keep the offsets."""
         node = self._one("MovePose")
         old = str(node["pose"])
         head, *rest = old.split(" ", 1)
@@ -112,7 +109,7 @@ class Corruption:
         return f"{old} became {node['pose']} instead of {head}"
 
     def offset(self) -> str:
-        """One more offset."""
+        """Add an offset."""
         node = self._one("MovePose")
         old = str(node["pose"])
         node["pose"] = old + self._term()
@@ -132,14 +129,14 @@ class Corruption:
         return f"{old} became {node['pose']}"
 
     def scrawl(self) -> str:
-        """A factor that is no number, or is not written as one."""
+        """Add a factor that is not a number, or not written as one."""
         node = self._one("MovePose")
         offset = self._choice(self.scene.symbols.offset_names)
         node["pose"] = f"{node['pose']} + {self._choice(SCRAWLS)}*{offset}"
         return f"scrawled {node['pose']}"
 
     def misspell(self) -> str:
-        """A name in other letters."""
+        """Write a name in other letters."""
         node = self._one("MovePose")
         head, *rest = str(node["pose"]).split(" ", 1)
         node["pose"] = " ".join([self._choice(MISSPELLINGS)(head), *rest])
@@ -151,7 +148,7 @@ class Corruption:
         return f"a probe along {node['axis']}"
 
     def joints(self) -> str:
-        """Angles instead of a name: near home, or anywhere."""
+        """Replace a configuration's name by angles: near home, or anywhere."""
         node = self._one("MoveJoints")
         home = self.scene.arm.home
         if self.random.random() < 0.6:
@@ -162,7 +159,7 @@ class Corruption:
         return f"joints {node['joints']}"
 
     def beside(self) -> str:
-        """Neighbours at once."""
+        """Put neighbours into a Parallel."""
         siblings, i = self._leaf()
         end = i + int(self.random.integers(2, 4))
         together = siblings[i:end]
@@ -196,7 +193,7 @@ class Corruption:
         return f"only {one['object']}.{one['quantity']}"
 
     def number(self) -> str:
-        """A number where something else belongs."""
+        """Put a number in place of another value."""
         siblings, i = self._leaf()
         fields = [key for key in siblings[i] if key != "type"] or ["extra"]
         siblings[i][self._choice(fields)] = self._choice(NUMBERS)
@@ -209,7 +206,7 @@ class Corruption:
         return f"a {kind} about one node"
 
     def bury(self) -> str:
-        """One node inside of many composites."""
+        """Put a node into many nested composites."""
         siblings, i = self._leaf()
         levels = int(self.random.integers(2, DEEPEST))
         for _ in range(levels):
@@ -217,14 +214,14 @@ class Corruption:
         return f"{levels} Sequences about one node"
 
     def field(self) -> str:
-        """A field too many, or one that something else has."""
+        """Add a field that the node does not have."""
         siblings, i = self._leaf()
         name = self._choice(("speed", "pose", "axis", "joints", "name", "force"))
         siblings[i][name] = self._choice(("", "+x", 1.0, [], "home_config"))
         return f"a {name} in {_shown(siblings[i])}"
 
     def spoil(self) -> str:
-        """Something of another kind anywhere, or nothing at all; the last change there can be."""
+        """Delete a field, or set it to a value of another type; no change can follow."""
         holders: list[Document] = [self.document, *self._nodes(), *self.document["parameters"]]
         holder = self._choice(holders)
         name = self._choice(list(holder))
@@ -248,7 +245,7 @@ class Corruption:
             waiting += node.get("children", [])
 
     def _leaf(self) -> Place:
-        """Any leaf that has siblings' company, or the whole tree."""
+        """Choose a leaf of a composite; make one in a tree without any."""
         places: list[Place] = []
         for node in self._nodes():
             children: Siblings = node.get("children", [])
@@ -262,7 +259,7 @@ class Corruption:
         return self._choice(places)
 
     def _one(self, kind: str) -> Document:
-        """A node of a kind, made where there is none."""
+        """Choose a node of a kind; insert one if there is none."""
         nodes = [node for node in self._nodes() if node["type"] == kind]
         if nodes:
             return self._choice(nodes)
@@ -329,7 +326,7 @@ CHANGES: tuple[Callable[[Corruption], str], ...] = (
 
 
 def corrupted(base: Base, random: np.random.Generator) -> Corrupted:
-    """A plan's text after one to three changes, most often one."""
+    """Corrupt a plan by one to three changes, most often one."""
     document = deepcopy(plan_json(base.plan))
     corruption = Corruption(document, base.scene, random)
     changes: list[str] = []
@@ -346,7 +343,7 @@ def corrupted(base: Base, random: np.random.Generator) -> Corrupted:
 
 
 def _garbled(text: str, random: np.random.Generator) -> tuple[str, str]:
-    """One stretch of the text replaced by any characters."""
+    """Replace a part of the text by random characters."""
     start = int(random.integers(0, len(text)))
     length = int(random.integers(0, 12))
     noise = "".join(chr(int(c)) for c in random.integers(0, 0x2FF, int(random.integers(0, 6))))

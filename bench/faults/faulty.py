@@ -1,7 +1,6 @@
-"""A robot that goes wrong at a chosen moment, around a simulated one that does not.
+"""A faulty robot: a simulated one that fails from a chosen moment on.
 
-It speaks the robot protocol and is all that the run sees; what a fault does to the world itself it
-does in the physics.
+It implements the robot protocol; a fault of the world acts in the physics.
 """
 
 from __future__ import annotations
@@ -22,24 +21,38 @@ if TYPE_CHECKING:
     from palpate.trace.samples import Samples
 
 Lie = Callable[[RobotState, "FaultyRobot"], RobotState]
-"""What is told instead of the state."""
+"""Replaces the state that is reported."""
 Act = Callable[["mujoco.MjModel", "mujoco.MjData", float], None]
-"""What happens to the world in a physics step, so many seconds after the moment."""
+"""Acts on the world in a physics step, given the seconds since the moment."""
 Spoil = Callable[["Samples"], "Samples"]
-"""What is logged instead of the samples."""
+"""Replaces the samples that are logged."""
+
+CALLS = frozenset(
+    (
+        "hold",
+        "close",
+        "move_joints",
+        "move_pose",
+        "move_axis",
+        "swing",
+        "open_gripper",
+        "close_gripper",
+    )
+)
+"""Calls without a result that a fault may make fail, or ignore."""
 
 
 class FaultyRobot:
-    """Implements `palpate.robots.robot.Robot`, faithfully until `moment` (s of robot time).
+    """Implementation of `palpate.robots.robot.Robot` that is sound until `moment` (s of robot time).
 
     Attributes:
-        lie, act, spoil: the fault, by what it changes.
-        raises: what calls raise, by name.
+        lie, act, spoil: the fault, of the state, the world or the samples.
+        raises: errors that calls raise, by name of the call.
         ignores: calls that do nothing.
-        once: the fault lasts for one tick, or one call, only.
+        once: the fault lasts for one tick, or one call.
         seen: the state when the fault began.
-        struck: whether it has begun.
-        witness: sees every physics step.
+        struck: the fault has begun.
+        witness: records every physics step.
     """
 
     def __init__(self, robot: MujocoRobot, moment: float) -> None:
@@ -58,8 +71,17 @@ class FaultyRobot:
         robot.world.watch = self._step
 
     def __getattr__(self, name: str) -> Any:
-        """Everything that is not meddled with: limits, hand, gravity, thresholds."""
-        return getattr(self._robot, name)
+        """Calls of the robot that may raise or do nothing; limits, hand, gravity, thresholds as they
+        are."""
+        member = getattr(self._robot, name)
+        if name not in CALLS:
+            return member
+
+        def call(*args: Any, **more: Any) -> None:
+            if self._call(name):
+                member(*args, **more)
+
+        return call
 
     @property
     def struck(self) -> bool:
@@ -79,7 +101,7 @@ class FaultyRobot:
         return self.lie(true, self)
 
     def outlast(self, duration: float) -> None:
-        """Let the world go on when nobody asks for it any more, s."""
+        """Simulate `duration` s more after the run."""
         self._robot.advance(duration)
 
     def advance(self, duration: float) -> None:
@@ -95,40 +117,8 @@ class FaultyRobot:
             return samples
         return self.spoil(samples)
 
-    def hold(self) -> None:
-        if self._call("hold"):
-            self._robot.hold()
-
-    def close(self) -> None:
-        self._call("close")
-        self._robot.close()
-
-    def move_joints(self, *args: Any, **more: Any) -> None:
-        if self._call("move_joints"):
-            self._robot.move_joints(*args, **more)
-
-    def move_pose(self, *args: Any, **more: Any) -> None:
-        if self._call("move_pose"):
-            self._robot.move_pose(*args, **more)
-
-    def move_axis(self, *args: Any, **more: Any) -> None:
-        if self._call("move_axis"):
-            self._robot.move_axis(*args, **more)
-
-    def swing(self, *args: Any, **more: Any) -> None:
-        if self._call("swing"):
-            self._robot.swing(*args, **more)
-
-    def open_gripper(self, *args: Any, **more: Any) -> None:
-        if self._call("open_gripper"):
-            self._robot.open_gripper(*args, **more)
-
-    def close_gripper(self, *args: Any, **more: Any) -> None:
-        if self._call("close_gripper"):
-            self._robot.close_gripper(*args, **more)
-
     def _call(self, name: str) -> bool:
-        """Whether a call goes through; raises what the fault has it raise."""
+        """True if a call is executed; raises the fault's error."""
         if not self.struck or (self.once and name in self._spent):
             return True
         if name in self.raises:
@@ -146,12 +136,12 @@ class FaultyRobot:
 
 
 def telling(**fields: Any) -> Lie:
-    """The state with other fields."""
+    """Replace fields of the state."""
     return lambda state, _: replace(state, **fields)
 
 
 def broken(field: str, value: float, index: int | None = None) -> Lie:
-    """A vector of the state with a number in it, everywhere or at one place."""
+    """Set a vector of the state to a number, or one of its elements."""
 
     def lie(state: RobotState, _: FaultyRobot) -> RobotState:
         vector = np.array(getattr(state, field), dtype=float)
@@ -162,7 +152,7 @@ def broken(field: str, value: float, index: int | None = None) -> Lie:
 
 
 def frozen(*fields: str) -> Lie:
-    """Fields of the state as they were when the fault began."""
+    """Keep fields of the state as they were when the fault began."""
 
     def lie(state: RobotState, robot: FaultyRobot) -> RobotState:
         seen = robot.seen or state
@@ -172,8 +162,8 @@ def frozen(*fields: str) -> Lie:
 
 
 def wrenched(change: Callable[[Any, float], Any]) -> Lie:
-    """Another external wrench, both as sensed and without the arm's inertia; `change` is told how
-    long, s, the fault lasts."""
+    """Change the external wrench, both as sensed and without the arm's inertia; `change` receives the
+    seconds since the fault began."""
 
     def lie(state: RobotState, robot: FaultyRobot) -> RobotState:
         since = state.t - robot.moment

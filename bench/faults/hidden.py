@@ -1,22 +1,13 @@
-"""What the scene gets wrong: things that stand up to 20 mm from where it has them, and posts and
-light objects that it does not show at all."""
+"""Worlds that differ from the scene: objects up to 20 mm off, posts and light objects that the scene
+does not show."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
-from bench.campaign.ledger import (
-    Drawn,
-    Ledger,
-    Row,
-    drawn,
-    judged_run,
-    within_time,
-)
+from bench.campaign.ledger import Drawn, Row, judged_run
 from bench.faults.bases import bases
 from bench.harm.probe import probed_run
 from bench.harm.touch import CAUTIOUS, CAUTIOUS_RIGID, UNSEEN, Figures
@@ -27,30 +18,25 @@ from palpate.scene.load import rearranged, scene_from_text
 from palpate.scene.scene import Scene
 
 MOST = 0.020
-"""m: how far things stand from where the scene has them."""
+"""m: largest displacement of an object from its pose in the scene."""
 STIFFNESS = (1e4, 1e5, 1e6)
 """N/m of a post's contact with the arm."""
 RIGID = 1e6
-"""N/m from which on a contact is rigid."""
+"""N/m: least stiffness of a rigid contact."""
 POST_MASS = 1.0
-"""kg of a post: an aluminium one of its size has 0.8."""
+"""kg; an aluminium post of this size has 0.8."""
 CONTACT, CONTACT_DAMPING = 3e6, 1200.0
 """1/s^2 and 1/s of its contact: what physics steps of 0.5 ms resolve."""
 POST = "hidden_post"
 LIGHT_THING = "hidden_cup"
 
 
-def met(case: Drawn) -> Row:
-    """A valid plan in a world that is not quite the scene's.
+def meet(case: Drawn, blank: Row) -> Row:
+    """Execute a valid plan in a world that differs from its scene.
 
-    Kinds: `poses`, `obstacles`, `light`, and `cautious`, which are obstacles for the slow self of
-    the arm, by the figures of what is shown.
+    Kinds: `poses`, `obstacles`, `light`, and `cautious`: obstacles met by an arm that moves slowly,
+    under the limits of shown things.
     """
-    blank = case.blank()
-    return within_time(lambda: _met(case, blank), blank)
-
-
-def _met(case: Drawn, blank: Row) -> Row:
     random = case.random(11)
     light = [base for base in bases() if base.light and base.world and base.scene.objects]
     base = light[int(random.integers(0, len(light)))]
@@ -76,12 +62,12 @@ def _met(case: Drawn, blank: Row) -> Row:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Wrong:
-    """A hidden world, and what is wrong with it.
+    """A hidden world that differs from the scene.
 
     Attributes:
-        what: in words.
-        unseen: names of what no scene shows.
-        figures: what it may be met with.
+        what: the difference, in words.
+        unseen: names of bodies that the scene does not show.
+        figures: limits of contact forces on these.
     """
 
     world: Scene
@@ -91,7 +77,7 @@ class Wrong:
 
 
 def wrong_world(kind: str, true: Scene, random: np.random.Generator) -> Wrong:
-    """The world of a case of a kind."""
+    """Draw the world of a case."""
     if kind == "poses":
         return Wrong(*_shifted(true, random))
     place = _on_the_way(true, random)
@@ -107,10 +93,11 @@ def wrong_world(kind: str, true: Scene, random: np.random.Generator) -> Wrong:
 
 
 def _shifted(true: Scene, random: np.random.Generator) -> tuple[Scene, str]:
-    """Every object somewhere within `MOST` of where it was, on its surface."""
+    """Displace every object by up to `MOST` on its surface."""
     shifts: list[str] = []
     poses: dict[str, Pose] = {}
     for name, body in true.objects.items():
+        # The square root makes positions uniform over the disk.
         way, angle = MOST * np.sqrt(random.random()), random.uniform(0, 2 * np.pi)
         aside = way * np.array([np.cos(angle), np.sin(angle), 0.0])
         poses[name] = body.pose_world.translated(aside)
@@ -119,7 +106,7 @@ def _shifted(true: Scene, random: np.random.Generator) -> tuple[Scene, str]:
 
 
 def _on_the_way(true: Scene, random: np.random.Generator) -> tuple[float, float, float]:
-    """A spot on a table near its objects, or between the arm and them, and its top's height."""
+    """Place (x, y, z of the table's top) near an object, or between the arm and it."""
     objects = list(true.objects.values())
     body = objects[int(random.integers(0, len(objects)))]
     at, base = body.pose_world.position, true.pose_world_base.position
@@ -137,15 +124,13 @@ def _on_the_way(true: Scene, random: np.random.Generator) -> tuple[float, float,
 
 
 def post(place: tuple[float, float, float], stiffness: float) -> str:
-    """MJCF of a post, 0.4 m high and 20 mm off the ground, that gives way by a force over
-    `stiffness`, N/m, whatever runs into it.
-
-    MuJoCo's contacts are as stiff as the masses in them make them: `solref="-k -b"` gives k times
-    the effective mass (manual, solver parameters). So the post stands on springs, and its contact
-    is stiffer than these. A fifth of the critical damping, of what 10 kg do on it, leaves a rebound
-    of about one half.
-    """
+    """MJCF of a post, 0.4 m high and 20 mm above the ground, with the contact stiffness `stiffness`,
+    N/m, against any body."""
     x, y, z = place
+    # The stiffness of a MuJoCo contact scales with the masses in it: `solref="-k -b"` gives k times
+    # the effective mass (manual, solver parameters). So the post stands on springs, and its contact
+    # is stiffer than these. A fifth of the critical damping, with 10 kg on it, leaves a rebound of
+    # about one half.
     damping = 2 * 0.2 * np.sqrt(10.0 * stiffness)
     slides = "".join(
         f'<joint type="slide" axis="{axis}" stiffness="{stiffness}" damping="{damping}"/>'
@@ -173,11 +158,3 @@ def _with(text: str, body: str) -> str:
 
 def _at(place: tuple[float, float, float]) -> str:
     return f"({place[0]:.2f}, {place[1]:.2f})"
-
-
-def meet(
-    folder: Path, kind: str, count: int, seed: int, workers: int, say: Callable[[str], None]
-) -> list[Row]:
-    """`count` runs of a kind."""
-    cases = drawn(kind, seed, count)
-    return Ledger(folder / f"{kind}.jsonl").complete(cases, met, workers, say)

@@ -1,4 +1,4 @@
-"""Bad inputs at the command line: refused in seconds, in little memory, with a clean message."""
+"""Bad inputs at the command line: must be refused in seconds, in little memory, with a clean message."""
 
 from __future__ import annotations
 
@@ -15,31 +15,34 @@ from pathlib import Path
 from threading import Timer
 from unicodedata import category
 
-from bench.campaign.ledger import Ledger, Row, within_time
-from bench.faults.scenes import small_scene
+from bench.campaign.ledger import Row
+from bench.faults.nasty import small_scene
 from bench.faults.signals import PALPATE
 
 SECONDS = 5.0
-"""Of the processor: how long that takes depends on what else the machine does."""
+"""Most processor time: wall time would depend on other processes."""
 MEMORY = 1.0e9
-"""Bytes."""
+"""Most bytes."""
 GIVE_UP = 30
-"""s until a process is ended."""
+"""s after which a process is killed."""
 
 Make = Callable[[Path], Path]
-"""Writes the input into a folder, or names it."""
+"""Writes the input into a folder, and returns its path."""
 
 BOX = '<geom type="box" size=".02 .02 .02"/>'
 
 
 @dataclass(frozen=True, slots=True)
 class Bad:
-    """An input that is given to the command line, as scene or as plan; `refused`: it has to be."""
+    """Input for the command line, as scene or as `plan`; `refused`: it must be refused."""
 
     name: str
     make: Make
     plan: bool = False
     refused: bool = True
+
+    def blank(self) -> Row:
+        return Row.named("inputs", self.name, self.name)
 
 
 def _scene(worldbody: str, more: str = "") -> Make:
@@ -228,21 +231,16 @@ _LAUNCHER = """
 import json, resource, subprocess, sys
 code = subprocess.call(sys.argv[2:])
 used = resource.getrusage(resource.RUSAGE_CHILDREN)
-with open(sys.argv[1], "w") as told:
-    json.dump([code, used.ru_utime + used.ru_stime, used.ru_maxrss], told)
+with open(sys.argv[1], "w") as usage:
+    json.dump([code, used.ru_utime + used.ru_stime, used.ru_maxrss], usage)
 """
-"""A small process between: Linux counts the memory of whoever starts a process as its own."""
+"""Small process in between: Linux counts the memory of the forking parent as the child's."""
 
 
-def given(case: Bad) -> Row:
-    """What the command line says to a bad input."""
-    blank = Row.named("inputs", case.name, case.name)
-
-    def work() -> Row:
-        with tempfile.TemporaryDirectory() as folder:
-            return _given(case, blank, Path(folder))
-
-    return within_time(work, blank)
+def give(case: Bad, blank: Row) -> Row:
+    """Give a bad input to the command line."""
+    with tempfile.TemporaryDirectory() as folder:
+        return _given(case, blank, Path(folder))
 
 
 def _given(case: Bad, blank: Row, folder: Path) -> Row:
@@ -253,9 +251,9 @@ def _given(case: Bad, blank: Row, folder: Path) -> Row:
         scene.write_text(small_scene("can").text, encoding="utf-8")
         command = ["check", str(path), "--scene", str(scene)]
     began = time.perf_counter()
-    told = folder / "used"
+    usage = folder / "used"
     with (folder / "said").open("w+b") as said:
-        launched = [sys.executable, "-c", _LAUNCHER, str(told), *PALPATE, *command]
+        launched = [sys.executable, "-c", _LAUNCHER, str(usage), *PALPATE, *command]
         process = subprocess.Popen(launched, stdout=said, stderr=said, start_new_session=True)
         watchdog = Timer(GIVE_UP, os.killpg, (process.pid, signal.SIGKILL))
         watchdog.start()
@@ -263,11 +261,14 @@ def _given(case: Bad, blank: Row, folder: Path) -> Row:
         watchdog.cancel()
         seconds = time.perf_counter() - began
         said.seek(0)
-        text = said.read()
-    code, work, memory = _used(told)
-    found = problems(code, work, memory, text.decode("utf-8", "replace"))
+        text = said.read().decode("utf-8", "replace")
+    code, work, memory = -signal.SIGKILL, float(GIVE_UP), 0.0
+    if usage.exists():  # the launcher of a killed process writes nothing
+        code, work, kilobytes = json.loads(usage.read_text("utf-8"))
+        memory = kilobytes * 1024
+    found = problems(code, work, memory, text)
     beyond = [problem for problem in found if case.refused or problem != "exit 0"]
-    shown = tuple(text.decode("utf-8", "replace").strip().splitlines()[-2:])
+    shown = tuple(text.strip().splitlines()[-2:])
     figures = {
         "code": code,
         "seconds": round(seconds, 2),
@@ -277,16 +278,8 @@ def _given(case: Bad, blank: Row, folder: Path) -> Row:
     return replace(blank, outcome=f"exit {code}", said=shown, beyond=tuple(beyond), figures=figures)
 
 
-def _used(told: Path) -> tuple[int, float, float]:
-    """What the launcher tells: exit status, s of processor time, bytes; a killed one tells nothing."""
-    if not told.exists():
-        return -signal.SIGKILL, GIVE_UP, 0.0
-    code, work, kilobytes = json.loads(told.read_text("utf-8"))
-    return code, work, kilobytes * 1024
-
-
 def problems(code: int, seconds: float, memory: float, text: str) -> list[str]:
-    """What is wrong with how a bad input was refused: s of the processor, bytes, all that was said."""
+    """List what is wrong with a refusal: exit status, processor time in s, bytes, output."""
     found: list[str] = []
     if code not in (2, 3):
         found.append(f"exit {code}")
@@ -299,8 +292,3 @@ def problems(code: int, seconds: float, memory: float, text: str) -> list[str]:
     if any(category(c) in ("Cc", "Cf") and c not in "\t\n\r" for c in text):
         found.append("control characters reach the terminal")
     return found
-
-
-def give(folder: Path, say: Callable[[str], None]) -> list[Row]:
-    """Every bad input, one after the other: what they take of the machine is measured."""
-    return Ledger(folder / "inputs.jsonl").complete(BAD, given, 1, say)

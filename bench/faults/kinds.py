@@ -1,4 +1,4 @@
-"""The kinds of faults that strike a running plan."""
+"""Kinds of faults during a run."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from palpate.trace.samples import Samples
 
 OBJECT = "green_bottle"
-"""What is weighed in the meantime."""
+"""The object that is weighed."""
 NAN, INF = float("nan"), float("inf")
 EVERYTHING = ("q", "dq", "tau", "tau_ext", "pose_world_tcp", "twist", "wrench", "contact", "width")
 
@@ -41,10 +41,10 @@ class Fault:
 
     Attributes:
         meddle: makes a robot faulty.
-        patches: what fails besides, by `module:name`.
-        bytes: how large files may become, for a disk that is full; None for any size.
+        patches: functions that fail, by `module:name`.
+        bytes: largest file size, for a full disk; None for no limit.
         holds: holding still keeps the load.
-        honest: nobody outside pushes, and the arm can bear itself, so that all forces are its own.
+        honest: all forces are the arm's own: nobody pushes, and the arm can bear its weight.
     """
 
     name: str
@@ -95,7 +95,7 @@ def _nothing(_: FaultyRobot) -> None:
 
 
 def _push(x: float, y: float, z: float, seconds: float = 0.5) -> Act:
-    """Somebody pushes the hand, N."""
+    """Push the hand with a force, N."""
 
     def act(model: mujoco.MjModel, data: mujoco.MjData, since: float) -> None:
         body = _hand(model)
@@ -105,7 +105,7 @@ def _push(x: float, y: float, z: float, seconds: float = 0.5) -> Act:
 
 
 def _bump(model: mujoco.MjModel, data: mujoco.MjData, since: float) -> None:
-    """Somebody bumps the object: a push of 10 N for 50 ms."""
+    """Push the object with 10 N for 50 ms."""
     push = (10.0, 0.0, 0.0) if since < 0.05 else (0.0, 0.0, 0.0)
     data.xfrc_applied[model.body(OBJECT).id, :3] = push
 
@@ -120,7 +120,7 @@ def _slippery(friction: float) -> Act:
 
 
 def _weak_grip(share: float) -> Act:
-    """The fingers' drive has but a share of its force left."""
+    """Reduce the force of the fingers' drive to a share."""
 
     def act(model: mujoco.MjModel, data: mujoco.MjData, since: float) -> None:
         drive = model.actuator(PREFIX + DRIVE).id
@@ -131,7 +131,7 @@ def _weak_grip(share: float) -> Act:
 
 
 def _weak_arm(share: float) -> Act:
-    """The arm's joints have but a share of their torque left."""
+    """Reduce the torque of the arm's joints to a share."""
 
     strong: list[Array] = []
 
@@ -144,7 +144,7 @@ def _weak_arm(share: float) -> Act:
 
 
 def _heavy(model: mujoco.MjModel, data: mujoco.MjData, since: float) -> None:
-    """The object weighs 20 N more."""
+    """Make the object 20 N heavier."""
     data.xfrc_applied[model.body(OBJECT).id, 2] = -20.0
 
 
@@ -178,7 +178,7 @@ def _spike(size: float, axis: int) -> Lie:
 LOST = ConnectionError("the robot does not answer")
 
 FAULTS: tuple[Fault, ...] = (
-    # what the state says
+    # reported state
     Fault("NaN wrench", _lies(wrenched(lambda w, _: np.full(6, NAN)))),
     Fault("NaN wrench for a tick", _lies(wrenched(lambda w, _: np.full(6, NAN)), once=True)),
     Fault("infinite wrench", _lies(wrenched(lambda w, _: np.full(6, INF)))),
@@ -235,7 +235,7 @@ FAULTS: tuple[Fault, ...] = (
     Fault("motions are ignored", _ignores("move_pose", "move_joints", "move_axis")),
     Fault("opening is ignored", _ignores("open_gripper")),
     Fault("closing is ignored", _ignores("close_gripper")),
-    # what is logged
+    # logged samples
     Fault("every other sample lost", _spoils(_every_other)),
     Fault("NaN samples", _spoils(_spoiled(wrench=NAN))),
     Fault("samples a second late", _spoils(_shifted(-1.0))),
@@ -255,7 +255,7 @@ FAULTS: tuple[Fault, ...] = (
     Fault("grip weakens", _acts(_weak_grip(0.4))),
     Fault("arm weakens", _acts(_weak_arm(0.6))),
     Fault("arm gives out", _acts(_weak_arm(0.25)), honest=False, holds=False),
-    # what else may fail
+    # the rest of the program
     Fault("watcher fails", _nothing),
     Fault("disk full at 2 kB", _nothing, bytes=2_000),
     Fault("disk full at 100 kB", _nothing, bytes=100_000),

@@ -1,15 +1,14 @@
-"""Faults while a plan runs: sixty and more kinds, each at five moments of a run that weighs a
-bottle.
+"""Faults during a run that weighs a bottle: more than sixty kinds, each at five moments.
 
 Every run must end without a traceback, keep its trace, and drop nothing that holding still would
-have kept from falling.
+have kept.
 """
 
 from __future__ import annotations
 
 import resource
 import tempfile
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
@@ -19,7 +18,7 @@ from unittest.mock import Mock, patch
 
 import numpy as np
 
-from bench.campaign.ledger import Ledger, Row, touches_of, within_time
+from bench.campaign.ledger import Row, touches_of
 from bench.faults.faulty import FaultyRobot
 from bench.faults.kinds import FAULTS, OBJECT, Fault
 from bench.harm.harm import Harm, harm
@@ -34,7 +33,7 @@ from palpate.stages import executing, workplace
 
 SCENARIO = "one_missing_mass"
 MOMENTS = (0.1, 0.3, 0.5, 0.7, 0.9)
-"""Of the undisturbed run's robot time."""
+"""Shares of the undisturbed run's robot time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +47,21 @@ class Case:
     def name(self) -> str:
         return f"{self.fault} @ {self.moment:g}"
 
+    def blank(self) -> Row:
+        return Row.named("runtime", self.name, self.fault)
 
-CASES = tuple(Case(fault.name, moment) for fault in FAULTS for moment in MOMENTS)
+
+# All faults at mid-run first, with the bottle in the hand.
+CASES = tuple(
+    sorted(
+        (Case(fault.name, moment) for fault in FAULTS for moment in MOMENTS),
+        key=lambda case: abs(case.moment - 0.5),
+    )
+)
 
 
 class _Cell:
-    """A cell whose robot goes wrong."""
+    """A cell with a faulty robot."""
 
     def __init__(self, cell: SimulatedCell, fault: Fault, moment: float) -> None:
         self._cell, self._fault, self._moment = cell, fault, moment
@@ -69,7 +77,7 @@ class _Cell:
 
 
 class _Watcher:
-    """Fails at a moment."""
+    """Observer that fails at a moment."""
 
     def __init__(self, moment: float) -> None:
         self._moment = moment
@@ -81,20 +89,15 @@ class _Watcher:
 
 @cache
 def duration() -> float:
-    """s of robot time that the undisturbed run takes."""
+    """Robot time of the undisturbed run, s."""
     settings = scenario(SCENARIO).settings(noise="lab", seed=0)
     made = pipeline.plan(settings, pipeline.load(settings))
     cell = simulated_cell(made.scene, settings.world, noise="lab", seed=0)
     return executing.perform(made.plan, made.scene, cell.robot()).robot_seconds
 
 
-def struck(case: Case) -> Row:
-    """How a run with a fault ends, from the plan to the folder on disk."""
-    blank = Row.named("runtime", case.name, case.fault)
-    return within_time(lambda: _struck(case, blank), blank)
-
-
-def _struck(case: Case, blank: Row) -> Row:
+def strike(case: Case, blank: Row) -> Row:
+    """Carry out a run with a fault, from the plan to the folder on disk."""
     (fault,) = [fault for fault in FAULTS if fault.name == case.fault]
     moment = case.moment * duration()
     with tempfile.TemporaryDirectory() as folder, ExitStack() as patched:
@@ -120,7 +123,7 @@ def _struck(case: Case, blank: Row) -> Row:
         blank = replace(blank, outcome=status, said=said)
         if cell.made is None:
             return blank
-        wrong = _wrong(run) if run and fault.honest else []
+        wrong = wrong_estimates(run) if run and fault.honest else []
         row = _row(blank, fault, cell.made, Path(folder) / "run", wrong)
         struck = cell.made.last >= moment and all(part.called for part in failing)
         return replace(row, figures=row.figures | {"struck": struck})
@@ -128,7 +131,7 @@ def _struck(case: Case, blank: Row) -> Row:
 
 @contextmanager
 def _small_disk(size: int | None) -> Generator[None]:
-    """No file grows beyond `size` bytes inside this block."""
+    """Limit the size of files to `size` bytes inside the block."""
     before, most = resource.getrlimit(resource.RLIMIT_FSIZE)
     try:
         if size is not None:
@@ -138,8 +141,8 @@ def _small_disk(size: int | None) -> Generator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, (before, most))
 
 
-def _wrong(run: Run) -> list[str]:
-    """What is called identified and is neither within five standard deviations nor within 5 %."""
+def wrong_estimates(run: Run) -> list[str]:
+    """Identified values that are off by more than five standard deviations and more than 5 %."""
     found: list[str] = []
     for estimate in run.estimates:
         true = run.truth.get(estimate.parameter)
@@ -170,8 +173,8 @@ def _row(blank: Row, fault: Fault, robot: FaultyRobot, folder: Path, wrong: list
 
 
 def chargeable(seen: Harm, fault: Fault) -> list[str]:
-    """What the arm has to answer for, of what happened: not for forces when somebody else pushes,
-    nor for what becomes of a load that no holding would have kept."""
+    """Harm that the arm is responsible for: without forces that somebody outside causes, and without
+    the loss of a load that holding still would not have kept."""
     found: list[str] = []
     if fault.honest:
         found += seen.forces
@@ -184,10 +187,10 @@ def chargeable(seen: Harm, fault: Fault) -> list[str]:
 
 
 def _kept(folder: Path, robot: FaultyRobot) -> tuple[dict[str, Any], bool]:
-    """What can be read again from the folder, and whether the trace reaches to the fault."""
-    figures: Mapping[str, Any] = {"robot_seconds": round(robot.last, 2), "stopped_by": ""}
+    """Figures read from the run's folder, and whether its trace reaches the fault."""
+    figures: dict[str, Any] = {"robot_seconds": round(robot.last, 2), "stopped_by": ""}
     if not (folder / "result.json").exists():
-        return dict(figures), False
+        return figures, False
     again = pipeline.reopen(folder)
     trace, ended = again.trace, again.execution
     until = float(trace.samples.t[-1]) if trace and len(trace.samples.t) else 0.0
@@ -198,9 +201,3 @@ def _kept(folder: Path, robot: FaultyRobot) -> tuple[dict[str, Any], bool]:
 
 def _failing(*_: Any, **__: Any) -> None:
     raise RuntimeError("on purpose")
-
-
-def strike(folder: Path, count: int, workers: int, say: Callable[[str], None]) -> list[Row]:
-    """The first `count` cases: all faults amid the run first, when the bottle is in the hand."""
-    cases = sorted(CASES, key=lambda case: abs(case.moment - 0.5))[:count]
-    return Ledger(folder / "runtime.jsonl").complete(cases, struck, workers, say)

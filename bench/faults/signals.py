@@ -1,4 +1,4 @@
-"""Signals at random moments at a real `palpate run`: how it exits, and what is left on disk."""
+"""Signals at random moments to a real `palpate run`: its exit status, and its folder on disk."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 
-from bench.campaign.ledger import Drawn, Ledger, Row, drawn, within_time
+from bench.campaign.ledger import Drawn, Row
 from palpate import pipeline
 from palpate.errors import PalpateError
 from palpate.runs.run import Run
@@ -23,17 +23,18 @@ SCENARIO = "one_missing_mass"
 KINDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL)
 SHARES = (0.4, 0.25, 0.15, 0.2)
 TWICE = 0.25
-"""Share of the signals, SIGKILL excepted, that a second one follows."""
+"""Share of the signals, except SIGKILL, that are followed by a second one."""
 PATIENCE = 180
 """s until a process counts as hung."""
 DEAF = 0.2
-"""Of a whole run: one that goes on for longer after a signal, and then ends well, has not heard it."""
+"""Share of an undisturbed run: a run that goes on for longer after a signal, and completes, has
+ignored it."""
 PALPATE = (sys.executable, "-c", "import sys; from palpate.cli.main import main; sys.exit(main())")
 
 
 @dataclass(frozen=True, slots=True)
 class Blow:
-    """A signal: when, as a share of a whole run, and s until the second one, if any."""
+    """A signal: when, as a share of an undisturbed run, and s until a second one, if any."""
 
     kind: signal.Signals
     when: float
@@ -41,7 +42,7 @@ class Blow:
 
     @classmethod
     def of(cls, case: Drawn) -> Blow:
-        """The one that a case is about."""
+        """Draw the signal of a case."""
         random = case.random(7)
         kind = KINDS[int(random.choice(len(KINDS), p=SHARES))]
         when = float(random.uniform(0.0, 1.05))
@@ -57,24 +58,18 @@ class Blow:
 
 @dataclass(frozen=True, slots=True)
 class Exit:
-    """How a process ended: its status, what it said, and s from the signal on, 0 where it had ended
-    before."""
+    """End of a process: exit status, output, and s after the signal, 0 if it had ended before."""
 
     code: int
     said: str
     after: float
 
 
-def sent(case: Drawn, whole: float) -> Row:
-    """What becomes of a run that is sent a signal; `whole`: s that an undisturbed one takes."""
+def send(case: Drawn, blank: Row, undisturbed: float) -> Row:
+    """Start a run and send it a signal; `undisturbed`: duration of a run without one, s."""
     blow = Blow.of(case)
-    blank = case.blank(str(blow))
-
-    def work() -> Row:
-        with tempfile.TemporaryDirectory() as folder:
-            return _sent(blank, blow, whole, Path(folder))
-
-    return within_time(work, blank)
+    with tempfile.TemporaryDirectory() as folder:
+        return _sent(replace(blank, what=str(blow)), blow, undisturbed, Path(folder))
 
 
 def _sent(blank: Row, blow: Blow, whole: float, folder: Path) -> Row:
@@ -112,17 +107,13 @@ def _start(out: Path) -> subprocess.Popen[str]:
         stderr=subprocess.PIPE,
         text=True,
         env=os.environ | {"MUJOCO_GL": "disabled"},
-        preexec_fn=_hear,
+        # Children of a campaign under `nohup` would ignore SIGHUP, as it does.
+        preexec_fn=partial(signal.signal, signal.SIGHUP, signal.SIG_DFL),
     )
 
 
-def _hear() -> None:
-    """A campaign under `nohup` hears no SIGHUP, and would hand that down."""
-    signal.signal(signal.SIGHUP, signal.SIG_DFL)
-
-
 def _ended_within(process: subprocess.Popen[str], seconds: float) -> bool:
-    """Whether a process ended within so many seconds."""
+    """Wait for a process; False if it did not end within so many seconds."""
     try:
         process.wait(timeout=seconds)
     except subprocess.TimeoutExpired:
@@ -131,8 +122,8 @@ def _ended_within(process: subprocess.Popen[str], seconds: float) -> bool:
 
 
 def problems(kind: signal.Signals, ended: Exit, out: Path, deaf: float) -> Sequence[str]:
-    """What is wrong with how a run ended, and with what lies on disk: its folder `out` is readable
-    and says the same, and nothing else is there. `deaf`: s that it may take to end."""
+    """List what is wrong with the end of a run and its folder: `out` must be readable, agree with the
+    exit status, and lie alone. `deaf`: s that the run may take to end."""
     found: list[str] = []
     if "Traceback" in ended.said:
         found.append("a traceback")
@@ -148,8 +139,7 @@ def problems(kind: signal.Signals, ended: Exit, out: Path, deaf: float) -> Seque
 
 
 def _misjudged(kind: signal.Signals, ended: Exit, out: Path, deaf: float) -> Sequence[str]:
-    """An exit status is 0 when all was done before the signal, 4 when it stopped the run. Before
-    Python has come as far as palpate, a signal does what it always does."""
+    """The exit status must be 0 if the run was complete before the signal, 4 if that stopped it."""
     if ended.code == 0:
         if ended.after > deaf:
             return [f"not heard: it went on for {ended.after:.0f} s"]
@@ -158,12 +148,13 @@ def _misjudged(kind: signal.Signals, ended: Exit, out: Path, deaf: float) -> Seq
         if not ended.said:
             return ["exit 4 without a word"]
         return [] if _status(out) in (None, "aborted") else [f"exit 4, {_status(out)}"]
+    # Before palpate has installed its handlers, a signal has its default effect.
     too_early = ended.code in (130, -kind) and not out.exists()
     return [] if too_early else [f"exit {ended.code}"]
 
 
 def _status(out: Path) -> str | None:
-    """What a run's folder says of it; None without one."""
+    """Status in a run's folder; None without a folder."""
     try:
         run = _opened(out)
     except PalpateError:
@@ -172,7 +163,7 @@ def _status(out: Path) -> str | None:
 
 
 def _unfinished(out: Path) -> Sequence[str]:
-    """What `palpate report` leaves undone of a run that was killed."""
+    """Finish a killed run by `palpate report`, and list what that fails to do."""
     if not (out / "result.json").exists():
         return []
     finished = subprocess.run(
@@ -199,18 +190,9 @@ def _opened(out: Path) -> Run | None:
 
 
 @cache
-def whole_run() -> float:
-    """s of wall time that an undisturbed run takes on this machine now."""
+def undisturbed_seconds() -> float:
+    """Wall time of an undisturbed run on this machine, s."""
     with tempfile.TemporaryDirectory() as folder:
         began = time.perf_counter()
         _start(Path(folder) / "run").communicate(timeout=PATIENCE)
         return time.perf_counter() - began
-
-
-def send(
-    folder: Path, count: int, seed: int, workers: int, say: Callable[[str], None]
-) -> list[Row]:
-    """`count` runs, one signal each."""
-    work = partial(sent, whole=whole_run())
-    cases = drawn("signals", seed, count)
-    return Ledger(folder / "signals.jsonl").complete(cases, work, workers, say)

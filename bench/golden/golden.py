@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""The golden table: what every bundled scenario measures, to the last bit.
+"""The golden table: results of every bundled scenario, to the last bit.
 
-    python bench/golden/golden.py compare [--quick] [--only NAME …]     against table.json; exit
-    status 1 where they differ python bench/golden/golden.py record
-    writes table.json anew (with --quick: its quick rows alone)
+    python bench/golden/golden.py compare [--quick] [--only NAME …]     compare with table.json; exit
+                                                                        status 1 for a difference
+    python bench/golden/golden.py record                                write table.json (with --quick:
+                                                                        its quick rows alone)
 
 A row is a scenario, a seed and a noise model: values, standard deviations, intervals, verdicts,
 actions, robot seconds and the twin's bytes without its sentences. Everything is run through the
@@ -32,8 +33,7 @@ NOISE = ("none", "lab", "datasheet")
 SEEDS = (0, 1, 2)
 SLOW = {"fifteen_objects"}
 SENTENCES = re.compile(r'(name="palpate[^"]*method[^"]*" data=)"[^"]*"')
-"""The twin's `<custom>` texts that say in words how a value was measured: wording may change, bytes
-around it may not."""
+"""The twin's `<custom>` texts with the methods in words: wording may change, bytes around it may not."""
 
 
 def palpate(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -56,7 +56,7 @@ def scenarios() -> list[str]:
 
 
 def measure(name: str, seed: int, noise: str) -> dict[str, object]:
-    """One row of the table."""
+    """Measure a row of the table."""
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / "run"
         done = palpate(
@@ -68,7 +68,7 @@ def measure(name: str, seed: int, noise: str) -> dict[str, object]:
 
 
 def row(status: int, result: dict[str, object], folder: Path) -> dict[str, object]:
-    """What is compared of a run."""
+    """Compared figures of a run."""
     kept = ("object", "quantity", "value", "unit", "std", "ci95", "verdict", "components")
     execution = result.get("execution") or {}
     twin = folder / "twin.xml"
@@ -115,7 +115,7 @@ def run(wanted: list[tuple[str, str, int]], jobs: int) -> dict[str, dict[str, ob
 
 
 def difference(expected: dict[str, object], found: dict[str, object]) -> list[str]:
-    """What differs between two rows, in words."""
+    """Differences between two rows, in words."""
     if not expected:
         return ["is not in the table"]
     return [
@@ -126,7 +126,7 @@ def difference(expected: dict[str, object], found: dict[str, object]) -> list[st
 
 
 def compare(quick: bool, only: list[str], jobs: int) -> int:
-    """Print what differs from the rows of the table; the exit status."""
+    """Print differences from the rows of the table; return the exit status."""
     table = json.loads(TABLE.read_text("utf-8"))
     wanted = [
         (n, noise, seed) for n, noise, seed in rows(quick, only) if f"{n}/{noise}/{seed}" in table

@@ -1,33 +1,121 @@
-"""What a run did to its world, against what it may do: forces, falls and shoves, from a
-`Witness`."""
+"""Harm of a run, judged from a `Witness`: contact forces, falls, and objects that were moved."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from bench.harm.touch import SHOWN, UNSEEN, Figures, Touch, touches
-from bench.harm.track import Track, tracks
-from bench.harm.witness import Witness
+from bench.harm.witness import LOOK, Mask, Witness
+from palpate.geometry.pose import Array
 
 TIPPED = np.deg2rad(15)
-"""rad from an object's first attitude, about any horizontal axis."""
+"""rad: largest allowed tilt from the first attitude."""
 MOVED = 0.005
-"""m that something which the plan does not name may be moved."""
+"""m: largest allowed displacement of an object that the plan does not name."""
 PUSHED = 0.025
-"""m that anything may be pushed while it is not held."""
+"""m: largest allowed displacement of an object that is not held."""
 
 DROPPED, TOPPLED, GONE = FALLS = ("dropped", "tipped", "left its place")
+FALLEN = 0.013
+"""m of free fall: 0.5 m/s."""
+FALLING = 0.5
+"""m/s downwards, unsupported."""
+LEFT = 0.05
+"""m below its first height: an object that is no longer on its support."""
+UP = (0.0, 0.0, 1.0)
+
+
+class Track:
+    """Motion of an object during a run.
+
+    Attributes:
+        name: of the object.
+        fell: out of the hand, or off its support.
+        has_left: it ends lower than it stood, and is not held.
+        tilt: rad, largest while it was not held.
+        moved: m from its first position, largest.
+        pushed: m from where it was released, largest while it was not held.
+        turned: rad in the hand, largest.
+    """
+
+    def __init__(self, witness: Witness, index: int) -> None:
+        self.name = witness.objects[index]
+        looks = witness.looks
+        poses = np.array([look.poses[index] for look in looks])
+        held = np.array([look.held == index for look in looks])
+        touched = np.array([look.touched[index] for look in looks])
+        at, attitude = poses[:, :3], Rotation.from_quat(poses[:, 3:], scalar_first=True)
+        self.tilt = float(_tilt(attitude)[~held].max(initial=0.0))
+        self.fell = _fell(at[:, 2], held, touched, LOOK * witness.period)
+        self.has_left = bool(at[-1, 2] < at[0, 2] - LEFT and not held[-1])
+        self.moved = float(np.linalg.norm(at - at[0], axis=1).max())
+        self.pushed = _pushed(at, held)
+        hands = Rotation.from_quat([look.hand for look in looks], scalar_first=True)
+        self.turned = _turned(hands.inv() * attitude, held)
+
+
+def tracks(witness: Witness) -> list[Track]:
+    """Tracks of all objects."""
+    return [Track(witness, index) for index in range(len(witness.objects))]
+
+
+def _tilt(attitude: Rotation) -> Array:
+    """Tilt from the first attitude, (n,) rad; a rotation about the vertical is none."""
+    vertical = attitude.inv().apply(UP)
+    return np.arccos(np.clip(vertical @ vertical[0], -1, 1))
+
+
+def _fell(z: Array, held: Mask, touched: Mask, period: float) -> bool:
+    """Detect a fall: 13 mm downwards without support, or faster than 0.5 m/s outside the hand."""
+    falling = -np.diff(z) / period > FALLING
+    if np.any(falling & ~held[1:]):
+        return True
+    sunk = 0.0
+    for before, now, supported in zip(z[:-1], z[1:], touched[1:] | held[1:], strict=True):
+        sunk = 0.0 if supported else sunk + before - now
+        if sunk > FALLEN:
+            return True
+    return False
+
+
+def _spells(held: Mask) -> list[tuple[int, int]]:
+    """Rows from each release (or the beginning) to the next (or the end)."""
+    released = np.flatnonzero(held[:-1] & ~held[1:]) + 1
+    return list(pairwise([0, *released.tolist(), len(held)]))
+
+
+def _pushed(at: Array, held: Mask) -> float:
+    """Largest distance (m) from the first position, or from that of a release, while not held."""
+    worst = 0.0
+    for start, end in _spells(held):
+        loose = ~held[start:end]
+        way = np.linalg.norm(at[start:end, :2] - at[start, :2], axis=1)
+        worst = max(worst, float(way[loose].max(initial=0.0)))
+    return worst
+
+
+def _turned(in_hand: Rotation, held: Mask) -> float:
+    """Largest rotation (rad) in the hand since the grasp."""
+    worst = 0.0
+    for start, end in _spells(held):
+        taken = start + int(np.argmax(held[start:end]))
+        if held[taken]:
+            turns = in_hand[taken].inv() * in_hand[taken:end]
+            worst = max(worst, float(turns.magnitude().max()))
+    return worst
 
 
 @dataclass(frozen=True, slots=True)
 class Fate:
-    """What became of an object that was not to become of it.
+    """Harm to an object.
 
     Attributes:
-        what: one of `FALLS`, or `moved`, though no plan names it, or `pushed`.
+        what: one of `FALLS`, or `moved` (without being named in the plan), or `pushed`.
         way: m that it was moved or pushed.
     """
 
@@ -37,24 +125,24 @@ class Fate:
 
     @property
     def fallen(self) -> bool:
-        """It is not where it stood, or not as it stood."""
+        """Dropped, tipped, or off its place."""
         return self.what in FALLS
 
     def __str__(self) -> str:
-        told = f"{self.name} {self.what}"
-        return f"{told} by {1e3 * self.way:.0f} mm" if self.way else told
+        text = f"{self.name} {self.what}"
+        return f"{text} by {1e3 * self.way:.0f} mm" if self.way else text
 
 
 @dataclass(frozen=True, slots=True)
 class Harm:
-    """What became of the world.
+    """Harm of a run.
 
     Attributes:
-        touches: everything that was touched, the hardest first.
-        turned: rad that objects turned in the hand.
-        forces: every force that is greater than the figures allow, in words.
-        fates: what became of objects that the scene shows.
-        unseen: of those that none shows, which is listed and not judged.
+        touches: all contacts, the largest forces first.
+        turned: rad that objects rotated in the hand.
+        forces: forces beyond the limits, in words.
+        fates: harm to objects of the scene.
+        unseen: harm to objects that the scene does not show, which is listed and not judged.
     """
 
     touches: tuple[Touch, ...]
@@ -65,12 +153,12 @@ class Harm:
 
     @property
     def beyond(self) -> tuple[str, ...]:
-        """Everything that is worse than the figures allow, in words; empty is harmless."""
+        """Everything beyond the limits, in words; empty for a harmless run."""
         return (*self.forces, *map(str, self.fates))
 
     @property
     def fallen(self) -> tuple[str, ...]:
-        """Names of the shown objects that were dropped, or tipped, or left their place."""
+        """Names of the scene's objects that were dropped, tipped, or left their place."""
         return tuple(dict.fromkeys(fate.name for fate in self.fates if fate.fallen))
 
 
@@ -81,15 +169,17 @@ def harm(
     shown: Figures = SHOWN,
     hidden: Figures = UNSEEN,
 ) -> Harm:
-    """The judgement of everything that a witness saw.
+    """Judge a run.
 
     Args:
+        witness: of the whole run.
         named: objects that the plan names, which may be moved.
-        unseen: things that no scene shows, for which the figures `hidden` hold, not `shown`.
+        unseen: bodies that the scene does not show, with the limits `hidden`.
+        shown, hidden: limits of contact forces.
     """
-    felt = touches(witness)
+    contacts = touches(witness)
     forces: list[str] = []
-    for touch in felt:
+    for touch in contacts:
         forces += touch.beyond(hidden if touch.thing in unseen else shown)
     turned: dict[str, float] = {}
     fates: list[Fate] = []
@@ -99,11 +189,11 @@ def harm(
             turned[track.name] = track.turned
         found = listed if track.name in unseen else fates
         found += _fates(track, named)
-    return Harm(felt, turned, tuple(forces), tuple(fates), tuple(listed))
+    return Harm(contacts, turned, tuple(forces), tuple(fates), tuple(listed))
 
 
 def _fates(track: Track, named: Collection[str]) -> list[Fate]:
-    """What became of one object."""
+    """Harm to one object."""
     found: list[Fate] = []
     if track.fell:
         found.append(Fate(track.name, DROPPED))

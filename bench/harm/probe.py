@@ -1,7 +1,6 @@
-"""A plan executed in a simulated world under the eyes of a `Witness`, and what it did there.
+"""Execute a plan in a simulated world under a `Witness`, and judge its harm.
 
-Nobody asks the check here: a plan is executed as it stands, with no more than the leaves' own
-checks at run time.
+The plan is not checked before: only the leaves' own checks at run time apply.
 """
 
 from __future__ import annotations
@@ -27,14 +26,13 @@ if TYPE_CHECKING:
 
 
 AFTERWARDS = 1.0
-"""s that the world is watched for after a run has ended: what was let go of in its last moment
-falls, or topples, in less."""
+"""s that the world is watched after the end of a run: an object released in the last moment falls, or
+tips over, in less."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Probed:
-    """What palpate says of a run, and what it did to the world; the second knows nothing of the
-    first."""
+    """Palpate's record of a run, and its harm, judged independently of that."""
 
     execution: Execution
     harm: Harm
@@ -54,13 +52,18 @@ def probed_run(
     shown: Figures = SHOWN,
     hidden: Figures = UNSEEN,
 ) -> Probed:
-    """Execute a plan, checked or not, and judge it by what MuJoCo says.
+    """Execute a plan, and judge it by MuJoCo's state.
 
     Args:
-        world: MJCF of the hidden world; without one D itself, its unknowns drawn from priors.
+        plan: with a tree.
+        scene: that the plan was made for.
+        world: MJCF of the hidden world; by default the scene itself, its unknowns drawn from priors.
+        noise, seed: of the simulated robot.
         cell: instead of `world`, `noise` and `seed`.
-        unseen: names of bodies of the world that the scene does not show, for which the figures
-            `hidden` hold; for everything else those of `shown`.
+        observer: of the tree's ticks.
+        on_failure: policy after a failure.
+        unseen: names of bodies of the world that the scene does not show, with the limits `hidden`.
+        shown, hidden: limits of contact forces.
 
     Raises:
         InputError: the plan has no tree, or world and scene do not match.
@@ -74,7 +77,7 @@ def probed_run(
 
 
 def named(plan: Plan, scene: Scene) -> frozenset[str]:
-    """The objects that a plan speaks of: what it wants to know, and where it goes."""
+    """Objects that a plan names: in its parameters, and in the arguments of its nodes."""
     found = {parameter.object for parameter in plan.parameters}
     if plan.tree is not None:
         for _, node in plan.tree.walk():
@@ -83,7 +86,7 @@ def named(plan: Plan, scene: Scene) -> frozenset[str]:
 
 
 def _subject(value: object, scene: Scene) -> set[str]:
-    """The object that an argument names, or whose pose it is."""
+    """Object that an argument names, or whose pose it is."""
     if not isinstance(value, str):
         return set()
     try:

@@ -1,6 +1,6 @@
-"""How hard a thing was touched, from what a `Witness` saw of the contacts, and how hard it may be.
+"""Contact forces from a `Witness`, and their limits.
 
-Sources of the figures: 65 N is ISO/TS 15066's quasi-static limit for the face, its lowest; the
+Sources of the limits: 65 N is ISO/TS 15066's quasi-static limit for the face, its lowest; the
 others are this project's own.
 """
 
@@ -16,22 +16,22 @@ from palpate.geometry.pose import Array
 from palpate.trace.samples import STANDARD_GRAVITY
 
 OVER = 65.0
-"""N: how long a force is above it is counted."""
+"""N: the time above this force is counted."""
 TAIL = 0.1
-"""s after the first contact from which on what still presses is the tail."""
+"""s after the first contact at which the tail begins."""
 APART = 0.05
-"""s without a contact: the next one is another."""
+"""s without touch that separate two contacts."""
 LIGHT = 1.5
-"""kg up to which an object gives way sideways; a heavier one counts as fixed."""
+"""kg: heavier objects count as fixed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """Most that a contact may reach, N.
+    """Limits of a contact, N.
 
     Attributes:
         mean10, mean20: of running means over 10 and 20 ms.
-        tail: of a 10 ms mean from 100 ms after the first contact on, None for no limit.
+        tail: of 10 ms means from 100 ms after the first contact, None for no limit.
         sideways: 10 ms mean on light, free objects.
     """
 
@@ -42,30 +42,31 @@ class Figures:
 
 
 SHOWN = Figures()
-"""For what the scene shows."""
+"""For things of the scene."""
 UNSEEN = Figures(mean10=180.0, mean20=150.0, tail=25.0, sideways=180.0)
-"""For what no scene shows."""
+"""For things that the scene does not show."""
 CAUTIOUS = Figures(tail=25.0)
-"""For what no scene shows, met by a cautious arm: what holds for shown things, and the tail."""
+"""For things that the scene does not show, with a cautious arm: as for things of the scene, and the
+tail."""
 CAUTIOUS_RIGID = Figures(mean10=80.0, tail=25.0)
-"""Likewise, where the contact has a stiffness of 10⁶ N/m or more."""
+"""As `CAUTIOUS`, for a contact stiffness of 10⁶ N/m or more."""
 
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """One thing that was touched, by the robot or by what it held; forces in N, times in s.
+    """Contact of a thing with the robot or the held object; forces in N, times in s.
 
     Attributes:
-        part: the body that pressed hardest.
-        load: it was the held object.
-        light: the thing is an object that gives way.
-        first: when.
-        seconds: how long in all.
-        peak, mean10, mean20: magnitudes, of one physics step and of running means.
+        part: the body with the largest force.
+        load: that body is the held object.
+        light: the thing is a free object of at most `LIGHT`.
+        first: time of the first contact.
+        seconds: duration of all contacts.
+        peak, mean10, mean20: largest magnitude of one physics step and of running means.
         tail: see `Figures`.
         over: s above 65 N.
-        sideways: greatest horizontal 10 ms mean while nothing held the thing from the other side.
-        vertical: the greatest force was more vertical than horizontal.
+        sideways: largest horizontal 10 ms mean while nothing supported the thing from the other side.
+        vertical: the largest force was more vertical than horizontal.
     """
 
     thing: str
@@ -83,7 +84,7 @@ class Touch:
     vertical: bool
 
     def beyond(self, figures: Figures) -> Iterator[str]:
-        """Every figure that is exceeded, in words."""
+        """Exceeded limits, in words."""
         who = f"{self.part} on {self.thing}"
         if self.mean10 > figures.mean10:
             yield f"{who}: {self.mean10:.0f} N over 10 ms"
@@ -96,7 +97,7 @@ class Touch:
 
 
 def touches(witness: Witness) -> tuple[Touch, ...]:
-    """Everything that was touched, the hardest first."""
+    """All contacts, the largest forces first."""
     pairs: dict[str, list[Pair]] = {}
     for pair in witness.forces:
         pairs.setdefault(pair.thing, []).append(pair)
@@ -105,13 +106,14 @@ def touches(witness: Witness) -> tuple[Touch, ...]:
 
 
 def _touch(witness: Witness, thing: str, pairs: list[Pair]) -> Touch:
-    """All pairs with one thing as one contact: magnitudes of different parts add up."""
+    """Combine all pairs with one thing to one contact: magnitudes of different parts add up."""
     magnitude, sideways = np.zeros(witness.steps + 1), np.zeros(witness.steps + 1)
     hardest, strongest, upright = pairs[0], -1.0, True
     for pair in pairs:
         steps, vectors = witness.forces[pair].rows()
         if pair.load:
-            vectors = _without_weight(vectors, _weight(witness, pair.part))
+            mass = witness.masses[witness.objects.index(pair.part)]
+            vectors = _without_weight(vectors, STANDARD_GRAVITY * mass)
         size, horizontal = np.linalg.norm(vectors, axis=1), np.hypot(vectors[:, 0], vectors[:, 1])
         magnitude[steps] += size
         free = ~np.isin(steps, list(witness.forces[pair].blocked))
@@ -123,49 +125,40 @@ def _touch(witness: Witness, thing: str, pairs: list[Pair]) -> Touch:
     touching = np.flatnonzero(magnitude)
     dt = witness.period
     mean10 = _running(magnitude, 0.010, dt)
+    masses = dict(zip(witness.objects, witness.masses, strict=True))
     return Touch(
         thing,
         hardest.part,
         hardest.load,
-        _is_light(witness, thing),
-        float(touching[0] * dt) if len(touching) else 0.0,
-        float(len(touching) * dt),
-        float(magnitude.max()),
-        float(mean10.max()),
-        float(_running(magnitude, 0.020, dt).max()),
-        _tail(magnitude, mean10, dt),
-        float((magnitude > OVER).sum() * dt),
-        float(_running(sideways, 0.010, dt).max()),
-        upright,
+        light=masses.get(thing, np.inf) <= LIGHT,
+        first=float(touching[0] * dt) if len(touching) else 0.0,
+        seconds=float(len(touching) * dt),
+        peak=float(magnitude.max()),
+        mean10=float(mean10.max()),
+        mean20=float(_running(magnitude, 0.020, dt).max()),
+        tail=_tail(magnitude, mean10, dt),
+        over=float((magnitude > OVER).sum() * dt),
+        sideways=float(_running(sideways, 0.010, dt).max()),
+        vertical=upright,
     )
 
 
-def _weight(witness: Witness, name: str) -> float:
-    return STANDARD_GRAVITY * witness.masses[witness.objects.index(name)]
-
-
 def _without_weight(vectors: Array, weight: float) -> Array:
-    """Forces (n, 3) without what the object presses by merely standing there."""
+    """Forces (n, 3) without the weight of an object that stands on the thing."""
     pressed = vectors.copy()
     pressed[:, 2] = np.minimum(pressed[:, 2] + weight, np.maximum(pressed[:, 2], 0.0))
     return pressed
 
 
-def _is_light(witness: Witness, thing: str) -> bool:
-    if thing not in witness.objects:
-        return False
-    return witness.masses[witness.objects.index(thing)] <= LIGHT
-
-
 def _running(values: Array, window: float, dt: float) -> Array:
-    """Means over every `window` s, by where the window begins."""
+    """Running means over `window` s, by the start of the window."""
     width = round(window / dt)
     sums = np.concatenate([[0.0], np.cumsum(np.concatenate([values, np.zeros(width)]))])
     return (sums[width:] - sums[:-width]) / width
 
 
 def _tail(magnitude: Array, mean10: Array, dt: float) -> float:
-    """The greatest 10 ms mean that begins 100 ms or more after the first touch of a contact."""
+    """Largest 10 ms mean that starts `TAIL` or more after the beginning of a contact."""
     touching = np.flatnonzero(magnitude)
     if not len(touching):
         return 0.0

@@ -1,7 +1,6 @@
-"""What a run does to the world, seen in MuJoCo's own state after every single physics step.
+"""Record of contact forces and object poses from MuJoCo's own state, after every physics step.
 
-It knows nothing of plans, checks and verdicts. It writes down who presses on what and how
-hard, and where every object is; `harm` judges it.
+It is independent of plans, checks and verdicts; `harm` judges it.
 """
 
 from __future__ import annotations
@@ -23,17 +22,17 @@ if TYPE_CHECKING:
     from palpate.robots.simulated.world import World
 
 ALONG = 0.7
-"""Cosine: a pad's contact whose normal lies this near to the closing axis belongs to a grip."""
+"""Cosine between a pad's contact normal and the closing axis, above which the contact belongs to a grip."""
 LET_GO = 0.02
-"""s that a grip may chatter before it counts as released."""
+"""s without grip contacts after which an object counts as released."""
 LOOK = 10
-"""Physics steps between two looks at where the objects are: 5 ms. What falls 13 mm needs 51 ms."""
+"""Physics steps between two records of the poses: 5 ms. A fall of 13 mm takes 51 ms."""
 LEANING = 0.7
-"""|n_z| of a contact's normal below which it holds an object sideways."""
+"""|n_z| of a contact normal below which the contact supports an object sideways."""
 FACING = 0.5
-"""Cosine: what holds an object against a push has its normal this much against it."""
+"""Cosine between a push and the opposing normal, above which a contact supports against it."""
 SHOVED = 25.0
-"""N sideways from which on it is looked whether the object can give way at all."""
+"""N: least horizontal force for which it is tested whether the object can give way."""
 
 Ints = NDArray[np.int32]
 Mask = NDArray[np.bool_]
@@ -42,7 +41,7 @@ Frames = list[list[float]]
 
 
 class Pair(NamedTuple):
-    """Who touches what: a body of the robot, or the object that it grips, and a thing."""
+    """Contact pair: a body of the robot, or the object that it grips, and a thing."""
 
     part: str
     thing: str
@@ -56,8 +55,8 @@ class Forces:
 
     Attributes:
         steps: number of the step.
-        vectors: three for every step, N, world axes, what the part does to the thing.
-        blocked: steps in which something else held the thing sideways.
+        vectors: three for every step, N, world axes, on the thing.
+        blocked: steps in which another body supported the thing sideways.
     """
 
     steps: array[int] = field(default_factory=lambda: array("q"))
@@ -70,7 +69,7 @@ class Forces:
 
 
 class Look(NamedTuple):
-    """Where everything was at one moment.
+    """Poses at one moment.
 
     Attributes:
         step: the physics step.
@@ -88,13 +87,13 @@ class Look(NamedTuple):
 
 
 class Touching(NamedTuple):
-    """What follows from who touches whom, and from what is held, whatever the forces.
+    """Contacts of a step, sorted by what is held; independent of the forces.
 
     Attributes:
         pairs: the two geoms of each contact.
         mine: contacts of the robot, and of what it grips.
         fingers: those of a finger with an object: the contact, the finger, the object.
-        presses: those with anything else than itself: the contact, the pair, the sign of its force.
+        presses: contacts with other bodies: the contact, the pair, the sign of its force.
         touched: (objects,) touching anything.
     """
 
@@ -106,18 +105,18 @@ class Touching(NamedTuple):
 
 
 class Witness:
-    """Watches a simulation from the moment it is made: to be called after every physics step.
+    """Observer of a simulation: called after every physics step.
 
     Attributes:
         period: s, a physics step.
         objects: names of the free bodies.
-        masses: kg, theirs.
+        masses: of these, kg.
         forces: by pair.
-        looks: every 5 ms, the first one before anything has moved.
+        looks: every 5 ms, the first one before any motion.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """See a state whose positions are computed."""
+        """Record the first poses; the positions in `data` must be computed."""
         self._model = model
         self.period = float(model.opt.timestep)
         self.steps = 0
@@ -144,13 +143,13 @@ class Witness:
 
     @classmethod
     def of(cls, world: World) -> Witness:
-        """A witness of everything that happens in a robot's world from now on."""
+        """Attach a witness to a robot's world."""
         witness = cls(world.model, world.data())
         world.watch = witness
         return witness
 
     def __call__(self, data: mujoco.MjData) -> None:
-        """Take note of one physics step."""
+        """Record one physics step."""
         touching = self._who_touches(data.contact.geom)
         if touching.mine:
             self._note_forces(data, touching)
@@ -161,7 +160,7 @@ class Witness:
             self.looks.append(self._look(data, touching.touched))
 
     def _who_touches(self, geoms: Ints) -> Touching:
-        """Most steps have the contacts of the step before: then nothing is looked up anew."""
+        # Most steps have the contacts of the step before.
         pairs = geoms.tobytes(), self._held
         if pairs != self._known:
             self._known, self._last = pairs, self._looked_up(geoms)
@@ -192,7 +191,7 @@ class Witness:
         return found
 
     def _note_forces(self, data: mujoco.MjData, touching: Touching) -> None:
-        """Write down the forces of the robot, and of what it grips, on everything else."""
+        """Record the forces of the robot, and of the gripped object, on everything else."""
         frames: Frames = data.contact.frame.tolist()
         held = self._held
         grips = self._grips(data, touching.fingers, frames)
@@ -214,7 +213,7 @@ class Witness:
     def _grips(
         self, data: mujoco.MjData, fingers: Iterable[tuple[int, int, int]], frames: Frames
     ) -> set[int]:
-        """Contacts of both fingers with one object along the closing axis: the commanded grip."""
+        """Contacts of the commanded grip: of both fingers with one object, along the closing axis."""
         if not fingers:
             return set()
         found: dict[int, dict[int, list[int]]] = {}
@@ -242,7 +241,7 @@ class Witness:
             total[axis] += sign * along
 
     def _is_own(self, mine: int, other: int, load: bool) -> bool:
-        """Whether a contact is within what the hand holds, or between the fingers themselves."""
+        """True for contacts of the held object with itself or the fingers, and between the fingers."""
         if load:
             return self._object_of[other] == self._held
         if mine in self._finger and other in self._finger:
@@ -250,7 +249,7 @@ class Witness:
         return self._held >= 0 and self._object_of[other] == self._held and mine in self._finger
 
     def _sides(self, pair: list[int]) -> tuple[int, int]:
-        """The geom of the robot, else of its load, and the other one."""
+        """Sort a contact's geoms: the robot's, else the load's, and the other one."""
         one, two = pair
         if one in self._robot_geoms:
             return one, two
@@ -261,7 +260,7 @@ class Witness:
     def _is_blocked(
         self, thing: str, push: tuple[float, float], pairs: list[list[int]], frames: Frames
     ) -> bool:
-        """Whether something that is not the robot's holds the thing against a push sideways."""
+        """True if a body other than the robot supports the thing against a horizontal push."""
         for (one, two), frame in zip(pairs, frames, strict=True):
             involved = thing in (self._part[one], self._part[two])
             others = not (self._mine[one] or self._mine[two])
@@ -274,7 +273,7 @@ class Witness:
         return False
 
     def _hold(self, thing: int) -> None:
-        """From now on the object `thing` belongs to the hand; -1 for none."""
+        """Assign the object `thing` to the hand; -1 for none."""
         if thing == self._held:
             return
         self._held = thing
@@ -287,7 +286,7 @@ class Witness:
         return Look(self.steps, poses, hand, self._held, touched)
 
     def _name_geoms(self) -> None:
-        """Each geom's thing: its body, or its own name where it stands in the world itself."""
+        """Name each geom by its body, or by itself if it belongs to the world body."""
         model = self._model
         self._part: list[str] = []
         for geom, body in enumerate(model.geom_bodyid.tolist()):
@@ -295,7 +294,7 @@ class Witness:
             self._part.append(name or f"geom {geom}")
 
     def _find_fingers(self) -> None:
-        """The two fingers are the robot's sliding joints; the hand carries them."""
+        """Find the fingers, the robot's sliding joints, and the hand, their parent body."""
         model = self._model
         self._finger: dict[int, int] = {}
         self._hand = self._closing = 0

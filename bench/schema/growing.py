@@ -1,6 +1,5 @@
-"""Scenes made at random: a table with things on it, grown by elements and attributes from all over
-MuJoCo's schema, as long as MuJoCo compiles it; then some of what it states is left open, and it is
-written down in some hand."""
+"""Random scenes over MuJoCo's schema: a table with things on it, to which elements and attributes are
+added as long as MuJoCo compiles it."""
 
 from __future__ import annotations
 
@@ -9,22 +8,22 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
 from random import Random
 
 import mujoco
 from lxml import etree
 
-from bench.schema.schema import Kind, kinds, types
-
 Element = etree._Element
 
 BODIES = ("worldbody", "body", "frame", "replicate")
-"""What `(world)body` of the schema stands for."""
+"""Elements that `(world)body` of the schema stands for."""
 UNSAFE = frozenset({"include", "plugin", "attach", "model", "hfield", "skin", "bone", "flexcomp"})
-"""Elements that need files, or libraries."""
+"""Elements that need files or libraries."""
 FILES = frozenset({"file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback"})
 SKIPPED = FILES | {"content_type", "memory", "nstack", "nconmax", "njmax", "plugin", "simple"}
-"""Attributes that name files, or make MuJoCo build more than it should here."""
+"""Attributes that name files, or take much memory."""
 REFERENCES = {
     "mesh": "mesh",
     "material": "material",
@@ -41,7 +40,7 @@ REFERENCES = {
     "geom": "geom",
     "camera": "camera",
 }
-"""What an attribute of that name refers to; of `geom1`, what `geom` does."""
+"""Kind of element that an attribute refers to, by its name without a digit at the end."""
 SECTIONS = {
     "tendon": ("spatial", "fixed"),
     "actuator": ("general", "motor", "position", "velocity", "damper"),
@@ -50,24 +49,72 @@ SECTIONS = {
 }
 
 
-@dataclass(slots=True)
-class Open:
-    """What was left open.
+Tags = tuple[str, ...]
+
+INDENT = 3
+LINE = re.compile(r"^( *)(\S+) \((.)\) *(.*)$")
+LABEL = re.compile(r"^\.\. _([\w-]+):")
+ATTRIBUTE = re.compile(r"^:at:`(\w+)`: :at-val:`(.*)`")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """An element of the schema.
 
     Attributes:
-        parameters: names, `thing_0.mass`. text: the file.
+        path: tags from the root to it.
+        often: number in its parent: `!` one, `?` at most one, `*` any, `R` any, and in itself, too.
     """
 
-    text: str
-    parameters: set[str]
+    path: Tags
+    often: str
+    attributes: tuple[str, ...]
+
+    @property
+    def tag(self) -> str:
+        return self.path[-1]
+
+
+@cache
+def kinds() -> tuple[Kind, ...]:
+    """All elements, as `mj_printSchema` lists them."""
+    found: list[tuple[Tags, str, list[str]]] = []
+    path: list[str] = []
+    for line in mujoco.mj_printSchema(False, False).splitlines():
+        match = LINE.match(line)
+        if match is None:
+            found[-1][2].extend(line.split())
+            continue
+        depth = len(match[1]) // INDENT
+        path = [*path[:depth], match[2]]
+        found.append((tuple(path), match[3], match[4].split()))
+    return tuple(Kind(path, often, tuple(attributes)) for path, often, attributes in found)
+
+
+@cache
+def types() -> dict[tuple[str, str], str]:
+    """Types of attributes in MuJoCo's reference, such as `real(3), "0 0 0"`, by element and name."""
+    reference = Path(mujoco.__file__).parent / "doc" / "XMLreference.rst"
+    found: dict[tuple[str, str], str] = {}
+    element = ""
+    for line in reference.read_text("utf-8").splitlines():
+        if label := LABEL.match(line):
+            parts = label[1].split("-")
+            element = parts[-2] if len(parts) > 1 else parts[-1]
+        elif attribute := ATTRIBUTE.match(line):
+            found[element, attribute[1]] = attribute[2]
+    return found
 
 
 @dataclass(slots=True)
 class Grower:
-    """A file that grows.
+    """A growing scene.
 
     Attributes:
-        root: the file, complete. used: element and attribute names that came from the schema.
+        random: generator of all choices.
+        root: the scene.
+        used: element and attribute names that were added from the schema.
+        count: number of names given.
     """
 
     random: Random
@@ -76,7 +123,7 @@ class Grower:
     count: int = 0
 
     def grow(self, steps: int) -> None:
-        """A tabletop, and `steps` tries to add something to it."""
+        """Make a tabletop, and try `steps` times to add an element or an attribute."""
         self._begin()
         assert compiles(self.root), etree.tostring(self.root)
         for _ in range(steps):
@@ -86,7 +133,7 @@ class Grower:
                 self.root = tried
                 self.used |= added
 
-    # The scene to begin with.
+    # The initial scene.
 
     def _begin(self) -> None:
         random = self.random
@@ -122,7 +169,7 @@ class Grower:
                 etree.SubElement(self.root, section)
 
     def _add_stand(self, world: Element, number: int) -> None:
-        """A table, as a geom or as a body with one."""
+        """Add a table, as a geom of the world or as a body."""
         half, top = 0.02, 0.1 + 0.1 * number
         place, size = f"0.5 {0.7 * number} {top - half:.3f}", f".3 .3 {half}"
         name = f"stand_{number}"
@@ -134,8 +181,8 @@ class Grower:
             etree.SubElement(body, "geom", shape)
 
     def _add_thing(self, world: Element, number: int) -> None:
-        """Something that lies on the first table: of one shape or several, weighed in one way or
-        another."""
+        """Add an object on the first table, of one or several shapes, its mass stated in one of several
+        ways."""
         random = self.random
         parent = world
         if random.random() < 0.2:
@@ -167,10 +214,10 @@ class Grower:
             if random.random() < 0.6:
                 geom.set("friction", f"{random.uniform(0.2, 1):.3f} 0.005 0.0001")
 
-    # What is added.
+    # Additions.
 
     def _added(self, root: Element) -> set[tuple[str, str]]:
-        """Add an element or an attribute; names of what came."""
+        """Add an element or an attribute; return the added names."""
         if self.random.random() < 0.45:
             return self._add_attribute(root)
         return self._add_element(root)
@@ -197,7 +244,7 @@ class Grower:
         return used
 
     def _add_needed(self, root: Element, element: Element, kind: Kind) -> None:
-        """Children that MuJoCo asks for."""
+        """Add children that MuJoCo requires."""
         if kind.tag == "spatial":
             for name in self._names(root, "site")[:2]:
                 etree.SubElement(element, "site", {"site": name})
@@ -299,7 +346,7 @@ _INERTIALS = (
 
 
 def compiles(root: Element) -> bool:
-    """Whether MuJoCo takes it, and it has numbers throughout."""
+    """True if MuJoCo compiles it, and positions and masses are finite."""
     try:
         model = mujoco.MjModel.from_xml_string(etree.tostring(root, encoding="unicode"))
     except (ValueError, mujoco.FatalError):
@@ -314,7 +361,7 @@ def _all(root: Element) -> Iterator[Element]:
 
 
 def _fits(element: Element, path: tuple[str, ...]) -> bool:
-    """Whether an element is one of the schema's at `path`."""
+    """True if an element is the schema's at `path`."""
     tags = [element.tag, *(above.tag for above in element.iterancestors())][::-1]
     if path[-1] == "(world)body":
         return element.tag in BODIES
@@ -341,7 +388,7 @@ def _numbers(random: Random, said: str, default: str | None, whole: bool) -> str
 
 
 def _hand(random: Random, value: float) -> str:
-    """A number as people write it."""
+    """Format a number in one of the ways in which people write it."""
     if isinstance(value, int):
         return str(value)
     text = random.choice([f"{value:.4g}", f"{value:.6f}", f"{value:.3e}", f"{value:+.4g}"])

@@ -1,17 +1,19 @@
-"""What has to be so of a scene that is read, filled and written again; judged without palpate's own
-reading of it, by MuJoCo and by the text."""
+"""Random scenes over MuJoCo's schema: read, filled with values, written, and judged by MuJoCo and by
+the text, independently of palpate's own reading."""
 
 from __future__ import annotations
 
 import difflib
 import re
+import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from random import Random
 
 import mujoco
 import numpy as np
 
+from bench.campaign.ledger import Drawn, Row
 from bench.schema.growing import Grower
 from bench.schema.leaving import opened, written
 from palpate.errors import InputError
@@ -22,17 +24,24 @@ from palpate.scene.scene import Scene
 from palpate.twin.inject import complete
 
 STD = 1e-5
-"""Relative: so many digits are written."""
+"""Relative standard deviation of made-up values: decides how many digits are written."""
+STEPS = 60
+"""Attempts to add an element or an attribute to a scene."""
+QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"|[\d.]+")
+"""Names and numbers in a message, so that refusals for the same reason are counted together."""
 
 
 @dataclass(slots=True)
 class Verdict:
-    """What became of one file.
+    """Result of one file.
 
     Attributes:
-        text: the file. refused: why it was not read, or empty. values: how many were read back.
-        unwritten: what the twin has no place for. wrong: what must not be.
-        used: what of the schema was in it.
+        text: the file.
+        refused: reason why it was not read, or empty.
+        values: number of values that were read back.
+        unwritten: parameters without a place in the twin.
+        wrong: violations.
+        used: elements and attributes of the schema in it.
     """
 
     text: str
@@ -43,8 +52,23 @@ class Verdict:
     used: set[tuple[str, str]] = field(default_factory=set)
 
 
+def judge_scene(case: Drawn, blank: Row) -> Row:
+    """Judge one random scene."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        verdict = judge(Random(case.seed + case.number), STEPS)
+    reason = QUOTED.sub("…", verdict.refused)[:160]
+    return replace(
+        blank,
+        outcome="refused" if verdict.refused else "accepted",
+        said=(reason,) if reason else (),
+        beyond=tuple(verdict.wrong),
+        figures={"read back": verdict.values, "without a place": len(verdict.unwritten)},
+    )
+
+
 def judge(random: Random, steps: int = 30) -> Verdict:
-    """Grow a scene, leave some of it open, read it, fill it, and look at the twin."""
+    """Grow a scene, remove some of its values, read it, fill it, and judge the twin."""
     grower = Grower(random)
     grower.grow(steps)
     root, left = opened(grower.root, random)
@@ -57,7 +81,7 @@ def judge(random: Random, steps: int = 30) -> Verdict:
     missing = {str(parameter) for parameter in scene.missing}
     for name in left:
         body = scene.bodies.get(name.split(".")[0])
-        # What was to carry things and has grown a free joint is an object, which has no height.
+        # A stand that has grown a free joint is an object, which has no height.
         is_moot = body is None or (body.role == "object" and name.endswith(".height"))
         if not is_moot and name not in missing:
             verdict.wrong.append(f"{name} was left open and is not missing")
@@ -73,7 +97,7 @@ def judge(random: Random, steps: int = 30) -> Verdict:
 
 
 def _measured(scene: Scene, random: Random) -> Iterator[Estimate]:
-    """Some value of everything that is missing."""
+    """Make up a value for every missing parameter."""
     for parameter in scene.missing:
         prior = np.array(scene.priors[parameter])
         if parameter.quantity in ("height", "com", "position"):
@@ -102,7 +126,7 @@ MAY_COME = ("inertial", "custom", "numeric", "text")
 
 
 def _changed_besides(before: str, after: str) -> Iterator[str]:
-    """What is not as it was and states no quantity: white space, comments and order included."""
+    """List changes of the text outside the attributes of quantities, white space and comments included."""
     old, new = _TOKEN.findall(before), _TOKEN.findall(after)
     matcher = difflib.SequenceMatcher(None, old, new, autojunk=False)
     for operation, i1, i2, j1, j2 in matcher.get_opcodes():
@@ -111,7 +135,7 @@ def _changed_besides(before: str, after: str) -> Iterator[str]:
 
 
 def _changes(old: list[str], new: list[str]) -> Iterator[str]:
-    """Of one place: every old piece is there in its order, as it was or with other numbers."""
+    """List changes in one place: old pieces must remain in order, equal or with other numbers."""
     left = list(new)
     for piece in old:
         while left and not _same_piece(piece, left[0]):
@@ -155,7 +179,7 @@ def _may_come(piece: str) -> bool:
 
 
 def _misread(text: str, estimates: list[Estimate], verdict: Verdict) -> Iterator[str]:
-    """What MuJoCo does not read in the twin as it was measured."""
+    """List values that MuJoCo reads from the twin differently from how they were written."""
     try:
         spec = mujoco.MjSpec.from_string(text)
         model = spec.compile()
@@ -179,8 +203,8 @@ def _misread(text: str, estimates: list[Estimate], verdict: Verdict) -> Iterator
 def _read(
     model: mujoco.MjModel, data: mujoco.MjData, spec: mujoco.MjSpec, parameter: Parameter
 ) -> np.ndarray | None:
-    """A quantity as MuJoCo has it; None where it has not got the name. Places in the body's own
-    frame are the file's: `alignfree` moves the compiled one."""
+    """A quantity as MuJoCo reads it; None if it does not know the name. Positions in the body's frame
+    are read from the spec: `alignfree` moves the compiled frame."""
     kind = mujoco.mjtObj.mjOBJ_BODY
     body = mujoco.mj_name2id(model, kind, parameter.object)
     if parameter.quantity == "height":
@@ -199,7 +223,7 @@ def _read(
 
 
 def _friction(model: mujoco.MjModel, body: int) -> np.ndarray | None:
-    """Of all geoms of a body and below it that touch; one number, or all of them."""
+    """Distinct sliding frictions of the colliding geoms of a body and its descendants."""
     inside = [i for i in range(model.nbody) if body in _above(model, i)]
     geoms = [g for g in range(model.ngeom) if model.geom_bodyid[g] in inside]
     touching = [g for g in geoms if model.geom_contype[g] or model.geom_conaffinity[g]]
@@ -214,7 +238,7 @@ def _above(model: mujoco.MjModel, body: int) -> Iterator[int]:
 
 
 def _top(model: mujoco.MjModel, data: mujoco.MjData, name: str) -> np.ndarray | None:
-    """The highest point of a box that stands level."""
+    """Height of a box's highest point."""
     geom = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name)
     body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
     if body >= 0:

@@ -1,4 +1,4 @@
-"""What a complete scene states, left open here and there, and the file written in some hand."""
+"""Remove some values of a complete scene, and write it in one of many styles."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Element = etree._Element
 
 
 def opened(root: Element, random: Random) -> tuple[Element, set[str]]:
-    """The scene with some values left out or written `?`, and what they are of, `thing_0.mass`."""
+    """Remove some values, or write them `?`; return the scene and their names, `thing_0.mass`."""
     root = copy.deepcopy(root)
     opened: set[str] = set()
     for body in root.iter("body", "geom"):
@@ -32,7 +32,7 @@ def _geoms(body: Element) -> list[Element]:
 
 
 def _touching(body: Element) -> list[Element]:
-    """Those that may touch something; in doubt they do."""
+    """Geoms that may collide; in doubt they do."""
     off = ("contype", "conaffinity")
     return [g for g in _geoms(body) if any(g.get(which, "1").strip() != "0" for which in off)]
 
@@ -117,7 +117,7 @@ def _height(stand: Element, random: Random) -> bool:
 
 
 def written(root: Element, random: Random) -> str:
-    """The file as somebody might have typed it."""
+    """The file's text, in a random style: order, quotes, white space, comments, line ends."""
     text = "".join(_written(root, random, 0))
     if random.random() < 0.5:
         text = f'<?xml version="1.0" encoding="utf-8"?>\n<!-- ünder test: "?" & \'<>\' -->\n{text}'

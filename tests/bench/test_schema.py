@@ -13,10 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bench.schema import judging
-from bench.schema.growing import Grower
+from bench.schema.growing import Grower, kinds, types
 from bench.schema.judging import judge
 from bench.schema.leaving import opened, written
-from bench.schema.schema import kinds, types
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -22,8 +22,8 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[Settings]:
     """The settings of the runs that were asked for; they are made up."""
     found: list[Settings] = []
 
-    def made_up(settings: Settings, seed: int, off: bool = False) -> SeedRun:
-        assert off
+    def made_up(settings: Settings, seed: int, displaced: bool = False) -> SeedRun:
+        assert displaced
         found.append(settings)
         value = 0.187 + 1e-3 * (seed % 2)
         ends = (value - 2e-3, value + 2e-3)
@@ -63,16 +63,18 @@ def test_what_is_done_when_it_is_interrupted_is_kept_and_shown(
 ) -> None:
     made_up = accuracy.run_seed
 
-    def interrupted(settings: Settings, seed: int, off: bool = False) -> SeedRun:
+    def interrupted(settings: Settings, seed: int, displaced: bool = False) -> SeedRun:
         if seed == 2:
             raise KeyboardInterrupt
-        return made_up(settings, seed, off)
+        return made_up(settings, seed, displaced)
 
     monkeypatch.setattr(accuracy, "run_seed", interrupted)
     study = ("study", "accuracy", "one_missing_mass", "--workers", 1, "--out", "kept")
     assert palpate(*study, "--seeds", 5).status == 4
     assert len((tmp_path / "kept" / "rows.jsonl").read_text(encoding="utf-8").splitlines()) == 2
-    assert "2 runs against" in (tmp_path / "kept" / "index.html").read_text(encoding="utf-8")
+    assert "2 runs in simulated worlds" in (tmp_path / "kept" / "index.html").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_other_settings_are_refused_in_the_words_of_the_command_line(

@@ -78,7 +78,7 @@ def test_what_a_run_in_a_hurry_left_out_is_made_later(
         assert palpate("report", copy, "--film").status == 0
         assert (copy / "images" / "played-again.mp4").stat().st_size > 1000
         page = (copy / "report.html").read_text("utf-8")
-        assert "played again from the trace" in page
+        assert "rendered from the trace" in page
         assert "data:video/mp4" in page
 
 

@@ -18,8 +18,8 @@ from palpate.quantities.height import estimate_height, estimate_tilt
 from palpate.quantities.position import estimate_position
 from palpate.quantities.size import estimate_size
 from palpate.quantities.stiffness import estimate_stiffness
+from palpate.report.charts import Chart, charts
 from palpate.report.data import Measured
-from palpate.report.evidence.charts import Chart, charts
 from palpate.scene.load import parse_scene
 
 __all__ = ["bench", "noises"]

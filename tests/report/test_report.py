@@ -26,11 +26,11 @@ from palpate.trace.recording import Context, LeafRun, Recording
 
 HOSTILE = '</script><script>alert(1)</script><img src="http://evil.example/x" onerror=alert(1)>'
 SECTIONS = (
-    "The workspace",
-    "What was known, what was not",
-    "The plan",
+    "Workspace",
+    "Known and missing quantities",
+    "Plan",
     "Forces and motion",
-    "The digital twin",
+    "Digital twin",
 )
 
 
@@ -203,7 +203,7 @@ def test_a_bare_run_still_has_a_page(status: str, tmp_path: Path) -> None:
     )
     page = page_of(bare, tmp_path)
     assert "Heat cannot be felt." in page.text
-    assert "Everything that the scene leaves open" in page.text
+    assert "All quantities that the scene does not state" in page.text
     assert page.all("img") == page.all("video") == []
     assert "Forces and motion" not in page.text
     assert (tmp_path / "report.html").stat().st_size < 100_000
@@ -232,7 +232,7 @@ def test_an_aborted_run_says_why_and_shows_the_stop(data: ReportData, tmp_path: 
         "unexpected contact of 21 N",
         "Controlled stop",
         "not identified",
-        "What to do next",
+        "Next steps",
         "what the hand met",
         "--on-failure skip",
     ):
@@ -264,7 +264,7 @@ def test_the_headline_says_what_became_of_what_was_held(
     stopped = replace(data, status="aborted", stopped_by="interrupted", held=held, trace=None)
     page = page_of(stopped, tmp_path)
     assert headline in page.text
-    assert "What to do next" in page.text
+    assert "Next steps" in page.text
     if held is not None and held.became == "held":
         assert "open the fingers, and put it back where the scene has it" in page.text
 
@@ -340,10 +340,10 @@ def test_the_same_run_gives_the_same_page(data: ReportData, tmp_path: Path) -> N
 def test_pictures_that_look_alike_are_said_to(data: ReportData, tmp_path: Path) -> None:
     alike = replace(data, before=picture(), after=picture())
     page = page_of(alike, tmp_path)
-    assert "Nothing that can be seen has changed" in page.text
+    assert "No visible change" in page.text
     assert len(page.all("img")) == 1
     apart = page_of(replace(alike, after=picture(changed=True)), tmp_path)
-    assert "Nothing that can be seen has changed" not in apart.text
+    assert "No visible change" not in apart.text
     assert "(6.2 % of the picture)" in apart.text
 
 
@@ -377,7 +377,7 @@ def source_of(data: ReportData, folder: Path) -> str:
     return (folder / "report.html").read_text(encoding="utf-8")
 
 
-def test_of_many_things_the_rows_and_motions_are_folded_and_the_contents_come_first(
+def test_page_of_many_objects_folds_rows_and_motions_and_begins_with_the_contents(
     data: ReportData, tmp_path: Path
 ) -> None:
     many = tuple(ParameterRow(f"thing {i}", "mass", "missing", False) for i in range(6))
@@ -385,7 +385,7 @@ def test_of_many_things_the_rows_and_motions_are_folded_and_the_contents_come_fi
     assert 'retraced" open>' in few
     assert few.index('class="estimates"') < few.index('aria-label="Contents"')
     more = source_of(replace(data, parameters=many, measured=data.measured * 3), tmp_path)
-    assert "6 things, 6 quantities" in more
+    assert "6 objects and surfaces, 6 quantities" in more
     assert 'retraced" open>' not in more
     assert more.index('aria-label="Contents"') < more.index('class="estimates"')
 
@@ -395,4 +395,4 @@ def test_a_twin_without_a_measured_value_is_the_scene_as_it_was_given(
 ) -> None:
     page = page_of(replace(complete(data), twin_diff="", after=picture()), tmp_path)
     assert "Nothing was measured: the twin is that scene." in page.text
-    assert "as it was given." in page.text
+    assert "The user's MJCF, unchanged." in page.text

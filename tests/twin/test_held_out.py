@@ -9,7 +9,7 @@ import pytest
 
 import palpate as pp
 from palpate.estimation.estimate import Estimate
-from palpate.report.twin.held_out import predictions
+from palpate.report.held_out import predictions
 from palpate.runs.held_out import held_out_from, held_out_json
 from palpate.scene.load import parse_scene
 from palpate.trace.samples import Trace

@@ -10,8 +10,8 @@ from palpate import pipeline
 from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
 from palpate.planning.request.grounding import ground
+from palpate.report.charts import charts
 from palpate.report.data import Measured
-from palpate.report.evidence.charts import charts
 from palpate.robots.accuracy import rubbing
 from palpate.robots.trajectory import turned
 from palpate.runs.run import Run

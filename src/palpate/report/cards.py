@@ -1,24 +1,34 @@
-"""Estimates as cards: value, error, interval on a bar, and where a world is simulated its truth."""
+"""Estimates and parameters as the page shows them: a card each, a table of many, the scene's values."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from palpate.report.axis import Axis
-from palpate.report.data import Measured
-from palpate.report.evidence.charts import Chart, charts
-from palpate.report.evidence.windows import Evidence, evidence, quantity_label
-from palpate.report.numbers import error_text, with_spread, with_unit
-from palpate.runs.figures import Figure, figures
+import numpy as np
+
+from palpate.parameter import Parameter
+from palpate.quantities.catalogue import catalogue
+from palpate.report.charts import Chart, charts
+from palpate.report.data import Measured, ParameterRow, stated_as
+from palpate.report.numbers import Axis, error_text, plain, with_spread, with_unit
+from palpate.report.windows import Evidence, evidence, quantity_label
+from palpate.runs.figures import figures, in_a_line
 from palpate.trace.samples import Trace
 
 MARGIN = 1.35
 """Half widths of the interval from the middle of a bar to its end."""
-
+TRUTH_MARGIN = 1.2
+"""Distances of the truth from the middle of a bar to its end."""
 OFF_SCALE = 5.0
-"""A truth farther than so many interval half widths is drawn at the edge, lest the interval
-vanish."""
+"""Interval half widths beyond which a truth is drawn at the end of the bar, so that the interval
+stays visible."""
+FEW = 4
+"""Most cards without a table above them."""
+AIR = 0.04
+"""Share of a common scale that stays free at each end."""
+UNSTATED = {"known": "–", "missing": "?", "assumed": "as of uniform density"}
+"""Placeholder for a missing value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +44,8 @@ class Truth:
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """Component of an estimate; the interval's `left` and `width` in per cent of the bar, in whose
-    middle the value stands."""
+    """Component of an estimate; the interval's `left` and `width` in per cent of the bar, with the
+    value in the middle."""
 
     axis: str
     value: str
@@ -48,11 +58,6 @@ class Interval:
     verdict: str
     number: float
     bounds: tuple[float, float]
-
-    @property
-    def reach(self) -> tuple[float, ...]:
-        """Its bounds, and the truth where that is known."""
-        return self.bounds if self.truth is None else (*self.bounds, self.truth.number)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,97 +77,77 @@ class Card:
     charts: tuple[Chart, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Bar:
-    """A bar with a value in its middle that reaches `reach` to either side."""
-
-    middle: float
-    reach: float
-
-    def place(self, value: float) -> float:
-        """Per cent from the left end, at one of the ends where the value is off the bar."""
-        axis = Axis(self.middle - self.reach, self.middle + self.reach)
-        return min(max(axis.per_cent(value), 0.0), 100.0)
-
-
 def cards(measured: Sequence[Measured], trace: Trace | None) -> list[Card]:
     """Cards, one per estimate."""
-    return [_card(m, trace, f"estimate-{i + 1}") for i, m in enumerate(measured)]
+    return [estimate_card(m, trace, f"estimate-{i + 1}") for i, m in enumerate(measured)]
 
 
-def _card(measured: Measured, trace: Trace | None, anchor: str) -> Card:
+def estimate_card(measured: Measured, trace: Trace | None, anchor: str) -> Card:
     estimate = measured.estimate
     unit = estimate.unit
-    further: list[tuple[str, str]] = []
-    for name, part in estimate.parts.items():
-        further.append((name, with_spread(part.value, part.std, part.unit or unit)))
+    further = [
+        (name, with_spread(part.value, part.std, part.unit or unit))
+        for name, part in estimate.parts.items()
+    ]
     windows: list[Evidence] = []
     if trace is not None:
         windows = [evidence(recording, trace) for recording in estimate.evidence]
     return Card(
-        estimate.parameter.object,
-        quantity_label(estimate.parameter.quantity),
-        "" if unit == "1" else unit,
-        estimate.verdict,
-        estimate.contradiction,
-        estimate.method,
-        _intervals(measured),
-        tuple(further),
-        tuple(windows),
-        anchor,
-        charts(measured) if trace is not None and len(trace.samples) else (),
+        object=estimate.parameter.object,
+        quantity=quantity_label(estimate.parameter.quantity),
+        unit="" if unit == "1" else unit,
+        verdict=estimate.verdict,
+        contradiction=estimate.contradiction,
+        method=estimate.method,
+        intervals=tuple(component_intervals(measured)),
+        further=tuple(further),
+        evidence=tuple(windows),
+        anchor=anchor,
+        charts=charts(measured) if trace is not None and len(trace.samples) else (),
     )
 
 
-def _intervals(measured: Measured) -> tuple[Interval, ...]:
+def component_intervals(measured: Measured) -> Iterable[Interval]:
     estimate = measured.estimate
-    count = len(estimate.values)
     truths: Sequence[float | None] = measured.truth or ()
-    if len(truths) != count:
-        truths = (None,) * count
-    found: list[Interval] = []
-    for i, figure in enumerate(figures(estimate)):
-        value, ci = float(estimate.values[i]), estimate.intervals[i].tolist()
-        found.append(_interval(figure, value, (ci[0], ci[1]), truths[i], estimate.unit))
-    return tuple(found)
+    if len(truths) != len(estimate.values):
+        truths = (None,) * len(estimate.values)
+    for i, (figure, truth) in enumerate(zip(figures(estimate), truths, strict=True)):
+        value = float(estimate.values[i])
+        low, high = estimate.intervals[i].tolist()
+        half = max((high - low) / 2, 1e-12)  # an exact value has an interval of no width
+        reach = MARGIN * half
+        if truth is not None:  # a truth farther away than `OFF_SCALE` is drawn at the bar's end
+            reach = max(reach, min(TRUTH_MARGIN * abs(truth - value), OFF_SCALE * half))
+        bar = Axis(value - reach, value + reach)
+        left, right = clipped_percent(bar, low), clipped_percent(bar, high)
+        revealed = None
+        if truth is not None:
+            error = error_text(value, truth, estimate.unit, relative=not figure.axis)
+            at, covered = clipped_percent(bar, truth), low <= truth <= high
+            revealed = Truth(f"{truth:.6g}", at, error, covered, truth)
+        yield Interval(
+            axis=figure.axis,
+            value=figure.value,
+            std=figure.std,
+            low=figure.low,
+            high=figure.high,
+            left=left,
+            width=round(right - left, 2),
+            truth=revealed,
+            verdict=figure.verdict,
+            number=value,
+            bounds=(low, high),
+        )
 
 
-def _interval(
-    figure: Figure, value: float, ci: tuple[float, float], truth: float | None, unit: str
-) -> Interval:
-    bar = _bar(value, ci, truth)
-    left, right = bar.place(ci[0]), bar.place(ci[1])
-    revealed = None
-    if truth is not None:
-        error = error_text(value, truth, unit, relative=not figure.axis)
-        covered = ci[0] <= truth <= ci[1]
-        revealed = Truth(f"{truth:.6g}", bar.place(truth), error, covered, truth)
-    return Interval(
-        figure.axis,
-        figure.value,
-        figure.std,
-        figure.low,
-        figure.high,
-        left,
-        round(right - left, 2),
-        revealed,
-        figure.verdict,
-        value,
-        ci,
-    )
-
-
-def _bar(value: float, ci: tuple[float, float], truth: float | None) -> _Bar:
-    """The interval with some air beside it, and the truth too unless it is far away."""
-    half = max((ci[1] - ci[0]) / 2, 1e-12)
-    reach = MARGIN * half
-    if truth is not None:
-        reach = max(reach, min(1.2 * abs(truth - value), OFF_SCALE * half))
-    return _Bar(value, reach)
+def clipped_percent(bar: Axis, value: float) -> float:
+    """Position on the bar in per cent, at one of its ends for a value outside."""
+    return min(max(bar.per_cent(value), 0.0), 100.0)
 
 
 def in_words(measured: Sequence[Measured]) -> tuple[str, str]:
-    """Captions of the unknown and of its value."""
+    """Captions of the pictures: names of the estimated quantities, and names with values."""
     unknown: list[str] = []
     known: list[str] = []
     for card in cards(measured, None):
@@ -170,6 +155,110 @@ def in_words(measured: Sequence[Measured]) -> tuple[str, str]:
             continue
         name = f"{card.object} {card.quantity}"
         values = " ".join(interval.value for interval in card.intervals)
-        unknown.append(f"{name} ?")
+        unknown.append(name)
         known.append(with_unit(f"{name} {values}", card.unit))
     return ", ".join(unknown), ", ".join(known)
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """Component of an estimate; places in per cent of the scale."""
+
+    name: str
+    anchor: str
+    value: str
+    std: str
+    verdict: str
+    at: float
+    left: float
+    width: float
+    truth: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """All estimates of one quantity, the largest first; its ends as text."""
+
+    quantity: str
+    unit: str
+    low: str
+    high: str
+    entries: tuple[Entry, ...]
+    without: tuple[Card, ...]
+
+
+def forest(cards: Sequence[Card]) -> list[Scale]:
+    """Forest plot of many estimates: one scale per quantity; empty for few cards."""
+    if len(cards) <= FEW:
+        return []
+    kinds: dict[tuple[str, str], list[Card]] = {}
+    for card in cards:
+        kinds.setdefault((card.quantity, card.unit), []).append(card)
+    return [quantity_scale(quantity, unit, of) for (quantity, unit), of in kinds.items()]
+
+
+def quantity_scale(quantity: str, unit: str, cards: Sequence[Card]) -> Scale:
+    # Components of a vector are rows of their own, on the scale of their quantity.
+    rows = [(card, interval) for card in cards for interval in card.intervals]
+    rows.sort(key=lambda row: row[1].number, reverse=True)
+    ends: list[float] = []
+    for _, interval in rows:
+        ends += interval.bounds
+        if interval.truth is not None:
+            ends.append(interval.truth.number)
+    axis = Axis.around(np.array(ends or [0.0, 1.0]), AIR)
+    entries: list[Entry] = []
+    for card, interval in rows:
+        left, right = (axis.per_cent(end) for end in interval.bounds)
+        truth = interval.truth
+        entry = Entry(
+            name=f"{card.object} {interval.axis}".strip(),
+            anchor=card.anchor,
+            value=interval.value,
+            std=interval.std,
+            verdict=interval.verdict,
+            at=axis.per_cent(interval.number),
+            left=left,
+            width=round(right - left, 2),
+            truth=None if truth is None else axis.per_cent(truth.number),
+        )
+        entries.append(entry)
+    empty = tuple(card for card in cards if not card.intervals)
+    return Scale(quantity, unit, f"{axis.low:.3g}", f"{axis.high:.3g}", tuple(entries), empty)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A parameter in words, with its value before and after as text."""
+
+    quantity: str
+    state: str
+    value: str
+    asked: bool
+
+
+def parameter_groups(
+    rows: Sequence[ParameterRow], measured: Sequence[Measured]
+) -> dict[str, list[Row]]:
+    """Rows of the scene's parameters, by object."""
+    found: dict[Parameter, Measured] = {}
+    for m in measured:
+        if m.estimate.verdict in ("identified", "prior-dominated"):
+            found[stated_as(m.estimate.parameter)] = m
+    groups: dict[str, list[Row]] = {}
+    for row in rows:
+        shown = Row(quantity_label(row.quantity), row.state, value_text(row, found), row.asked)
+        groups.setdefault(row.object, []).append(shown)
+    return groups
+
+
+def value_text(row: ParameterRow, found: Mapping[Parameter, Measured]) -> str:
+    """The scene's value, followed by an arrow and the measured one."""
+    unit = catalogue()[row.quantity].unit if row.quantity in catalogue() else ""
+    before = plain(row.value) if row.value else UNSTATED[row.state]
+    now = found.get(Parameter(row.object, row.quantity))
+    if now is not None:
+        return with_unit(f"{before} → {in_a_line(now.estimate)}", unit)
+    if row.value:
+        return with_unit(before, unit)
+    return before

@@ -1,35 +1,117 @@
-"""The last stage of a run: its pictures, its film and its page, each of which may fail alone."""
+"""Write pictures, film and page of a run; a failure of one does not prevent the others."""
 
 from __future__ import annotations
 
 from collections.abc import Generator
 from concurrent.futures import Future
 from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from palpate.pictures.film import Filming
-from palpate.report.contents import (
-    Pictures,
-    pictures_in,
-    report_data,
-    take_film,
-    take_stills,
-    write_images,
-)
+from palpate.pictures.dress import looks_in
+from palpate.pictures.film import Film, Filming, film_speed, frames_of
+from palpate.pictures.moments import render_before_after, render_moment, render_scene
+from palpate.pictures.renderer import gl_available, png
+from palpate.report.data import report_data
 from palpate.report.page import write_report
 from palpate.runs.folder import replacing
 from palpate.runs.keeper import shortfall
+from palpate.scene.camera import load_image
 
 if TYPE_CHECKING:
     from palpate.pictures.film import Footage
     from palpate.runs.run import Run
     from palpate.trace.samples import Trace
 
+IMAGES, STILLS = "images", ("workspace.png", "before.png", "after.png")
+"""A run's pictures: their folder, and their names in it."""
+FILMS = {False: "execution.mp4", True: "played-again.mp4"}
+"""Names of films: seen by a camera, or rendered from the trace."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pictures:
+    """Pictures (PNG) and film (MP4) of a run; None for those that do not exist."""
+
+    workspace: bytes | None = None
+    before: bytes | None = None
+    after: bytes | None = None
+    film: Film | None = None
+
+
+def pictures_in(folder: Path, run: Run) -> Pictures:
+    """Read the pictures that the folder of a run holds already."""
+
+    def content(name: str) -> bytes | None:
+        file = folder / IMAGES / name
+        return file.read_bytes() if file.exists() else None
+
+    workspace, before, after = (content(name) for name in STILLS)
+    stills = Pictures(workspace, before, after)
+    # A film by a camera takes precedence over one rendered from the trace.
+    for believed, name in FILMS.items():
+        video = content(name)
+        if video is not None and run.execution is not None:
+            film = Film(video, film_speed(run.execution.robot_seconds), believed)
+            return replace(stills, film=film)
+    return stills
+
+
+def take_stills(run: Run, taken: Pictures) -> Pictures:
+    """Add pictures of the workspace, and of the scene before and after, to `taken`; without OpenGL,
+    only pictures that exist already.
+
+    Raises:
+        RuntimeError: OpenGL failed.
+    """
+    workspace = run.picture or taken.workspace
+    if run.settings.images:
+        workspace = png(load_image(run.settings.images[0]))
+    taken = replace(taken, workspace=workspace)
+    if not gl_available()[0]:
+        return taken
+    names = tuple(run.scene.bodies)
+    before = run.scene.spec()
+    if run.finished is None or run.finished.scene is None:
+        return replace(taken, workspace=workspace or render_scene(before, names))
+    footage, looks = run.footage, None
+    if footage is not None and footage.spec is not None:
+        # Draw the believed scene with the materials of the world that the camera saw.
+        looks = looks_in(footage.spec)
+    pair = render_before_after(before, run.finished.scene.spec(), names, looks=looks)
+    if workspace is None and footage is not None:
+        _, qpos = frames_of(footage.frames)
+        workspace = render_moment(footage.model, qpos[0], footage.drawn())
+    return Pictures(workspace, *pair, taken.film)
+
+
+def take_film(run: Run, taken: Pictures, filming: Filming | None = None) -> Pictures:
+    """Add the film to `taken`, if the cell's camera has footage: from `filming` in progress, else
+    rendered now."""
+    if run.footage is None or run.settings.fast:
+        return taken
+    with filming or Filming(run.footage, run.trace_if_any) as made:
+        return replace(taken, film=made.film())
+
+
+def write_images(pictures: Pictures, folder: Path) -> None:
+    """Write the pictures as separate files into the run's folder."""
+    folder = folder / IMAGES
+    folder.mkdir(exist_ok=True)
+    stills = (pictures.workspace, pictures.before, pictures.after)
+    contents = dict(zip(STILLS, stills, strict=True))
+    if pictures.film is not None:
+        contents[FILMS[pictures.film.believed]] = pictures.film.mp4
+    for name, content in contents.items():
+        if content is not None:
+            with replacing(folder / name) as part:
+                part.write_bytes(content)
+
 
 class Darkroom:
-    """Film and pictures of a run in the making, beside other work, on a thread of their own. A context
-    manager; what is not done when it is left is given up."""
+    """Film and pictures of a run, rendered on a thread of their own while other stages run. A context
+    manager; what is not finished on leaving is cancelled."""
 
     def __init__(self, footage: Footage, trace: Trace | None) -> None:
         """Begin with the film."""
@@ -37,11 +119,11 @@ class Darkroom:
         self._stills: Future[Pictures] | None = None
 
     def begin_stills(self, run: Run) -> None:
-        """Take the pictures of a run whose twin is built, when the film is done."""
+        """Queue the pictures of a run whose twin is built, after the film."""
         self._stills = self.filming.next(lambda: take_stills(run, Pictures()))
 
     def stills(self, run: Run, taken: Pictures) -> Pictures:
-        """The pictures, when they are done.
+        """Wait for the pictures.
 
         Raises:
             RuntimeError: OpenGL failed.
@@ -58,20 +140,29 @@ class Darkroom:
 def write_all(
     run: Run, folder: Path, darkroom: Darkroom | None = None, place: Path | None = None
 ) -> tuple[str, ...]:
-    """Write pictures, film and page of `run` into `folder`; what could not be made is told, a line
-    each. `darkroom`: where pictures and film are in the making. `place`: where the folder will be."""
+    """Write pictures, film and page of a run.
+
+    Args:
+        run: finished, but for its report.
+        folder: to write into.
+        darkroom: with pictures and film in progress; else they are made now.
+        place: final location of the folder, by default `folder`.
+
+    Returns:
+        Shortfalls, one line for each part that could not be made.
+    """
     missing: list[str] = []
     pictures = Pictures()
-    with _forgiven("the pictures were not read again", missing):
+    with collecting_shortfalls("the pictures were not read again", missing):
         pictures = pictures_in(folder, run)
-    with _forgiven("the pictures were not made", missing):
+    with collecting_shortfalls("the pictures were not made", missing):
         pictures = (darkroom.stills if darkroom else take_stills)(run, pictures)
-    with _forgiven("the film was not made", missing):
+    with collecting_shortfalls("the film was not made", missing):
         pictures = take_film(run, pictures, darkroom.filming if darkroom else None)
-    with _forgiven("the pictures were not written", missing):
+    with collecting_shortfalls("the pictures were not written", missing):
         write_images(pictures, folder)
     with (
-        _forgiven("report.html was not written", missing),
+        collecting_shortfalls("report.html was not written", missing),
         replacing(folder / "report.html") as part,
     ):
         write_report(part, report_data(run, pictures, folder, place or folder))
@@ -79,9 +170,9 @@ def write_all(
 
 
 @contextmanager
-def _forgiven(what: str, missing: list[str]) -> Generator[None]:
-    """A failure costs what it would have made, and a line."""
+def collecting_shortfalls(failure: str, shortfalls: list[str]) -> Generator[None]:
+    """Turn an exception of the block into a line of `shortfalls`."""
     try:
         yield
     except Exception as error:
-        missing.append(shortfall(what, error))
+        shortfalls.append(shortfall(failure, error))

@@ -142,7 +142,7 @@ def survived(case: Case) -> SeedRun:
     """Run a case with randomly displaced objects; an exception becomes a crashed run."""
     try:
         return run_seed(case.question.settings, case.seed, displaced=True)
-    except Exception:
+    except Exception:  # one failed seed must not end a campaign of hours
         return crashed(case.seed, traceback.format_exc(limit=-8))
 
 
@@ -162,7 +162,8 @@ def run_seed(settings: Settings, seed: int, displaced: bool = False) -> SeedRun:
     done = run.execution
     if done is None:
         return SeedRun(seed, run.status, 0, 0.0, ())
-    scored = [each for estimate in run.estimates for each in _scored(run, estimate)]
+    # Twin and report are left out: the truth itself is known here, and a study takes many runs.
+    scored = [each for estimate in run.estimates for each in scored_estimates(run, estimate)]
     return SeedRun(
         seed,
         run.status,
@@ -170,7 +171,9 @@ def run_seed(settings: Settings, seed: int, displaced: bool = False) -> SeedRun:
         done.robot_seconds,
         estimates=tuple(each for each in scored if each.verdict == "identified"),
         doubted=tuple(each for each in scored if each.verdict != "identified"),
-        unmeasured=tuple(each for estimate in run.estimates for each in _unmeasured(run, estimate)),
+        unmeasured=tuple(
+            each for estimate in run.estimates for each in unmeasured_components(run, estimate)
+        ),
         wall_seconds=time.perf_counter() - wall,
         cpu_seconds=time.process_time() - cpu,
     )
@@ -197,7 +200,7 @@ def displaced_cell(settings: Settings, scene: Scene | None, seen: bool = False) 
     return replace(cell, world=rearranged(cell.world, poses), scene=scene)
 
 
-def _scored(run: Run, estimate: Estimate) -> Iterator[ScoredEstimate]:
+def scored_estimates(run: Run, estimate: Estimate) -> Iterator[ScoredEstimate]:
     """Yield the components of an estimate that has a value, if its truth is known."""
     truth = run.truth.get(estimate.parameter)
     if truth is None or not estimate.has_value:
@@ -220,7 +223,7 @@ def _scored(run: Run, estimate: Estimate) -> Iterator[ScoredEstimate]:
         )
 
 
-def _unmeasured(run: Run, estimate: Estimate) -> Iterator[Unmeasured]:
+def unmeasured_components(run: Run, estimate: Estimate) -> Iterator[Unmeasured]:
     truth = run.truth.get(estimate.parameter)
     if truth is None or estimate.has_value:
         return

@@ -40,7 +40,7 @@ def crew(address: str, workers: int | None = None) -> Generator[Crew]:
         yield Processes(workers or os.cpu_count() or 1)
         return
     require_answer(address)
-    ray = _joined(address)
+    ray = join_cluster(address)
     try:
         processors = int(ray.cluster_resources().get("CPU", 1))
         yield RayCrew(ray, AHEAD * min(processors, workers or processors))
@@ -110,7 +110,7 @@ def require_answer(address: str) -> None:
         raise Unavailable(f"no Ray cluster at '{address}': {error}") from None
 
 
-def _joined(address: str) -> Any:
+def join_cluster(address: str) -> Any:
     """Import Ray and join the cluster at `address`, with usage reports off."""
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     try:

@@ -85,6 +85,7 @@ def efficiency_figure(rows: Sequence[Comparison]) -> Figure:
     )
     bars: list[Figure] = []
     for planner, (title, colour) in enumerate((("exhaustive", NORM), ("intent-driven", MARK))):
+        # Plotly's second pair of axes has the suffix 2; one legend entry a planner serves both.
         for axis, values in (("", actions[planner]), ("2", seconds[planner])):
             opacity = [1.0] * len(rows) + [PUBLISHED_OPACITY]
             bar: Figure = {
@@ -107,6 +108,8 @@ def efficiency_figure(rows: Sequence[Comparison]) -> Figure:
         "data": bars,
         "layout": {
             "title": {"text": "Intent-driven against exhaustive"},
+            "height": 520,
+            "margin": {"t": 110},
             "barmode": "group",
             "bargap": 0.3,
             "plot_bgcolor": "#fff",

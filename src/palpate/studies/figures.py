@@ -29,7 +29,7 @@ class Rate:
         """(low, high) of the rate."""
         from scipy.stats import binomtest
 
-        if self.trials == 0:
+        if self.trials == 0:  # nothing is known of the rate
             return 0.0, 1.0
         found = binomtest(self.hits, self.trials).proportion_ci(method="wilson")
         return float(found.low), float(found.high)
@@ -60,6 +60,7 @@ class Ranged:
         from scipy.special import chdtri
 
         n, value = len(numbers), float(np.sqrt(np.mean(numbers**2)))
+        # chdtri(n, p) is the χ² value that is exceeded with probability p.
         low, high = n / chdtri(n, 0.025), n / chdtri(n, 0.975)
         return cls(value, value * sqrt(low), value * sqrt(high))
 

@@ -59,7 +59,7 @@ class Lines:
         Raises:
             InputError: the file cannot be written.
         """
-        lines = [json_text(_strict(row)) + "\n" for row in rows]
+        lines = [json_text(strict_json(row)) + "\n" for row in rows]
         try:
             self.file.parent.mkdir(parents=True, exist_ok=True)
             with self.file.open("ab+") as file:
@@ -90,13 +90,13 @@ class Lines:
         return cast("dict[str, Any]", found)
 
 
-def _strict(content: Any) -> Any:
+def strict_json(content: Any) -> Any:
     """Replace infinities and NaN, which JSON lacks, by words (`inf`, `nan`); pydantic reads them."""
     if isinstance(content, Mapping):
         named = cast("Mapping[str, Any]", content)
-        return {name: _strict(value) for name, value in named.items()}
+        return {name: strict_json(value) for name, value in named.items()}
     if isinstance(content, list | tuple):
-        return [_strict(value) for value in cast("Sequence[Any]", content)]
+        return [strict_json(value) for value in cast("Sequence[Any]", content)]
     if isinstance(content, float) and not math.isfinite(content):
         return str(content)
     return content

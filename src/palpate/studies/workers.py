@@ -75,6 +75,7 @@ class Processes:
         running: dict[Future[Result], int] = {}
         try:
             while waiting or running:
+                # A short queue keeps few tasks at risk if a process dies.
                 while waiting and len(running) < AHEAD * self.count:
                     future = pool.submit(work, tasks[waiting[0]])
                     running[future] = waiting.popleft()

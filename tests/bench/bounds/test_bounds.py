@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.bounds.blocks import BLOCK, Blocks, blocks
+from bench.bounds.blocks import BLOCK, Blocks, Column, blocks, covariance
 from bench.bounds.bound import bounds_of
 from bench.bounds.heights import of_height
-from bench.bounds.information import Column, covariance
 from bench.bounds.loads import of_load
 from palpate import pipeline
 from palpate.parameter import Parameter

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,18 +14,17 @@ from bench.campaign.ledger import Row
 from bench.deceptions import study
 
 
-def judged(case: study.Case, traces: Path | None = None) -> Row:
+def judge(case: study.Case, blank: Row, traces: Path | None = None) -> Row:
     score = {"parameter": "mat.stiffness", "verdict": "identified", "z": 7.0, "covered": False}
     figures = {"world": case.world, "kind": "deceptive", "scores": [score]}
-    return Row(
-        "deceptions", case.name, "", "palpate …", "fooled", beyond=("7 std",), figures=figures
-    )
+    outcome, beyond = "fooled", ("7 std",)
+    return replace(blank, command="palpate …", outcome=outcome, beyond=beyond, figures=figures)
 
 
 def test_who_is_fooled_is_shown(
     instrument: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(study, "judged", judged)
+    monkeypatch.setattr(study, "judge", judge)
     ask = ("deceptions", "coin in the mat", "--workers", 1, "--out", tmp_path / "out")
     answer = instrument(*ask, "--noise", "lab", "--noise", "sticky_joints", "--seeds", 2)
     assert answer.exit_code == 0

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from bench.campaign.ledger import Row
-from bench.deceptions.coverage import coverage
-from bench.deceptions.page import page
+from bench.deceptions.page import coverage, page
 from bench.deceptions.study import (
     Case,
     cases,

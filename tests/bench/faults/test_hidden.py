@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bench.faults.hidden import LIGHT_THING, MOST, POST, wrong_world
-from bench.faults.scenes import small_scene
+from bench.faults.nasty import small_scene
 from bench.harm.touch import CAUTIOUS, CAUTIOUS_RIGID, SHOWN, UNSEEN
 
 

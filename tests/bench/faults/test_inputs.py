@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from bench.faults.inputs import BAD, given, problems
+from bench.campaign.ledger import judged
+from bench.faults.inputs import BAD, give, problems
 
 
 def test_a_bad_input_is_refused_in_little_time_and_memory() -> None:
     (case,) = [case for case in BAD if case.name == "a million copies"]
-    row = given(case)
+    row = judged(case, give)
     assert (row.outcome, row.beyond) == ("exit 2", ())
 
 

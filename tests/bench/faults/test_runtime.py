@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from bench.campaign.ledger import judged
 from bench.faults import runtime
 from bench.faults.faulty import FaultyRobot
 from bench.faults.kinds import FAULTS, OBJECT, Fault
@@ -101,6 +102,6 @@ def test_what_falls_when_a_run_has_ended_and_a_trace_that_is_lost_are_found(
 
     monkeypatch.setattr(runtime, "duration", lambda: 10.0)
     monkeypatch.setattr(pipeline, "run", run)
-    row = runtime.struck(runtime.Case("fingers fail", 0.5))
+    row = judged(runtime.Case("fingers fail", 0.5), runtime.strike)
     assert (row.outcome, row.said) == ("ExecutionAborted", ("the arm lets go",))
     assert row.beyond == (f"{OBJECT} dropped", "trace lost")

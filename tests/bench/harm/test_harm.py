@@ -11,7 +11,7 @@ import pytest
 
 from bench.campaign.ledger import Row, judged_run
 from bench.faults.faulty import Act, FaultyRobot
-from bench.faults.scenes import small_scene
+from bench.faults.nasty import small_scene
 from bench.harm.harm import Harm, harm
 from bench.harm.probe import AFTERWARDS, probed_run
 from palpate.cells.simulated import simulated_cell

@@ -68,11 +68,12 @@ def attempt(trial: Trial, without: frozenset[str], conditions: Conditions) -> Re
     settings = task.settings(
         noise=conditions.noise, seed=trial.number, planner=trial.planner, model_settings=asking
     ).checked()
+    # Without a scene or a picture there is nothing to plan for: the refusal is right.
     if settings.scene is None and not looks:
         reason = "there is no scene but a picture, and this planner does not look"
         return Record(trial, True, True, True, reason, outcome="refused rightly")
     if looks:
-        settings = replace(settings, images=_images(task, conditions))
+        settings = replace(settings, images=workspace_images(task, conditions))
     try:
         run = pipeline.plan(settings, pipeline.load(settings))
     except InputError as error:
@@ -80,7 +81,7 @@ def attempt(trial: Trial, without: frozenset[str], conditions: Conditions) -> Re
         if looks or not task.only_seen:
             raise
         return Record(trial, True, True, True, str(error), outcome="refused rightly")
-    syntax, valid = _syntax(run), is_valid(run)
+    syntax, valid = has_valid_syntax(run), is_valid(run)
     figures: dict[str, Any] = {}
     if run.conversation is not None:
         answers = [asked.answer.text for asked in run.conversation.rounds]
@@ -89,7 +90,7 @@ def attempt(trial: Trial, without: frozenset[str], conditions: Conditions) -> Re
         return Record(trial, syntax, valid, None, figures=figures)
     if run.ready:
         with _executing:
-            run = _with_twin(pipeline.measure(run))
+            run = with_twin(pipeline.measure(run))
     ruling = rule(run, task, looks)
     return Record(
         trial,
@@ -99,13 +100,13 @@ def attempt(trial: Trial, without: frozenset[str], conditions: Conditions) -> Re
         ruling.reason,
         figures=figures,
         outcome=ruling.outcome,
-        found=_found(run),
+        found=found_values(run),
         actions=run.execution.actions if run.execution else 0,
         robot_seconds=run.execution.robot_seconds if run.execution else 0.0,
     )
 
 
-def _images(task: Scenario, conditions: Conditions) -> tuple[Path, ...]:
+def workspace_images(task: Scenario, conditions: Conditions) -> tuple[Path, ...]:
     """Pictures for a model: those given, else the scenario's own, else renderings of its world,
     made once. Empty without OpenGL."""
     given = conditions.images or task.images
@@ -123,7 +124,7 @@ def _images(task: Scenario, conditions: Conditions) -> tuple[Path, ...]:
     return tuple(path for path in (first, further) if path.exists())
 
 
-def _with_twin(run: Run) -> Run:
+def with_twin(run: Run) -> Run:
     """Add the twin. It is not validated in simulation: the truth is known here."""
     scene = run.scene
     if run.seen is not None and run.final_state is not None:
@@ -131,7 +132,7 @@ def _with_twin(run: Run) -> Run:
     return replace(run, finished=build_twin(scene, run.estimates))
 
 
-def _found(run: Run) -> dict[str, Found]:
+def found_values(run: Run) -> dict[str, Found]:
     """Estimates and true values by parameter."""
     found: dict[str, Found] = {}
     for estimate in run.estimates:
@@ -145,18 +146,19 @@ def _found(run: Run) -> dict[str, Found]:
     return found
 
 
-def _syntax(run: Run) -> bool:
+def has_valid_syntax(run: Run) -> bool:
     """The first answer, before any feedback, is a plan that compiles."""
     if run.conversation is None:
-        return _compiles(run.plan, run.scene)
+        return compiles(run.plan, run.scene)
+    # Later rounds are corrected by feedback of the check, which the paper does not give.
     first = run.conversation.rounds[0].answer.text
     try:
-        return _compiles(read_answer(first).plan, run.scene)
+        return compiles(read_answer(first).plan, run.scene)
     except InputError:
         return False
 
 
-def _compiles(plan: Plan, scene: Scene) -> bool:
+def compiles(plan: Plan, scene: Scene) -> bool:
     """py_trees accepts the plan's tree; True for a plan without a tree."""
     from palpate.execution.build import build
 

@@ -37,16 +37,16 @@ def rule(run: Run, task: Scenario, looks: bool) -> Ruling:
     `looks`: the planner sees pictures, so a scenario that only a picture explains counts as
     solvable."""
     if not run.ready:
-        return _rule_unmoved(run, task, looks)
+        return rule_unmoved(run, task, looks)
     blind = task.only_seen and not looks
     if task.status == "rejected" and not blind:
         return Ruling("failed", "the arm moved where nothing can be measured")
     if task.status != "complete":
-        return _rule_stopped(run, task, blind)
+        return rule_stopped(run, task, blind)
     assert run.trace_if_any is not None
     if reason := objection(run.trace_if_any, task.expects, task.may_touch):
         return Ruling("failed", reason)
-    if wrong := next(_errors(run, task.expects), None):
+    if wrong := next(value_errors(run, task.expects), None):
         return Ruling("failed", wrong)
     return Ruling("acquired")
 
@@ -60,7 +60,7 @@ def is_valid(run: Run) -> bool:
     return not run.conversation.rounds[-1].findings
 
 
-def _rule_unmoved(run: Run, task: Scenario, looks: bool) -> Ruling:
+def rule_unmoved(run: Run, task: Scenario, looks: bool) -> Ruling:
     """Judge a run without an execution: right only if nothing can be measured."""
     if not is_valid(run):
         findings: Sequence[str] = [finding.message for finding in run.findings]
@@ -74,21 +74,21 @@ def _rule_unmoved(run: Run, task: Scenario, looks: bool) -> Ruling:
     return Ruling("refused", f"no tree: {run.plan.explanation[:300]}")
 
 
-def _rule_stopped(run: Run, task: Scenario, blind: bool) -> Ruling:
+def rule_stopped(run: Run, task: Scenario, blind: bool) -> Ruling:
     """Judge a run of a scenario where the arm must be stopped: by the right plan, or by any plan of a
     planner that is `blind` to the obstacle."""
     needless = set(run.plan.parameters) ^ set(task.expects)
     if needless and not blind:
-        return Ruling("failed", f"what to measure is another: {_listed(needless)}")
+        return Ruling("failed", f"what to measure is another: {names_of(needless)}")
     if run.status != "aborted":
         return Ruling("failed", f"ended {run.status} where the arm had to stop")
     named = [estimate.parameter for estimate in run.estimates if estimate.identified]
-    if wrong := next(_errors(run, named), None):
+    if wrong := next(value_errors(run, named), None):
         return Ruling("failed", wrong)
     return Ruling("stopped rightly")
 
 
-def _errors(run: Run, expected: Iterable[Parameter]) -> Iterator[str]:
+def value_errors(run: Run, expected: Iterable[Parameter]) -> Iterator[str]:
     """Reasons against the twin: expected parameters not identified, not written, or off by more
     than FAR stated standard deviations."""
     estimates = {estimate.parameter: estimate for estimate in run.estimates}
@@ -103,15 +103,16 @@ def _errors(run: Run, expected: Iterable[Parameter]) -> Iterator[str]:
         truth = run.truth.get(parameter)
         if truth is None:
             yield f"the truth of {parameter} is not known"
-        elif (off := _deviations(estimate, truth)) > FAR:
+        elif (off := worst_deviation(estimate, truth)) > FAR:
             yield f"{parameter} is off by {off:.1f} of its standard deviations"
 
 
-def _deviations(estimate: Estimate, truth: Sequence[float]) -> float:
+def worst_deviation(estimate: Estimate, truth: Sequence[float]) -> float:
     """Largest |z| = |error| / stated standard deviation of the identified components."""
     worst = 0.0
     for i, verdict in enumerate(estimate.verdicts):
         error = abs(float(estimate.values[i]) - truth[i])
+        # Components with another verdict promise no accuracy.
         if verdict == "identified" and error > 0.0:
             std = float(estimate.stds[i])
             worst = max(worst, error / std if std > 0.0 else float("inf"))
@@ -126,32 +127,33 @@ def objection(
 
     `may_touch` names objects, in addition to those of `expected`, that may be moved out of the way.
     """
-    return next(_objections(trace, expected, may_touch), "")
+    return next(all_objections(trace, expected, may_touch), "")
 
 
-def _objections(
+def all_objections(
     trace: Trace, expected: Collection[Parameter], may_touch: Collection[str]
 ) -> Iterator[str]:
     """Reasons against a success, the gravest first."""
     for leaf in trace.leaves:
         if leaf.status != "SUCCESS":
             yield f"{leaf.label} failed: {leaf.message}"[:300]
-    acquired = Counter(_acquired(trace, expected))
+    acquired = Counter(acquired_parameters(trace, expected))
     if missed := set(expected) - set(acquired):
-        yield f"not acquired: {_listed(missed)}"
+        yield f"not acquired: {names_of(missed)}"
     if needless := set(acquired) - set(expected):
-        yield f"not asked for: {_listed(needless)}"
+        yield f"not asked for: {names_of(needless)}"
     if twice := [parameter for parameter, count in acquired.items() if count > 1]:
-        yield f"acquired more than once: {_listed(twice)}"
-    for node in _unused(trace, expected):
+        yield f"acquired more than once: {names_of(twice)}"
+    for node in unused_recordings(trace, expected):
         yield f"measured without need at {node}"
+    # Every object that was ever in the hand must be asked for, or be in the way.
     wanted = {parameter.object for parameter in expected}
     held = {leaf.context.holding for leaf in trace.leaves if leaf.context and leaf.context.holding}
     if strangers := held - wanted - set(may_touch):
         yield f"touched needlessly: {', '.join(sorted(strangers))}"
 
 
-def _acquired(trace: Trace, expected: Collection[Parameter]) -> Iterator[Parameter]:
+def acquired_parameters(trace: Trace, expected: Collection[Parameter]) -> Iterator[Parameter]:
     """Converted parameters, and the expected derived ones with a raw force recording."""
     for conversion in trace.conversions:
         yield Parameter(conversion.object, conversion.quantity)
@@ -162,7 +164,7 @@ def _acquired(trace: Trace, expected: Collection[Parameter]) -> Iterator[Paramet
             yield parameter
 
 
-def _unused(trace: Trace, expected: Collection[Parameter]) -> Iterator[str]:
+def unused_recordings(trace: Trace, expected: Collection[Parameter]) -> Iterator[str]:
     """Nodes of recordings without a conversion, and without an expected derived quantity that they
     are evidence for."""
     converted = {(c.recording.buffer, c.recording.start) for c in trace.conversions}
@@ -174,5 +176,5 @@ def _unused(trace: Trace, expected: Collection[Parameter]) -> Iterator[str]:
             yield recording.node
 
 
-def _listed(parameters: Iterable[Parameter]) -> str:
+def names_of(parameters: Iterable[Parameter]) -> str:
     return ", ".join(str(parameter) for parameter in sorted(parameters))

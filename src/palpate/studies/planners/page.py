@@ -113,7 +113,9 @@ def scenario_table(records: Iterable[Record]) -> Table:
         for asker in askers:
             trials = whole.get((name, asker), [])
             outcomes = Counter(record.outcome for record in trials).most_common()
-            cells.append(_rate(success_rate(trials), ", ".join(outcome for outcome, _ in outcomes)))
+            cells.append(
+                rate_cell(success_rate(trials), ", ".join(outcome for outcome, _ in outcomes))
+            )
         lines.append((name, cells))
     lead = (
         "A trial succeeds when the trace shows the right sensing on the right objects and no other, "
@@ -123,7 +125,7 @@ def scenario_table(records: Iterable[Record]) -> Table:
     return Table("Success by scenario", lead, askers, lines)
 
 
-def _rate(rate: Rate | None, below: str = "") -> Cell:
+def rate_cell(rate: Rate | None, below: str = "") -> Cell:
     """A rate with its interval, or with `below`, in small print."""
     if rate is None:
         return Cell("–")
@@ -150,7 +152,7 @@ def ablation_table(records: Sequence[Record]) -> Table | None:
         cells = [Cell(f"{syntax}/10"), Cell("–" if success is None else f"{success}/10")]
         for asker in askers:
             row = rows.get((name, asker))
-            cells += [_rate(row.syntax), _rate(row.success)] if row else [Cell("–")] * 2
+            cells += [rate_cell(row.syntax), rate_cell(row.success)] if row else [Cell("–")] * 2
         lines.append((name, cells))
     lead = (
         "Table II: each part of the prompt is left out in turn. The paper's figures are those of "
@@ -166,7 +168,7 @@ def repeatability_table(records: Iterable[Record]) -> Table:
         cells = [Cell(f"{syntax}/20"), Cell("–"), Cell(f"{success}/20"), Cell("–"), Cell("–")]
         lines.append((f"{name} (paper)", cells))
     for row in table(record for record in records if record.trial.configuration == "full"):
-        cells = [_rate(row.syntax), _rate(row.valid), _rate(row.success)]
+        cells = [rate_cell(row.syntax), rate_cell(row.valid), rate_cell(row.success)]
         cells.append(Cell(f"{row.tokens:.0f}" if row.tokens else "–"))
         cells.append(Cell("–" if row.cost is None else f"${row.cost:.2f}"))
         lines.append((row.asked, cells))

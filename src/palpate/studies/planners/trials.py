@@ -156,7 +156,7 @@ def run_trials(
     todo = [trial for trial in trials if trial not in kept]
     done = len(trials) - len(todo)
     say(f"{done} of {len(trials)} trials are done already")
-    for record in _attempted(todo, attempt, in_flight):
+    for record in attempt_in_parallel(todo, attempt, in_flight):
         Lines(file).add(asdict(record))
         kept[record.trial] = record
         done += 1
@@ -173,7 +173,7 @@ def read_records(file: Path) -> list[Record]:
     return Lines(file).read_as(Record)
 
 
-def _attempted(
+def attempt_in_parallel(
     trials: Sequence[Trial], attempt: Callable[[Trial], Record], in_flight: int
 ) -> Iterator[Record]:
     """Yield records in order of completion, with at most `in_flight` trials at a time; end early if
@@ -189,7 +189,7 @@ def _attempted(
                 try:
                     yield future.result()
                     in_a_row = 0
-                except Unavailable as error:
+                except Unavailable as error:  # no result: the trial is repeated next time
                     outage, in_a_row = error, in_a_row + 1
             # As many start as have ended, so that at most `in_flight` run.
             if in_a_row < OUTAGES:
@@ -225,13 +225,13 @@ def table(records: Iterable[Record]) -> list[Row]:
     """Make a row for each combination of configuration, prompt and planner, in order of first
     appearance."""
     groups = grouped(records, lambda r: (r.trial.configuration, r.trial.asked))
-    return [_row(group) for group in groups.values()]
+    return [summary_row(group) for group in groups.values()]
 
 
 def by_scenario(records: Iterable[Record]) -> list[Row]:
     """Make a row as `table` does, for each scenario."""
     groups = grouped(records, lambda r: (r.trial.scenario, r.trial.configuration, r.trial.asked))
-    return [_row(group) for group in groups.values()]
+    return [summary_row(group) for group in groups.values()]
 
 
 def grouped(records: Iterable[Record], key: Callable[[Record], Key]) -> dict[Key, list[Record]]:
@@ -248,7 +248,7 @@ def success_rate(records: Iterable[Record]) -> Rate | None:
     return Rate.of(judged) if judged else None
 
 
-def _row(records: Sequence[Record]) -> Row:
+def summary_row(records: Sequence[Record]) -> Row:
     costs = [record.cost for record in records]
     priced = [cost for cost in costs if cost is not None]
     scenarios = {record.trial.scenario for record in records}

@@ -71,7 +71,7 @@ def measure(
         asked[group] = about(settings)
         wanted += [(group, seed) for seed in seeds]
         todo += [(group, Case(question, seed)) for seed in seeds if (group, seed) not in known]
-    _refuse_others(known.values(), asked)
+    refuse_other_settings(known.values(), asked)
     lines = Lines(folder / FILE) if folder else None
     if lines is not None:
         lines.add()  # fails before anything is computed, if the file cannot be written
@@ -93,8 +93,9 @@ def about(settings: Settings) -> dict[str, str]:
     asked = {name: value for name, value in request_json(settings).items() if name not in APART}
     for name in FILES:
         path: Path | None = getattr(settings, name)
-        asked[name] = _digest(path.read_bytes()) if path else None
-    asked["noise"] = _digest(repr(noise_models().load(settings.noise)).encode())
+        asked[name] = short_digest(path.read_bytes()) if path else None
+    # A noise file of the same name may have another content.
+    asked["noise"] = short_digest(repr(noise_models().load(settings.noise)).encode())
     asked["places"] = PLACES
     return {name: str(value) for name, value in asked.items() if value is not None}
 
@@ -116,7 +117,7 @@ def grouped(rows: Iterable[Row]) -> Runs:
     return found
 
 
-def _refuse_others(rows: Iterable[Row], asked: dict[Group, dict[str, str]]) -> None:
+def refuse_other_settings(rows: Iterable[Row], asked: dict[Group, dict[str, str]]) -> None:
     """Raise InputError if a group's kept rows have other settings than those asked for."""
     for row in rows:
         now = asked.get(row.group, row.about)
@@ -128,5 +129,5 @@ def _refuse_others(rows: Iterable[Row], asked: dict[Group, dict[str, str]]) -> N
             )
 
 
-def _digest(content: bytes) -> str:
+def short_digest(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()[:12]

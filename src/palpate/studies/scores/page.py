@@ -73,8 +73,8 @@ def write_page(folder: Path) -> Path | None:
 def render(runs: Runs) -> str:
     """The page's HTML."""
     figures: dict[str, Figure] = {}
-    sections = [_section(group, found, figures) for group, found in runs.items()]
-    overall = _overall(runs, figures)
+    sections = [scenario_section(group, found, figures) for group, found in runs.items()]
+    overall = overall_tables(runs, figures)
     library, _ = plotly()
     return template("palpate.studies.scores", "page.html").render(
         version=__version__,
@@ -88,16 +88,16 @@ def render(runs: Runs) -> str:
     )
 
 
-def _overall(runs: Runs, figures: dict[str, Figure]) -> Sequence[tuple[str, Sequence[Line]]]:
+def overall_tables(runs: Runs, figures: dict[str, Figure]) -> Sequence[tuple[str, Sequence[Line]]]:
     """Coverage and calibration over all scenarios, by noise model and by quantity."""
     points: dict[str, list[tuple[str, float, float]]] = {}
     pooled: dict[str, dict[str, list[ScoredEstimate]]] = {}
     for group, found in runs.items():
-        for each in _identified(found):
+        for each in identified_estimates(found):
             of_noise = pooled.setdefault(group.noise, {})
             of_noise.setdefault(each.parameter.quantity, []).append(each)
         rows = summarise(found)
-        names = _names(rows)
+        names = component_names(rows)
         for row in rows:
             if row.claimed and row.rmse:
                 name = f"{names[row.key]}, {group.scenario}"
@@ -113,17 +113,17 @@ def _overall(runs: Runs, figures: dict[str, Figure]) -> Sequence[tuple[str, Sequ
         if len(rows) > 1:
             rows.append(("all", everything[noise]))
         scores = [(name, Scores.of(group)) for name, group in rows]
-        tables.append((noise, [(n, (Cell(str(s.runs)), *_score_cells(s))) for n, s in scores]))
+        tables.append((noise, [(n, (Cell(str(s.runs)), *score_cells(s))) for n, s in scores]))
     return tables
 
 
-def _section(group: Group, runs: Sequence[SeedRun], figures: dict[str, Figure]) -> Section:
+def scenario_section(group: Group, runs: Sequence[SeedRun], figures: dict[str, Figure]) -> Section:
     rows = summarise(runs)
     place = f"f{len(figures)}"
-    names = _names(rows)
+    names = component_names(rows)
     by_quantity: dict[str, list[ScoredEstimate]] = {}
     by_parameter: dict[Key, list[ScoredEstimate]] = {}
-    for each in _identified(runs):
+    for each in identified_estimates(runs):
         by_quantity.setdefault(each.parameter.quantity, []).append(each)
         by_parameter.setdefault((each.parameter, each.component), []).append(each)
     wide: list[tuple[str, str]] = []
@@ -146,8 +146,8 @@ def _section(group: Group, runs: Sequence[SeedRun], figures: dict[str, Figure]) 
     return Section(
         name=group.scenario,
         noise=group.noise,
-        facts=_facts(runs),
-        lines=[_line(names[row.key], row) for row in rows],
+        facts=run_facts(runs),
+        lines=[summary_line(names[row.key], row) for row in rows],
         cards=cards,
         wide=wide,
         reasons=reasons.most_common(REASONS),
@@ -155,10 +155,11 @@ def _section(group: Group, runs: Sequence[SeedRun], figures: dict[str, Figure]) 
     )
 
 
-def _facts(runs: Sequence[SeedRun]) -> dict[str, str]:
+def run_facts(runs: Sequence[SeedRun]) -> dict[str, str]:
     """Summary figures over all seeds, by label."""
     seeds = sorted(run.seed for run in runs)
     endings = Counter(run.status for run in runs).most_common()
+    # Crashed runs have no times.
     whole = [run for run in runs if run.status != CRASHED] or runs
     robot = fmean(run.robot_seconds for run in whole)
     processor = fmean(run.cpu_seconds for run in whole)
@@ -170,7 +171,7 @@ def _facts(runs: Sequence[SeedRun]) -> dict[str, str]:
     }
 
 
-def _line(name: str, row: Summary) -> Line:
+def summary_line(name: str, row: Summary) -> Line:
     others = ", ".join(f"{n} {v}" for v, n in row.verdicts.items() if v != "identified")
     measured = Cell(f"{row.runs}/{row.asked}", others)
     scores = row.scores
@@ -186,18 +187,19 @@ def _line(name: str, row: Summary) -> Line:
     # Standard error of the mean of n errors: sd/√n.
     error = significant(scale * row.sd / row.runs**0.5, 2)
     figures = (shown(row.bias, f"± {error}", "+"), *map(shown, (row.sd, row.rmse, row.claimed)))
-    return name, (measured, *figures, *_score_cells(scores))
+    return name, (measured, *figures, *score_cells(scores))
 
 
-def _score_cells(scores: Scores) -> Iterator[Cell]:
-    yield _ranged("stated", scores.stated)
-    yield _ranged("coverage95", scores.coverage95, percent=True)
-    yield _ranged("coverage50", scores.coverage50, percent=True)
+def score_cells(scores: Scores) -> Iterator[Cell]:
+    yield ranged_cell("stated", scores.stated)
+    yield ranged_cell("coverage95", scores.coverage95, percent=True)
+    yield ranged_cell("coverage50", scores.coverage50, percent=True)
     yield Cell(f"{scores.worst:.1f}")
 
 
-def _ranged(name: str, figure: Ranged, percent: bool = False) -> Cell:
+def ranged_cell(name: str, figure: Ranged, percent: bool = False) -> Cell:
     low, high = TARGETS[name]
+    # Marked only if the whole interval lies outside: else it may be chance.
     mark = ""
     if figure.high < low:
         mark = "bad"
@@ -209,12 +211,12 @@ def _ranged(name: str, figure: Ranged, percent: bool = False) -> Cell:
     return Cell(f"{figure.value:.2f}", f"{figure.low:.2f} … {figure.high:.2f}", mark)
 
 
-def _identified(runs: Sequence[SeedRun]) -> Iterator[ScoredEstimate]:
+def identified_estimates(runs: Sequence[SeedRun]) -> Iterator[ScoredEstimate]:
     for run in runs:
         yield from run.estimates
 
 
-def _names(rows: Sequence[Summary]) -> dict[Key, str]:
+def component_names(rows: Sequence[Summary]) -> dict[Key, str]:
     """Names of components: the axis where there are several."""
     several = {row.parameter for row in rows if row.component}
     found: dict[Key, str] = {}

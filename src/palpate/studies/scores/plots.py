@@ -49,25 +49,26 @@ def errors(estimates: Sequence[ScoredEstimate], scale: float, unit: str) -> Figu
     count = int(np.clip(2.0 * np.sqrt(len(found)), *BARS))
     heights, edges = np.histogram(found, count, (-widest, widest), density=True)
     x = np.linspace(-widest, widest, 201)
+    # Mean of the stated normal densities: the expected histogram of calibrated errors.
     pdf = np.exp(-0.5 * (x / stds[:, None]) ** 2) / (stds[:, None] * np.sqrt(2.0 * np.pi))
     middles = (edges[1:] + edges[:-1]) / 2.0
     bars = {
         "type": "bar",
         "name": "errors",
-        "x": _listed(middles),
-        "y": _listed(heights),
+        "x": rounded_list(middles),
+        "y": rounded_list(heights),
         "width": float(edges[1] - edges[0]),
         "marker": {"color": MARK, "opacity": 0.55},
         "hovertemplate": f"%{{x:.3g}} {escape(unit)}<extra></extra>",
     }
-    curve = _line("as stated", x, pdf.mean(axis=0), NORM)
+    curve = line_trace("as stated", x, pdf.mean(axis=0), NORM)
     bias = float(found.mean())
     return {
         "data": [bars, curve],
         "layout": {
-            **_layout(f"error ({escape(unit)})" if unit not in ("", "1") else "error", ""),
+            **panel_layout(f"error ({escape(unit)})" if unit not in ("", "1") else "error", ""),
             "bargap": 0.04,
-            "shapes": [_rule(bias, MARK, "solid"), _rule(0.0, FAINT, "dot")],
+            "shapes": [vertical_line(bias, MARK, "solid"), vertical_line(0.0, FAINT, "dot")],
         },
     }
 
@@ -88,18 +89,18 @@ def quantiles(estimates: Sequence[ScoredEstimate]) -> Figure:
         "type": "scatter",
         "mode": "markers",
         "name": "errors",
-        "x": _listed(expected),
-        "y": _listed(ndtri(share[kept])),
+        "x": rounded_list(expected),
+        "y": rounded_list(ndtri(share[kept])),
         "marker": {"color": MARK, "size": 4.5},
         "hovertemplate": "%{y:.2f}, expected %{x:.2f}<extra></extra>",
     }
     return {
         "data": [
-            *_band(expected, low, high),
-            _line("calibrated", ends, ends, FAINT, "dot"),
+            *band_traces(expected, low, high),
+            line_trace("calibrated", ends, ends, FAINT, "dot"),
             points,
         ],
-        "layout": _layout("z expected", "z found"),
+        "layout": panel_layout("z expected", "z found"),
     }
 
 
@@ -110,14 +111,14 @@ def coverage(groups: Mapping[str, Sequence[ScoredEstimate]]) -> Figure:
     n = len(everything)
     # Of n calibrated intervals, a binomial number holds the truth.
     low, high = (bdtrik(p, n, nominal) / n for p in (0.025, 0.975))
-    lines = [*_band(100 * nominal, 100 * low, 100 * high)]
+    lines = [*band_traces(100 * nominal, 100 * low, 100 * high)]
     ends = np.array([0.0, 100.0])
-    lines.append(_line("calibrated", ends, ends, FAINT, "dot"))
+    lines.append(line_trace("calibrated", ends, ends, FAINT, "dot"))
     for (name, group), colour in zip(groups.items(), cycle(COLOURS), strict=False):
-        lines.append(_covering(f"{escape(name)} ({len(group)})", group, colour, 1.6))
+        lines.append(coverage_curve(f"{escape(name)} ({len(group)})", group, colour, 1.6))
     if len(groups) > 1:
-        lines.append(_covering(f"all ({n})", everything, NORM, 3.0))
-    layout = _layout("interval of level", "holds the truth") | LARGE
+        lines.append(coverage_curve(f"all ({n})", everything, NORM, 3.0))
+    layout = panel_layout("interval of level", "holds the truth") | LARGE
     for name in ("xaxis", "yaxis"):
         layout[name] |= {"range": [0, 100], "dtick": 25, "ticksuffix": " %"}
     return {"data": lines, "layout": layout}
@@ -171,18 +172,18 @@ def ratios(rows: Sequence[tuple[str, Ranged]]) -> Figure:
                 "range": [-0.6, len(rows) - 0.4],
                 "ticks": "",
             },
-            "shapes": [aim, _rule(1.0, FAINT, "dot")],
+            "shapes": [aim, vertical_line(1.0, FAINT, "dot")],
         },
     }
 
 
-def _covering(name: str, group: Sequence[ScoredEstimate], colour: str, width: float) -> Figure:
+def coverage_curve(name: str, group: Sequence[ScoredEstimate], colour: str, width: float) -> Figure:
     level = 100.0 * np.sort(levels(group))
     held = 100.0 * np.arange(1, len(level) + 1) / len(level)
     kept = np.unique(np.linspace(0, len(level) - 1, min(len(level), POINTS)).astype(int))
     x = np.concatenate([[0.0], level[kept], [100.0]])
     y = np.concatenate([[0.0], held[kept], [100.0]])
-    line = _line(name, x, y, colour)
+    line = line_trace(name, x, y, colour)
     line["line"] |= {"shape": "hv", "width": width}
     return line | {"showlegend": True, "hovertemplate": "%{x:.0f} %: %{y:.0f} %"}
 
@@ -192,8 +193,8 @@ def scatter(points: Mapping[str, Sequence[tuple[str, float, float]]]) -> Figure:
     `points`: names, stated, actual."""
     numbers = [number for row in points.values() for _, *both in row for number in both]
     ends = np.array([min(numbers), max(numbers)]) * np.array([0.4, 2.5])
-    drawn = _band(ends, ends / GOOD[1], ends / GOOD[0])
-    drawn.append(_line("as stated", ends, ends, FAINT, "dot"))
+    drawn = band_traces(ends, ends / GOOD[1], ends / GOOD[0])
+    drawn.append(line_trace("as stated", ends, ends, FAINT, "dot"))
     for (noise, rows), colour in zip(points.items(), cycle(COLOURS), strict=False):
         drawn.append(
             {
@@ -208,14 +209,14 @@ def scatter(points: Mapping[str, Sequence[tuple[str, float, float]]]) -> Figure:
                 "hovertemplate": "%{text}: stated %{x:.2g}, actual %{y:.2g}<extra></extra>",
             }
         )
-    layout = _layout("stated standard deviation (SI unit)", "root mean square error") | LARGE
+    layout = panel_layout("stated standard deviation (SI unit)", "root mean square error") | LARGE
     for name in ("xaxis", "yaxis"):
         layout[name] |= {"type": "log", "exponentformat": "power", "dtick": 1}
         layout[name]["range"] = np.log10(ends).tolist()
     return {"data": drawn, "layout": layout}
 
 
-def _layout(across: str, up: str) -> dict[str, Any]:
+def panel_layout(across: str, up: str) -> dict[str, Any]:
     """Layout of a small panel, with the titles of its axes."""
     return {
         "height": 230,
@@ -227,33 +228,33 @@ def _layout(across: str, up: str) -> dict[str, Any]:
     }
 
 
-def _line(name: str, x: Array, y: Array, colour: str, dash: str = "solid") -> Figure:
+def line_trace(name: str, x: Array, y: Array, colour: str, dash: str = "solid") -> Figure:
     return {
         "type": "scatter",
         "mode": "lines",
         "name": name,
         "showlegend": False,
-        "x": _listed(x),
-        "y": _listed(y),
+        "x": rounded_list(x),
+        "y": rounded_list(y),
         "line": {"color": colour, "width": 1.6, "dash": dash},
         "hoverinfo": "skip" if dash == "dot" else "all",
     }
 
 
-def _band(x: Array, low: Array, high: Array) -> list[Figure]:
+def band_traces(x: Array, low: Array, high: Array) -> list[Figure]:
     edge: Figure = {"type": "scatter", "mode": "lines", "showlegend": False, "hoverinfo": "skip"}
-    edge |= {"line": {"width": 0}, "x": _listed(x)}
-    upper = {"y": _listed(high), "fill": "tonexty", "fillcolor": BAND}
-    return [edge | {"y": _listed(low)}, edge | upper]
+    edge |= {"line": {"width": 0}, "x": rounded_list(x)}
+    upper = {"y": rounded_list(high), "fill": "tonexty", "fillcolor": BAND}
+    return [edge | {"y": rounded_list(low)}, edge | upper]
 
 
-def _rule(at: float, colour: str, dash: str) -> Figure:
+def vertical_line(at: float, colour: str, dash: str) -> Figure:
     """Vertical line through a panel."""
     line = {"color": colour, "width": 1.2, "dash": dash}
     place = {"xref": "x", "yref": "paper", "x0": at, "x1": at, "y0": 0, "y1": 1}
     return {"type": "line", **place, "line": line}
 
 
-def _listed(values: Array) -> list[float]:
+def rounded_list(values: Array) -> list[float]:
     # Five digits are more than a screen shows.
     return [float(f"{value:.5g}") for value in values.tolist()]

@@ -99,10 +99,12 @@ def summarise(runs: Sequence[SeedRun]) -> list[Summary]:
     for run in runs:
         for each in (*run.estimates, *run.doubted, *run.unmeasured):
             found.setdefault((each.parameter, each.component), []).append(each)
-    return [_summary(key, group, len(runs)) for key, group in found.items()]
+    return [component_summary(key, group, len(runs)) for key, group in found.items()]
 
 
-def _summary(key: Key, found: Sequence[ScoredEstimate | Unmeasured], asked: int) -> Summary:
+def component_summary(
+    key: Key, found: Sequence[ScoredEstimate | Unmeasured], asked: int
+) -> Summary:
     verdicts = Counter(each.verdict for each in found)
     identified = [each for each in found if isinstance(each, ScoredEstimate)]
     identified = [each for each in identified if each.verdict == "identified"]
@@ -116,16 +118,17 @@ def _summary(key: Key, found: Sequence[ScoredEstimate | Unmeasured], asked: int)
     )
     if not identified:
         return summary
+    # The single-shot mass F_z/g of the same recording shows what the estimator gains.
     errors = [each.error for each in identified]
     naive = [each.single_shot - each.truth for each in identified if each.single_shot is not None]
     return replace(
         summary,
         mean=fmean(each.value for each in identified),
         bias=fmean(errors),
-        sd=_sd(errors),
+        sd=sample_std(errors),
         claimed=fmean(each.std for each in identified),
         covered=sum(each.covered for each in identified),
-        single_shot_sd=_sd(naive) if naive else None,
+        single_shot_sd=sample_std(naive) if naive else None,
         rmse=float(np.sqrt(np.mean(np.square(errors)))),
         scores=Scores.of(identified),
     )
@@ -156,5 +159,5 @@ def levels(estimates: Sequence[ScoredEstimate]) -> Array:
     return np.abs(2.0 * shares(estimates) - 1.0)
 
 
-def _sd(values: Sequence[float]) -> float:
+def sample_std(values: Sequence[float]) -> float:
     return stdev(values) if len(values) > 1 else 0.0

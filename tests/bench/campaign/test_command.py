@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from typer.testing import Result
 
+from bench.campaign import kinds
 from bench.campaign.ledger import Row
-from bench.faults import campaign
 
 
 def test_one_case_is_repeated(instrument: Callable[..., Result]) -> None:
@@ -33,13 +34,11 @@ def test_a_campaign_needs_a_folder_and_a_kind(
 def test_a_campaign_shows_what_was_beyond(
     instrument: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    row = Row("nasty", "deep", "too deep", "python -m bench …", "complete", beyond=("table hit",))
+    def judge(case: object, blank: Row) -> Row:
+        return replace(blank, command="python -m bench …", beyond=("table hit",))
 
-    def judge(*_: object) -> list[Row]:
-        return [row]
-
-    monkeypatch.setattr(campaign.nasty, "judge_nasty", judge)
-    answer = instrument("faults", "--kind", "nasty", "--out", tmp_path)
+    monkeypatch.setitem(kinds.KINDS, "nasty", replace(kinds.KINDS["nasty"], work=judge))
+    answer = instrument("faults", "--kind", "nasty", "--out", tmp_path, "--workers", 1)
     assert answer.exit_code == 0
     assert "python -m bench …: table hit" in answer.output
     assert (tmp_path / "campaign.html").exists()

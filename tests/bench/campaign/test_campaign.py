@@ -9,14 +9,15 @@ import mujoco
 import numpy as np
 import pytest
 
-from bench.campaign.ledger import Drawn, Ledger, Row, drawn
-from bench.campaign.page import page
-from bench.faults import campaign, hidden, nasty, runtime
+from bench.campaign import kinds, ledger
+from bench.campaign.ledger import Drawn, Ledger, Row, drawn, judged
+from bench.campaign.page import TITLES, page
+from bench.faults import hidden, nasty, runtime
 from bench.faults.bases import Base
 from bench.faults.corrupt import corrupted
 from bench.faults.faulty import FaultyRobot, broken, frozen
 from bench.faults.kinds import FAULTS
-from bench.faults.scenes import SMALL_SCENES, small_scene
+from bench.faults.nasty import SMALL_SCENES, small_scene
 from palpate.errors import InputError
 from palpate.parameter import Parameter
 from palpate.planning.check.check import RULES, check
@@ -64,7 +65,7 @@ def test_nasty_plans_stand_against_every_rule() -> None:
 
 def test_a_nasty_plan_is_refused_with_its_rule_or_judged() -> None:
     by_name = {case.name: case for case in nasty.NASTY}
-    refused = nasty.judged(by_name["no such action"])
+    refused = judged(by_name["no such action"], nasty.judge)
     assert (refused.outcome, refused.figures["rules"]) == ("refused", ["unknown-primitive"])
     assert "--case 'no such action'" in refused.command
 
@@ -109,53 +110,71 @@ def test_a_faulty_robot_is_sound_until_its_moment() -> None:
     assert (robot.state.q == before.q).all()
 
 
-def test_there_are_sixty_kinds_of_faults_at_five_moments() -> None:
+def test_runtime_has_sixty_kinds_of_faults_at_five_moments() -> None:
     assert len(FAULTS) >= 60
     assert len(runtime.CASES) == 5 * len(FAULTS)
     assert len({case.name for case in runtime.CASES}) == len(runtime.CASES)
 
 
-def test_rows_are_kept_and_only_what_is_missing_is_done(tmp_path: Path) -> None:
+def test_ledger_keeps_rows_and_executes_only_missing_cases(tmp_path: Path) -> None:
     done: list[int] = []
 
-    def work(case: Drawn) -> Row:
+    def work(case: Drawn, blank: Row) -> Row:
         done.append(case.number)
         beyond = ("table hit",) if case.number == 1 else ()
         touch = {"thing": "table", "part": "hand", "load": False, "peak": 90.0, "mean10": 70.0}
         touch |= {"mean20": 50.0, "tail": 3.0, "over": 0.0, "sideways": 1.0}
-        blank = case.blank("<what>")
-        return replace(blank, outcome="complete", beyond=beyond, touches=(touch,))
+        return replace(blank, what="<what>", outcome="complete", beyond=beyond, touches=(touch,))
 
-    ledger = Ledger(tmp_path / "nasty.jsonl")
-    ledger.complete(drawn("nasty", 5, 2), work)
-    with ledger.file.open("a", encoding="utf-8") as file:
+    first = Ledger(tmp_path / "nasty.jsonl")
+    first.complete(drawn("nasty", 5, 2), work)
+    with first.file.open("a", encoding="utf-8") as file:
         file.write('{"kind": "nasty", "case"')  # the process was killed while it wrote
-    rows = Ledger(ledger.file).complete(drawn("nasty", 5, 3), work)
+    rows = Ledger(first.file).complete(drawn("nasty", 5, 3), work)
     assert done == [0, 1, 2]
     assert [row.case for row in rows] == ["5/0", "5/1", "5/2"]
-    campaign.write(tmp_path)
+    kinds.write(tmp_path)
     html = (tmp_path / "campaign.html").read_text(encoding="utf-8")
     assert "table hit" in html
     assert "&lt;what&gt;" in html
     assert "<what>" not in html
 
 
-def test_a_page_of_nothing_is_a_page() -> None:
+def test_a_page_without_rows_has_a_heading() -> None:
     assert "<h1>" in page({}, "nothing")
 
 
 def test_a_case_is_repeated_by_its_number_or_name() -> None:
-    row = campaign.repeat("nasty", "six angles", 0)
+    row = kinds.repeat("nasty", "six angles", 0)
     assert row.outcome == "refused"
     with pytest.raises(InputError, match="six angles"):
-        campaign.repeat("nasty", "six angels", 0)
+        kinds.repeat("nasty", "six angels", 0)
     with pytest.raises(InputError, match="runtime"):
-        campaign.repeat("rutime", "1", 0)
+        kinds.repeat("rutime", "1", 0)
     with pytest.raises(InputError, match="numbers"):
-        campaign.repeat("plans", "six", 0)
+        kinds.repeat("plans", "six", 0)
 
 
-def test_a_plan_in_a_light_scene_is_named_by_its_command() -> None:
+def test_a_case_that_fails_or_hangs_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(case: Drawn, blank: Row) -> Row:
+        raise ZeroDivisionError("the arm is nowhere")
+
+    def hang(case: Drawn, blank: Row) -> Row:
+        while True:
+            pass
+
+    crashed = judged(Drawn("plans", 0, 1), fail)
+    assert (crashed.outcome, crashed.case) == ("crashed", "0/1")
+    assert "ZeroDivisionError: the arm is nowhere" in crashed.crash
+    monkeypatch.setattr(ledger, "LONGEST", 0.1)
+    assert judged(Drawn("plans", 0, 1), hang).outcome == "hung"
+
+
+def test_every_kind_of_case_has_a_title() -> None:
+    assert list(kinds.KINDS) == list(TITLES)
+
+
+def test_a_random_case_is_named_by_its_command() -> None:
     assert Drawn("plans", 3, 14).command.endswith("--kind plans --seed 3 --case 14")
 
 

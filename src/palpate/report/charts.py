@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from palpate.estimation.estimate import Z95
 from palpate.estimation.view import FitView
 from palpate.geometry.pose import Array
-from palpate.report.axis import Axis
 from palpate.report.data import Measured
-from palpate.report.numbers import with_spread
+from palpate.report.numbers import Axis, with_spread
 from palpate.report.plots import FAINT, MARK, NORM, Figure, decimate, packed
 
 TRUTH = "#c2710c"
@@ -24,11 +23,11 @@ COLOURS = (MARK, TRUTH, "#3b82f6")
 """Points of the first, second and third group."""
 BAND = "rgba(13, 148, 136, .2)"
 MANY = 60
-"""More points than this of one group are drawn as a line."""
+"""Number of points of one group above which they are drawn as a line."""
 WIDE = 4.0
-"""Times the median standard deviation: wider error bars do not stretch the axis."""
+"""Multiple of the median standard deviation above which error bars do not stretch the axis."""
 BARELY_SEEN = 40.0
-"""Standard deviations that the predictions span, beyond which residuals have an axis of their own."""
+"""Range of the predictions, in standard deviations, above which residuals get a second axis."""
 SHORT, TALL = 300, 430
 """px, height of a chart without and with residuals."""
 
@@ -51,7 +50,7 @@ def charts(measured: Measured) -> tuple[Chart, ...]:
         try:
             drawn.append(Chart(view.name, view.note, fit_figure(view, measured)))
         except Exception as error:
-            # The page is worth more than one of its charts.
+            # A failed chart must not cost the page.
             what = measured.estimate.parameter
             log.warning("no chart of %s: %s: %s", what, type(error).__name__, error)
     return tuple(drawn)
@@ -69,8 +68,8 @@ def fit_figure(view: FitView, measured: Measured) -> Figure:
     shown = [view.measured, view.predicted]
     certain = std <= WIDE * stated
     shown += [(view.measured + sign * std)[certain] for sign in (-1.0, 1.0)]
-    data = list(_prediction(view, measured, shown))
-    data += _points(view, std, view.measured, "y")
+    data = list(prediction_traces(view, measured, shown))
+    data += measured_traces(view, std, view.measured, "y")
     layout: Figure = {
         "height": TALL if residuals else SHORT,
         "margin": {"l": 58, "r": 14, "t": 40, "b": 44},
@@ -86,43 +85,43 @@ def fit_figure(view: FitView, measured: Measured) -> Figure:
         "xaxis": {
             "title": {"text": escape(view.axes[0])},
             "anchor": "y2" if residuals else "y",
-            "range": _range(view.x, 0.04),
+            "range": axis_range(view.x, 0.04),
             "zeroline": False,
         },
         "yaxis": {
             "title": {"text": escape(view.axes[1]), "standoff": 6},
             "automargin": True,
             "domain": (0.42, 1.0) if residuals else (0.0, 1.0),
-            "range": _range(np.concatenate(shown), 0.08),
+            "range": axis_range(np.concatenate(shown), 0.08),
             "zeroline": False,
         },
     }
     if residuals:
         # A second axis below, on the same abscissa.
         left = view.measured - view.predicted
-        data += [{**one, "showlegend": False} for one in _points(view, std, left, "y2")]
+        data += [{**one, "showlegend": False} for one in measured_traces(view, std, left, "y2")]
         near = np.concatenate([(left - std)[certain], (left + std)[certain], left, [0.0]])
         layout["yaxis2"] = {
             "title": {"text": "residual", "standoff": 6},
             "automargin": True,
             "domain": (0.0, 0.34),
-            "range": _range(near, 0.1),
+            "range": axis_range(near, 0.1),
         }
     return {"data": data, "layout": layout}
 
 
-def _range(values: Array, air: float) -> tuple[float, float]:
+def axis_range(values: Array, air: float) -> tuple[float, float]:
     axis = Axis.around(values[np.isfinite(values)], air)
     return axis.low, axis.high
 
 
-def _prediction(view: FitView, measured: Measured, shown: list[Array]) -> Iterator[Figure]:
-    """Predicted curve; where the estimate determines it, with its 95 % interval and the truth. What the axis
-    must hold is added to `shown`."""
+def prediction_traces(view: FitView, measured: Measured, shown: list[Array]) -> Iterator[Figure]:
+    """Predicted curve; with its 95 % interval and the truth if the view has slopes, ∂prediction/∂value. Values
+    that the axis must include are added to `shown`."""
     estimate, name = measured.estimate, "the fit"
     order = np.argsort(view.x, kind="stable")
     order = order[np.isfinite(view.x[order])]
-    # A smooth curve: a few hundred places show it.
+    # 400 points suffice for a smooth curve.
     order = order[np.unique(np.linspace(0, len(order) - 1, 400).astype(int))]
     x, predicted = view.x[order], view.predicted[order]
     if view.slopes is not None:
@@ -135,6 +134,7 @@ def _prediction(view: FitView, measured: Measured, shown: list[Array]) -> Iterat
             low, high = (estimate.intervals[0] - value).tolist()
             ends = predicted + low * slopes[:, 0], predicted + high * slopes[:, 0]
         else:
+            # Independent components: σ² = Σ (slope σ)².
             half = Z95 * np.sqrt(slopes**2 @ estimate.stds**2)
             ends = predicted - half, predicted + half
         shown += ends
@@ -149,7 +149,7 @@ def _prediction(view: FitView, measured: Measured, shown: list[Array]) -> Iterat
         yield _curve("the truth", x, truth, line={"color": TRUTH, "width": 2, "dash": "dash"})
 
 
-def _points(view: FitView, std: Array, values: Array, axis: str) -> Iterator[Figure]:
+def measured_traces(view: FitView, std: Array, values: Array, axis: str) -> Iterator[Figure]:
     """Measured values, or their residuals, group by group: points with error bars, or a curve."""
     used = np.ones(len(view.x), dtype=bool) if view.used is None else view.used
     groups = [view.groups] * len(view.x) if isinstance(view.groups, str) else view.groups

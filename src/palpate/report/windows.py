@@ -1,4 +1,4 @@
-"""Recordings behind the estimates: names for the timeline, and the reading of each."""
+"""Measured windows: the parameters that each recording is evidence of, its situation and its reading."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.estimation.contact.descent import tip_height
 from palpate.estimation.estimate import Estimate, rounded
-from palpate.estimation.motion import tip_height
 from palpate.parameter import Parameter
 from palpate.quantities.catalogue import catalogue
 from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, Trace
 
 FINEST = 1e-5
-"""N or m: least standard deviation of a recording that is shown."""
+"""N or m: least spread of a recording that is shown."""
 
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Recording as the report lists it: situation, time and reading."""
+    """Measured window: situation, time and reading."""
 
     what: str
     when: str
@@ -28,13 +28,13 @@ class Evidence:
 
 
 def quantity_label(id: str) -> str:
-    """Label of a quantity, or the id itself where it is not in the catalogue."""
+    """The quantity's name in words; its id if the catalogue lacks it."""
     return catalogue()[id].label if id in catalogue() else id
 
 
 def windows(trace: Trace, estimates: Sequence[Estimate]) -> dict[Recording, str]:
-    """Every recording with the names of the parameters that it is evidence of, by the estimates and the
-    conversions; with its situation where it is evidence of none."""
+    """Name of each recording: the parameters whose estimates or conversions use it, else its
+    situation."""
     names: dict[Recording, list[str]] = {recording: [] for recording in trace.recordings}
 
     def claim(recording: Recording, parameter: Parameter) -> None:
@@ -56,7 +56,7 @@ def windows(trace: Trace, estimates: Sequence[Estimate]) -> dict[Recording, str]
 
 
 def evidence(recording: Recording, trace: Trace) -> Evidence:
-    """Situation, time and reading of a recording."""
+    """Describe one measured window."""
     context = recording.context
     words: list[str] = [context.activity]
     if context.holding:
@@ -66,21 +66,20 @@ def evidence(recording: Recording, trace: Trace) -> Evidence:
     if context.at:
         words.append(f"at {context.at}")
     when = f"{recording.start:.2f}–{recording.end:.2f} s"
-    return Evidence(", ".join(words), when, _reading(recording, trace))
+    return Evidence(", ".join(words), when, reading_text(recording, trace))
 
 
-def _reading(recording: Recording, trace: Trace) -> str:
-    """Mean, standard deviation and number of samples of the signal that a recording is about."""
+def reading_text(recording: Recording, trace: Trace) -> str:
+    """Mean ± standard deviation of the recording's main signal, and the number of samples."""
+    samples = trace.of(recording)
     if recording.reading:
         name, unit, values = "reading", "", np.array(recording.reading)
+    elif recording.buffer == FORCES:
+        name, unit, values = "Fz", " N", samples.wrench[:, 2]
     else:
-        samples = trace.of(recording)
         name, unit, values = "fingertips z", " m", tip_height(samples, trace.hand)
-        if recording.buffer == FORCES:
-            name, unit, values = "Fz", " N", samples.wrench[:, 2]
-    if not len(values):
+    count = len(values)
+    if not count:
         return "no samples"
-    std = max(float(values.std()), FINEST)
-    mean, spread = rounded(float(values.mean()), std)
-    number = "1 sample" if len(values) == 1 else f"{len(values)} samples"
-    return f"{name} = {mean} ± {spread}{unit}, {number}"
+    mean, std = rounded(float(values.mean()), max(float(values.std()), FINEST))
+    return f"{name} = {mean} ± {std}{unit}, {'1 sample' if count == 1 else f'{count} samples'}"
