@@ -30,7 +30,7 @@ LONG = (
     "tests/cli/test_calibrate.py::test_a_known_weight_makes_masses_right",
     "tests/studies/test_efficiency.py::test_one_missing_mass_takes_less_than_everything",
     "tests/studies/planners/test_ablation.py::*",
-    "tests/studies/engine/test_cluster.py::*",
+    "tests/studies/test_cluster.py::*",
     "tests/examples/test_thermometer.py::test_the_request_is_measured_and_reported",
     "tests/examples/test_thermometer.py::test_a_thermometer_that_cannot_be_read_ends*",
     "tests/examples/test_rolling_friction.py::*",
@@ -53,8 +53,8 @@ LONG = (
     "tests/examples/test_programs.py::test_a_program_runs_and_prints_what_it_promises[[]10*",
     "tests/planning/test_paper_plans.py::test_the_papers_tree_passes_the_check_and_acquires_exactly*",
     "tests/robots/test_arms.py::test_a_second_arm_measures_the_same*",
-    "tests/quantities/test_mass.py::test_light_and_heavy_objects*",
-    "tests/quantities/test_mass.py::test_residual_of_every_approach_does_not_reach_the_estimate",
+    "tests/quantities/test_mass.py::test_mass_of_light_and_heavy_objects*",
+    "tests/quantities/test_mass.py::test_residual_of_every_approach_does_not_reach_the_mass",
     "tests/quantities/test_size.py::test_a_crate_is_measured_from_a_sentence",
     "tests/quantities/test_friction.py::test_the_arms_own_friction_does_not_reach_the_estimate*",
     "tests/estimation/test_load.py::test_gains_are_carried_through_the_jacobian",
@@ -63,7 +63,7 @@ LONG = (
     "tests/cli/test_stored_runs.py::test_what_a_run_in_a_hurry_left_out_is_made_later",
     "tests/cli/test_teach.py::test_an_arm_is_examined_and_its_hand_shows_where_things_are",
     "tests/studies/test_accuracy.py::test_seeds_are_independent_runs_of_one_world",
-    "tests/execution/test_repetition.py::test_such_a_run_is_complete",
+    "tests/execution/test_repetition.py::test_repeated_run_is_complete",
     "tests/execution/test_recovery.py::test_replanning_*",
 )
 

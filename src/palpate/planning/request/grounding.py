@@ -1,4 +1,4 @@
-"""What a request asks for: from its words to the parameters of a scene.
+"""Grounding: from the words of a request to parameters of a scene.
 
 A sentence is read only when the grammar derives all of it: every word has a part in what it means,
 or is one that means nothing of it, "please". What is left over is named in a refusal, and so is a
@@ -54,7 +54,7 @@ Acts = tuple[Act, ...]
 
 @dataclass(frozen=True, slots=True)
 class Grounded:
-    """What a request asks for.
+    """Parameters that a request asks for.
 
     Attributes:
         asked: the parameters it names, whether or not the scene states them.
@@ -68,7 +68,7 @@ class Grounded:
 
 
 def ground(request: str, scene: Scene) -> Grounded:
-    """What `request` asks for in `scene`.
+    """Ground a request in a scene.
 
     Raises:
         InputError: empty or too long, or it names an object that the scene does not have (the
@@ -103,14 +103,14 @@ def ground(request: str, scene: Scene) -> Grounded:
 
 
 def _own(request: str, count: int) -> list[str]:
-    """The sentences of a request as they were written, or all of it for each where they cannot be
-    told apart."""
+    """Split a request into sentences as written; the whole request for each if the number of
+    sentences differs."""
     own = [part.strip() for part in re.split(r"(?<=[.;?!])\s+", request) if part.strip()]
     return own if len(own) == count else [request] * count
 
 
 def _derived(sentence: Sequence[str], own: str, lattice: Lattice, resolver: Resolver) -> list[Acts]:
-    """What a sentence may mean, which the user wrote as `own`.
+    """Derive the readings of a sentence, which the user wrote as `own`.
 
     Raises:
         PlanRejected: nothing; the message names what was not understood.
@@ -146,7 +146,7 @@ def _agreed(
     remarks: Sequence[str],
     request: str,
 ) -> Grounded:
-    """What all readings come to.
+    """Combine the readings; all must ask for the same parameters.
 
     Raises:
         InputError, PlanRejected: none of them can be; or they come to different things.
@@ -190,7 +190,7 @@ def _all_of(readings: Sequence[Sequence[Acts]]) -> list[list[Act]]:
 def _grounded(
     acts: Sequence[Act], scene: Scene, lattice: Lattice, remarks: Sequence[str], request: str
 ) -> Grounded:
-    """What one reading asks for."""
+    """Parameters that one reading asks for."""
     resolver = Resolver(scene)
     things = Things(scene, lattice.nouns)
     reading = Reading(resolver, things)

@@ -10,7 +10,7 @@ GRIPPER = "gripper"
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """Bodies by what was said of them.
+    """Bodies that a mention refers to.
 
     Attributes:
         words: what was said.
@@ -26,5 +26,5 @@ class Item:
 
     @property
     def text(self) -> str:
-        """What was said."""
+        """Words of the mention."""
         return " ".join(self.words)

@@ -24,7 +24,7 @@ from palpate.planning.request.wording import (
 from palpate.quantities.catalogue import catalogue
 
 _BULLET = re.compile(r"(?:^|\n)\s*(?:[-*•–]|\d{1,2}\.)\s+")
-"""What begins a line of a list."""
+"""Start of a list item."""
 
 Names = frozenset[str]
 """Words of the names of bodies: nobody turns them into others."""
@@ -49,7 +49,7 @@ def colours(code: str | None) -> frozenset[str]:
 
 
 def spoken(request: str) -> str | None:
-    """The language with the most words in it that tell it; None is English.
+    """Language of the request, by its frequent small words; None for English.
 
     Where there are English words, only languages that something tells are looked into.
     """
@@ -109,8 +109,8 @@ def _turned(
 
 
 def _is_noun_of(word: str, names: Names, code: str) -> bool:
-    """Whether a compound among the names is one of it: "Tisch" where there is a "schreibtisch", but
-    not "der" where there is "powder"."""
+    """Test that the noun of a compound is among the names: "Tisch" for a "schreibtisch", but not
+    "der" for "powder"."""
     if not language(code).compounds or word in names or word in tells()[code]:
         return False
     return any(is_within(word, name) for name in names)

@@ -44,7 +44,7 @@ _NOT_FELT = {
     "sharpness": "sharp sharpness",
 }
 UNMEASURABLE = by_word(_NOT_FELT)
-"""Properties people ask for that no touch of this arm can tell, by the words they use."""
+"""Properties that no touch measures, by the words of requests."""
 
 ADJECTIVES = word_set(
     "heavy high tall slippery hot warm cold stiff soft hard elastic bouncy viscous full empty rough "
@@ -83,4 +83,4 @@ AMOUNTS = (
     (_WORD + rf"(?=\w{{4}})(?:{MASSES})(?!\w)", "§mass"),
     (_WORD + rf"(?=\w{{4}})(?:{UNITS})(?!\w)", "§amount"),
 )
-"""What says how much, with its unit."""
+"""Words of an amount with its unit."""

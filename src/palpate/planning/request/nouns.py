@@ -1,4 +1,4 @@
-"""Which bodies of a scene a noun may mean."""
+"""Bodies of a scene that a noun may refer to."""
 
 from __future__ import annotations
 
@@ -49,19 +49,19 @@ class Nouns:
         return request
 
     def known(self, word: str) -> bool:
-        """Whether a word may belong to the name of a thing here."""
+        """Test that a word may be part of the name of a body here."""
         forms = singulars(word)
         if not self._said_of_any.isdisjoint([*forms, *_others(word)]):
             return True
         return any(_ends(own, form) for own in self._names for form in forms)
 
     def is_kind(self, word: str) -> bool:
-        """Whether `word` is a kind of things, and in no name."""
+        """Test for a word that is a class of objects and part of no name."""
         forms = singulars(word)
         return self._names.isdisjoint(forms) and not english().kinds.keys().isdisjoint(forms)
 
     def singular(self, word: str) -> bool:
-        """Whether `word` is no plural: it is said so of something itself."""
+        """Test that a word is no plural, as names and their own words are."""
         alike = word in self._said_of_any or word in frozenset[str]().union(*english().same)
         return alike or any(_ends(own, word) for own in self._names)
 
@@ -84,7 +84,7 @@ class Nouns:
         return self._headed(self.fitting(words), words[-1]) or self._otherwise(words)
 
     def _headed(self, names: Sequence[str], noun: str) -> tuple[str, ...]:
-        """Those of `names` whose noun may be `noun`: the paint is no paint can."""
+        """Select the names whose head noun is `noun`: paint is no paint can."""
         return tuple(name for name in names if self._may_head(name, noun))
 
     def _may_head(self, name: str, noun: str) -> bool:
@@ -94,11 +94,11 @@ class Nouns:
         return said.isdisjoint(own[:-1]) or not said.isdisjoint(own[-1:])
 
     def otherwise(self, words: tuple[str, ...]) -> bool:
-        """Whether `words` are other words for a thing, and not its own."""
+        """Test that `words` are synonyms of a body, and not its own name."""
         return not self.named.get(words) and not self._headed(self.fitting(words), words[-1])
 
     def _otherwise(self, words: tuple[str, ...]) -> tuple[str, ...]:
-        """Those that another word for the noun means: the table where there is only a desk."""
+        """Bodies that a synonym refers to: the table for a desk if there is no table."""
         found: list[str] = []
         for other in _others(words[-1]):
             found += self._headed(self.fitting((*words[:-1], other)), other)
@@ -116,11 +116,11 @@ class Nouns:
         return frozenset(said)
 
     def _is_gripper(self, noun: str) -> bool:
-        """Whether the noun means the robot's hand, and no body of the scene is called so."""
+        """Test that the noun means the robot's hand, and no body of that name exists."""
         return noun in lexicon.GRIPPER_NOUNS and noun not in self._names
 
     def _fits(self, name: str, words: Sequence[str]) -> bool:
-        """Whether each of `words` may be said of the body."""
+        """Test that each of `words` may describe the body."""
         return all(self._says(name, word) for word in words)
 
     def _says(self, name: str, word: str) -> bool:
@@ -131,7 +131,7 @@ class Nouns:
 
 
 def _ends(own: str, noun: str) -> bool:
-    """Whether the word of a name is `noun`, or a compound of it."""
+    """Test that a word of a name is the noun, or a compound that ends in it."""
     return noun == own or (noun in own and is_within(noun, own))
 
 

@@ -1,4 +1,4 @@
-"""What has been understood of a request so far: its sentences, one after the other."""
+"""State of understanding of a request, clause by clause."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Subject = tuple[Quantity, Items]
 
 @dataclass
 class Reading:
-    """What has been understood so far.
+    """State of understanding of a request.
 
     Attributes:
         asked: the parameters that are wanted, excluded: those that are not.
@@ -60,7 +60,7 @@ class Reading:
     _of_all: set[str] = field(default_factory=set[str])
 
     def take(self, act: Act) -> None:
-        """The next clause.
+        """Take in the next clause.
 
         Raises:
             InputError: it names a thing that is not there. PlanRejected: it asks for what is no
@@ -97,7 +97,7 @@ class Reading:
                     raise PlanRejected("'it' stands for nothing that was asked; name the quantity")
 
     def finish(self) -> None:
-        """What all of it asks for.
+        """Complete the list of parameters after the last clause.
 
         Raises:
             PlanRejected: nothing.
@@ -133,8 +133,8 @@ class Reading:
         self._deed = deed
 
     def _require_no_other(self, pair: Pair) -> None:
-        """That no quantity which was taken to be wanted of all is one of the thing that is named
-        only now: "the mass, but not the friction of the mug".
+        """Require that a thing named now does not leave open an earlier quantity of "all": "the
+        mass, but not the friction of the mug".
 
         Raises:
             PlanRejected: it may be.
@@ -148,8 +148,8 @@ class Reading:
                 raise PlanRejected(f"it is not clear of what the {id} is wanted; name it")
 
     def _require_last(self, deed: str) -> None:
-        """That something was wanted that "also the bottle" says again. "What about the bottle?" also
-        turns what was known or not wanted.
+        """Require an earlier wish, which "also the bottle" repeats; "what about the bottle?" also
+        inverts an exclusion.
 
         Raises:
             PlanRejected: nothing was.
@@ -159,7 +159,7 @@ class Reading:
             raise PlanRejected("it is not clear what of it is wanted; say e.g. 'its mass'")
 
     def _require_turn(self) -> None:
-        """That something was said of which "that of the other is not" says the opposite.
+        """Require an earlier exclusion, which "that of the other is not" inverts.
 
         Raises:
             PlanRejected: nothing was.
@@ -190,7 +190,7 @@ class Reading:
             self._miss(objects, model=pair.every)
 
     def _quantities(self, pair: Pair) -> tuple[Quantity, ...]:
-        """Those of a pair; "that of the mug" says those again that were said last.
+        """Quantities of a pair; "that of the mug" repeats the last ones.
 
         Raises:
             PlanRejected: none were.
@@ -226,7 +226,7 @@ class Reading:
         self._last = quantities or self._last
 
     def _meant(self, quantity: Quantity) -> Items:
-        """What was spoken of last that can have it: the meaning of "it", or of saying nothing."""
+        """Last mentioned bodies that can have the quantity: the meaning of "it", or of no mention."""
         self.things.require_sure()
         for objects in reversed(self.things.spoken):
             if self.resolver.can_have(objects, quantity):
@@ -243,13 +243,13 @@ class Reading:
         self.remarks.append(remark)
 
     def _read_alone(self) -> None:
-        """Nothing but things: what is missing of them."""
+        """Ask for everything missing of the bodies, in a request that names nothing else."""
         if len(self._alone) > 1 or self.things.spared:
             raise PlanRejected("it is not said what to measure of them; say e.g. 'their masses'")
         self._miss(self._alone[0])
 
     def _require_alone(self) -> None:
-        """That nothing was named and then left aside.
+        """Require that no body was named without a quantity.
 
         Raises:
             PlanRejected: something was.

@@ -20,7 +20,7 @@ _NOT_SENSED = "no primitive of the robot senses it"
 
 
 class Resolver:
-    """What mentions mean in one scene.
+    """Resolver of mentions in one scene.
 
     Attributes:
         cannot: one sentence for each thing that was asked and that no plan can measure.
@@ -70,7 +70,7 @@ class Resolver:
         return body is not None and quantity in body.assumed
 
     def can_have(self, objects: Sequence[Item], quantity: Quantity) -> bool:
-        """Whether one of `objects` can have `quantity`."""
+        """Test that one of `objects` can have the quantity."""
         id = self._meant(quantity.id, objects)
         return id not in self.catalogue or self._any_carries(objects, id)
 
@@ -108,12 +108,13 @@ class Resolver:
         return self._missing_of(list(dict.fromkeys(names)), list(self.scene.missing))
 
     def _holds_all(self, names: Sequence[str]) -> bool:
-        """Whether these are where everything stands: "a model of my desk" is one of all on it."""
+        """Test for the surfaces that carry all objects: "a model of my desk" includes everything on
+        it."""
         surfaces = self.scene.surfaces
         return all(name in surfaces for name in names) and len(surfaces) == len(set(names))
 
     def require_one(self, objects: Sequence[Item]) -> None:
-        """That each of some things is told from others.
+        """Require that each mention refers to one body.
 
         Raises:
             PlanRejected: one is not.
@@ -153,19 +154,19 @@ class Resolver:
         return "everything that is missing"
 
     def no_deed(self, word: str) -> str:
-        """What to say to somebody who wants the robot to do something."""
+        """Message to a request for an action of the robot."""
         return (
             f"'{word}' is nothing to measure: the robot touches and weighs, and puts everything back; "
             f"measurable are {_measurable(self.catalogue)}."
         )
 
     def not_felt(self, word: str) -> str:
-        """What to say to somebody who asks how a thing is."""
+        """Message to a question about a state."""
         measurable = _measurable(self.catalogue)
         return f"Whether it is '{word}' cannot be measured: {_NOT_SENSED}; what can be is {measurable}."
 
     def reject(self, request: str) -> NoReturn:
-        """Nothing was understood.
+        """Reject a request without any known word.
 
         Raises:
             PlanRejected: always; it says what can be asked.
@@ -212,13 +213,13 @@ class Resolver:
         return _each(self._carriers(id), id)
 
     def _carriers(self, id: str) -> list[str]:
-        """What can have the quantity; of the gripper's own, the empty hand."""
+        """Bodies that can have the quantity; the empty hand for those of the gripper."""
         if self.catalogue[id].subject == "gripper":
             return [GRIPPER]
         return [name for name in self.scene.bodies if self._carries(name, id)]
 
     def _carries(self, name: str, id: str) -> bool:
-        """Whether a body can have the quantity; what the gripper has, the object it holds has."""
+        """Test that a body can have the quantity; a held object has those of the gripper, too."""
         subject = self.catalogue[id].subject
         if name == GRIPPER:
             return subject == "gripper"
@@ -227,7 +228,7 @@ class Resolver:
         return subject == self.scene.bodies[name].role
 
     def not_measurable(self, quantity: Quantity) -> str:
-        """What to say to somebody who asks for a property that nothing measures."""
+        """Message to a request for a property that nothing measures."""
         reason, label = _NOT_SENSED, quantity.id
         if quantity.id in self.catalogue:
             reason, label = self.catalogue[quantity.id].how, self.catalogue[quantity.id].label

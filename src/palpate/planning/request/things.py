@@ -1,4 +1,4 @@
-"""Which bodies of the scene the things of a request are."""
+"""Bodies of the scene that the things of a request refer to."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Items = tuple[Item, ...]
 
 @dataclass
 class Things:
-    """Finds things in a scene, and remembers those spoken of.
+    """Resolver of things, with the history of mentions.
 
     Attributes:
         spoken: the things of every list so far, which "it" may mean.
@@ -48,7 +48,7 @@ class Things:
     unsure: bool = False
 
     def found(self, thing: Thing) -> Items:
-        """The bodies themselves; spoken of from now on.
+        """Resolve a thing and add it to the mentions.
 
         Raises:
             InputError: the scene has no such thing. PlanRejected: it cannot be told which it is.
@@ -113,7 +113,7 @@ class Things:
         return Item(words, names, several, remark)
 
     def _require_only(self, words: tuple[str, ...], told: str) -> None:
-        """That what was told of a thing need not tell it from others.
+        """Require that a relative clause need not distinguish several bodies.
 
         Raises:
             PlanRejected: it does: "the box that I like best".
@@ -131,7 +131,7 @@ class Things:
         return tuple(name for item in self.spoken[-1] for name in item.names)
 
     def _others_of(self, names: Sequence[str]) -> tuple[str, ...]:
-        """Those that were not spoken of.
+        """Bodies that were not mentioned.
 
         Raises:
             PlanRejected: none was.
@@ -159,7 +159,7 @@ class Things:
         return Item((*thing.words, "one"), names, thing.many == "all")
 
     def _again(self, which: str) -> Items:
-        """What was spoken of before.
+        """Bodies that were mentioned before.
 
         Raises:
             PlanRejected: nothing was, or not what the word needs.
@@ -181,7 +181,7 @@ class Things:
         return last
 
     def require_sure(self) -> None:
-        """That what was said last was looked into.
+        """Require that no unread remark stands between a pronoun and its reference.
 
         Raises:
             PlanRejected: it was a side remark, and may be meant.
@@ -212,7 +212,7 @@ class Things:
         return Item(item.words, names, item.plural, remark or item.remark)
 
     def _marks(self, thing: Thing) -> Iterator[str]:
-        """The landmarks: whichever of them is meant.
+        """Landmarks of a relation; any of them may be meant.
 
         Raises:
             PlanRejected: it cannot be told.
@@ -249,7 +249,7 @@ class Things:
                 yield replace(item, names=kept)
 
     def _excepted(self, thing: Thing, items: Items) -> Iterator[Item]:
-        """What is taken out; "the red one" is one of those it is taken out of."""
+        """Bodies that are excluded; "the red one" is one of the set."""
         self.spoken.append(items)
         found = tuple(self._items(thing))
         self.spoken.pop()

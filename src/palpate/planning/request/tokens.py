@@ -22,7 +22,7 @@ _APART = (
     (r"[&+]", " and "),
     (r"(?<!\S)\(?[\da-h] ?\) ", " ; "),
 )
-"""What is written as one word and is two."""
+"""Contractions, as two words."""
 
 
 def tokens(request: str) -> list[str]:
@@ -61,19 +61,19 @@ def name_words(name: str) -> tuple[str, ...]:
 
 
 _FURTHER = re.compile(r"(?:body|base|top|link|obj|object|geom|mesh|part|main|root|\d)+")
-"""What authors of models put behind a noun without saying more by it."""
+"""Words behind a noun in names of models, without a meaning of their own."""
 _BEFORE = re.compile(r"(?=.*[aeiouy])\w{3,}")
-"""What may make another noun of the one behind it: `work` of `bench`, but not `sp` of `ring`."""
+"""Prefixes of compound nouns: `work` of `bench`, but not `sp` of `ring`."""
 
 
 def is_further(word: str) -> bool:
-    """Whether a word of a name says nothing more than the noun before it: `main`, `1`, `a`."""
+    """Test for a part of a name without a meaning: `main`, `1`, `a`."""
     return len(word) == 1 or bool(_FURTHER.fullmatch(word))
 
 
 def is_within(word: str, name: str) -> bool:
-    """Whether a noun of at least three letters is the noun of a compound name: a `workbench` is a
-    bench, a `hammerbody` a hammer."""
+    """Test that a noun of at least three letters is the head of a compound name: `workbench`,
+    `hammerbody`."""
     if len(word) < 3 or word == name:
         return False
     if name.startswith(word) and _FURTHER.fullmatch(name.removeprefix(word)):
@@ -82,7 +82,7 @@ def is_within(word: str, name: str) -> bool:
 
 
 def singulars(word: str) -> tuple[str, ...]:
-    """What `word` may be the plural or the gerund of, itself first."""
+    """Words of which `word` may be the plural or the gerund, itself first."""
     forms = [word]
     if word.endswith("ies"):
         forms.append(word[:-3] + "y")
@@ -96,7 +96,7 @@ def singulars(word: str) -> tuple[str, ...]:
 
 
 def forms(word: str) -> tuple[tuple[str, str], ...]:
-    """What verb `word` may be a form of, and which: "sliding" is "slide" and `_ING`."""
+    """Verbs of which `word` may be a form, with the form: "sliding" is "slide" and `_ING`."""
     found = [(word, "")]
     for ending, tag in (("ing", "_ING"), ("es", "_S"), ("ed", "_ED"), ("s", "_S")):
         stem = word.removesuffix(ending)
@@ -131,7 +131,7 @@ def nearest_spelling(word: str, known: Collection[str]) -> str | None:
 
 
 def _nearest(word: str, known: Iterable[str]) -> list[str]:
-    """Those of `known` that are the nearest, if they are near at all."""
+    """Known words at the least distance, if it is small."""
     best, nearest = NEAR, list[str]()
     for other in known:
         if abs(len(other) - len(word)) > 2:

@@ -1,4 +1,4 @@
-"""Which of several things is meant, by where it stands: "the box beside the red one".
+"""Selection of one of several bodies by its position: "the box beside the red one".
 
 Left and right, near and far are as the robot sees them: x of its base points away from it, y to
 its left.
@@ -21,18 +21,18 @@ APART = 0.02
 TOUCHING = 0.02
 """m: what stands no farther above a top stands on it."""
 NEARER = 0.8
-"""One of several stands beside a thing where its distance is less than this of the next one's."""
+"""Ratio of distances below which the nearer of two bodies is the one beside a thing."""
 LEVEL = 0.001
 """m: of two things, neither is the nearest where their distances differ by less; scenes state places
 in millimetres."""
 LARGER = 1.1
-"""One of several is the large one where it is larger than the next by this."""
+"""Ratio of sizes above which the larger of two bodies is the large one."""
 
 _VIEWS = ("left", "right")
 
 
 def farthest(place: str, names: Sequence[str], scene: Scene, said: str) -> tuple[str, str]:
-    """That of several which is farthest to one side, or the largest, and how it was told.
+    """Body that is farthest to one side, or the largest, with a remark.
 
     Raises:
         PlanRejected: two are.
@@ -44,7 +44,7 @@ def farthest(place: str, names: Sequence[str], scene: Scene, said: str) -> tuple
 def standing(
     relation: str, item: Item, marks: Sequence[str], scene: Scene, anything: bool
 ) -> tuple[tuple[str, ...], str]:
-    """Those of the item's things that stand so to the marks, and how it was told.
+    """Bodies of an item that have the relation to the landmarks, with a remark.
 
     Raises:
         PlanRejected: nothing does, or it cannot be told which does.
@@ -105,7 +105,7 @@ def _extreme(place: str, bodies: Sequence[Body], scene: Scene, said: str, noun: 
 
 
 def _in_base(body: Body, scene: Scene) -> Array:
-    """Where its middle is as the robot sees it, m."""
+    """Centre of a body in the robot's base frame, m."""
     base = scene.pose_world_base
     return base.rotation.T @ (_middle(body) - base.position)
 
@@ -140,20 +140,20 @@ _SAID = {
 
 
 def _standing(relation: str, rest: Sequence[Body], marks: Sequence[Body]) -> list[Body]:
-    """Those of the rest that stand so to one of the marks."""
+    """Bodies that have the relation to one of the landmarks."""
     stands = _STANDING[relation]
     return [body for body in rest if any(stands(body, mark, rest) for mark in marks)]
 
 
 def _is_upon(body: Body, mark: Body, others: Sequence[Body]) -> bool:
-    """Whether one stands on the other, also by way of others."""
+    """Test that one body stands on another, also indirectly."""
     if _on(body, mark):
         return True
     return any(_on(body, other) and _is_upon(other, mark, others) for other in others)
 
 
 def _on(upper: Body, lower: Body) -> bool:
-    """Whether one stands right on the other."""
+    """Test that one body stands directly on another."""
     if upper.name in lower.carries:
         return True
     x, y = _middle(upper)[:2]
@@ -162,7 +162,7 @@ def _on(upper: Body, lower: Body) -> bool:
 
 
 def _in(inner: Body, outer: Body) -> bool:
-    """Whether one is inside the other."""
+    """Test that one body is inside another."""
     x, y, z = _middle(inner)
     between = outer.bottom_z() < z < outer.top_z()
     return inner is not outer and between and outer.covers(x, y)
@@ -185,7 +185,7 @@ def _middle(body: Body) -> Array:
 def _beside(
     relation: str, rest: Sequence[Body], marks: Sequence[Body], scene: Scene
 ) -> tuple[list[Body], str]:
-    """That of the rest which stands so, the nearest where several do, and how it was told.
+    """Body that has the relation, the nearest of several, with a remark.
 
     Raises:
         PlanRejected: two are about as near.

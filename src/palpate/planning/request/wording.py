@@ -13,7 +13,7 @@ from palpate.files.plain_yaml import plain_yaml
 from palpate.planning.request.lexicon import by_word, word_set
 
 LANGUAGES = ("de", "es", "fr", "it")
-"""Besides English."""
+"""Languages of requests, without English."""
 
 Phrase = tuple[str, ...]
 
@@ -37,7 +37,7 @@ class Language:
 
 @dataclass(frozen=True, slots=True)
 class English:
-    """What English words are; `words/en.yaml` tells what each is for.
+    """Word classes of English, from `words/en.yaml`.
 
     Attributes:
         classes: the classes of a phrase, and whether it inflects.
@@ -122,7 +122,7 @@ def english() -> English:
 
 @cache
 def language(code: str) -> Language:
-    """One of `LANGUAGES`."""
+    """Words of one of `LANGUAGES`."""
     said = _read(code)
     endings = tuple(said["endings"].split())
     compounds = bool(said.get("compounds", False))
@@ -132,7 +132,7 @@ def language(code: str) -> Language:
 
 @cache
 def tells() -> Mapping[str, frozenset[str]]:
-    """Frequent small words by which each of `LANGUAGES`, and English, is told from others."""
+    """Frequent small words by which languages are distinguished."""
     return {code: word_set(words) for code, words in _read("tells").items()}
 
 

@@ -141,7 +141,7 @@ OF_THINGS: Mapping[str, Callable[..., Hashable]] = {
 
 
 Part = Quantity | Thing | str
-"""What actions get; a quantity also by its id."""
+"""Argument of an action; a quantity also by its id."""
 
 
 def _class_mention(words: Words, place: Marks) -> Mention:
@@ -219,7 +219,7 @@ def _say_every(deed: str, *quantities: Quantity) -> Say:
 
 
 def _say_but(*parts: Act | Pair | Thing) -> tuple[Act, ...]:
-    """What is wanted, and of that what is not."""
+    """Wishes, and exclusions from them."""
     said: list[Act] = []
     for part in parts:
         if isinstance(part, Pair):
@@ -232,7 +232,7 @@ def _say_but(*parts: Act | Pair | Thing) -> tuple[Act, ...]:
 
 
 def _unsaid(*parts: Act | Thing) -> tuple[Act, ...]:
-    """What is said, as not wanted."""
+    """Wishes, inverted to exclusions."""
     turned = [replace(part, deed="skip") if isinstance(part, Say) else part for part in parts]
     return _say_but(*turned)
 
@@ -252,15 +252,14 @@ def _inertial() -> tuple[Quantity, ...]:
 
 
 def _compared(*parts: Part) -> Say:
-    """What is compared, of all that it is compared of."""
+    """Quantity of everything that is compared."""
     things = [all_of(part) for part in parts if not isinstance(part, (Quantity, str))]
     thing = several(*things) if things else Again("all")
     return Say("want", (replace(_pair(*parts), thing=thing),))
 
 
 def _selected(*parts: Part) -> Say:
-    """Like `_compared`, where one of a class is asked for: all of it are meant, or of the class
-    those that are listed last."""
+    """Like `_compared`, for one of a class: all of the class, or those of it that are listed last."""
     quantities = [part for part in parts if isinstance(part, (Quantity, str))]
     things = [part for part in parts if not isinstance(part, (Quantity, str))]
     return _compared(*quantities, *things[-1:])
@@ -292,7 +291,7 @@ def _told(thing: Thing, said: str) -> tuple[Act, ...]:
 
 
 def _told_of(said: str, thing: Thing) -> tuple[Act, ...]:
-    """What somebody did with a thing that is then asked about."""
+    """Remark on a thing, followed by a question about it."""
     return _told(thing, said)
 
 

@@ -1,4 +1,4 @@
-"""All derivations of a whole sentence by the grammar, each stretch of it derived once.
+"""Chart parser: all derivations of a sentence, each span derived once.
 
 Of a stretch that one name derives in several ways, the cheapest are kept: what is around it cannot
 tell them apart.
@@ -13,7 +13,7 @@ from palpate.planning.request.sentence.grammar import Rule, Rules
 
 Meanings = tuple[Hashable, ...]
 Edges = Mapping[str, Sequence[tuple[int, Meanings]]]
-"""What begins at one place: a word or a class of words to where it ends and what it means."""
+"""Lattice edges that begin at one word: word or class, with end and meanings."""
 Actions = Mapping[str, Callable[..., Hashable]]
 
 MOST = 12

@@ -20,7 +20,7 @@ _CLOSING = {"[": "]", "(": ")", "{": "}"}
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """One alternative of a name.
+    """Alternative of a nonterminal.
 
     Attributes:
         parts: names in `<>`, classes of words, and words.
@@ -48,7 +48,7 @@ class Rules:
                 yield rule
 
     def _alternatives(self, name: str) -> tuple[tuple[Rule, frozenset[str] | None], ...]:
-        """Those of a name, with what each may begin with; None where it may be nothing."""
+        """Alternatives of a nonterminal, with their first symbols; None if it may be empty."""
         if name not in self._first:
             told = ((rule, *self._begin(rule.parts)) for rule in self.named[name])
             self._first[name] = tuple(
@@ -57,7 +57,7 @@ class Rules:
         return self._first[name]
 
     def _begin(self, parts: Sequence[str]) -> tuple[frozenset[str], bool]:
-        """What a sequence may begin with, and whether it may be nothing."""
+        """First symbols of a sequence, and whether it may be empty."""
         found = frozenset[str]()
         for part in parts:
             first, empty = self._begin_of(part)
@@ -84,7 +84,7 @@ def grammar() -> Rules:
 
 
 class _Reader:
-    """Reads the notation; what stands in brackets becomes a name of its own."""
+    """Reader of the notation; a bracket becomes a nonterminal."""
 
     def __init__(self, text: str) -> None:
         self._rules: dict[str, list[Rule]] = {}
@@ -112,7 +112,7 @@ class _Reader:
         return Rule(parts, tuple(action.split()), cost)
 
     def _alternatives(self, symbols: list[str], closing: str) -> list[tuple[str, ...]]:
-        """What stands until `closing`; takes it from `symbols`."""
+        """Read up to `closing`; consumes `symbols`."""
         found: list[tuple[str, ...]] = []
         parts: list[str] = []
         while symbols:

@@ -1,4 +1,4 @@
-"""What each word of a sentence may be: the classes that `words/grammar.txt` speaks of.
+"""Lattice of a sentence: the classes of `words/grammar.txt` to which each word may belong.
 
 A word may be several things, a noun and a verb; the grammar tells which. A word that is nothing of
 all that is unknown, and no part of any reading but of one that names a thing which is not there.
@@ -43,7 +43,7 @@ class Lattice:
         self._longest = longest(self._quantities)
 
     def edges(self, tokens: Sequence[str]) -> list[dict[str, list[tuple[int, Meanings]]]]:
-        """What begins at each word."""
+        """Lattice edges that begin at each word."""
         lattice: list[dict[str, list[tuple[int, Meanings]]]] = []
         for at, token in enumerate(tokens):
             begins: dict[str, list[tuple[int, Meanings]]] = {token: [(at + 1, ())]}
@@ -66,7 +66,7 @@ class Lattice:
         return None
 
     def slips(self, tokens: Sequence[str]) -> dict[str, str]:
-        """What those tokens that mean nothing are a slip of."""
+        """Known spelling of each unknown token."""
         known = self.nouns.names | {word for phrase in self._quantities for word in phrase}
         known = (known - lexicon.NO_NOUNS) | english().often | {"weigh"}
         known = {word for word in known if word.isalpha()}
@@ -100,8 +100,7 @@ class Lattice:
             yield from remarks(tokens, at, self._says_nothing, self._bears, self._asks)
 
     def _says_nothing(self, tokens: Sequence[str], at: int) -> bool:
-        """Whether a word names neither a thing of the scene nor a property, nor tells anything of
-        what is wanted."""
+        """Test for a word that names no body and no property, and neither asks nor excludes."""
         token = tokens[at]
         if token in english().telling or not token.isalpha() or token in _quantitative():
             return False
@@ -128,12 +127,12 @@ class Lattice:
         return True
 
     def _bears(self, tokens: Sequence[str], at: int) -> bool:
-        """Whether a word says nothing of what is wanted in a clause that tells why or when."""
+        """Test for a word that neither asks nor excludes in a clause of reason or time."""
         bearing = tokens[at] in english().bearing and not self._asks(tokens, at)
         return bearing or self._says_nothing(tokens, at)
 
     def _asks(self, tokens: Sequence[str], at: int) -> bool:
-        """Whether a word asks for something of its own, or names a thing of the scene."""
+        """Test for a word that asks for something, or names a body."""
         named = not self.nouns.names.isdisjoint(singulars(tokens[at]))
         asks = tokens[at] in english().asking
         return named or asks or any(True for _ in self._properties(tokens, at))
@@ -240,11 +239,11 @@ class Lattice:
                     yield "OBJ", end, (run,)
 
     def _tells(self, run: Phrase) -> bool:
-        """Whether an adjective is part of the names of things: "the plastic one"."""
+        """Test for an adjective in the names of bodies: "the plastic one"."""
         return len(run) == 1 and run[0] in english().describing and run[0] in self.nouns.names
 
     def _is_behind(self, run: Phrase) -> bool:
-        """Whether the adjectives stand behind their noun, as in Spanish: "caja roja"."""
+        """Test for adjectives behind their noun, as in Spanish: "caja roja"."""
         if len(run) == 1 or self.nouns.meant(run, plural=True):
             return False
         return self.nouns.colours.issuperset(run[1:]) or not self._english
@@ -317,7 +316,7 @@ _VALUED = frozenset({"DEED", "HANDLE", "STATE"})
 
 @cache
 def _small_words() -> frozenset[str]:
-    """Words that the grammar speaks of itself, and those that tell which thing is meant."""
+    """Words of the grammar itself, and words that select one of several things."""
     said = english()
     rules = [rule for rules in grammar().named.values() for rule in rules]
     literals = {part for rule in rules for part in rule.parts}

@@ -1,4 +1,4 @@
-"""What the parts of a sentence mean, before it is known what of it the scene has."""
+"""Meanings of the parts of a sentence, independent of the scene."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Named:
-    """Things by a noun. `many`: how many are meant, "one", "all", "any", or the number.
-    `told`: what was said of it beside, "which my aunt gave us"."""
+    """Things by a noun. `many`: their number, "one", "all", "any" or a figure. `told`: a relative
+    clause, "which my aunt gave us"."""
 
     words: tuple[str, ...]
     many: str = "one"
@@ -54,7 +54,7 @@ class Chosen:
 
 @dataclass(frozen=True, slots=True)
 class Placed:
-    """Those of several that stand so."""
+    """Things selected by their position."""
 
     thing: Thing
     relation: str
@@ -78,7 +78,7 @@ class Several:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """One of several, whichever: "the mug or the bottle"."""
+    """Alternative of several things: "the mug or the bottle"."""
 
     things: tuple[Thing, ...]
 
@@ -117,8 +117,8 @@ class Pair:
 
 @dataclass(frozen=True, slots=True)
 class Say:
-    """What a clause does with its pairs: "want", "know", "skip", or, where only what came before
-    tells, "turn" (the opposite), "also" (the same), "about" (whatever was not said)."""
+    """Intent of a clause and its pairs: "want", "know", "skip", or, relative to the clause before,
+    "turn" (the opposite), "also" (the same), "about" (the complement)."""
 
     deed: str
     pairs: tuple[Pair, ...]
@@ -182,7 +182,7 @@ class Aside:
 
 @dataclass(frozen=True, slots=True)
 class Told:
-    """What was told of the thing that was named last, and is no part of what is asked."""
+    """Remark on the thing that was named last."""
 
     said: str
 
@@ -192,7 +192,7 @@ Act = Aside | Told | Say | Mention | Simulated | Deed | Handled | Unfelt | Need 
 
 @dataclass(frozen=True, slots=True)
 class Marks:
-    """How a thing stands, before it is known which."""
+    """Relation to other things, before the things are resolved."""
 
     relation: str
     marks: tuple[Thing, ...]

@@ -1,4 +1,4 @@
-"""What may be said beside a request without changing it: "a customer is waiting".
+"""Side remarks that do not change a request: "a customer is waiting".
 
 No word of it may name a thing of the scene or a property, or say what is wanted, known or left out
 (`telling` in `words/en.yaml`). Nobody looks into it: it is named in a remark, and nothing said later
@@ -13,17 +13,17 @@ from palpate.planning.request.sentence.chart import Meanings
 from palpate.planning.request.wording import english
 
 Judged = Callable[[Sequence[str], int], bool]
-"""What holds of the word at one place."""
+"""Test of the word at one place."""
 
 _REASONS = frozenset({"because", "since", "as", "before", "although", "though", "while"})
-"""What clauses begin with that tell why or when."""
+"""First words of clauses of reason or time."""
 _APART = frozenset({",", "and", "so", "but", "which", "who", "that", "?"}) | _REASONS
-"""What stands before and behind a side remark."""
+"""Words that separate a side remark."""
 _PURPOSES = frozenset({("so", "that"), ("now", "that")})
 _BEGINS = frozenset({"i", "we", "please"})
-"""What a request begins with, right behind one."""
+"""First words of a request behind a remark."""
 _NAMING = frozenset({"the", "my", "our", "this", "that", "a", "an", "some", "his", "her", "their"})
-"""What a noun begins with."""
+"""Determiners."""
 _WORDS = 3
 """Words of the shortest remark that is a sentence."""
 
@@ -31,8 +31,8 @@ _WORDS = 3
 def remarks(
     tokens: Sequence[str], at: int, says_nothing: Judged, bears: Judged, asks: Judged
 ) -> Iterator[tuple[str, int, Meanings]]:
-    """The remarks that begin at one word: a sentence (REMARK), what follows "which" or "because"
-    (SAYING; REST, or WHY where it tells why or when), what is told of a thing before it (TELLS)."""
+    """Remarks that begin at one word: a sentence (REMARK), a relative clause (SAYING, REST), a
+    reason (WHY), a statement on the thing before (TELLS)."""
     before = tokens[at - 1] if at else ","
     if before not in _NAMING:
         yield from _sayings(tokens, at, says_nothing)
@@ -56,7 +56,7 @@ def remarks(
 def _sayings(
     tokens: Sequence[str], at: int, says_nothing: Judged
 ) -> Iterator[tuple[str, int, Meanings]]:
-    """What somebody did with the thing that is named next, and with nothing else (SAYING)."""
+    """Remarks on the thing that is named next, and on no other (SAYING)."""
     for end in range(at + 1, min(at + _WORDS, len(tokens))):
         if tokens[end - 1] in _NAMING or not says_nothing(tokens, end - 1):
             return
@@ -65,13 +65,13 @@ def _sayings(
 
 
 def _reasoned(tokens: Sequence[str], at: int) -> bool:
-    """Whether a clause that tells why or when begins here."""
+    """Test that a clause of reason or time begins here."""
     before = tuple(tokens[max(at - 2, 0) : at])
     return before[-1:] != () and (before[-1] in _REASONS or before in _PURPOSES)
 
 
 def _ends(tokens: Sequence[str], at: int, says_nothing: Judged) -> Iterator[int]:
-    """Where words end that say nothing and stand together."""
+    """Ends of remarks that begin here."""
     for end in range(at + 1, len(tokens) + 1):
         if not says_nothing(tokens, end - 1):
             return
