@@ -18,7 +18,7 @@ def proposal(request: str, place: str = "kitchen") -> tuple[list[str], tuple[str
 def test_unread_words_are_named_beside_the_proposal():
     assert proposal("Find the mass of the mug for my zippy contraption.") == (
         ["mug.mass"],
-        ("for", "my zippy contraption"),
+        ("for my zippy contraption",),
     )
 
 

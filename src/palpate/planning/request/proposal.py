@@ -44,11 +44,11 @@ class _Cover:
     """Islands over the rest of a sentence, and the places of the words between them.
 
     Attributes:
-        acts: meanings of the islands, each with the words of its island.
+        acts: meanings of the islands, each with the places of its words.
     """
 
     cost: int
-    acts: tuple[tuple[Act, str], ...] = ()
+    acts: tuple[tuple[Act, range], ...] = ()
     skipped: tuple[int, ...] = ()
 
 
@@ -61,19 +61,20 @@ def propose(sentences: Sequence[Sequence[str]], scene: Scene, lattice: Lattice) 
     bare: list[Say] = []
     for sentence in sentences:
         cover = _cover(sentence, lattice, ("<clauses>", "<qnp>", "<event2>")[: 2 + simulates])
-        not_used += _runs(sentence, cover.skipped)
-        for act, words in cover.acts:
+        unused = set(cover.skipped)
+        for act, places in cover.acts:
             if _is_bare(act):
                 bare.append(cast("Say", act))
                 continue
+            things.unsure = False  # the user confirms what a pronoun is taken for
             try:
                 reading.take(act)
             except (InputError, PlanRejected):
-                not_used.append(words)
+                unused.update(places)
+        not_used += _runs(sentence, sorted(unused))
     # A quantity alone is that of a thing named beside it, never of everything.
     for act in bare:
         if things.spoken:
-            things.unsure = False
             with suppress(InputError, PlanRejected):
                 reading.take(act)
     with suppress(InputError, PlanRejected):
@@ -102,8 +103,7 @@ def _cover(sentence: Sequence[str], lattice: Lattice, islands: Sequence[str]) ->
                 acts = _acts(next(iter(found.meanings)))
                 if _is_denied(sentence, at):
                     acts = tuple(_denied(act) for act in acts)
-                words = " ".join(sentence[at:end])
-                meant = tuple((act, words) for act in acts)
+                meant = tuple((act, range(at, end)) for act in acts)
                 cost = rest.cost + found.cost + ISLAND
                 choices.append(_Cover(cost, (*meant, *rest.acts), rest.skipped))
         best.insert(0, min(choices, key=lambda cover: cover.cost))
