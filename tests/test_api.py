@@ -331,7 +331,7 @@ def test_where_the_scenes_file_is_gone_the_measurement_is_still_there(tmp_path: 
     assert again["mug.mass"].values.tolist() == run["mug.mass"].values.tolist()
     assert again.twin.xml == run.twin.xml
     assert again.scene.bodies == {}
-    with pytest.raises(pp.InputError, match=r"scene, '.*desk.xml', is gone: put it back"):
+    with pytest.raises(pp.InputError, match=r"scene, '.*desk.xml', is missing: put it back"):
         again.estimate()
 
 

@@ -250,5 +250,7 @@ def test_a_centre_of_mass_is_found_along_gravity(tmp_path):
     assert tilted.name.startswith("Tilted towards")
     assert len(tilted.x) > 5
     assert "above the fingers" in tilted.note or "below the fingers" in tilted.note
-    assert tilted.measured == pytest.approx(tilted.predicted, abs=1.0), "mm"
+    assert tilted.std is not None
+    apart = np.abs(tilted.measured - tilted.predicted)
+    assert (apart < 4.0 * tilted.std).all(), (apart, tilted.std)
     assert len(charts(Measured(found))) == len(found.views)
