@@ -1,4 +1,4 @@
-"""All at once: from a scene, or from settings, to a finished run."""
+"""One call from a scene, or from settings, to a finished run."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class Options(TypedDict, total=False):
-    """The arguments of `load`, `Scene.plan` and `Plan.run`, for all at once."""
+    """The arguments of `load`, `Scene.plan` and `Plan.run` together."""
 
     poses: str | Path | None
     arm: str | Path

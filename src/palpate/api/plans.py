@@ -87,7 +87,7 @@ class Plan(InnerPlan):
             fast: leave out film and replay in the twin, which take longest and measure nothing.
             confirm: shown the run before a real robot moves; whether it may.
             observer: watches every tick.
-            progress: told which stage begins, e.g. `print`.
+            progress: called with the name of each stage, e.g. `print`.
             out: folder to write the run to, while it grows; must not exist.
 
         Returns:

@@ -1,4 +1,4 @@
-"""Finished runs, with what can be made of them: saved, estimated anew, exported, fused."""
+"""Finished runs: save, estimate again, export, fuse, compare."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ class Run(InnerRun):
         return run_of(pipeline.save(self, Path(folder)))
 
     def estimate(self, estimators: Mapping[str, str] | None = None) -> Run:
-        """This run with its estimates made anew from its trace: nothing moves, its folder stays as
-        it is, and there is no twin of them.
+        """Estimate again from the trace; return the run with the new estimates, without a twin.
+        Nothing moves, and the folder is not changed.
 
         Args:
             estimators: names by quantity, `{"mass": "single-shot"}`; else the defaults.
@@ -140,8 +140,8 @@ def compare(runs: Sequence[str | Path | InnerRun]) -> Comparison:
 
 
 def finish(folder: str | Path, progress: Progress = quiet, film: bool = False) -> Run:
-    """Do what a run that was cut off has left to do, with what its folder holds, and write its
-    report anew, with a film of its trace where one is wanted.
+    """Finish an interrupted run from its folder and write its report again, with `film` also a film of
+    its trace.
 
     Raises:
         InputError: there is no such folder, or it is not a run's.

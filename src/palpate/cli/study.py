@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,6 +19,7 @@ from palpate.settings import settings_of
 if TYPE_CHECKING:
     from palpate.studies.accuracy import Question
     from palpate.studies.planners.attempt import Conditions
+    from palpate.studies.planners.trials import Record
     from palpate.studies.scores.kept import Runs
 
 Names = Annotated[list[str] | None, typer.Argument(metavar="[SCENARIO]...")]
@@ -175,23 +177,20 @@ def ablation(
 
     A page beside the results shows the paper's tables and these.
     """
-    from palpate.cli.show.studies import show_trials
     from palpate.studies.planners import ablation as studies
 
-    asked = conditions(shared)
-    with _page_beside(out):
-        found = studies.ablation(
-            names or FIRST,
-            planner,
-            out,
-            asked,
-            trials,
-            configurations=configuration or studies.CONFIGURATIONS,
-            in_flight=workers,
-            say=aside,
-            prompts=prompt or ["full"],
-        )
-    show_trials(found, studies.published_ablation(), as_json)
+    configurations = configuration or studies.CONFIGURATIONS
+    study = partial(studies.ablation, names or FIRST, planner, configurations=configurations)
+    _show_trials(
+        study,
+        studies.published_ablation(),
+        out=out,
+        trials=trials,
+        workers=workers,
+        shared=shared,
+        prompt=prompt,
+        as_json=as_json,
+    )
 
 
 def repeatability(
@@ -209,22 +208,40 @@ def repeatability(
 
     A page beside the results shows the paper's tables and these.
     """
-    from palpate.cli.show.studies import show_trials
     from palpate.studies.planners import ablation as studies
 
-    asked = conditions(shared)
+    study = partial(studies.repeatability, names or FIRST, planner)
+    published = studies.published_repeatability()
+    _show_trials(
+        study,
+        published,
+        out=out,
+        trials=trials,
+        workers=workers,
+        shared=shared,
+        prompt=prompt,
+        as_json=as_json,
+    )
+
+
+def _show_trials(
+    study: Callable[..., Sequence[Record]],
+    published: Mapping[str, str],
+    *,
+    out: Path,
+    trials: int,
+    workers: int,
+    shared: Given,
+    prompt: list[str] | None,
+    as_json: bool,
+) -> None:
+    """Carry out a study of planners, write its page, print its table beside the published one."""
+    from palpate.cli.show.studies import show_trials
+
+    asked, prompts = conditions(shared), prompt or ["full"]
     with _page_beside(out):
-        found = studies.repeatability(
-            names or FIRST,
-            planner,
-            out,
-            asked,
-            trials,
-            in_flight=workers,
-            say=aside,
-            prompts=prompt or ["full"],
-        )
-    show_trials(found, studies.published_repeatability(), as_json)
+        found = study(out, asked, trials, in_flight=workers, say=aside, prompts=prompts)
+    show_trials(found, published, as_json)
 
 
 @contextmanager

@@ -1,8 +1,8 @@
 """Requests as people write them, in many scenes: what each asks for, or that it is refused.
 
 A reading is *sure* (accepted without a question), a *proposal* (shown and confirmed), or a refusal. The
-corpus has seven files from several authors; four of them were written by people who had not seen the
-grammar.
+corpus has seven files from several authors, four of whom had not seen the grammar; `fresh.txt` is a sample
+that nothing was changed for.
 """
 
 from __future__ import annotations
@@ -49,32 +49,51 @@ def read(line: Line) -> tuple[str, frozenset[str]]:
     return how, frozenset(str(parameter) for parameter in found)
 
 
-FILES = tuple(sorted(file.name for file in REQUESTS.glob("*.txt")))
-PRECISION = 0.995
-"""Least share of the sure readings that are right."""
+LEAST = {
+    "before.txt": 0.98,
+    "after.txt": 0.98,
+    "later.txt": 0.95,
+    "everyday.txt": 0.95,
+    "polite.txt": 0.45,
+    "tricky.txt": 0.3,
+    "ordinary.txt": 0.85,
+    "fresh.txt": 0.45,
+}
+"""Share of the measurable requests of each file that is read surely."""
 RECALL = 0.92
-"""Least share of the measurable requests that are read surely, or proposed, and right."""
+"""Least share of the measurable requests that is read surely, or proposed, and right."""
+FRESH = "fresh.txt"
+"""Requests that came after the grammar and were never used to change it; not part of `RECALL`."""
+FRESH_RECALL = 0.8
 
 
 @lru_cache
-def readings() -> tuple[tuple[Line, str, frozenset[str]], ...]:
-    return tuple((line, *read(line)) for file in FILES for line in lines(file))
+def readings(file: str) -> tuple[tuple[Line, str, frozenset[str]], ...]:
+    return tuple((line, *read(line)) for line in lines(file))
 
 
-def test_a_sure_reading_is_right():
-    sure = [(line, found) for line, how, found in readings() if how == "sure" and found]
+@pytest.mark.parametrize("file", LEAST)
+def test_a_sure_reading_is_right(file: str):
+    sure = [(line, found) for line, how, found in readings(file) if how == "sure" and found]
     wrong = [f"{line.request} -> {sorted(found)}" for line, found in sure if found != line.asked]
-    assert len(wrong) <= (1.0 - PRECISION) * len(sure), "\n".join(wrong)
+    assert not wrong, "\n".join(wrong)
+    measurable = sum(bool(line.asked) for line in lines(file))
+    assert len(sure) >= LEAST[file] * measurable
+
+
+def share_of_right(*files: str) -> float:
+    """Share of the measurable requests that are read surely, or proposed, and right."""
+    measurable = [one for file in files for one in readings(file) if one[0].asked]
+    return sum(found == line.asked for line, _, found in measurable) / len(measurable)
 
 
 def test_a_measurable_request_is_read_or_proposed():
-    measurable = [(line, found) for line, _, found in readings() if line.asked]
-    right = sum(found == line.asked for line, found in measurable)
-    assert right >= RECALL * len(measurable)
+    assert share_of_right(*(file for file in LEAST if file != FRESH)) >= RECALL
+    assert share_of_right(FRESH) >= FRESH_RECALL
 
 
 def test_the_corpus_is_large_and_of_many_kinds():
-    everything = [line for file in FILES for line in lines(file)]
+    everything = [line for file in LEAST for line in lines(file)]
     assert len(everything) >= 400
     assert len({line.scene for line in everything}) >= 10
     assert len({line.kind for line in everything}) >= 14

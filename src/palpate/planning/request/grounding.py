@@ -1,22 +1,20 @@
 """Grounding: from the words of a request to parameters of a scene.
 
-A sentence is read only when the grammar derives all of it: every word has a part in what it means,
-or is one that means nothing of it, "please". What is left over is named in a refusal, and so is a
-sentence that may be derived in two ways which ask for different things.
+A reading is sure if the grammar derives every sentence as a whole, except background sentences, which
+are set aside (`Lattice.is_background`). Otherwise the request is rejected, with a proposal (`proposal`)
+if parts of it are derived. A sentence with two derivations that ask for different parameters is rejected.
 
-First the words: those of other languages become English ones where they stand (`languages`),
-misspelt ones those that they come near (`tokens`). Then what each word may be (`lattice`), a noun
-of this scene, a quantity, a relation; all derivations of each sentence by `words/grammar.txt`
-(`grammar`, `chart`); what each means (`meaning`); which things of the scene that is (`things`,
-`whereabouts`); and, sentence after sentence, what is wanted and what is not (`reading`).
+1. Words: phrases of other languages are translated in place (`languages`), misspelt words are corrected
+   (`tokens`).
+2. Lattice: the classes of each word (`lattice`): noun of the scene, quantity, relation, …
+3. Derivations of each sentence by `words/grammar.txt` (`grammar`, `chart`), the cheapest of several.
+4. Meanings (`meaning`), resolved to bodies of the scene (`things`, `whereabouts`).
+5. Wishes and exclusions, sentence by sentence (`reading`).
 
-Of several derivations the cheapest count; those that come to the same are one.
-
-A quantity without a thing is said of what was spoken of last that can have it: "The bottle is new.
-I need its mass."; where nothing was, of all that miss it. What is compared is asked of all that it
-is compared of: "is the mug heavier than the bottle" is two masses, "which box is the lightest" one
-of every box. Without any quantity, a deed that is to be simulated asks for what it depends on, and
-things alone for all that the scene misses of them; either is remarked on.
+A quantity without a body is that of the last mentioned body that can have it ("The bottle is new. I need
+its mass."), else of all that miss it. A comparison asks for the quantity of everything compared. A purpose
+("to simulate pushing the mug") asks for the missing parameters that it depends on; a body alone for all
+that is missing of it. Both are remarked on.
 """
 
 from __future__ import annotations

@@ -26,7 +26,8 @@ from palpate.planning.request.wording import english
 from palpate.scene.scene import Scene
 
 SKIPPED = 12
-"""Cost of a word that is left over; a derivation's own costs are 1 to 9."""
+"""Cost of a word that is left over: more than any cost of a derivation (1 to 9), so that an unlikely
+reading is preferred to none."""
 ISLAND = 6
 """Cost of an island: one long one is better than two short ones."""
 
