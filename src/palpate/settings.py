@@ -3,13 +3,11 @@ their help derive."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import fields, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args
-
-from pydantic import BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError
-from pydantic.dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 from palpate import __version__
 from palpate.errors import InputError, unknown_name
@@ -17,31 +15,37 @@ from palpate.option import Option
 from palpate.planning.model.settings import ModelSettings
 
 if TYPE_CHECKING:
+    from pydantic import TypeAdapter
+
     from palpate.execution.recovery import OnFailure
     from palpate.quantities.within import Within
     from palpate.robots.description import RobotDescription
-
-    Names = tuple[str, ...]
 else:
-    # Read when settings are made: a command's help, which is derived from this page, loads no numpy.
-    def _widths(given: Any) -> Any:
-        from palpate.quantities.within import Within
-
-        return given if isinstance(given, Within) else Within.read(given or {})
-
-    OnFailure = str
-    Within = Annotated[Any, BeforeValidator(_widths)]
-
-    def _names(given: Any) -> tuple[str, ...]:
-        return (given,) if isinstance(given, str) else tuple(str(name) for name in given)
-
-    Names = Annotated[tuple[str, ...], BeforeValidator(_names)]
-
-Arm = Annotated[str, BeforeValidator(str)]
-"""Name of an arm, or folder of its description, which may be a path."""
+    # Checked when settings are made: a command's help, which is derived from this page, loads neither
+    # numpy nor pydantic.
+    OnFailure, Within = str, Any
 
 
-@dataclass(frozen=True, config=ConfigDict(arbitrary_types_allowed=True, extra="forbid"))
+def _widths(given: Any = None) -> Within:
+    from palpate.quantities.within import Within
+
+    return given if isinstance(given, Within) else Within.read(given or {})
+
+
+def _names(given: Any) -> tuple[str, ...]:
+    return (given,) if isinstance(given, str) else tuple(str(name) for name in given)
+
+
+FORMS: Mapping[str, Callable[[Any], Any]] = {
+    "within": _widths,
+    "measure": _names,
+    "robot_body": _names,
+    "arm": str,
+}
+"""Conversion of the forms in which users give a field, before its type is checked."""
+
+
+@dataclass(frozen=True)
 class Settings:
     """R, D, I and where to run.
 
@@ -72,7 +76,7 @@ class Settings:
         ),
     ] = None
     robot_body: Annotated[
-        Names,
+        tuple[str, ...],
         Option(
             "Root body of the scene's own robot, which the arm replaces, or 'none'; may be repeated "
             "(default: found by its actuators or its hand).",
@@ -81,13 +85,13 @@ class Settings:
         ),
     ] = ()
     arm: Annotated[
-        Arm, Option("Name of an arm, or folder of its description.", "NAME|PATH/", "Scene")
+        str, Option("Name of an arm, or folder of its description.", "NAME|PATH/", "Scene")
     ] = "fr3"
     planner: Annotated[
         str, Option("symbolic | exhaustive | replay:FILE | PROVIDER:MODEL", "NAME", "Planner")
     ] = "symbolic"
     measure: Annotated[
-        Names,
+        tuple[str, ...],
         Option(
             "Parameter to measure, e.g. bottle.mass; bottle.* for all that is missing of it, missing for "
             "everything; comma lists, may be repeated.",
@@ -108,7 +112,7 @@ class Settings:
             "QUANTITY=VALUE",
             "Planner",
         ),
-    ] = Field(default_factory=dict, validate_default=True)
+    ] = field(default_factory=_widths)
     cautious: Annotated[
         bool, Option("Move slowly everywhere: nothing unseen is hit hard.", None, "Robot")
     ] = False
@@ -158,7 +162,22 @@ class Settings:
         bool,
         Option("No film and no replay of the twin; the measurement stays the same.", None, "Robot"),
     ] = False
-    model_settings: ModelSettings = Field(default_factory=ModelSettings)
+    model_settings: ModelSettings = field(default_factory=ModelSettings)
+
+    def __post_init__(self) -> None:
+        """Convert the fields to their types.
+
+        Raises:
+            InputError: a value of another type; the message names the argument.
+        """
+        from pydantic import ValidationError
+
+        for name, adapter in _adapters().items():
+            given = FORMS.get(name, _as_given)(getattr(self, name))
+            try:
+                object.__setattr__(self, name, adapter.validate_python(given))
+            except ValidationError as error:
+                raise InputError(f"{name}=: {error.errors()[0]['msg']}") from None
 
     def having(self, **changes: Any) -> Settings:
         """Return these settings with changed fields, converted to their types.
@@ -234,14 +253,24 @@ def settings_of(**given: Any) -> Settings:
     Raises:
         InputError: an unknown field, or a value of another type.
     """
-    try:
-        return Settings(**given)
-    except ValidationError as error:
-        first = error.errors()[0]
-        name = str(first["loc"][0])
-        if name not in (field.name for field in fields(Settings)):
-            raise unknown_name("argument", name, [f.name for f in fields(Settings)]) from None
-        raise InputError(f"{name}=: {first['msg']}") from None
+    names = [one.name for one in fields(Settings)]
+    for name in given:
+        if name not in names:
+            raise unknown_name("argument", name, names)
+    return Settings(**given)
+
+
+@cache
+def _adapters() -> Mapping[str, TypeAdapter[Any]]:
+    """Pydantic's check of each field."""
+    from pydantic import TypeAdapter
+
+    hints = get_type_hints(Settings, include_extras=True)
+    return {one.name: TypeAdapter[Any](hints[one.name]) for one in fields(Settings)}
+
+
+def _as_given(value: Any) -> Any:
+    return value
 
 
 def _check_request(request: str) -> None:
@@ -264,6 +293,8 @@ PATHS = ("scene", "root", "poses", "images", "world", "robot_config", "twin")
 
 def request_json(settings: Settings) -> dict[str, Any]:
     """Return the content of `request.json`: what was asked, enough to run it again."""
+    from pydantic import TypeAdapter
+
     absolute: dict[str, Any] = {"noise": noise_source(settings.noise)}
     for name in PATHS:
         value = getattr(settings, name)
