@@ -1,0 +1,108 @@
+"""Errors of the joint torques that a quick motion shows: ripple of the gears, and shaking."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from palpate.geometry.pose import Array
+from palpate.logs.figure import SURE, Figure
+from palpate.logs.sampling import banded, resampled
+from palpate.robots.nominal import NominalArm
+from palpate.trace.log import ArmLog
+
+RATE = 250.0  # Hz, to which a recording is resampled
+LEAST = 100.0  # Hz, slowest recording that shows ripple
+ABOVE = 6.0  # Hz
+SHAKING = (8.0, 30.0)  # Hz
+SMOOTH = 60.0  # Hz: accelerations are differences of velocities below
+ORDERS: Array = np.arange(60.0, 700.0, 4.0)  # cycles per turn
+BASE = (100.0, 340.0)  # of the first harmonic
+COHERENT = 0.25  # rad of one-way motion in which a ripple keeps its phase
+SLOWEST = 0.05  # rad/s
+FEWEST = 3  # pieces of motion
+CLEAR = 2.5  # power of a ripple over the median of its neighbours
+NEAR = (40.0, 120.0)  # orders between which they lie from it
+
+
+def ripple(log: ArmLog, nominal: NominalArm) -> dict[str, Figure]:
+    """Measure ripple of torques and encoders, and the shaking that M ddq explains."""
+    names = ("ripple", "second", "cycles", "encoder_ripple", "shaking", "shaking_left")
+    rate = min(RATE, 1.0 / float(np.median(np.diff(log.t))))
+    if rate < LEAST:
+        return {name: Figure.unseen() for name in names}
+    q, dq, tau = (resampled(log.t, values, rate)[1] for values in (log.q, log.dq, log.tau))
+    ddq = np.gradient(banded(dq, rate, None, min(SMOOTH, rate / 3)), 1.0 / rate, axis=0)
+    here = nominal.kinematics(q, dq, ddq)
+    seconds = len(q) / rate
+    torque, drawn = (banded(x, rate, *SHAKING) for x in (tau - here.gravity_torque, here.inertia_torque))
+    shaking, left = (
+        Figure.about(x.std(0), x.std(0) / np.sqrt(2 * seconds)) for x in (torque, torque - drawn)
+    )
+    smooth = banded(dq, rate, None, ABOVE)
+    quick = banded(tau - here.gravity_torque, rate, ABOVE, None), banded(dq, rate, ABOVE, None)
+    joints = [_joint(q[:, j], smooth[:, j], *(x[:, j] for x in quick)) for j in range(7)]
+    found = [Figure(*np.array([joint[i] for joint in joints]).T) for i in range(4)]
+    return dict(zip(names, [*found, shaking, left], strict=True))
+
+
+def _joint(q: Array, smooth: Array, torque: Array, rate: Array) -> list[list[float]]:
+    """Find the ripple of one joint: value and interval of its two harmonics, N m, of its cycles, and
+    of its first harmonic in the encoder, rad."""
+    runs = one_way(q, smooth)
+    unseen = [np.nan, np.nan, np.nan]
+    if len(runs) < FEWEST:
+        return [unseen] * 4
+    torques = np.array([amplitudes(q[run], torque[run]) for run in runs])  # (runs, orders)
+    moved = np.array([amplitudes(q[run], rate[run] / smooth[run]) for run in runs]) / ORDERS
+    clear = prominence(torques)
+    first = int(np.where((ORDERS > BASE[0]) & (ORDERS < BASE[1]), clear, 0.0).argmax())
+    if clear[first] < CLEAR:
+        return [unseen] * 4
+    second = int(np.abs(ORDERS - 2 * ORDERS[first]).argmin())
+    second += int(clear[second - 2 : second + 3].argmax()) - 2
+    half = 2 * np.pi / float(np.median([np.ptp(q[run]) for run in runs])) / np.sqrt(len(runs))
+    cycles = float(ORDERS[first])
+    return [
+        _size(torques[:, first]),
+        _size(torques[:, second]) if clear[second] > CLEAR else unseen,
+        [cycles, cycles - half, cycles + half],
+        _size(moved[:, first]) if prominence(moved)[first] > CLEAR else unseen,
+    ]
+
+
+def one_way(q: Array, smooth: Array) -> list[slice]:
+    """Cut a motion into pieces of `COHERENT` rad one way."""
+    way = np.where(np.abs(smooth) > SLOWEST, np.sign(smooth), 0.0)
+    turns = np.flatnonzero(np.diff(way, prepend=np.nan, append=np.nan))
+    found: list[slice] = []
+    for first, last in zip(turns[:-1], turns[1:], strict=True):
+        pieces = int(abs(q[last - 1] - q[first]) / COHERENT) if way[first] else 0
+        if pieces:
+            gone = np.abs(q[first:last] - q[first])
+            cuts = first + np.searchsorted(gone, np.linspace(0.0, gone[-1], pieces + 1))
+            found += [slice(a, b) for a, b in zip(cuts[:-1], cuts[1:], strict=True) if b - a > 16]
+    return found
+
+
+def amplitudes(q: Array, values: Array) -> Array:
+    """Compute the root mean squares of the waves of all `ORDERS` in values (n,) at angles (n,)."""
+    window = np.hanning(len(q))
+    window /= window.sum()
+    return np.sqrt(2.0) * np.abs((window * values) @ np.exp(-1j * np.outer(q, ORDERS)))
+
+
+def prominence(sizes: Array) -> Array:
+    """Compute the mean power of each order over the median of its neighbours': (orders,) of (runs,
+    orders)."""
+    power = (sizes**2).mean(0)
+    apart = np.abs(np.subtract.outer(ORDERS, ORDERS))
+    near = (apart < NEAR[1]) & (apart > NEAR[0])
+    return power / np.array([np.median(power[row]) for row in near])
+
+
+def _size(sizes: Array) -> list[float]:
+    """Return the root mean square over pieces of a motion, with its interval."""
+    power = sizes**2
+    value = float(np.sqrt(power.mean()))
+    half = SURE * float(power.std(ddof=1)) / np.sqrt(len(sizes)) / (2 * value)
+    return [value, value - half, value + half]
