@@ -58,4 +58,4 @@ def real(path: Path) -> ArmLog:
     else:
         signals = {name: data[name].astype(float) for name in data.files}
     found, notes = cleaned(signals, ColumnMap(), path.name)
-    return ArmLog(*(found[name] for name in ("t", "q", "dq", "tau")), None, path.name, notes)
+    return ArmLog(found["t"], found["q"], found["dq"], found["tau"], None, path.name, notes)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 from scipy.signal import butter, sosfiltfilt
 
 from palpate.geometry.pose import Array
@@ -13,14 +12,19 @@ def resampled(t: Array, values: Array, rate: float) -> tuple[Array, Array]:
     """Average a signal (n, k) over periods of an even clock, `rate` Hz: the times (m,) of their
     middles, and the means (m, k)."""
     edges = np.arange(t[0], t[-1], 1.0 / rate)
-    area = cumulative_trapezoid(values, t, axis=0, initial=0.0)
-    at = np.stack([np.interp(edges, t, column) for column in area.T], axis=1)
-    return (edges[1:] + edges[:-1]) / 2, np.diff(at, axis=0) * rate
+    area = np.zeros(values.shape)  # of the signal, up to each sample
+    area[1:] = np.cumsum((values[1:] + values[:-1]) * (np.diff(t)[:, None] / 2), axis=0)
+    means = np.empty((len(edges) - 1, values.shape[1]))
+    for k in range(values.shape[1]):
+        means[:, k] = np.diff(np.interp(edges, t, area[:, k])) * rate
+    return (edges[1:] + edges[:-1]) / 2, means
 
 
-def banded(values: Array, rate: float, low: float | None, high: float | None) -> Array:
+def banded(values: Array, rate: float, low: float | None, high: float) -> Array:
     """Filter a signal (n, ...), `rate` Hz, without lag to the band from `low` to `high` Hz."""
-    edges = [edge for edge in (low, high) if edge is not None]
-    kind = "bandpass" if len(edges) == 2 else "lowpass" if low is None else "highpass"
-    band = edges if len(edges) == 2 else edges[0]
-    return sosfiltfilt(butter(4, band, kind, fs=rate, output="sos"), values, axis=0)
+    below = sosfiltfilt(butter(4, high, fs=rate, output="sos"), values, axis=0)
+    return (
+        below
+        if low is None
+        else below - sosfiltfilt(butter(4, low, fs=rate, output="sos"), below, axis=0)
+    )

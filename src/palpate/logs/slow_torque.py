@@ -48,14 +48,10 @@ class Fit:
         ridge[7 * k :] = 1.0 / LOAD**2
         stretch = ((t - t[0]) / STRETCH).astype(int)
         starts = np.flatnonzero(np.diff(stretch, prepend=-1))
-        residual, size = y, np.ones(7)
-        for _ in range(2):
-            x = (design / size[:, None]).reshape(-1, design.shape[2])
-            # A joint's residual is correlated over time: a prior weighs as much as independent samples.
-            inverse = np.linalg.pinv(x.T @ x + np.diag(ridge), hermitian=True)
-            found = inverse @ (x.T @ (y / size).ravel())
-            residual = y - design @ found
-            size = residual.std(0) + 1e-9
+        found, inverse = _solved(design, y, np.ones(7), ridge)
+        size = (y - design @ found).std(0) + 1e-9
+        found, inverse = _solved(design, y, size, ridge)
+        residual = y - design @ found
         scores = (design / size[:, None] * (residual / size)[:, :, None]).sum(1)
         summed = np.add.reduceat(scores, starts)
         more = len(starts) / max(len(starts) - 1, 1)
@@ -71,6 +67,13 @@ class Fit:
         )
 
 
+def _solved(design: Array, y: Array, size: Array, ridge: Array) -> tuple[Array, Array]:
+    """Solve the normal equations, each joint's rows over `size` (7,); return the inverse, too."""
+    x = (design / size[:, None]).reshape(-1, design.shape[2])
+    inverse = np.asarray(np.linalg.pinv(x.T @ x + np.diag(ridge), hermitian=True), dtype=np.float64)
+    return inverse @ (x.T @ (y / size).ravel()), inverse
+
+
 def slow_torque(log: ArmLog, nominal: NominalArm) -> dict[str, Figure]:
     """Measure offset, Coulomb friction, presliding, drift, and what they leave."""
     rate = min(RATE, 1.0 / float(np.median(np.diff(log.t))))
@@ -83,14 +86,15 @@ def slow_torque(log: ArmLog, nominal: NominalArm) -> dict[str, Figure]:
     curves = banded(dahl(q, PRESLIDING), rate, None, SLOW)
     moved = np.diff(q, axis=0)
     turns = np.minimum(moved.clip(0).sum(0), -moved.clip(None, 0).sum(0)) > TURNS
-    level, told = np.ones_like(y), np.full(7, USUAL)
+    level, presliding = np.ones_like(y), Figure.unseen()
+    fit, rubbing = Fit.of(y, [level], load, t), np.zeros_like(y)
     for _ in range(3):
+        told = np.where(np.isnan(presliding.value), USUAL, presliding.value)
         rubbing = banded(dahl(q, told[:, None])[:, :, 0], rate, None, SLOW) * turns
         fit = Fit.of(y, [level, rubbing], load, t)
         free = y - load @ fit.load
         misfits = np.array([misfit(free[:, j], curves[:, j]) for j in range(7)])
         presliding = distances(misfits, fit.independent)
-        told = np.where(np.isnan(presliding.value), USUAL, presliding.value)
     slid = turns & (fit.value[1] > SURE * fit.std[1])
     rms = fit.residual.std(0)
     minutes = (t - t.mean())[:, None] / 60.0 * level
@@ -99,7 +103,9 @@ def slow_torque(log: ArmLog, nominal: NominalArm) -> dict[str, Figure]:
         "offset": Figure.about(fit.value[0], fit.std[0]),
         "coulomb": Figure.about(fit.value[1], fit.std[1], slid),
         "presliding": presliding.where(slid),
-        "position": variation(Fit.of(y, [level, rubbing, rubbing * np.sin(q), rubbing * np.cos(q)], load, t)).where(slid & (np.ptp(q, axis=0) > WIDE)),
+        "position": variation(
+            Fit.of(y, [level, rubbing, rubbing * np.sin(q), rubbing * np.cos(q)], load, t)
+        ).where(slid & (np.ptp(q, axis=0) > WIDE)),
         "residual": Figure.about(rms, rms / np.sqrt(2.0 * fit.independent)),
         "drift": Figure.about(drift.value[1], drift.std[1]),
     }

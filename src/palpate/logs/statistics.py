@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from scipy.stats import chi2
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
@@ -81,9 +80,7 @@ def white(log: ArmLog) -> Figure:
         return Figure.unseen()
     second = (log.tau[1:-1] - (log.tau[:-2] + log.tau[2:]) / 2)[middle]
     value = np.sqrt((second**2).mean(0) / 1.5)
-    freedom = FREEDOM * count
-    low, high = (float(np.sqrt(freedom / chi2.ppf(share, freedom))) for share in (0.975, 0.025))
-    return Figure(value, low * value, high * value)
+    return Figure.about(value, value / np.sqrt(2 * FREEDOM * count))
 
 
 def quantisation(tau: Array) -> Figure:
