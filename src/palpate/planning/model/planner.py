@@ -148,6 +148,7 @@ class VlmPlanner:
 
     def _findings(self, proposal: Proposal, scene: Scene | None, request: str | None) -> list[str]:
         from palpate.planning.check.check import check
+        from palpate.planning.check.digest import digest
 
         plan, wanted = proposal.plan, None
         if plan.tree is not None:
@@ -156,10 +157,7 @@ class VlmPlanner:
             reads_request = "text" not in self.model_settings.without
             if self.measure is not None or (request is None and reads_request):
                 wanted = requested(None, scene, self.remeasure, self.measure)
-        found = check(plan, scene, remeasure=self.remeasure, requested=wanted)
-        if found:
-            return [f"{finding.path}, {finding.rule}: {finding.message}" for finding in found]
-        return []
+        return digest(check(plan, scene, remeasure=self.remeasure, requested=wanted))
 
     def question(self, plan: Plan, scene: Scene | None, request: str | None) -> str | None:
         """The question about a plan without a tree, or one that lacks what the grammar reads from the
