@@ -106,6 +106,24 @@ def test_a_thing_that_ends_elsewhere_than_believed_is_a_finding() -> None:
     assert predicted.path == "tree.children[5]"
 
 
+def test_the_same_pose_twice_while_holding_is_no_error() -> None:
+    cell = scene(CAN)
+    above = ("MovePose", "pose", "can_pose + z_offset")
+    steps = [
+        ("MoveJoints", "joints", "home_config"),
+        "OpenGripper",
+        above,
+        ("MovePose", "pose", "can_pose"),
+        "CloseGripper",
+        above,
+        above,
+        ("MovePose", "pose", "can_pose"),
+        "OpenGripper",
+        above,
+    ]
+    assert rehearse(sequence(steps), cell).failure is None
+
+
 def test_a_plan_is_rehearsed_once_in_a_scene() -> None:
     cell = scene(CAN)
     plan = weighing(cell, "can")
