@@ -287,17 +287,23 @@ def unpacked(chunk: Chunk, most: int) -> bytes:
     """Unpack the content of a chunk.
 
     Raises:
-        ValueError: it has more than `most` bytes, or another compression than zstd.
+        ValueError: it has more than `most` bytes, or another compression than zstd or lz4.
     """
+    import lz4.frame
     import zstandard
 
-    if chunk.compression == "":
-        return chunk.data
-    if chunk.compression != "zstd":
-        raise ValueError(f"its chunks are packed with '{chunk.compression[:20]}' instead of zstd")
-    unpacker = zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK)
-    with unpacker.stream_reader(chunk.data) as stream:
-        data = stream.read(most + 1)  # one byte more than allowed shows an excess
+    # One byte more than allowed shows an excess.
+    match chunk.compression:
+        case "":
+            return chunk.data
+        case "zstd":
+            unpacker = zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK)
+            with unpacker.stream_reader(chunk.data) as stream:
+                data = stream.read(most + 1)
+        case "lz4":
+            data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=most + 1)
+        case other:
+            raise ValueError(f"its chunks are packed with '{other[:20]}' instead of zstd or lz4")
     if len(data) > most:
         raise ValueError("it unpacks to more than recorded signals do")
     return data
