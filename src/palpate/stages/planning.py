@@ -87,7 +87,7 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
         asked = PlannerSettings(settings.remeasure, model, builder, settings.within, measure)
         planner = planners().make(settings.planner, asked)
 
-    pictures = _pictures(planner, settings, scene, poses)
+    pictures, blind = _pictures(planner, settings, scene, poses)
     with _image_files(settings.images, pictures) as images:
         try:
             answer = planner.plan(request, scene, images)
@@ -101,6 +101,7 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
         seen, conversation = planner.seen, planner.conversation
     scene = scene or _detected_scene(answer, seen)
     answer = _with_reading_note(settings, answer, scene)
+    answer = replace(answer, notes=(*answer.notes, *blind))
 
     findings: tuple[Finding, ...] = ()
     # Each answer of a model was checked during its conversation; other planners do not check theirs.
@@ -177,11 +178,12 @@ def _named(settings: Settings, scene: Scene | None) -> tuple[Parameter, ...] | N
 
 def _pictures(
     planner: Planner, settings: Settings, scene: Scene | None, poses: Poses
-) -> tuple[bytes, ...]:
-    """Take pictures of the workspace (PNG) for a planner that looks at them, if none were given."""
+) -> tuple[tuple[bytes, ...], tuple[str, ...]]:
+    """Take pictures of the workspace (PNG) for a planner that looks at them, if none were given; with
+    notes on those that cannot be made."""
     looks = scene is None or (isinstance(planner, Observant) and planner.looks)
     if settings.images or not looks or "image" in settings.model_settings.without:
-        return ()
+        return (), ()
     return pictures_of(settings, scene, poses)
 
 
