@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,7 +20,7 @@ from palpate.errors import InputError, Unavailable, perhaps
 from palpate.files.read import opened, require_regular
 from palpate.geometry.pose import Array
 from palpate.logs.columns import ColumnMap, Table, guessed, listed
-from palpate.trace.mcap import records
+from palpate.trace.mcap import stored_messages
 
 MAX_BYTES = 4_000_000_000
 MAX_MESSAGES = 4_000_000
@@ -159,29 +158,18 @@ def _messages(path: Path) -> Iterator[Raw]:
 
 def _in_mcap(path: Path) -> Iterator[Raw]:
     """Messages in one MCAP file, with bounded memory."""
-    from mcap.records import Channel, Message, Schema
     from rosbags import typesys  # pyright: ignore[reportMissingModuleSource]
 
     store = typesys.get_typestore(typesys.Stores.EMPTY)
-    schemas: dict[int, str] = {}
-    channels: dict[int, Channel] = {}
-    with ExitStack() as stack:
-        file = stack.enter_context(opened(path, MAX_BYTES, "a recording in MCAP"))
-        for record in records(file):
-            if isinstance(record, Schema):
-                schemas[record.id] = record.name
-                text = record.data.decode()
-                if record.encoding == "ros2msg":
-                    store.register(typesys.get_types_from_msg(text, record.name))
-                elif record.encoding == "ros2idl":
-                    store.register(typesys.get_types_from_idl(text))
-            elif isinstance(record, Channel):
-                channels[record.id] = record
-            elif isinstance(record, Message):
-                channel = channels[record.channel_id]
-                datatype = schemas.get(channel.schema_id, channel.message_encoding)
+    known: set[str] = set()
+    with opened(path, MAX_BYTES, "a recording in MCAP") as file:
+        for schema, channel, message in stored_messages(file):
+            datatype = "" if schema is None else schema.name
+            if schema is not None and datatype not in known and schema.encoding == "ros2msg":
+                known.add(datatype)
+                store.register(typesys.get_types_from_msg(schema.data.decode(), datatype))
 
-                def decode(data: bytes = record.data, datatype: str = datatype) -> Any:
-                    return store.deserialize_cdr(data, datatype)
+            def decode(data: bytes = message.data, datatype: str = datatype) -> Any:
+                return store.deserialize_cdr(data, datatype)
 
-                yield Raw(channel.topic, datatype, record.log_time, decode)
+            yield Raw(channel.topic, datatype, message.log_time, decode)
