@@ -25,6 +25,7 @@ from palpate.robots.simulated.timing import BLOCK, PERIOD, SUBSTEPS, TIMESTEP
 
 FRAME_PERIOD = 1.0 / 30.0  # s between camera frames
 LEVEL = 0.01  # rad, largest inclination of gravity
+ASLEEP = 1e-5  # m/s: slower objects rest, and take no time until something that moves touches them
 NEEDED = [
     "gravity",
     "contact",
@@ -284,6 +285,8 @@ def compile_world(
     truth.build(robot, arm)
     round_fingers(robot, arm.hand)
     spec.option.timestep = TIMESTEP / SUBSTEPS
+    spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+    spec.option.sleep_tolerance = ASLEEP
     spec.option.gravity = truth.gravity(spec.option.gravity)
     for name in ("integrator", "cone", "impratio", "solver"):
         setattr(spec.option, name, getattr(robot.option, name))
