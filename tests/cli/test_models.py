@@ -340,7 +340,6 @@ def test_a_real_robot_moves_only_when_confirmed(
         scene(cube()),
         "--robot",
         "bench://arm",
-        "--no-rehearse",
         "--out",
         "out",
         "--json",
@@ -352,9 +351,7 @@ def test_a_real_robot_moves_only_when_confirmed(
 
 
 def test_yes_skips_the_question(palpate: Palpate, scene: Callable[..., Path]) -> None:
-    answer = palpate(
-        "run", "--scene", scene(cube()), "--robot", "bench://arm", "--no-rehearse", "--yes"
-    )
+    answer = palpate("run", "--scene", scene(cube()), "--robot", "bench://arm", "--yes")
     assert answer.status == 5
     assert "move?" not in answer.err
 
