@@ -56,6 +56,7 @@ class Evidence:
         place: X, of evidence that is recorded at `<object>_X`; anywhere if empty.
         as_grasped: recorded where the held object was grasped, or right above.
         optional: recorded where the scene has room for it; the estimate does not need it.
+        tool: kind of object that is held while the recording is made of another; none if empty.
     """
 
     buffer: str
@@ -69,6 +70,7 @@ class Evidence:
     place: str = ""
     as_grasped: bool = False
     optional: bool = False
+    tool: str = ""
 
     def about(self, context: Context) -> str | None:
         """Return the object or surface that a recording made in `context` is evidence of; None if it is
