@@ -183,6 +183,7 @@ class Quantity:
             declared.
         stands_for: id of the quantity that it measures in another way, and whose place in the file it
             takes.
+        entire: whether it counts as measured only with all its components.
         identifiable: whether the vocabulary can measure it at all.
         estimators: by name, the default first; each `package.module:function`, which is imported when it
             is used, with the contract of `palpate.estimation.estimator.Estimator`.
@@ -199,6 +200,7 @@ class Quantity:
     derived: ClassVar[bool] = False
     how: ClassVar[str]
     stands_for: ClassVar[str | None] = None
+    entire: ClassVar[bool] = False
     identifiable: ClassVar[bool] = True
     estimators: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
