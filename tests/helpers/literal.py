@@ -145,7 +145,9 @@ class Reader:
         for parameter in parameters:
             name, _, quantity = parameter.rpartition(".")
             wanted.setdefault(name, set()).add(quantity)
-        body = [step for name, of in wanted.items() for step in self.visit(name, of)]
+        # Heights first: what stands on a surface may be higher than is believed.
+        order = sorted(wanted, key=lambda name: "height" not in wanted[name])
+        body = [step for name in order for step in self.visit(name, wanted[name])]
         if blocking:
             away = [*self.taken(blocking), *self.put(blocking, "temporary")]
             body = [*away, *body, *self.taken(blocking, "temporary"), *self.put(blocking)]
