@@ -21,7 +21,17 @@ from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription
 from palpate.trace.samples import STANDARD_GRAVITY
 
-LINKS, COULOMB, STRAINED = "links", "coulomb", "strained"
+LINKS = "links"
+COULOMB, UNEVEN, LOADED, STRIBECK, STRAINED = "coulomb", "uneven", "loaded", "stribeck", "strained"
+RUBBING = {
+    COULOMB: slice(0, 1),
+    UNEVEN: slice(1, 5),
+    LOADED: slice(5, 6),
+    STRIBECK: slice(6, 7),
+    STRAINED: slice(7, 8),
+}
+"""Friction of a joint: its level, and by what it differs from it: with the angle, two harmonics of it, with the
+torque that the joint bears, where it turns slowly, and what strained the joint when the recording began."""
 GRAVITY = np.array([0.0, 0.0, -STANDARD_GRAVITY])
 
 
@@ -82,7 +92,7 @@ class Rows:
         tau: (k, 7) N m.
         tau_ext: (k, 7) the controller's own estimate; None where not logged.
         columns: (k, 7, c) by name.
-        rubbing, strained: (p, k, 7) as of a `Motion`.
+        rubbing: (p, k, 7, 8) kinds of friction, `RUBBING`, of unit level for each of `tuning.PRESLIDINGS`.
         frequency: (k,) Hz.
         samples: rows of the stretches, in time.
     """
@@ -91,7 +101,6 @@ class Rows:
     tau_ext: Array | None
     columns: Mapping[str, Array]
     rubbing: Array
-    strained: Array
     frequency: Array
     samples: int
 
@@ -112,17 +121,16 @@ class Rows:
                 for name in parts[0].columns
             },
             rubbing=np.concatenate([part.rubbing for part in parts], axis=1),
-            strained=np.concatenate([part.strained for part in parts], axis=1),
             frequency=np.concatenate([part.frequency for part in parts]),
             samples=sum(part.samples for part in parts),
         )
 
     def of_joints(self, name: str, slid: Sequence[int]) -> Array:
         """(k, 7, c) columns of a cause; `slid` (7,) are the places of the joints' presliding."""
-        by_presliding = {COULOMB: self.rubbing, STRAINED: self.strained}
-        if name not in by_presliding:
+        if name not in RUBBING:
             return self.columns[name]
-        return each(by_presliding[name][slid, :, range(len(slid))].T)
+        chosen = self.rubbing[slid, :, range(len(slid)), RUBBING[name]]
+        return np.concatenate([each(kind.T) for kind in np.moveaxis(chosen, -1, 0)], axis=-1)
 
     def of_bodies(self, bodies: Bodies) -> Array:
         """(k, 7, 7, 10) columns of mass, first moment and inertia about each link's centre."""
@@ -145,7 +153,6 @@ def _stretch(motion: Motion, arm: RobotDescription, bodies: Bodies) -> Rows:
         np.einsum("njlp,lp->nj", regressor(chain, q, still, still, aside), weight)
         for aside in STANDARD_GRAVITY * np.eye(3)[:2]
     ]
-    slow = motion.rubbing[1] * np.exp(-np.abs(dq) / tuning.STRIBECK_SPEED)
     columns = {
         LINKS: links.reshape(len(q), 7, -1),
         "offset": each(np.ones_like(q)),
@@ -153,7 +160,6 @@ def _stretch(motion: Motion, arm: RobotDescription, bodies: Bodies) -> Rows:
         "armature": each(motion.ddq),
         "cable": each(q - arm.home),
         "gain": each(felt),
-        "stribeck": each(slow),
         "lean": np.stack(leaning, axis=2),
         "delay": np.gradient(felt, step, axis=0)[:, :, None],
     }
@@ -163,11 +169,20 @@ def _stretch(motion: Motion, arm: RobotDescription, bodies: Bodies) -> Rows:
         tau=tau,
         tau_ext=None if external is None else transformed(external, step),
         columns={name: transformed(signal, step) for name, signal in columns.items()},
-        rubbing=np.array([transformed(one, step) for one in motion.rubbing]),
-        strained=np.array([transformed(one, step) for one in motion.strained]),
+        rubbing=np.array([transformed(one, step) for one in _frictions(motion, felt)]),
         frequency=frequencies(len(tau), len(q), step),
         samples=len(q),
     )
+
+
+def _frictions(motion: Motion, felt: Array) -> Array:
+    """(p, n, 7, 8) kinds of friction, `RUBBING`; `felt` (n, 7) N m are the torques that the joints bear."""
+    q, bears = motion.q, np.abs(felt)
+    harmonics = [wave(times * q) for times in (1, 2) for wave in (np.cos, np.sin)]
+    slow = np.exp(-np.abs(motion.dq) / tuning.STRIBECK_SPEED)
+    kinds = np.stack([np.ones_like(q), *harmonics, bears - bears.mean(axis=0), slow], axis=-1)
+    rubbing = motion.rubbing[..., None] * kinds
+    return np.concatenate([rubbing, motion.strained[..., None]], axis=-1)
 
 
 def each(signal: Array) -> Array:

@@ -8,7 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.estimation import tuning
-from palpate.estimation.arm.causes import COULOMB, LINKS, STRAINED, Bodies, Rows, flat
+from palpate.estimation.arm.causes import (
+    COULOMB,
+    LINKS,
+    LOADED,
+    STRAINED,
+    STRIBECK,
+    UNEVEN,
+    Bodies,
+    Rows,
+    flat,
+)
 from palpate.estimation.arm.regressor import PARAMETERS, placed_at
 from palpate.estimation.arm.spectrum import Residual, SpectralNoise
 from palpate.estimation.regression import Cause, Posterior, Scale, fit
@@ -19,8 +29,8 @@ WEIGHT, INERTIA = "weight", "inertia"
 PARTS = {WEIGHT: slice(0, 4), INERTIA: slice(4, PARAMETERS)}
 """Of the links: masses and first moments, which gravity shows, and inertias."""
 FRICTION = ("offset", COULOMB, STRAINED, "viscous")
-SENSORS = ("armature", "cable", "gain", "stribeck", "lean", "delay")
-OWN = ("offset", "viscous", "stribeck")
+SENSORS = (UNEVEN, LOADED, STRIBECK, "armature", "cable", "gain", "lean", "delay")
+OWN = ("offset", "viscous")
 """Causes of a joint alone, which are fitted again beside each presliding."""
 START = 0.1
 """N m: the residual of the first round."""
@@ -32,11 +42,15 @@ PRIORS = {
     "viscous": tuning.VISCOUS_PRIOR,
     "armature": tuning.ARMATURE_PRIOR,
     "cable": tuning.CABLE_PRIOR,
-    "stribeck": tuning.STRIBECK_PRIOR,
+    UNEVEN: tuning.UNEVEN_FRICTION,
+    LOADED: tuning.LOADED_FRICTION,
+    STRIBECK: tuning.SLOW_FRICTION,
     "lean": tuning.LEAN_PRIOR,
     "delay": tuning.DELAY_PRIOR,
 }
-"""Standard deviation of each unknown of a cause, about 0."""
+"""Standard deviation of each unknown of a cause, about 0 ..."""
+RELATIVE = (UNEVEN, STRIBECK)
+"""... of these times the joint's friction."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,11 +74,13 @@ class Assumed:
             links[-1] += hand
         return rows.columns[LINKS] @ links.ravel()
 
-    def causes(self, rows: Rows, names: Sequence[str], slid: Sequence[int]) -> list[Cause]:
-        """Causes by name."""
-        return [self._cause(rows, name, slid) for name in names]
+    def causes(
+        self, rows: Rows, names: Sequence[str], slid: Sequence[int], level: Array
+    ) -> list[Cause]:
+        """Causes by name; `slid` (7,) are the places of the joints' presliding, `level` (7,) N m their friction."""
+        return [self._cause(rows, name, slid, level) for name in names]
 
-    def _cause(self, rows: Rows, name: str, slid: Sequence[int]) -> Cause:
+    def _cause(self, rows: Rows, name: str, slid: Sequence[int], level: Array) -> Cause:
         if name in PARTS:
             columns = rows.of_bodies(self.bodies)[..., PARTS[name]]
             prior = self.bodies.errors[:, PARTS[name]]
@@ -73,8 +89,10 @@ class Assumed:
             last = rows.columns[LINKS][:, :, -PARAMETERS:] @ placed_at(self.bodies.reach)
             return Cause(name, flat(last), self.bodies.hand_prior())
         columns = flat(rows.of_joints(name, slid))
-        prior = self.gain if name == "gain" else PRIORS[name]
-        return Cause(name, columns, np.full(columns.shape[1], prior))
+        prior = np.full(columns.shape[1], self.gain if name == "gain" else PRIORS[name])
+        if name in RELATIVE:
+            prior *= np.tile(level, len(prior) // len(level))
+        return Cause(name, columns, prior)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,18 +103,20 @@ class Fitted:
         assumed: before it.
         posterior: of its causes.
         slid: (7,) places of the joints' presliding in `tuning.PRESLIDINGS`.
+        level: (7,) N m of the joints' friction, for the priors of what depends on it.
         std: (k, 7) N m of the residual, by frequency.
     """
 
     assumed: Assumed
     posterior: Posterior
     slid: tuple[int, ...]
+    level: Array
     std: Array
 
     def predicted(self, rows: Rows) -> Array:
         """(k, 7) torques of other rows."""
         names = [cause.name for cause in self.posterior.causes]
-        causes = self.assumed.causes(rows, names, self.slid)
+        causes = self.assumed.causes(rows, names, self.slid, self.level)
         caused = sum(cause.columns @ self.posterior[cause.name][0] for cause in causes)
         return self.assumed.described(rows, self.assumed.hand) + np.reshape(caused, rows.tau.shape)
 
@@ -107,18 +127,19 @@ def fitted(rows: Rows, assumed: Assumed, names: Sequence[str]) -> Fitted:
     y = rows.tau - assumed.described(rows, assumed.hand)
     shape, std = Residual(rows.frequency), np.full(y.shape, START)
     scales = [Scale((WEIGHT,), tuning.LINK_FACTORS, tuning.LIKELY_LINKS)] if WEIGHT in names else []
-    slid = (2,) * y.shape[1]
+    slid, level = (2,) * y.shape[1], np.full(y.shape[1], tuning.USUAL_FRICTION)
     for last in range(tuning.NOISE_ROUNDS, -1, -1):
         noise = SpectralNoise(std.ravel(), float(y.size))
-        posterior = fit(assumed.causes(rows, names, slid), noise, y.ravel(), scales)
+        posterior = fit(assumed.causes(rows, names, slid, level), noise, y.ravel(), scales)
         if not last:
             break
         design = posterior.model.design
         known = ((design @ posterior.covariance) * design).sum(axis=1).reshape(y.shape)
         left = (posterior.residual * noise.std).reshape(y.shape)
         std = np.stack([shape.std(l, k) for l, k in zip(left.T, known.T, strict=True)], axis=1)
+        level = np.abs(posterior[COULOMB][0]) + tuning.SMALLEST_RESIDUAL
         slid = _preslidings(rows, posterior, left, std, slid)
-    return Fitted(assumed, posterior, slid, std)
+    return Fitted(assumed, posterior, slid, level, std)
 
 
 def _preslidings(
@@ -130,7 +151,7 @@ def _preslidings(
     found: list[int] = []
     for joint, place in enumerate(slid):
         own = [rows.columns[name][:, joint, joint] for name in names]
-        now = np.stack([*own, rows.rubbing[place, :, joint]], axis=1)
+        now = np.stack([*own, rows.rubbing[place, :, joint, 0]], axis=1)
         y = left[:, joint] + now @ [posterior[name][0][joint] for name in (*names, COULOMB)]
         noise = SpectralNoise(std[:, joint], float(len(y)))
 
@@ -140,6 +161,6 @@ def _preslidings(
             columns = np.stack([*own, rubbing], axis=1)
             return fit([Cause("own", columns, prior)], noise, y).evidence
 
-        each = [evidence(rubbing[:, joint]) for rubbing in rows.rubbing]
+        each = [evidence(rubbing[:, joint, 0]) for rubbing in rows.rubbing]
         found.append(int(np.argmax(each)))
     return tuple(found)

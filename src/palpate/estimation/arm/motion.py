@@ -109,7 +109,7 @@ def _uniform(log: ArmLog, first: int, last: int) -> Motion:
     smooth, clock = _low_pass(q, step)[::every], times[::every]
     dq = _slope(clock, smooth)
     rubbing, strained = dahl(smooth)
-    return Motion(
+    found = Motion(
         t=clock,
         q=smooth,
         dq=dq,
@@ -119,6 +119,9 @@ def _uniform(log: ArmLog, first: int, last: int) -> Motion:
         rubbing=rubbing,
         strained=strained,
     )
+    # A filter does not know what came before and after.
+    edge = int(np.ceil(tuning.EDGE / (clock[1] - clock[0])))
+    return found.between(edge, len(clock) - edge)
 
 
 def _low_pass(signal: Array, step: float) -> Array:

@@ -12,6 +12,9 @@ CLOCK = 200.0
 GAP = 0.1
 """s without a row after which a recording begins anew."""
 
+EDGE = 0.2
+"""s at both ends of a recording that its filter needs: three periods of `MOTION_BAND`."""
+
 STRETCH = 20.0
 """s of a stretch that is transformed together."""
 
@@ -30,8 +33,18 @@ PRESLIDINGS = (5e-4, 1e-3, 2e-3, 4e-3, 8e-3)
 COULOMB_PRIOR = 1.0
 """N m (1 sigma): 0.15 to 0.5 were seen on real arms."""
 
-STRIBECK_PRIOR = 0.05
-"""N m (1 sigma) by which slow friction is more or less than quick friction ..."""
+USUAL_FRICTION = 0.3
+"""N m of a joint's friction before it is seen: 0.15 to 0.5."""
+
+UNEVEN_FRICTION = 0.1
+"""part (1 sigma) of a joint's friction by which it differs between angles, by sine and cosine of one and two turns.
+Chosen, without a source."""
+
+LOADED_FRICTION = 3e-3
+"""N m of friction per N m that a joint bears (1 sigma). Chosen, without a source."""
+
+SLOW_FRICTION = 0.2
+"""part (1 sigma) of a joint's friction by which slow friction is more or less than quick friction ..."""
 
 STRIBECK_SPEED = 0.05
 """... within this speed, rad/s."""
