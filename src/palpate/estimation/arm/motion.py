@@ -19,7 +19,7 @@ class Motion:
 
     Attributes:
         t: (n,) s.
-        q, dq, ddq: (n, 7), from the encoders alone: logged velocities may be filtered, and late.
+        q, dq, ddq: (n, 7) rad, rad/s, rad/s².
         tau, tau_ext: (n, 7) N m; None where not logged.
         rubbing: (p, n, 7) friction of unit level by Dahl's model, for each of `tuning.PRESLIDINGS`.
         strained: (p, n, 7) what is left of the friction at the start of the recording, likewise.
@@ -107,7 +107,7 @@ def _uniform(log: ArmLog, first: int, last: int) -> Motion:
 
     q = even(log.q)
     smooth, clock = _low_pass(q, step)[::every], times[::every]
-    dq = _slope(clock, smooth)
+    dq = _low_pass(even(log.dq), step)[::every]
     rubbing, strained = dahl(smooth)
     found = Motion(
         t=clock,
