@@ -14,6 +14,9 @@ from palpate.extensions import extensions, public
 from palpate.planning.model.provider import PROVIDERS
 from palpate.planning.planner import Planner, PlannerKind, PlannerSettings
 
+OWN = ("symbolic", "exhaustive")
+"""Planners whose plans are palpate's own."""
+
 
 @dataclass(frozen=True, slots=True)
 class Planners:

@@ -207,7 +207,11 @@ def plan_schema(vocabulary: Vocabulary) -> dict[str, Any]:
         "type": "object",
         "required": ["object", "quantity"],
         "additionalProperties": False,
-        "properties": {"object": {"type": "string"}, "quantity": {"type": "string"}},
+        "properties": {
+            "object": {"type": "string"},
+            "quantity": {"type": "string"},
+            "again": {"type": "boolean"},
+        },
     }
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

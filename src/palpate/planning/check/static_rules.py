@@ -85,12 +85,16 @@ def requested(case: Case) -> Iterator[Fault]:
 
 
 def known_parameter(case: Case) -> Iterator[Fault]:
-    """The scene does not state a parameter, unless measuring again is allowed."""
+    """The scene does not state a parameter, unless it is measured again."""
     if case.scene is None or case.remeasure:
         return
+    # Where the author decides what the request asks for, also whether it asks for it again.
+    again = "" if case.requested is not None else ', or mark it "again": true if R wants it anew'
     for path, parameter in case.listed():
         quantity = catalogue().get(parameter.quantity)
         if quantity is None or not quantity.identifiable or not case.is_known(parameter):
+            continue
+        if parameter in case.plan.again:
             continue
         if case.is_of_its_kind(parameter):
             values = case.scene.bodies[parameter.object].known[parameter.quantity]
@@ -98,7 +102,7 @@ def known_parameter(case: Case) -> Iterator[Fault]:
             yield (
                 path,
                 f"{parameter} is stated by the scene ({stated} {quantity.unit}); remove it and what "
-                "measures it",
+                f"measures it{again}",
             )
 
 

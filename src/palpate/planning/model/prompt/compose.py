@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 from palpate.errors import InputError, unknown_name
 from palpate.planning.check.rules import CATALOGUE, mm
-from palpate.planning.request.wording import english
 from palpate.quantities.catalogue import catalogue
+from palpate.quantities.purposes import PURPOSES
 from palpate.quantities.quantity import Quantity
 from palpate.vocabulary.registry import acquisition
 
@@ -52,16 +52,35 @@ MODULES = (*SYSTEM_MODULES, "image", "text", "all")
 """Names for `--without`: a module of the system prompt, an input, or the whole system prompt."""
 LARGEST_DESCRIPTION = 200_000
 """Characters of the scene that are sent; a longer one is refused, not cut."""
+ORDER = "Return Φ, the explanation and the behavior tree."
+"""End of the planner's message."""
+REMEASURE = (
+    "# Measuring again\nThe user wants all that R asks for measured anew, also what D states: it is part of Φ, and "
+    "`nothing_missing` is right only where R asks for nothing that can be measured."
+)
 _COMMENT = re.compile(r"\s*<!--.*?-->", re.DOTALL)
 
 
 @dataclass(frozen=True, slots=True)
 class Prompt:
-    """Prompt: the system prompt, the user's message, and the image files."""
+    """Prompt of one task.
+
+    Attributes:
+        system: the system prompt.
+        task: R, D, robot and poses, which a critic receives as well.
+        images: the image files.
+        order: end of the user's message, which is for the planner alone.
+    """
 
     system: str
-    user: str
+    task: str
     images: tuple[Path, ...] = ()
+    order: str = ORDER
+
+    @property
+    def user(self) -> str:
+        """The user's message to the planner."""
+        return f"{self.task}\n\n{self.order}"
 
 
 def compose(
@@ -74,6 +93,7 @@ def compose(
     style: Style = "full",
     comments: bool = True,
     arm: RobotDescription | None = None,
+    remeasure: bool = False,
 ) -> Prompt:
     """The whole prompt for one task; untrusted text is fenced.
 
@@ -84,6 +104,7 @@ def compose(
         without: modules and inputs to leave out.
         style: style of the system prompt.
         comments: sends the comments in the scene's file, which may give the answer away.
+        remeasure: what the request asks for is measured even where the scene states it.
 
     Raises:
         InputError: an unknown module in `without`, neither a request nor a scene, or one that is
@@ -98,6 +119,8 @@ def compose(
     if "text" not in removed:
         asked = fenced(request) if request.strip() else "None: acquire what D leaves out."
         parts += [f"# Request R\n{asked}", scene_section(scene, comments)]
+        if remeasure and request.strip():
+            parts.append(REMEASURE)
     if scene is not None:
         symbols, arm = scene.symbols, scene.arm
     if arm is not None and "metadata" not in removed:
@@ -110,7 +133,6 @@ def compose(
             "the workspace now" if len(shown) == 1 else f"{len(shown)} views of the workspace now"
         )
         parts.append(f"# Image I\nAttached: {views}.")
-    parts.append("Return Φ, the explanation and the behavior tree.")
     return Prompt(system_prompt(vocabulary, removed, style), "\n\n".join(parts), shown)
 
 
@@ -161,14 +183,19 @@ def fenced(text: str, language: str = "") -> str:
 def filled_module(file: str, vocabulary: Vocabulary, style: Style) -> str:
     """A module of the system prompt, with generated descriptions in place of its marks, such as
     `{{quantities}}`."""
-    folder = resources.files("palpate.planning.model.prompt")
-    own = folder.joinpath(style, file)
-    text = (own if own.is_file() else folder.joinpath(file)).read_text(encoding="utf-8")
+    text = _module(file, style)
     if "{{" not in text:
         return text
     for name, description in descriptions(vocabulary, style).items():
         text = text.replace(f"{{{{{name}}}}}", description)
     return text
+
+
+def _module(file: str, style: Style) -> str:
+    """Text of a module's file, with its marks."""
+    folder = resources.files("palpate.planning.model.prompt")
+    own = folder.joinpath(style, file)
+    return (own if own.is_file() else folder.joinpath(file)).read_text(encoding="utf-8")
 
 
 def descriptions(vocabulary: Vocabulary, style: Style) -> dict[str, str]:
@@ -179,10 +206,6 @@ def descriptions(vocabulary: Vocabulary, style: Style) -> dict[str, str]:
         group = conversion if primitive.group == "conversion" else general
         group.append(primitive_entry(primitive, style))
     heads = {quantity: quantity_head(quantity) for quantity in catalogue().values()}
-    # Quantities that each purpose of a simulation needs, as the grammar of requests has them.
-    verbs: dict[tuple[str, ...], list[str]] = {}
-    for verb, quantities in english().purposes.items():
-        verbs.setdefault(quantities, []).append(verb)
     marks = {
         "general": general,
         "conversion": conversion,
@@ -191,6 +214,7 @@ def descriptions(vocabulary: Vocabulary, style: Style) -> dict[str, str]:
         "names of quantities": [
             head + (", derived" if q.derived else "") for q, head in heads.items()
         ],
+        "goal": [_module("goal.md", style).rstrip()],
     }
     for mark, about in (("rules of parameters", "parameters"), ("rules of the tree", "tree")):
         marks[mark] = [
@@ -198,9 +222,8 @@ def descriptions(vocabulary: Vocabulary, style: Style) -> dict[str, str]:
             for rule in CATALOGUE.values()
             if rule.about == about and not (rule.recipe and style == "lean")
         ]
-    purposes = [f"to {'/'.join(named[:3])}: {', '.join(q)}" for q, named in verbs.items()]
     texts = {mark: "\n".join(lines) for mark, lines in marks.items()}
-    return {**texts, "purposes": "; ".join(purposes)}
+    return {**texts, "purposes": "; ".join(map(str, PURPOSES))}
 
 
 def primitive_entry(primitive: type[Primitive], style: Style) -> str:
