@@ -43,6 +43,7 @@ class Bodies:
         links: (7, 10) each without what is fixed to it.
         hand: (10,) all that the last joint moves beside its own link.
         errors: (7, 10) standard deviations of mass, first moment and inertia about each link's centre.
+        anchors: (7, 3) m, of the joints at angles 0, in the axes of the base.
         reach: (3,) m, centre of the described hand from the last anchor.
         load: kg that the arm may carry.
     """
@@ -50,6 +51,7 @@ class Bodies:
     links: Array
     hand: Array
     errors: Array
+    anchors: Array
     reach: Array
     load: float
 
@@ -72,7 +74,7 @@ class Bodies:
             error[1:4] = arm.sensors.link_com * link[0]
             error[4:] = tuning.LINK_INERTIA * np.trace(inertia_about_centre(link)) / 3.0
         reach = hand[1:4] / hand[0] if hand[0] > 0.0 else links[-1, 1:4] / links[-1, 0]
-        return cls(links, hand, errors, reach, arm.limits.payload)
+        return cls(links, hand, errors, anchors, reach, arm.limits.payload)
 
     def link_frame(self, joint: int) -> Array:
         """(10, 10) parameters by the errors' mass, first moment and inertia."""

@@ -10,11 +10,23 @@ import numpy as np
 from palpate.errors import InputError
 from palpate.estimation import tuning
 from palpate.estimation.arm.causes import COULOMB, Bodies, Rows
-from palpate.estimation.arm.fit import FRICTION, HAND, PARTS, PRIORS, SENSORS, Assumed, Fitted, fitted
+from palpate.estimation.arm.fit import (
+    FRICTION,
+    HAND,
+    PARTS,
+    PRIORS,
+    SENSORS,
+    Assumed,
+    Fitted,
+    fitted,
+)
 from palpate.estimation.arm.motion import stretches
+from palpate.estimation.arm.regressor import placed_at
 from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription
 from palpate.trace.log import ArmLog
+
+FIGURES = ("coulomb", "viscous", "armature", "offset")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,6 +47,12 @@ class Figure:
         """Whether the recording says anything of it, by joint."""
         return tuple((self.std < tuning.OBSERVED * self.prior).tolist())
 
+    def record(self, joint: int) -> dict[str, float] | None:
+        """Value and deviation of a joint, if observed."""
+        if not self.observed[joint]:
+            return None
+        return {"value": float(self.value[joint]), "std": float(self.std[joint])}
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundHand:
@@ -52,6 +70,13 @@ class FoundHand:
     centre: Array
     centre_std: Array
     parameters: Array
+
+    def record(self) -> dict[str, object]:
+        """As plain numbers."""
+        return {
+            "mass": {"value": self.mass, "std": self.mass_std},
+            "centre": {"value": self.centre.tolist(), "std": self.centre_std.tolist()},
+        }
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -94,6 +119,26 @@ class ArmDynamics:
     hand: FoundHand | None
     rms: Mapping[str, Array]
 
+    def record(self) -> dict[str, object]:
+        """All figures as plain numbers, SI units; None where the recording does not show one."""
+        joints: list[dict[str, object]] = []
+        for i, name in enumerate(self.arm.joints):
+            figures = {each: getattr(self, each).record(i) for each in FIGURES}
+            joints.append({"joint": name, **figures, "presliding": float(self.presliding[i])})
+        return {
+            "log": self.source,
+            "arm": self.arm.name,
+            "seconds": round(self.seconds, 3),
+            "held_out": round(self.held_out, 3),
+            "joints": joints,
+            "links": [
+                {"value": value.tolist(), "std": std.tolist()}
+                for value, std in zip(self.links, self.links_std, strict=True)
+            ],
+            "hand": None if self.hand is None else self.hand.record(),
+            "rms": {name: rms.tolist() for name, rms in self.rms.items()},
+        }
+
 
 def identify(log: ArmLog, arm: RobotDescription, hand: float | None = None) -> ArmDynamics:
     """Identify the dynamics of an arm from a recording of free motion.
@@ -133,7 +178,7 @@ def _dynamics(
         return Figure(mean, np.sqrt(np.diag(covariance)), PRIORS[name])
 
     bodies = found.assumed.bodies
-    links, links_std = np.empty((2, *bodies.links.shape))
+    links, links_std = np.empty_like(bodies.links), np.empty_like(bodies.links)
     for name, part in PARTS.items():
         mean, covariance = found.posterior[name]
         links[:, part] = mean.reshape(len(links), -1)
@@ -165,8 +210,6 @@ def _dynamics(
 
 def _hand(arm: RobotDescription, found: Fitted) -> FoundHand:
     """Mass and centre of the hand."""
-    from palpate.estimation.arm.regressor import placed_at
-
     chain, reach = arm.nominal.chain, found.assumed.bodies.reach
     assert chain is not None
     mean, covariance = found.posterior[HAND]
@@ -177,7 +220,7 @@ def _hand(arm: RobotDescription, found: Fitted) -> FoundHand:
     return FoundHand(
         mass=mass,
         mass_std=float(np.sqrt(covariance[0, 0])),
-        centre=tool.T @ (np.array(chain.anchors[-1]) + reach + shift - np.array(chain.tcp)),
+        centre=tool.T @ (found.assumed.bodies.anchors[-1] + reach + shift - np.array(chain.tcp)),
         centre_std=np.sqrt(np.diag(spread)),
         parameters=placed_at(reach) @ mean,
     )

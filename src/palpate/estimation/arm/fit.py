@@ -128,18 +128,22 @@ def fitted(rows: Rows, assumed: Assumed, names: Sequence[str]) -> Fitted:
     shape, std = Residual(rows.frequency), np.full(y.shape, START)
     scales = [Scale((WEIGHT,), tuning.LINK_FACTORS, tuning.LIKELY_LINKS)] if WEIGHT in names else []
     slid, level = (2,) * y.shape[1], np.full(y.shape[1], tuning.USUAL_FRICTION)
-    for last in range(tuning.NOISE_ROUNDS, -1, -1):
+
+    def solved() -> Posterior:
         noise = SpectralNoise(std.ravel(), float(y.size))
-        posterior = fit(assumed.causes(rows, names, slid, level), noise, y.ravel(), scales)
-        if not last:
-            break
+        causes = assumed.causes(rows, names, slid, level)
+        return fit(causes, noise, y.ravel(), scales)
+
+    for _ in range(tuning.NOISE_ROUNDS):
+        posterior = solved()
         design = posterior.model.design
         known = ((design @ posterior.covariance) * design).sum(axis=1).reshape(y.shape)
-        left = (posterior.residual * noise.std).reshape(y.shape)
-        std = np.stack([shape.std(l, k) for l, k in zip(left.T, known.T, strict=True)], axis=1)
+        left = posterior.residual.reshape(y.shape) * std
+        pairs = zip(left.T, known.T, strict=True)
+        std = np.stack([shape.std(*pair) for pair in pairs], axis=1)
         level = np.abs(posterior[COULOMB][0]) + tuning.SMALLEST_RESIDUAL
         slid = _preslidings(rows, posterior, left, std, slid)
-    return Fitted(assumed, posterior, slid, level, std)
+    return Fitted(assumed, solved(), slid, level, std)
 
 
 def _preslidings(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -57,12 +58,19 @@ def stretches(log: ArmLog) -> tuple[list[Motion], list[Motion]]:
     """Stretches of a recording without gaps: its first part, `tuning.LEARNT`, and the held-out rest.
 
     Raises:
-        InputError: too short.
+        InputError: too short, or too few rows a second.
     """
-    edges = [0, *(np.flatnonzero(np.diff(log.t) > tuning.GAP) + 1).tolist(), len(log)]
+    steps = np.diff(log.t)
+    step = float(np.median(steps)) if len(steps) else np.inf
+    if step > tuning.SLOWEST:
+        raise InputError(
+            f"{log.source} has a row every {step:.3g} s: log the arm at {1.0 / tuning.SLOWEST:g} Hz at least, "
+            "better at 1 kHz"
+        )
+    edges = [0, *(np.flatnonzero(steps > tuning.GAP) + 1).tolist(), len(log)]
     whole = [
         _uniform(log, first, last)
-        for first, last in zip(edges, edges[1:], strict=False)
+        for first, last in pairwise(edges)
         if log.t[last - 1] - log.t[first] >= tuning.SHORTEST_STRETCH
     ]
     seconds = sum(float(motion.t[-1] - motion.t[0]) for motion in whole)
@@ -90,8 +98,10 @@ def _cut(motion: Motion, first: int, last: int) -> Iterator[Motion]:
     seconds = float(motion.t[last - 1] - motion.t[first])
     if seconds < tuning.SHORTEST_STRETCH:
         return
-    edges = np.linspace(first, last, int(np.ceil(seconds / tuning.STRETCH)) + 1).astype(int)
-    for start, end in zip(edges.tolist(), edges[1:].tolist(), strict=False):
+    edges = (
+        np.linspace(first, last, int(np.ceil(seconds / tuning.STRETCH)) + 1).astype(int).tolist()
+    )
+    for start, end in pairwise(edges):
         yield motion.between(start, end)
 
 
@@ -103,7 +113,8 @@ def _uniform(log: ArmLog, first: int, last: int) -> Motion:
     every = max(1, round(1.0 / (step * tuning.CLOCK)))
 
     def even(signal: Array) -> Array:
-        return np.stack([np.interp(times, t, column) for column in signal[first:last].T], axis=1)
+        columns: list[Array] = [np.interp(times, t, column) for column in signal[first:last].T]
+        return np.stack(columns, axis=1)
 
     q = even(log.q)
     smooth, clock = _low_pass(q, step)[::every], times[::every]
@@ -131,7 +142,7 @@ def _low_pass(signal: Array, step: float) -> Array:
     if tuning.MOTION_BAND * step >= 0.45:
         return signal
     filtered = butter(4, tuning.MOTION_BAND, fs=1.0 / step, output="sos")
-    return np.asarray(sosfiltfilt(filtered, signal, axis=0), dtype=np.float64)
+    return sosfiltfilt(filtered, signal, axis=0)
 
 
 def _slope(t: Array, signal: Array) -> Array:

@@ -7,7 +7,6 @@ is a standard deviation per frequency. A cut-off is the same low-pass for torque
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -22,12 +21,12 @@ def transformed(signal: Array, step: float) -> Array:
     from scipy.fft import dct
 
     count = min(len(signal), int(2.0 * tuning.BAND * step * len(signal)))
-    return np.asarray(dct(signal, axis=0, norm="ortho"), dtype=np.float64)[:count]
+    return dct(signal, axis=0, norm="ortho")[:count]
 
 
 def frequencies(count: int, rows: int, step: float) -> Array:
     """(count,) Hz of the coefficients of a stretch of `rows`; the first is given half a step."""
-    return (np.arange(count) + 0.5) / (2.0 * rows * step)
+    return (np.arange(count, dtype=float) + 0.5) / (2.0 * rows * step)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,8 +77,3 @@ class Residual:
         cost = np.log(scale) * freedom.sum() + np.log(self.shapes) @ freedom
         best = int(np.argmin(cost))
         return np.sqrt(scale[best] * self.shapes[best]) + tuning.SMALLEST_RESIDUAL
-
-
-def root_mean_square(coefficients: Sequence[Array], rows: int) -> Array:
-    """(7,) rms of signals by their coefficients (k, 7) in stretches of `rows` together."""
-    return np.sqrt(sum((part**2).sum(axis=0) for part in coefficients) / rows)

@@ -9,7 +9,10 @@ MOTION_BAND = 15.0
 CLOCK = 200.0
 """Hz of the common clock of all signals, at most."""
 
-GAP = 0.1
+SLOWEST = 0.05
+"""s between rows at most: two a period of twice `BAND`."""
+
+GAP = 0.2
 """s without a row after which a recording begins anew."""
 
 EDGE = 0.2
