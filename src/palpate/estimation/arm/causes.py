@@ -22,16 +22,19 @@ from palpate.robots.description import RobotDescription
 from palpate.trace.samples import STANDARD_GRAVITY
 
 LINKS = "links"
-COULOMB, UNEVEN, LOADED, STRIBECK, STRAINED = "coulomb", "uneven", "loaded", "stribeck", "strained"
+COULOMB, UNEVEN, LOADED, STRIBECK = "coulomb", "uneven", "loaded", "stribeck"
+CREEP, STRAINED = "creep", "strained"
 RUBBING = {
     COULOMB: slice(0, 1),
     UNEVEN: slice(1, 5),
     LOADED: slice(5, 6),
     STRIBECK: slice(6, 7),
-    STRAINED: slice(7, 8),
+    CREEP: slice(7, 8),
+    STRAINED: slice(8, 9),
 }
 """Friction of a joint: its level, and by what it differs from it: with the angle, two harmonics of it, with the
-torque that the joint bears, where it turns slowly, and what strained the joint when the recording began."""
+torque that the joint bears, where it turns slowly, by a part that turns round over the longest presliding, and by
+what strained the joint when the recording began."""
 GRAVITY = np.array([0.0, 0.0, -STANDARD_GRAVITY])
 
 
@@ -94,7 +97,7 @@ class Rows:
         tau: (k, 7) N m.
         tau_ext: (k, 7) the controller's own estimate; None where not logged.
         columns: (k, 7, c) by name.
-        rubbing: (p, k, 7, 8) kinds of friction, `RUBBING`, of unit level for each of `tuning.PRESLIDINGS`.
+        rubbing: (p, k, 7, 9) kinds of friction, `RUBBING`, of unit level for each of `tuning.PRESLIDINGS`.
         frequency: (k,) Hz.
         samples: rows of the stretches, in time.
     """
@@ -178,13 +181,14 @@ def _stretch(motion: Motion, arm: RobotDescription, bodies: Bodies) -> Rows:
 
 
 def _frictions(motion: Motion, felt: Array) -> Array:
-    """(p, n, 7, 8) kinds of friction, `RUBBING`; `felt` (n, 7) N m are the torques that the joints bear."""
+    """(p, n, 7, 9) kinds of friction, `RUBBING`; `felt` (n, 7) N m are the torques that the joints bear."""
     q, bears = motion.q, np.abs(felt)
     harmonics = [wave(times * q) for times in (1, 2) for wave in (np.cos, np.sin)]
     slow = np.exp(-np.abs(motion.dq) / tuning.STRIBECK_SPEED)
     kinds = np.stack([np.ones_like(q), *harmonics, bears - bears.mean(axis=0), slow], axis=-1)
     rubbing = motion.rubbing[..., None] * kinds
-    return np.concatenate([rubbing, motion.strained[..., None]], axis=-1)
+    creep = motion.rubbing[-1] - motion.rubbing
+    return np.concatenate([rubbing, creep[..., None], motion.strained[..., None]], axis=-1)
 
 
 def each(signal: Array) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from palpate.estimation import tuning
 from palpate.estimation.arm.causes import (
     COULOMB,
+    CREEP,
     LINKS,
     LOADED,
     STRAINED,
@@ -29,7 +30,7 @@ WEIGHT, INERTIA = "weight", "inertia"
 PARTS = {WEIGHT: slice(0, 4), INERTIA: slice(4, PARAMETERS)}
 """Of the links: masses and first moments, which gravity shows, and inertias."""
 FRICTION = ("offset", COULOMB, STRAINED, "viscous")
-SENSORS = (UNEVEN, LOADED, STRIBECK, "armature", "cable", "gain", "lean", "delay")
+SENSORS = (UNEVEN, LOADED, STRIBECK, CREEP, "armature", "cable", "gain", "lean", "delay")
 OWN = ("offset", "viscous")
 """Causes of a joint alone, which are fitted again beside each presliding."""
 START = 0.1
@@ -45,11 +46,12 @@ PRIORS = {
     UNEVEN: tuning.UNEVEN_FRICTION,
     LOADED: tuning.LOADED_FRICTION,
     STRIBECK: tuning.SLOW_FRICTION,
+    CREEP: tuning.CREEPING_FRICTION,
     "lean": tuning.LEAN_PRIOR,
     "delay": tuning.DELAY_PRIOR,
 }
 """Standard deviation of each unknown of a cause, about 0 ..."""
-RELATIVE = (UNEVEN, STRIBECK)
+RELATIVE = (UNEVEN, STRIBECK, CREEP)
 """... of these times the joint's friction."""
 
 

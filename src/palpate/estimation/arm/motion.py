@@ -67,13 +67,13 @@ def stretches(log: ArmLog) -> tuple[list[Motion], list[Motion]]:
             f"{log.source} has a row every {step:.3g} s: log the arm at {1.0 / tuning.SLOWEST:g} Hz at least, "
             "better at 1 kHz"
         )
-    edges = [0, *(np.flatnonzero(steps > tuning.GAP) + 1).tolist(), len(log)]
+    edges: list[int] = [0, *(np.flatnonzero(steps > tuning.GAP) + 1).tolist(), len(log)]
     whole = [
         _uniform(log, first, last)
         for first, last in pairwise(edges)
-        if log.t[last - 1] - log.t[first] >= tuning.SHORTEST_STRETCH
+        if log.t[last - 1] - log.t[first] > tuning.SHORTEST_STRETCH
     ]
-    seconds = sum(float(motion.t[-1] - motion.t[0]) for motion in whole)
+    seconds = sum(float(motion.t[-1] - motion.t[0]) + 2.0 * tuning.EDGE for motion in whole)
     if seconds < tuning.SHORTEST_LOG:
         raise InputError(
             f"{log.source} has {seconds:.1f} s without gaps: record at least {tuning.SHORTEST_LOG:g} s of free "

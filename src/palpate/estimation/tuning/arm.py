@@ -46,6 +46,10 @@ Chosen, without a source."""
 LOADED_FRICTION = 3e-3
 """N m of friction per N m that a joint bears (1 sigma). Chosen, without a source."""
 
+CREEPING_FRICTION = 0.3
+"""part (1 sigma) of a joint's friction that turns round over the longest presliding, whatever the rest does: no
+law of friction is Dahl's alone. Chosen, without a source."""
+
 SLOW_FRICTION = 0.2
 """part (1 sigma) of a joint's friction by which slow friction is more or less than quick friction ..."""
 
