@@ -105,6 +105,12 @@ class Symbols:
         return tuple(sorted(every, key=lambda n: (-len(n), n)))
 
     @cached_property
+    def usable(self) -> frozenset[str]:
+        """Names of the poses that there are: with room where one is searched, and fitting the hand."""
+        found = {name for name in self.later if self._later(name) is not None}
+        return frozenset({*self.poses, *self.lines, *found})
+
+    @cached_property
     def offset_names(self) -> tuple[str, ...]:
         """Every name of an offset."""
         names = set(self.offsets)
@@ -193,9 +199,12 @@ class Symbols:
             raise self._unknown(name)
         found = self._later(name)  # a search for a free spot takes time, so it is done on demand
         if found is None:
-            raise InputError(
-                f"there is no free place within reach for '{name}'; give one in poses.yaml"
-            )
+            why = "there is no free place within reach"
+            if name.endswith("_across"):
+                why = (
+                    f"turned a quarter, the hand does not fit '{self.subjects.get(name)}': no pose"
+                )
+            raise InputError(f"{why} for '{name}'; give one in poses.yaml")
         return found
 
     def _later(self, name: str) -> Pose | None:
