@@ -42,7 +42,9 @@ def mass_of(hand: str) -> float | None:
     except ValueError:
         mass = math.nan
     if not mass >= 0.0:
-        raise InputError(f"hand: '{hand[:40]}' is neither 'found' nor a mass in kg, e.g. 0.73 or 0")
+        raise InputError(
+            f"--hand '{hand[:40]}' is neither 'found' nor a mass in kg, e.g. 0.73 or 0"
+        )
     return mass
 
 

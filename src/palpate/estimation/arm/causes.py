@@ -24,7 +24,7 @@ from palpate.trace.samples import STANDARD_GRAVITY
 LINKS = "links"
 COULOMB, UNEVEN, LOADED, STRIBECK = "coulomb", "uneven", "loaded", "stribeck"
 CREEP, STRAINED = "creep", "strained"
-RUBBING = {
+KINDS = {
     COULOMB: slice(0, 1),
     UNEVEN: slice(1, 5),
     LOADED: slice(5, 6),
@@ -97,7 +97,7 @@ class Rows:
         tau: (k, 7) N m.
         tau_ext: (k, 7) the controller's own estimate; None where not logged.
         columns: (k, 7, c) by name.
-        rubbing: (p, k, 7, 9) kinds of friction, `RUBBING`, of unit level for each of `tuning.PRESLIDINGS`.
+        dahl: (p, k, 7, 9) kinds of friction, `KINDS`, of unit level for each of `tuning.PRESLIDINGS`.
         frequency: (k,) Hz.
         samples: rows of the stretches, in time.
     """
@@ -105,7 +105,7 @@ class Rows:
     tau: Array
     tau_ext: Array | None
     columns: Mapping[str, Array]
-    rubbing: Array
+    dahl: Array
     frequency: Array
     samples: int
 
@@ -125,16 +125,16 @@ class Rows:
                 name: np.concatenate([part.columns[name] for part in parts])
                 for name in parts[0].columns
             },
-            rubbing=np.concatenate([part.rubbing for part in parts], axis=1),
+            dahl=np.concatenate([part.dahl for part in parts], axis=1),
             frequency=np.concatenate([part.frequency for part in parts]),
             samples=sum(part.samples for part in parts),
         )
 
     def of_joints(self, name: str, slid: Sequence[int]) -> Array:
         """(k, 7, c) columns of a cause; `slid` (7,) are the places of the joints' presliding."""
-        if name not in RUBBING:
+        if name not in KINDS:
             return self.columns[name]
-        chosen = self.rubbing[slid, :, range(len(slid)), RUBBING[name]]
+        chosen = self.dahl[slid, :, range(len(slid)), KINDS[name]]
         return np.concatenate([each(kind.T) for kind in np.moveaxis(chosen, -1, 0)], axis=-1)
 
     def of_bodies(self, bodies: Bodies) -> Array:
@@ -174,21 +174,21 @@ def _stretch(motion: Motion, arm: RobotDescription, bodies: Bodies) -> Rows:
         tau=tau,
         tau_ext=None if external is None else transformed(external, step),
         columns={name: transformed(signal, step) for name, signal in columns.items()},
-        rubbing=np.array([transformed(one, step) for one in _frictions(motion, felt)]),
+        dahl=np.array([transformed(one, step) for one in _frictions(motion, felt)]),
         frequency=frequencies(len(tau), len(q), step),
         samples=len(q),
     )
 
 
 def _frictions(motion: Motion, felt: Array) -> Array:
-    """(p, n, 7, 9) kinds of friction, `RUBBING`; `felt` (n, 7) N m are the torques that the joints bear."""
+    """(p, n, 7, 9) kinds of friction, `KINDS`; `felt` (n, 7) N m are the torques that the joints bear."""
     q, bears = motion.q, np.abs(felt)
     harmonics = [wave(times * q) for times in (1, 2) for wave in (np.cos, np.sin)]
     slow = np.exp(-np.abs(motion.dq) / tuning.STRIBECK_SPEED)
     kinds = np.stack([np.ones_like(q), *harmonics, bears - bears.mean(axis=0), slow], axis=-1)
-    rubbing = motion.rubbing[..., None] * kinds
-    creep = motion.rubbing[-1] - motion.rubbing
-    return np.concatenate([rubbing, creep[..., None], motion.strained[..., None]], axis=-1)
+    dahl = motion.dahl[..., None] * kinds
+    creep = motion.dahl[-1] - motion.dahl
+    return np.concatenate([dahl, creep[..., None], motion.strained[..., None]], axis=-1)
 
 
 def each(signal: Array) -> Array:

@@ -152,8 +152,11 @@ def identify(log: ArmLog, arm: RobotDescription, hand: float | None = None) -> A
         InputError: too short, or no joint moves.
     """
     bodies = Bodies.of(arm)
-    if hand is not None and not 0.0 <= hand <= arm.limits.payload + bodies.hand[0]:
-        raise InputError(f"hand: {hand:g} kg is not between 0 and the arm's payload")
+    most = arm.limits.payload + float(bodies.hand[0])
+    if hand is not None and not 0.0 <= hand <= most:
+        raise InputError(
+            f"a hand of {hand:g} kg is not between 0 and {most:.2f} kg, hand and payload"
+        )
     first, rest = stretches(log)
     learnt, held_out = (Rows.of(motions, arm, bodies) for motions in (first, rest))
     known = None if hand is None else bodies.hand * (hand / max(float(bodies.hand[0]), 1e-9))

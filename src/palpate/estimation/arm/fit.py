@@ -157,16 +157,16 @@ def _preslidings(
     found: list[int] = []
     for joint, place in enumerate(slid):
         own = [rows.columns[name][:, joint, joint] for name in names]
-        now = np.stack([*own, rows.rubbing[place, :, joint, 0]], axis=1)
+        now = np.stack([*own, rows.dahl[place, :, joint, 0]], axis=1)
         y = left[:, joint] + now @ [posterior[name][0][joint] for name in (*names, COULOMB)]
         noise = SpectralNoise(std[:, joint], float(len(y)))
 
         def evidence(
-            rubbing: Array, own: Sequence[Array] = own, y: Array = y, noise: SpectralNoise = noise
+            dahl: Array, own: Sequence[Array] = own, y: Array = y, noise: SpectralNoise = noise
         ) -> float:
-            columns = np.stack([*own, rubbing], axis=1)
+            columns = np.stack([*own, dahl], axis=1)
             return fit([Cause("own", columns, prior)], noise, y).evidence
 
-        each = [evidence(rubbing[:, joint, 0]) for rubbing in rows.rubbing]
+        each = [evidence(dahl[:, joint, 0]) for dahl in rows.dahl]
         found.append(int(np.argmax(each)))
     return tuple(found)

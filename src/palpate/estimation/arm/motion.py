@@ -22,7 +22,7 @@ class Motion:
         t: (n,) s.
         q, dq, ddq: (n, 7) rad, rad/s, rad/s².
         tau, tau_ext: (n, 7) N m; None where not logged.
-        rubbing: (p, n, 7) friction of unit level by Dahl's model, for each of `tuning.PRESLIDINGS`.
+        dahl: (p, n, 7) friction of unit level by Dahl's model, for each of `tuning.PRESLIDINGS`.
         strained: (p, n, 7) what is left of the friction at the start of the recording, likewise.
     """
 
@@ -32,7 +32,7 @@ class Motion:
     ddq: Array
     tau: Array
     tau_ext: Array | None
-    rubbing: Array
+    dahl: Array
     strained: Array
 
     def __len__(self) -> int:
@@ -49,7 +49,7 @@ class Motion:
             ddq=self.ddq[rows],
             tau=self.tau[rows],
             tau_ext=None if self.tau_ext is None else self.tau_ext[rows],
-            rubbing=self.rubbing[:, rows],
+            dahl=self.dahl[:, rows],
             strained=self.strained[:, rows],
         )
 
@@ -119,7 +119,7 @@ def _uniform(log: ArmLog, first: int, last: int) -> Motion:
     q = even(log.q)
     smooth, clock = _low_pass(q, step)[::every], times[::every]
     dq = _low_pass(even(log.dq), step)[::every]
-    rubbing, strained = dahl(smooth)
+    dahl, strained = dahl_states(smooth)
     found = Motion(
         t=clock,
         q=smooth,
@@ -127,7 +127,7 @@ def _uniform(log: ArmLog, first: int, last: int) -> Motion:
         ddq=_slope(clock, dq),
         tau=_low_pass(even(log.tau), step)[::every],
         tau_ext=None if log.tau_ext is None else _low_pass(even(log.tau_ext), step)[::every],
-        rubbing=rubbing,
+        dahl=dahl,
         strained=strained,
     )
     # A filter does not know what came before and after.
@@ -152,14 +152,14 @@ def _slope(t: Array, signal: Array) -> Array:
     return np.asarray(CubicSpline(t, signal)(t, 1), dtype=np.float64)
 
 
-def dahl(q: Array) -> tuple[Array, Array]:
+def dahl_states(q: Array) -> tuple[Array, Array]:
     """(p, n, 7) Dahl friction of unit level along angles `q` (n, 7), rad, that begins at 0, and what is left of one
     at the start, for each of `tuning.PRESLIDINGS`: per rad a joint closes 1 / presliding of the way to its level
     (P. Dahl, AIAA Journal 14, 1976)."""
     moved = np.diff(q, axis=0, prepend=q[:1])
     gone = np.abs(moved) / np.array(tuning.PRESLIDINGS)[:, None, None]
     keep = np.exp(-gone)
-    rubbing = np.sign(moved) * (1.0 - keep)
+    dahl = np.sign(moved) * (1.0 - keep)
     for row in range(1, len(q)):
-        rubbing[:, row] += keep[:, row] * rubbing[:, row - 1]
-    return rubbing, np.exp(-np.cumsum(gone, axis=1))
+        dahl[:, row] += keep[:, row] * dahl[:, row - 1]
+    return dahl, np.exp(-np.cumsum(gone, axis=1))
