@@ -67,7 +67,8 @@ def stretches(log: ArmLog) -> tuple[list[Motion], list[Motion]]:
             f"{log.source} has a row every {step:.3g} s: log the arm at {1.0 / tuning.SLOWEST:g} Hz at least, "
             "better at 1 kHz"
         )
-    edges: list[int] = [0, *(np.flatnonzero(steps > tuning.GAP) + 1).tolist(), len(log)]
+    gaps: list[int] = (np.flatnonzero(steps > tuning.GAP) + 1).tolist()
+    edges = [0, *gaps, len(log)]
     whole = [
         _uniform(log, first, last)
         for first, last in pairwise(edges)
@@ -83,7 +84,7 @@ def stretches(log: ArmLog) -> tuple[list[Motion], list[Motion]]:
     learnt: list[Motion] = []
     held_out: list[Motion] = []
     for motion in whole:
-        middle = int(np.searchsorted(motion.t, split))
+        middle = int((motion.t < split).sum())
         learnt += _cut(motion, 0, middle)
         held_out += _cut(motion, middle, len(motion))
     if not (learnt and held_out):
