@@ -12,23 +12,23 @@ and Φ the unknown parameters.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from importlib import resources
-from math import atan2, degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
 from palpate.errors import InputError, unknown_name
 from palpate.planning.check.rules import CATALOGUE, mm
+from palpate.planning.model.prompt.description import shown
+from palpate.planning.model.prompt.named_poses import HEAD, named_poses, position_and_yaw
 from palpate.quantities.catalogue import catalogue
 from palpate.quantities.purposes import PURPOSES
 from palpate.quantities.quantity import Quantity
 from palpate.vocabulary.registry import acquisition
 
 if TYPE_CHECKING:
-    from palpate.geometry.pose import Array, Pose
+    from palpate.geometry.pose import Pose
     from palpate.robots.description import RobotDescription
     from palpate.scene.scene import Scene
     from palpate.scene.symbols import Symbols
@@ -58,7 +58,6 @@ REMEASURE = (
     "# Measuring again\nThe user wants all that R asks for measured anew, also what D states: it is part of Φ, and "
     "`nothing_missing` is right only where R asks for nothing that can be measured."
 )
-_COMMENT = re.compile(r"\s*<!--.*?-->", re.DOTALL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,14 +125,14 @@ def compose(
     if arm is not None and "metadata" not in removed:
         parts.append(robot_section(arm, scene.pose_world_base if scene is not None else None))
     if symbols and "metadata" not in removed:
-        parts.append(poses_section(symbols))
-    shown = () if "image" in removed else tuple(images)
-    if shown:
-        views = (
-            "the workspace now" if len(shown) == 1 else f"{len(shown)} views of the workspace now"
-        )
+        parts.append(f"{HEAD}\n{fenced(named_poses(symbols))}")
+    pictures = () if "image" in removed else tuple(images)
+    if pictures:
+        views = "the workspace now"
+        if len(pictures) > 1:
+            views = f"{len(pictures)} views of {views}"
         parts.append(f"# Image I\nAttached: {views}.")
-    return Prompt(system_prompt(vocabulary, removed, style), "\n\n".join(parts), shown)
+    return Prompt(system_prompt(vocabulary, removed, style), "\n\n".join(parts), pictures)
 
 
 def checked_modules(names: Iterable[str]) -> frozenset[str]:
@@ -259,15 +258,19 @@ def scene_section(scene: Scene | None, comments: bool) -> str:
     if scene is None:
         return (
             "# Simulation description D\nNone: list what the image shows in `scene`. What you list as X there has "
-            "the poses X_pose and X_temporary, a plane X has X_approach, and every object its own offsets."
+            "the poses X_pose and X_temporary, a plane X has X_approach, and each has its own x_offset, y_offset and "
+            "z_offset, the last one upwards."
         )
-    text = scene.text if comments else _COMMENT.sub("", scene.text)
+    text = shown(scene.text, comments)
     if len(text) > LARGEST_DESCRIPTION:
         raise InputError(
             f"the scene has {len(text)} characters; at most {LARGEST_DESCRIPTION} are sent to a "
             "model: use the symbolic planner, or move assets to other files"
         )
-    return f"# Simulation description D (MJCF; absent or `?` is unknown)\n{fenced(text, 'xml')}"
+    return (
+        "# Simulation description D (MJCF, without textures, lights and cameras; absent or `?` is "
+        f"unknown)\n{fenced(text, 'xml')}"
+    )
 
 
 def robot_section(arm: RobotDescription, pose_world_base: Pose | None) -> str:
@@ -292,49 +295,3 @@ def robot_section(arm: RobotDescription, pose_world_base: Pose | None) -> str:
             f"Base in the world, with the direction of its x axis: {position_and_yaw(pose_world_base)}."
         )
     return "\n".join(lines)
-
-
-def poses_section(symbols: Symbols) -> str:
-    """Section of every name that a pose expression may use, with its place or purpose."""
-    lines = [f"{name}: {position_and_yaw(pose)}" for name, pose in symbols.poses.items()]
-    for name in symbols.later:  # computed when they are used
-        if name not in symbols.poses:
-            subject = symbols.subjects.get(name, "it")
-            purpose = f"a free spot to put {subject} down"
-            if name.endswith("_top"):
-                purpose = f"above the top of {subject}"
-            elif name.endswith("_across"):
-                purpose = f"a grasp of {subject} a quarter turn on"
-            lines.append(f"{name}: {purpose}")
-    for name in symbols.lines:
-        subject = symbols.subjects[name]
-        lines.append(f"{name}: where {subject} balances, as its grasps before have shown")
-    for name in symbols.configurations:
-        lines.append(f"{name}: joint configuration")
-    for name, own in symbols.own_offsets.items():
-        lines.append(f"offsets of {name}: {offset_list(own)}")
-    lines.append(f"offsets of other poses: {offset_list(symbols.offsets)}")
-    for name, reason in symbols.ungraspable.items():
-        lines.append(f"{name} cannot be grasped: {reason}")
-    return (
-        "# Named poses (gripper in the world: x y z in m, direction of its x axis in degrees; offsets in m)\n"
-        + fenced("\n".join(lines))
-    )
-
-
-def position_and_yaw(pose: Pose) -> str:
-    """Position (m) and direction of the x axis (degrees)."""
-    x, y, z = pose.position
-    direction = degrees(atan2(pose.rotation[1, 0], pose.rotation[0, 0]))
-    return f"{x:.3f} {y:.3f} {z:.3f}, {direction:.0f}"
-
-
-def offset_list(offsets: Mapping[str, Array]) -> str:
-    """Offsets by name: the length, with its sign, of one along an axis; the vector of any other."""
-    found: list[str] = []
-    for name, vector in offsets.items():
-        axes = [component for component in vector if abs(component) > 1e-9]
-        x, y, z = vector
-        shown = f"({x:.3f}, {y:.3f}, {z:.3f})" if len(axes) > 1 else f"{max(vector, key=abs):.3f}"
-        found.append(f"{name} {shown}")
-    return ", ".join(found)
