@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
 from itertools import pairwise
 
 import numpy as np
@@ -22,8 +22,8 @@ class Motion:
         t: (n,) s.
         q, dq, ddq: (n, 7) rad, rad/s, rad/s².
         tau, tau_ext: (n, 7) N m; None where not logged.
-        dahl: (p, n, 7) friction of unit level by Dahl's model, for each of `tuning.PRESLIDINGS`.
-        strained: (p, n, 7) what is left of the friction at the start of the recording, likewise.
+        dahl: (n, 7, p) friction of unit level by Dahl's model, for each of `tuning.PRESLIDINGS`.
+        strained: (n, 7, p) what is left of the friction at the start of the recording, likewise.
     """
 
     t: Array
@@ -40,18 +40,8 @@ class Motion:
 
     def between(self, first: int, last: int) -> Motion:
         """Rows from `first` up to `last`."""
-        rows = slice(first, last)
-        return replace(
-            self,
-            t=self.t[rows],
-            q=self.q[rows],
-            dq=self.dq[rows],
-            ddq=self.ddq[rows],
-            tau=self.tau[rows],
-            tau_ext=None if self.tau_ext is None else self.tau_ext[rows],
-            dahl=self.dahl[:, rows],
-            strained=self.strained[:, rows],
-        )
+        parts = (getattr(self, field.name) for field in fields(self))
+        return Motion(*(None if part is None else part[first:last] for part in parts))
 
 
 def stretches(log: ArmLog) -> tuple[list[Motion], list[Motion]]:
@@ -154,13 +144,13 @@ def _slope(t: Array, signal: Array) -> Array:
 
 
 def dahl_states(q: Array) -> tuple[Array, Array]:
-    """(p, n, 7) Dahl friction of unit level along angles `q` (n, 7), rad, that begins at 0, and what is left of one
+    """(n, 7, p) Dahl friction of unit level along angles `q` (n, 7), rad, that begins at 0, and what is left of one
     at the start, for each of `tuning.PRESLIDINGS`: per rad a joint closes 1 / presliding of the way to its level
     (P. Dahl, AIAA Journal 14, 1976)."""
-    moved = np.diff(q, axis=0, prepend=q[:1])
-    gone = np.abs(moved) / np.array(tuning.PRESLIDINGS)[:, None, None]
+    moved = np.diff(q, axis=0, prepend=q[:1])[:, :, None]
+    gone = np.abs(moved) / np.array(tuning.PRESLIDINGS)
     keep = np.exp(-gone)
     dahl = np.sign(moved) * (1.0 - keep)
     for row in range(1, len(q)):
-        dahl[:, row] += keep[:, row] * dahl[:, row - 1]
-    return dahl, np.exp(-np.cumsum(gone, axis=1))
+        dahl[row] += keep[row] * dahl[row - 1]
+    return dahl, np.exp(-np.cumsum(gone, axis=0))
