@@ -85,7 +85,7 @@ def test_bad_recordings_are_refused() -> None:
     slow = slice(None, None, 25)
     with pytest.raises(InputError, match=r"a row every 0\.1 s"):
         identify(ArmLog(log.t[slow], log.q[slow], log.dq[slow], log.tau[slow], None, "slow"), ARM)
-    with pytest.raises(InputError, match="hand: -1 kg"):
+    with pytest.raises(InputError, match="hand of -1 kg"):
         identify(log, ARM, hand=-1.0)
 
 

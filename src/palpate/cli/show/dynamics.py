@@ -42,7 +42,9 @@ def mass_of(hand: str) -> float | None:
     except ValueError:
         mass = math.nan
     if not mass >= 0.0:
-        raise InputError(f"hand: '{hand[:40]}' is neither 'found' nor a mass in kg, e.g. 0.73 or 0")
+        raise InputError(
+            f"--hand '{hand[:40]}' is neither 'found' nor a mass in kg, e.g. 0.73 or 0"
+        )
     return mass
 
 
@@ -60,12 +62,9 @@ def show_dynamics(found: ArmDynamics, written: Sequence[Path], as_json: bool) ->
         if found.hand is not None:
             low, high = found.hand.interval
             centre = ", ".join(f"{1e3 * part:.0f}" for part in found.hand.centre.tolist())
-            out.print(
-                f"hand {found.hand.mass:.3f} ± {found.hand.mass_std:.3f} kg, 95 % [{low:.3f}, {high:.3f}]; "
-                f"centre {centre} mm from the TCP",
-                markup=False,
-                soft_wrap=True,
-            )
+            mass, std = found.hand.mass, found.hand.mass_std
+            out.print(f"hand {mass:.3f} ± {std:.3f} kg, 95 % [{low:.3f}, {high:.3f}]", markup=False)
+            out.print(f"its centre of mass {centre} mm from the TCP, along x y z", markup=False)
         title = f"torque left in the last {found.held_out:.0f} s, N m rms, joints 1 to 7"
         held_out = figure_table(
             "model", *(str(i + 1) for i in range(len(found.arm.joints))), "all", title=title

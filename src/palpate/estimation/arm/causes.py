@@ -21,20 +21,7 @@ from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription
 from palpate.trace.samples import STANDARD_GRAVITY
 
-LINKS = "links"
-COULOMB, UNEVEN, LOADED, STRIBECK = "coulomb", "uneven", "loaded", "stribeck"
-CREEP, STRAINED = "creep", "strained"
-RUBBING = {
-    COULOMB: slice(0, 1),
-    UNEVEN: slice(1, 5),
-    LOADED: slice(5, 6),
-    STRIBECK: slice(6, 7),
-    CREEP: slice(7, 8),
-    STRAINED: slice(8, 9),
-}
-"""Friction of a joint: its level, and by what it differs from it: with the angle, two harmonics of it, with the
-torque that the joint bears, where it turns slowly, by a part that turns round over the longest presliding, and by
-what strained the joint when the recording began."""
+LINKS, COULOMB = "links", "coulomb"
 GRAVITY = np.array([0.0, 0.0, -STANDARD_GRAVITY])
 
 
@@ -97,7 +84,6 @@ class Rows:
         tau: (k, 7) N m.
         tau_ext: (k, 7) the controller's own estimate; None where not logged.
         columns: (k, 7, c) by name.
-        rubbing: (p, k, 7, 9) kinds of friction, `RUBBING`, of unit level for each of `tuning.PRESLIDINGS`.
         frequency: (k,) Hz.
         samples: rows of the stretches, in time.
     """
@@ -105,7 +91,6 @@ class Rows:
     tau: Array
     tau_ext: Array | None
     columns: Mapping[str, Array]
-    rubbing: Array
     frequency: Array
     samples: int
 
@@ -125,17 +110,9 @@ class Rows:
                 name: np.concatenate([part.columns[name] for part in parts])
                 for name in parts[0].columns
             },
-            rubbing=np.concatenate([part.rubbing for part in parts], axis=1),
             frequency=np.concatenate([part.frequency for part in parts]),
             samples=sum(part.samples for part in parts),
         )
-
-    def of_joints(self, name: str, slid: Sequence[int]) -> Array:
-        """(k, 7, c) columns of a cause; `slid` (7,) are the places of the joints' presliding."""
-        if name not in RUBBING:
-            return self.columns[name]
-        chosen = self.rubbing[slid, :, range(len(slid)), RUBBING[name]]
-        return np.concatenate([each(kind.T) for kind in np.moveaxis(chosen, -1, 0)], axis=-1)
 
     def of_bodies(self, bodies: Bodies) -> Array:
         """(k, 7, 7, 10) columns of mass, first moment and inertia about each link's centre."""
@@ -160,6 +137,7 @@ def _stretch(motion: Motion, arm: RobotDescription, bodies: Bodies) -> Rows:
     ]
     columns = {
         LINKS: links.reshape(len(q), 7, -1),
+        **_frictions(motion, felt),
         "offset": each(np.ones_like(q)),
         "viscous": each(dq),
         "armature": each(motion.ddq),
@@ -174,26 +152,31 @@ def _stretch(motion: Motion, arm: RobotDescription, bodies: Bodies) -> Rows:
         tau=tau,
         tau_ext=None if external is None else transformed(external, step),
         columns={name: transformed(signal, step) for name, signal in columns.items()},
-        rubbing=np.array([transformed(one, step) for one in _frictions(motion, felt)]),
         frequency=frequencies(len(tau), len(q), step),
         samples=len(q),
     )
 
 
-def _frictions(motion: Motion, felt: Array) -> Array:
-    """(p, n, 7, 9) kinds of friction, `RUBBING`; `felt` (n, 7) N m are the torques that the joints bear."""
-    q, bears = motion.q, np.abs(felt)
-    harmonics = [wave(times * q) for times in (1, 2) for wave in (np.cos, np.sin)]
-    slow = np.exp(-np.abs(motion.dq) / tuning.STRIBECK_SPEED)
-    kinds = np.stack([np.ones_like(q), *harmonics, bears - bears.mean(axis=0), slow], axis=-1)
-    rubbing = motion.rubbing[..., None] * kinds
-    creep = motion.rubbing[-1] - motion.rubbing
-    return np.concatenate([rubbing, creep[..., None], motion.strained[..., None]], axis=-1)
+def _frictions(motion: Motion, felt: Array) -> dict[str, Array]:
+    """Columns of each joint's friction: its level, and by what it differs from it; `felt` (n, 7) N m are the
+    torques that the joints bear."""
+    q, bears, usual = motion.q, np.abs(felt), motion.dahl[:, :, 0]
+    waves = [wave(times * q) for times in (1, 2) for wave in (np.cos, np.sin)]
+    others = np.moveaxis(motion.dahl[:, :, 1:], 2, 0)
+    return {
+        COULOMB: each(usual),
+        "presliding": each(*(other - usual for other in others)),
+        "uneven": each(*(usual * wave for wave in waves)),
+        "loaded": each(usual * (bears - bears.mean(axis=0))),
+        "stribeck": each(usual * np.exp(-np.abs(motion.dq) / tuning.STRIBECK_SPEED)),
+        "strained": each(*np.moveaxis(motion.strained, 2, 0)),
+    }
 
 
-def each(signal: Array) -> Array:
-    """(k, 7, 7) columns of each joint's own of a signal (k, 7)."""
-    return signal[:, :, None] * np.eye(signal.shape[1])
+def each(*signals: Array) -> Array:
+    """(k, 7, 7 s) columns of each joint's own of s signals (k, 7)."""
+    joints = np.eye(signals[0].shape[1])
+    return np.concatenate([signal[:, :, None] * joints for signal in signals], axis=2)
 
 
 def flat(columns: Array) -> Array:

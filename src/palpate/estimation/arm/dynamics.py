@@ -11,11 +11,11 @@ from palpate.errors import InputError
 from palpate.estimation import tuning
 from palpate.estimation.arm.causes import COULOMB, Bodies, Rows
 from palpate.estimation.arm.fit import (
+    DETAILS,
     FRICTION,
     HAND,
     PARTS,
     PRIORS,
-    SENSORS,
     Assumed,
     Fitted,
     fitted,
@@ -96,7 +96,6 @@ class ArmDynamics:
         viscous: N m s/rad.
         armature: kg m² of a joint's own beside the links; of motors, where torque is measured before the gears.
         offset: N m that a sensor shows too much.
-        presliding: (7,) rad over which the friction turns round.
         links, links_std: (7, 10) corrections of mass, first moment and inertia about the described centre.
         parameters: (7, 10) of the corrected links, about their joints' anchors.
         hand: None where it was stated.
@@ -112,7 +111,6 @@ class ArmDynamics:
     viscous: Figure
     armature: Figure
     offset: Figure
-    presliding: Array
     links: Array
     links_std: Array
     parameters: Array
@@ -124,7 +122,7 @@ class ArmDynamics:
         joints: list[dict[str, object]] = []
         for i, name in enumerate(self.arm.joints):
             figures = {each: getattr(self, each).record(i) for each in FIGURES}
-            joints.append({"joint": name, **figures, "presliding": float(self.presliding[i])})
+            joints.append({"joint": name, **figures})
         return {
             "log": self.source,
             "arm": self.arm.name,
@@ -152,14 +150,17 @@ def identify(log: ArmLog, arm: RobotDescription, hand: float | None = None) -> A
         InputError: too short, or no joint moves.
     """
     bodies = Bodies.of(arm)
-    if hand is not None and not 0.0 <= hand <= arm.limits.payload + bodies.hand[0]:
-        raise InputError(f"hand: {hand:g} kg is not between 0 and the arm's payload")
+    most = arm.limits.payload + float(bodies.hand[0])
+    if hand is not None and not 0.0 <= hand <= most:
+        raise InputError(
+            f"a hand of {hand:g} kg is not between 0 and {most:.2f} kg, hand and payload"
+        )
     first, rest = stretches(log)
     learnt, held_out = (Rows.of(motions, arm, bodies) for motions in (first, rest))
     known = None if hand is None else bodies.hand * (hand / max(float(bodies.hand[0]), 1e-9))
     assumed = Assumed(bodies, known, arm.nominal.torque_gain / np.sqrt(3.0))
     given = Assumed(bodies, bodies.hand if known is None else known, assumed.gain)
-    every = (*FRICTION, *SENSORS, *PARTS, *((HAND,) if known is None else ()))
+    every = (*FRICTION, *DETAILS, *PARTS, *((HAND,) if known is None else ()))
     left = {"described": given.described(held_out, given.hand)}
     left["friction"] = fitted(learnt, given, FRICTION).predicted(held_out)
     left["all"] = fitted(learnt, assumed, every).predicted(held_out)
@@ -199,7 +200,6 @@ def _dynamics(
         viscous=figure("viscous"),
         armature=figure("armature"),
         offset=figure("offset"),
-        presliding=np.array(tuning.PRESLIDINGS)[list(found.slid)],
         links=links,
         links_std=links_std,
         parameters=bodies.links + turned,

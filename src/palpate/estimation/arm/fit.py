@@ -8,18 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.estimation import tuning
-from palpate.estimation.arm.causes import (
-    COULOMB,
-    CREEP,
-    LINKS,
-    LOADED,
-    STRAINED,
-    STRIBECK,
-    UNEVEN,
-    Bodies,
-    Rows,
-    flat,
-)
+from palpate.estimation.arm.causes import COULOMB, LINKS, Bodies, Rows, flat
 from palpate.estimation.arm.regressor import PARAMETERS, placed_at
 from palpate.estimation.arm.spectrum import Residual, SpectralNoise
 from palpate.estimation.regression import Cause, Posterior, Scale, fit
@@ -29,29 +18,37 @@ HAND = "hand"
 WEIGHT, INERTIA = "weight", "inertia"
 PARTS = {WEIGHT: slice(0, 4), INERTIA: slice(4, PARAMETERS)}
 """Of the links: masses and first moments, which gravity shows, and inertias."""
-FRICTION = ("offset", COULOMB, STRAINED, "viscous")
-SENSORS = (UNEVEN, LOADED, STRIBECK, CREEP, "armature", "cable", "gain", "lean", "delay")
-OWN = ("offset", "viscous")
-"""Causes of a joint alone, which are fitted again beside each presliding."""
+FRICTION = ("offset", COULOMB, "strained", "viscous")
+DETAILS = (
+    "presliding",
+    "uneven",
+    "loaded",
+    "stribeck",
+    "armature",
+    "cable",
+    "gain",
+    "lean",
+    "delay",
+)
 START = 0.1
 """N m: the residual of the first round."""
 
 PRIORS = {
     "offset": tuning.OFFSET_PRIOR,
     COULOMB: tuning.COULOMB_PRIOR,
-    STRAINED: tuning.OFFSET_PRIOR,
+    "strained": tuning.OFFSET_PRIOR,
     "viscous": tuning.VISCOUS_PRIOR,
+    "presliding": tuning.PRESLIDING_SHARE,
+    "uneven": tuning.UNEVEN_FRICTION,
+    "loaded": tuning.LOADED_FRICTION,
+    "stribeck": tuning.SLOW_FRICTION,
     "armature": tuning.ARMATURE_PRIOR,
     "cable": tuning.CABLE_PRIOR,
-    UNEVEN: tuning.UNEVEN_FRICTION,
-    LOADED: tuning.LOADED_FRICTION,
-    STRIBECK: tuning.SLOW_FRICTION,
-    CREEP: tuning.CREEPING_FRICTION,
     "lean": tuning.LEAN_PRIOR,
     "delay": tuning.DELAY_PRIOR,
 }
 """Standard deviation of each unknown of a cause, about 0 ..."""
-RELATIVE = (UNEVEN, STRIBECK, CREEP)
+RELATIVE = ("presliding", "uneven", "stribeck")
 """... of these times the joint's friction."""
 
 
@@ -76,13 +73,11 @@ class Assumed:
             links[-1] += hand
         return rows.columns[LINKS] @ links.ravel()
 
-    def causes(
-        self, rows: Rows, names: Sequence[str], slid: Sequence[int], level: Array
-    ) -> list[Cause]:
-        """Causes by name; `slid` (7,) are the places of the joints' presliding, `level` (7,) N m their friction."""
-        return [self._cause(rows, name, slid, level) for name in names]
+    def causes(self, rows: Rows, names: Sequence[str], level: Array) -> list[Cause]:
+        """Causes by name; `level` (7,) N m is the joints' friction."""
+        return [self._cause(rows, name, level) for name in names]
 
-    def _cause(self, rows: Rows, name: str, slid: Sequence[int], level: Array) -> Cause:
+    def _cause(self, rows: Rows, name: str, level: Array) -> Cause:
         if name in PARTS:
             columns = rows.of_bodies(self.bodies)[..., PARTS[name]]
             prior = self.bodies.errors[:, PARTS[name]]
@@ -90,7 +85,7 @@ class Assumed:
         if name == HAND:
             last = rows.columns[LINKS][:, :, -PARAMETERS:] @ placed_at(self.bodies.reach)
             return Cause(name, flat(last), self.bodies.hand_prior())
-        columns = flat(rows.of_joints(name, slid))
+        columns = flat(rows.columns[name])
         prior = np.full(columns.shape[1], self.gain if name == "gain" else PRIORS[name])
         if name in RELATIVE:
             prior *= np.tile(level, len(prior) // len(level))
@@ -104,37 +99,31 @@ class Fitted:
     Attributes:
         assumed: before it.
         posterior: of its causes.
-        slid: (7,) places of the joints' presliding in `tuning.PRESLIDINGS`.
         level: (7,) N m of the joints' friction, for the priors of what depends on it.
-        std: (k, 7) N m of the residual, by frequency.
     """
 
     assumed: Assumed
     posterior: Posterior
-    slid: tuple[int, ...]
     level: Array
-    std: Array
 
     def predicted(self, rows: Rows) -> Array:
         """(k, 7) torques of other rows."""
         names = [cause.name for cause in self.posterior.causes]
-        causes = self.assumed.causes(rows, names, self.slid, self.level)
+        causes = self.assumed.causes(rows, names, self.level)
         caused = sum(cause.columns @ self.posterior[cause.name][0] for cause in causes)
         return self.assumed.described(rows, self.assumed.hand) + np.reshape(caused, rows.tau.shape)
 
 
 def fitted(rows: Rows, assumed: Assumed, names: Sequence[str]) -> Fitted:
-    """Fit causes to rows; in rounds, as the residual's size by frequency and each joint's presliding are learnt
-    from what the last round left."""
+    """Fit causes to rows; in rounds, as the residual's size by frequency is learnt from what the last round left."""
     y = rows.tau - assumed.described(rows, assumed.hand)
     shape, std = Residual(rows.frequency), np.full(y.shape, START)
     scales = [Scale((WEIGHT,), tuning.LINK_FACTORS, tuning.LIKELY_LINKS)] if WEIGHT in names else []
-    slid, level = (2,) * y.shape[1], np.full(y.shape[1], tuning.USUAL_FRICTION)
+    level = np.full(y.shape[1], tuning.USUAL_FRICTION)
 
     def solved() -> Posterior:
         noise = SpectralNoise(std.ravel(), float(y.size))
-        causes = assumed.causes(rows, names, slid, level)
-        return fit(causes, noise, y.ravel(), scales)
+        return fit(assumed.causes(rows, names, level), noise, y.ravel(), scales)
 
     for _ in range(tuning.NOISE_ROUNDS):
         posterior = solved()
@@ -144,29 +133,4 @@ def fitted(rows: Rows, assumed: Assumed, names: Sequence[str]) -> Fitted:
         pairs = zip(left.T, known.T, strict=True)
         std = np.stack([shape.std(*pair) for pair in pairs], axis=1)
         level = np.abs(posterior[COULOMB][0]) + tuning.SMALLEST_RESIDUAL
-        slid = _preslidings(rows, posterior, left, std, slid)
-    return Fitted(assumed, solved(), slid, level, std)
-
-
-def _preslidings(
-    rows: Rows, posterior: Posterior, left: Array, std: Array, slid: Sequence[int]
-) -> tuple[int, ...]:
-    """Find each joint's likeliest presliding, given what all other causes do to it."""
-    names = [name for name in OWN if name in {cause.name for cause in posterior.causes}]
-    prior = np.array([PRIORS[name] for name in (*names, COULOMB)])
-    found: list[int] = []
-    for joint, place in enumerate(slid):
-        own = [rows.columns[name][:, joint, joint] for name in names]
-        now = np.stack([*own, rows.rubbing[place, :, joint, 0]], axis=1)
-        y = left[:, joint] + now @ [posterior[name][0][joint] for name in (*names, COULOMB)]
-        noise = SpectralNoise(std[:, joint], float(len(y)))
-
-        def evidence(
-            rubbing: Array, own: Sequence[Array] = own, y: Array = y, noise: SpectralNoise = noise
-        ) -> float:
-            columns = np.stack([*own, rubbing], axis=1)
-            return fit([Cause("own", columns, prior)], noise, y).evidence
-
-        each = [evidence(rubbing[:, joint, 0]) for rubbing in rows.rubbing]
-        found.append(int(np.argmax(each)))
-    return tuple(found)
+    return Fitted(assumed, solved(), level)

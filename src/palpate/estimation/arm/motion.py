@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
 from itertools import pairwise
 
 import numpy as np
@@ -22,8 +22,8 @@ class Motion:
         t: (n,) s.
         q, dq, ddq: (n, 7) rad, rad/s, rad/s².
         tau, tau_ext: (n, 7) N m; None where not logged.
-        rubbing: (p, n, 7) friction of unit level by Dahl's model, for each of `tuning.PRESLIDINGS`.
-        strained: (p, n, 7) what is left of the friction at the start of the recording, likewise.
+        dahl: (n, 7, p) friction of unit level by Dahl's model, for each of `tuning.PRESLIDINGS`.
+        strained: (n, 7, p) what is left of the friction at the start of the recording, likewise.
     """
 
     t: Array
@@ -32,7 +32,7 @@ class Motion:
     ddq: Array
     tau: Array
     tau_ext: Array | None
-    rubbing: Array
+    dahl: Array
     strained: Array
 
     def __len__(self) -> int:
@@ -40,18 +40,8 @@ class Motion:
 
     def between(self, first: int, last: int) -> Motion:
         """Rows from `first` up to `last`."""
-        rows = slice(first, last)
-        return replace(
-            self,
-            t=self.t[rows],
-            q=self.q[rows],
-            dq=self.dq[rows],
-            ddq=self.ddq[rows],
-            tau=self.tau[rows],
-            tau_ext=None if self.tau_ext is None else self.tau_ext[rows],
-            rubbing=self.rubbing[:, rows],
-            strained=self.strained[:, rows],
-        )
+        parts = (getattr(self, field.name) for field in fields(self))
+        return Motion(*(None if part is None else part[first:last] for part in parts))
 
 
 def stretches(log: ArmLog) -> tuple[list[Motion], list[Motion]]:
@@ -67,7 +57,8 @@ def stretches(log: ArmLog) -> tuple[list[Motion], list[Motion]]:
             f"{log.source} has a row every {step:.3g} s: log the arm at {1.0 / tuning.SLOWEST:g} Hz at least, "
             "better at 1 kHz"
         )
-    edges: list[int] = [0, *(np.flatnonzero(steps > tuning.GAP) + 1).tolist(), len(log)]
+    gaps: list[int] = (np.flatnonzero(steps > tuning.GAP) + 1).tolist()
+    edges = [0, *gaps, len(log)]
     whole = [
         _uniform(log, first, last)
         for first, last in pairwise(edges)
@@ -83,7 +74,7 @@ def stretches(log: ArmLog) -> tuple[list[Motion], list[Motion]]:
     learnt: list[Motion] = []
     held_out: list[Motion] = []
     for motion in whole:
-        middle = int(np.searchsorted(motion.t, split))
+        middle = int((motion.t < split).sum())
         learnt += _cut(motion, 0, middle)
         held_out += _cut(motion, middle, len(motion))
     if not (learnt and held_out):
@@ -119,7 +110,7 @@ def _uniform(log: ArmLog, first: int, last: int) -> Motion:
     q = even(log.q)
     smooth, clock = _low_pass(q, step)[::every], times[::every]
     dq = _low_pass(even(log.dq), step)[::every]
-    rubbing, strained = dahl(smooth)
+    dahl, strained = dahl_states(smooth)
     found = Motion(
         t=clock,
         q=smooth,
@@ -127,7 +118,7 @@ def _uniform(log: ArmLog, first: int, last: int) -> Motion:
         ddq=_slope(clock, dq),
         tau=_low_pass(even(log.tau), step)[::every],
         tau_ext=None if log.tau_ext is None else _low_pass(even(log.tau_ext), step)[::every],
-        rubbing=rubbing,
+        dahl=dahl,
         strained=strained,
     )
     # A filter does not know what came before and after.
@@ -152,14 +143,14 @@ def _slope(t: Array, signal: Array) -> Array:
     return np.asarray(CubicSpline(t, signal)(t, 1), dtype=np.float64)
 
 
-def dahl(q: Array) -> tuple[Array, Array]:
-    """(p, n, 7) Dahl friction of unit level along angles `q` (n, 7), rad, that begins at 0, and what is left of one
+def dahl_states(q: Array) -> tuple[Array, Array]:
+    """(n, 7, p) Dahl friction of unit level along angles `q` (n, 7), rad, that begins at 0, and what is left of one
     at the start, for each of `tuning.PRESLIDINGS`: per rad a joint closes 1 / presliding of the way to its level
     (P. Dahl, AIAA Journal 14, 1976)."""
-    moved = np.diff(q, axis=0, prepend=q[:1])
-    gone = np.abs(moved) / np.array(tuning.PRESLIDINGS)[:, None, None]
+    moved = np.diff(q, axis=0, prepend=q[:1])[:, :, None]
+    gone = np.abs(moved) / np.array(tuning.PRESLIDINGS)
     keep = np.exp(-gone)
-    rubbing = np.sign(moved) * (1.0 - keep)
+    dahl = np.sign(moved) * (1.0 - keep)
     for row in range(1, len(q)):
-        rubbing[:, row] += keep[:, row] * rubbing[:, row - 1]
-    return rubbing, np.exp(-np.cumsum(gone, axis=1))
+        dahl[row] += keep[row] * dahl[row - 1]
+    return dahl, np.exp(-np.cumsum(gone, axis=0))

@@ -30,8 +30,11 @@ SHORTEST_LOG = 5.0
 LEARNT = 0.6
 """part of a recording, from its start, that predicts the rest of it."""
 
-PRESLIDINGS = (5e-4, 1e-3, 2e-3, 4e-3, 8e-3)
-"""rad over which the friction of a joint turns round, one of these: 1 to 4 mrad were seen on real arms."""
+PRESLIDINGS = (1.5e-3, 6e-4, 4e-3, 1e-2)
+"""rad over which parts of a joint's friction turn round: the usual one (1 to 4 mrad were seen on real arms) ..."""
+
+PRESLIDING_SHARE = 0.3
+"""... and parts (1 sigma) of it that do so over each of the others: no law of friction is Dahl's alone."""
 
 COULOMB_PRIOR = 1.0
 """N m (1 sigma): 0.15 to 0.5 were seen on real arms."""
@@ -45,10 +48,6 @@ Chosen, without a source."""
 
 LOADED_FRICTION = 3e-3
 """N m of friction per N m that a joint bears (1 sigma). Chosen, without a source."""
-
-CREEPING_FRICTION = 0.3
-"""part (1 sigma) of a joint's friction that turns round over the longest presliding, whatever the rest does: no
-law of friction is Dahl's alone. Chosen, without a source."""
 
 SLOW_FRICTION = 0.2
 """part (1 sigma) of a joint's friction by which slow friction is more or less than quick friction ..."""
@@ -97,7 +96,7 @@ SMALLEST_RESIDUAL = 1e-3
 """N m of a frequency's coefficient: finer than any sensor."""
 
 NOISE_ROUNDS = 4
-"""rounds of fitting, in which residual and presliding are learnt."""
+"""rounds of fitting, in which the residual is learnt."""
 
 OBSERVED = 0.5
 """part of its prior deviation to which a figure must be known to be shown as observed."""
