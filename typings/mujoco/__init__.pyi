@@ -446,6 +446,7 @@ class MjsPair(_SpecElement):
     solimp: _Doubles
 
 class MjsSite(_SpecElement): ...
+
 class MjsLight(_SpecElement):
     dir: _Doubles
     diffuse: _Floats

@@ -30,7 +30,8 @@ ALIASES = {
     "q": "q position positions pos angle angles theta qpos",
     "dq": "dq velocity velocities vel speed speeds qdot qvel",
     "tau": "tau tau_j effort efforts torque torques tau_measured",
-    "tau_ext": "tau_ext tau_ext_hat_filtered tau_ext_hat external_torque external_torques ext_tau",
+    "tau_ext": "tau_ext tau_ext_hat tau_ext_hat_filtered tau_ext_hat_filtered_effort external_torque "
+    "external_torques",
 }
 """What remains of a column's name, by signal; tau is libfranka's tau_J, with gravity in it."""
 KNOWN = {alias: signal for signal, aliases in ALIASES.items() for alias in aliases.split()}

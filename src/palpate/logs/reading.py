@@ -10,8 +10,10 @@ import numpy as np
 
 from palpate.errors import InputError
 from palpate.files.read import opened, read_text
+from palpate.logs.bags import read_bag
 from palpate.logs.clocks import cleaned
-from palpate.logs.columns import Table, read_map, signals
+from palpate.logs.columns import ColumnMap, Table, read_map, signals
+from palpate.logs.parquet import read_parquet
 from palpate.trace.log import ArmLog
 
 MAX_BYTES = 1_000_000_000
@@ -29,19 +31,21 @@ def read_log(path: Path, columns: Path | None = None) -> ArmLog:
     say so.
 
     Args:
-        path: .csv, .tsv, .txt or .npz.
+        path: CSV (.csv, .tsv, .txt), .npz, .mcap, .parquet, a folder or database of rosbag2, or a .bag.
         columns: YAML that maps columns to signals (`ColumnMap`); what it leaves out is guessed.
 
     Raises:
         InputError: not such a file, too large, or without time, positions or torques.
+        Unavailable: the library for its format is not installed.
     """
     mapped = read_map(columns)
-    reader = READERS.get(path.suffix.lower())
+    reader = read_bag if path.is_dir() else READERS.get(path.suffix.lower())
     if reader is None:
+        kinds = ", ".join(READERS)
         raise InputError(
-            f"{path}: unknown kind of recording '{path.suffix}'; valid: {', '.join(READERS)}"
+            f"{path}: unknown kind of recording '{path.suffix}'; valid: {kinds}, and a folder of rosbag2"
         )
-    table = reader(path)
+    table = reader(path, mapped)
     _bounded(table, path)
     found, notes = cleaned(signals(table, mapped, str(path)), mapped, str(path))
     return ArmLog(
@@ -55,7 +59,7 @@ def read_log(path: Path, columns: Path | None = None) -> ArmLog:
     )
 
 
-def read_csv(path: Path) -> Table:
+def read_csv(path: Path, columns: ColumnMap) -> Table:
     """Read the numeric columns of a table in text, whose first line names them."""
     text = read_text(path, MAX_TEXT, "a recording of an arm")
     lines = text.splitlines()
@@ -93,7 +97,7 @@ def read_csv(path: Path) -> Table:
     return {names[i]: rows[:, k] for k, i in enumerate(used)}
 
 
-def read_npz(path: Path) -> Table:
+def read_npz(path: Path, columns: ColumnMap) -> Table:
     """Read the numeric arrays of a NumPy archive, (n,) or (n, k); objects (pickles) are refused."""
     try:
         with (
@@ -114,7 +118,16 @@ def read_npz(path: Path) -> Table:
     }
 
 
-READERS = {".csv": read_csv, ".tsv": read_csv, ".txt": read_csv, ".npz": read_npz}
+READERS = {
+    ".csv": read_csv,
+    ".tsv": read_csv,
+    ".txt": read_csv,
+    ".npz": read_npz,
+    ".mcap": read_bag,
+    ".db3": read_bag,
+    ".bag": read_bag,
+    ".parquet": read_parquet,
+}
 
 
 def _bounded(table: Table, path: Path) -> None:
