@@ -11,7 +11,8 @@ nothing.
 - `run` does all at once; `load` reads a scene, `Scene.plan` a plan for it, `Plan.run` executes it;
   `open` reads a finished `Run` back from its folder, `fuse` makes one `Fusion` of several,
   `compare` says how far they are apart.
-- `dynamics` reads a recording of an arm, and identifies its friction, links and hand.
+- `dynamics` reads a recording of an arm, and identifies its friction, links and hand; `noise`
+  measures the errors of its signals.
 - `Estimate`, `Parameter`, `Trace` and `Twin` are what a run is made of.
 - `Cell`, `SimulatedCell`, `Planner`, `Primitive`, `Quantity`, `RobotDescription` and `Vocabulary` are
   where your own parts go in.
@@ -24,6 +25,7 @@ from __future__ import annotations
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from palpate.api import ArmDynamics as ArmDynamics
+    from palpate.api import ArmNoise as ArmNoise
     from palpate.api import Fusion as Fusion
     from palpate.api import Plan as Plan
     from palpate.api import Run as Run
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
     from palpate.api import dynamics as dynamics
     from palpate.api import fuse as fuse
     from palpate.api import load as load
+    from palpate.api import noise as noise
     from palpate.api import open as open
     from palpate.api import run as run
     from palpate.cells.cell import Cell as Cell
@@ -55,6 +58,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "ArmDynamics",
+    "ArmNoise",
     "Cell",
     "Estimate",
     "ExecutionAborted",
@@ -79,12 +83,14 @@ __all__ = [
     "dynamics",
     "fuse",
     "load",
+    "noise",
     "open",
     "run",
 ]
 
 _HOMES = {
     "ArmDynamics": "api",
+    "ArmNoise": "api",
     "Cell": "cells.cell",
     "Estimate": "estimation.estimate",
     "ExecutionAborted": "errors",
@@ -109,6 +115,7 @@ _HOMES = {
     "dynamics": "api",
     "fuse": "api",
     "load": "api",
+    "noise": "api",
     "open": "api",
     "run": "api",
 }

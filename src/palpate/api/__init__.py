@@ -12,12 +12,14 @@ from __future__ import annotations
 
 from palpate.api.at_once import plan_settings, run, run_settings
 from palpate.api.dynamics import ArmDynamics, dynamics
+from palpate.api.noise import ArmNoise, noise
 from palpate.api.plans import Plan
 from palpate.api.runs import Fusion, Run, compare, finish, fuse, open
 from palpate.api.scenes import Scene, load, load_settings
 
 __all__ = [
     "ArmDynamics",
+    "ArmNoise",
     "Fusion",
     "Plan",
     "Run",
@@ -28,6 +30,7 @@ __all__ = [
     "fuse",
     "load",
     "load_settings",
+    "noise",
     "open",
     "plan_settings",
     "run",
