@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 
 import pytest
+from loopback import Loopback, Says
 
 from palpate import pipeline
 from palpate.execution.rehearsal import Rehearsal, rehearse
 from palpate.parameter import Parameter
-from palpate.planning.plan import Node, Plan
+from palpate.planning.model.settings import ModelSettings
+from palpate.planning.plan import Node, Plan, dump_plan
 from palpate.planning.symbolic.planner import assemble
 from palpate.runs.run import Run
 from palpate.scene.load import parse_scene
@@ -143,3 +146,24 @@ def test_plans_of_models_and_files_are_rehearsed_by_default(planner: str, rehear
     if rehearsed:
         assert done.findings[0].path.startswith("tree.children[")
         assert pipeline.measure(done).execution is None
+
+
+def test_a_model_corrects_what_the_rehearsal_of_its_plan_found(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("OPENAI_API_KEY", "sk-test-0123456789")
+    cell = scene(PLANK, "?")
+    refusal = {"outcome": "cannot", "parameters": [], "explanation": "it holds up the plank"}
+    with Loopback(Says(dump_plan(weighing(cell, "weight"))), Says(json.dumps(refusal))) as server:
+        asked = Settings(
+            planner="openai",
+            request="the mass of the weight",
+            model_settings=ModelSettings(base_url=server.url("openai"), prompt="lean"),
+        )
+        made = pipeline.plan(asked, cell)
+        answered = server.requests[1]
+    assert made.plan.outcome == "cannot"
+    assert made.conversation is not None
+    (found,) = made.conversation.rounds[0].findings
+    assert "rehearsal: in simulation the plan fails: plank" in found
+    assert found in answered.user

@@ -19,6 +19,7 @@ from palpate.execution.harm.harm import harm
 from palpate.execution.harm.witness import Witness
 from palpate.execution.runner import STOP_NODE, Execution, run
 from palpate.interrupt import interrupts
+from palpate.planning.check.case import Finding
 from palpate.planning.plan import Plan
 from palpate.robots.owner.arm import as_measured
 from palpate.robots.simulated.robot import MujocoRobot
@@ -58,6 +59,13 @@ class Rehearsal:
     failure: str | None
     draws: int = 1
     path: str = "tree"
+
+    @property
+    def finding(self) -> Finding | None:
+        """Finding on the plan, None for one that may run."""
+        if self.failure is None:
+            return None
+        return Finding.of(self.path, "rehearsal", f"in simulation the plan fails: {self.failure}")
 
     def __str__(self) -> str:
         ending = f"would stop: {self.failure}" if self.failure else "no failure"

@@ -28,7 +28,8 @@ MAX_NODES = 5000
 MAX_REASON = 120
 """Characters of the explanation that the short form of a plan shows."""
 
-_STRING = re.compile(r'"(?:[^"\\]|\\.)*"', re.DOTALL)
+# A string without an end takes the rest: else each of its quotes would be tried as a beginning.
+_STRING = re.compile(r'"(?:[^"\\]|\\.)*(?:"|\Z)', re.DOTALL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,6 +228,18 @@ def nesting(text: str) -> int:
     return deepest
 
 
+def unique_json(text: str) -> object:
+    """The value of JSON text.
+
+    Raises:
+        InputError: an object has a field twice. ValueError: not JSON, or too deep for its reader.
+    """
+    try:
+        return json.loads(text, object_pairs_hook=_unique)
+    except RecursionError:
+        raise ValueError("nested too deep") from None
+
+
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for key, value in pairs:
@@ -256,6 +269,8 @@ def _node(value: object, path: str, depth: int, budget: list[int]) -> Node:
     name = _text(fields.get("name", ""), f"{path}.name")
     arguments: list[tuple[str, object]] = []
     for key, argument in fields.items():
+        if "children" not in fields and _lists_objects(argument):
+            _fail(f"{path}.{key}", "is a list of objects; did you mean 'children'?")
         if key not in ("type", "name", "children"):
             arguments.append((_text(key, path), _frozen(argument, f"{path}.{key}")))
 
@@ -264,6 +279,11 @@ def _node(value: object, path: str, depth: int, budget: list[int]) -> Node:
 
     children = _each(child, fields.get("children", []), f"{path}.children")
     return Node(type, tuple(arguments), children, name)
+
+
+def _lists_objects(value: object) -> bool:
+    items = cast("list[object]", value) if isinstance(value, list) else []
+    return bool(items) and all(isinstance(item, dict) for item in items)
 
 
 def _parameter(value: object, path: str) -> tuple[Parameter, bool]:

@@ -107,4 +107,11 @@ def _model(provider: str, argument: str, settings: PlannerSettings) -> Planner:
 
     spec = f"{provider}:{argument}" if argument else provider
     model_settings = settings.model_settings or ModelSettings()
-    return VlmPlanner(spec, model_settings, settings.remeasure, settings.builder, settings.measure)
+    return VlmPlanner(
+        spec,
+        model_settings,
+        settings.remeasure,
+        settings.builder,
+        settings.measure,
+        settings.rehearse,
+    )

@@ -84,7 +84,14 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
     poses = seen_by(read_poses(settings.poses) if settings.poses else Poses(), arm, base)
     if planner is None:
         builder, model = SceneBuilder(poses, arm), settings.model_settings
-        asked = PlannerSettings(settings.remeasure, model, builder, settings.within, measure)
+        asked = PlannerSettings(
+            settings.remeasure,
+            model,
+            builder,
+            settings.within,
+            measure,
+            rehearse=None if settings.rehearse is False else _rehearsed,
+        )
         planner = planners().make(settings.planner, asked)
 
     pictures, blind = _pictures(planner, settings, scene, poses)
@@ -120,6 +127,13 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
     )
 
 
+def _rehearsed(plan: Plan, scene: Scene) -> Finding | None:
+    """Finding of a rehearsal, for a planner that corrects its plan."""
+    from palpate.execution.rehearsal import rehearse as rehearse_plan
+
+    return rehearse_plan(plan, scene).finding
+
+
 def rehearse(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = None) -> Run:
     """Execute the plan in physics before anything moves: a plan of a model, a file or a user's own
     planner always, palpate's own plans before a real robot moves. Harm and failures become findings,
@@ -142,12 +156,8 @@ def rehearse(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = No
     callbacks.progress("rehearsing in simulation")
     rehearsal = rehearse_plan(made.plan, made.scene)
     callbacks.progress(f"rehearsal: {rehearsal}")
-    if rehearsal.failure is None:
-        return replace(made, rehearsal=rehearsal)
-    failed = Finding.of(
-        rehearsal.path, "rehearsal", f"in simulation the plan fails: {rehearsal.failure}"
-    )
-    return replace(made, rehearsal=rehearsal, findings=(failed,))
+    failed = rehearsal.finding
+    return replace(made, rehearsal=rehearsal, findings=() if failed is None else (failed,))
 
 
 def _is_real(made: Run, cell: Cell | None) -> bool:

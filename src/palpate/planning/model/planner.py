@@ -22,6 +22,7 @@ from palpate.planning.model.rounds import converse
 from palpate.planning.model.session import Session, picture
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.plan import Plan
+from palpate.planning.planner import Rehearse
 from palpate.planning.symbolic.planner import assemble, requested, split_known, stated, surely_asked
 from palpate.scene.pictured.detected import DetectedScene, SceneBuilder
 from palpate.scene.pictured.objects import SceneObject
@@ -41,6 +42,8 @@ class VlmPlanner:
         remeasure: the request is measured even where the scene states it.
         builder: makes a scene of the detected objects, for a request without a scene.
         measure: the parameters of the plan; None: the model decides by the request.
+        rehearse: executes a plan in physics, once it has passed the check; what it finds goes back to
+            the model.
         conversation: the latest dialogue, also when `plan` raised.
         seen: the detected scene, when there was no scene.
         images: the pictures, which refine the detected scene.
@@ -53,6 +56,7 @@ class VlmPlanner:
     remeasure: bool = False
     builder: SceneBuilder | None = None
     measure: tuple[Parameter, ...] | None = None
+    rehearse: Rehearse | None = None
     conversation: Conversation | None = field(default=None, init=False)
     seen: DetectedScene | None = field(default=None, init=False)
     images: tuple[Path, ...] = field(default=(), init=False)
@@ -148,6 +152,7 @@ class VlmPlanner:
 
     def _findings(self, proposal: Proposal, scene: Scene | None, request: str | None) -> list[str]:
         from palpate.planning.check.check import check
+        from palpate.planning.check.digest import digest
 
         plan, wanted = proposal.plan, None
         if plan.tree is not None:
@@ -157,9 +162,10 @@ class VlmPlanner:
             if self.measure is not None or (request is None and reads_request):
                 wanted = requested(None, scene, self.remeasure, self.measure)
         found = check(plan, scene, remeasure=self.remeasure, requested=wanted)
-        if found:
-            return [f"{finding.path}, {finding.rule}: {finding.message}" for finding in found]
-        return []
+        if not found and plan.tree is not None and scene is not None and self.rehearse is not None:
+            harm = self.rehearse(plan, scene)
+            found = () if harm is None else (harm,)
+        return digest(found)
 
     def question(self, plan: Plan, scene: Scene | None, request: str | None) -> str | None:
         """The question about a plan without a tree, or one that lacks what the grammar reads from the
