@@ -18,6 +18,10 @@ GAP = 0.2
 EDGE = 0.2
 """s at both ends of a recording that its filter needs: three periods of `MOTION_BAND`."""
 
+UNEVEN_CLOCK = 0.03
+"""part of the velocities by which they may differ from the slope of the angles: 1 % at 1 kHz on a real FR3, 6 % of
+a recording at 30 Hz with even stamps."""
+
 STRETCH = 20.0
 """s of a stretch that is transformed together."""
 
