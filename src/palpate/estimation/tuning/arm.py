@@ -99,6 +99,9 @@ WHITE_SHARES = (1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3, 1.0, 10.0)
 SMALLEST_RESIDUAL = 1e-3
 """N m of a frequency's coefficient: finer than any sensor."""
 
+FIRST_RESIDUAL = 0.1
+"""N m: what no cause explains, in the first round of fitting."""
+
 NOISE_ROUNDS = 4
 """rounds of fitting, in which the residual is learnt."""
 
