@@ -131,6 +131,7 @@ class CentreOfMassInSpace(CentreOfMass):
     )
     how = f"{evidence[0].how}, and in a Parallel with Tilt, held in free air and empty"
     stands_for = "com"
+    entire = True
 
     def status(self, body: BodyDescription) -> Status:
         """Not applicable: the file's centre of mass is that of `com`."""

@@ -20,6 +20,7 @@ from palpate.planning.plan import Node, Plan
 from palpate.planning.planner import needs_scene
 from palpate.planning.request.grounding import Grounded, ground
 from palpate.planning.request.item import GRIPPER
+from palpate.planning.symbolic.errand import Errand, errand
 from palpate.planning.symbolic.passes import Efforts, efforts
 from palpate.planning.symbolic.places import BALANCE
 from palpate.planning.symbolic.search import Backchainer
@@ -74,7 +75,12 @@ class SymbolicPlanner:
         """
         if scene is None:
             raise needs_scene(self.name)
-        asked = asked_parameters(request, scene, self.measure)
+        try:
+            asked = asked_parameters(request, scene, self.measure)
+        except (InputError, PlanRejected):
+            if request is not None and (found := errand(request, scene)) is not None:
+                return self._errand(found, scene)
+            raise
         known, wanted = split_known(asked.asked, scene, self.remeasure)
         cannot = list(asked.cannot)
         for parameter in wanted:
@@ -98,6 +104,18 @@ class SymbolicPlanner:
             notes=tuple(remarks),
             declared=None if wanted or cannot or made.failed else "nothing_missing",
         )
+
+    def _errand(self, errand: Errand, scene: Scene) -> Plan:
+        """The plan that carries a tool, and measures nothing.
+
+        Raises:
+            PlanRejected: there is no path.
+        """
+        chainer = Backchainer(scene)
+        chainer.go_home()
+        chainer.hold(errand.tool, errand.spots)
+        chainer.go_home()
+        return Plan((), chainer.tree(), errand.explanation, self.name)
 
 
 @dataclass(frozen=True, slots=True)
