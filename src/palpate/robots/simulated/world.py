@@ -54,6 +54,9 @@ class Steps:
     push: Array  # (n, 3) N, mean force with which the hand pushes on things, world axes
     fingers: Array  # (n, 2) m at the end of each block
     finger_speed: Array  # (n, 2) m/s, likewise
+    # Of each cycle:
+    effort: Array  # (n * BLOCK, 7) N m commanded, without the part that holds the nominal arm up
+    rates: Array  # (n * BLOCK, 7) rad/s of the joints at its end
 
 
 class Cycles:
@@ -102,7 +105,8 @@ class World:
         self._drive = int(self.model.actuator(PREFIX + DRIVE).id)
         self._fingers_control = int(self.model.actuator_ctrladr[self._drive])
         self._data.qpos[self._q], self._data.qpos[self._finger_q] = arm.home, arm.hand.opening / 2
-        self._seen, self._before = mujoco.MjData(self.model), mujoco.MjData(self.model)
+        self._seen = mujoco.MjData(self.model)
+        self._kept: list[tuple[float, mujoco.MjData]] = []
         self._dq, self._sensed = self._data.qvel[self._v], self._data.sensordata
         self._torque = run_of(self.model.sensor(MOTOR.format(1)).adr[0], 7)
         self._push = run_of(self.model.sensor(PUSH).adr[0], 3)
@@ -119,19 +123,21 @@ class World:
         self.t = 0.0
         self.watch: Callable[[mujoco.MjData], None] | None = None
 
-    def step(self, control: Array, guard: Guard) -> Steps:
-        """Step once per row of `control` (n * BLOCK, nu), or until the guard fires: then the arm
-        yields for the rest of that block, and the run ends with it.
+    def step(self, control: Array, guard: Guard | None = None) -> Steps:
+        """Step once per row of `control` (n * BLOCK, nu); under the `guard`, cycle by cycle until it
+        fires: then the arm yields for the rest of that block, and the run ends with it.
 
         Raises:
             ExecutionAborted: the physics became unstable.
         """
         cycles, count = Cycles(len(control), self.model.nq, self.model.nv), len(control)
-        if guard.yielding:
+        before = self.compensation
+        if guard is None:
+            self._roll(control, cycles)
+        elif guard.yielding:
             self._cycle(control, cycles, 0, count, guard.reaction)
         else:
-            look = self._all_at_once if self.watch is None else self._one_by_one
-            fired = look(control, guard, cycles)
+            fired = self._one_by_one(control, guard, cycles)
             if fired is not None:
                 self.actuators.set(guard.reaction.gains)
                 count = (fired // BLOCK + 1) * BLOCK
@@ -145,6 +151,9 @@ class World:
                 f"the simulated world became unstable before {self.t:.2f} s of robot time: "
                 "check its masses, sizes and contact parameters"
             )
+        # The weight that the motors hold is the nominal arm's, followed from end to end of the run.
+        share = np.arange(1.0, count + 1)[:, None] / count
+        weight = before + share * (self.compensation - before)
         return Steps(
             q=qpos[:, self._q],
             dq=qvel[:, self._v],
@@ -152,25 +161,27 @@ class World:
             push=block_means(cycles.push[:count]),
             fingers=qpos[:, self._finger_q],
             finger_speed=qvel[:, self._finger_v],
+            effort=cycles.torque[:count] - weight,
+            rates=cycles.dq[:count],
         )
 
-    def _all_at_once(self, control: Array, guard: Guard, cycles: Cycles) -> int | None:
-        """Step all cycles before the guard observes them, which is faster than one by one; return
-        the cycle in which it fires. Later cycles are undone."""
-        mujoco.mj_copyData(self._before, self.model, self._data)
-        before = self.compensation
-        self._roll(control, cycles)
-        # Of the weight that the nominal arm's motors hold, only the change in the run is followed.
-        share = np.arange(1.0, len(control) + 1)[:, None] / len(control)
-        weight = before + share * (self.compensation - before)
-        fired = guard.observe(cycles.torque - weight, cycles.dq)
-        if fired is not None:
-            mujoco.mj_copyData(self._data, self.model, self._before)
-            self._cycle(control, cycles, 0, fired + 1)
-        return fired
+    def keep(self, place: int) -> None:
+        """Keep the present state in a numbered place, for `back`."""
+        while place >= len(self._kept):
+            self._kept.append((0.0, mujoco.MjData(self.model)))
+        kept = self._kept[place][1]
+        mujoco.mj_copyData(kept, self.model, self._data)
+        self._kept[place] = self.t, kept
+
+    def back(self, place: int) -> None:
+        """Return to the state that was kept in that place."""
+        self.t, kept = self._kept[place]
+        mujoco.mj_copyData(self._data, self.model, kept)
+        while self.frames[-1][0] > self.t:
+            self.frames.pop()
 
     def _one_by_one(self, control: Array, guard: Guard, cycles: Cycles) -> int | None:
-        """Step as `_all_at_once`, for `watch`, which must not see cycles that are undone."""
+        """Step until the guard fires; return the cycle in which it does."""
         for i in range(len(control)):
             self._cycle(control, cycles, i, i + 1)
             rows = slice(i, i + 1)
