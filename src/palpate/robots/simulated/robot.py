@@ -8,7 +8,6 @@ reflex. The controller's 1 kHz loop itself is the world's actuators (`impedance`
 
 from __future__ import annotations
 
-import pickle
 from collections import deque
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -27,6 +26,7 @@ from palpate.robots.robot import RobotState
 from palpate.robots.simulated.gripper import Gripper
 from palpate.robots.simulated.guard import Guard, Reaction
 from palpate.robots.simulated.impedance import Gains, Inertia
+from palpate.robots.simulated.memory import Memory
 from palpate.robots.simulated.noise.line import Stamps
 from palpate.robots.simulated.noise.model import Streams
 from palpate.robots.simulated.noise.models import noise_models
@@ -130,13 +130,6 @@ class MujocoRobot(Commanded):
         self._reflex: str | None = None
         self._due = 0.0
         self._logged: list[Samples] = []
-        self._noise = self._sensors, self._encoders, self._stamps
-        # The runs under way: state before the first, and before each; those not yet passed.
-        self._start: tuple[bytes, dict[str, Any]] = b"", {}
-        self._befores: list[list[dict[str, Any]]] = []
-        self._runs: list[Run] = []
-        self._ahead: deque[Moment] = deque()
-        self._stride = 1
         config = arm.config or RobotConfig()
         self._readout = Readout(
             nominal=nominal,
@@ -151,6 +144,13 @@ class MujocoRobot(Commanded):
         measured = config.gravity or config.end_effector or config.base_lean
         askew = truth.askew or measured is not None
         self._correction = Correction(self._world, self._readout, self._encoders, askew)
+        self._noise = Memory(self._sensors, self._encoders, self._stamps)
+        # The runs under way: state before the first, and before each; those not yet passed.
+        self._start = self._noise.save(), dict(vars(self._readout))
+        self._befores: list[list[dict[str, Any]]] = []
+        self._runs: list[Run] = []
+        self._ahead: deque[Moment] = deque()
+        self._stride = 1
         target = self._readout.pose_world_tcp.vector
         self._now = Moment(0.0, self._readout.sensed, target, self._gripper.now)
         self._cached: RobotState | None = None
@@ -328,7 +328,7 @@ class MujocoRobot(Commanded):
 
     def _run_ahead(self, tick: float) -> None:
         """Run the world for some ticks of `tick` s, and read the sensors."""
-        self._start = pickle.dumps(self._noise, pickle.HIGHEST_PROTOCOL), dict(vars(self._readout))
+        self._start = self._noise.save(), dict(vars(self._readout))
         self._runs, self._befores = [], []
         for periods in self._lengths(tick):
             try:
@@ -400,8 +400,7 @@ class MujocoRobot(Commanded):
         """Return to the state before a run."""
         self._reset(index)
         noise, readout = self._start
-        for part, before in zip(self._noise, pickle.loads(noise), strict=True):
-            vars(part).update(vars(before))
+        self._noise.restore(noise)
         vars(self._readout).update(readout)
         felt: list[Felt] = []
         for run in self._runs[:index]:
