@@ -24,8 +24,6 @@ from __future__ import annotations
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from palpate.api import ArmDynamics as ArmDynamics
-    from palpate.api import ArmNoise as ArmNoise
     from palpate.api import Fusion as Fusion
     from palpate.api import Plan as Plan
     from palpate.api import Run as Run
@@ -57,8 +55,6 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
-    "ArmDynamics",
-    "ArmNoise",
     "Cell",
     "Estimate",
     "ExecutionAborted",
@@ -89,8 +85,6 @@ __all__ = [
 ]
 
 _HOMES = {
-    "ArmDynamics": "api",
-    "ArmNoise": "api",
     "Cell": "cells.cell",
     "Estimate": "estimation.estimate",
     "ExecutionAborted": "errors",

@@ -11,15 +11,13 @@ never import upwards and there is no second scene.
 from __future__ import annotations
 
 from palpate.api.at_once import plan_settings, run, run_settings
-from palpate.api.dynamics import ArmDynamics, dynamics
-from palpate.api.noise import ArmNoise, noise
+from palpate.api.dynamics import dynamics
+from palpate.api.noise import noise
 from palpate.api.plans import Plan
 from palpate.api.runs import Fusion, Run, compare, finish, fuse, open
 from palpate.api.scenes import Scene, load, load_settings
 
 __all__ = [
-    "ArmDynamics",
-    "ArmNoise",
     "Fusion",
     "Plan",
     "Run",

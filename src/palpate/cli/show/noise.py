@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from palpate.cli.console import figure_table, out, print_json, printing
 
 if TYPE_CHECKING:
-    from palpate.api import ArmNoise
+    from palpate.api.noise import ArmNoise
 
 TITLES = {
     "white": ("white noise of a sample at rest, N m", 1.0),
