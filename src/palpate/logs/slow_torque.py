@@ -19,7 +19,7 @@ TURNS = 0.01  # rad that a joint must go either way to show its friction
 PRESLIDING: Array = np.geomspace(2e-4, 2e-2, 21)  # rad
 USUAL = 2e-3  # rad, where the recording does not tell
 WIDE = 1.0  # rad, range of a joint that shows how its friction varies over a turn
-STRETCH = 1.0  # s: stretches of a residual that count as independent of each other
+STRETCH = 2.0  # s: stretches of a residual that count as independent of each other
 LOAD: Array = np.array([0.3, 0.03, 0.03, 0.03])
 """Standard deviations of a load beyond the nominal hand: kg, kg m along each axis of the hand."""
 GRAVITY = 9.81
