@@ -63,7 +63,7 @@ def trace_of(
 
 def binned(log: ArmLog) -> ArmLog:
     """Means over bins of `PERIOD`."""
-    bins = np.floor((log.t - log.t[0]) / PERIOD).astype(int)
+    bins = np.floor((log.t - log.t[0]) / PERIOD + 1e-3).astype(int)
     _, place, count = np.unique(bins, return_inverse=True, return_counts=True)
 
     def mean(values: Array) -> Array:
