@@ -10,7 +10,7 @@ nothing.
 
 - `run` does all at once; `load` reads a scene, `Scene.plan` a plan for it, `Plan.run` executes it;
   `open` reads a finished `Run` back from its folder, `fuse` makes one `Fusion` of several,
-  `compare` says how far they are apart.
+  `compare` says how far they are apart. `estimate` makes one from a recording of another program's.
 - `Estimate`, `Parameter`, `Trace` and `Twin` are what a run is made of.
 - `Cell`, `SimulatedCell`, `Planner`, `Primitive`, `Quantity`, `RobotDescription` and `Vocabulary` are
   where your own parts go in.
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from palpate.api import Run as Run
     from palpate.api import Scene as Scene
     from palpate.api import compare as compare
+    from palpate.api import estimate as estimate
     from palpate.api import fuse as fuse
     from palpate.api import load as load
     from palpate.api import open as open
@@ -72,6 +73,7 @@ __all__ = [
     "Unavailable",
     "Vocabulary",
     "compare",
+    "estimate",
     "fuse",
     "load",
     "open",
@@ -100,6 +102,7 @@ _HOMES = {
     "Unavailable": "errors",
     "Vocabulary": "vocabulary.registry",
     "compare": "api",
+    "estimate": "api",
     "fuse": "api",
     "load": "api",
     "open": "api",

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from palpate.api.at_once import plan_settings, run, run_settings
 from palpate.api.plans import Plan
+from palpate.api.recordings import estimate
 from palpate.api.runs import Fusion, Run, compare, finish, fuse, open
 from palpate.api.scenes import Scene, load, load_settings
 
@@ -21,6 +22,7 @@ __all__ = [
     "Run",
     "Scene",
     "compare",
+    "estimate",
     "finish",
     "fuse",
     "load",

@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from palpate.estimation import tuning
+from palpate.estimation.agreement import KNOWN
 from palpate.estimation.joint_friction import TURNED, dahl_states
 from palpate.estimation.load.blocks import Blocks, Rows, blocks
 from palpate.estimation.load.causes import by_signal, of_arm, scales
@@ -179,7 +180,7 @@ def _fitted(
     borne, mass = np.zeros(len(y)), 0.0
     while True:
         # Gains and tilt act on the torques of the load, too, which are unknown at first.
-        lifted = mass * trace.gravity * hanging[: len(seen.t)]
+        lifted = (mass * trace.gravity * hanging[: len(seen.t)]).astype(float)
         causes = [*unknown, *of_arm(trace, observed, seen, lifted, borne)]
         posterior = fit(causes, noise.signal_noise(), y, scales(causes))
         if noise.rounds == tuning.CARRIED_ROUNDS:
@@ -228,7 +229,7 @@ class Components:
         floor = tuning.FLOOR**2 * np.eye(self.kernels.shape[2])
         pairs = zip(self.variances, self.kernels, strict=True)
         mixed = [np.tensordot(sizes, kernels, 1) + floor for sizes, kernels in pairs]
-        return SignalNoise([np.linalg.cholesky(one) for one in mixed], np.inf)
+        return SignalNoise([np.linalg.cholesky(one).astype(float) for one in mixed], KNOWN)
 
     def likelier(self, posterior: Posterior) -> Components:
         """Components with variances under which the fitted rows are likelier: each times the root of the quotient

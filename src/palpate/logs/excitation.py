@@ -42,6 +42,22 @@ TYPICAL = np.array([1.0, *[0.05] * 3, *[5e-3] * 6])
 """kg, kg m and kg m²: parameters of a typical load, in whose units the condition is stated."""
 
 
+HOW = """\
+{file} holds {seconds:.0f} s of motion for {arm}: t (s), q1…q7 (rad), dq1…dq7 (rad/s) at {rate:.0f} Hz, {cycles} \
+periods of a Fourier series, from the home posture and back to it at rest. It keeps {share:.0%} of the joints' speeds, \
+{acceleration:g} rad/s², and {above:g} m above the base; no links of the arm touch each other. The condition number of \
+the load's equations is {condition:.0f}.
+1. Clear the space around the arm: nothing but the arm itself was looked at, neither table nor load. Watch the first \
+period at a tenth of the speed.
+2. Play it with the empty hand, with a joint impedance or position controller, and log every cycle.
+3. Grasp the load, lift it, and play it again in the same log, or in another one (--empty).
+4. Log time, joint positions, joint velocities, and the joint torques as sensed, gravity in them (libfranka: q, dq, \
+tau_J; ROS: joint_states with effort). External torques are not needed.
+5. palpate estimate LOG --loaded A-B, with the seconds between lifting and putting down. For the mass alone any slow \
+motion serves, in which all joints turn both ways; the inertia needs the fast one."""
+"""What to record."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Excitation:
     """Periodic motion, from home and back.
@@ -66,11 +82,27 @@ class Excitation:
         ddq = -sine @ (self.sines * rate).T + cosine @ (self.cosines * rate).T
         return self.home + q, dq, ddq
 
-    def rows(self) -> Array:
-        """(n, 15) t, q and dq of `CYCLES` periods."""
+    def csv(self) -> str:
+        """Table of t, q and dq of `CYCLES` periods."""
         t = np.arange(round(CYCLES * PERIOD * RATE) + 1) / RATE
         q, dq, _ = self.sample(t)
-        return np.column_stack([t, q, dq])
+        names = [f"{kind}{joint}" for kind in ("q", "dq") for joint in range(1, 8)]
+        rows = [",".join(f"{x:.6f}" for x in row) for row in np.column_stack([t, q, dq]).tolist()]
+        return "\n".join([",".join(["t", *names]), *rows, ""])
+
+    def told(self, arm: str, file: str) -> str:
+        """What to record with it, in words."""
+        return HOW.format(
+            file=file,
+            arm=arm,
+            seconds=CYCLES * PERIOD,
+            rate=RATE,
+            cycles=CYCLES,
+            share=SPEED_SHARE,
+            acceleration=ACCELERATION,
+            above=ABOVE,
+            condition=self.condition,
+        )
 
 
 def excitation(arm: RobotDescription, seed: int = 0) -> Excitation:

@@ -140,3 +140,7 @@ COM_BELIEVED = 0.05
 
 RADIUS_BELIEVED = 0.1
 """m: radius of gyration that a load is believed to have at most. Sensitive: no."""
+
+CARRIED_APART, CARRIED_LEAST = 0.03, 0.005
+"""part of the mass, and kg (1 sigma), by which halves of a window may differ: more is a load that came or went.
+Sensitive: no."""
