@@ -4,6 +4,7 @@ axes where its pose in the hand is known, else in those of the tool, from the TC
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.carried import HAND, LOAD, Carried, carried
-from palpate.estimation.estimate import Z95, Estimate, Part, interval95, not_identified
+from palpate.estimation.estimate import Z95, Estimate, Part, Shared, interval95, not_identified
 from palpate.estimation.load.weighing import positive
 from palpate.estimation.regression import Cause
 from palpate.estimation.rigid import linear, of_box, pseudo_inertia
@@ -59,6 +60,7 @@ def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
         _recordings(trace),
         "identified" if sure else "prior-dominated",
         tests=_same_in_all_parts(trace, found) if name == LOAD else (),
+        shared=_shared(found, np.eye(10)[:1], name),
         views=(_mass_view(trace, found),) if name == LOAD else (),
     )
 
@@ -73,10 +75,10 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
     def centre(value: Array) -> Array:
         return to_body.apply(value[1:4] / value[0])
 
-    spread = _propagated(centre, found.value, found.covariance)
-    stds = np.sqrt(np.diag(spread))
+    slopes = _slopes(centre, found.value)
+    stds = np.sqrt(np.diag(slopes @ found.covariance @ slopes.T))
     unseen = tuple(np.flatnonzero(stds > tuning.COM_BELIEVED).tolist())
-    return Estimate.normal(
+    made = Estimate.normal(
         parameter,
         "m",
         centre(found.value),
@@ -88,6 +90,7 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
         unseen=unseen,
         tests=_same_in_all_parts(trace, found),
     )
+    return replace(made, shared=_shared(found, slopes))
 
 
 def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
@@ -103,7 +106,8 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
         tensor = tensor_of(value[4:].tolist()) - steiner
         return np.array(components(pose.rotation.T @ tensor @ pose.rotation))
 
-    stds = np.sqrt(np.diag(_propagated(central, found.value, found.covariance)))
+    slopes = _slopes(central, found.value)
+    stds = np.sqrt(np.diag(slopes @ found.covariance @ slopes.T))
     value = central(linear(pseudo_inertia(theta)))
     # Moments are seen where they stand out of their errors, products where these are small beside the moments; all
     # where a load with the largest radius of gyration that is believed would.
@@ -119,7 +123,7 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
         10,
         "No rigid body has the inertia that was fitted: the load moves in the hand, or is no rigid body.",
     )
-    return Estimate.normal(
+    made = Estimate.normal(
         parameter,
         "kg·m²",
         value,
@@ -131,6 +135,7 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
         unseen=unseen,
         tests=(test, *_same_in_all_parts(trace, found)),
     )
+    return replace(made, shared=_shared(found, slopes))
 
 
 def consistent(value: Array, covariance: Array) -> tuple[Array, float]:
@@ -183,11 +188,16 @@ def _nothing(parameter: Parameter, unit: str) -> Estimate:
     )
 
 
-def _propagated(of: Callable[[Array], Array], value: Array, covariance: Array) -> Array:
-    """Covariance of a function of the parameters, by central differences."""
+def _slopes(of: Callable[[Array], Array], value: Array) -> Array:
+    """(k, 10) Jacobian of a function of the parameters, by central differences."""
     steps = 1e-6 * np.eye(len(value))
-    slopes = np.column_stack([(of(value + step) - of(value - step)) / 2e-6 for step in steps])
-    return slopes @ covariance @ slopes.T
+    return np.column_stack([(of(value + step) - of(value - step)) / 2e-6 for step in steps])
+
+
+def _shared(found: Carried, slopes: Array, name: str = LOAD) -> tuple[Shared, ...]:
+    """Errors in common with other runs of the arm."""
+    each = found.posterior.shared(name)
+    return tuple(replace(one, effect=tuple(slopes @ np.array(one.effect))) for one in each)
 
 
 def _seconds(found: Carried) -> str:
