@@ -34,7 +34,17 @@ def joint_states(samples: Samples) -> Array:
     return dahl_states(samples.q)
 
 
-def dahl_states(q: Array) -> Array:
+@once
+def slip_states(samples: Samples) -> Array:
+    """(n, m, 2 e) Dahl states of e elements, each with a presliding of its own.
+
+    The friction of a joint is a sum of them (the generalised Maxwell slip model: Al-Bender, Lampaert and Swevers,
+    IEEE Transactions on Automatic Control 50, 2005): over which way it turns round is learned with its level.
+    """
+    return np.concatenate([dahl_states(samples.q, one) for one in tuning.PRESLIDINGS], axis=2)
+
+
+def dahl_states(q: Array, presliding: float = tuning.PRESLIDING) -> Array:
     """(n, m, 2) Dahl states for joint angles `q` (n, m), rad: direction of the last motion, -1 to 1, between
     them while the joint reverses; and the remaining share of the friction at the start, 1 to 0."""
     # Means over some rows, the last over what remains.
@@ -42,17 +52,14 @@ def dahl_states(q: Array) -> Array:
     counts = np.diff(np.append(starts, len(q)))
     blocks = np.add.reduceat(q, starts, axis=0) / counts[:, None]
     steps = np.apply_along_axis(_steps, 0, blocks)
-    keep = np.exp(-np.abs(steps) / tuning.PRESLIDING)
+    keep = np.exp(-np.abs(steps) / presliding)
     added = np.copysign(1.0 - keep, steps)
     states = np.empty((*steps.shape, 2))
     states[..., LEFT] = np.multiply.accumulate(keep, axis=0)
-    for joint in range(q.shape[1]):
-        state = 0.0
-        for row, (share, more) in enumerate(
-            zip(keep[:, joint].tolist(), added[:, joint].tolist(), strict=True)
-        ):
-            state = share * state + more
-            states[row, joint, TURNED] = state
+    state = np.zeros(q.shape[1])
+    for row, (share, more) in enumerate(zip(keep, added, strict=True)):
+        state = share * state + more
+        states[row, :, TURNED] = state
     return states[np.arange(len(q)) // tuning.RUBBING_ROWS]
 
 

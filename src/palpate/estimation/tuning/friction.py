@@ -84,6 +84,10 @@ PRESLIDING = 2e-3
 """rad over which the friction in a joint turns round: the usual order for harmonic drives. Sensitive: `static`
 hardly, std ×0.9–1.1."""
 
+PRESLIDINGS = (4e-4, 2e-3, 1e-2)
+"""rad, of the elements of which a joint's friction is a sum where a load is fitted: real arms show 1 to 4 mrad.
+Sensitive: no."""
+
 JOINT_ERROR = 0.03
 """N m (1 sigma): how well free motions show the friction behind a joint's sensor. Sensitive: friction 0.3 σ, std
 ×1.0–1.1."""
