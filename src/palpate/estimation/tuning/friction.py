@@ -139,12 +139,6 @@ LIKELY_LEANING = (0.7, 0.3)
 """... and how likely each is before it is felt: arms stand on what was levelled with a spirit level, to 1 mm/m, or
 on what stands on a floor. Chosen, without a source. Sensitive: hardly."""
 
-SLID_MISFIT = 8.0
-"""mean square of what a model of all that an arm did leaves, in units of the noise, up to which a friction may rest
-on it, with its standard deviation widened by the root; of arms as their owners meet them it is 1.2 to 5.4, as the
-level of their 1/f noise shows in few rests and may come out at a quarter of what it is. Sensitive: not above 5.4,
-the most of 30 recorded runs; at 5 three of these rest on how the force grows with the pressure alone."""
-
 STEP = 0.1
 """N m (1 sigma) that a sensor's zero may be another after the drags where it jumped, and from which a model without
 a jump does not hold: a jump of 1 N at the hand is 0.2 to 0.24, of all joints. Sensitive: no."""
