@@ -10,7 +10,7 @@ nothing.
 
 - `run` does all at once; `load` reads a scene, `Scene.plan` a plan for it, `Plan.run` executes it;
   `open` reads a finished `Run` back from its folder, `fuse` makes one `Fusion` of several,
-  `compare` says how far they are apart.
+  `compare` says how far they are apart. `estimate` makes one from a recording of another program's.
 - `dynamics` reads a recording of an arm, and identifies its friction, links and hand.
 - `Estimate`, `Parameter`, `Trace` and `Twin` are what a run is made of.
 - `Cell`, `SimulatedCell`, `Planner`, `Primitive`, `Quantity`, `RobotDescription` and `Vocabulary` are
@@ -23,13 +23,13 @@ from __future__ import annotations
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from palpate.api import ArmDynamics as ArmDynamics
     from palpate.api import Fusion as Fusion
     from palpate.api import Plan as Plan
     from palpate.api import Run as Run
     from palpate.api import Scene as Scene
     from palpate.api import compare as compare
     from palpate.api import dynamics as dynamics
+    from palpate.api import estimate as estimate
     from palpate.api import fuse as fuse
     from palpate.api import load as load
     from palpate.api import open as open
@@ -54,7 +54,6 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
-    "ArmDynamics",
     "Cell",
     "Estimate",
     "ExecutionAborted",
@@ -77,6 +76,7 @@ __all__ = [
     "Vocabulary",
     "compare",
     "dynamics",
+    "estimate",
     "fuse",
     "load",
     "open",
@@ -84,7 +84,6 @@ __all__ = [
 ]
 
 _HOMES = {
-    "ArmDynamics": "api",
     "Cell": "cells.cell",
     "Estimate": "estimation.estimate",
     "ExecutionAborted": "errors",
@@ -107,6 +106,7 @@ _HOMES = {
     "Vocabulary": "vocabulary.registry",
     "compare": "api",
     "dynamics": "api",
+    "estimate": "api",
     "fuse": "api",
     "load": "api",
     "open": "api",
