@@ -15,7 +15,7 @@ CLOCK = 200.0
 SLOWEST = 0.05
 """s between rows at most: two a period of twice `BAND`. Sensitive: no."""
 
-GAP = 0.2
+LOG_GAP = 0.2
 """s without a row after which a recording begins anew. Sensitive: no."""
 
 EDGE = 0.2
