@@ -10,7 +10,9 @@ nothing.
 
 - `run` does all at once; `load` reads a scene, `Scene.plan` a plan for it, `Plan.run` executes it;
   `open` reads a finished `Run` back from its folder, `fuse` makes one `Fusion` of several,
-  `compare` says how far they are apart. `estimate` makes one from a recording of another program's.
+  `compare` says how far they are apart.
+- `estimate` reads a recording of an arm, and tells what it carried; `dynamics` identifies its friction,
+  links and hand.
 - `Estimate`, `Parameter`, `Trace` and `Twin` are what a run is made of.
 - `Cell`, `SimulatedCell`, `Planner`, `Primitive`, `Quantity`, `RobotDescription` and `Vocabulary` are
   where your own parts go in.
@@ -22,11 +24,13 @@ from __future__ import annotations
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from palpate.api import ArmDynamics as ArmDynamics
     from palpate.api import Fusion as Fusion
     from palpate.api import Plan as Plan
     from palpate.api import Run as Run
     from palpate.api import Scene as Scene
     from palpate.api import compare as compare
+    from palpate.api import dynamics as dynamics
     from palpate.api import estimate as estimate
     from palpate.api import fuse as fuse
     from palpate.api import load as load
@@ -52,6 +56,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "ArmDynamics",
     "Cell",
     "Estimate",
     "ExecutionAborted",
@@ -73,6 +78,7 @@ __all__ = [
     "Unavailable",
     "Vocabulary",
     "compare",
+    "dynamics",
     "estimate",
     "fuse",
     "load",
@@ -81,6 +87,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "ArmDynamics": "api",
     "Cell": "cells.cell",
     "Estimate": "estimation.estimate",
     "ExecutionAborted": "errors",
@@ -102,6 +109,7 @@ _HOMES = {
     "Unavailable": "errors",
     "Vocabulary": "vocabulary.registry",
     "compare": "api",
+    "dynamics": "api",
     "estimate": "api",
     "fuse": "api",
     "load": "api",

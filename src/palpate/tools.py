@@ -204,6 +204,7 @@ def prompt(settings: Settings) -> Prompt:
         told.prompt,
         told.comments,
         arm,
+        settings.remeasure,
     )
 
 

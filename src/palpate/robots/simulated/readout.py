@@ -170,9 +170,7 @@ class Readout:
         q = encoders.reported(steps.q, steps.torque)
         if encoders.soft:
             tool = self.pose_world_tcp.rotation[:, 2]
-            jacobians = np.broadcast_to(self.jacobian, (len(q), 6, 7))
-            force = wrenches(jacobians, steps.contact[:, :, None])[:, :3, 0]
-            q = q + encoders.pressed(self.jacobian, -force @ tool, tool)
+            q = q + encoders.pressed(self.jacobian, steps.push @ tool, tool)
         return q
 
     def _measure(self, steps: Steps, motion: ReportedMotion, gains: Gains) -> Measurement:

@@ -88,7 +88,6 @@ class MujocoRobot(Commanded):
         self._world = World(world, stands or pose_world_base, unmeasured(arm), truth)
         self._sensors = Sensors(model, arm.limits.tau_max, streams)
         self._encoders = Encoders(model, self._sensors.rests, streams)
-        self._world.records_contact = bool(self._encoders.soft)
         self._stamps = Stamps(model.acquisition, streams)
         self._wider = truth.width()
         self._gripper = Gripper(arm.hand)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from mujoco.rollout import Rollout
 
 from palpate.errors import ExecutionAborted, InputError, unknown_name
 from palpate.geometry.pose import Array, Pose
@@ -21,10 +22,14 @@ from palpate.robots.simulated.gripper import DRIVE, add_drive, round_fingers
 from palpate.robots.simulated.guard import Guard, Reaction
 from palpate.robots.simulated.impedance import Actuators, add_actuators
 from palpate.robots.simulated.noise.true_arm import Truth
-from palpate.robots.simulated.timing import BLOCK, PERIOD, SUBSTEPS, TIMESTEP
+from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, PERIOD, SUBSTEPS, TIMESTEP
 
 FRAME_PERIOD = 1.0 / 30.0  # s between camera frames
 LEVEL = 0.01  # rad, largest inclination of gravity
+ASLEEP = 1e-5  # m/s: slower objects rest, and take no time until something that moves touches them
+PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
+MOTOR, PUSH = PREFIX + "motor{}", PREFIX + "push"  # names of sensors
+NET_FORCE = 3  # of MuJoCo's reductions of several contacts
 NEEDED = [
     "gravity",
     "contact",
@@ -46,26 +51,20 @@ class Steps:
     q: Array  # (n, 7) rad at the end of each block
     dq: Array  # (n, 7) rad/s, likewise
     torque: Array  # (n, 7) N m, mean commanded joint torques
-    contact: Array  # (n, 7) N m, mean joint torques of contacts, where the world `records_contact`
+    push: Array  # (n, 3) N, mean force with which the hand pushes on things, world axes
     fingers: Array  # (n, 2) m at the end of each block
     finger_speed: Array  # (n, 2) m/s, likewise
 
 
 class Cycles:
-    """Buffers for n control cycles of a world with nq positions and nv velocities."""
+    """Records of n control cycles of a world with nq positions and nv velocities."""
 
     def __init__(self, n: int, nq: int, nv: int) -> None:
         self.torque = np.empty((n, 7))  # N m commanded at the joints
-        self.weight = np.empty((n, 7))  # N m, the part that holds the nominal arm up
-        self.contact = np.zeros((n, 7))  # N m of contacts at the joints; zero unless recorded
+        self.push = np.empty((n, 3))  # N with which the hand pushes on things, world axes
         self.dq = np.empty((n, 7))  # rad/s at the end of each cycle
         self.qpos = np.empty((n // BLOCK, nq))  # at the end of each block
         self.qvel = np.empty((n // BLOCK, nv))
-
-    def observed(self, first: int, last: int) -> tuple[Array, Array]:
-        """Return the inputs of `Guard.observe`, of the cycles from `first` to `last`."""
-        rows = slice(first, last)
-        return self.torque[rows] - self.weight[rows], self.dq[rows]
 
 
 class World:
@@ -78,7 +77,6 @@ class World:
         t: s, time of the world.
         actuators: the controller's.
         rest_control: (nu,) initial value of each row of controls, for actuators without a command.
-        records_contact: True if torques of contacts are recorded.
         watch: called with the data after every physics step, if set.
     """
 
@@ -105,17 +103,20 @@ class World:
         self._fingers_control = int(self.model.actuator_ctrladr[self._drive])
         self._data.qpos[self._q], self._data.qpos[self._finger_q] = arm.home, arm.hand.opening / 2
         self._seen, self._before = mujoco.MjData(self.model), mujoco.MjData(self.model)
-        self._control, self._dq = self._data.ctrl, self._data.qvel[self._v]
-        self._torque = self._data.qfrc_actuator[self._v]
-        self._weight = self._data.qfrc_gravcomp[self._v]
-        self._contact = self._data.qfrc_constraint[self._v]
+        self._dq, self._sensed = self._data.qvel[self._v], self._data.sensordata
+        self._torque = run_of(self.model.sensor(MOTOR.format(1)).adr[0], 7)
+        self._push = run_of(self.model.sensor(PUSH).adr[0], 3)
+        self._rollout = Rollout(nthread=0)
+        steps = LONGEST_RUN * BLOCK * SUBSTEPS
+        self._states = np.empty((1, steps, mujoco.mj_stateSize(self.model, PHYSICS)))
+        self._signals = np.empty((1, steps, self.model.nsensordata))
+        self._at, self._warm = np.empty_like(self._states[:, 0]), np.empty((1, self.model.nv))
         self.actuators = Actuators(self.model)
         self.rest_control = np.zeros(self.model.nu)
         self.rest_control[self.actuators.orientation.start] = 1.0
         self._stiction = declared_stiction(self.model)
         self.frames: list[tuple[float, Array]] = [(0.0, self._data.qpos.copy())]
         self.t = 0.0
-        self.records_contact = False
         self.watch: Callable[[mujoco.MjData], None] | None = None
 
     def step(self, control: Array, guard: Guard) -> Steps:
@@ -148,7 +149,7 @@ class World:
             q=qpos[:, self._q],
             dq=qvel[:, self._v],
             torque=block_means(cycles.torque[:count]),
-            contact=block_means(cycles.contact[:count]),
+            push=block_means(cycles.push[:count]),
             fingers=qpos[:, self._finger_q],
             finger_speed=qvel[:, self._finger_v],
         )
@@ -157,8 +158,12 @@ class World:
         """Step all cycles before the guard observes them, which is faster than one by one; return
         the cycle in which it fires. Later cycles are undone."""
         mujoco.mj_copyData(self._before, self.model, self._data)
-        self._cycle(control, cycles, 0, len(control))
-        fired = guard.observe(*cycles.observed(0, len(control)))
+        before = self.compensation
+        self._roll(control, cycles)
+        # Of the weight that the nominal arm's motors hold, only the change in the run is followed.
+        share = np.arange(1.0, len(control) + 1)[:, None] / len(control)
+        weight = before + share * (self.compensation - before)
+        fired = guard.observe(cycles.torque - weight, cycles.dq)
         if fired is not None:
             mujoco.mj_copyData(self._data, self.model, self._before)
             self._cycle(control, cycles, 0, fired + 1)
@@ -168,9 +173,40 @@ class World:
         """Step as `_all_at_once`, for `watch`, which must not see cycles that are undone."""
         for i in range(len(control)):
             self._cycle(control, cycles, i, i + 1)
-            if guard.observe(*cycles.observed(i, i + 1)) is not None:
+            rows = slice(i, i + 1)
+            if guard.observe(cycles.torque[rows] - self.compensation, cycles.dq[rows]) is not None:
                 return i
         return None
+
+    def _roll(self, control: Array, cycles: Cycles) -> None:
+        """Step and record all cycles in one call, or block by block where friction changes."""
+        nq, model, data = self.model.nq, self.model, self._data
+        control = np.repeat(control, SUBSTEPS, axis=0)[None]
+        count = control.shape[1]
+        length = BLOCK * SUBSTEPS if self._stiction else count
+        for first in range(0, count, length):
+            for stiction in self._stiction:
+                stiction.apply(model, data)
+            mujoco.mj_getState(model, data, self._at[0], PHYSICS)
+            self._warm[0] = data.qacc_warmstart
+            steps = slice(first, first + length)
+            self._rollout.rollout(
+                [model],
+                [data],
+                self._at,
+                control[:, steps],
+                skip_checks=True,
+                nstep=length,
+                initial_warmstart=self._warm,
+                state=self._states[:, steps],
+                sensordata=self._signals[:, steps],
+            )
+        ends = slice(SUBSTEPS - 1, count, SUBSTEPS)
+        states, signals = self._states[0, ends, 1:], self._signals[0, ends]
+        cycles.torque[:], cycles.push[:] = signals[:, self._torque], signals[:, self._push]
+        cycles.dq[:] = states[:, nq:][:, self._v]
+        blocks = states[BLOCK - 1 :: BLOCK]
+        cycles.qpos[:], cycles.qvel[:] = blocks[:, :nq], blocks[:, nq : nq + model.nv]
 
     def _cycle(
         self,
@@ -181,20 +217,19 @@ class World:
         reaction: Reaction | None = None,
     ) -> None:
         """Step and record the cycles from `first` to `last`; with a `reaction` the arm yields."""
+        data = self._data
         for i in range(first, last):
             if i % BLOCK == 0:
                 for stiction in self._stiction:
-                    stiction.apply(self.model, self._data)
-            self._control[:] = control[i]
+                    stiction.apply(self.model, data)
+            data.ctrl[:] = control[i]
             if reaction is not None:
-                self._control[self.actuators.drives] = reaction.torque(self._dq)
+                data.ctrl[self.actuators.drives] = reaction.torque(self._dq)
             self._substeps()
-            cycles.torque[i], cycles.weight[i] = self._torque, self._weight
+            cycles.torque[i], cycles.push[i] = self._sensed[self._torque], self._sensed[self._push]
             cycles.dq[i] = self._dq
-            if self.records_contact:
-                cycles.contact[i] = self._contact
             if i % BLOCK == BLOCK - 1:
-                cycles.qpos[i // BLOCK], cycles.qvel[i // BLOCK] = self._data.qpos, self._data.qvel
+                cycles.qpos[i // BLOCK], cycles.qvel[i // BLOCK] = data.qpos, data.qvel
 
     def _substeps(self) -> None:
         """Step one control cycle, calling `watch` after each physics step."""
@@ -261,8 +296,8 @@ class World:
 
 
 def block_means(values: Array) -> Array:
-    """Average values (n, 7) of cycles over blocks: (n / BLOCK, 7)."""
-    return np.add.reduce(values.reshape(-1, BLOCK, 7), axis=1) / BLOCK
+    """Average values (n, k) of cycles over blocks: (n / BLOCK, k)."""
+    return np.add.reduce(values.reshape(-1, BLOCK, values.shape[1]), axis=1) / BLOCK
 
 
 def compile_world(
@@ -284,6 +319,8 @@ def compile_world(
     truth.build(robot, arm)
     round_fingers(robot, arm.hand)
     spec.option.timestep = TIMESTEP / SUBSTEPS
+    spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+    spec.option.sleep_tolerance = ASLEEP
     spec.option.gravity = truth.gravity(spec.option.gravity)
     for name in ("integrator", "cone", "impratio", "solver"):
         setattr(spec.option, name, getattr(robot.option, name))
@@ -300,6 +337,7 @@ def compile_world(
         frame = spec.worldbody.add_frame(pos=base.position, quat=base.quaternion)
         spec.attach(robot, frame=frame, prefix=PREFIX)
         add_actuators(spec, arm)
+        add_sensors(spec, arm)
         let_touch(spec)
         keep_softness(spec, arm)
         return spec.compile()
@@ -307,6 +345,25 @@ def compile_world(
         raise InputError(
             f"the simulated world does not compile with the robot in it: {error}"
         ) from error
+
+
+def add_sensors(world: mujoco.MjSpec, arm: RobotDescription) -> None:
+    """Add what is recorded of every cycle: torques of the joints' motors, and the net force of the
+    hand on what it touches."""
+    for i, name in enumerate(arm.joints, 1):
+        world.add_sensor(
+            name=MOTOR.format(i),
+            type=mujoco.mjtSensor.mjSENS_JOINTACTFRC,
+            objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            objname=PREFIX + name,
+        )
+    world.add_sensor(
+        name=PUSH,
+        type=mujoco.mjtSensor.mjSENS_CONTACT,
+        objtype=mujoco.mjtObj.mjOBJ_XBODY,
+        objname=PREFIX + arm.hand.body,
+        intprm=(1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE), NET_FORCE, 1),
+    )
 
 
 def require_physics(spec: mujoco.MjSpec) -> None:
