@@ -24,7 +24,6 @@ from __future__ import annotations
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from palpate.api import ArmDynamics as ArmDynamics
     from palpate.api import Fusion as Fusion
     from palpate.api import Plan as Plan
     from palpate.api import Run as Run
@@ -56,7 +55,6 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
-    "ArmDynamics",
     "Cell",
     "Estimate",
     "ExecutionAborted",
@@ -87,7 +85,6 @@ __all__ = [
 ]
 
 _HOMES = {
-    "ArmDynamics": "api",
     "Cell": "cells.cell",
     "Estimate": "estimation.estimate",
     "ExecutionAborted": "errors",

@@ -11,14 +11,13 @@ never import upwards and there is no second scene.
 from __future__ import annotations
 
 from palpate.api.at_once import plan_settings, run, run_settings
-from palpate.api.dynamics import ArmDynamics, dynamics
+from palpate.api.dynamics import dynamics
 from palpate.api.plans import Plan
 from palpate.api.recordings import estimate
 from palpate.api.runs import Fusion, Run, compare, finish, fuse, open
 from palpate.api.scenes import Scene, load, load_settings
 
 __all__ = [
-    "ArmDynamics",
     "Fusion",
     "Plan",
     "Run",

@@ -90,8 +90,8 @@ class SimulatedCell:
         return closer_png(self.world.spec(self.drawn), self._anchors())
 
     def _anchors(self) -> dict[str, Array]:
-        """Points (3,) m at which pictures name things: the middle of a top; of a support, whose middle may
-        be hidden, a free spot; of a drawer or a door, which no plan touches, too."""
+        """Points (3,) m at which pictures name things: the middle of a top, or a free spot of one that
+        carries something; drawers and doors, which no plan touches, have names, too."""
         known = self.scene or self.world
         found: dict[str, Array] = {}
         for name, body in known.bodies.items():

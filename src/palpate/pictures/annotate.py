@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from math import ceil, dist, floor
 
 import mujoco
@@ -126,8 +127,31 @@ def closer_png(world: mujoco.MjSpec, names: Mapping[str, Array]) -> bytes:
         pixels, bodies = painter.paint(data, view), painter.bodies(data, view)
     # Labels hide the table rather than what is on it.
     small = [fits_in_view(extent(model, data, [model.body(i).name])) for i in range(model.nbody)]
+    shown = np.array(small)[bodies]
     camera = camera_of(view, float(model.vis.global_.fovy), *SIZE)
-    return png(annotated(pixels, camera, names, ground, np.array(small)[bodies]))
+    at = dict(names)
+    for name, point in names.items():
+        body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
+        if body > 0 and not small[body] and abs(point[2] - ground.z) < HIDDEN:
+            at[name] = _bare_spot(camera, ground, shown)
+    return png(annotated(pixels, camera, at, ground, shown))
+
+
+def _bare_spot(camera: Camera, ground: Ground, things: Mask) -> Array:
+    """The middle (3,) m of the grid's square that is farthest from `things` in the picture; none beside
+    the figures where there are others."""
+    far = np.argwhere(things[::4, ::4])[:, ::-1] * 4.0
+    best, most = ground.corners.mean(axis=0), 0.0
+    squares = [ground.lines(axis)[1:-2] or ground.lines(axis)[:-1] for axis in (0, 1)]
+    for x, y in product(*squares):
+        point = np.array([x + STEP / 2, y + STEP / 2, ground.z])
+        pixel = camera.project(point)
+        if pixel is None or not len(far):
+            continue
+        clear = float(np.linalg.norm(far - pixel, axis=1).min())
+        if clear > most:
+            best, most = point, clear
+    return best
 
 
 def ruled(spec: mujoco.MjSpec, ground: Ground) -> None:

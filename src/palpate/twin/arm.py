@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from palpate.errors import InputError
+from palpate.estimation import tuning
 from palpate.estimation.arm.causes import Bodies
 from palpate.estimation.arm.dynamics import ArmDynamics, Figure
 from palpate.estimation.arm.regressor import inertia_about_centre, parameters
@@ -24,10 +25,8 @@ from palpate.twin.files import write_files
 from palpate.twin.text import rewritten
 
 WRITTEN = {"frictionloss": "coulomb", "damping": "viscous", "armature": "armature"}
-"""Attributes of a joint, by figure."""
-SIGNIFICANT = 2.0
-"""standard deviations above 0 from which a figure is written: sensors behind the gears show nothing of the motors'
-inertia, and what is not seen stays as the file has it."""
+"""Attributes of a joint, by figure. What is not significantly more than 0 stays as the file has it: sensors behind
+the gears show nothing of the motors' inertia."""
 ORIENTATIONS = ("diaginertia", "quat", "axisangle", "xyaxes", "zaxis", "euler")
 """Attributes of an `<inertial>` in whose place `fullinertia` stands."""
 
@@ -61,7 +60,7 @@ def _joints(found: ArmDynamics, document: Document) -> Iterator[Change]:
         for attribute, figure in WRITTEN.items():
             each: Figure = getattr(found, figure)
             value, std = float(each.value[i]), float(each.std[i])
-            if each.observed[i] and value > SIGNIFICANT * std:
+            if each.observed[i] and value > tuning.SIGNIFICANT * std:
                 yield Edit(joint, attribute, {0: number(value, std)})
 
 

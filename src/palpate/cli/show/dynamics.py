@@ -73,6 +73,8 @@ def show_dynamics(found: ArmDynamics, written: Sequence[Path], as_json: bool) ->
             together = float((rms**2).mean() ** 0.5)
             held_out.add_row(MODELS[name], *(f"{part:.2f}" for part in (*rms.tolist(), together)))
         out.print(held_out)
+        for note in found.notes:
+            out.print(note, style="dim", markup=False)
         for path in written:
             out.print(f"written to {path}", markup=False, soft_wrap=True)
 

@@ -126,24 +126,26 @@ def _stretch(motion: Motion, arm: RobotDescription, bodies: Bodies) -> Rows:
     chain = arm.nominal.chain
     assert chain is not None
     step = float(motion.t[1] - motion.t[0])
-    q, dq, still = motion.q, motion.dq, np.zeros_like(motion.q)
+    q, dq = motion.q, motion.dq
     links = regressor(chain, q, dq, motion.ddq, GRAVITY)
     weight = bodies.links.copy()
     weight[-1] += bodies.hand
+
+    def held(angles: Array, gravity: Array) -> Array:
+        still = np.zeros_like(angles)
+        return np.einsum("njlp,lp->nj", regressor(chain, angles, still, still, gravity), weight)
+
     felt = np.einsum("njlp,lp->nj", links, weight)
-    leaning = [
-        np.einsum("njlp,lp->nj", regressor(chain, q, still, still, aside), weight)
-        for aside in STANDARD_GRAVITY * np.eye(3)[:2]
-    ]
+    loads = np.abs(felt) - np.abs(held(arm.home[None], GRAVITY))
     columns = {
         LINKS: links.reshape(len(q), 7, -1),
-        **_frictions(motion, felt),
+        **_frictions(motion, loads),
         "offset": each(np.ones_like(q)),
         "viscous": each(dq),
         "armature": each(motion.ddq),
         "cable": each(q - arm.home),
         "gain": each(felt),
-        "lean": np.stack(leaning, axis=2),
+        "lean": np.stack([held(q, aside) for aside in STANDARD_GRAVITY * np.eye(3)[:2]], axis=2),
         "delay": np.gradient(felt, step, axis=0)[:, :, None],
     }
     external = motion.tau_ext
@@ -157,17 +159,17 @@ def _stretch(motion: Motion, arm: RobotDescription, bodies: Bodies) -> Rows:
     )
 
 
-def _frictions(motion: Motion, felt: Array) -> dict[str, Array]:
-    """Columns of each joint's friction: its level, and by what it differs from it; `felt` (n, 7) N m are the
-    torques that the joints bear."""
-    q, bears, usual = motion.q, np.abs(felt), motion.dahl[:, :, 0]
+def _frictions(motion: Motion, loads: Array) -> dict[str, Array]:
+    """Columns of each joint's friction: its level, and by what it differs from it; `loads` (n, 7) N m are what the
+    joints bear beyond their load at home."""
+    q, usual = motion.q, motion.dahl[:, :, 0]
     waves = [wave(times * q) for times in (1, 2) for wave in (np.cos, np.sin)]
     others = np.moveaxis(motion.dahl[:, :, 1:], 2, 0)
     return {
         COULOMB: each(usual),
         "presliding": each(*(other - usual for other in others)),
         "uneven": each(*(usual * wave for wave in waves)),
-        "loaded": each(usual * (bears - bears.mean(axis=0))),
+        "loaded": each(usual * loads),
         "stribeck": each(usual * np.exp(-np.abs(motion.dq) / tuning.STRIBECK_SPEED)),
         "strained": each(*np.moveaxis(motion.strained, 2, 0)),
     }
@@ -177,8 +179,3 @@ def each(*signals: Array) -> Array:
     """(k, 7, 7 s) columns of each joint's own of s signals (k, 7)."""
     joints = np.eye(signals[0].shape[1])
     return np.concatenate([signal[:, :, None] * joints for signal in signals], axis=2)
-
-
-def flat(columns: Array) -> Array:
-    """(7k, c) of columns (k, 7, c)."""
-    return columns.reshape(-1, columns.shape[-1])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +20,7 @@ from palpate.estimation.arm.fit import (
     Fitted,
     fitted,
 )
-from palpate.estimation.arm.motion import stretches
+from palpate.estimation.arm.motion import Motion, stretches
 from palpate.estimation.arm.regressor import placed_at
 from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription
@@ -101,6 +101,7 @@ class ArmDynamics:
         hand: None where it was stated.
         rms: (7,) N m of torque left below `tuning.BAND` in the held-out part, by model: `described`, `friction`
             (offset and friction identified), `all`, and `controller` (its own tau_ext) where logged.
+        notes: what was repaired in the recording, and what is wrong with it.
     """
 
     source: str
@@ -116,6 +117,7 @@ class ArmDynamics:
     parameters: Array
     hand: FoundHand | None
     rms: Mapping[str, Array]
+    notes: tuple[str, ...]
 
     def record(self) -> dict[str, object]:
         """All figures as plain numbers, SI units; None where the recording does not show one."""
@@ -135,6 +137,7 @@ class ArmDynamics:
             ],
             "hand": None if self.hand is None else self.hand.record(),
             "rms": {name: rms.tolist() for name, rms in self.rms.items()},
+            "notes": list(self.notes),
         }
 
 
@@ -168,11 +171,27 @@ def identify(log: ArmLog, arm: RobotDescription, hand: float | None = None) -> A
     if held_out.tau_ext is not None:
         left["controller"] = held_out.tau_ext
     rms = {name: np.sqrt((e**2).sum(axis=0) / held_out.samples) for name, e in left.items()}
-    return _dynamics(log, arm, fitted(Rows.joined([learnt, held_out]), assumed, every), rms)
+    notes = (*log.notes, *_uneven([*first, *rest]))
+    return _dynamics(log, arm, fitted(Rows.joined([learnt, held_out]), assumed, every), rms, notes)
+
+
+def _uneven(motions: Sequence[Motion]) -> Iterator[str]:
+    """Yield a note where velocities do not follow from angles and times."""
+    slip = np.concatenate([motion.slip for motion in motions])
+    share = slip.std() / max(float(np.concatenate([motion.dq for motion in motions]).std()), 1e-9)
+    if share > tuning.UNEVEN_CLOCK:
+        yield (
+            f"velocities differ from the slope of the angles by {share:.0%}: the clock is uneven, and inertias and "
+            "armature may be wrong by more than they say"
+        )
 
 
 def _dynamics(
-    log: ArmLog, arm: RobotDescription, found: Fitted, rms: Mapping[str, Array]
+    log: ArmLog,
+    arm: RobotDescription,
+    found: Fitted,
+    rms: Mapping[str, Array],
+    notes: tuple[str, ...],
 ) -> ArmDynamics:
     def figure(name: str) -> Figure:
         mean, covariance = found.posterior[name]
@@ -205,6 +224,7 @@ def _dynamics(
         parameters=bodies.links + turned,
         hand=_hand(arm, found) if found.assumed.hand is None else None,
         rms=rms,
+        notes=notes,
     )
 
 

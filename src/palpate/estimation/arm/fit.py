@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.estimation import tuning
-from palpate.estimation.arm.causes import COULOMB, LINKS, Bodies, Rows, flat
+from palpate.estimation.arm.causes import COULOMB, LINKS, Bodies, Rows
 from palpate.estimation.arm.regressor import PARAMETERS, placed_at
 from palpate.estimation.arm.spectrum import Residual, SpectralNoise
 from palpate.estimation.regression import Cause, Posterior, Scale, fit
@@ -30,9 +30,6 @@ DETAILS = (
     "lean",
     "delay",
 )
-START = 0.1
-"""N m: the residual of the first round."""
-
 PRIORS = {
     "offset": tuning.OFFSET_PRIOR,
     COULOMB: tuning.COULOMB_PRIOR,
@@ -80,16 +77,16 @@ class Assumed:
     def _cause(self, rows: Rows, name: str, level: Array) -> Cause:
         if name in PARTS:
             columns = rows.of_bodies(self.bodies)[..., PARTS[name]]
-            prior = self.bodies.errors[:, PARTS[name]]
-            return Cause(name, columns.reshape(rows.tau.size, -1), prior.ravel())
-        if name == HAND:
-            last = rows.columns[LINKS][:, :, -PARAMETERS:] @ placed_at(self.bodies.reach)
-            return Cause(name, flat(last), self.bodies.hand_prior())
-        columns = flat(rows.columns[name])
-        prior = np.full(columns.shape[1], self.gain if name == "gain" else PRIORS[name])
+            prior = self.bodies.errors[:, PARTS[name]].ravel()
+        elif name == HAND:
+            columns = rows.columns[LINKS][:, :, -PARAMETERS:] @ placed_at(self.bodies.reach)
+            prior = self.bodies.hand_prior()
+        else:
+            columns = rows.columns[name]
+            prior = np.full(columns.shape[2], self.gain if name == "gain" else PRIORS[name])
         if name in RELATIVE:
             prior *= np.tile(level, len(prior) // len(level))
-        return Cause(name, columns, prior)
+        return Cause(name, columns.reshape(rows.tau.size, -1), prior)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,7 +114,7 @@ class Fitted:
 def fitted(rows: Rows, assumed: Assumed, names: Sequence[str]) -> Fitted:
     """Fit causes to rows; in rounds, as the residual's size by frequency is learnt from what the last round left."""
     y = rows.tau - assumed.described(rows, assumed.hand)
-    shape, std = Residual(rows.frequency), np.full(y.shape, START)
+    shape, std = Residual(rows.frequency), np.full(y.shape, tuning.FIRST_RESIDUAL)
     scales = [Scale((WEIGHT,), tuning.LINK_FACTORS, tuning.LIKELY_LINKS)] if WEIGHT in names else []
     level = np.full(y.shape[1], tuning.USUAL_FRICTION)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 
 import numpy as np
@@ -38,10 +38,16 @@ class Motion:
     def __len__(self) -> int:
         return len(self.t)
 
+    @property
+    def slip(self) -> Array:
+        """(n, 7) rad/s by which the velocities differ from the slope of the angles: uneven clocks."""
+        return self.dq - _slope(self.t, self.q)
+
     def between(self, first: int, last: int) -> Motion:
         """Rows from `first` up to `last`."""
-        parts = (getattr(self, field.name) for field in fields(self))
-        return Motion(*(None if part is None else part[first:last] for part in parts))
+        parts = {field.name: getattr(self, field.name) for field in fields(self)}
+        rows = {name: part[first:last] for name, part in parts.items() if part is not None}
+        return replace(self, **rows)
 
 
 def stretches(log: ArmLog) -> tuple[list[Motion], list[Motion]]:

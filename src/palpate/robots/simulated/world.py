@@ -7,7 +7,7 @@ signals; truth and pictures are for observers outside, after the estimates are m
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -29,6 +29,7 @@ LEVEL = 0.01  # rad, largest inclination of gravity
 ASLEEP = 1e-5  # m/s: slower objects rest, and take no time until something that moves touches them
 PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 MOTOR, PUSH = PREFIX + "motor{}", PREFIX + "push"  # names of sensors
+SENSED = 10  # values of these: motor torques, and the force of the hand
 NET_FORCE = 3  # of MuJoCo's reductions of several contacts
 NEEDED = [
     "gravity",
@@ -44,8 +45,7 @@ NEEDED = [
 """Features of MuJoCo that a robot needs."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Steps:
+class Steps(NamedTuple):
     """Record of the robot over some blocks of control cycles."""
 
     q: Array  # (n, 7) rad at the end of each block
@@ -54,17 +54,9 @@ class Steps:
     push: Array  # (n, 3) N, mean force with which the hand pushes on things, world axes
     fingers: Array  # (n, 2) m at the end of each block
     finger_speed: Array  # (n, 2) m/s, likewise
-
-
-class Cycles:
-    """Records of n control cycles of a world with nq positions and nv velocities."""
-
-    def __init__(self, n: int, nq: int, nv: int) -> None:
-        self.torque = np.empty((n, 7))  # N m commanded at the joints
-        self.push = np.empty((n, 3))  # N with which the hand pushes on things, world axes
-        self.dq = np.empty((n, 7))  # rad/s at the end of each cycle
-        self.qpos = np.empty((n // BLOCK, nq))  # at the end of each block
-        self.qvel = np.empty((n // BLOCK, nv))
+    # Of each cycle:
+    effort: Array  # (n * BLOCK, 7) N m commanded, without the part that holds the nominal arm up
+    rates: Array  # (n * BLOCK, 7) rad/s of the joints at its end
 
 
 class World:
@@ -102,10 +94,10 @@ class World:
         self._drive = int(self.model.actuator(PREFIX + DRIVE).id)
         self._fingers_control = int(self.model.actuator_ctrladr[self._drive])
         self._data.qpos[self._q], self._data.qpos[self._finger_q] = arm.home, arm.hand.opening / 2
-        self._seen, self._before = mujoco.MjData(self.model), mujoco.MjData(self.model)
-        self._dq, self._sensed = self._data.qvel[self._v], self._data.sensordata
-        self._torque = run_of(self.model.sensor(MOTOR.format(1)).adr[0], 7)
-        self._push = run_of(self.model.sensor(PUSH).adr[0], 3)
+        self._seen = mujoco.MjData(self.model)
+        self._kept: list[tuple[float, mujoco.MjData]] = []
+        self._dq = self._data.qvel[self._v]
+        self._sensors = run_of(self.model.sensor(MOTOR.format(1)).adr[0], SENSED)
         self._rollout = Rollout(nthread=0)
         steps = LONGEST_RUN * BLOCK * SUBSTEPS
         self._states = np.empty((1, steps, mujoco.mj_stateSize(self.model, PHYSICS)))
@@ -119,68 +111,76 @@ class World:
         self.t = 0.0
         self.watch: Callable[[mujoco.MjData], None] | None = None
 
-    def step(self, control: Array, guard: Guard) -> Steps:
-        """Step once per row of `control` (n * BLOCK, nu), or until the guard fires: then the arm
-        yields for the rest of that block, and the run ends with it.
+    def step(self, control: Array, guard: Guard | None = None) -> Steps:
+        """Step once per row of `control` (n * BLOCK, nu); under the `guard`, cycle by cycle until it
+        fires: then the arm yields for the rest of that block, and the run ends with it.
 
         Raises:
             ExecutionAborted: the physics became unstable.
         """
-        cycles, count = Cycles(len(control), self.model.nq, self.model.nv), len(control)
-        if guard.yielding:
-            self._cycle(control, cycles, 0, count, guard.reaction)
+        count, before = len(control), self.compensation
+        if guard is None:
+            self._roll(control)
+        elif guard.yielding:
+            self._cycle(control, 0, count, guard.reaction)
         else:
-            look = self._all_at_once if self.watch is None else self._one_by_one
-            fired = look(control, guard, cycles)
+            fired = self._one_by_one(control, guard)
             if fired is not None:
                 self.actuators.set(guard.reaction.gains)
                 count = (fired // BLOCK + 1) * BLOCK
-                self._cycle(control, cycles, fired + 1, count, guard.reaction)
-        blocks = count // BLOCK
-        qpos, qvel = cycles.qpos[:blocks], cycles.qvel[:blocks]
-        self._film(qpos)
+                self._cycle(control, fired + 1, count, guard.reaction)
+        ends = slice(SUBSTEPS - 1, count * SUBSTEPS, SUBSTEPS)
+        states, sensed = self._states[0, ends, 1:].copy(), self._signals[0, ends, self._sensors]
+        blocks, nq = states[BLOCK - 1 :: BLOCK], self.model.nq
+        self._film(blocks[:, :nq])
         self.t = round(self.t + count * TIMESTEP, 9)
         if abs(self._data.time - self.t) > TIMESTEP / 2:  # MuJoCo starts over when it diverges
             raise ExecutionAborted(
                 f"the simulated world became unstable before {self.t:.2f} s of robot time: "
                 "check its masses, sizes and contact parameters"
             )
+        # The weight that the motors hold is the nominal arm's, followed from end to end of the run.
+        share = np.arange(1.0, count + 1)[:, None] / count
+        weight = before + share * (self.compensation - before)
+        means = np.add.reduce(sensed.reshape(-1, BLOCK, SENSED), axis=1) / BLOCK
         return Steps(
-            q=qpos[:, self._q],
-            dq=qvel[:, self._v],
-            torque=block_means(cycles.torque[:count]),
-            push=block_means(cycles.push[:count]),
-            fingers=qpos[:, self._finger_q],
-            finger_speed=qvel[:, self._finger_v],
+            q=blocks[:, self._q],
+            dq=blocks[:, nq:][:, self._v],
+            torque=means[:, :7],
+            push=means[:, 7:],
+            fingers=blocks[:, self._finger_q],
+            finger_speed=blocks[:, nq:][:, self._finger_v],
+            effort=sensed[:, :7] - weight,
+            rates=states[:, nq:][:, self._v],
         )
 
-    def _all_at_once(self, control: Array, guard: Guard, cycles: Cycles) -> int | None:
-        """Step all cycles before the guard observes them, which is faster than one by one; return
-        the cycle in which it fires. Later cycles are undone."""
-        mujoco.mj_copyData(self._before, self.model, self._data)
-        before = self.compensation
-        self._roll(control, cycles)
-        # Of the weight that the nominal arm's motors hold, only the change in the run is followed.
-        share = np.arange(1.0, len(control) + 1)[:, None] / len(control)
-        weight = before + share * (self.compensation - before)
-        fired = guard.observe(cycles.torque - weight, cycles.dq)
-        if fired is not None:
-            mujoco.mj_copyData(self._data, self.model, self._before)
-            self._cycle(control, cycles, 0, fired + 1)
-        return fired
+    def keep(self, place: int) -> None:
+        """Keep the present state in a numbered place, for `back`."""
+        while place >= len(self._kept):
+            self._kept.append((0.0, mujoco.MjData(self.model)))
+        kept = self._kept[place][1]
+        mujoco.mj_copyData(kept, self.model, self._data)
+        self._kept[place] = self.t, kept
 
-    def _one_by_one(self, control: Array, guard: Guard, cycles: Cycles) -> int | None:
-        """Step as `_all_at_once`, for `watch`, which must not see cycles that are undone."""
+    def back(self, place: int) -> None:
+        """Return to the state that was kept in that place."""
+        self.t, kept = self._kept[place]
+        mujoco.mj_copyData(self._data, self.model, kept)
+        while self.frames[-1][0] > self.t:
+            self.frames.pop()
+
+    def _one_by_one(self, control: Array, guard: Guard) -> int | None:
+        """Step until the guard fires; return the cycle in which it does."""
         for i in range(len(control)):
-            self._cycle(control, cycles, i, i + 1)
-            rows = slice(i, i + 1)
-            if guard.observe(cycles.torque[rows] - self.compensation, cycles.dq[rows]) is not None:
+            self._cycle(control, i, i + 1)
+            effort = self._data.sensordata[self._sensors][:7] - self.compensation
+            if guard.observe(effort[None], self._dq[None]) is not None:
                 return i
         return None
 
-    def _roll(self, control: Array, cycles: Cycles) -> None:
-        """Step and record all cycles in one call, or block by block where friction changes."""
-        nq, model, data = self.model.nq, self.model, self._data
+    def _roll(self, control: Array) -> None:
+        """Step all cycles in one call, or block by block where friction changes."""
+        model, data = self.model, self._data
         control = np.repeat(control, SUBSTEPS, axis=0)[None]
         count = control.shape[1]
         length = BLOCK * SUBSTEPS if self._stiction else count
@@ -201,22 +201,11 @@ class World:
                 state=self._states[:, steps],
                 sensordata=self._signals[:, steps],
             )
-        ends = slice(SUBSTEPS - 1, count, SUBSTEPS)
-        states, signals = self._states[0, ends, 1:], self._signals[0, ends]
-        cycles.torque[:], cycles.push[:] = signals[:, self._torque], signals[:, self._push]
-        cycles.dq[:] = states[:, nq:][:, self._v]
-        blocks = states[BLOCK - 1 :: BLOCK]
-        cycles.qpos[:], cycles.qvel[:] = blocks[:, :nq], blocks[:, nq : nq + model.nv]
 
     def _cycle(
-        self,
-        control: Array,
-        cycles: Cycles,
-        first: int,
-        last: int,
-        reaction: Reaction | None = None,
+        self, control: Array, first: int, last: int, reaction: Reaction | None = None
     ) -> None:
-        """Step and record the cycles from `first` to `last`; with a `reaction` the arm yields."""
+        """Step the cycles from `first` to `last`; with a `reaction` the arm yields."""
         data = self._data
         for i in range(first, last):
             if i % BLOCK == 0:
@@ -226,10 +215,9 @@ class World:
             if reaction is not None:
                 data.ctrl[self.actuators.drives] = reaction.torque(self._dq)
             self._substeps()
-            cycles.torque[i], cycles.push[i] = self._sensed[self._torque], self._sensed[self._push]
-            cycles.dq[i] = self._dq
-            if i % BLOCK == BLOCK - 1:
-                cycles.qpos[i // BLOCK], cycles.qvel[i // BLOCK] = data.qpos, data.qvel
+            row = (i + 1) * SUBSTEPS - 1
+            mujoco.mj_getState(self.model, data, self._states[0, row], PHYSICS)
+            self._signals[0, row] = data.sensordata
 
     def _substeps(self) -> None:
         """Step one control cycle, calling `watch` after each physics step."""
@@ -293,11 +281,6 @@ class World:
         """Keep the configurations (at ends of log periods) that are nearest to the camera's frames."""
         while (row := round((len(self.frames) * FRAME_PERIOD - self.t) / PERIOD) - 1) < len(qpos):
             self.frames.append((self.t + (row + 1) * PERIOD, qpos[row].copy()))
-
-
-def block_means(values: Array) -> Array:
-    """Average values (n, k) of cycles over blocks: (n / BLOCK, k)."""
-    return np.add.reduce(values.reshape(-1, BLOCK, values.shape[1]), axis=1) / BLOCK
 
 
 def compile_world(
