@@ -10,7 +10,7 @@ import numpy as np
 
 from palpate.callbacks import SILENT, RunCallbacks
 from palpate.errors import InputError, unknown_name
-from palpate.estimation.carried import HAND
+from palpate.estimation.carried.fit import HAND
 from palpate.geometry.pose import Pose
 from palpate.logs.reading import read_log
 from palpate.logs.trace import Carrying, trace_of
