@@ -10,8 +10,9 @@ nothing.
 
 - `run` does all at once; `load` reads a scene, `Scene.plan` a plan for it, `Plan.run` executes it;
   `open` reads a finished `Run` back from its folder, `fuse` makes one `Fusion` of several,
-  `compare` says how far they are apart. `estimate` makes one from a recording of another program's.
-- `dynamics` reads a recording of an arm, and identifies its friction, links and hand.
+  `compare` says how far they are apart.
+- `estimate` reads a recording of an arm, and tells what it carried; `dynamics` identifies its friction,
+  links and hand.
 - `Estimate`, `Parameter`, `Trace` and `Twin` are what a run is made of.
 - `Cell`, `SimulatedCell`, `Planner`, `Primitive`, `Quantity`, `RobotDescription` and `Vocabulary` are
   where your own parts go in.

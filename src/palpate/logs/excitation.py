@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from palpate.errors import InputError
-from palpate.estimation.carried import load_columns
+from palpate.estimation.carried.fit import load_columns
 from palpate.estimation.load.chain import tool_kinematics
 from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription

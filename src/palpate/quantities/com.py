@@ -71,7 +71,7 @@ class CentreOfMass(Quantity):
     derived = True
     estimators: ClassVar = {
         "torque": "palpate.quantities.com:estimate_com",
-        "recording": "palpate.estimation.load.recorded:estimate_com",
+        "recording": "palpate.estimation.carried.estimates:estimate_com",
     }
 
     def status(self, body: BodyDescription) -> Status:

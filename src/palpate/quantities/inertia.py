@@ -56,7 +56,7 @@ class Inertia(Quantity):
     derived = True
     estimators: ClassVar = {
         "swings": "palpate.quantities.inertia:estimate_inertia",
-        "recording": "palpate.estimation.load.recorded:estimate_inertia",
+        "recording": "palpate.estimation.carried.estimates:estimate_inertia",
     }
 
     def status(self, body: BodyDescription) -> Status:

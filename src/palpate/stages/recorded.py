@@ -10,7 +10,7 @@ import numpy as np
 
 from palpate.callbacks import SILENT, RunCallbacks
 from palpate.errors import InputError, unknown_name
-from palpate.estimation.carried import HAND
+from palpate.estimation.carried.fit import HAND
 from palpate.geometry.pose import Pose
 from palpate.logs.reading import read_log
 from palpate.logs.trace import Carrying, trace_of
@@ -19,12 +19,11 @@ from palpate.planning.plan import Plan
 from palpate.quantities.estimators import estimate_all
 from palpate.robots.owner.arm import own_arm
 from palpate.runs.read import NOTHING
-from palpate.runs.run import Ending, Run
+from palpate.runs.run import RECORDING, Ending, Run
 from palpate.scene.load import load_scene, parse_scene
 from palpate.settings import Settings
 from palpate.stages.building import build_twin
 
-PLANNER = "recording"
 LOAD = "load"
 """Name of a load that is no object of a scene."""
 
@@ -91,7 +90,7 @@ def estimate_recorded(
     )
     callbacks.progress("estimating")
     bodies = scene.bodies
-    plan = Plan(tuple(parameters), None, _told(recorded, len(logs[0])), PLANNER, tuple(notes))
+    plan = Plan(tuple(parameters), None, _told(recorded, len(logs[0])), RECORDING, tuple(notes))
     made = Run(
         replace(settings, robot=f"recording:{recorded.log.name}", noise="none"),
         scene,

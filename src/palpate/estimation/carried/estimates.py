@@ -12,7 +12,7 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
-from palpate.estimation.carried import HAND, LOAD, Carried, carried
+from palpate.estimation.carried.fit import HAND, LOAD, Carried, carried
 from palpate.estimation.estimate import Z95, Estimate, Part, Shared, interval95, not_identified
 from palpate.estimation.load.weighing import positive
 from palpate.estimation.regression import Cause
