@@ -128,10 +128,10 @@ class Settings:
     noise: Annotated[
         str,
         Option(
-            "Noise model of the robot: none | lab | datasheet | hardware | FILE.yaml",
+            "Noise model of the robot: none | lab | datasheet | hardware | measured | FILE.yaml",
             "NAME|FILE",
             "Robot",
-            choices=("none", "lab", "datasheet", "hardware"),
+            choices=("none", "lab", "datasheet", "hardware", "measured"),
         ),
     ] = "lab"
     seed: Annotated[int, Option("Seed of everything random.", "N", "Robot")] = 0
