@@ -8,12 +8,14 @@ from typing import NoReturn
 from palpate.errors import PlanRejected
 from palpate.parameter import Parameter
 from palpate.planning.request.item import GRIPPER, Item
-from palpate.planning.request.sentence.meaning import Quantity
+from palpate.planning.request.sentence.query import Quantity
 from palpate.quantities.catalogue import Catalogue
 from palpate.scene.scene import Scene
 
 SHOWN = 6
 """Bodies that a refusal lists."""
+HINT = "; say e.g. "
+"""What separates the reason of a refusal from advice, which a proposal makes needless."""
 LONG = 60
 """Characters of a sentence that a refusal shows."""
 _NOT_SENSED = "no primitive of the robot senses it"
@@ -93,34 +95,22 @@ class Resolver:
                 excluded += _each(self._chosen(item, None), id)
         return excluded
 
-    def missing(self, objects: Sequence[Item], model: bool = False) -> tuple[list[Parameter], str]:
+    def missing(self, objects: Sequence[Item]) -> tuple[list[Parameter], str]:
         """All that the scene misses of some things, or of everything, and how that was read.
-        `model`: a model of them, which is one of all that stands on them.
 
         Raises:
             PlanRejected: one of several.
         """
-        names: list[str] = []
-        for item in objects:
-            names += self._chosen(item, None)
-        if not names or (model and self._holds_all(names)):
-            return list(self.scene.missing), "Everything that the scene misses is meant."
-        return self._missing_of(list(dict.fromkeys(names)), list(self.scene.missing))
-
-    def _holds_all(self, names: Sequence[str]) -> bool:
-        """Test for the surfaces that carry all objects: "a model of my desk" includes everything on
-        it."""
-        surfaces = self.scene.surfaces
-        return all(name in surfaces for name in names) and len(surfaces) == len(set(names))
-
-    def require_one(self, objects: Sequence[Item]) -> None:
-        """Require that each mention refers to one body.
-
-        Raises:
-            PlanRejected: one is not.
-        """
-        for item in objects:
-            self._chosen(item, None)
+        missing = list(self.scene.missing)
+        names = [name for item in objects for name in self._chosen(item, None)]
+        if not names or set(names) >= set(self.scene.bodies):
+            return missing, "Everything that the scene misses is meant."
+        found = [parameter for parameter in missing if parameter.object in names]
+        listed = ", ".join(dict.fromkeys(names))
+        end = "." if found else f"; nothing of {listed} is missing."
+        return found, (
+            f"The request names no quantity, so everything the scene misses of {listed} is meant{end}"
+        )
 
     def ordered(self, parameters: Sequence[Parameter]) -> list[Parameter]:
         """Each once: surfaces first, then objects, both in document order; quantities as in the
@@ -142,8 +132,7 @@ class Resolver:
             said = f"{said[:LONG].rsplit(' ', 1)[0]} …"
         listed = f"{listed} in '{said}'" if told else f"'{said}'"
         return PlanRejected(
-            f"I did not understand {listed}; say e.g. "
-            f"'{self._example()}'; measurable are {_measurable(self.catalogue)} of "
+            f"I did not understand {listed}{HINT}'{self._example()}'; measurable are {_measurable(self.catalogue)} of "
             f"{self._listed_bodies()}"
         )
 
@@ -152,18 +141,6 @@ class Resolver:
         if self.scene.objects:
             return f"mass of the {next(iter(self.scene.objects))}"
         return "everything that is missing"
-
-    def no_deed(self, word: str) -> str:
-        """Message to a request for an action of the robot."""
-        return (
-            f"'{word}' is nothing to measure: the robot touches and weighs, and puts everything back; "
-            f"measurable are {_measurable(self.catalogue)}."
-        )
-
-    def not_felt(self, word: str) -> str:
-        """Message to a question about a state."""
-        measurable = _measurable(self.catalogue)
-        return f"Whether it is '{word}' cannot be measured: {_NOT_SENSED}; what can be is {measurable}."
 
     def reject(self, request: str) -> NoReturn:
         """Reject a request without any known word.
@@ -193,16 +170,6 @@ class Resolver:
         raise PlanRejected(
             f"'the {item.text}' may be {choices}; name one, e.g. '{what}{names[0]}', or ask for all of "
             f"them, e.g. '{what}all of {', '.join(names)}'"
-        )
-
-    def _missing_of(
-        self, names: Sequence[str], missing: Sequence[Parameter]
-    ) -> tuple[list[Parameter], str]:
-        parameters = [parameter for parameter in missing if parameter.object in names]
-        listed = ", ".join(names)
-        end = "." if parameters else f"; nothing of {listed} is missing."
-        return parameters, (
-            f"The request names no quantity, so everything the scene misses of {listed} is meant{end}"
         )
 
     def _missing_or_all(self, id: str) -> list[Parameter]:
