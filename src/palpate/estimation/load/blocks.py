@@ -80,8 +80,10 @@ def blocks(
     name: str,
     groups: Sequence[Rows],
     surely: bool = False,
+    over: float = tuning.SPEED_SHORT,
 ) -> Blocks:
-    """Block means over the rows of each group, in which the hand is empty or holds `name`."""
+    """Block means over the rows of each group, in which the hand is empty or holds `name`, of signals smoothed
+    over `over` s."""
     samples, load = trace.samples, load_rows(trace, name)
     rows, t = np.concatenate(groups), samples.t
     count = np.array([len(group) for group in groups])
@@ -94,10 +96,10 @@ def blocks(
 
     used = np.zeros(len(t), dtype=bool)
     used[rows] = True
-    gaining = acceleration(samples, tuning.SPEED_SHORT)
+    gaining = acceleration(samples, over)
     pull = _hangs(trace, load, surely)[:, None] * (UP + gaining / trace.gravity)
-    motion = observed.own_motion(samples, used)
-    net = smoothed_with_rate(observed.signals, t, tuning.SPEED_SHORT)[0] - motion
+    motion = observed.own_motion(samples, used, over)
+    net = smoothed_with_rate(observed.signals, t, over)[0] - motion
     middle = np.array([group[len(group) // 2] for group in groups])
     grasp = [max([g for g in load.grasps if g <= time], default=-np.inf) for time in t[middle]]
     q = mean(samples.q)

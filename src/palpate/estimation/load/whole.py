@@ -20,17 +20,15 @@ from palpate.estimation.load.blocks import Blocks, blocks, free_rows
 from palpate.estimation.load.causes import (
     GAIN,
     LINK,
-    Cause,
-    hyperpriors,
-    named,
+    by_signal,
+    free_noise,
     of_arm,
     of_load,
-    sizes,
-    whitened,
+    scales,
 )
-from palpate.estimation.load.equations import Model
 from palpate.estimation.load.noise import Noise
 from palpate.estimation.load.observation import WrenchObservation, observe
+from palpate.estimation.regression import Cause, Posterior, fit, placed
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Trace
 
@@ -47,7 +45,7 @@ class Whole:
         gains: (1 + 3n, m) effect on `value` of one standard deviation of each cause of the sensors' gains.
         links: (1 + 3n,) effect on `value` of each error of the arm's links, by name.
         misfit: mean square of the residuals, in units of the noise.
-        seen, noise, model: of the fit.
+        seen, posterior: of the fit.
     """
 
     grasps: tuple[float, ...]
@@ -57,8 +55,7 @@ class Whole:
     links: Mapping[str, Array]
     misfit: float
     seen: Blocks
-    noise: Noise
-    model: Model
+    posterior: Posterior
 
     @property
     def force(self) -> float:
@@ -115,36 +112,35 @@ def _fitted(
     trace: Trace, observed: WrenchObservation, seen: Blocks, noise: Noise, about_force: float
 ) -> Whole:
     load = list(of_load(seen, seen.pull))
-    about = np.zeros(len(load))
+    count = sum(len(cause.prior) for cause in load)
+    about = np.zeros(count)
     about[0] = about_force
     # Effects of gains are in proportion to the moments, too, which are unknown at first.
-    model, _ = _model(trace, observed, seen, noise, load, about)
-    about = model.solve(len(load))[0][: len(load)]
-    model, causes = _model(trace, observed, seen, noise, load, about)
-    mean, covariance = model.solve(len(load))
-    left = model.y - model.design @ mean
-    effects = -covariance / model.prior
-    of_links: dict[str, Array] = {}
-    for cause, effect in zip(causes, effects.T, strict=True):
+    about = _posterior(trace, observed, seen, noise, load, about).mean[:count]
+    found = _posterior(trace, observed, seen, noise, load, about)
+    effects = -found.covariance[:count] / found.model.prior
+    links: dict[str, Array] = {}
+    for cause in found.causes:
         if cause.name.startswith(LINK):
-            of_links[cause.name] = effect
+            here = placed(found.causes)[cause.name]
+            links |= zip(cause.labels, effects[:, here].T, strict=True)
+    left = found.residual
     misfit = float(left @ left) / len(left)
-    value, square = mean[: len(load)], covariance[:, : len(load)]
-    gains = effects[:, named(causes, GAIN)]
-    return Whole(seen.grasps, value, square, gains, of_links, misfit, seen, noise, model)
+    value, square = found.mean[:count], found.covariance[:count, :count]
+    gains = effects[:, placed(found.causes)[GAIN]]
+    return Whole(seen.grasps, value, square, gains, links, misfit, seen, found)
 
 
-def _model(
+def _posterior(
     trace: Trace,
     observed: WrenchObservation,
     seen: Blocks,
     noise: Noise,
     load: Sequence[Cause],
     about: Array,
-) -> tuple[Model, Sequence[Cause]]:
-    """All causes, of signals whose noise is known, where those of the load are `about` (1 + 3n,)."""
-    borne = np.tensordot(about, np.array([cause.torque for cause in load]), 1)
+) -> Posterior:
+    """Posterior of all causes, of signals whose noise is known, where those of the load are `about` (1 + 3n,)."""
+    borne = np.concatenate([cause.columns for cause in load], axis=1) @ about
     lifted = about[0] * seen.pull[:, 2]
     causes = [*load, *of_arm(trace, observed, seen, lifted, borne)]
-    design, y = whitened(causes, seen, noise)
-    return Model(design, y, sizes(causes), noise.freedom, hyperpriors(causes)), causes
+    return fit(causes, free_noise(seen, noise), by_signal(seen.observed), scales(causes))

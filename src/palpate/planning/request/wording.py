@@ -10,6 +10,7 @@ from importlib.resources import files
 from typing import Any
 
 from palpate.files.plain_yaml import plain_yaml
+from palpate.quantities.purposes import quantities_by_verb
 
 LANGUAGES = ("de", "es", "fr", "it")
 """Languages of requests, without English."""
@@ -44,16 +45,12 @@ class English:
     sets: Mapping[str, Words]
     kinds: Mapping[str, Words]
     same: tuple[Words, ...]
+    purposes: Mapping[str, tuple[str, ...]]
 
     @property
     def compared(self) -> Mapping[str, str]:
         """Quantity that a comparing word is about: mass for "heavier"."""
         return self.labels["compared"]
-
-    @property
-    def purposes(self) -> Mapping[str, tuple[str, ...]]:
-        """Quantities that an action depends on, by its verb."""
-        return {verb: tuple(ids.split()) for verb, ids in self.labels["purposes"].items()}
 
 
 @cache
@@ -68,7 +65,7 @@ def english() -> English:
         for value, phrases in said[table].items():
             for phrase in _listed(phrases):
                 classes[phrase].append((kind, (value,)))
-    labels = ("compared", "asked", "unfelt", "irregular", "purposes")
+    labels = ("compared", "asked", "unfelt", "irregular")
     return English(
         turned={tuple(phrase.split()): tuple(by.split()) for phrase, by in said["turned"].items()},
         classes=classes,
@@ -76,6 +73,7 @@ def english() -> English:
         sets={name: _words(words) for name, words in said["sets"].items()},
         kinds={kind: _words(members) for kind, members in said["kinds"].items()},
         same=tuple(_words(line) for line in said["same"].split(",")),
+        purposes=quantities_by_verb(),
     )
 
 

@@ -120,10 +120,11 @@ def known(
 
 
 def mass_part(fitted: Sequence[Estimate], signals: int) -> Believed | None:
-    """The mass that is a part of the estimate of a centre of mass or an inertia."""
+    """The mass that is a part of the estimate of a centre of mass or an inertia, which need not be
+    identified itself."""
     for estimate in fitted:
         mass = estimate.parts.get("mass")
-        if estimate.identified and mass is not None:
+        if estimate.verdict != "contradicted" and mass is not None:
             covariance = np.array([[mass.std]]) ** 2
             return Believed(np.array([mass.value]), covariance, np.zeros((1, signals)))
     return None
