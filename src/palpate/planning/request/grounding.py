@@ -96,11 +96,7 @@ def ground(request: str, scene: Scene) -> Grounded:
 
 
 def _sentences(request: str, parts: Sequence[Sequence[str]], lattice: Lattice) -> list[Sentence]:
-    """Cover each sentence.
-
-    Raises:
-        PlanRejected: one is too long.
-    """
+    """Cover each sentence."""
     own = [part.strip() for part in re.split(r"(?<=[.;?!])\s+", request) if part.strip()]
     own = own if len(own) == len(parts) else [request] * len(parts)
     longest = max(map(len, parts), default=0)
@@ -114,11 +110,7 @@ def _sentences(request: str, parts: Sequence[Sequence[str]], lattice: Lattice) -
 def _readings(
     parts: Sequence[Sentence], request: str, lattice: Lattice, resolver: Resolver
 ) -> list[list[Act]]:
-    """Each choice of one reading a sentence, where every word belongs to one.
-
-    Raises:
-        PlanRejected: a word is left over, nothing is asked, or there are too many readings.
-    """
+    """Each choice of one reading a sentence, where every word belongs to one."""
     for part in parts:
         if part.covers and part.covers[0].unsure:
             unfelt = lattice.unfelt(part.words)
@@ -137,11 +129,7 @@ def _readings(
 
 
 def _agreed(found: Sequence[Grounded]) -> Grounded:
-    """The one meaning of all readings.
-
-    Raises:
-        PlanRejected: they ask for different parameters.
-    """
+    """The one meaning of all readings."""
     first = found[0]
     for other in found:
         if set(other.asked) != set(first.asked):

@@ -126,11 +126,7 @@ class Reading:
         self._how = "want" if wanted else how
 
     def _quantities(self, query: Query) -> tuple[Quantity | None, ...]:
-        """Quantities of a query; "that of the mug" repeats the last ones.
-
-        Raises:
-            PlanRejected: none were.
-        """
+        """Quantities of a query; "that of the mug" repeats the last ones."""
         if query.quantity is not AGAIN:
             return (query.quantity,)
         if not self._last:
@@ -162,11 +158,7 @@ class Reading:
 
     def _found(self, query: Query) -> Items:
         """Bodies of a query; they leave no earlier quantity open: "the mass, but not the friction of the
-        mug".
-
-        Raises:
-            PlanRejected: they may.
-        """
+        mug"."""
         objects = self.selection.found(query.selector) if query.selector else ()
         for quantity in self._of_all:
             if query.quantity and objects and self.resolver.can_have(objects, quantity):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import NoReturn
 
 from palpate.errors import PlanRejected
@@ -45,19 +45,17 @@ class Resolver:
             self.cannot.append(self.not_measurable(quantity))
             return []
         if not objects:
-            return self._missing_or_all(id)
-        found: list[Parameter] = []
-        for item in objects:
-            found += _each(self._chosen(item, id), id)
+            missing = [parameter for parameter in self.scene.missing if parameter.quantity == id]
+            return missing or [Parameter(name, id) for name in self._carriers(id)]
+        names = [name for item in objects for name in self._chosen(item, id)]
+        found = [Parameter(name, id) for name in names]
         if not found:
             self.cannot.append(self._wrong_subject(id, objects))
         return found
 
     def _meant(self, id: str, objects: Sequence[Item]) -> str:
         """The quantity that a word means of `objects`: the height of a crate is part of its size."""
-        if id not in self.catalogue:
-            return id
-        elsewhere = self.catalogue[id].elsewhere
+        elsewhere = self.catalogue[id].elsewhere if id in self.catalogue else None
         if not elsewhere or self._any_carries(objects, id):
             return id
         return elsewhere if self._any_carries(objects, elsewhere) else id
@@ -85,15 +83,13 @@ class Resolver:
         """
         ids = list(self.catalogue)
         if quantity is not None:
-            meant = self._meant(quantity.id, objects)
-            ids = [id for id in (meant,) if id in self.catalogue]
-        excluded: list[Parameter] = []
-        for id in ids:
-            if not objects:
-                excluded += self._of_all(id)
-            for item in objects:
-                excluded += _each(self._chosen(item, None), id)
-        return excluded
+            ids = [id for id in ids if id == self._meant(quantity.id, objects)]
+        chosen = [name for item in objects for name in self._chosen(item, None)]
+        return [
+            Parameter(name, id)
+            for id in ids
+            for name in (chosen if objects else self._carriers(id))
+        ]
 
     def missing(self, objects: Sequence[Item]) -> tuple[list[Parameter], str]:
         """All that the scene misses of some things, or of everything, and how that was read.
@@ -116,12 +112,8 @@ class Resolver:
         """Each once: surfaces first, then objects, both in document order; quantities as in the
         catalogue."""
         names = [*self.scene.surfaces, *self.scene.objects, GRIPPER]
-        ids = list(self.catalogue)
-
-        def place(parameter: Parameter) -> tuple[int, int]:
-            return names.index(parameter.object), ids.index(parameter.quantity)
-
-        return sorted(dict.fromkeys(parameters), key=place)
+        every = [Parameter(name, id) for name in names for id in self.catalogue]
+        return sorted(dict.fromkeys(parameters), key=every.index)
 
     def not_understood(self, words: Sequence[str], sentence: str) -> PlanRejected:
         """Something in a sentence was not: names the words, and says what can be asked, and how."""
@@ -155,11 +147,7 @@ class Resolver:
         )
 
     def _chosen(self, item: Item, id: str | None) -> list[str]:
-        """The bodies that a mention means, of those that can have the quantity.
-
-        Raises:
-            PlanRejected: it may be one of several.
-        """
+        """The bodies that a mention means, of those that can have the quantity."""
         names = list(item.names)
         if id is not None:
             names = [name for name in names if self._carries(name, id)]
@@ -171,13 +159,6 @@ class Resolver:
             f"'the {item.text}' may be {choices}; name one, e.g. '{what}{names[0]}', or ask for all of "
             f"them, e.g. '{what}all of {', '.join(names)}'"
         )
-
-    def _missing_or_all(self, id: str) -> list[Parameter]:
-        missing = [parameter for parameter in self.scene.missing if parameter.quantity == id]
-        return missing or self._of_all(id)
-
-    def _of_all(self, id: str) -> list[Parameter]:
-        return _each(self._carriers(id), id)
 
     def _carriers(self, id: str) -> list[str]:
         """Bodies that can have the quantity; the empty hand for those of the gripper."""
@@ -217,11 +198,6 @@ class Resolver:
         if len(bodies) > SHOWN + 1:
             return f"{', '.join(bodies[:SHOWN])} and {len(bodies) - SHOWN} more"
         return ", ".join(bodies) or "no objects at all"
-
-
-def _each(names: Iterable[str], id: str) -> list[Parameter]:
-    """The quantity `id` of each body."""
-    return [Parameter(name, id) for name in names]
 
 
 def _measurable(catalogue: Catalogue) -> str:

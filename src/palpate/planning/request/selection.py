@@ -131,11 +131,7 @@ class Selection:
         return Item((*words, "one"), names)
 
     def _again(self, which: str) -> Items:
-        """Bodies that were named before.
-
-        Raises:
-            PlanRejected: nothing was, or not what the word needs.
-        """
+        """Bodies that were named before."""
         self.require_sure()
         if not self.spoken:
             if which == "all":
@@ -176,11 +172,7 @@ class Selection:
         return Item(item.words, names, item.plural, remark or item.remark)
 
     def _each(self, selector: Selector) -> Iterator[str]:
-        """Names of the bodies of a selector.
-
-        Raises:
-            PlanRejected: it cannot be told which they are.
-        """
+        """Names of the bodies of a selector."""
         for item in self._items(selector):
             if len(item.names) > 1 and not item.plural:
                 choices = " or ".join(f"'{name}'" for name in item.names)

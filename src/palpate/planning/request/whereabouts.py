@@ -111,11 +111,7 @@ _SAID = {
 def _beside(
     relation: str, rest: Sequence[Body], marks: Sequence[Body], scene: Scene, chosen: bool
 ) -> tuple[list[Body], str]:
-    """Bodies that have the relation; the nearest of several if one is to be chosen, with a remark.
-
-    Raises:
-        PlanRejected: two are about as near.
-    """
+    """Bodies that have the relation; the nearest of several if one is to be chosen, with a remark."""
     middle = np.mean([_in_base(mark, scene) for mark in marks], axis=0)
     ways = [(_in_base(body, scene) - middle, body) for body in rest]
     axis, sign = _SIDES.get(relation, (0, 0))

@@ -190,7 +190,6 @@ ACTIONS: Mapping[str, Callable[..., Hashable]] = {
     "how_large": _how_large,
     "how_high": partial(_how_large, Quantity("height", "high")),
     "its": partial(_of, Again("it")),
-    "their": partial(_of, Again("they")),
     "that": _that,
     "every": _every,
     "mass": partial(Quantity, "mass", "mass"),

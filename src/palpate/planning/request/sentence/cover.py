@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import chain, islice, product
 from typing import cast
 
 from palpate.planning.request.sentence.actions import ACTIONS
@@ -20,6 +20,8 @@ from palpate.planning.request.wording import english
 LEFT_OVER = 12
 """Cost of a word that is left over: more than any cost of a derivation (1 to 9), so that an unlikely
 reading is preferred to none."""
+MOST_READINGS = 64
+"""Readings of a sentence that are looked into, more than are accepted of a request."""
 CLAUSE = 2
 """Cost of a clause: one long one is better than two short ones."""
 _BETWEEN = ("FILL", "SEP", "?", ".", "only")
@@ -90,7 +92,8 @@ class Sentence:
     @property
     def readings(self) -> Sequence[tuple[Act, ...]]:
         """The meanings of its clauses, in order."""
-        found = [tuple(act for act, _ in one) for cover in self.covers for one in cover.readings()]
+        each = chain.from_iterable(cover.readings() for cover in self.covers)
+        found = [tuple(act for act, _ in one) for one in islice(each, MOST_READINGS)]
         return list(dict.fromkeys(found)) or [(Aside(self.own),)]
 
     @property

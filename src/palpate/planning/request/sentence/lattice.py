@@ -19,6 +19,8 @@ from palpate.scene.scene import Scene
 
 SHORTEST = 3
 """Words of the shortest background sentence."""
+LONGEST_NAME = 6
+"""Words of the longest name of a body that is put together of its words."""
 _NO_NOUNS = frozenset({"place", "where", "level", "weigh", "lean"})
 """Synonyms of quantities that sentences use for other things, too; `words/grammar.txt` has them."""
 
@@ -166,7 +168,7 @@ class Lattice:
 
     def _runs(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
         """Runs of words that name things of the scene."""
-        for end in range(at + 1, len(tokens) + 1):
+        for end in range(at + 1, min(at + LONGEST_NAME, len(tokens)) + 1):
             run = list(tokens[at:end])
             if not self.nouns.known(run[-1]):
                 return
