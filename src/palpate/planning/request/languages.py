@@ -9,8 +9,9 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 
-from palpate.planning.request.tokens import is_within, nearest_spelling
+from palpate.planning.request.tokens import is_within
 from palpate.planning.request.wording import (
     LANGUAGES,
     Language,
@@ -18,7 +19,6 @@ from palpate.planning.request.wording import (
     english,
     language,
     longest,
-    tells,
 )
 from palpate.quantities.catalogue import catalogue
 
@@ -47,19 +47,24 @@ def colours(code: str | None) -> frozenset[str]:
 
 
 def spoken(request: str) -> str | None:
-    """Language of the request, by its frequent small words; None for English.
-
-    Where there are English words, only languages that something tells are looked into.
-    """
+    """Language of the request, by the number of its known words; None for English."""
     words = _words(_plain(request))
-    best, most = None, 2 * sum(word in tells()["en"] for word in words)
-    is_english = most > 0
+    best, most = None, sum(word in _english() for word in words)
     for code in LANGUAGES:
-        told = sum(word in tells()[code] for word in words)
-        count = told + sum((word,) in language(code).turned for word in words)
-        if count > most and (told or not is_english):
+        known = {word for phrase in _glossary(code) for word in phrase}
+        count = sum(word in known for word in words)
+        if count > most:
             best, most = code, count
     return best
+
+
+@cache
+def _english() -> set[str]:
+    """Common words of English requests."""
+    said = english()
+    synonyms = [phrase for quantity in catalogue().values() for phrase in quantity.words["en"]]
+    known = {word for phrase in (*said.classes, *map(str.split, synonyms)) for word in phrase}
+    return known.union(*(said.sets[name] for name in ("frame", "small", "adjectives")))
 
 
 def _plain(request: str) -> str:
@@ -71,6 +76,7 @@ def _words(text: str) -> list[str]:
     return re.findall(r"\d+[.,]\d+|\w+|[,;:.?!]", text)
 
 
+@cache
 def _glossary(code: str) -> dict[Phrase, Phrase]:
     """A language's words, those of quantities as the catalogue has them."""
     glossary = dict(language(code).turned)
@@ -90,7 +96,7 @@ def _turned(
     at, most = 0, longest(glossary)
     while at < len(words):
         # The noun of a compound among the names: "Tisch" for a "schreibtisch".
-        compound = spoken is not None and spoken.compounds and words[at] not in tells()["de"]
+        compound = spoken is not None and spoken.compounds and len(words[at]) > 3
         lengths = range(min(most, len(words) - at), 0, -1)
         if compound and any(is_within(words[at], name) for name in names):
             lengths = range(0)
@@ -123,14 +129,7 @@ def _inflected(
         for stem in (word[:at], *_stems(word[:at], spoken)) if tail else ():
             if stem in names or (len(stem) > 3 and (stem,) in glossary):
                 return (*((stem,) if stem in names else glossary[stem,]), *(tail or ()))
-    often = [phrase[0] for phrase, said in glossary.items() if len(phrase) == 1 and _is_often(said)]
-    slip = nearest_spelling(word, [one for one in often if len(one) > 4])
-    return glossary[slip,] if slip else (word,)
-
-
-def _is_often(said: Phrase) -> bool:
-    """Test for words of questions, which are looked for where somebody slipped."""
-    return english().sets["often"].issuperset(said)
+    return (word,)
 
 
 def _bare(word: str) -> str:

@@ -86,12 +86,6 @@ def language(code: str) -> Language:
     return Language(turned, tuple(said["endings"].split()), bool(said.get("compounds", False)))
 
 
-@cache
-def tells() -> Mapping[str, Words]:
-    """Frequent small words by which languages are distinguished."""
-    return {code: _words(words) for code, words in _read("tells").items()}
-
-
 def longest(table: Iterable[Phrase]) -> int:
     """Words of the longest phrase."""
     return max(map(len, table), default=0)
