@@ -122,13 +122,12 @@ class Lattice:
         """The longest synonym of a quantity, and properties that nothing measures."""
         for length in range(min(self._longest, len(tokens) - at), 0, -1):
             phrase = tuple(tokens[at : at + length])
-            id = self._called(phrase)
-            if id is not None:
-                adjective = phrase[0] in english().sets["adjectives"]
-                kind = "ADJQ" if adjective else "QUANT"
+            if phrase in self._quantities:
+                id, plural = self._quantities[phrase]
                 quantity = Quantity(id, " ".join(phrase))
-                yield kind, at + length, (quantity,)
-                if phrase[-1] not in _parts():
+                adjective = phrase[0] in english().sets["adjectives"]
+                yield "ADJQ" if adjective else "QUANT", at + length, (quantity,)
+                if plural:
                     yield "QUANTS", at + length, (quantity,)
                 return
         word = tokens[at]
@@ -143,16 +142,6 @@ class Lattice:
                 kind = "ADJQ" if form in english().sets["adjectives"] else "QUANT"
                 yield kind, at + 1, (Quantity(label, word, measurable=False),)
                 return
-
-    def _called(self, phrase: Phrase) -> str | None:
-        """The quantity that `phrase` is a synonym of, in the singular or the plural of its first or
-        last word."""
-        for last in singulars(phrase[-1]):
-            first = singulars(phrase[0])[-1] if len(phrase) > 1 else last
-            for words in ((*phrase[:-1], last), (first, *phrase[1:])):
-                if words in self._quantities:
-                    return self._quantities[words]
-        return None
 
     def _whole_names(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
         """Names of several words, together or apart: "redbox", "red box"; and those of one that was
@@ -237,22 +226,24 @@ def _small_words() -> frozenset[str]:
 
 
 @cache
-def _parts() -> frozenset[str]:
-    """Words of the synonyms of quantities, none a plural."""
-    return frozenset(word for phrase in _quantities() for word in phrase)
-
-
-@cache
 def _longest_class() -> int:
     return longest(english().classes)
 
 
 @cache
-def _quantities() -> dict[Phrase, str]:
-    """The words of every synonym to the id of its quantity."""
-    phrases: dict[Phrase, str] = {}
+def _quantities() -> dict[Phrase, tuple[str, bool]]:
+    """The words of every synonym to the id of its quantity, and whether they are plural, in their
+    first or last word."""
+    phrases: dict[Phrase, tuple[str, bool]] = {}
     for quantity in catalogue().values():
-        for synonym in (*quantity.words.get("en", ()), quantity.id):
-            if synonym not in _NO_NOUNS:
-                phrases[tuple(synonym.split())] = quantity.id
+        for synonym in {*quantity.words.get("en", ()), quantity.id} - _NO_NOUNS:
+            *others, last = synonym.split()
+            phrases[*others, last] = quantity.id, False
+            phrases[*others, _plural(last)] = quantity.id, True
+            if others:
+                phrases[_plural(others[0]), *others[1:], last] = quantity.id, True
     return phrases
+
+
+def _plural(word: str) -> str:
+    return word + ("es" if word.endswith("s") else "s")
