@@ -110,6 +110,16 @@ Sensitive: mass std ×0.9–1.4."""
 CARRIED_LENGTHS = (0.3, 1.0, 4.0, 30.0)
 """s over which what is left of a joint's torque stays alike: from a reversal to a motion. Sensitive: hardly."""
 
+CARRIED_PRESLIDING = (5e-4, 8e-3)
+"""rad over which friction may turn round beside `PRESLIDING`: 1 to 4 mrad are seen on real arms. Sensitive: inertia std
+×0.8–1.3."""
+
+CARRIED_INERTIA = 0.1
+"""part (1 sigma) of what moves a link that a model of it is off. Sensitive: inertia std ×0.8–1.2."""
+
+CARRIED_PLACE, CARRIED_POSTURE = 0.2, 0.5
+"""rad over which what depends on a joint's angle, or on the arm's configuration, stays alike. Sensitive: hardly."""
+
 CARRIED_NOISE = 0.05
 """N m (1 sigma) of each component of the noise, from which the recording's own is sought. Sensitive: no."""
 
@@ -130,3 +140,7 @@ COM_BELIEVED = 0.05
 
 RADIUS_BELIEVED = 0.1
 """m: radius of gyration that a load is believed to have at most. Sensitive: no."""
+
+CARRIED_APART, CARRIED_LEAST = 0.03, 0.005
+"""part of the mass, and kg (1 sigma), by which halves of a window may differ: more is a load that came or went.
+Sensitive: no."""
