@@ -383,7 +383,8 @@ class MujocoRobot(Commanded):
         del self._runs[index:], self._befores[index:]
         run = self._run(periods, under_guard=True)
         self._runs.append(run)
-        self._look(run, *self._readout.read([run.felt], self._gains), self._guard.fired)
+        (sensed,) = self._readout.read([run.felt], self._gains)
+        self._look(run, sensed, self._guard.fired)
 
     def _take_back(self) -> None:
         """Take back what is ahead of the present."""
