@@ -203,6 +203,10 @@ class MujocoRobot(Commanded):
         t, begin, q = self._world.t, self._pose_begin(), self._readout.q
         self._follow_pose(*self._pose_path(t, begin, target, speed, slower, q))
 
+    def move_axis(self, direction: Array, speed: float, travel: float) -> None:
+        self._take_back()
+        super().move_axis(direction, speed, travel)
+
     def swing(self, about: Array, angle: float, frequency: float, cycles: int) -> None:
         self._take_back()
         self._reflex = None
