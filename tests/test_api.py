@@ -386,7 +386,7 @@ def test_a_wrong_argument_is_named_as_it_is_written_in_python() -> None:
     with pytest.raises(pp.InputError, match="world= and robot= exclude each other"):
         pp.load(DESK).plan(REQUEST).run(world="w.xml", robot="franky://host")
     with pytest.raises(pp.Unavailable, match="no driver for 'nobody://host'"):
-        pp.load(DESK).plan(REQUEST).run(robot="nobody://host", rehearse=False)
+        pp.load(DESK).plan(REQUEST).run(robot="nobody://host")
 
 
 def test_a_run_can_be_changed_and_kept_as_a_value(done: pp.Run) -> None:

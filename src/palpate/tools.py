@@ -185,6 +185,7 @@ def prompt(settings: Settings) -> Prompt:
         told.prompt,
         told.comments,
         arm,
+        settings.remeasure,
     )
 
 

@@ -11,6 +11,7 @@ never import upwards and there is no second scene.
 from __future__ import annotations
 
 from palpate.api.at_once import plan_settings, run, run_settings
+from palpate.api.dynamics import dynamics
 from palpate.api.plans import Plan
 from palpate.api.runs import Fusion, Run, compare, finish, fuse, open
 from palpate.api.scenes import Scene, load, load_settings
@@ -21,6 +22,7 @@ __all__ = [
     "Run",
     "Scene",
     "compare",
+    "dynamics",
     "finish",
     "fuse",
     "load",

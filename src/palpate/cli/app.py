@@ -29,6 +29,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "open": stored.open_report,
     "export": stored.export,
     "vocabulary": plans.vocabulary,
+    "dynamics": arms.dynamics,
     "calibrate": arms.calibrate,
     "teach": arms.teach,
     "doctor": arms.doctor,

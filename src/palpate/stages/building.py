@@ -19,7 +19,7 @@ from palpate.scene.scene import Scene
 from palpate.stages.executing import perform
 from palpate.twin.twin import build_twin as build
 from palpate.twin.twin import touch
-from palpate.twin.validate import compared_until, restful
+from palpate.twin.validate import compared_until
 
 if TYPE_CHECKING:
     from mujoco import MjSpec
@@ -48,7 +48,7 @@ def touched_beside(made: Run, cell: Cell) -> Generator[Beside[Trace] | None]:
         yield None
         return
     # Independent of any estimate, so it need not wait for them.
-    with Beside(lambda: _replay(made.scene, made.plan, restful(made.scene))) as given:
+    with Beside(lambda: _replay(made.scene, made.plan, made.scene.spec())) as given:
         yield given
 
 

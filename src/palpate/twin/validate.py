@@ -89,16 +89,9 @@ def touched(
     was started before."""
     return replace(
         validation,
-        twin=residual_of(recorded, lambda: replay(restful(twin))),
-        template=residual_of(recorded, given or (lambda: replay(restful(template)))),
+        twin=residual_of(recorded, lambda: replay(twin.spec())),
+        template=residual_of(recorded, given or (lambda: replay(template.spec()))),
     )
-
-
-def restful(scene: Scene) -> mujoco.MjSpec:
-    """The scene for simulation, in which bodies at rest take no time until they are touched."""
-    spec = scene.spec()
-    spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
-    return spec
 
 
 def settle(scene: Scene) -> tuple[bool, float]:

@@ -31,7 +31,11 @@ SET_DOWN = 10.0
 DOWN = np.array([0.0, 0.0, -1.0])  # World axes
 LOWERINGS = 3  # Largest number of times that an object without full support is lowered further
 WAVERS = 0.4  # N by which the sensed force of an arm at rest fluctuates
-PRESSES = 1.0  # N above the least measurable force: enough must remain once the arm rests
+CREEPS = 1.0
+"""N by which that force changes within 0.1 s while the posture of an arm, folded near its base, creeps on
+after a motion."""
+CREEPINGS = 5  # Largest number of times that its end is waited for
+PRESSES = 1.0  # N above the least measurable force, at first: enough must remain once the arm rests
 PEAK = 1.4
 """Largest normal force on a slide over the pressing force: the arm presses while it sets out and changes
 its speed (21.3 N for 15 N, simulated FR3, friction 1)."""
@@ -118,12 +122,14 @@ def _explained(blackboard: Blackboard, change: Array, sets_down: bool, span: Spa
 
 def lower(blackboard: Blackboard, goal: str) -> Generator[None]:
     """Lower a held object until its support bears it: the arm sags, and fingers that press slip. The
-    arm's last sag before it rests may relieve the support again: so repeat."""
-    for _ in range(LOWERINGS):
-        yield from settle(blackboard)
+    arm's last sag before it rests may relieve the support again, or the friction of a folded arm's
+    joints seem to: so repeat, each time with twice the press."""
+    for lowering in range(LOWERINGS):
+        yield from _rest(blackboard)
         if blackboard.load.too_much((yield from median_wrench(blackboard)), WAVERS) is None:
             return
-        borne = partial(_is_borne, blackboard.load, WrenchFilter(blackboard.robot))
+        pressed = PRESSES * 2**lowering
+        borne = partial(_is_borne, blackboard.load, WrenchFilter(blackboard.robot), pressed)
         blackboard.robot.move_axis(DOWN, GUARDED_SPEED, POSE_ERROR)
         if not (yield from guarded(blackboard, borne)):
             raise LeafFailure(
@@ -132,13 +138,26 @@ def lower(blackboard: Blackboard, goal: str) -> Generator[None]:
             )
 
 
-def _is_borne(load: Load, filtered: WrenchFilter) -> bool:
-    """True if a support bears the whole load. A light load is pressed on it, as its weight alone
+def _rest(blackboard: Blackboard) -> Generator[None]:
+    """Wait until the arm is at rest, and so is the force on it."""
+    for _ in range(CREEPINGS):
+        forces: list[float] = []
+        for _ in settle(blackboard):
+            forces.append(float(blackboard.robot.state.contact[2]))
+            yield
+        third = max(len(forces) // 3, 1)
+        earlier, later = np.median(forces[-2 * third : -third]), np.median(forces[-third:])
+        if abs(later - earlier) < CREEPS:
+            return
+
+
+def _is_borne(load: Load, filtered: WrenchFilter, pressed: float) -> bool:
+    """True if a support bears the whole load. A light load is `pressed` on it, N, as its weight alone
     would not be measurable."""
     wrench = filtered.now()
     if not load.borne(wrench) < 0.0:
         return False
-    return load.hanging is None or load.relieved(wrench) > UNFELT + PRESSES
+    return load.hanging is None or load.relieved(wrench) > UNFELT + pressed
 
 
 def slide(blackboard: Blackboard, target: Pose, most: float) -> Generator[None]:

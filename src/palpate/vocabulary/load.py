@@ -6,6 +6,7 @@ a real arm is never zero.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +19,9 @@ BORNE = 0.3
 which relaxes meanwhile."""
 CLOSING = 0.002
 """m by which fingers close when the object slides or turns out of them; the pads' compliance is less."""
-SURE = 3.0  # Standard deviations that a change of the moment must exceed to be a turn
+SURE = 3.0
+"""Standard deviations that a change of the moment must exceed to be a turn, and that a weight may exceed its
+estimate."""
 TURNED = 0.15  # N m that it must exceed in addition: the pads are compliant
 UNFELT = 1.5
 """N, largest weight that may be taken for none: Franka states 0.8 N relative accuracy, and joints stick."""
@@ -42,6 +45,8 @@ class Load:
         moment: N m about the closing direction then.
         doubt: standard deviations of the moment.
         rough: upper bound of the support's friction, by slides so far.
+        heaviest: N, upper bound of the weight by an estimate of the mass: where the arm is folded, the
+            friction of its joints looks like newtons, and `hanging` is another weight.
     """
 
     empty: Array
@@ -50,6 +55,7 @@ class Load:
     moment: float | None = None
     doubt: Doubt = SURELY
     rough: float = ROUGHEST
+    heaviest: float = math.inf
 
     def dragged(self, wrench: Array) -> Load:
         """Update by the wrench (6,) while the object is dragged along its support."""
@@ -82,7 +88,11 @@ class Load:
         """Weight that hung on the fingers, N; 0 before."""
         if self.hanging is None:
             return 0.0
-        return max(float(self.hanging[2] - self.empty[2]), 0.0)
+        return min(max(float(self.hanging[2] - self.empty[2]), 0.0), self.heaviest)
+
+    def weighed(self, mass: float, std: float, gravity: float) -> Load:
+        """Update by an estimate of the held object's mass, kg, in a gravity in m/s^2."""
+        return replace(self, heaviest=(mass + SURE * std) * gravity)
 
     def slip(self, width: float) -> str | None:
         """Reason why fingers `width` m apart no longer hold the object; None if they do."""

@@ -119,6 +119,9 @@ class _Conversion(ConversionPrimitive):
         values = tuple(found.values.tolist())
         # The rest of the run goes by the value: what stands on a measured surface moves with it.
         blackboard.state = blackboard.state.learned(parameter, values)
+        if parameter == Parameter(blackboard.state.holding or "", Mass.id):
+            gravity, (std,) = blackboard.robot.gravity, found.stds.tolist()
+            blackboard.load = blackboard.load.weighed(values[0], std, gravity)
         pairs = zip(values, found.stds.tolist(), strict=True)
         shown = ", ".join(" ± ".join(rounded(value, std)) for value, std in pairs)
         return f"{subject} {quantity.label} {shown} {quantity.unit}"
@@ -135,18 +138,14 @@ class Force2Mass(_Conversion):
 
 
 class Force2Velocity(_Conversion):
-    """Convert `gripper_forces` logged beside a motion into the velocity of the gripper.
-
-    Irrelevant for anything static."""
+    """Convert `gripper_forces` logged beside a motion into the velocity of the gripper."""
 
     reads: ClassVar[str | None] = FORCES
     measures: ClassVar[type[Quantity] | None] = Velocity
 
 
 class Force2Momentum(_Conversion):
-    """Convert `gripper_forces` logged beside a motion into the momentum of the held object.
-
-    Irrelevant for anything static."""
+    """Convert `gripper_forces` logged beside a motion into the momentum of the held object."""
 
     reads: ClassVar[str | None] = FORCES
     measures: ClassVar[type[Quantity] | None] = Momentum

@@ -215,11 +215,19 @@ def show_run(run: Run, as_json: bool, values_shown: bool = False) -> None:
     if run.status == "rejected":
         _show_rejection(run)
     elif run.execution is None:
-        out.print("[bold green]nothing is missing[/]")
+        _show_satisfied(run)
     elif not values_shown:
         _show_values(run)
     show_notes(run.plan, out)
     _show_files(run)
+
+
+def _show_satisfied(run: Run) -> None:
+    """Print that nothing is missing, and the explanation less what the notes repeat."""
+    explanation = run.plan.explanation
+    for note in (*run.plan.notes, "Nothing is missing."):
+        explanation = explanation.replace(note, "")
+    out.print("[bold green]nothing is missing[/]", escape(explanation.strip()))
 
 
 def _show_values(run: Run) -> None:

@@ -97,3 +97,26 @@ SKEW_PRIOR = 0.3
 GIVE_PRIOR = 4e-4
 """s² (1 sigma): compliance between pads and object per square of the rate: it rings at 8 Hz or more. Sensitive:
 inertia std ×0.8–1.2."""
+
+# A load that was carried through a recording.
+
+CARRIED_MOST = 400
+"""blocks at most; more of them cost time, and say no more. Sensitive: no."""
+
+CARRIED_ROUNDS = 1
+"""solutions after the first: effects of gains and tilt are in proportion to the load. Sensitive: hardly."""
+
+CARRIED_PRIOR = (30.0, 10.0, 1.0)
+"""kg, kg m and kg m² (1 sigma) of a load: nothing is known of it. Sensitive: no."""
+
+HAND_PRIOR = (3.0, 0.5, 0.05)
+"""the same of an unknown end effector. Sensitive: no."""
+
+CARRIED_HALF = 1.0
+"""s at least of each half of a window whose masses are compared. Sensitive: no."""
+
+COM_BELIEVED = 0.05
+"""m (1 sigma): a load's centre of mass is believed to be that near to the fingertips. Sensitive: no."""
+
+RADIUS_BELIEVED = 0.1
+"""m: radius of gyration that a load is believed to have at most. Sensitive: no."""

@@ -7,10 +7,11 @@ signals; truth and pictures are for observers outside, after the estimates are m
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from mujoco.rollout import Rollout
 
 from palpate.errors import ExecutionAborted, InputError, unknown_name
 from palpate.geometry.pose import Array, Pose
@@ -21,10 +22,15 @@ from palpate.robots.simulated.gripper import DRIVE, add_drive, round_fingers
 from palpate.robots.simulated.guard import Guard, Reaction
 from palpate.robots.simulated.impedance import Actuators, add_actuators
 from palpate.robots.simulated.noise.true_arm import Truth
-from palpate.robots.simulated.timing import BLOCK, PERIOD, SUBSTEPS, TIMESTEP
+from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, PERIOD, SUBSTEPS, TIMESTEP
 
 FRAME_PERIOD = 1.0 / 30.0  # s between camera frames
 LEVEL = 0.01  # rad, largest inclination of gravity
+ASLEEP = 1e-5  # m/s: slower objects rest, and take no time until something that moves touches them
+PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
+MOTOR, PUSH = PREFIX + "motor{}", PREFIX + "push"  # names of sensors
+SENSED = 10  # values of these: motor torques, and the force of the hand
+NET_FORCE = 3  # of MuJoCo's reductions of several contacts
 NEEDED = [
     "gravity",
     "contact",
@@ -39,33 +45,18 @@ NEEDED = [
 """Features of MuJoCo that a robot needs."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Steps:
+class Steps(NamedTuple):
     """Record of the robot over some blocks of control cycles."""
 
     q: Array  # (n, 7) rad at the end of each block
     dq: Array  # (n, 7) rad/s, likewise
     torque: Array  # (n, 7) N m, mean commanded joint torques
-    contact: Array  # (n, 7) N m, mean joint torques of contacts, where the world `records_contact`
+    push: Array  # (n, 3) N, mean force with which the hand pushes on things, world axes
     fingers: Array  # (n, 2) m at the end of each block
     finger_speed: Array  # (n, 2) m/s, likewise
-
-
-class Cycles:
-    """Buffers for n control cycles of a world with nq positions and nv velocities."""
-
-    def __init__(self, n: int, nq: int, nv: int) -> None:
-        self.torque = np.empty((n, 7))  # N m commanded at the joints
-        self.weight = np.empty((n, 7))  # N m, the part that holds the nominal arm up
-        self.contact = np.zeros((n, 7))  # N m of contacts at the joints; zero unless recorded
-        self.dq = np.empty((n, 7))  # rad/s at the end of each cycle
-        self.qpos = np.empty((n // BLOCK, nq))  # at the end of each block
-        self.qvel = np.empty((n // BLOCK, nv))
-
-    def observed(self, first: int, last: int) -> tuple[Array, Array]:
-        """Return the inputs of `Guard.observe`, of the cycles from `first` to `last`."""
-        rows = slice(first, last)
-        return self.torque[rows] - self.weight[rows], self.dq[rows]
+    # Of each cycle:
+    effort: Array  # (n * BLOCK, 7) N m commanded, without the part that holds the nominal arm up
+    rates: Array  # (n * BLOCK, 7) rad/s of the joints at its end
 
 
 class World:
@@ -78,7 +69,6 @@ class World:
         t: s, time of the world.
         actuators: the controller's.
         rest_control: (nu,) initial value of each row of controls, for actuators without a command.
-        records_contact: True if torques of contacts are recorded.
         watch: called with the data after every physics step, if set.
     """
 
@@ -104,97 +94,130 @@ class World:
         self._drive = int(self.model.actuator(PREFIX + DRIVE).id)
         self._fingers_control = int(self.model.actuator_ctrladr[self._drive])
         self._data.qpos[self._q], self._data.qpos[self._finger_q] = arm.home, arm.hand.opening / 2
-        self._seen, self._before = mujoco.MjData(self.model), mujoco.MjData(self.model)
-        self._control, self._dq = self._data.ctrl, self._data.qvel[self._v]
-        self._torque = self._data.qfrc_actuator[self._v]
-        self._weight = self._data.qfrc_gravcomp[self._v]
-        self._contact = self._data.qfrc_constraint[self._v]
+        self._seen = mujoco.MjData(self.model)
+        self._kept: list[tuple[float, mujoco.MjData]] = []
+        self._dq = self._data.qvel[self._v]
+        self._sensors = run_of(self.model.sensor(MOTOR.format(1)).adr[0], SENSED)
+        self._rollout = Rollout(nthread=0)
+        steps = LONGEST_RUN * BLOCK * SUBSTEPS
+        self._states = np.empty((1, steps, mujoco.mj_stateSize(self.model, PHYSICS)))
+        self._signals = np.empty((1, steps, self.model.nsensordata))
+        self._at, self._warm = np.empty_like(self._states[:, 0]), np.empty((1, self.model.nv))
         self.actuators = Actuators(self.model)
         self.rest_control = np.zeros(self.model.nu)
         self.rest_control[self.actuators.orientation.start] = 1.0
         self._stiction = declared_stiction(self.model)
         self.frames: list[tuple[float, Array]] = [(0.0, self._data.qpos.copy())]
         self.t = 0.0
-        self.records_contact = False
         self.watch: Callable[[mujoco.MjData], None] | None = None
 
-    def step(self, control: Array, guard: Guard) -> Steps:
-        """Step once per row of `control` (n * BLOCK, nu), or until the guard fires: then the arm
-        yields for the rest of that block, and the run ends with it.
+    def step(self, control: Array, guard: Guard | None = None) -> Steps:
+        """Step once per row of `control` (n * BLOCK, nu); under the `guard`, cycle by cycle until it
+        fires: then the arm yields for the rest of that block, and the run ends with it.
 
         Raises:
             ExecutionAborted: the physics became unstable.
         """
-        cycles, count = Cycles(len(control), self.model.nq, self.model.nv), len(control)
-        if guard.yielding:
-            self._cycle(control, cycles, 0, count, guard.reaction)
+        count, before = len(control), self.compensation
+        if guard is None:
+            self._roll(control)
+        elif guard.yielding:
+            self._cycle(control, 0, count, guard.reaction)
         else:
-            look = self._all_at_once if self.watch is None else self._one_by_one
-            fired = look(control, guard, cycles)
+            fired = self._one_by_one(control, guard)
             if fired is not None:
                 self.actuators.set(guard.reaction.gains)
                 count = (fired // BLOCK + 1) * BLOCK
-                self._cycle(control, cycles, fired + 1, count, guard.reaction)
-        blocks = count // BLOCK
-        qpos, qvel = cycles.qpos[:blocks], cycles.qvel[:blocks]
-        self._film(qpos)
+                self._cycle(control, fired + 1, count, guard.reaction)
+        ends = slice(SUBSTEPS - 1, count * SUBSTEPS, SUBSTEPS)
+        states, sensed = self._states[0, ends, 1:].copy(), self._signals[0, ends, self._sensors]
+        blocks, nq = states[BLOCK - 1 :: BLOCK], self.model.nq
+        self._film(blocks[:, :nq])
         self.t = round(self.t + count * TIMESTEP, 9)
         if abs(self._data.time - self.t) > TIMESTEP / 2:  # MuJoCo starts over when it diverges
             raise ExecutionAborted(
                 f"the simulated world became unstable before {self.t:.2f} s of robot time: "
                 "check its masses, sizes and contact parameters"
             )
+        # The weight that the motors hold is the nominal arm's, followed from end to end of the run.
+        share = np.arange(1.0, count + 1)[:, None] / count
+        weight = before + share * (self.compensation - before)
+        means = np.add.reduce(sensed.reshape(-1, BLOCK, SENSED), axis=1) / BLOCK
         return Steps(
-            q=qpos[:, self._q],
-            dq=qvel[:, self._v],
-            torque=block_means(cycles.torque[:count]),
-            contact=block_means(cycles.contact[:count]),
-            fingers=qpos[:, self._finger_q],
-            finger_speed=qvel[:, self._finger_v],
+            q=blocks[:, self._q],
+            dq=blocks[:, nq:][:, self._v],
+            torque=means[:, :7],
+            push=means[:, 7:],
+            fingers=blocks[:, self._finger_q],
+            finger_speed=blocks[:, nq:][:, self._finger_v],
+            effort=sensed[:, :7] - weight,
+            rates=states[:, nq:][:, self._v],
         )
 
-    def _all_at_once(self, control: Array, guard: Guard, cycles: Cycles) -> int | None:
-        """Step all cycles before the guard observes them, which is faster than one by one; return
-        the cycle in which it fires. Later cycles are undone."""
-        mujoco.mj_copyData(self._before, self.model, self._data)
-        self._cycle(control, cycles, 0, len(control))
-        fired = guard.observe(*cycles.observed(0, len(control)))
-        if fired is not None:
-            mujoco.mj_copyData(self._data, self.model, self._before)
-            self._cycle(control, cycles, 0, fired + 1)
-        return fired
+    def keep(self, place: int) -> None:
+        """Keep the present state in a numbered place, for `back`."""
+        while place >= len(self._kept):
+            self._kept.append((0.0, mujoco.MjData(self.model)))
+        kept = self._kept[place][1]
+        mujoco.mj_copyData(kept, self.model, self._data)
+        self._kept[place] = self.t, kept
 
-    def _one_by_one(self, control: Array, guard: Guard, cycles: Cycles) -> int | None:
-        """Step as `_all_at_once`, for `watch`, which must not see cycles that are undone."""
+    def back(self, place: int) -> None:
+        """Return to the state that was kept in that place."""
+        self.t, kept = self._kept[place]
+        mujoco.mj_copyData(self._data, self.model, kept)
+        while self.frames[-1][0] > self.t:
+            self.frames.pop()
+
+    def _one_by_one(self, control: Array, guard: Guard) -> int | None:
+        """Step until the guard fires; return the cycle in which it does."""
         for i in range(len(control)):
-            self._cycle(control, cycles, i, i + 1)
-            if guard.observe(*cycles.observed(i, i + 1)) is not None:
+            self._cycle(control, i, i + 1)
+            effort = self._data.sensordata[self._sensors][:7] - self.compensation
+            if guard.observe(effort[None], self._dq[None]) is not None:
                 return i
         return None
 
+    def _roll(self, control: Array) -> None:
+        """Step all cycles in one call, or block by block where friction changes."""
+        model, data = self.model, self._data
+        control = np.repeat(control, SUBSTEPS, axis=0)[None]
+        count = control.shape[1]
+        length = BLOCK * SUBSTEPS if self._stiction else count
+        for first in range(0, count, length):
+            for stiction in self._stiction:
+                stiction.apply(model, data)
+            mujoco.mj_getState(model, data, self._at[0], PHYSICS)
+            self._warm[0] = data.qacc_warmstart
+            steps = slice(first, first + length)
+            self._rollout.rollout(
+                [model],
+                [data],
+                self._at,
+                control[:, steps],
+                skip_checks=True,
+                nstep=length,
+                initial_warmstart=self._warm,
+                state=self._states[:, steps],
+                sensordata=self._signals[:, steps],
+            )
+
     def _cycle(
-        self,
-        control: Array,
-        cycles: Cycles,
-        first: int,
-        last: int,
-        reaction: Reaction | None = None,
+        self, control: Array, first: int, last: int, reaction: Reaction | None = None
     ) -> None:
-        """Step and record the cycles from `first` to `last`; with a `reaction` the arm yields."""
+        """Step the cycles from `first` to `last`; with a `reaction` the arm yields."""
+        data = self._data
         for i in range(first, last):
             if i % BLOCK == 0:
                 for stiction in self._stiction:
-                    stiction.apply(self.model, self._data)
-            self._control[:] = control[i]
+                    stiction.apply(self.model, data)
+            data.ctrl[:] = control[i]
             if reaction is not None:
-                self._control[self.actuators.drives] = reaction.torque(self._dq)
+                data.ctrl[self.actuators.drives] = reaction.torque(self._dq)
             self._substeps()
-            cycles.torque[i], cycles.weight[i] = self._torque, self._weight
-            cycles.dq[i] = self._dq
-            if self.records_contact:
-                cycles.contact[i] = self._contact
-            if i % BLOCK == BLOCK - 1:
-                cycles.qpos[i // BLOCK], cycles.qvel[i // BLOCK] = self._data.qpos, self._data.qvel
+            row = (i + 1) * SUBSTEPS - 1
+            mujoco.mj_getState(self.model, data, self._states[0, row], PHYSICS)
+            self._signals[0, row] = data.sensordata
 
     def _substeps(self) -> None:
         """Step one control cycle, calling `watch` after each physics step."""
@@ -260,11 +283,6 @@ class World:
             self.frames.append((self.t + (row + 1) * PERIOD, qpos[row].copy()))
 
 
-def block_means(values: Array) -> Array:
-    """Average values (n, 7) of cycles over blocks: (n / BLOCK, 7)."""
-    return np.add.reduce(values.reshape(-1, BLOCK, 7), axis=1) / BLOCK
-
-
 def compile_world(
     spec: mujoco.MjSpec,
     pose_world_base: Pose,
@@ -284,6 +302,8 @@ def compile_world(
     truth.build(robot, arm)
     round_fingers(robot, arm.hand)
     spec.option.timestep = TIMESTEP / SUBSTEPS
+    spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+    spec.option.sleep_tolerance = ASLEEP
     spec.option.gravity = truth.gravity(spec.option.gravity)
     for name in ("integrator", "cone", "impratio", "solver"):
         setattr(spec.option, name, getattr(robot.option, name))
@@ -300,6 +320,7 @@ def compile_world(
         frame = spec.worldbody.add_frame(pos=base.position, quat=base.quaternion)
         spec.attach(robot, frame=frame, prefix=PREFIX)
         add_actuators(spec, arm)
+        add_sensors(spec, arm)
         let_touch(spec)
         keep_softness(spec, arm)
         return spec.compile()
@@ -307,6 +328,25 @@ def compile_world(
         raise InputError(
             f"the simulated world does not compile with the robot in it: {error}"
         ) from error
+
+
+def add_sensors(world: mujoco.MjSpec, arm: RobotDescription) -> None:
+    """Add what is recorded of every cycle: torques of the joints' motors, and the net force of the
+    hand on what it touches."""
+    for i, name in enumerate(arm.joints, 1):
+        world.add_sensor(
+            name=MOTOR.format(i),
+            type=mujoco.mjtSensor.mjSENS_JOINTACTFRC,
+            objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            objname=PREFIX + name,
+        )
+    world.add_sensor(
+        name=PUSH,
+        type=mujoco.mjtSensor.mjSENS_CONTACT,
+        objtype=mujoco.mjtObj.mjOBJ_XBODY,
+        objname=PREFIX + arm.hand.body,
+        intprm=(1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE), NET_FORCE, 1),
+    )
 
 
 def require_physics(spec: mujoco.MjSpec) -> None:

@@ -13,13 +13,14 @@ from palpate.robots.nominal import RIDGE
 from palpate.robots.simulated.noise.disturbances import (
     BaseVibration,
     Cable,
-    JointFriction,
     Motion,
     Rests,
 )
+from palpate.robots.simulated.noise.friction import JointFriction
 from palpate.robots.simulated.noise.gauge import Gauges, Relaxation, Wander
 from palpate.robots.simulated.noise.line import Line
 from palpate.robots.simulated.noise.model import JOINTS, NoiseModel, Streams
+from palpate.robots.simulated.noise.ripple import Waves
 from palpate.robots.simulated.timing import BLOCK, PERIOD
 
 PAD_TIME = 0.02
@@ -43,12 +44,10 @@ class Encoders:
         self._compliance = model.joint_compliance.draw(streams("model.joint_compliance"))
         self.soft = model.pad_compliance.number(streams("model.pad_compliance"))
         self._pressed = 0.0
-        self._ripple = math.sqrt(2.0) * pose.encoder_ripple.size
-        self._cycles = pose.encoder_ripple.cycles
-        self._phase = streams("pose.encoder_ripple").uniform(-np.pi, np.pi, JOINTS)
+        self._waves = Waves(pose.encoder_ripple, streams("pose.encoder_ripple"))
         self._noise, self._random = pose.encoder, streams.run("pose.encoder")
         self._noisy, self._step = bool(pose.encoder.any()), pose.quantisation
-        self.exact = not (self._compliance.any() or self._ripple.any() or self.soft)
+        self.exact = self._waves.none and not (self._compliance.any() or self.soft)
         self.clean = not (self._noisy or pose.quantisation)
         self._thermal = None
         if pose.thermal:
@@ -72,7 +71,8 @@ class Encoders:
         (n, 7), N m: the encoders sit before the compliance of the joints."""
         if self.exact:
             return q
-        return q + self._compliance * torque + self._ripple * np.sin(self._cycles * q + self._phase)
+        reported = q + self._compliance * torque
+        return reported if self._waves.none else reported + self._waves.at(q)
 
     def pressed(self, jacobian: Array, force: Array, axis: Array) -> Array:
         """Compute how far (n, 7), rad, the arm went on while its pads gave way.
@@ -89,10 +89,10 @@ class Encoders:
         along = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + RIDGE, forward)
         return self.soft * force[:, None] * along
 
-    def noise(self, periods: int) -> Array | None:
-        """Draw the noise (periods, 7), rad, of block means; None without any."""
+    def noise(self, periods: int) -> Array:
+        """Draw the noise (periods, 7), rad, of block means."""
         if not self._noisy:
-            return None
+            return np.zeros((periods, JOINTS))
         return self._noise / math.sqrt(BLOCK) * self._random.standard_normal((periods, JOINTS))
 
     def quantised(self, q: Array) -> Array:
@@ -101,12 +101,12 @@ class Encoders:
 
 
 class Measured(NamedTuple):
-    """Measurement of n log periods."""
+    """Measurement of n log periods in some runs."""
 
     torque: Array  # (n, 7) N m
     arrived: NDArray[np.bool_] | None  # (n,) which of them did, None for all
-    # (7,) N m, the last reading before white noise and acquisition errors: the arm's own reflex uses
-    # it with the noise of each look
+    # (runs, 7) N m, the last reading of each before white noise and acquisition errors: the arm's own
+    # reflex uses it with the noise of each look
     shown: Array
 
 
@@ -115,6 +115,7 @@ class Sensors:
 
     Attributes:
         rests: errors of each rest, among them that of the reported pose.
+        line: acquisition of the torque samples.
     """
 
     def __init__(self, noise: NoiseModel, tau_max: Array, streams: Streams) -> None:
@@ -129,7 +130,7 @@ class Sensors:
             self._vibration = BaseVibration(vibration, PERIOD, streams)
         self._gauges = Gauges(torque, tau_max, streams)
         self._wander = Wander(torque, PERIOD, streams)
-        self._line = Line(torque, noise.acquisition, streams)
+        self.line = Line(torque, noise.acquisition, streams)
         self._white, self._looks = torque.white, streams.run("torque.white.looks")
         self._noisy = bool(torque.white.any())
         self._zero = np.zeros(JOINTS)
@@ -143,22 +144,41 @@ class Sensors:
         shown = self._gauges.read(here, start.q)[0]
         self._zero = shown + self._wander.now - nominal - self._wander.left
 
-    def measure(self, torque: Array, motion: Motion) -> Measured:
-        """Simulate the measurement of the true mean torques (n, 7) behind the gears, N m."""
+    def stuck(self, motion: Motion) -> Array:
+        """Follow the arm's rests in a run; return the torques (n, 7), N m, that stick in its joints."""
+        torque = np.zeros(motion.q.shape)
+        if not self.rests.none:
+            self.rests.add(torque, motion)
+        return torque
+
+    def measure(
+        self,
+        torque: Array,
+        motion: Motion,
+        stuck: Array | None = None,
+        ends: NDArray[np.intp] | None = None,
+    ) -> Measured:
+        """Simulate the measurement of the true mean torques (n, 7) behind the gears, N m, in
+        consecutive runs that end before the rows `ends` (one by default); `stuck` (n, 7): those that
+        stick in the joints, if they were followed before."""
+        if stuck is None:
+            stuck = self.stuck(motion)
+        if ends is None:
+            ends = np.array([len(torque)])
         torque = torque.copy()
         if self._vibration is not None:
             self._vibration.add(torque)
         if not self._friction.none:
             self._friction.add(torque, motion)
-        if not self.rests.none:
-            self.rests.add(torque, motion)
+        torque += stuck
         if self._cable is not None:
             self._cable.add(torque, motion)
         reading = self._gauges.read(torque, motion.q)
-        self._wander.add(reading)
+        for run in np.split(reading, ends[:-1]):
+            self._wander.add(run)
         reading -= self._zero
-        shown = reading[-1].copy()
-        return Measured(*self._line.carry(reading), shown)
+        shown = reading[ends - 1]
+        return Measured(*self.line.carry(reading), shown)
 
     def looks(self, count: int) -> Array:
         """Draw the white noise (count, 7), N m, of single 1 kHz samples."""
