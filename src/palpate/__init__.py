@@ -11,7 +11,8 @@ nothing.
 - `run` does all at once; `load` reads a scene, `Scene.plan` a plan for it, `Plan.run` executes it;
   `open` reads a finished `Run` back from its folder, `fuse` makes one `Fusion` of several,
   `compare` says how far they are apart.
-- `dynamics` reads a recording of an arm, and identifies its friction, links and hand.
+- `estimate` reads a recording of an arm, and tells what it carried; `dynamics` identifies its friction,
+  links and hand.
 - `Estimate`, `Parameter`, `Trace` and `Twin` are what a run is made of.
 - `Cell`, `SimulatedCell`, `Planner`, `Primitive`, `Quantity`, `RobotDescription` and `Vocabulary` are
   where your own parts go in.
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from palpate.api import Scene as Scene
     from palpate.api import compare as compare
     from palpate.api import dynamics as dynamics
+    from palpate.api import estimate as estimate
     from palpate.api import fuse as fuse
     from palpate.api import load as load
     from palpate.api import open as open
@@ -75,6 +77,7 @@ __all__ = [
     "Vocabulary",
     "compare",
     "dynamics",
+    "estimate",
     "fuse",
     "load",
     "open",
@@ -104,6 +107,7 @@ _HOMES = {
     "Vocabulary": "vocabulary.registry",
     "compare": "api",
     "dynamics": "api",
+    "estimate": "api",
     "fuse": "api",
     "load": "api",
     "open": "api",

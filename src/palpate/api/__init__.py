@@ -13,6 +13,7 @@ from __future__ import annotations
 from palpate.api.at_once import plan_settings, run, run_settings
 from palpate.api.dynamics import dynamics
 from palpate.api.plans import Plan
+from palpate.api.recordings import estimate
 from palpate.api.runs import Fusion, Run, compare, finish, fuse, open
 from palpate.api.scenes import Scene, load, load_settings
 
@@ -23,6 +24,7 @@ __all__ = [
     "Scene",
     "compare",
     "dynamics",
+    "estimate",
     "finish",
     "fuse",
     "load",

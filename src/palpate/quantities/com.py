@@ -69,7 +69,10 @@ class CentreOfMass(Quantity):
     )
     how = evidence[0].how
     derived = True
-    estimators: ClassVar = {"torque": "palpate.quantities.com:estimate_com"}
+    estimators: ClassVar = {
+        "torque": "palpate.quantities.com:estimate_com",
+        "recording": "palpate.estimation.carried.estimates:estimate_com",
+    }
 
     def status(self, body: BodyDescription) -> Status:
         if body.elements.inertial is None:

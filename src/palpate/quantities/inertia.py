@@ -54,7 +54,10 @@ class Inertia(Quantity):
     )
     how = f"{evidence[0].how}, and in a Parallel with Swing, held there and with the empty hand"
     derived = True
-    estimators: ClassVar = {"swings": "palpate.quantities.inertia:estimate_inertia"}
+    estimators: ClassVar = {
+        "swings": "palpate.quantities.inertia:estimate_inertia",
+        "recording": "palpate.estimation.carried.estimates:estimate_inertia",
+    }
 
     def status(self, body: BodyDescription) -> Status:
         if body.elements.inertial is None:

@@ -74,6 +74,7 @@ class Mass(Quantity):
     estimators: ClassVar = {
         "contrast": "palpate.quantities.mass:estimate_mass",
         "single-shot": "palpate.quantities.mass:estimate_single_shot",
+        "recording": "palpate.estimation.carried.estimates:estimate_mass",
     }
 
     def status(self, body: BodyDescription) -> Status:

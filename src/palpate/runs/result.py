@@ -46,8 +46,8 @@ def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
         "files": _files(run, folder),
         "provenance": {
             "palpate": __version__,
-            "seed": run.settings.seed,
-            "noise": noise_models().title(run.settings.noise),
+            "seed": None if run.is_recorded else run.settings.seed,
+            "noise": None if run.is_recorded else noise_models().title(run.settings.noise),
             "world": run.world,
         },
     }

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 Status = Literal["running", "complete", "rejected", "aborted", "failed"]
 Stage = Literal["executing", "estimating", "building the twin", "writing the report"]
+RECORDING = "recording"
+"""Planner of a run that is another program's recording."""
 TRACE = "trace.mcap"
 """File of the trace in a run folder."""
 
@@ -155,6 +157,11 @@ class Run:
         if found >= set(self.plan.parameters):
             return "complete"
         return "failed"
+
+    @property
+    def is_recorded(self) -> bool:
+        """Another program recorded it: nothing was planned, and no robot asked."""
+        return self.plan.planner == RECORDING
 
     @property
     def drawn(self) -> bool:

@@ -22,7 +22,7 @@ COLUMNS = (
 STYLES = {"identified": "green", "prior-dominated": "yellow"}
 """Colours of verdicts; all others are red."""
 
-UNSEEN = "no recording observes it; value and interval are those of the prior"
+UNSEEN = "the recordings hardly observe it; it does not count as measured"
 
 
 def show_estimates(

@@ -326,8 +326,10 @@ def _show_world(run: Run) -> None:
 def _show_files(run: Run) -> None:
     from palpate.tools import pictures
 
+    if run.folder is None:  # of estimates in memory
+        return
     out.print(f"[dim]run folder[/]  {run.folder}", soft_wrap=True)
-    if run.folder and (run.folder / "report.html").exists():
+    if (run.folder / "report.html").exists():
         out.print(f"[dim]report[/]      {run.folder / 'report.html'}", soft_wrap=True)
     possible, remedy = pictures()
     if not possible:

@@ -103,8 +103,31 @@ inertia std ×0.8–1.2."""
 CARRIED_MOST = 400
 """blocks at most; more of them cost time, and say no more. Sensitive: no."""
 
-CARRIED_ROUNDS = 1
-"""solutions after the first: effects of gains and tilt are in proportion to the load. Sensitive: hardly."""
+CARRIED_SMOOTH = 0.1
+"""s over which signals are averaged: between 8 and 30 Hz the torques of real arms do not follow their accelerations.
+Sensitive: mass std ×0.9–1.4."""
+
+CARRIED_LENGTHS = (0.3, 1.0, 4.0, 30.0)
+"""s over which what is left of a joint's torque stays alike: from a reversal to a motion. Sensitive: hardly."""
+
+CARRIED_PRESLIDING = (5e-4, 8e-3)
+"""rad over which friction may turn round beside `PRESLIDING`: 1 to 4 mrad are seen on real arms. Sensitive: inertia std
+×0.8–1.3."""
+
+CARRIED_INERTIA = 0.1
+"""part (1 sigma) of what moves a link that a model of it is off. Sensitive: inertia std ×0.8–1.2."""
+
+CARRIED_PLACE = 0.2
+"""rad over which what depends on a joint's angle stays alike. Sensitive: hardly."""
+
+CARRIED_POSTURE = 0.5
+"""rad over which what depends on the arm's configuration does. Sensitive: hardly."""
+
+CARRIED_NOISE = 0.05
+"""N m (1 sigma) of each component of the noise, from which the recording's own is sought. Sensitive: no."""
+
+CARRIED_ROUNDS = 8
+"""rounds of that; each brings a variance nearer to its likeliest. Sensitive: std ×1.0–1.1 from 5 on."""
 
 CARRIED_PRIOR = (30.0, 10.0, 1.0)
 """kg, kg m and kg m² (1 sigma) of a load: nothing is known of it. Sensitive: no."""
@@ -120,3 +143,10 @@ COM_BELIEVED = 0.05
 
 RADIUS_BELIEVED = 0.1
 """m: radius of gyration that a load is believed to have at most. Sensitive: no."""
+
+CARRIED_APART = 0.03
+"""part of the mass (1 sigma) by which halves of a window may differ: more is a load that came or went.
+Sensitive: no."""
+
+CARRIED_LEAST = 0.005
+"""kg (1 sigma), likewise. Sensitive: no."""
