@@ -10,8 +10,8 @@ from itertools import product
 
 import numpy as np
 
-from bench.harm.harm import FALLING, TIPPED
 from palpate import pipeline
+from palpate.execution.harm.harm import FALLING, TIPPED
 from palpate.geometry.pose import Array
 from palpate.pictures.film import Footage
 from palpate.scenarios.catalogue import scenario, scenarios

@@ -48,7 +48,7 @@ def result(folder: Path) -> dict[str, Any]:
 @pytest.mark.parametrize("member", ["state", "advance", "drain", "close"])
 def test_a_robot_that_fails(plan: api.Plan, tmp_path: Path, member: str, moment: float) -> None:
     bench = Bench(wrap=lambda arm: Failing(arm, member, moment))
-    run = plan.run(bench, rehearse=False, out=tmp_path / "run")
+    run = plan.run(bench, out=tmp_path / "run")
     found = result(tmp_path / "run")
     assert found["stage"] is None
     assert len(read_mcap(tmp_path / "run" / "trace.mcap").samples) >= moment / 0.02 - 2
@@ -69,7 +69,7 @@ def test_a_cell_that_fails(plan: api.Plan, part: str) -> None:
         raise OSError("the camera is gone")
 
     setattr(bench, part, broken)
-    run = plan.run(bench, rehearse=False)
+    run = plan.run(bench)
     assert run.status == "complete"
     assert run.truth == {}
 
@@ -82,7 +82,7 @@ def test_a_robot_that_cannot_be_reached_leaves_no_folder(plan: api.Plan, tmp_pat
 
     bench.robot = unplugged  # type: ignore[method-assign]
     with pytest.raises(pp.Unavailable, match="no route to host"):
-        plan.run(bench, rehearse=False, out=tmp_path / "run")
+        plan.run(bench, out=tmp_path / "run")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -94,7 +94,7 @@ def test_numbers_that_are_none_are_no_estimate(plan: api.Plan, tmp_path: Path) -
             arm.put(wrench=np.full(6, np.nan))
 
     bench.arm.on_advance = faulty
-    run = plan.run(bench, rehearse=False, out=tmp_path / "run")
+    run = plan.run(bench, out=tmp_path / "run")
     assert run["mug.mass"].verdict == "not identified"
     assert result(tmp_path / "run")["parameters"][0]["value"] is None
     assert np.isnan(read_mcap(tmp_path / "run" / "trace.mcap").wrench).any()
@@ -114,7 +114,7 @@ def test_a_page_that_fails(
         raise RuntimeError("no OpenGL\ncontext")
 
     monkeypatch.setattr(f"palpate.report.writing.{part}", broken)
-    run = plan.run(Bench(), rehearse=False, out=tmp_path / "run")
+    run = plan.run(Bench(), out=tmp_path / "run")
     assert run.status == "complete"
     assert run.shortfalls == (
         "building the twin failed: RuntimeError: no twin today",
@@ -130,7 +130,7 @@ def test_a_folder_that_cannot_be_written_is_found_before_anything_moves(
     bench = Bench()
     (tmp_path / "file").write_text("")
     with pytest.raises(pp.InputError, match="cannot write"):
-        plan.run(bench, rehearse=False, out=tmp_path / "file" / "run")
+        plan.run(bench, out=tmp_path / "file" / "run")
     assert bench.arm.calls == []
 
 
@@ -147,7 +147,7 @@ def small_disk(size: int) -> Iterator[None]:
 
 def test_a_disk_that_is_full(plan: api.Plan, tmp_path: Path) -> None:
     with small_disk(30_000):
-        run = plan.run(Bench(), rehearse=False, out=tmp_path / "run")
+        run = plan.run(Bench(), out=tmp_path / "run")
     assert run.status == "complete"
     assert run["mug.mass"].values == pytest.approx([MASS], rel=0.01)
     assert any(
@@ -171,7 +171,7 @@ def kill(arm):
 
 cell = desk.Bench()
 cell.arm.on_advance = kill
-pp.load(desk.DESK).plan("how heavy is the mug?").run(cell, rehearse=False, out={out!r})
+pp.load(desk.DESK).plan("how heavy is the mug?").run(cell, out={out!r})
 """
 
 
@@ -210,7 +210,7 @@ def test_every_estimate_is_on_disk_when_it_is_made(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(building, "build", look)
-    run = plan.run(Bench(), rehearse=False, out=tmp_path / "run")
+    run = plan.run(Bench(), out=tmp_path / "run")
     assert seen == [("running", "building the twin", 1)]
     assert run.status == "aborted"
     assert run.interrupted == "interrupted while building the twin"

@@ -13,8 +13,8 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from bench.harm.harm import Harm
 from bench.harm.probe import Probed
+from palpate.execution.harm.harm import Harm
 from palpate.studies.lines import Lines
 from palpate.studies.workers import Lost, Processes
 

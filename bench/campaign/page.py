@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
 from bench.campaign.ledger import Row
-from bench.harm.touch import SHOWN, UNSEEN
+from palpate.execution.harm.touch import SHOWN, UNSEEN
 from palpate.report.assets import style as shared_style
 
 TITLES = {

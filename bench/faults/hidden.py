@@ -10,8 +10,8 @@ import numpy as np
 from bench.campaign.ledger import Drawn, Row, judged_run
 from bench.faults.bases import bases
 from bench.harm.probe import probed_run
-from bench.harm.touch import CAUTIOUS, CAUTIOUS_RIGID, UNSEEN, Figures
 from palpate import pipeline
+from palpate.execution.harm.touch import CAUTIOUS, CAUTIOUS_RIGID, UNSEEN, Figures
 from palpate.geometry.pose import Pose
 from palpate.scenarios.catalogue import scenario
 from palpate.scene.load import rearranged, scene_from_text

@@ -21,12 +21,12 @@ import numpy as np
 from bench.campaign.ledger import Row, touches_of
 from bench.faults.faulty import FaultyRobot
 from bench.faults.kinds import FAULTS, OBJECT, Fault
-from bench.harm.harm import Harm, harm
-from bench.harm.probe import AFTERWARDS
 from palpate import pipeline
 from palpate.callbacks import RunCallbacks
 from palpate.cells.simulated import SimulatedCell, simulated_cell
 from palpate.errors import PalpateError
+from palpate.execution.harm.harm import Harm, harm
+from palpate.execution.rehearsal import AFTERWARDS
 from palpate.runs.run import Run
 from palpate.scenarios.catalogue import scenario
 from palpate.stages import executing, workplace

@@ -10,24 +10,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bench.harm.harm import Harm, harm
-from bench.harm.touch import SHOWN, UNSEEN, Figures
-from bench.harm.witness import Witness
 from palpate.callbacks import RunCallbacks
 from palpate.cells.simulated import SimulatedCell, simulated_cell
-from palpate.errors import InputError
+from palpate.execution.harm.harm import Harm, harm
+from palpate.execution.harm.touch import SHOWN, UNSEEN, Figures
+from palpate.execution.harm.witness import Witness
 from palpate.execution.recovery import OnFailure
+from palpate.execution.rehearsal import AFTERWARDS, named_objects
 from palpate.planning.plan import Plan
 from palpate.scene.scene import Scene
 from palpate.stages import executing
 
 if TYPE_CHECKING:
     from palpate.execution.runner import Execution, Observer
-
-
-AFTERWARDS = 1.0
-"""s that the world is watched after the end of a run: an object released in the last moment falls, or
-tips over, in less."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,24 +68,4 @@ def probed_run(
     witness = Witness.of(robot.world)
     execution = executing.perform(plan, scene, robot, RunCallbacks(observer), on_failure)
     robot.advance(AFTERWARDS)
-    return Probed(execution, harm(witness, named(plan, scene), unseen, shown, hidden))
-
-
-def named(plan: Plan, scene: Scene) -> frozenset[str]:
-    """Objects that a plan names: in its parameters, and in the arguments of its nodes."""
-    found = {parameter.object for parameter in plan.parameters}
-    if plan.tree is not None:
-        for _, node in plan.tree.walk():
-            found.update(*(_subject(value, scene) for _, value in node.args))
-    return frozenset(found & set(scene.objects))
-
-
-def _subject(value: object, scene: Scene) -> set[str]:
-    """Object that an argument names, or whose pose it is."""
-    if not isinstance(value, str):
-        return set()
-    try:
-        place = scene.symbols.parse(value).name
-    except InputError:
-        return {value}
-    return {value, scene.symbols.subjects.get(place, place)}
+    return Probed(execution, harm(witness, named_objects(plan, scene), unseen, shown, hidden))

@@ -11,6 +11,8 @@ nothing.
 - `run` does all at once; `load` reads a scene, `Scene.plan` a plan for it, `Plan.run` executes it;
   `open` reads a finished `Run` back from its folder, `fuse` makes one `Fusion` of several,
   `compare` says how far they are apart.
+- `estimate` reads a recording of an arm, and tells what it carried; `dynamics` identifies its friction,
+  links and hand, `noise` the errors of its signals.
 - `Estimate`, `Parameter`, `Trace` and `Twin` are what a run is made of.
 - `Cell`, `SimulatedCell`, `Planner`, `Primitive`, `Quantity`, `RobotDescription` and `Vocabulary` are
   where your own parts go in.
@@ -27,8 +29,11 @@ if TYPE_CHECKING:
     from palpate.api import Run as Run
     from palpate.api import Scene as Scene
     from palpate.api import compare as compare
+    from palpate.api import dynamics as dynamics
+    from palpate.api import estimate as estimate
     from palpate.api import fuse as fuse
     from palpate.api import load as load
+    from palpate.api import noise as noise
     from palpate.api import open as open
     from palpate.api import run as run
     from palpate.cells.cell import Cell as Cell
@@ -72,8 +77,11 @@ __all__ = [
     "Unavailable",
     "Vocabulary",
     "compare",
+    "dynamics",
+    "estimate",
     "fuse",
     "load",
+    "noise",
     "open",
     "run",
 ]
@@ -100,8 +108,11 @@ _HOMES = {
     "Unavailable": "errors",
     "Vocabulary": "vocabulary.registry",
     "compare": "api",
+    "dynamics": "api",
+    "estimate": "api",
     "fuse": "api",
     "load": "api",
+    "noise": "api",
     "open": "api",
     "run": "api",
 }

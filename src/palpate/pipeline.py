@@ -107,7 +107,7 @@ def carry_out(
         made = replace(made, begun=time.perf_counter())
     with interrupts() as signals:
         with before_anything_moves("rehearsing"):
-            made = rehearse(made, callbacks)
+            made = rehearse(made, callbacks, cell)
             confirm(made, callbacks, cell)
             if not made.ready:
                 return made if folder is None else save(made, folder)

@@ -138,7 +138,7 @@ class Settings:
     rehearse: Annotated[
         bool | None,
         Option(
-            "Execute in simulation first (default: only for a real robot).",
+            "Execute in simulation first (default: for a real robot, and a plan of a model or file).",
             None,
             "Robot",
             ("--rehearse/--no-rehearse",),

@@ -1,5 +1,5 @@
 """Functions of the command line without a run: check of a plan, prompt for a model, teaching of poses,
-vocabulary of plans.
+vocabulary of plans, and a motion to record.
 """
 
 from __future__ import annotations
@@ -52,6 +52,7 @@ __all__ = [
     "tree_nodes_model",
     "units",
     "vocabulary",
+    "write_excitation",
     "write_poses",
 ]
 
@@ -130,6 +131,24 @@ def write_poses(path: Path, taught: Lesson) -> None:
         raise InputError(f"cannot write '{path}': {error.strerror}") from error
 
 
+def write_excitation(arm: str, path: Path) -> list[str]:
+    """Write a motion of an arm that excites a load into a new file, and return what to record with it.
+
+    Raises:
+        InputError: no such arm, or the file exists or cannot be written.
+    """
+    from palpate.logs.excitation import excitation
+
+    if path.exists():
+        raise InputError(f"'{path}' exists already: choose another out=")
+    found = excitation(load_description(arm))
+    try:
+        path.write_text(found.csv(), encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot write '{path}': {error.strerror}") from None
+    return found.told(arm, str(path)).splitlines()
+
+
 def check_file(plan: Path, asked: Settings) -> tuple[Finding, ...]:
     """Check a plan in a file; return the findings.
 
@@ -185,6 +204,7 @@ def prompt(settings: Settings) -> Prompt:
         told.prompt,
         told.comments,
         arm,
+        settings.remeasure,
     )
 
 

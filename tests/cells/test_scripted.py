@@ -37,7 +37,7 @@ def registered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None
 
 def test_a_plan_is_executed_and_estimated_on_an_arm_that_is_not_simulated() -> None:
     bench = Bench()
-    run = pp.load(DESK).plan("how heavy is the mug?").run(bench, rehearse=False, fast=True)
+    run = pp.load(DESK).plan("how heavy is the mug?").run(bench, fast=True)
     assert run.execution is not None
     assert run.execution.stopped_by is None
     assert run.status == "complete"
@@ -56,7 +56,6 @@ def test_a_url_is_enough_for_a_run_with_its_report(tmp_path: Path) -> None:
         DESK,
         "how heavy is the mug?",
         robot="scripted://b7",
-        rehearse=False,
         out=tmp_path / "run",
         fast=True,
     )
@@ -72,17 +71,19 @@ def test_a_real_cell_is_asked_about_and_moves_only_when_allowed() -> None:
     plan = pp.load(DESK).plan("how heavy is the mug?")
     bench = Bench()
     with pytest.raises(pp.ExecutionAborted, match="nothing has moved"):
-        plan.run(bench, rehearse=False, confirm=lambda run: False)
+        plan.run(bench, confirm=lambda run: False)
     assert bench.arm.calls == []
 
 
-def test_a_real_cell_is_rehearsed_for_unless_told_otherwise() -> None:
+def test_a_plan_for_a_real_cell_is_always_rehearsed() -> None:
     told: list[str] = []
     pp.load(DESK).plan("how heavy is the mug?").run(Bench(), progress=told.append, fast=True)
     assert told[0] == "rehearsing in simulation"
     assert "executing on the real robot" in told
+    with pytest.raises(pp.InputError, match="rehearse=False"):
+        pp.load(DESK).plan("how heavy is the mug?").run(Bench(), rehearse=False)
 
 
 def test_measured_forces_are_in_the_trace() -> None:
-    run = pp.load(DESK).plan("how heavy is the mug?").run(Bench(), rehearse=False, fast=True)
+    run = pp.load(DESK).plan("how heavy is the mug?").run(Bench(), fast=True)
     assert np.isclose(run.trace.wrench[:, 2].max(), MASS * 9.81)

@@ -13,6 +13,8 @@ import pytest
 from installed import install
 from loopback import Fails, Loopback, Request, Says
 from PIL import Image
+from plans import SCENE, weighing
+from plans import answer as weighed
 
 from palpate.cells.registry import drivers
 from palpate.planning.model import session as session_module
@@ -338,7 +340,6 @@ def test_a_real_robot_moves_only_when_confirmed(
         scene(cube()),
         "--robot",
         "bench://arm",
-        "--no-rehearse",
         "--out",
         "out",
         "--json",
@@ -350,9 +351,7 @@ def test_a_real_robot_moves_only_when_confirmed(
 
 
 def test_yes_skips_the_question(palpate: Palpate, scene: Callable[..., Path]) -> None:
-    answer = palpate(
-        "run", "--scene", scene(cube()), "--robot", "bench://arm", "--no-rehearse", "--yes"
-    )
+    answer = palpate("run", "--scene", scene(cube()), "--robot", "bench://arm", "--yes")
     assert answer.status == 5
     assert "move?" not in answer.err
 
@@ -400,3 +399,36 @@ def test_the_papers_tables_are_made_and_gone_on_with(palpate: Palpate, tmp_path:
     assert "2 of 4 trials are done already" in again.err
     assert "2/2 [0.34, 1.00]" in shown.out
     assert len((tmp_path / "r.jsonl").read_text().splitlines()) == 2
+
+
+def test_a_value_that_is_not_believed_is_measured_again(palpate: Palpate, tmp_path: Path) -> None:
+    (tmp_path / "desk.xml").write_text(SCENE)
+    again = json.loads(weighed(*weighing("brick"), parameters=("brick.mass",)))
+    again["parameters"][0]["again"] = True
+    asked = ("-r", "I do not believe the brick's 400 g.", "--scene", tmp_path / "desk.xml")
+    with Loopback(Says(json.dumps(again))) as server:
+        options = ("--out", "run", "--noise", "none", "--fast")
+        answer = palpate("run", *asked, *model_settings(server), *options)
+        assert len(server.requests) == 1
+    assert answer.status == 0, answer.err
+    assert "brick.mass" in answer.out
+    assert "measured again" in " ".join(answer.out.split())
+
+
+def test_where_nothing_is_missing_the_explanation_is_shown(
+    palpate: Palpate, tmp_path: Path
+) -> None:
+    (tmp_path / "desk.xml").write_text(SCENE)
+    said = {"outcome": "nothing_missing", "parameters": [], "explanation": "D says 0.4 kg."}
+    asked = ("-r", "What does the brick weigh?", "--scene", tmp_path / "desk.xml")
+    with Loopback(Says(json.dumps(said | {"tree": None}))) as server:
+        answer = palpate("run", *asked, *model_settings(server))
+    assert answer.status == 0, answer.err
+    assert "nothing is missing D says 0.4 kg." in answer.out
+
+
+def test_the_prompt_says_what_is_to_be_remeasured(palpate: Palpate, tmp_path: Path) -> None:
+    (tmp_path / "desk.xml").write_text(SCENE)
+    asked = ("prompt", "-r", "What does the brick weigh?", "--scene", tmp_path / "desk.xml")
+    assert "# Measuring again" in palpate(*asked, "--remeasure").out
+    assert "# Measuring again" not in palpate(*asked).out

@@ -137,3 +137,15 @@ def test_it_keeps_its_own_numbers():
 )
 def test_digits_follow_the_standard_deviation(value, std, shown):
     assert rounded(value, std) == shown
+
+
+def test_a_vector_with_an_unseen_component_is_not_identified_as_a_whole() -> None:
+    com = Estimate.normal(HAMMER, "m", (0.06, 0.0, 0.0), (0.001,) * 3, "", unseen=(2,))
+    assert com.verdict == "identified"
+    assert com.whole == "prior-dominated"
+    assert com.verdict_in_words == "x, y identified, z prior-dominated"
+    assert com.cells()[3] == com.verdict_in_words
+    assert repr(com).endswith(f"{com.verdict_in_words}>")
+    assert f": {com.verdict_in_words}" in com._repr_html_()
+    seen = replace(com, unseen=())
+    assert (seen.whole, seen.verdict_in_words) == ("identified", "identified")

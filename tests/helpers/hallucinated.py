@@ -90,6 +90,26 @@ MEANT: dict[str, str] = {
     "a control character": GOOD.replace("weighed", "wei\x07ghed"),
     "words of several lines": GOOD.replace("is weighed", "is\nweighed\tby lifting"),
     "an answer twice": f"{GOOD}\n{GOOD}",
+    "single quotes": str(PLAN),
+    "single quotes and a quotation": str(PLAN | {"explanation": 'The "cup" is weighed.'}),
+    "a tree as text": plan(tree=TREE),
+    "an object for the parameters": plan(parameters={"cup": "mass"}),
+    "one parameter": plan(parameters=PLAN["parameters"][0]),
+    "a parameter with its unit": plan(parameters=["cup.mass kg"]),
+    "a primitive with blanks": put(1, {"type": "Open Gripper"}),
+    "a node called an action": put(1, {"action": "OpenGripper"}),
+    "arguments in a box": put(
+        2, {"type": "MovePose", "args": {"pose": "cup_pose + z_offset"}, "children": None}
+    ),
+    "nodes for children": GOOD.replace('"children"', '"nodes"'),
+    "nodes without ids": json.dumps(
+        {"parameters": PLAN["parameters"], "explanation": "e", "nodes": [PLAN["tree"]]}
+    ),
+    "a root in the tree": plan(tree={"root": PLAN["tree"]}),
+    "a root for the tree": GOOD.replace('"tree"', '"root"'),
+    "a plan in a box": json.dumps({"plan": PLAN}),
+    "a root node": plan(tree={"type": "BehaviorTree", "children": [PLAN["tree"]]}),
+    "an id for every step": put(1, {"id": 7, "type": "OpenGripper"}),
 }
 """Kind to an answer that is read as a valid plan."""
 
@@ -116,7 +136,10 @@ FOUND: dict[str, tuple[str, str]] = {
     "cut in the middle": (GOOD[: len(GOOD) // 2], "breaks off"),
     "cut before the end": (GOOD[:-3], "breaks off"),
     "cut in a word": (GOOD[: GOOD.index("Force2") + 3], "breaks off"),
-    "single quotes": (str(PLAN), "double quotes"),
+    "single quotes around one of their own": (
+        str(PLAN).replace("The cup", "The cup's weight"),
+        "double quotes",
+    ),
     "typographic quotes": (GOOD.replace('"', "”"), "no JSON object"),
     "no quotes": (GOOD.replace('"', ""), "no JSON object"),
     "ellipses": (GOOD.replace('{"type": "OpenGripper"}', "...", 1), "is not valid"),
@@ -124,7 +147,7 @@ FOUND: dict[str, tuple[str, str]] = {
     "a missing bracket": (GOOD[::-1].replace("]", "", 1)[::-1], "delimiter"),
     "escaped twice": (json.dumps(GOOD), "no JSON object"),
     "two trees": (GOOD.replace('"tree"', '"tree": null, "tree"'), "twice"),
-    "a tree as text": (plan(tree=TREE), "JSON object"),
+    "a broken tree as text": (plan(tree=TREE[:-3]), "JSON object"),
     "a tool call": (called("plan", GOOD), "tree"),
     "a call in text": ('plan(tree="Sequence", parameters=["cup.mass"])', "no JSON object"),
     "a function of one primitive": (
@@ -136,7 +159,6 @@ FOUND: dict[str, tuple[str, str]] = {
     "a number for the tree": (plan(tree=7), "must be a JSON object"),
     "a word for the tree": (plan(tree="Sequence"), "must be a JSON object"),
     "true for the tree": (plan(tree=True), "must be a JSON object"),
-    "an object for the parameters": (plan(parameters={"cup": "mass"}), "must be a list"),
     "a word for the parameters": (plan(parameters="cup.mass"), "must be a list"),
     "numbers for parameters": (plan(parameters=[1, 2]), "parameters[0]"),
     "nested parameters": (plan(parameters=[["cup", "mass"]]), "parameters[0]"),
@@ -158,11 +180,16 @@ FOUND: dict[str, tuple[str, str]] = {
         "children",
     ),
     "a type that is a number": (put(1, {"type": 3}), "type"),
-    "no type": (put(1, {"action": "OpenGripper"}), "type"),
+    "no type": (put(1, {"do": "OpenGripper"}), "type"),
+    "two types": (put(1, {"action": "OpenGripper", "primitive": "CloseGripper"}), "type"),
     "a null step": (put(1, None), "children[1]"),
-    "arguments in a box": (
-        put(2, {"type": "MovePose", "args": {"pose": "cup_pose"}}),
+    "arguments in a box and beside it": (
+        put(2, {"type": "MovePose", "pose": "cup_pose", "args": {"pose": "brick_pose"}}),
         "beside 'type'",
+    ),
+    "children by a name of their own": (
+        plan(tree={"type": "Sequence", "body": [PLAN["tree"]]}),
+        "did you mean 'children'",
     ),
     "a pose that is a number": (pose(3), "'pose'"),
     "a pose that is a list": (pose([0.5, 0.2, 0.3]), "'pose'"),
@@ -256,7 +283,6 @@ FOUND: dict[str, tuple[str, str]] = {
         plan(tree={"type": "Fallback", "children": [PLAN["tree"]]}),
         "there is no 'Fallback'",
     ),
-    "a primitive with blanks": (put(1, {"type": "Open Gripper"}), "there is no 'Open Gripper'"),
     "a primitive as a path": (put(1, {"type": "os.system"}), "there is no 'os.system'"),
     "a dunder for a primitive": (put(1, {"type": "__class__"}), "there is no '__class__'"),
     "a dunder for an argument": (put(1, {"type": "OpenGripper", "__class__": "x"}), "__class__"),

@@ -5,6 +5,7 @@ from types import ModuleType
 from typing import ClassVar
 
 import pytest
+from literal import Reader
 from rs_bpe.bpe import openai
 
 import palpate
@@ -12,7 +13,7 @@ from palpate.errors import InputError
 from palpate.pictures import annotate
 from palpate.planning.check import rules
 from palpate.planning.check.check import PLAN_RULES, REJECTION_RULES, WALK_RULES, check
-from palpate.planning.check.rules import CATALOGUE
+from palpate.planning.check.rules import CATALOGUE, mm
 from palpate.planning.model.answer import read_answer
 from palpate.planning.model.prompt import compose as compose_module
 from palpate.planning.model.prompt.compose import (
@@ -26,6 +27,8 @@ from palpate.planning.model.prompt.compose import (
     fenced,
     system_prompt,
 )
+from palpate.planning.symbolic.places import SIDEWAYS
+from palpate.planning.symbolic.steps import ASIDE, SLIDE
 from palpate.quantities.catalogue import catalogue
 from palpate.robots.registry import load_description
 from palpate.scenarios.catalogue import scenario, scenarios
@@ -180,11 +183,20 @@ def test_the_prompt_has_the_arms_own_dimensions(scene: Scene) -> None:
 
 
 SUBJECTS = {
-    "left and right": "as the image shows them",
-    "the robot's left": "has y on its left",
+    "left and right": "are the robot's, in R as in names",
+    "the robot's left": "y is to its left",
+    "the image's left": "shows its left on the right",
+    "two readings of left": "neither R nor a name decides, ask: `ambiguous`",
+    "which way it was read": "The explanation says how you read such a word",
+    "what only points": '("the lower one") is resolved by the image',
+    "a tool": "`measure` with a tree and empty parameters",
+    "slides that cross": "two slides that cross, as supports are uneven",
+    "the way up from a probe": "then rise straight up to there",
+    "the empty hand": "again with the empty hand at the same pose",
+    "directions of turns": "counterclockwise, seen from above",
     "language": "in the language of R",
     "not in the scene": "the image shows and D does not list",
-    "actions only": "A wish only to move",
+    "actions only": "Any other wish only to move",
     "purposes": "to slide/push/drag: mass, friction",
     "fixed things": "D fixes in place (no joint) have no mass",
     "weighing for friction": "friction needs the weight, too",
@@ -213,8 +225,23 @@ def test_the_lean_prompt_has_the_papers_modules_and_no_recipe() -> None:
         assert quantity.how not in lean
     for cls in vocabulary().primitives.values():
         assert cls.capability() in lean
-    for recipe in ("friction", "three grasps", "Y_temporary", "slide", "Force2Velocity in"):
-        assert recipe not in lean.replace("- friction, of", "").replace("slides it with", "")
+    facts = (
+        "- friction, of",
+        "slides it with",
+        "- friction needs the weight, too, and two slides that cross",
+    )
+    for fact in facts:
+        assert fact in lean
+        lean = lean.replace(fact, "")
+    for recipe in (
+        "friction",
+        "three grasps",
+        "Y_temporary",
+        "slide",
+        "Force2Velocity in",
+        "60 mm",
+    ):
+        assert recipe not in lean
     assert len(lean) < 0.8 * len(system_prompt(vocabulary()))
 
 
@@ -302,9 +329,53 @@ def test_an_unknown_module_lists_the_valid_ones(scene: Scene) -> None:
 
 
 def test_every_pose_offset_and_configuration_is_listed(scene: Scene) -> None:
-    text = compose(vocabulary(), "", scene).user
-    for name in (*scene.symbols.names, *scene.symbols.offset_names, *scene.symbols.configurations):
-        assert name in text
+    prompt = compose(vocabulary(), "", scene)
+    reader = Reader.of(prompt.system, prompt.user)
+    assert reader.poses == {"cup_pose", "cup_temporary", "cup_top", "cup_across", "shelf_approach"}
+    assert reader.poses == scene.symbols.usable
+    for offsets in reader.offsets.values():
+        assert set(offsets) == set(scene.symbols.offset_names)
+    assert reader.offsets.keys() == {"cup", "shelf_approach"}
+    assert "home_config: joint configuration" in prompt.user
+
+
+def test_the_prompt_slides_as_far_as_the_symbolic_planner() -> None:
+    told = system_prompt(vocabulary())
+    first, then = SIDEWAYS
+    assert f"{mm(SLIDE)} along {first}, then to {mm(ASIDE)} along {then}" in told
+
+
+def test_what_only_a_renderer_reads_is_not_sent() -> None:
+    drawn = """<mujoco><visual><headlight ambient=".4 .4 .4"/></visual>
+  <asset>
+    <texture name="t" type="2d" builtin="checker" rgb1="1 1 1" width="8" height="8"/>
+    <material name="tiles" texture="t" texrepeat="6 6"/>{material}
+  </asset>
+  <worldbody><light pos="0 0 3"/><camera name="c" pos="1 0 1"/>
+    <site name="robot_base"/>
+    <!-- <light> of the lamp --><body name="cup" pos="0.5 0.1 0.07"><freejoint/>
+      <light pos="0 0 1"/><geom type="cylinder" size=".03 .05" rgba="1 0 0 1"/></body>
+  </worldbody>
+</mujoco>"""
+    oak = '<material name="oak" rgba=".7 .6 .4 1" specular="1" texture="t"/>'
+    told = compose(vocabulary(), "x", parse_scene(drawn.format(material=oak))).user
+    for word in ("texture", "tiles", "<camera", "visual", "specular", "0 0 3"):
+        assert word not in told.partition("```xml")[2]
+    for word in (
+        '<material name="oak" rgba=".7 .6 .4 1"/>',
+        "<!-- <light> of the lamp -->",
+        'rgba="1 0 0 1"',
+    ):
+        assert word in told
+    bare = compose(vocabulary(), "x", parse_scene(drawn.format(material=""))).user
+    assert "asset" not in bare
+
+
+def test_fifteen_objects_are_told_in_few_lines() -> None:
+    prompt = prompt_of("fifteen_objects")
+    poses = prompt.user.partition("# Named poses")[2]
+    assert len(poses.splitlines()) < 35
+    assert len(prompt.user) < 6000
 
 
 def test_neither_request_nor_scene_is_an_error() -> None:

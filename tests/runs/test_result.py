@@ -155,6 +155,8 @@ def test_a_scalar_is_a_number_and_a_vector_a_list() -> None:
         "method": "Weighed.",
         "verdict": "identified",
         "verdicts": None,
+        "whole": "identified",
+        "axes": None,
         "contradiction": None,
         "tests": [],
         "components": {"single-shot": {"value": 0.262, "std": 0.02, "unit": None}},
@@ -175,6 +177,8 @@ def test_what_no_recording_tells_of_a_vector_has_a_verdict_of_its_own() -> None:
     found = parameter_json(com)
     assert found["verdict"] == "identified"
     assert found["verdicts"] == ["identified", "identified", "prior-dominated"]
+    assert found["whole"] == "prior-dominated"
+    assert found["axes"] == {"x": "identified", "y": "identified", "z": "prior-dominated"}
     assert estimate_from(found) == com
     guessed = parameter_json(replace(com, verdict="prior-dominated"))
     assert guessed["verdicts"] == ["prior-dominated"] * 3
@@ -247,3 +251,16 @@ def test_what_is_not_identified_has_no_value(parameter: Parameter) -> None:
 )
 def test_the_status_says_how_it_ended(changes: dict[str, Any], status: Status) -> None:
     assert replace(COMPLETE, **changes).status == status
+
+
+@pytest.mark.parametrize(("quantity", "status"), [("com", "complete"), ("com_3d", "failed")])
+def test_a_centre_of_mass_in_all_axes_is_complete_only_with_all(
+    quantity: str, status: Status
+) -> None:
+    parameter = Parameter("hammer", quantity)
+    values = (0.1, 0.0, 0.2), (0.01,) * 3, ((0.0, 0.2),) * 3
+    plan = replace(COMPLETE.plan, parameters=(parameter,))
+    blind = Estimate(parameter, "m", *values, "", (), unseen=(2,))
+    assert replace(COMPLETE, plan=plan, estimates=(blind,)).status == status
+    seen = replace(blind, unseen=())
+    assert replace(COMPLETE, plan=plan, estimates=(seen,)).status == "complete"

@@ -17,7 +17,9 @@ from loopback import Loopback, Reply, Request, Says
 from PIL import Image
 
 from palpate import pipeline
+from palpate.cells import simulated
 from palpate.errors import InputError
+from palpate.pictures.renderer import gl_available
 from palpate.planning.model import session as session_module
 from palpate.planning.model.settings import Budget, ModelSettings
 from palpate.runs.run import Run
@@ -25,6 +27,8 @@ from palpate.scenarios.catalogue import Scenario, scenario, scenarios
 
 pytest.importorskip("pydantic_ai")
 
+usable, reason = gl_available()
+needs_gl = pytest.mark.skipif(not usable, reason=reason)
 SEEN = [name for name in scenarios() if name.startswith("vision/")]
 ASKS_BACK = {
     "parameters": [],
@@ -107,3 +111,32 @@ def test_the_symbolic_planner_does_not_guess(name: str) -> None:
     with suppress(InputError):  # it knows of no salt
         plan = pipeline.plan(settings, pipeline.load(settings)).plan
     assert plan is None or plan.tree is None
+
+
+@needs_gl
+@pytest.mark.parametrize("broken", ["closer_png", "render_workspace"])
+def test_a_picture_that_cannot_be_made_is_a_note_and_the_plan_goes_on(
+    broken: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> bytes:
+        raise ValueError("size 0 must be positive in geom\nElement name ''")
+
+    task, sent = scenario("vision/lower_one"), list[int]()
+
+    def script(request: Request) -> Reply:
+        sent.append(len(request.images))
+        return Says(task.plans["model"].read_text(encoding="utf-8"))
+
+    def planned() -> Run:
+        with Loopback(answer=script) as server:
+            model = ModelSettings(base_url=server.url("openai"), budget=Budget(seconds=20))
+            settings = task.settings(planner="openai:gpt-x", model_settings=model)
+            return pipeline.plan(settings, pipeline.load(settings))
+
+    assert not any("picture" in note for note in planned().plan.notes)
+    monkeypatch.setattr(simulated, broken, fails)
+    run = planned()
+    assert sent == [2, 1]
+    assert (run.findings, run.plan.parameters) == ((), task.expects)
+    (note,) = (note for note in run.plan.notes if "picture" in note)
+    assert "size 0 must be positive in geom Element" in note

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from palpate.errors import InputError
 from palpate.geometry.pose import Array
 from palpate.scene.pictured.detected import SceneBuilder
 from palpate.scene.pictured.fit import fit, projected
@@ -115,3 +116,28 @@ def test_a_bottle_is_as_wide_as_its_widest_part() -> None:
     found = fit(CAMERA, outlined("bottle", "cylinder", points), 0.0)
     assert (found.x, found.y) == pytest.approx((0.5, 0.12), abs=2e-3)
     assert (found.width, found.height) == pytest.approx((0.064, 0.2), abs=4e-3)
+
+
+@pytest.mark.parametrize("shift", [(0.35, 0.0), (0.3, 0.35), (-0.01, 0.45)])
+def test_a_box_far_from_its_thing_is_refused_with_how_far_and_how_large(
+    shift: tuple[float, float],
+) -> None:
+    """Beyond the search distance, 12 % of the diagonal."""
+    dx, dy = shift
+    left, top, right, bottom = CAN.bbox
+    rough = replace(CAN, bbox=(left + dx, top + dy, right + dx, bottom + dy))
+    off = 100 * np.hypot(dx * WIDTH, dy * HEIGHT) / np.hypot(WIDTH, HEIGHT)
+    told = (
+        rf"the box of 'can', 12 % x 25 % of the image, shows bare table; .* 1[23] % x 2[45] %, is {off:.0f} % of .*: "
+        r"look again, and give the box of 'can', \[0.250, 0.250, 0.375, 0.500\] if that is it"
+    )
+    with pytest.raises(InputError, match=told):
+        sharpened([TABLE, rough], painted(with_can()))
+    assert sharpened([TABLE, rough], painted(table())) == (TABLE, rough), "there is nothing else"
+
+
+def test_a_box_at_a_thing_of_the_tables_colour_stays_where_another_has_the_only_piece() -> None:
+    pale = replace(CAN, name="pale", bbox=(0.6, 0.4, 0.725, 0.65))
+    _, can, left = sharpened([TABLE, CAN, pale], painted(with_can()))
+    assert can.outline is not None
+    assert left == pale

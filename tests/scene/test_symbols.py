@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -173,3 +175,15 @@ def test_poses_computed_on_demand_are_computed_once() -> None:
 def test_home_is_the_robots() -> None:
     scene = parse_scene("<mujoco><worldbody/></mujoco>")
     assert scene.symbols.joints("home_config").tolist() == load_description().home.tolist()
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [("table_top", "table_approach"), ("hammer_top", "hammer_pose"), ("tabel_approach", "table_a")],
+)
+def test_the_guess_at_an_unknown_pose_is_of_the_same_object(name: str, meant: str) -> None:
+    others = {f"{name}_top": Pose.top_down((0.5, 0, 0.4), 0.0) for name in ("bottle", "stable")}
+    subjects = {**TABLE.subjects, "bottle_top": "bottle", "stable_top": "stable"}
+    symbols = replace(TABLE, poses={**TABLE.poses, **others}, subjects=subjects)
+    with pytest.raises(InputError, match=f"unknown pose '{name}'; did you mean '{meant}"):
+        symbols.resolve(f"{name} + z_offset")

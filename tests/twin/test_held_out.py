@@ -9,6 +9,7 @@ import pytest
 
 import palpate as pp
 from palpate.estimation.estimate import Estimate
+from palpate.parameter import Parameter
 from palpate.report.held_out import predictions
 from palpate.runs.held_out import held_out_from, held_out_json
 from palpate.scene.load import parse_scene
@@ -128,4 +129,38 @@ def test_a_trace_without_lifts_has_no_held_out_motion(run: pp.Run) -> None:
     unknown = held_out(run.scene, run.trace, ())
     assert unknown is not None
     assert unknown.motions == ()
-    assert "mug: its mass is not known" in unknown.notes[0]
+    assert unknown.notes == (
+        "mug: neither a mass nor a centre of mass was measured that could predict a motion",
+    )
+
+
+@pytest.mark.parametrize("quantity", ["com", "com_3d"])
+def test_what_else_was_estimated_of_an_object_does_not_decide_about_its_weight(
+    run: pp.Run, quantity: str
+) -> None:
+    """One that is not identified without the held-out motion leaves the mass as it was."""
+    other = replace(run["mug.mass"], parameter=Parameter("mug", quantity))
+    found = held_out(run.scene, run.trace, (other,))
+    assert found is not None
+    assert found.notes == ()
+    assert found.motions[0].agrees
+    assert run.held_out is not None
+    assert found.motions[0].weight == pytest.approx(run.held_out.motions[0].weight, abs=0.002)
+
+
+def test_a_centre_of_mass_along_gravity_is_judged_by_the_balance(run: pp.Run) -> None:
+    wrong = judged(run.trace, MASS, 0.03)
+    assert run.held_out is not None
+    held = replace(run.held_out, motions=(wrong,))
+    centre = replace(run["mug.mass"], parameter=Parameter("mug", "com_3d"))
+    assert with_tests((centre,), held)[0].verdict == "contradicted"
+
+
+def test_a_mass_that_is_not_identified_without_the_motion_says_so(run: pp.Run) -> None:
+    (recording,) = (one for one in run.trace.recordings if one.context.activity == "still")
+    vague = replace(run.trace, recordings=(replace(recording, end=recording.start + 0.02),))
+    found = held_out(run.scene, vague, run.estimates)
+    assert found is not None
+    assert found.notes == (
+        "mug: without the way down with the mug, after it was measured, its mass is not identified",
+    )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from palpate.scene.load import parse_scene
@@ -96,6 +98,18 @@ def test_closing_on_nothing_fails_and_says_so(perform, scene) -> None:
     assert state.holding is None
 
 
+def test_what_a_picture_shows_and_the_fingers_miss_is_told_with_its_place(perform, scene) -> None:
+    text = scene.text.replace('name="cup" pos="0.5 0.1', 'name="cup" pos="0.3 0.4')
+    seen = {name: replace(body, seen=True) for name, body in scene.bodies.items()}
+    pictured = replace(scene, bodies=seen)
+    steps = ("OpenGripper", LIFT, AT, "CloseGripper")
+    done = perform(*steps, scene=pictured, world=parse_scene(text))
+    assert str(done.execution.stopped_by).endswith(
+        "nothing is between them; by the picture 'cup' is 60 x 40 x 100 mm and stands at "
+        "(0.500, 0.100) m: take a picture anew, or state its pose in poses.yaml"
+    )
+
+
 def test_object_of_another_width_than_believed_is_released_before_it_is_lifted(
     perform, scene
 ) -> None:
@@ -104,8 +118,8 @@ def test_object_of_another_width_than_believed_is_released_before_it_is_lifted(
     )
     done = perform("OpenGripper", LIFT, AT, "CloseGripper", LIFT, world=slimmer)
     assert done.execution.stopped_by == (
-        "CloseGripper(): the fingers met something at 32.0 mm where 40.0 mm was believed: "
-        "the object is not where it is believed, look again"
+        "CloseGripper(): the fingers met something at 32.0 mm where 40.0 mm was believed, "
+        "-20 %: the object is not where it is believed, look again"
     )
     assert done.robot.state.width == pytest.approx(0.08, abs=1e-4)
     assert done.robot.world.true_pose("cup").distance_to(scene.body("cup").pose_world) < 1e-3

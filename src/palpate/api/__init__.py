@@ -11,7 +11,10 @@ never import upwards and there is no second scene.
 from __future__ import annotations
 
 from palpate.api.at_once import plan_settings, run, run_settings
+from palpate.api.dynamics import dynamics
+from palpate.api.noise import noise
 from palpate.api.plans import Plan
+from palpate.api.recordings import estimate
 from palpate.api.runs import Fusion, Run, compare, finish, fuse, open
 from palpate.api.scenes import Scene, load, load_settings
 
@@ -21,10 +24,13 @@ __all__ = [
     "Run",
     "Scene",
     "compare",
+    "dynamics",
+    "estimate",
     "finish",
     "fuse",
     "load",
     "load_settings",
+    "noise",
     "open",
     "plan_settings",
     "run",

@@ -82,7 +82,8 @@ class Plan(InnerPlan):
             noise: how the simulated robot differs from its model, a name or a FILE.yaml.
             seed: of everything random in it.
             on_failure: `stop`, `skip` or `replan`: what to do when an action fails.
-            rehearse: execute in simulation first; None means before a real robot moves.
+            rehearse: execute in simulation first; None means before a real robot moves, and for plans
+                of models, files and own planners. False is for the embedded arm only.
             within: half widths of 95 % intervals to reach; None keeps those that were planned for.
             fast: leave out film and replay in the twin, which take longest and measure nothing.
             confirm: shown the run before a real robot moves; whether it may.
@@ -101,8 +102,6 @@ class Plan(InnerPlan):
             ExecutionAborted: not confirmed, or interrupted before anything moved.
         """
         begun = self.made
-        if rehearse is None and cell is not None:
-            rehearse = not cell.simulated
         if is_text(world):
             arm = own_arm(begun.settings.arm, begun.settings.cautious, None)
             world = parse_scene(str(world), arm=arm)

@@ -27,10 +27,11 @@ from palpate.calibration.stated import Stated
 from palpate.errors import InputError
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
-from palpate.estimation.load.equations import Model, equations
+from palpate.estimation.load.equations import equations
 from palpate.estimation.load.fit import fit_load, load_model
 from palpate.estimation.load.observation import gain_root, observe
 from palpate.estimation.load.segments import weighings
+from palpate.estimation.regression import Model
 from palpate.geometry.pose import Array, Pose
 from palpate.parameter import Parameter
 from palpate.planning.plan import Node
@@ -132,7 +133,7 @@ def solve_at_force(model: Model, force: float, std: float) -> tuple[Array, Array
     wider = math.sqrt(max(1.0, model.freedom / max(model.freedom - 2.0, 1.0)))
     # Without the hyperprior of the gains' scale: every fit that reads robot.yaml applies it again. Applied
     # here, too, an unloaded joint would be known worse after a calibration than before.
-    hyperpriors = tuple(one for one in model.hyperpriors if one.columns.start < len(prior) - JOINTS)
+    hyperpriors = tuple(one for one in model.hyperpriors if one.columns[0] < len(prior) - JOINTS)
     scaled = replace(model, design=model.design / wider, y=residual / wider, prior=prior)
     return replace(scaled, hyperpriors=hyperpriors).solve()
 

@@ -20,7 +20,7 @@ from palpate.parameter import Parameter
 from palpate.pictures.annotate import closer_png
 from palpate.pictures.film import Footage
 from palpate.pictures.moments import render_workspace
-from palpate.pictures.renderer import gl_available
+from palpate.pictures.renderer import extent, gl_available
 from palpate.scene.load import load_scene
 from palpate.scene.scene import Scene
 
@@ -81,19 +81,34 @@ class SimulatedCell:
         """See `Cell`. None without a usable OpenGL."""
         if not gl_available()[0]:
             return None
-        return render_workspace(self.world.spec(self.drawn), camera)
+        return render_workspace(self.world.spec(self.drawn), camera, self._anchors())
 
     def closer(self) -> bytes | None:
         """See `Close`. None without a usable OpenGL."""
         if not gl_available()[0]:
             return None
+        return closer_png(self.world.spec(self.drawn), self._anchors())
+
+    def _anchors(self) -> dict[str, Array]:
+        """Points (3,) m at which pictures name things: the middle of a top, or a free spot of one that
+        carries something; drawers and doors, which no plan touches, have names, too."""
         known = self.scene or self.world
-        names: dict[str, Array] = {}
+        found: dict[str, Array] = {}
         for name, body in known.bodies.items():
-            if not body.carries:  # the name of a support would hide the objects on it
-                x, y, _ = body.pose_world.apply(body.centre)
-                names[name] = np.array([x, y, body.top_z()])
-        return closer_png(self.world.spec(self.drawn), names)
+            x, y, _ = body.pose_world.apply(body.centre)
+            if body.carries:
+                free = known.symbols.poses.get(f"{name}_approach")
+                if free is None:
+                    continue
+                x, y, _ = free.position
+            found[name] = np.array([x, y, body.top_z()])
+        roles, shapes = known.resolved.description.roles, known.resolved.shapes
+        for element in roles.ignored:
+            name = roles.compiled_name(element, element.get("name", ""))
+            if name:
+                points = extent(shapes.model, shapes.data, [name])
+                found[name] = np.array([*points.mean(axis=0)[:2], points[:, 2].max()])
+        return found
 
     def robot(self) -> MujocoRobot:
         """A new arm in a new copy of the world, with the scene's belief of base, arm and gravity."""

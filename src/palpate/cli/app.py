@@ -9,7 +9,7 @@ import typer
 
 from palpate import __version__
 from palpate.cli.command import command
-from palpate.cli.commands import arms, plans, running, scenes, stored
+from palpate.cli.commands import arms, estimates, plans, running, scenes, stored
 from palpate.cli.study import app as studies
 
 COMMANDS: dict[str, Callable[..., None]] = {
@@ -23,12 +23,14 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "check": plans.check,
     "execute": running.execute,
     "report": stored.report,
-    "estimate": stored.estimate,
+    "estimate": estimates.estimate,
     "fuse": stored.fuse,
     "compare": stored.compare,
     "open": stored.open_report,
     "export": stored.export,
     "vocabulary": plans.vocabulary,
+    "dynamics": arms.dynamics,
+    "noise": arms.noise,
     "calibrate": arms.calibrate,
     "teach": arms.teach,
     "doctor": arms.doctor,

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from palpate.planning.check.check import RULES
 from palpate.quantities.catalogue import catalogue
+from palpate.quantities.purposes import PURPOSES
 from palpate.vocabulary.base import Primitive
 from palpate.vocabulary.registry import Vocabulary, acquisition, vocabulary
 
@@ -33,6 +34,12 @@ def _parts(words: Vocabulary) -> Iterator[str]:
     for quantity in catalogue().values():
         how = acquisition(quantity)
         yield f"| `{quantity.id}` | {quantity.unit} | {quantity.label} | {how} |"
+    yield "\n## Purposes\n"
+    yield "Quantities that a simulation needs, by its purpose. Requests and prompts are read with this table.\n"
+    yield "| to | needs | because of |\n|---|---|---|"
+    for purpose in PURPOSES:
+        needed = ", ".join(f"`{id}`" for id in purpose.quantities)
+        yield f"| {', '.join(purpose.verbs)} | {needed} | {purpose.reason} |"
     yield "\n## Rules of the check\n"
     yield "| rule | what it finds |\n|---|---|"
     for rule, text in RULES.items():

@@ -19,8 +19,16 @@ from palpate.trace.recording import Recording
 
 Verdict = Literal["identified", "prior-dominated", "contradicted", "not identified"]
 
+AXES = {1: ("",), 2: ("x", "y"), 3: ("x", "y", "z"), 6: ("xx", "yy", "zz", "xy", "xz", "yz")}
+"""Names of the components of a vector, and of a symmetric tensor in MuJoCo's `fullinertia`
+order."""
 Z95 = 1.96
 """Half width of the central 95 % interval of a normal distribution, in standard deviations."""
+
+
+def axes_of(count: int) -> tuple[str, ...]:
+    """Names of `count` components."""
+    return AXES.get(count, tuple(str(i + 1) for i in range(count)))
 
 
 def half95(freedom: float) -> float:
@@ -188,6 +196,26 @@ class Estimate:
         return self.verdict == "identified"
 
     @property
+    def whole(self) -> Verdict:
+        """Verdict of all components together: a vector with an unseen one is not identified as a whole."""
+        return "prior-dominated" if self.identified and self.unseen else self.verdict
+
+    @property
+    def unseen_axes(self) -> tuple[str, ...]:
+        """Names of the components that no recording tells of."""
+        axes = axes_of(len(self.values))
+        return tuple(axes[place] for place in self.unseen)
+
+    @property
+    def verdict_in_words(self) -> str:
+        """The verdict, with the axes that it holds for where others are unseen."""
+        if self.whole == self.verdict:
+            return self.verdict
+        axes = axes_of(len(self.values))
+        seen = ", ".join(axis for axis in axes if axis not in self.unseen_axes)
+        return f"{seen} identified, {', '.join(self.unseen_axes)} prior-dominated"
+
+    @property
     def verdicts(self) -> tuple[Verdict, ...]:
         """(n,) of each component."""
         found: list[Verdict] = [self.verdict] * len(self.values)
@@ -230,7 +258,7 @@ class Estimate:
         if len(self.values) == 1:
             low, high = self._bounds(0)
             text += f", 95 % [{low}, {high}]"
-        return f"<{text}, {self.verdict}>"
+        return f"<{text}, {self.verdict_in_words}>"
 
     def cells(self) -> tuple[str, str, str, str]:
         """Row of a table with `COLUMNS`: parameter, value ± std, 95 % interval, verdict."""
@@ -240,11 +268,11 @@ class Estimate:
         values, stds = _columns(self.values, self.stds)
         bounds = [" … ".join(self._bounds(i)) for i in range(len(values))]
         number = f"{_joined(values)} ± {_joined(stds)}{_suffix(self.unit)}"
-        return name, number, ", ".join(bounds), self.verdict
+        return name, number, ", ".join(bounds), self.verdict_in_words
 
     def _repr_html_(self) -> str:
         """A small table, one row a component, for notebooks."""
-        heading = f"{escape(str(self.parameter))}: {self.verdict}"
+        heading = f"{escape(str(self.parameter))}: {self.verdict_in_words}"
         if self.contradiction:
             heading += f". {escape(self.contradiction)}"
         if not self.has_value:

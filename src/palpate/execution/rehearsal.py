@@ -1,5 +1,10 @@
-"""Rehearsal: execution of a plan in a simulation of the scene, its unknowns at their priors, before
-the arm moves."""
+"""Rehearsal: execution of a plan in physics before anything moves, watched for harm.
+
+The world is the scene as believed, and some draws of what the scene leaves open. A `Witness` records
+MuJoCo's contact forces and poses after every physics step; `harm` judges them: forces beyond the limits,
+falls, tips, things moved that the plan does not name. Harm in any of these worlds, a failure in the
+believed one, and a thing that ends elsewhere than believed make the plan unfit.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +12,32 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.execution.runner import run
+from palpate.beside import Beside
+from palpate.cells.simulated import draw_truth
+from palpate.errors import InputError
+from palpate.execution.harm.harm import harm
+from palpate.execution.harm.witness import Witness
+from palpate.execution.runner import STOP_NODE, Execution, run
 from palpate.interrupt import interrupts
+from palpate.planning.check.case import Finding
 from palpate.planning.plan import Plan
 from palpate.robots.owner.arm import as_measured
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.scene.scene import Scene
+from palpate.vocabulary.admissible.solids import solids
+from palpate.vocabulary.state import RESTORED_POSITION
+
+AFTERWARDS = 1.0
+"""s that the world is watched after the end of a run: an object released in the last moment falls, or
+tips over, in less."""
+DRAWS = 2
+"""Worlds drawn from the priors of what the scene leaves open, beside the believed one."""
+LONGEST = 600.0
+"""s of robot time of a rehearsal; a longer plan is one for several runs."""
+SETTLING = 0.5
+"""s of a run in which the arm is far from everything: what moves then, moves without it."""
+FALLEN = 0.05
+"""m that a thing is below its first place, from which the rest of a rehearsal shows nothing new."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,34 +45,169 @@ class Rehearsal:
     """Prediction of a run.
 
     Attributes:
-        actions: number of leaves started.
-        robot_seconds: s.
-        peak_force: N, largest external force at the TCP.
-        failure: reason why it would stop, or None.
+        actions: number of leaves started in the believed world.
+        robot_seconds: s, there.
+        peak_force: N, largest external force at the TCP, there.
+        failure: reason why the plan must not run, or None.
+        draws: worlds in which it was rehearsed.
+        path: leaf of the plan where that happened; the tree for the whole.
     """
 
     actions: int
     robot_seconds: float
     peak_force: float
     failure: str | None
+    draws: int = 1
+    path: str = "tree"
+
+    @property
+    def finding(self) -> Finding | None:
+        """Finding on the plan, None for one that may run."""
+        if self.failure is None:
+            return None
+        return Finding.of(self.path, "rehearsal", f"in simulation the plan fails: {self.failure}")
 
     def __str__(self) -> str:
         ending = f"would stop: {self.failure}" if self.failure else "no failure"
-        return f"{self.actions} actions, {self.robot_seconds:.1f} s, at most {self.peak_force:.1f} N, {ending}"
+        worlds = f"in {self.draws} worlds, " if self.draws > 1 else ""
+        return (
+            f"{worlds}{self.actions} actions, {self.robot_seconds:.1f} s, at most "
+            f"{self.peak_force:.1f} N, {ending}"
+        )
 
 
-def rehearse(plan: Plan, scene: Scene) -> Rehearsal:
-    """Execute the plan with perfect sensors in a world made of the scene alone.
+@dataclass(frozen=True, slots=True)
+class _Attempt:
+    """One rehearsed run, small enough to be sent between processes.
+
+    Attributes:
+        harm: path of a leaf and the harm that it did, None for a harmless run.
+        stop: path of a leaf and the reason why the run stopped there.
+    """
+
+    actions: int
+    robot_seconds: float
+    peak_force: float
+    harm: tuple[str, str] | None
+    stop: tuple[str, str] | None
+
+
+def rehearse(plan: Plan, scene: Scene, draws: int = DRAWS) -> Rehearsal:
+    """Execute the plan with perfect sensors in the believed world, and in `draws` others; once for each
+    plan and scene.
+
+    A stop in a drawn world is no failure: an arm that finds a table elsewhere has to stop.
 
     Raises:
         Interrupted: by a signal.
     """
-    robot = MujocoRobot(scene.spec(), scene.pose_world_base, as_measured(scene.arm))
+    key = ("rehearsal", plan.parameters, repr(plan.tree), draws)
+    return solids(scene).cached(key, lambda: _rehearsed(plan, scene, draws))
+
+
+def _rehearsed(plan: Plan, scene: Scene, draws: int) -> Rehearsal:
+    seeds = range(1, 1 + draws if scene.missing else 1)
+    with (
+        interrupts() as signals,
+        signals.raised(),
+        Beside(lambda: [_attempt(plan, scene, seed) for seed in seeds]) as beside,
+    ):
+        believed = _attempt(plan, scene, 0)
+        failure = believed.harm or believed.stop
+        drawn = [] if failure else beside.result()
+    failure = failure or next((other.harm for other in drawn if other.harm), None)
+    path, reason = failure or ("tree", None)
+    return Rehearsal(
+        believed.actions,
+        believed.robot_seconds,
+        believed.peak_force,
+        reason,
+        draws=1 + len(drawn),
+        path=path,
+    )
+
+
+def named_objects(plan: Plan, scene: Scene) -> frozenset[str]:
+    """Objects that a plan names, which may be moved: in its parameters and the arguments of its nodes."""
+    found = {parameter.object for parameter in plan.parameters}
+    if plan.tree is not None:
+        for _, node in plan.tree.walk():
+            found.update(*(_subject(value, scene) for _, value in node.args))
+    return frozenset(found & set(scene.objects))
+
+
+def _subject(value: object, scene: Scene) -> set[str]:
+    """Object that an argument names, or whose pose it is."""
+    if not isinstance(value, str):
+        return set()
     try:
-        with interrupts() as signals, signals.raised():
-            done = run(plan, scene, robot)
+        place = scene.symbols.parse(value).name
+    except InputError:
+        return {value}
+    return {value, scene.symbols.subjects.get(place, place)}
+
+
+def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
+    """Rehearse in one world, the believed one for seed 0."""
+    truth = draw_truth(scene, seed) if seed else {}
+    robot = MujocoRobot(scene.spec(truth), scene.pose_world_base, as_measured(scene.arm))
+    witness = Witness.of(robot.world)
+    try:
+        done = run(
+            plan,
+            scene,
+            robot,
+            stop_requested=lambda: _has_fallen(witness),
+            max_robot_seconds=LONGEST,
+        )
+        robot.advance(AFTERWARDS)
     finally:
         robot.close()
+    first = harm(witness, named_objects(plan, scene)).first
+    harmed = None if first is None else _at(done, *first)
+    if first is not None and first[0] < SETTLING:
+        harmed = "tree", f"{first[1]} before the arm reaches anything: the scene does not settle"
+    stop = None if done.stopped_by is None else _at(done, np.inf, done.stopped_by)
+    if harmed is None and stop is None and not seed:
+        harmed = _displaced(done, witness)
     force = np.linalg.norm(done.trace.samples.wrench[:, :3], axis=1)
     peak = float(force.max(initial=0.0))
-    return Rehearsal(done.actions, done.robot_seconds, peak, done.stopped_by)
+    return _Attempt(done.actions, done.robot_seconds, peak, harmed, stop)
+
+
+def _has_fallen(witness: Witness) -> bool:
+    """Test if something is below where it stood: the rest of the rehearsal shows nothing new."""
+    first, last = witness.looks[0].poses[:, 2], witness.looks[-1].poses[:, 2]
+    return bool((last < first - FALLEN).any())
+
+
+def _at(done: Execution, t: float, text: str) -> tuple[str, str]:
+    """Path of the leaf that ran at time `t`, s, and the text with its label."""
+    leaves = [leaf for leaf in done.trace.leaves if leaf.start <= t and leaf.node != STOP_NODE]
+    if not leaves:
+        return "tree", text
+    leaf = leaves[-1]
+    when = f" after {t:.1f} s" if np.isfinite(t) else ""
+    said = text if text.startswith(leaf.label) else f"{text}{when}, in {leaf.label}"
+    return leaf.node, said
+
+
+def _displaced(done: Execution, witness: Witness) -> tuple[str, str] | None:
+    """The first object that ends elsewhere than believed, with the leaf that let it go."""
+    state = done.final_state
+    for name, pose in zip(witness.objects, witness.looks[-1].poses, strict=True):
+        if name not in state.scene.objects or name == state.holding:
+            continue
+        apart = pose[:3] - state.pose_of(name).position
+        if float(np.linalg.norm(apart)) > RESTORED_POSITION:
+            held = [
+                leaf for leaf in done.trace.leaves if leaf.context and leaf.context.holding == name
+            ]
+            after = held[-1].end + 1e-6 if held else np.inf
+            x, y, z = (round(1e3 * away) for away in apart.tolist())
+            text = (
+                f"'{name}' ends ({x:+d}, {y:+d}, {z:+d}) mm from where the plan takes it to be; grasp it "
+                "at its middle, and set it down so that it stays there"
+            )
+            return _at(done, after, text)
+    return None

@@ -3,16 +3,19 @@ table."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
+from math import ceil, dist, floor
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from palpate.geometry.pose import Array, Pose
-from palpate.pictures.renderer import Painter, Pixels, directions, forwarded, png
-from palpate.pictures.stage import add_box, free_bodies, ground_level, loose_things, staged
+from palpate.pictures.renderer import Painter, Pixels, directions, extent, forwarded, png
+from palpate.pictures.stage import add_box, fits_in_view, ground_below, staged, things_in_view
 from palpate.scene.camera import Camera
 
 STEP = 0.1
@@ -21,6 +24,8 @@ LINE, RAISED = 0.0006, 0.0004
 """Half the width of a line, and its height above the table, m."""
 MARGIN = 0.12
 """m of ground around the objects."""
+ROUNDING = 1e-6
+"""Part of a step within which two lengths are the same."""
 GRID = "palpate_grid"
 INK, HALO = (18, 22, 28), (255, 255, 255)
 AXES = {"x": (196, 30, 34), "y": (22, 130, 52), "z": (28, 84, 196)}
@@ -40,13 +45,24 @@ SIZE = (1024, 768)
 """Width and height of a close-up, pixels."""
 STEEP, EDGE = -46.0, 1.16
 """Its elevation, degrees, from which gaps show, and room for the grid's figures at the edges."""
-PLACES = ((0.0, -1.0), (-1.0, -0.6), (1.0, -0.6), (-1.2, 0.2), (1.2, 0.2), (0.0, -2.2))
+PLACES = tuple(
+    (beside, above)
+    for above in (-1.0, -2.0, 0.2, -3.0, -4.0, 1.5, 3.0, -5.5)
+    for beside in (0.0, -1.0, 1.0, -1.6, 1.6)
+    if beside or above < 0.0
+)
 """Candidate positions of a label: offset in half widths beside its object, and in heights above;
 best first."""
+
+FAR, ASTRAY = 4.0, 2000.0
+"""Hidden pixels that count as much as a pixel of a label's distance; and as a line across a label, or a
+label nearer to another object."""
 
 Pixel = tuple[float, float]
 Box = tuple[float, float, float, float]
 """Left, top, right and bottom, pixels."""
+Mask = NDArray[np.bool_]
+"""(height, width), of a picture."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,17 +74,31 @@ class Ground:
     high: tuple[float, float]
 
     @classmethod
-    def under(cls, points: Array, level: float, margin: float) -> Ground:
-        """The ground of `points` (n, 3) and `margin` m around, at world z `level`, m."""
-        low, high = points.min(axis=0), points.max(axis=0)
-        west, south = (STEP * np.floor((low[:2] - margin) / STEP)).tolist()
-        east, north = (STEP * np.ceil((high[:2] + margin) / STEP)).tolist()
-        return cls(level, (west, south), (east, north))
+    def under(cls, points: Array, table: Array) -> Ground:
+        """The ground on top of a `table` (n, 3), with `MARGIN` around `points` (n, 3) where it is
+        that wide; a table that has no whole step on it is covered."""
+        ends: list[tuple[float, float]] = []
+        for axis in range(2):
+            low, high = float(points[:, axis].min()), float(points[:, axis].max())
+            near, far = float(table[:, axis].min()), float(table[:, axis].max())
+            start = max(floor((low - MARGIN) / STEP), ceil(near / STEP - ROUNDING))
+            end = min(ceil((high + MARGIN) / STEP), floor(far / STEP + ROUNDING))
+            if start >= end:
+                start, end = floor(near / STEP), ceil(far / STEP)
+            ends.append((STEP * start, STEP * end))
+        (west, east), (south, north) = ends
+        return cls(float(table[:, 2].max()), (west, south), (east, north))
 
     def lines(self, axis: int) -> list[float]:
         """Positions of the grid's lines across `axis`, m."""
         count = round((self.high[axis] - self.low[axis]) / STEP)
         return [round(self.low[axis] + STEP * number, 3) for number in range(count + 1)]
+
+    @property
+    def axes(self) -> Array:
+        """(4, 3) m: where the axes are drawn, beside the corner nearest to the arm, and their tips."""
+        origin = np.array([self.low[0] + CORNER[0], self.low[1] + CORNER[1], self.z])
+        return origin + ARROW * np.vstack([np.zeros(3), np.eye(3)])
 
     @property
     def corners(self) -> Array:
@@ -85,19 +115,43 @@ def closer_png(world: mujoco.MjSpec, names: Mapping[str, Array]) -> bytes:
     Raises:
         RuntimeError: no usable OpenGL.
     """
-    things = loose_things(world)
-    # Where nothing is loose, the table itself is in view, and the grid stays on it.
-    margin = MARGIN if free_bodies(world.compile()) else -STEP
-    ground = Ground.under(things, ground_level(world, things), margin)
+    things = things_in_view(world, names)
+    ground = Ground.under(things, ground_below(world))
     spec = world.copy()
     ruled(spec, ground)
     model = staged(spec)
+    data = forwarded(model)
     with Painter(model, *SIZE) as painter:
-        points = np.concatenate([things, ground.corners])
+        points = np.concatenate([things, ground.corners, ground.axes])
         view = painter.around(points, elevation=STEEP, margin=EDGE)
-        pixels = painter.paint(forwarded(model), view)
+        pixels, bodies = painter.paint(data, view), painter.bodies(data, view)
+    # Labels hide the table rather than what is on it.
+    small = [fits_in_view(extent(model, data, [model.body(i).name])) for i in range(model.nbody)]
+    shown = np.array(small)[bodies]
     camera = camera_of(view, float(model.vis.global_.fovy), *SIZE)
-    return png(annotated(pixels, camera, names, ground))
+    at = dict(names)
+    for name, point in names.items():
+        body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
+        if body > 0 and not small[body] and abs(point[2] - ground.z) < HIDDEN:
+            at[name] = _bare_spot(camera, ground, shown)
+    return png(annotated(pixels, camera, at, ground, shown))
+
+
+def _bare_spot(camera: Camera, ground: Ground, things: Mask) -> Array:
+    """The middle (3,) m of the grid's square that is farthest from `things` in the picture; none beside
+    the figures where there are others."""
+    far = np.argwhere(things[::4, ::4])[:, ::-1] * 4.0
+    best, most = ground.corners.mean(axis=0), 0.0
+    squares = [ground.lines(axis)[1:-2] or ground.lines(axis)[:-1] for axis in (0, 1)]
+    for x, y in product(*squares):
+        point = np.array([x + STEP / 2, y + STEP / 2, ground.z])
+        pixel = camera.project(point)
+        if pixel is None or not len(far):
+            continue
+        clear = float(np.linalg.norm(far - pixel, axis=1).min())
+        if clear > most:
+            best, most = point, clear
+    return best
 
 
 def ruled(spec: mujoco.MjSpec, ground: Ground) -> None:
@@ -121,16 +175,18 @@ def camera_of(view: mujoco.MjvCamera, fovy: float, width: int, height: int) -> C
     return Camera(Pose(eye, quaternion), float(np.radians(fovy)), width, height)
 
 
-def annotated(pixels: Pixels, camera: Camera, names: Mapping[str, Array], ground: Ground) -> Pixels:
-    """The picture with every name above its place (3,) m, the grid's figures and the axes. Names of
-    places below the ground are left out."""
+def annotated(
+    pixels: Pixels, camera: Camera, names: Mapping[str, Array], ground: Ground, things: Mask
+) -> Pixels:
+    """The picture with every name beside its place (3,) m, the grid's figures and the axes. Names of
+    places below the ground are left out. `things`: pixels that labels keep clear of."""
     names = {name: point for name, point in names.items() if point[2] > ground.z - HIDDEN}
     image = Image.fromarray(pixels)
     draw = ImageDraw.Draw(image)
     _draw_figures(draw, camera, ground)
     _draw_axes(draw, camera, ground)
     size = SMALL_TAG if len(names) > MANY else TAG
-    for name, (foot, box) in _tags(pixels, draw, camera, names, size).items():
+    for name, (foot, box) in _tags(things, draw, camera, names, size).items():
         left, top, right, bottom = box
         middle = ((left + right) / 2, (top + bottom) / 2)
         draw.line((*foot, *middle), fill=INK, width=2)
@@ -140,23 +196,24 @@ def annotated(pixels: Pixels, camera: Camera, names: Mapping[str, Array], ground
 
 
 def _tags(
-    pixels: Pixels,
+    things: Mask,
     draw: ImageDraw.ImageDraw,
     camera: Camera,
     names: Mapping[str, Array],
     size: int,
 ) -> dict[str, tuple[Pixel, Box]]:
-    """For each name its object's pixel and its label's box. Labels do not overlap, and are where the
-    picture has least detail, so that they hide no object."""
-    height, width = pixels.shape[:2]
+    """For each name its object's pixel and its label's box. Labels do not overlap, and hide as little
+    of `things` as possible."""
+    height, width = things.shape
     seen: list[tuple[Pixel, str]] = []
     for name, point in names.items():
         foot = camera.project(point)
         if foot is not None and 0 <= foot[0] < width and 0 <= foot[1] < height:
             seen.append((foot, name))
-    # The lowest object in the picture is nearest: its label is placed first, the others move upwards.
+    # The lowest object in the picture is nearest: its label is placed first.
     seen.sort(key=lambda item: -item[0][1])
     placed: dict[str, tuple[Pixel, Box]] = {}
+    feet = [foot for foot, _ in seen]
     for foot, name in seen:
         half_width = draw.textlength(name, font=_font(size)) / 2 + 8
         half_height = size / 2 + 5
@@ -167,29 +224,39 @@ def _tags(
             x = min(max(x, half_width + 4), width - half_width - 4)
             y = min(max(y, half_height + 4), height - half_height - 4)
             boxes.append((x - half_width, y - half_height, x + half_width, y + half_height))
-        placed[name] = (foot, _calmest(pixels, boxes, [box for _, box in placed.values()]))
+        placed[name] = (foot, _clearest(things, foot, feet, boxes, placed.values()))
     return placed
 
 
-def _calmest(pixels: Pixels, boxes: Sequence[Box], taken: Sequence[Box]) -> Box:
-    """The box with the least detail below it, of those that overlap none that is taken; where all do,
-    the first one moved up until it is free."""
+def _clearest(
+    things: Mask,
+    foot: Pixel,
+    feet: Sequence[Pixel],
+    boxes: Sequence[Box],
+    placed: Collection[tuple[Pixel, Box]],
+) -> Box:
+    """The box that overlaps the fewest of those that are placed; of equals the one near its `foot`, and
+    nearer than to others of `feet`, that hides few pixels of `things`, with no line across a label."""
 
-    def is_free(box: Box) -> bool:
-        return not any(_overlap(box, other) for other in taken)
-
-    def detail(box: Box) -> float:
-        """Spread of the colours below a box, 0 to 255."""
+    def cost(box: Box) -> tuple[int, float]:
         left, top, right, bottom = (max(0, round(edge)) for edge in box)
-        return float(np.std(pixels[top:bottom, left:right].astype(float), axis=(0, 1)).sum())
+        hidden = float(things[top:bottom, left:right].sum())
+        astray = sum(_crosses(foot, box, other) for _, other in placed)
+        astray += sum(_crosses(at, other, box) for at, other in placed)
+        middle = (left + right) / 2, (top + bottom) / 2
+        away = dist(middle, foot)
+        astray += sum(dist(middle, other) < away for other in feet)
+        overlapped = sum(_overlap(box, other) for _, other in placed)
+        return overlapped, hidden + FAR * away + ASTRAY * astray
 
-    free = [box for box in boxes if is_free(box)]
-    if free:
-        return min(free, key=detail)
-    left, top, right, bottom = boxes[0]
-    while not is_free((left, top, right, bottom)) and top > bottom - top:
-        top, bottom = top - 6, bottom - 6
-    return left, top, right, bottom
+    return min(boxes, key=cost)
+
+
+def _crosses(foot: Pixel, label: Box, other: Box) -> bool:
+    """True if the line from `foot` to the middle of its label runs over another box."""
+    middle = np.array([(label[0] + label[2]) / 2, (label[1] + label[3]) / 2])
+    line = np.linspace(foot, middle, 16)
+    return bool(((line > other[:2]) & (line < other[2:])).all(axis=1).any())
 
 
 def _overlap(one: Box, other: Box) -> bool:
@@ -218,15 +285,15 @@ def _thinned(lines: list[float]) -> list[float]:
 
 
 def _draw_axes(draw: ImageDraw.ImageDraw, camera: Camera, ground: Ground) -> None:
-    """Draw the world's axes at the corner of the ground that is nearest to the arm."""
-    origin = np.array([ground.low[0] + CORNER[0], ground.low[1] + CORNER[1], ground.z])
+    """Draw the world's axes."""
+    origin, *tips = ground.axes
     start = camera.project(origin)
-    for (name, colour), way in zip(AXES.items(), np.eye(3), strict=True):
-        end = camera.project(origin + ARROW * way)
+    for (name, colour), tip in zip(AXES.items(), tips, strict=True):
+        end = camera.project(tip)
         if start is not None and end is not None:
             draw.line((*start, *end), fill=HALO, width=8)
             draw.line((*start, *end), fill=colour, width=4)
-            _write(draw, camera, origin + 1.25 * ARROW * way, name, colour)
+            _write(draw, camera, origin + 1.25 * (tip - origin), name, colour)
 
 
 def _write(

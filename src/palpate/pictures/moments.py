@@ -12,7 +12,7 @@ import numpy as np
 from palpate.geometry.pose import Array
 from palpate.pictures.dress import Looks, looks_in
 from palpate.pictures.renderer import Painter, extent, forwarded, padded, png
-from palpate.pictures.stage import loose_things, staged
+from palpate.pictures.stage import staged, things_in_view
 
 if TYPE_CHECKING:
     from palpate.scene.poses import CameraEntry
@@ -31,9 +31,11 @@ AROUND, BELOW = 0.15, 0.10
 """m of the surroundings in view, around and below what can move."""
 
 
-def render_workspace(world: mujoco.MjSpec, camera: CameraEntry | None = None) -> bytes:
+def render_workspace(
+    world: mujoco.MjSpec, camera: CameraEntry | None = None, names: Collection[str] = ()
+) -> bytes:
     """A simulated workspace before anything moves, seen by `camera`, else by the world's own camera,
-    else by one that frames the objects."""
+    else by one that frames the objects, and of the bodies `names` those beside them."""
     spec, (width, height), name = world.copy(), WORKSPACE, CAMERA
     if camera is not None:
         spec.worldbody.add_camera(name=TAKEN, pos=camera.pos, quat=camera.quat, fovy=camera.fovy)
@@ -42,7 +44,8 @@ def render_workspace(world: mujoco.MjSpec, camera: CameraEntry | None = None) ->
     with Painter(model, width, height) as painter:
         view: mujoco.MjvCamera | str = name
         if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name) < 0:
-            points = padded(loose_things(world), (AROUND, AROUND, 0.0), (AROUND, AROUND, ABOVE))
+            things = things_in_view(world, names)
+            points = padded(things, (AROUND, AROUND, 0.0), (AROUND, AROUND, ABOVE))
             view = painter.around(points, elevation=FROM_ABOVE)
         return png(painter.paint(forwarded(model), view))
 

@@ -182,6 +182,14 @@ class Painter:
         self._renderer.update_scene(data, camera)
         return self._renderer.render()
 
+    def bodies(self, data: mujoco.MjData, camera: mujoco.MjvCamera) -> NDArray[np.int_]:
+        """(height, width) body that each pixel of a picture shows; 0 for the world, and for nothing."""
+        self._renderer.enable_segmentation_rendering()
+        seen = self.paint(data, camera)
+        self._renderer.disable_segmentation_rendering()
+        is_geom = seen[..., 1] == mujoco.mjtObj.mjOBJ_GEOM
+        return np.where(is_geom, self.model.geom_bodyid[seen[..., 0]], 0)
+
     def around(self, points: Array, **view: float) -> mujoco.MjvCamera:
         """`framing` of `points` for this model and picture."""
         return framing(points, aspect=self.aspect, fovy=float(self.model.vis.global_.fovy), **view)
@@ -227,9 +235,14 @@ def extent(model: mujoco.MjModel, data: mujoco.MjData, bodies: Collection[str] =
     for geom in range(model.ngeom):
         is_plane = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE
         if wanted[int(model.geom_bodyid[geom])] and not is_plane:
-            local = model.geom_aabb[geom, :3] + CORNERS * model.geom_aabb[geom, 3:]
-            corners.append(data.geom_xpos[geom] + local @ data.geom_xmat[geom].reshape(3, 3).T)
+            corners.append(geom_corners(model, data, geom))
     return np.concatenate(corners) if corners else EMPTY_EXTENT
+
+
+def geom_corners(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Array:
+    """World corners (8, 3), m, of the box around a geom."""
+    local = model.geom_aabb[geom, :3] + CORNERS * model.geom_aabb[geom, 3:]
+    return data.geom_xpos[geom] + local @ data.geom_xmat[geom].reshape(3, 3).T
 
 
 def padded(points: Array, low: Sequence[float], high: Sequence[float]) -> Array:

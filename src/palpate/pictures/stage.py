@@ -6,6 +6,8 @@ collides with it.
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import mujoco
 import numpy as np
 
@@ -13,7 +15,8 @@ from palpate.geometry.pose import Array
 from palpate.pictures.dress import TABLE, Looks, add_texture, dress, looks_in
 from palpate.pictures.looks.prints import concrete
 from palpate.pictures.menagerie import shape_arm
-from palpate.pictures.renderer import SCENERY, extent
+from palpate.pictures.renderer import AMBIENT as LEAST
+from palpate.pictures.renderer import SCENERY, extent, forwarded, geom_corners, padded
 
 UNSEEN = 5
 """Group of what is not drawn."""
@@ -41,6 +44,12 @@ make one with a soft edge."""
 INNER = 0.35
 """Share of the lamp's cone within which objects cast shadows: the arm and its workspace are in it, and
 each gets more of the shadow map."""
+FULL = 1.0
+"""Most light on what faces upward: with more, all that is white is the same white."""
+RESTING = 0.02
+"""Most height of a table's top above the lowest point of what stands on it, m."""
+FURNITURE, NEARBY = 0.5, 0.4
+"""Largest extent of what is fixed and in view as a whole, and its distance from what is loose, m."""
 WINDOW = ((0.4, 2.4, 1.6), (0.2, -0.9, -0.75), 0.20)
 """A window at the other side: place, direction, brightness. It casts no shadow."""
 
@@ -85,10 +94,24 @@ def staged(spec: mujoco.MjSpec, looks: Looks | None = None, *, soft: bool = True
                 specular=[0.2, 0.2, 0.2],
                 castshadow=True,
             )
+        _expose(drawn)
     model = drawn.compile()
     # Sites mark places: they are not drawn.
     model.site_group[:] = UNSEEN
     return model
+
+
+def _expose(spec: mujoco.MjSpec) -> None:
+    """Dim lamps of `spec` that add up to more than a white table top can show, in place: it would be as
+    white as the white cup on it."""
+    head = spec.visual.headlight
+    lights: list[mujoco.MjsLight] = list(spec.lights)
+    shining = [light.diffuse * max(0.0, -light.dir[2]) for light in lights]
+    lamps = float(np.max(np.sum([head.diffuse, *shining], axis=0)))
+    share = (FULL - max(LEAST, float(np.max(head.ambient)))) / max(lamps, 1e-9)
+    for light in (head, *lights):
+        light.diffuse[:] = min(1.0, max(share, 0.0)) * light.diffuse
+        light.specular[:] = min(1.0, max(share, 0.0)) * light.specular
 
 
 def loose_things(spec: mujoco.MjSpec) -> Array:
@@ -96,24 +119,55 @@ def loose_things(spec: mujoco.MjSpec) -> Array:
     table's, else of everything."""
     model = spec.compile()
     others = [name for name, look in looks_in(spec).items() if look not in (LAB, TABLE)]
-    return _extent(model, free_bodies(model) or others)
+    return _extent(model, _free_bodies(model) or others)
 
 
-def ground_level(spec: mujoco.MjSpec, things: Array) -> float:
-    """World z of the highest table, m, else of the lower end of `things` (n, 3)."""
-    tables = [name for name, look in looks_in(spec).items() if look == TABLE]
-    if not tables:
-        return float(things[:, 2].min())
-    return float(_extent(spec.compile(), tables)[:, 2].max())
+def things_in_view(spec: mujoco.MjSpec, names: Collection[str] = ()) -> Array:
+    """`loose_things`, with those of the bodies `names` that are small and beside them: shelves, trays,
+    drawers."""
+    model, found = spec.compile(), loose_things(spec)
+    for name in names:
+        if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) < 0:
+            continue
+        points = _extent(model, [name])
+        gap = np.maximum(
+            points.min(axis=0) - found.max(axis=0), found.min(axis=0) - points.max(axis=0)
+        )
+        if fits_in_view(points) and gap.max() <= NEARBY:
+            found = np.concatenate([found, points])
+    return found
+
+
+def fits_in_view(points: Array) -> bool:
+    """True if a body with these corners (n, 3) m is seen as a whole: no table, no wall."""
+    return bool(np.ptp(points, axis=0).max() <= FURNITURE)
+
+
+def ground_below(spec: mujoco.MjSpec) -> Array:
+    """Corners (8, 3), m, of the shape with the largest footprint of those that are no higher than what
+    is loose: the table top. Without one, of the ground around what is loose."""
+    model = spec.compile()
+    data, free = forwarded(model), _free_bodies(model)
+    loose = _extent(model, free) if free else np.zeros((1, 3))
+    level = float(loose[:, 2].min())
+    found = padded(loose * [1.0, 1.0, 0.0] + [0.0, 0.0, level], (1.0, 1.0, 0.0), (1.0, 1.0, 0.0))
+    widest = 0.0
+    for geom in range(model.ngeom):
+        if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE:
+            continue
+        box = geom_corners(model, data, geom)
+        width, depth, _ = (box.max(axis=0) - box.min(axis=0)).tolist()
+        footprint = width * depth
+        if footprint > widest and (not free or box[:, 2].max() <= level + RESTING):
+            found, widest = box, footprint
+    return found
 
 
 def _extent(model: mujoco.MjModel, names: list[str]) -> Array:
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    return extent(model, data, names)
+    return extent(model, forwarded(model), names)
 
 
-def free_bodies(model: mujoco.MjModel) -> list[str]:
+def _free_bodies(model: mujoco.MjModel) -> list[str]:
     """Names of the bodies with a free joint."""
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
     return [model.body(int(model.jnt_bodyid[joint])).name for joint in free]

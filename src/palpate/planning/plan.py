@@ -28,7 +28,8 @@ MAX_NODES = 5000
 MAX_REASON = 120
 """Characters of the explanation that the short form of a plan shows."""
 
-_STRING = re.compile(r'"(?:[^"\\]|\\.)*"', re.DOTALL)
+# A string without an end takes the rest: else each of its quotes would be tried as a beginning.
+_STRING = re.compile(r'"(?:[^"\\]|\\.)*(?:"|\Z)', re.DOTALL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +80,8 @@ class Plan:
     """Parameters that a request may ask for which was not understood whole; to be confirmed."""
     not_used: tuple[str, ...] = ()
     """Words of that request that the proposal leaves out."""
+    again: tuple[Parameter, ...] = ()
+    """Those of `parameters` that are measured again, though the scene states them."""
 
     @property
     def outcome(self) -> Outcome:
@@ -152,7 +155,9 @@ def plan_from(document: object) -> Plan:
     for required in ("parameters", "tree"):
         if required not in fields:
             _fail("a plan", f"needs the field '{required}'; it has {_listed(fields)}")
-    parameters = _each(_parameter, fields["parameters"], "parameters")
+    listed = _each(_parameter, fields["parameters"], "parameters")
+    parameters = tuple(parameter for parameter, _ in listed)
+    again = tuple(parameter for parameter, marked in listed if marked)
     tree = fields["tree"]
     if tree is not None:
         tree = _node(tree, "tree", depth=0, budget=[MAX_NODES])
@@ -171,14 +176,17 @@ def plan_from(document: object) -> Plan:
         )
     # 'measure' and 'cannot' follow from the tree, or its absence.
     declared = None if outcome in (None, "measure", "cannot") else cast("Outcome", outcome)
-    return Plan(parameters, tree, explanation, planner, notes, declared)
+    return Plan(parameters, tree, explanation, planner, notes, declared, again=again)
 
 
 def plan_json(plan: Plan) -> dict[str, Any]:
     """The plan as plain JSON values; `plan_from` reads it back unchanged."""
-    promised = _parameters_json(plan.parameters)
+    promised = zip(plan.parameters, _parameters_json(plan.parameters), strict=True)
     document: dict[str, Any] = {
-        "parameters": promised,
+        "parameters": [
+            {**written, "again": True} if parameter in plan.again else written
+            for parameter, written in promised
+        ],
         "explanation": plan.explanation,
         "tree": _node_json(plan.tree) if plan.tree is not None else None,
         "outcome": plan.outcome,
@@ -220,6 +228,18 @@ def nesting(text: str) -> int:
     return deepest
 
 
+def unique_json(text: str) -> object:
+    """The value of JSON text.
+
+    Raises:
+        InputError: an object has a field twice. ValueError: not JSON, or too deep for its reader.
+    """
+    try:
+        return json.loads(text, object_pairs_hook=_unique)
+    except RecursionError:
+        raise ValueError("nested too deep") from None
+
+
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for key, value in pairs:
@@ -249,6 +269,8 @@ def _node(value: object, path: str, depth: int, budget: list[int]) -> Node:
     name = _text(fields.get("name", ""), f"{path}.name")
     arguments: list[tuple[str, object]] = []
     for key, argument in fields.items():
+        if "children" not in fields and _lists_objects(argument):
+            _fail(f"{path}.{key}", "is a list of objects; did you mean 'children'?")
         if key not in ("type", "name", "children"):
             arguments.append((_text(key, path), _frozen(argument, f"{path}.{key}")))
 
@@ -259,11 +281,24 @@ def _node(value: object, path: str, depth: int, budget: list[int]) -> Node:
     return Node(type, tuple(arguments), children, name)
 
 
-def _parameter(value: object, path: str) -> Parameter:
+def _lists_objects(value: object) -> bool:
+    items = cast("list[object]", value) if isinstance(value, list) else []
+    return bool(items) and all(isinstance(item, dict) for item in items)
+
+
+def _parameter(value: object, path: str) -> tuple[Parameter, bool]:
+    """A parameter, and its mark `again`."""
     fields = _mapping(value, path)
-    if set(fields) != {"object", "quantity"}:
-        _fail(path, f"needs exactly 'object' and 'quantity'; it has {_listed(fields)}")
-    return Parameter(*(_text(fields[key], f"{path}.{key}") for key in ("object", "quantity")))
+    if set(fields) - {"again"} != {"object", "quantity"}:
+        _fail(
+            path,
+            f"needs exactly 'object' and 'quantity', and may have 'again'; it has {_listed(fields)}",
+        )
+    again = fields.get("again")
+    if not (again is None or isinstance(again, bool)):
+        _fail(f"{path}.again", f"must be true or false, not {_kind(again)}")
+    named = (_text(fields[key], f"{path}.{key}") for key in ("object", "quantity"))
+    return Parameter(*named), bool(again)
 
 
 def _frozen(value: object, path: str) -> object:

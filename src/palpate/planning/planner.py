@@ -19,11 +19,13 @@ from palpate.planning.plan import Plan
 from palpate.quantities.within import Within
 
 if TYPE_CHECKING:
+    from palpate.planning.check.case import Finding
     from palpate.planning.model.conversation import Conversation
     from palpate.planning.model.settings import ModelSettings
     from palpate.scene.pictured.detected import DetectedScene, SceneBuilder
     from palpate.scene.scene import Scene
 
+Rehearse = Callable[[Plan, "Scene"], "Finding | None"]
 MAX_REQUEST = 4_000
 """Characters: a request is a sentence or a paragraph, not a document."""
 
@@ -76,6 +78,8 @@ class PlannerSettings:
         within: requested widths of intervals.
         measure: the parameters that the plan must measure, no more and no fewer; None: the planner
             decides by the request.
+        rehearse: executes a plan in physics and returns what it finds, None for a harmless plan; for a
+            planner that corrects its plans.
     """
 
     remeasure: bool = False
@@ -83,6 +87,7 @@ class PlannerSettings:
     builder: SceneBuilder | None = None
     within: Within = field(default_factory=Within)
     measure: tuple[Parameter, ...] | None = None
+    rehearse: Rehearse | None = None
 
 
 @dataclass(frozen=True, slots=True)

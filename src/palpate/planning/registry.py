@@ -14,6 +14,9 @@ from palpate.extensions import extensions, public
 from palpate.planning.model.provider import PROVIDERS
 from palpate.planning.planner import Planner, PlannerKind, PlannerSettings
 
+OWN = ("symbolic", "exhaustive")
+"""Planners whose plans are palpate's own."""
+
 
 @dataclass(frozen=True, slots=True)
 class Planners:
@@ -104,4 +107,11 @@ def _model(provider: str, argument: str, settings: PlannerSettings) -> Planner:
 
     spec = f"{provider}:{argument}" if argument else provider
     model_settings = settings.model_settings or ModelSettings()
-    return VlmPlanner(spec, model_settings, settings.remeasure, settings.builder, settings.measure)
+    return VlmPlanner(
+        spec,
+        model_settings,
+        settings.remeasure,
+        settings.builder,
+        settings.measure,
+        settings.rehearse,
+    )

@@ -12,12 +12,12 @@ from palpate.estimation.balance import accuracy, balance, balance_views, grasps_
 from palpate.estimation.estimate import Estimate, Part, half95, not_identified
 from palpate.estimation.holds import Held, held
 from palpate.mjcf.body import Body, BodyDescription
+from palpate.mjcf.contacts import tied_to
 from palpate.mjcf.document import UNKNOWN, tokens
 from palpate.mjcf.edits import Slot
 from palpate.mjcf.elements import Elements
 from palpate.mjcf.inertial import Statement, com_of, lacks
 from palpate.parameter import Parameter
-from palpate.quantities.contacts import tied_to
 from palpate.quantities.quantity import (
     Evidence,
     Logged,
@@ -69,7 +69,10 @@ class CentreOfMass(Quantity):
     )
     how = evidence[0].how
     derived = True
-    estimators: ClassVar = {"torque": "palpate.quantities.com:estimate_com"}
+    estimators: ClassVar = {
+        "torque": "palpate.quantities.com:estimate_com",
+        "recording": "palpate.estimation.carried.estimates:estimate_com",
+    }
 
     def status(self, body: BodyDescription) -> Status:
         if body.elements.inertial is None:
@@ -131,6 +134,7 @@ class CentreOfMassInSpace(CentreOfMass):
     )
     how = f"{evidence[0].how}, and in a Parallel with Tilt, held in free air and empty"
     stands_for = "com"
+    entire = True
 
     def status(self, body: BodyDescription) -> Status:
         """Not applicable: the file's centre of mass is that of `com`."""

@@ -25,10 +25,12 @@ from palpate.extensions import references
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
 from palpate.quantities.catalogue import catalogue
+from palpate.trace.recording import RECORDED
 from palpate.trace.samples import Trace
 from palpate.trace.soundness import sound, spoiled
 
 ENTRY_POINTS = "palpate.estimators"
+RECORDING = "recording"
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,11 +101,17 @@ def estimate_all(
             found.append(failed(parameter, f"No estimator of {quantity} is known."))
             continue
         if quantity not in loaded:
-            loaded[quantity] = known.load(quantity)
+            loaded[quantity] = known.load(quantity, recorded(trace, known.names(quantity)))
         body = bodies.get(parameter.object)
         estimate = guarded_estimate(loaded[quantity], evidence, parameter, body)
         found.append(estimate if evidence is trace else judged(estimate, evidence, trace))
     return tuple(found)
+
+
+def recorded(trace: Trace, names: tuple[str, ...]) -> str | None:
+    """Name of the estimator for recordings by other programs, where the trace is one and `names` has it."""
+    is_one = any(conversion.primitive == RECORDED for conversion in trace.conversions)
+    return RECORDING if is_one and RECORDING in names else None
 
 
 def failed(parameter: Parameter, reason: str) -> Estimate:

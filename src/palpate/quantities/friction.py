@@ -19,12 +19,12 @@ from palpate.estimation.friction.whole import fit_whole
 from palpate.estimation.load.observation import observe
 from palpate.estimation.load.weighing import hangs_free
 from palpate.mjcf.body import Body, BodyDescription
+from palpate.mjcf.contacts import highest_priority, pair_friction, what_decides
 from palpate.mjcf.defaults import MUJOCO_FRICTION
 from palpate.mjcf.document import UNKNOWN, Element, tokens
 from palpate.mjcf.edits import Edit, Slot, number
 from palpate.mjcf.elements import Elements
 from palpate.parameter import Parameter
-from palpate.quantities.contacts import highest_priority, pair_friction, what_decides
 from palpate.quantities.quantity import Evidence, Prior, Quantity, Status, Values
 from palpate.trace.samples import FORCES, Trace
 

@@ -18,11 +18,11 @@ from palpate.estimation.swung import contrast, swings
 from palpate.estimation.view import FitView
 from palpate.geometry.pose import Array, Pose, components
 from palpate.mjcf.body import Body, BodyDescription
+from palpate.mjcf.contacts import tied_to
 from palpate.mjcf.edits import Slot
 from palpate.mjcf.elements import Elements
 from palpate.mjcf.inertial import Statement, com_of, inertia_for, inertia_is_open, mass_of, whole
 from palpate.parameter import Parameter
-from palpate.quantities.contacts import tied_to
 from palpate.quantities.quantity import Evidence, Prior, Quantity, Status, Values, held_and_empty
 from palpate.trace.samples import FORCES, Trace
 
@@ -54,7 +54,10 @@ class Inertia(Quantity):
     )
     how = f"{evidence[0].how}, and in a Parallel with Swing, held there and with the empty hand"
     derived = True
-    estimators: ClassVar = {"swings": "palpate.quantities.inertia:estimate_inertia"}
+    estimators: ClassVar = {
+        "swings": "palpate.quantities.inertia:estimate_inertia",
+        "recording": "palpate.estimation.carried.estimates:estimate_inertia",
+    }
 
     def status(self, body: BodyDescription) -> Status:
         if body.elements.inertial is None:

@@ -17,11 +17,11 @@ from palpate.estimation.load.segments import Segment, referenced, weighing
 from palpate.estimation.load.weighing import alone, single_shot, weigh
 from palpate.estimation.view import FitView, constant, unit_slopes
 from palpate.mjcf.body import Body, BodyDescription
+from palpate.mjcf.contacts import tied_to
 from palpate.mjcf.edits import Slot
 from palpate.mjcf.elements import Elements
 from palpate.mjcf.inertial import Statement, mass_beside, mass_is_open, mass_of, unweighed_geoms
 from palpate.parameter import Parameter
-from palpate.quantities.contacts import tied_to
 from palpate.quantities.quantity import Effort, Evidence, Prior, Quantity, Site, Status, Values
 from palpate.robots.pace import configuration
 from palpate.trace.samples import FORCES, Trace
@@ -74,6 +74,7 @@ class Mass(Quantity):
     estimators: ClassVar = {
         "contrast": "palpate.quantities.mass:estimate_mass",
         "single-shot": "palpate.quantities.mass:estimate_single_shot",
+        "recording": "palpate.estimation.carried.estimates:estimate_mass",
     }
 
     def status(self, body: BodyDescription) -> Status:

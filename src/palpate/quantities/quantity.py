@@ -56,6 +56,7 @@ class Evidence:
         place: X, of evidence that is recorded at `<object>_X`; anywhere if empty.
         as_grasped: recorded where the held object was grasped, or right above.
         optional: recorded where the scene has room for it; the estimate does not need it.
+        tool: kind of object that is held while the recording is made of another; none if empty.
     """
 
     buffer: str
@@ -69,6 +70,7 @@ class Evidence:
     place: str = ""
     as_grasped: bool = False
     optional: bool = False
+    tool: str = ""
 
     def about(self, context: Context) -> str | None:
         """Return the object or surface that a recording made in `context` is evidence of; None if it is
@@ -181,6 +183,7 @@ class Quantity:
             declared.
         stands_for: id of the quantity that it measures in another way, and whose place in the file it
             takes.
+        entire: whether it counts as measured only with all its components.
         identifiable: whether the vocabulary can measure it at all.
         estimators: by name, the default first; each `package.module:function`, which is imported when it
             is used, with the contract of `palpate.estimation.estimator.Estimator`.
@@ -197,6 +200,7 @@ class Quantity:
     derived: ClassVar[bool] = False
     how: ClassVar[str]
     stands_for: ClassVar[str | None] = None
+    entire: ClassVar[bool] = False
     identifiable: ClassVar[bool] = True
     estimators: ClassVar[Mapping[str, str]] = MappingProxyType({})
 

@@ -68,6 +68,8 @@ class Card:
     quantity: str
     unit: str
     verdict: str
+    whole: str
+    said: str
     contradiction: str
     method: str
     intervals: tuple[Interval, ...]
@@ -97,6 +99,8 @@ def estimate_card(measured: Measured, trace: Trace | None, anchor: str) -> Card:
         quantity=quantity_label(estimate.parameter.quantity),
         unit="" if unit == "1" else unit,
         verdict=estimate.verdict,
+        whole=estimate.whole,
+        said=estimate.verdict_in_words,
         contradiction=estimate.contradiction,
         method=estimate.method,
         intervals=tuple(component_intervals(measured)),

@@ -103,7 +103,13 @@ def verdict_sentence(data: ReportData) -> str:
     found = sum(m.estimate.identified for m in data.measured)
     wanted = max(len(data.plan.parameters), len(data.measured))
     unknowns = "unknown" if wanted == 1 else "unknowns"
-    return f"{found} of {wanted} {unknowns} measured."
+    blind = [
+        f"{m.estimate.parameter} along {' and '.join(m.estimate.unseen_axes)}"
+        for m in data.measured
+        if m.estimate.identified and m.estimate.unseen
+    ]
+    but = f", but for {', '.join(blind)}" if blind else ""
+    return f"{found} of {wanted} {unknowns} measured{but}."
 
 
 def picture_uris(data: ReportData) -> dict[str, Any]:

@@ -225,7 +225,8 @@ def stretches(speeds: Sequence[float] | Array) -> list[Stretch]:
 def slowed(one: Sequence[Stretch], other: Sequence[Stretch]) -> list[Stretch]:
     """Return the lower of two speed profiles along a path; the first, where the second is empty."""
     both: list[Stretch] = []
-    for end in sorted({part.end for part in (*one, *other)}):
+    # A stretch that ends where it begins, as of a motion on the spot, has no speed.
+    for end in sorted({part.end for part in (*one, *other) if part.end > 0}):
         speeds: list[float] = []
         for parts in filter(None, (one, other)):
             # Beyond its end the last part goes on.

@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from palpate.estimation.estimate import Estimate, Verdict, rounded
+from palpate.estimation.estimate import Estimate, Verdict, axes_of, rounded
 from palpate.geometry.pose import Array
-
-AXES = {1: ("",), 2: ("x", "y"), 3: ("x", "y", "z"), 6: ("xx", "yy", "zz", "xy", "xz", "yz")}
-"""Names of the components of a vector, and of a symmetric tensor in MuJoCo's `fullinertia`
-order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,11 +42,6 @@ def significant(value: float, digits: int, sign: str = "") -> str:
     """Format with `digits` significant digits, without large powers of ten."""
     text = f"{value:{sign}.{digits}g}"
     return f"{value:{sign}.0f}" if "e+" in text else text
-
-
-def axes_of(count: int) -> tuple[str, ...]:
-    """Names of `count` components."""
-    return AXES.get(count, tuple(str(i + 1) for i in range(count)))
 
 
 def rounded_columns(values: Array, stds: Array) -> tuple[list[str], list[str]]:

@@ -85,7 +85,7 @@ def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
     found = _found(folder, settings, proposal.scene)
     estimates = tuple(estimate_from(row) for row in result["parameters"])
     plan = proposal.plan
-    if plan.tree is None and result["status"] == "complete":
+    if plan.tree is None and result["status"] == "complete" and not result["execution"]:
         plan = replace(plan, declared="nothing_missing")
     return Run(
         settings,

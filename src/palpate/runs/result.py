@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from palpate import __version__
-from palpate.estimation.estimate import Estimate
+from palpate.estimation.estimate import Estimate, axes_of
 from palpate.planning.plan import dump_plan, proposal_json
 from palpate.runs.answer import answer
 from palpate.runs.held_out import held_out_json
@@ -46,8 +46,8 @@ def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
         "files": _files(run, folder),
         "provenance": {
             "palpate": __version__,
-            "seed": run.settings.seed,
-            "noise": noise_models().title(run.settings.noise),
+            "seed": None if run.is_recorded else run.settings.seed,
+            "noise": None if run.is_recorded else noise_models().title(run.settings.noise),
             "world": run.world,
         },
     }
@@ -108,6 +108,7 @@ def _parameter_json(run: Run, estimate: Estimate) -> dict[str, Any]:
 def parameter_json(estimate: Estimate) -> dict[str, Any]:
     """Estimate as JSON: scalars for quantities of one component, lists for the others, null for unknown
     values."""
+    axes = dict(zip(axes_of(len(estimate.values)), estimate.verdicts, strict=True))
     return {
         "object": estimate.parameter.object,
         "quantity": estimate.parameter.quantity,
@@ -118,6 +119,8 @@ def parameter_json(estimate: Estimate) -> dict[str, Any]:
         "method": estimate.method,
         "verdict": estimate.verdict,
         "verdicts": list(estimate.verdicts) if len(estimate.verdicts) > 1 else None,
+        "whole": estimate.whole,
+        "axes": axes if len(axes) > 1 else None,
         "contradiction": estimate.contradiction or None,
         "tests": [asdict(test) | {"passed": test.passed} for test in estimate.tests],
         "components": {name: asdict(part) for name, part in estimate.parts.items()},

@@ -14,6 +14,7 @@ from palpate.execution.stop import Held
 from palpate.parameter import Parameter
 from palpate.planning.check.check import Finding
 from palpate.planning.plan import Plan
+from palpate.quantities.catalogue import catalogue
 from palpate.scene.scene import Scene
 from palpate.trace.mcap import read_mcap
 from palpate.trace.samples import Trace
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 
 Status = Literal["running", "complete", "rejected", "aborted", "failed"]
 Stage = Literal["executing", "estimating", "building the twin", "writing the report"]
+RECORDING = "recording"
+"""Planner of a run that is another program's recording."""
 TRACE = "trace.mcap"
 """File of the trace in a run folder."""
 
@@ -156,6 +159,11 @@ class Run:
         return "failed"
 
     @property
+    def is_recorded(self) -> bool:
+        """Another program recorded it: nothing was planned, and no robot asked."""
+        return self.plan.planner == RECORDING
+
+    @property
     def drawn(self) -> bool:
         """The truth was drawn from priors in a simulation."""
         from palpate.cells.simulated import DRAWN  # loads the renderer
@@ -163,10 +171,13 @@ class Run:
         return self.simulated and self.world == DRAWN
 
     def suffices(self, estimate: Estimate) -> bool:
-        """Test that an estimate is identified, and as narrow as requested or as possible."""
+        """Test that an estimate is identified, in all axes where its quantity promises them, and as
+        narrow as requested or as possible."""
         precision = self.settings.within.precision(estimate)
         narrow = precision is None or precision.outcome != "rounds used up"
-        return estimate.identified and narrow
+        quantity = catalogue().get(estimate.parameter.quantity)
+        entire = not estimate.unseen or quantity is None or not quantity.entire
+        return estimate.identified and narrow and entire
 
     @property
     def trace(self) -> Trace:

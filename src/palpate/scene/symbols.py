@@ -20,6 +20,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from functools import cached_property, partial
 
 import numpy as np
@@ -102,6 +103,12 @@ class Symbols:
         """Every name of a pose, longest first."""
         every = {*self.poses, *self.later, *self.lines}
         return tuple(sorted(every, key=lambda n: (-len(n), n)))
+
+    @cached_property
+    def usable(self) -> frozenset[str]:
+        """Names of the poses that there are: with room where one is searched, and fitting the hand."""
+        found = {name for name in self.later if self._later(name) is not None}
+        return frozenset({*self.poses, *self.lines, *found})
 
     @cached_property
     def offset_names(self) -> tuple[str, ...]:
@@ -189,12 +196,15 @@ class Symbols:
             except InputError as error:
                 raise InputError(f"'{name}': {error}") from None
         if name not in self.later:
-            raise unknown_name("pose", name, self.names)
+            raise self._unknown(name)
         found = self._later(name)  # a search for a free spot takes time, so it is done on demand
         if found is None:
-            raise InputError(
-                f"there is no free place within reach for '{name}'; give one in poses.yaml"
-            )
+            why = "there is no free place within reach"
+            if name.endswith("_across"):
+                why = (
+                    f"turned a quarter, the hand does not fit '{self.subjects.get(name)}': no pose"
+                )
+            raise InputError(f"{why} for '{name}'; give one in poses.yaml")
         return found
 
     def _later(self, name: str) -> Pose | None:
@@ -266,7 +276,15 @@ class Symbols:
             if not rest.strip() or rest.lstrip()[0] in "+-−":
                 return self._aliases.get(name, name), rest
         shown = re.split(r"[+\-−*]", text)[0].strip() or text
-        raise unknown_name("pose", shown, self.names)
+        raise self._unknown(shown)
+
+    def _unknown(self, name: str) -> InputError:
+        """Error for an unknown name of a pose, which guesses among those of the same subject first."""
+        of = [known for known in set(self.subjects.values()) if name.startswith(f"{known}_")]
+        longest = max(of, key=len, default=None)
+        own = [known for known, subject in self.subjects.items() if subject == longest]
+        meant = get_close_matches(name[:80], own, n=1, cutoff=0.0)
+        return unknown_name("pose", name, self.names, meant=next(iter(meant), None))
 
     @cached_property
     def _aliases(self) -> dict[str, str]:

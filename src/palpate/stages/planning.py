@@ -17,7 +17,7 @@ from palpate.planning.check.check import Finding, check
 from palpate.planning.measure import in_words, named_parameters
 from palpate.planning.plan import Plan
 from palpate.planning.planner import Observant, Planner, PlannerSettings
-from palpate.planning.registry import planners
+from palpate.planning.registry import OWN, planners
 from palpate.planning.symbolic.planner import requested
 from palpate.runs.run import Run
 from palpate.scene.camera import load_image
@@ -84,10 +84,17 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
     poses = seen_by(read_poses(settings.poses) if settings.poses else Poses(), arm, base)
     if planner is None:
         builder, model = SceneBuilder(poses, arm), settings.model_settings
-        asked = PlannerSettings(settings.remeasure, model, builder, settings.within, measure)
+        asked = PlannerSettings(
+            settings.remeasure,
+            model,
+            builder,
+            settings.within,
+            measure,
+            rehearse=None if settings.rehearse is False else _rehearsed,
+        )
         planner = planners().make(settings.planner, asked)
 
-    pictures = _pictures(planner, settings, scene, poses)
+    pictures, blind = _pictures(planner, settings, scene, poses)
     with _image_files(settings.images, pictures) as images:
         try:
             answer = planner.plan(request, scene, images)
@@ -101,6 +108,7 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
         seen, conversation = planner.seen, planner.conversation
     scene = scene or _detected_scene(answer, seen)
     answer = _with_reading_note(settings, answer, scene)
+    answer = replace(answer, notes=(*answer.notes, *blind))
 
     findings: tuple[Finding, ...] = ()
     # Each answer of a model was checked during its conversation; other planners do not check theirs.
@@ -119,12 +127,28 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
     )
 
 
-def rehearse(made: Run, callbacks: RunCallbacks = SILENT) -> Run:
-    """Execute the plan in simulation if the settings say so, by default before a real robot moves.
-    A failure becomes a finding, and a plan with findings is not executed."""
-    wanted = made.settings.rehearse
+def _rehearsed(plan: Plan, scene: Scene) -> Finding | None:
+    """Finding of a rehearsal, for a planner that corrects its plan."""
+    from palpate.execution.rehearsal import rehearse as rehearse_plan
+
+    return rehearse_plan(plan, scene).finding
+
+
+def rehearse(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = None) -> Run:
+    """Execute the plan in physics before anything moves: a plan of a model, a file or a user's own
+    planner always, palpate's own plans before a real robot moves. Harm and failures become findings,
+    and a plan with findings is not executed.
+
+    Raises:
+        InputError: a real robot moves, that of `cell` or of the settings, and `rehearse` is False.
+    """
+    real, wanted = _is_real(made, cell), made.settings.rehearse
+    if real and wanted is False:
+        raise InputError(
+            "rehearse=False (--no-rehearse) is for the embedded arm, not for a real one"
+        )
     if wanted is None:
-        wanted = made.settings.robot is not None
+        wanted = real or made.settings.planner not in OWN
     if not made.ready or not wanted:
         return made
     from palpate.execution.rehearsal import rehearse as rehearse_plan
@@ -132,10 +156,13 @@ def rehearse(made: Run, callbacks: RunCallbacks = SILENT) -> Run:
     callbacks.progress("rehearsing in simulation")
     rehearsal = rehearse_plan(made.plan, made.scene)
     callbacks.progress(f"rehearsal: {rehearsal}")
-    if rehearsal.failure is None:
-        return replace(made, rehearsal=rehearsal)
-    failed = Finding.of("tree", "rehearsal", f"in simulation the plan fails: {rehearsal.failure}")
-    return replace(made, rehearsal=rehearsal, findings=(failed,))
+    failed = rehearsal.finding
+    return replace(made, rehearsal=rehearsal, findings=() if failed is None else (failed,))
+
+
+def _is_real(made: Run, cell: Cell | None) -> bool:
+    """Test if a real robot will move, that of `cell` or of the settings."""
+    return made.settings.robot is not None or (cell is not None and not cell.simulated)
 
 
 def confirm(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = None) -> None:
@@ -145,8 +172,7 @@ def confirm(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = Non
     Raises:
         ExecutionAborted: the plan was not confirmed.
     """
-    real = made.settings.robot is not None or (cell is not None and not cell.simulated)
-    if real and made.ready and not callbacks.may_move(made):
+    if _is_real(made, cell) and made.ready and not callbacks.may_move(made):
         raise ExecutionAborted("the plan was not confirmed; nothing has moved")
 
 
@@ -177,11 +203,12 @@ def _named(settings: Settings, scene: Scene | None) -> tuple[Parameter, ...] | N
 
 def _pictures(
     planner: Planner, settings: Settings, scene: Scene | None, poses: Poses
-) -> tuple[bytes, ...]:
-    """Take pictures of the workspace (PNG) for a planner that looks at them, if none were given."""
+) -> tuple[tuple[bytes, ...], tuple[str, ...]]:
+    """Take pictures of the workspace (PNG) for a planner that looks at them, if none were given; with
+    notes on those that cannot be made."""
     looks = scene is None or (isinstance(planner, Observant) and planner.looks)
     if settings.images or not looks or "image" in settings.model_settings.without:
-        return ()
+        return (), ()
     return pictures_of(settings, scene, poses)
 
 
@@ -213,9 +240,8 @@ def _detected_scene(answer: Plan, seen: DetectedScene | None) -> Scene:
 def _with_reading_note(settings: Settings, answer: Plan, scene: Scene) -> Plan:
     """Add a note to a plan of a model or a file whose parameters differ from those that the symbolic
     planner reads from the request. The plan stays: its author decides what the request asks for."""
-    own = settings.planner in ("symbolic", "exhaustive")
     if (
-        own
+        settings.planner in OWN
         or settings.request is None
         or settings.measure
         or "text" in settings.model_settings.without

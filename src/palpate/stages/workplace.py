@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 from palpate.cells.cell import Cell, Close
@@ -64,16 +66,37 @@ def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cel
     )
 
 
-def pictures_of(settings: Settings, scene: Scene | None, poses: Poses) -> tuple[bytes, ...]:
+def pictures_of(
+    settings: Settings, scene: Scene | None, poses: Poses
+) -> tuple[tuple[bytes, ...], tuple[str, ...]]:
     """Take pictures of the workspace (PNG): by the camera of `poses` if it states one, and, with a
-    scene, a close-up. Empty without scene, world or robot, and without OpenGL."""
+    scene, a close-up. None without scene, world or robot, and without OpenGL. One that cannot be made
+    is a note in its place.
+
+    Raises:
+        InputError: world and scene do not match.
+        Unavailable: no driver for the robot.
+    """
     if scene is None and settings.world is None and settings.robot is None:
-        return ()
+        return (), ()
     cell = cell_for(settings, scene)
-    taken = [cell.picture(poses.camera)]
+    cameras: dict[str, Callable[[], bytes | None]] = {
+        "of the workspace": partial(cell.picture, poses.camera)
+    }
     if scene is not None and isinstance(cell, Close):
-        taken.append(cell.closer())
-    return tuple(picture for picture in taken if picture is not None)
+        cameras["from nearby"] = cell.closer
+    taken: list[bytes] = []
+    notes: list[str] = []
+    for which, take in cameras.items():
+        try:
+            picture = take()
+        except Exception as error:
+            log.warning("no picture %s: %s: %s", which, type(error).__name__, error)
+            notes.append(f"There is no picture {which}: {error}".replace("\n", " "))
+            continue
+        if picture is not None:
+            taken.append(picture)
+    return tuple(taken), tuple(notes)
 
 
 def robot_of(cell: Cell, may_resume: Resume) -> tuple[Robot, tuple[str, ...]]:

@@ -18,6 +18,7 @@ class ArmLog:
         tau: (n, 7) joint torques as sensed, gravity included (libfranka's tau_J), N m.
         tau_ext: (n, 7) the controller's own estimate of external torques, N m; None where not logged.
         source: name of the file or topic, for messages.
+        notes: what was repaired when it was read, a sentence each.
     """
 
     t: Array
@@ -26,6 +27,7 @@ class ArmLog:
     tau: Array
     tau_ext: Array | None
     source: str
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.t)

@@ -26,13 +26,14 @@ from palpate import __version__
 from palpate.errors import InputError
 from palpate.files.read import opened
 from palpate.redaction import redact
+from palpate.trace import topics
 from palpate.trace.recording import Conversion, Hand, LeafRun, Recording
 from palpate.trace.ros2 import definition
 from palpate.trace.samples import COLUMNS, Samples, Trace
-from palpate.trace.topics import Message, messages, nanosecond, samples_of
+from palpate.trace.topics import messages, nanosecond, samples_of
 
 if TYPE_CHECKING:
-    from mcap.records import Chunk, McapRecord
+    from mcap.records import Channel, Chunk, McapRecord, Message, Schema
     from pydantic import ConfigDict, TypeAdapter
 
 METADATA = "palpate.trace"
@@ -79,7 +80,7 @@ def dumped(record: Record) -> str:
     return redact(record_json().dump_json(record).decode())
 
 
-def write_mcap(path: Path, trace: Trace, shown: Sequence[Message] = ()) -> None:
+def write_mcap(path: Path, trace: Trace, shown: Sequence[topics.Message] = ()) -> None:
     """Write `trace` to `path`, in zstd-compressed chunks, with the further messages `shown`."""
     from mcap.writer import Writer
 
@@ -283,21 +284,47 @@ def records(file: IO[bytes], finished: bool = True) -> Iterator[McapRecord]:
         yield from breakup_chunk(replace(record, compression="", data=data), validate_crc=finished)
 
 
+def stored_messages(file: IO[bytes]) -> Iterator[tuple[Schema | None, Channel, Message]]:
+    """Iterate over the messages of a complete file, anybody's, each with its channel and its schema.
+
+    Raises:
+        ValueError: as `records`.
+    """
+    from mcap.records import Channel, Message, Schema
+
+    schemas: dict[int, Schema] = {}
+    channels: dict[int, Channel] = {}
+    for record in records(file):
+        if isinstance(record, Schema):
+            schemas[record.id] = record
+        elif isinstance(record, Channel):
+            channels[record.id] = record
+        elif isinstance(record, Message):
+            channel = channels[record.channel_id]
+            yield schemas.get(channel.schema_id), channel, record
+
+
 def unpacked(chunk: Chunk, most: int) -> bytes:
     """Unpack the content of a chunk.
 
     Raises:
-        ValueError: it has more than `most` bytes, or another compression than zstd.
+        ValueError: it has more than `most` bytes, or another compression than zstd or lz4.
     """
+    import lz4.frame
     import zstandard
 
-    if chunk.compression == "":
-        return chunk.data
-    if chunk.compression != "zstd":
-        raise ValueError(f"its chunks are packed with '{chunk.compression[:20]}' instead of zstd")
-    unpacker = zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK)
-    with unpacker.stream_reader(chunk.data) as stream:
-        data = stream.read(most + 1)  # one byte more than allowed shows an excess
+    # One byte more than allowed shows an excess.
+    match chunk.compression:
+        case "":
+            return chunk.data
+        case "zstd":
+            unpacker = zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK)
+            with unpacker.stream_reader(chunk.data) as stream:
+                data = stream.read(most + 1)
+        case "lz4":
+            data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=most + 1)
+        case other:
+            raise ValueError(f"its chunks are packed with '{other[:20]}' instead of zstd or lz4")
     if len(data) > most:
         raise ValueError("it unpacks to more than recorded signals do")
     return data

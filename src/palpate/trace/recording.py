@@ -10,6 +10,8 @@ Triple = tuple[float, float, float]
 
 ABOVE = " + z_offset"
 """Suffix of a pose expression above another."""
+RECORDED = "Recording"
+"""Primitive of the conversions of a recording that another program made."""
 GRASPS = ("_pose", "_balance")
 """Endings of the names of poses at which an object is held as it is usually."""
 
@@ -25,7 +27,8 @@ class Context:
             `swinging` (a sinusoidal rotation).
         at: pose expression last reached.
         holding: object between the fingers, if any.
-        grasp: pose expression at which it was grasped.
+        grasp: pose expression at which it was grasped; of a recording by another program, numbers: position (m)
+            and quaternion wxyz of the object in the hand.
         support: surface touched or slid upon, if any.
     """
 

@@ -91,7 +91,8 @@ class MoveUntilContact(Primitive):
     rigid is touched; the arm then stays in contact. A soft cover is pressed through to what is rigid
     beneath.
 
-    Probe a surface's height with `-z` from its approach pose: a picture is never trusted for heights."""
+    Probe a surface's height with `-z` from its approach pose, then rise straight up to there: a picture
+    tells no height, and a cloth hides it."""
 
     claims: ClassVar = ARM
     group: ClassVar = "motion"

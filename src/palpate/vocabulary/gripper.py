@@ -135,9 +135,11 @@ class CloseGripper(Primitive):
         believed, doubt = _believed_width(blackboard.state)
         if met < believed - NARROWER - doubt or met > believed + WIDER + doubt:
             yield from _open(blackboard)
+            share = met / believed - 1.0
             raise LeafFailure(
                 f"the fingers met something at {1e3 * met:.1f} mm where {1e3 * believed:.1f} mm was "
-                "believed: the object is not where it is believed, look again"
+                f"believed, {100 * share:+.0f} %: the object is not where it is believed, look again"
+                f"{_pictured(blackboard.state)}"
             )
         width = yield from self._close(blackboard, None)
         if met - width > YIELDS:
@@ -145,6 +147,7 @@ class CloseGripper(Primitive):
             raise LeafFailure(
                 f"what the fingers met at {1e3 * met:.1f} mm gave way to {1e3 * width:.1f} mm as they "
                 "took hold: the object is not where it is believed, look again"
+                f"{_pictured(blackboard.state)}"
             )
         blackboard.load = replace(blackboard.load, width=width)
         return f"grasped at {1e3 * width:.1f} mm"
@@ -158,8 +161,24 @@ class CloseGripper(Primitive):
         while robot.state.t - start < GRIP_SETTLE:
             yield
         if not robot.state.gripping:
-            raise LeafFailure("the fingers met no resistance: nothing is between them")
+            raise LeafFailure(
+                "the fingers met no resistance: nothing is between them"
+                f"{_pictured(blackboard.state)}"
+            )
         return robot.state.width
+
+
+def _pictured(state: SymbolicState) -> str:
+    """Advice where the object at the fingers was seen in a picture; else empty."""
+    body = state.object_at(state.pose_world_tcp)
+    if body is None or not body.seen:
+        return ""
+    wide, deep, high = 1e3 * body.size
+    x, y, _ = state.pose_of(body.name).position
+    return (
+        f"; by the picture '{body.name}' is {wide:.0f} x {deep:.0f} x {high:.0f} mm and stands at "
+        f"({x:.3f}, {y:.3f}) m: take a picture anew, or state its pose in poses.yaml"
+    )
 
 
 class FoldFingers(Primitive):

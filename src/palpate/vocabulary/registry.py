@@ -52,8 +52,8 @@ COMPOSITES: dict[str, Composite] = {
         Composite(
             "Parallel",
             "/_/",
-            "Runs all its children at once and succeeds when all have; the first failure stops them all. There is one "
-            "arm and one gripper: at most one child may move the arm, at most one the gripper; the others only sense.",
+            "Runs all its children at once and succeeds when all have; the first failure stops them all. One child "
+            "may move the arm and one the gripper; others sense.",
             {"tag": "Parallel", "success_count": "-1", "failure_count": "1"},
         ),
     )
@@ -207,7 +207,11 @@ def plan_schema(vocabulary: Vocabulary) -> dict[str, Any]:
         "type": "object",
         "required": ["object", "quantity"],
         "additionalProperties": False,
-        "properties": {"object": {"type": "string"}, "quantity": {"type": "string"}},
+        "properties": {
+            "object": {"type": "string"},
+            "quantity": {"type": "string"},
+            "again": {"type": "boolean"},
+        },
     }
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

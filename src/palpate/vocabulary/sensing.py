@@ -138,18 +138,14 @@ class Force2Mass(_Conversion):
 
 
 class Force2Velocity(_Conversion):
-    """Convert `gripper_forces` logged beside a motion into the velocity of the gripper.
-
-    Irrelevant for anything static."""
+    """Convert `gripper_forces` logged beside a motion into the velocity of the gripper."""
 
     reads: ClassVar[str | None] = FORCES
     measures: ClassVar[type[Quantity] | None] = Velocity
 
 
 class Force2Momentum(_Conversion):
-    """Convert `gripper_forces` logged beside a motion into the momentum of the held object.
-
-    Irrelevant for anything static."""
+    """Convert `gripper_forces` logged beside a motion into the momentum of the held object."""
 
     reads: ClassVar[str | None] = FORCES
     measures: ClassVar[type[Quantity] | None] = Momentum

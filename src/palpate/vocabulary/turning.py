@@ -174,9 +174,7 @@ class Tilt(_Turning):
 
     about: Annotated[
         Literal["x", "y"],
-        Field(
-            description="axis of the tool to turn about; y is the direction in which the fingers close"
-        ),
+        Field(description="axis of the gripper to turn about; its fingers close along y"),
     ] = "y"
     degrees: Annotated[float, Field(ge=5.0, le=45.0, description="how far, each way")] = 35.0
 
@@ -226,7 +224,7 @@ class Turn(_Turning):
 
     degrees: Annotated[
         float,
-        Field(ge=-150.0, le=150.0, description="counterclockwise"),
+        Field(ge=-150.0, le=150.0, description="counterclockwise, seen from above"),
     ] = 90.0
 
     def turns(self, state: SymbolicState) -> list[Array]:

@@ -7,7 +7,7 @@ import pytest
 
 from bench.faults.hidden import LIGHT_THING, MOST, POST, wrong_world
 from bench.faults.nasty import small_scene
-from bench.harm.touch import CAUTIOUS, CAUTIOUS_RIGID, SHOWN, UNSEEN
+from palpate.execution.harm.touch import CAUTIOUS, CAUTIOUS_RIGID, SHOWN, UNSEEN
 
 
 @pytest.mark.parametrize(

@@ -12,10 +12,10 @@ from bench.campaign.ledger import judged
 from bench.faults import runtime
 from bench.faults.faulty import FaultyRobot
 from bench.faults.kinds import FAULTS, OBJECT, Fault
-from bench.harm.harm import Fate, Harm
 from palpate import pipeline
 from palpate.cells.simulated import simulated_cell
 from palpate.errors import ExecutionAborted
+from palpate.execution.harm.harm import Fate, Harm
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.scenarios.catalogue import scenario
 from palpate.scene.load import load_scene

@@ -8,11 +8,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from bench.harm.harm import Harm, harm
-from bench.harm.probe import named, probed_run
-from bench.harm.touch import CAUTIOUS, UNSEEN
-from bench.harm.witness import Witness
+from bench.harm.probe import probed_run
 from palpate import pipeline
+from palpate.execution.harm.harm import Harm, harm
+from palpate.execution.harm.touch import CAUTIOUS, UNSEEN
+from palpate.execution.harm.witness import Witness
+from palpate.execution.rehearsal import named_objects
 from palpate.planning.plan import Node, Plan
 from palpate.scenarios.catalogue import scenario
 
@@ -254,6 +255,6 @@ def test_a_plan_names_what_it_measures_and_where_it_goes() -> None:
     scene = pipeline.load(settings)
     assert scene is not None
     go = Node("MovePose", (("pose", "green_bottle_pose + z_offset"),))
-    assert named(Plan((), go, ""), scene) == {"green_bottle"}
+    assert named_objects(Plan((), go, ""), scene) == {"green_bottle"}
     nowhere = Node("MovePose", (("pose", "nowhere + z_offset"),))
-    assert named(Plan((), nowhere, ""), scene) == set()
+    assert named_objects(Plan((), nowhere, ""), scene) == set()

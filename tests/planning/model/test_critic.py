@@ -14,9 +14,12 @@ from palpate.errors import InputError, Unavailable
 from palpate.planning.model import session as session_module
 from palpate.planning.model.critic import LONGEST_OBJECTION, read_objection
 from palpate.planning.model.planner import VlmPlanner
+from palpate.planning.model.prompt.compose import ORDER
 from palpate.planning.model.settings import Budget, ModelSettings
 from palpate.planning.plan import Plan, dump_plan
 from palpate.planning.recorded import ReplayPlanner
+from palpate.quantities.catalogue import catalogue
+from palpate.quantities.purposes import PURPOSES
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
 
@@ -135,3 +138,26 @@ def test_an_unknown_critic_or_one_without_a_key_is_refused_before_anything_is_se
 
 def test_an_objection_is_of_bounded_length() -> None:
     assert len(read_objection(json.dumps({"objection": "x" * 10_000}))) == LONGEST_OBJECTION
+
+
+def test_a_refusal_that_the_critic_demands_is_not_questioned(scene: Scene) -> None:
+    refusal = {"outcome": "cannot", "parameters": [], "explanation": "It is glued.", "tree": None}
+    with by_model(Says(OBJECTION), GOOD, json.dumps(refusal)) as server:
+        planner, plan = asked(server, scene)
+    assert plan.outcome == "cannot"
+    assert len(server.requests) == 3
+    assert planner.conversation is not None
+    assert planner.conversation.summary()["model"]["questions"] == []
+
+
+def test_the_critic_is_told_quantities_and_purposes_and_not_asked_for_a_plan(scene: Scene) -> None:
+    with by_model(Says('{"objection": null}'), GOOD) as server:
+        asked(server, scene)
+    writer, reader = server.requests
+    assert ORDER in writer.user
+    assert ORDER not in reader.user
+    for quantity in catalogue().values():
+        assert f"\n- {quantity.id}" in reader.system
+    for purpose in PURPOSES:
+        assert str(purpose) in reader.system
+    assert "{{" not in reader.system

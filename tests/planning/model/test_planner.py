@@ -330,14 +330,56 @@ def test_the_model_decides_the_parameters_of_a_request(scene: Scene) -> None:
             assert asked.plan(request, open_scene).tree is not None
 
 
+REFUSAL = json.dumps(
+    {"outcome": "cannot", "parameters": [], "explanation": "It is glued.", "tree": None}
+)
+
+
 def test_a_refusal_of_what_can_be_measured_is_asked_about_once(scene: Scene) -> None:
-    refusal = {"outcome": "cannot", "parameters": [], "explanation": "It is glued.", "tree": None}
-    with Loopback(Says(json.dumps(refusal))) as server:
+    with Loopback(Says(REFUSAL)) as server:
         asked = planner(server, rounds=2)
         plan = asked.plan(REQUEST, scene)
         assert (plan.tree, plan.outcome) == (None, "cannot")
         assert len(server.requests) == 2
-        assert "cup.mass" in asked.conversation.rounds[0].findings[0]
+        assert "cup.mass" in asked.conversation.rounds[0].question
+        assert "either answer may be right" in server.requests[1].user
+        assert "if not, keep your answer" in server.requests[1].user
+    figures = asked.conversation.summary()["model"]
+    assert figures["valid_first"] is True
+    assert figures["questions"] == [asked.conversation.rounds[0].question]
+
+
+def test_a_refusal_that_is_taken_back_was_not_right_at_first(scene: Scene, tmp_path: Path) -> None:
+    with Loopback(Says(REFUSAL), Says(GOOD)) as server:
+        asked = planner(server)
+        assert asked.plan(REQUEST, scene).tree is not None
+    assert asked.conversation.summary()["model"]["valid_first"] is False
+    (tmp_path / "c.json").write_text(asked.conversation.dump())
+    assert ReplayPlanner(tmp_path / "c.json").plan(REQUEST, scene).tree is not None
+
+
+def test_a_refusal_stands_where_the_tree_after_its_question_fails(scene: Scene) -> None:
+    with Loopback(Says(REFUSAL), Says(BAD["unreachable pose"][0])) as server:
+        plan = planner(server, rounds=1).plan(REQUEST, scene)
+    assert (plan.tree, plan.outcome) == (None, "cannot")
+
+
+def test_without_feedback_nothing_is_asked(scene: Scene) -> None:
+    with Loopback(Says(REFUSAL)) as server:
+        planner(server, rounds=0).plan(REQUEST, scene)
+    assert len(server.requests) == 1
+
+
+def test_a_parameter_that_the_request_names_and_the_plan_lacks_is_asked_about_once() -> None:
+    open_scene = parse_scene(SCENE.replace('"0.5 0 0.10"', '"0.5 0 ?"'))
+    request = "What does the cup weigh, and how high is the shelf?"
+    with Loopback(Says(GOOD)) as server:
+        asked = planner(server)
+        plan = asked.plan(request, open_scene)
+    assert plan.parameters == (Parameter("cup", "mass"),)
+    assert len(server.requests) == 2
+    assert "shelf.height, too, which Φ lacks" in server.requests[1].user
+    assert asked.conversation.summary()["model"]["valid_first"] is True
 
 
 def test_a_model_may_say_that_nothing_is_missing(scene: Scene) -> None:
@@ -377,3 +419,87 @@ def test_bad_options_are_found_before_anything_is_sent(scene: Scene, tmp_path: P
             with pytest.raises(InputError):
                 planner(server, **changes).plan(REQUEST, scene, images)
         assert server.requests == []
+
+
+AGAIN = "Measure the brick's mass again, please: I do not believe the 400 g."
+
+
+def anew(**marked: object) -> str:
+    document = json.loads(answer(*weighing("brick"), parameters=("brick.mass",)))
+    document["parameters"][0] |= marked
+    return json.dumps(document)
+
+
+@pytest.mark.parametrize("native", [False, True])
+def test_what_the_request_doubts_is_measured_again_without_a_finding(
+    scene: Scene, native: bool
+) -> None:
+    text = anew(again=True)
+    if native:
+        document = json.loads(text)
+        document["nodes"] = flat_nodes(document.pop("tree"))
+        text = json.dumps(document)
+    with Loopback(Says(text)) as server:
+        asked = planner(server, native=native)
+        plan = asked.plan(AGAIN, scene)
+        assert '"again": true' in server.requests[0].system
+    assert len(server.requests) == 1
+    assert plan.again == plan.parameters == (Parameter("brick", "mass"),)
+    assert any("stated by the scene (0.4 kg), and measured again" in note for note in plan.notes)
+    assert parse_plan(dump_plan(plan)) == plan
+    assert check(plan, scene) == ()
+
+
+def flat_nodes(tree: dict) -> list[dict]:
+    nodes: list[dict] = []
+
+    def add(node: dict) -> int:
+        own = {"id": len(nodes), **{k: v for k, v in node.items() if k != "children"}}
+        nodes.append(own)
+        own["children"] = [add(child) for child in node.get("children", [])]
+        return own["id"]
+
+    add(tree)
+    return nodes
+
+
+def test_a_stated_parameter_without_the_mark_is_asked_for_it(scene: Scene) -> None:
+    with Loopback(Says(anew()), Says(anew(again=True))) as server:
+        planner(server).plan(AGAIN, scene)
+        assert 'or mark it "again": true if R wants it anew' in server.requests[1].user
+
+
+@pytest.mark.parametrize("mark", ["yes", 1, ["x"]])
+def test_the_mark_is_true_or_false(scene: Scene, mark: object) -> None:
+    _, findings = VlmPlanner("openai").judge(anew(again=mark), scene, AGAIN)
+    assert "parameters[0].again must be true or false" in findings[0]
+
+
+def test_without_a_request_nothing_is_measured_again(scene: Scene) -> None:
+    _, findings = VlmPlanner("openai").judge(anew(again=True), scene, None)
+    assert any("brick.mass is not requested" in finding for finding in findings)
+
+
+KNOWN = json.dumps(
+    {"outcome": "nothing_missing", "parameters": [], "explanation": "D has it.", "tree": None}
+)
+
+
+def test_to_remeasure_is_said_in_the_prompt_and_the_question(scene: Scene) -> None:
+    with Loopback(Says(KNOWN), Says(anew())) as server:
+        asked = planner(server)
+        asked.remeasure = True
+        plan = asked.plan("What does the brick weigh?", scene)
+        first, second = server.requests
+    assert "also what D states" in first.user
+    assert "it is to be measured though D states it" in second.user
+    assert "leaves" not in second.user
+    assert plan.parameters == (Parameter("brick", "mass"),)
+
+
+def test_an_honest_nothing_missing_is_not_questioned(scene: Scene) -> None:
+    with Loopback(Says(KNOWN)) as server:
+        plan = planner(server).plan("What does the brick weigh?", scene)
+        assert "measured anew" not in server.requests[0].user
+    assert plan.satisfied
+    assert len(server.requests) == 1

@@ -74,6 +74,8 @@ REPAIRED: dict[str, str] = {
     "unknown fields beside": changed(confidence=0.9, reasoning={"step": 1}),
     "numbers as text in the flat form": with_nodes(),
     "unicode in words": changed(explanation="Die Tasse wiegt … 咖啡 ☕ ‰"),
+    "a primitive in another case": GOOD.replace("MeasureForces", "measure_forces"),
+    "arguments in an object": GOOD.replace('"pose": "cup_pose"', '"args": {"pose": "cup_pose"}', 1),
     "a draft before": f"{changed(tree=None)}\nBetter:\n{GOOD}",
 }
 
@@ -89,16 +91,7 @@ def test_an_unambiguous_deviation_is_repaired(kind: str, scene: Scene) -> None:
 FOUND: dict[str, tuple[str, str]] = {
     "cut short": (GOOD[: len(GOOD) // 2], "breaks off"),
     "cut short in a fence": (f"```json\n{PRETTY[:-200]}\n```", "is not valid"),
-    "single quotes": (str(PLAN), "double quotes"),
     "typographic quotes": (GOOD.replace('"', "“"), "double quotes"),
-    "a primitive in another case": (
-        GOOD.replace("MeasureForces", "measure_forces"),
-        "MeasureForces",
-    ),
-    "arguments in an object": (
-        GOOD.replace('"pose": "cup_pose"', '"args": {"pose": "cup_pose"}', 1),
-        "written beside 'type'",
-    ),
     "a number as text where none is": (
         GOOD.replace('"pose": "cup_pose"', '"pose": "cup_pose", "speed": "fast"', 1),
         "MovePose: 'speed'",
@@ -142,6 +135,10 @@ def test_an_ambiguous_deviation_is_a_finding(kind: str, scene: Scene) -> None:
         ", " * 450_000 + "}",
         "{" + " " * 900_000,
         '"\\' * 400_000,
+        '{"' + '\\"' * 49_000,
+        '{"tree": "' + '\\"' * 400_000,
+        "{'" + "\\'" * 49_000,
+        "{'tree':" * 12_000,
     ],
     ids=lambda text: text[:12],
 )

@@ -50,7 +50,7 @@ def ran(name: str, bench: Served) -> Wired:
     assert asked.scene is not None
     scene = pp.load(asked.scene, poses=asked.poses)
     cell: Any = Looked(drivers().connect(f"franky://{bench.address}", scene))
-    run = scene.plan(asked.request).run(cell, rehearse=False)
+    run = scene.plan(asked.request).run(cell)
     return Wired(run, bench, cell.robots[-1])
 
 

@@ -52,6 +52,58 @@ def calibrate(
     show_calibration(done, as_json)
 
 
+def dynamics(
+    recording: Annotated[
+        Path, typer.Argument(metavar="LOG", help="Recording of the arm in free motion.")
+    ],
+    *,
+    given: Annotated[Given, settings("arm")],
+    hand: Annotated[
+        str,
+        typer.Option(
+            "--hand", metavar="found|KG", help="Mass on the flange: to be found, or known; 0: bare."
+        ),
+    ] = "found",
+    columns: Annotated[
+        Path | None, typer.Option("--columns", help="YAML that maps the log's columns.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="FILE", help="MJCF of the arm to write.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Identify an arm's joint friction, links and hand from a recording of its motion."""
+    import palpate as pp
+    from palpate.cli.show.dynamics import mass_of, show_dynamics
+
+    found = pp.dynamics(recording, given["arm"], hand=mass_of(hand), columns=columns)
+    written = found.save(out) if out is not None else ()
+    show_dynamics(found, written, as_json)
+
+
+def noise(
+    recording: Annotated[
+        Path, typer.Argument(metavar="LOG", help="Recording of the arm in free motion: a minute.")
+    ],
+    *,
+    given: Annotated[Given, settings("arm")],
+    columns: Annotated[
+        Path | None, typer.Option("--columns", help="YAML that maps the log's columns.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="FILE", help="Noise model to write, for --noise."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Measure the noise of an arm in a recording, beside the noise models."""
+    import palpate as pp
+    from palpate.cli.show.noise import show_noise
+
+    found = pp.noise(recording, given["arm"], columns=columns)
+    show_noise(found, None if out is None else found.save(out), as_json)
+
+
 def teach(
     scene: SceneFile,
     *,

@@ -43,7 +43,7 @@ def plan(
 def prompt(
     scene: SceneArgument = None,
     *,
-    given: Annotated[Given, settings(*ASKED, f"{MODEL}.prompt", f"{MODEL}.without")],
+    given: Annotated[Given, settings(*ASKED, "remeasure", f"{MODEL}.prompt", f"{MODEL}.without")],
     as_json: AsJson = False,
 ) -> None:
     """Print the prompt for a model, to read it or to paste it into a chat."""

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli.options import AsJson, EstimatorNames, RunFolder, by_quantity
+from palpate.cli.options import AsJson, RunFolder
 from palpate.interrupt import interrupts
 
 
@@ -27,18 +27,6 @@ def report(
         with live_view() as (_, say):
             done = finish(folder, say, film)
         raise typer.Exit(show_ended(done, as_json))
-
-
-def estimate(
-    folder: RunFolder, *, estimator: EstimatorNames = None, as_json: AsJson = False
-) -> None:
-    """Estimate again from a stored trace; nothing moves, and the run folder is not changed."""
-    import palpate as pp
-    from palpate.cli.show.run import show_run
-
-    found = pp.open(folder).estimate(by_quantity("estimator", estimator or ()))
-    show_run(found, as_json)
-    raise typer.Exit(0 if all(one.identified for one in found.estimates) else 1)
 
 
 def fuse(

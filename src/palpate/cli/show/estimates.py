@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from palpate.cli.console import escape, out
 from palpate.cli.show.layout import Column, print_rows
-from palpate.runs.figures import axes_of, figures
+from palpate.runs.figures import figures
 
 if TYPE_CHECKING:
     from palpate.estimation.estimate import Estimate
@@ -22,7 +22,7 @@ COLUMNS = (
 STYLES = {"identified": "green", "prior-dominated": "yellow"}
 """Colours of verdicts; all others are red."""
 
-UNSEEN = "no recording observes it; value and interval are those of the prior"
+UNSEEN = "the recordings hardly observe it; it does not count as measured"
 
 
 def show_estimates(
@@ -51,9 +51,10 @@ def show_objection(estimate: Estimate) -> None:
     elif not estimate.has_value:
         out.prose(f"[bold red]not identified[/] {name}: {escape(estimate.method)}")
     elif estimate.identified and estimate.unseen:
-        axes = axes_of(len(estimate.values))
-        parts = " and ".join(axes[place] for place in estimate.unseen)
-        out.prose(f"[yellow]prior-dominated[/] {name} {parts}: {UNSEEN}")
+        parts = " and ".join(estimate.unseen_axes)
+        out.prose(
+            f"[yellow]prior-dominated[/] {name} {parts}: {UNSEEN}, and as a whole it is not identified"
+        )
 
 
 def estimate_rows(estimate: Estimate) -> list[list[str]]:

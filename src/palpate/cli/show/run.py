@@ -215,11 +215,19 @@ def show_run(run: Run, as_json: bool, values_shown: bool = False) -> None:
     if run.status == "rejected":
         _show_rejection(run)
     elif run.execution is None:
-        out.print("[bold green]nothing is missing[/]")
+        _show_satisfied(run)
     elif not values_shown:
         _show_values(run)
     show_notes(run.plan, out)
     _show_files(run)
+
+
+def _show_satisfied(run: Run) -> None:
+    """Print that nothing is missing, and the explanation less what the notes repeat."""
+    explanation = run.plan.explanation
+    for note in (*run.plan.notes, "Nothing is missing."):
+        explanation = explanation.replace(note, "")
+    out.print("[bold green]nothing is missing[/]", escape(explanation.strip()))
 
 
 def _show_values(run: Run) -> None:
@@ -318,8 +326,10 @@ def _show_world(run: Run) -> None:
 def _show_files(run: Run) -> None:
     from palpate.tools import pictures
 
+    if run.folder is None:  # of estimates in memory
+        return
     out.print(f"[dim]run folder[/]  {run.folder}", soft_wrap=True)
-    if run.folder and (run.folder / "report.html").exists():
+    if (run.folder / "report.html").exists():
         out.print(f"[dim]report[/]      {run.folder / 'report.html'}", soft_wrap=True)
     possible, remedy = pictures()
     if not possible:

@@ -41,6 +41,19 @@ def show_report(folder: Path) -> None:
         say("no browser was found here: open the file above in one")
 
 
+def show_how(arm: str, out_file: Path | None) -> None:
+    """Write a motion that excites a load, and print what to record with it.
+
+    Raises:
+        InputError: there is no such arm, or the file exists or cannot be written.
+    """
+    from palpate.tools import write_excitation
+
+    file = out_file or Path(f"excitation-{Path(arm).name}.csv")
+    for line in write_excitation(arm, file):
+        out.prose(escape(line))
+
+
 def show_fusion(fusion: Fusion, as_json: bool) -> None:
     """Print the estimates of each run, and the fused ones."""
     from palpate.runs.fuse import fusion_json

@@ -6,8 +6,8 @@ zeros, gains and friction of the joints show in all free motion around the drags
 Fitted together, the whole sliding force counts. In each block of a drag the other forces of the support are
 unknown: the normal force with its friction, a sideways force, and moments.
 
-The result depends on the model of the arm. Residuals beyond the noise widen it (the Birge ratio: R. T. Birge,
-Physical Review 40, 1932).
+The result depends on the model of the arm. What that leaves is a coloured residual, learned from the recording
+(`estimation.coloured`).
 """
 
 from __future__ import annotations
@@ -35,19 +35,18 @@ from palpate.estimation.friction.columns import (
 from palpate.estimation.friction.drags import Drag
 from palpate.estimation.load.blocks import UP, Blocks, Rows, blocks, free_rows
 from palpate.estimation.load.causes import (
-    GAIN,
-    LINK,
-    Cause,
-    hyperpriors,
-    named,
+    by_signal,
+    cause,
+    free_noise,
     of_arm,
     of_load,
-    sizes,
-    whitened,
+    of_turning,
+    scales,
+    with_residual,
 )
-from palpate.estimation.load.equations import Model, ScaleHyperprior
 from palpate.estimation.load.observation import WrenchObservation
 from palpate.estimation.motion import row_at
+from palpate.estimation.regression import Cause, Projected, Scale, fit
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Trace
 
@@ -68,21 +67,18 @@ class Whole:
     Attributes:
         friction, std: the coefficient, and its standard deviation.
         shared: errors in common with measurements with that arm, or of that object.
-        misfit: mean square of the residuals, in units of the noise: the larger of free motion and drags.
         stepped: N m, change of the sensors' zeros after the drags, root mean square.
     """
 
     friction: float
     std: float
     shared: tuple[Shared, ...]
-    misfit: float
     stepped: float
 
     @property
     def explains(self) -> bool:
-        """The residuals of the model of the arm are no more than the noise, and its zeros are the same before
-        and after the drags."""
-        return self.misfit < tuning.SLID_MISFIT and self.stepped < tuning.STEP
+        """Zeros of the sensors are the same before and after the drags."""
+        return self.stepped < tuning.STEP
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,29 +121,33 @@ def fit_whole(
     pull = seen.pull + slides * (UP + along)
     load = list(of_load(seen, pull))
     rubs = pressed.normal[:, None] * (about * pressed.way - slides * UP)
-    borne = force * load[0].torque + seen.torques(rubs)
-    scene = list(of_scene(seen, pressed, about))
-    scene += of_steps(seen, len(free))
-    causes = [*scene, *load, *of_arm(trace, observed, seen, force * pull[:, 2], borne)]
-    support = list(_of_support(seen, pressed, about))
-    design, y = whitened([*causes, *support], seen, drags[0].hanging.noise)
-    known, anything = np.split(design, [len(causes)], axis=1)
-    # Unknowns without a prior are projected out of all rows (Frisch and Waugh, Econometrica 1, 1933).
-    basis = np.linalg.qr(anything)[0]
-    known = known - basis @ (basis.T @ known)
-    y = y - basis @ (basis.T @ y)
-    freedom = drags[0].hanging.noise.freedom
-    model = Model(known, y, sizes(causes), freedom, (*hyperpriors(causes), *_hyperpriors(causes)))
-    count = named(causes, UNEVEN).stop
-    misfit = mean_square_misfit(model, len(seen.t), len(free), len(support))
-    louder = max(1.0, misfit) ** 0.5
-    mean, covariance = replace(model, design=known / louder, y=y / louder).solve(count)
-    stepped = float(np.sqrt(np.mean(mean[named(causes, STEP)] ** 2)))
-    off = float(np.max(mean[1:count] ** 2 + np.diag(covariance)[1:])) ** 0.5 * about
-    variance = float(covariance[0, 0]) + off**2
-    uneven = Shared("unevenness of the friction", "scene", (off,))
-    shared = (*_shared(causes, -covariance[0] / model.prior), uneven)
-    return Whole(about + float(mean[0]), float(np.sqrt(variance)), shared, misfit, stepped)
+    borne = force * load[0].columns[:, 0] + by_signal(seen.torques(rubs))
+    scene = [*of_scene(seen, pressed, about), of_steps(seen, len(free))]
+    causes = [
+        *scene,
+        *load,
+        of_turning(seen),
+        *of_arm(trace, observed, seen, force * pull[:, 2], borne),
+    ]
+    # Forces of the support have no prior.
+    support = np.column_stack([by_signal(one) for one in _of_support(seen, pressed, about)])
+    sensors, y = free_noise(seen, drags[0].hanging.noise), by_signal(seen.observed)
+    pressing = Cause("support", support, np.full(int(support.shape[1]), np.inf))
+    noise = Projected.of(with_residual([*causes, pressing], sensors, seen), support)
+    found = fit(causes, noise, y, [*scales(causes), *_SCALES])
+    (more,), ((variance,),) = found["friction"]
+    steps, _ = found[STEP]
+    uneven, doubt = found[UNEVEN]
+    off = float(np.max(uneven**2 + np.diag(doubt))) ** 0.5 * about
+    return Whole(
+        friction=about + float(more),
+        std=float(np.sqrt(variance + off**2)),
+        shared=(
+            *found.shared("friction"),
+            Shared("unevenness of the friction", "scene", (off,)),
+        ),
+        stepped=float(np.sqrt(np.mean(steps**2))),
+    )
 
 
 def _pressed(drags: Sequence[Drag], free: int) -> _Pressed:
@@ -164,46 +164,39 @@ def _pressed(drags: Sequence[Drag], free: int) -> _Pressed:
 
 def of_scene(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Cause]:
     """Causes along a drag: first friction beyond `about`; its variation, in parts of `about`; other forces."""
-    kinds = (
-        ("friction", slice(MU, MU + 1), tuning.FRICTION_PRIOR),
-        (UNEVEN, slice(AXES.start, SPEED.stop), 1.0),
-        (LEAN, WAYS, tuning.LEAN),
-        (HOLDS, HELD, tuning.HELD),
-        (PULLS, SPRING, tuning.PULL),
-    )
     assert AXES.stop == PLACES.start
     assert PLACES.stop == SPEED.start
-    for name, which, size in kinds:
+    for name, which, prior, of in (
+        ("friction", slice(MU, MU + 1), tuning.FRICTION_PRIOR, None),
+        (UNEVEN, slice(AXES.start, SPEED.stop), 1.0, None),
+        (LEAN, WAYS, tuning.LEAN, "scene"),
+        (HOLDS, HELD, tuning.HELD, "scene"),
+        (PULLS, SPRING, tuning.PULL, "scene"),
+    ):
         unit = about if name == UNEVEN else 1.0
-        for i, along in enumerate(pressed.support[:, which].T, start=1):
-            torque = seen.torques(unit * along[:, None] * pressed.way)
-            yield Cause(f"{name} {i}", torque, size)
+        along = unit * pressed.support[:, which].T
+        columns = [seen.torques(one[:, None] * pressed.way) for one in along]
+        yield replace(cause(name, columns, prior), of=of)
 
 
-def of_steps(seen: Blocks, free: int) -> Iterator[Cause]:
+def of_steps(seen: Blocks, free: int) -> Cause:
     """Changes of the sensors' zeros after the drags."""
     after = (seen.t > seen.t[free:].mean())[:, None]
-    for joint in np.eye(seen.observed.shape[1]):
-        yield Cause(STEP, after * joint, tuning.STEP)
+    return cause(STEP, [after * joint for joint in np.eye(seen.observed.shape[1])], tuning.STEP)
 
 
-def _hyperpriors(causes: Sequence[Cause]) -> tuple[ScaleHyperprior, ...]:
-    """Prior scales of the scene's causes that are learned from the recording."""
-    uneven = ScaleHyperprior(named(causes, UNEVEN), tuning.UNEVEN, tuning.LIKELY_UNEVEN)
-    holds = ScaleHyperprior(named(causes, HOLDS), tuning.HOLDING_MORE, tuning.LIKELY_HOLDING)
-    lean = ScaleHyperprior(named(causes, LEAN), tuning.LEANING, tuning.LIKELY_LEANING)
-    pulls = ScaleHyperprior(named(causes, PULLS), (0.0, 1.0), tuning.LIKELY_PULL)
-    return (
-        uneven,
-        holds,
-        lean,
-        pulls,
-        ScaleHyperprior(named(causes, STEP), (0.0, 1.0), tuning.LIKELY_STEP),
-    )
+_SCALES = (
+    Scale((UNEVEN,), tuning.UNEVEN, tuning.LIKELY_UNEVEN),
+    Scale((HOLDS,), tuning.HOLDING_MORE, tuning.LIKELY_HOLDING),
+    Scale((LEAN,), tuning.LEANING, tuning.LIKELY_LEANING),
+    Scale((PULLS,), (0.0, 1.0), tuning.LIKELY_PULL),
+    Scale((STEP,), (0.0, 1.0), tuning.LIKELY_STEP),
+)
+"""Prior scales of the scene's causes that are learned from the recording."""
 
 
-def _of_support(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Cause]:
-    """Forces of the support in each block of a drag, of unknown size."""
+def _of_support(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Array]:
+    """(k, m) N m of each unit force of the support, in one block of a drag."""
     for block in np.flatnonzero(pressed.slides).tolist():
         maps, way = seen.maps[block], pressed.way[block]
         sideways = np.cross(UP, way)
@@ -211,35 +204,4 @@ def _of_support(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Cause
         for torque in (*forces.T, *maps[:, 3:].T):
             alone = np.zeros_like(seen.observed)
             alone[block] = torque
-            yield Cause("support", alone, 1.0)
-
-
-def mean_square_misfit(model: Model, count: int, free: int, taken: int) -> float:
-    """Mean square of the residuals of `count` blocks, the first of which are `free`; `taken` unknowns were
-    projected out of the drags. Correlated neighbours count as one."""
-    mean, _ = model.solve(1)
-    left: Array = (model.y - model.design @ mean).reshape(-1, count)
-    share = 1.0 - taken / left[:, free:].size
-    return max(mean_square_of_sums(left[:, :free]), mean_square_of_sums(left[:, free:]) / share)
-
-
-def mean_square_of_sums(left: Array) -> float:
-    """Mean square of the sums of neighbours of (m, k), over their number."""
-    size = min(round(tuning.CORRELATED_BLOCKS), left.shape[1])
-    whole = left[:, : left.shape[1] // size * size].reshape(len(left), -1, size)
-    sums: Array = whole.sum(axis=2)
-    return float(np.mean(sums**2)) / size
-
-
-def _shared(causes: Sequence[Cause], effects: Array) -> Iterator[Shared]:
-    """Effects of one standard deviation of the causes that are shared with other runs."""
-    gains = 0
-    for cause, effect in zip(causes, effects.tolist(), strict=True):
-        if cause.name.startswith(LINK):
-            # As of a load: the effect of a unit, not of one standard deviation.
-            yield Shared(cause.name, "arm", (effect,))
-        elif cause.name.startswith(GAIN):
-            gains += 1
-            yield Shared(f"gain of joint {gains}", "arm", (effect,))
-        elif cause.name.startswith((LEAN, HOLDS, PULLS)):
-            yield Shared(cause.name, "scene", (effect,))
+            yield alone

@@ -1,110 +1,117 @@
-"""Linear causes of joint torque in free air, one unknown each: the load, errors of the link model,
-tilt of gravity, and of the sensors and joints zero, friction, gain and residual stiction."""
+"""Causes of joint torque in free air: the load, errors of the link model, tilt of gravity, and of the sensors
+and joints zero, friction, gain and residual stiction."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from palpate.estimation import tuning
+from palpate.estimation.coloured import Process, coloured
 from palpate.estimation.load.biases import flicker
 from palpate.estimation.load.blocks import Blocks
 from palpate.estimation.load.chain import Hinge, hinges
-from palpate.estimation.load.equations import ScaleHyperprior
 from palpate.estimation.load.noise import Noise
 from palpate.estimation.load.observation import WrenchObservation, gain_root
+from palpate.estimation.regression import Cause, Scale, SignalNoise
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Trace
 
-LINK, REST, GAIN = "link", "rest", "gain"
-"""Prefixes of the names of causes: link model errors, residual stiction of rests, sensor gains."""
+WEIGHT, LEVER, LINK, INERTIA, REST, GAIN = "weight", "lever", "link", "inertia", "rest", "gain"
+SLIPS = "joint friction over another way"
+"""Names of causes, or their beginnings: of the load, errors of the model of the links and of what moves them,
+residual stiction of rests, sensor gains."""
 
 
-class Cause(NamedTuple):
-    """Column of a linear model: name, (k, m) torque of m signals per unit of the unknown, N m, and
-    prior standard deviation of the unknown."""
+def by_signal(torque: Array) -> Array:
+    """(m k, ...) rows ordered by signal, of torques (k, m, ...)."""
+    return torque.swapaxes(0, 1).reshape(-1, *torque.shape[2:])
 
-    name: str
-    torque: Array
-    size: float
+
+def cause(name: str, columns: Sequence[Array], prior: float) -> Cause:
+    """Cause with unknowns of one prior deviation, each with its torques (k, m)."""
+    return Cause(
+        name, np.column_stack([by_signal(one) for one in columns]), np.full(len(columns), prior)
+    )
 
 
 def of_load(seen: Blocks, pull: Array) -> Iterator[Cause]:
     """Weight of the load, per newton with the force `pull` (k, 3), upward; and in each grasp its lever along
     the axes of the hand."""
-    yield Cause("weight", seen.torques(pull), tuning.LOAD_PRIOR)
-    for grasp in seen.grasps:
+    yield cause(WEIGHT, [seen.torques(pull)], tuning.LOAD_PRIOR)
+    for i, grasp in enumerate(seen.grasps):
         here = (seen.grasp == grasp)[:, None]
+        columns: list[Array] = []
         for axis in range(3):
             lever = seen.tool[:, :, axis] * here
             moment: Array = np.cross(lever, seen.pull).astype(np.float64)
-            held = seen.torques(np.einsum("kij,kj->ki", seen.inward, lever))
-            yield Cause("lever", seen.turned(moment) + held, tuning.LOAD_PRIOR)
+            held = seen.torques(np.einsum("kij,kj->ki", seen.swung, lever))
+            columns.append(seen.turned(moment) + held)
+        yield cause(f"{LEVER} {i + 1}", columns, tuning.LOAD_PRIOR)
+
+
+def of_turning(seen: Blocks) -> Cause:
+    """Inertia of the load about the TCP, in the axes of the hand."""
+    columns = [seen.turned(moment) for moment in seen.turning.transpose(2, 0, 1)]
+    return cause("inertia of the load", columns, tuning.LOAD_INERTIA)
 
 
 def of_arm(
     trace: Trace, observed: WrenchObservation, seen: Blocks, lifted: Array, borne: Array
-) -> list[Cause]:
+) -> Iterator[Cause]:
     """Error causes of the arm itself, where its hand lifts `lifted` (k,) N and the load has the torques
-    `borne` (k, m) N m."""
-    hand, signals = trace.hand, seen.observed.shape[1]
+    `borne` (m k,) N m."""
+    hand, signals = trace.hand, int(seen.observed.shape[1])
     weight, links, lean = link_errors(observed, seen.q, trace.gravity)
-    found = [Cause(*link) for link in links]
-    for axis in range(2):
-        pulled = seen.maps[:, :, axis] * lifted[:, None]
-        found.append(Cause("lean", lean[axis] + pulled, tuning.TILT))
-    # Each joint in its own signal: zero, Dahl friction and its initial state, viscous friction, inertia.
-    own_columns = (
-        (np.ones_like(seen.observed), tuning.ANY_ZERO),
-        (seen.dahl[:, :, 0], tuning.JOINT_LEVEL),
-        (seen.dahl[:, :, 1], tuning.JOINT_LEVEL),
-        (seen.dq, tuning.JOINT_VISCOUS),
-        (seen.moved, tuning.INERTIA_SHARE),
+    yield from links
+    pulled = seen.maps[:, :, :2] * lifted[:, None, None]
+    yield cause("lean", [*(lean + pulled.transpose(2, 0, 1))], tuning.TILT)
+    # Each joint in its own signal.
+    usual = tuning.PRESLIDINGS.index(tuning.PRESLIDING)
+    slips = seen.dahl.reshape(*seen.dahl.shape[:2], -1, 2)
+    others = np.delete(slips, usual, axis=2).reshape(len(slips), signals, -1)
+    of_joints: tuple[tuple[str, Array, float], ...] = (
+        ("zero", np.ones_like(seen.observed)[:, :, None], tuning.ANY_ZERO),
+        ("joint friction", slips[:, :, usual], tuning.JOINT_LEVEL),
+        (SLIPS, others, tuning.JOINT_LEVEL),
+        ("viscous friction", seen.dq[:, :, None], tuning.JOINT_VISCOUS),
+        (INERTIA, seen.moved[:, :, None], tuning.INERTIA_SHARE),
     )
-    for own, size in own_columns:
-        for joint in range(signals):
-            alone = np.zeros_like(seen.observed)
-            alone[:, joint] = own[:, joint]
-            found.append(Cause("joint", alone, size))
-    for rest in seen.resting.T:
-        for axis in range(3):
-            left = rest[:, None] * seen.maps[:, :, axis]
-            found.append(Cause(REST, left, hand.force_repeatability + tuning.FLOOR))
-    shown = weight - weight[0] + borne
-    found += [Cause(GAIN, shown * cause, 1.0) for cause in gain_root(hand, signals).T]
-    return found
+    for name, own, prior in of_joints:
+        columns = [one * joint for one in own.transpose(2, 0, 1) for joint in np.eye(signals)]
+        yield cause(name, columns, prior)
+    rests = [rest[:, None] * seen.maps[:, :, axis] for rest in seen.resting.T for axis in range(3)]
+    if rests:
+        yield cause(REST, rests, hand.force_repeatability + tuning.FLOOR)
+    shown = by_signal(weight - weight[0]) + borne
+    gains = shown[:, None] * np.repeat(gain_root(hand, signals), len(seen.t), axis=0)
+    labels = tuple(f"gain of joint {i + 1}" for i in range(signals))
+    yield Cause(GAIN, gains, np.ones(signals), "arm", labels)
 
 
-def named(causes: Sequence[Cause], name: str) -> slice:
-    """Slice of the causes whose names begin with `name`."""
-    found = [i for i, cause in enumerate(causes) if cause.name.startswith(name)]
-    return slice(found[0], found[-1] + 1) if found else slice(0, 0)
-
-
-def sizes(causes: Sequence[Cause]) -> Array:
-    """(p,) prior standard deviations."""
-    return np.array([cause.size for cause in causes])
-
-
-def hyperpriors(causes: Sequence[Cause]) -> tuple[ScaleHyperprior, ...]:
+def scales(causes: Sequence[Cause]) -> list[Scale]:
     """Prior scales of the arm's causes that are learned from the recording."""
-    even = [1.0 / len(tuning.LEFT_SHARES)] * len(tuning.LEFT_SHARES)
-    left = ScaleHyperprior(named(causes, REST), tuning.LEFT_SHARES, even)
-    return left, ScaleHyperprior(named(causes, GAIN), *tuning.GAINS_OFF)
+    found = [
+        Scale((GAIN,), *tuning.GAINS_OFF),
+        Scale((INERTIA,), *tuning.INERTIA_OFF),
+        Scale((SLIPS,), *tuning.SLIPS_OTHERWISE),
+    ]
+    if any(one.name == REST for one in causes):
+        even = [1.0 / len(tuning.LEFT_SHARES)] * len(tuning.LEFT_SHARES)
+        found.append(Scale((REST,), tuning.LEFT_SHARES, even))
+    return found
 
 
 def link_errors(
     observed: WrenchObservation, q: Array, gravity: float
-) -> tuple[Array, list[tuple[str, Array, float]], Array]:
+) -> tuple[Array, list[Cause], Array]:
     """Gravity torques of the arm's links, N m (k, m); effects on them of errors in the mass and the centre of
-    what moves with each joint, with name and prior size; and (2, k, m) per radian of tilt of gravity along
-    world x or y."""
+    what moves with each joint; and (2, k, m) per radian of tilt of gravity along world x or y."""
     assert observed.chain is not None
     joints = hinges(observed.chain, q)
     holds = np.zeros((3, *q.shape))
-    errors: list[tuple[str, Array, float]] = []
+    errors: list[Cause] = []
     for i, joint in enumerate(joints):
         parts = [link for link in observed.chain.links if link.joint == i]
         mass = sum(part.mass for part in parts)
@@ -114,15 +121,19 @@ def link_errors(
         centre = joint.frame @ com + joint.origin
         borne = gravity * torques_of_force(joints[: i + 1], q.shape, observed.turn, centre)
         holds += mass * borne
-        errors.append((f"{LINK} mass at joint {i + 1}", borne[2], tuning.LINK_MASS * mass))
-        for axis, letter in enumerate("xyz"):
+        columns = [borne[2]]
+        for axis in range(3):
             # A shift of the centre along this axis of the link.
             moved = np.zeros(q.shape)
             for j, before in enumerate(joints[: i + 1]):
                 lever = np.cross(before.axis, joint.frame[:, :, axis])
                 moved[:, j] = lever @ observed.turn[2]
-            name = f"{LINK} centre along {letter} at joint {i + 1}"
-            errors.append((name, mass * gravity * moved, tuning.LINK_CENTRE))
+            columns.append(mass * gravity * moved)
+        prior = np.array([tuning.LINK_MASS * mass, *[tuning.LINK_CENTRE] * 3])
+        kinds = ("mass", *(f"centre along {letter}" for letter in "xyz"))
+        labels = tuple(f"{LINK} {kind} at joint {i + 1}" for kind in kinds)
+        shown = np.column_stack([by_signal(column) for column in columns])
+        errors.append(Cause(f"{LINK} at joint {i + 1}", shown, prior, "arm", labels))
     return holds[2], errors, holds[:2]
 
 
@@ -137,20 +148,27 @@ def torques_of_force(
     return torque
 
 
-def whitened(causes: Sequence[Cause], seen: Blocks, noise: Noise) -> tuple[Array, Array]:
-    """Whitened design (m k, p) and observation (m k,), joint by joint, in rows of unit variance."""
-    columns = np.array([cause.torque for cause in causes])
+def with_residual(causes: Sequence[Cause], noise: SignalNoise, seen: Blocks) -> SignalNoise:
+    """Noise with the coloured residual that `causes` leave of the blocks."""
+    times = Process(np.abs(seen.t[:, None] - seen.t), tuning.COLOUR_TIMES)
+    paths = [Process(np.abs(way[:, None] - way), tuning.COLOUR_PATHS) for way in seen.path.T]
+    return coloured(causes, noise, by_signal(seen.observed), [(times, path) for path in paths])
+
+
+def free_noise(seen: Blocks, noise: Noise) -> SignalNoise:
+    """Noise of block means: white and 1/f noise, drift, and what moving the links leaves."""
     between = np.abs(seen.t[:, None] - seen.t)
     drift = tuning.DRIFT**2 * np.exp(-between / tuning.DRIFT_TIME) * tuning.TORQUE_LEVER**2
     slow = flicker(between)
-    design: list[Array] = []
-    found: list[Array] = []
-    for joint, observed in enumerate(seen.observed.T):
-        own = noise.white[joint] / seen.rows + (tuning.UNSTEADY_SHARE * seen.moved[:, joint]) ** 2
-        covariance: Array = drift + noise.flicker[joint] * slow + np.diag(own + tuning.FLOOR**2)
-        root: Array = np.linalg.cholesky(covariance).astype(np.float64)
-        rows = np.column_stack([columns[:, :, joint].T, observed])
-        white: Array = np.linalg.solve(root, rows).astype(np.float64)
-        design.append(white[:, :-1])
-        found.append(white[:, -1])
-    return np.concatenate(design), np.concatenate(found)
+    roots: list[Array] = []
+    # White noise in means over blocks of means over `FOLLOWED`: neighbours share some of it.
+    length = float(np.median(np.diff(seen.t)))
+    overlap = min(tuning.FOLLOWED / max(length, tuning.FOLLOWED), 1.0)
+    shared = np.where(between < 1.5 * length, overlap / 6.0, 0.0)
+    np.fill_diagonal(shared, 1.0 - overlap / 3.0)
+    shared = shared / np.sqrt(np.outer(seen.rows, seen.rows))
+    for joint, moved in enumerate(seen.moved.T):
+        own = np.diag((tuning.UNSTEADY_SHARE * moved) ** 2 + tuning.FLOOR**2)
+        covariance: Array = drift + noise.flicker[joint] * slow + noise.white[joint] * shared + own
+        roots.append(np.linalg.cholesky(covariance).astype(np.float64))
+    return SignalNoise(roots, noise.freedom)

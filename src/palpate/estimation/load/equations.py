@@ -1,10 +1,9 @@
-"""Equations of a weighing: signals in rows, their covariance without the load, and linear models."""
+"""Equations of a weighing: signals in rows, and their covariance without the load."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-from itertools import product
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +13,7 @@ from palpate.estimation import tuning
 from palpate.estimation.load.biases import covariance
 from palpate.estimation.load.segments import Weighing
 from palpate.estimation.motion import Mask
+from palpate.estimation.regression import whitened
 from palpate.geometry.pose import Array
 
 FORCE_Z, TORQUE_X, TORQUE_Y, TORQUE_Z = 2, 3, 4, 5
@@ -88,137 +88,7 @@ class Rows:
 
     def white(self, columns: Array) -> Array:
         """(n, p) in rows of unit variance."""
-        from scipy.linalg.lapack import dtrtrs
-
-        # LAPACK's matrices go by columns, so that it takes the root for its transpose.
-        return dtrtrs(self.root.T, columns, lower=False, trans=True)[0]
-
-
-class _Solved(NamedTuple):
-    """Posterior: prior deviations and mean (p,), and the Cholesky factor of the information in units of the
-    prior deviations."""
-
-    prior: Array
-    root: Array
-    mean: Array
-    evidence: float
-
-    def covariance(self, first: int) -> Array:
-        """(first, p): the first rows."""
-        from scipy.linalg.lapack import dpotrs
-
-        columns = np.zeros((len(self.prior), first))
-        np.fill_diagonal(columns, self.prior)
-        return (dpotrs(self.root, columns, lower=True)[0] * self.prior[:, None]).T
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ScaleHyperprior:
-    """Discrete hyperprior: the prior deviations of some coefficients are scaled by one of `factors`
-    (a number for all of them, or an array), with prior probability `chance` each."""
-
-    columns: slice
-    factors: Sequence[float | Array]
-    chance: Sequence[float]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Model:
-    """Linear model in rows of unit variance: `y` (n,) = `design` (n, p) times coefficients with prior deviations
-    `prior` (p,), some of whose scales have `hyperpriors`; the variance has `freedom` degrees of freedom."""
-
-    design: Array
-    y: Array
-    prior: Array
-    freedom: float
-    hyperpriors: tuple[ScaleHyperprior, ...]
-
-    def solve(self, first: int | None = None) -> tuple[Array, Array]:
-        """Posterior mean (p,) and covariance (first, p), all p rows by default, averaged over the hyperpriors
-        (Bayesian model averaging: Hoeting et al., Statistical Science 14, 1999)."""
-        count = len(self.prior) if first is None else first
-        every = self._every()
-        evidence = np.array([each.evidence for each in every])
-        weights = np.exp(evidence - evidence.max())
-        weights /= weights.sum()
-        counted = np.flatnonzero(weights > tuning.COUNTED)
-        weights = weights[counted] / weights[counted].sum()
-        solved = [every[i] for i in counted.tolist()]
-        means = np.array([each.mean for each in solved])
-        mean: Array = weights @ means
-        covariance: Array = (means - mean)[:, :count].T @ (weights[:, None] * (means - mean))
-        for weight, each in zip(weights, solved, strict=True):
-            covariance += weight * each.covariance(count)
-        return mean, covariance
-
-    @property
-    def evidence(self) -> float:
-        """Logarithm of the probability density of `y`, but for a constant."""
-        found = np.array([each.evidence for each in self._every()])
-        likeliest = float(found.max())
-        together = likeliest + float(np.log(np.exp(found - likeliest).sum()))
-        return together - 0.5 * float(self.y @ self.y)
-
-    def _every(self) -> Sequence[_Solved]:
-        """Posteriors for each combination of the hyperpriors' factors."""
-        projected, gram = self.design.T @ self.y, self.design.T @ self.design
-        choices = product(*(range(len(each.factors)) for each in self.hyperpriors))
-        return [self._solve(choice, projected, gram) for choice in choices]
-
-    def _solve(self, choice: tuple[int, ...], projected: Array, gram: Array) -> _Solved:
-        """Posterior with the chosen scale factors. Its evidence is the log probability of the
-        choice and of `y`, up to a constant common to all choices (Bishop, Pattern Recognition and
-        Machine Learning, section 3.5.1)."""
-        from scipy.linalg.lapack import dpotrf, dpotrs
-
-        prior, chance = self.prior.copy(), 0.0
-        for each, i in zip(self.hyperpriors, choice, strict=True):
-            prior[each.columns] *= each.factors[i]
-            chance += float(np.log(each.chance[i]))
-        # In units of the prior deviations, so that known coefficients (deviation 0) need no inverse.
-        information = np.outer(prior, prior) * gram + np.eye(len(prior))
-        root = dpotrf(information, lower=True)[0]
-        solved = dpotrs(root, prior * projected, lower=True)[0]
-        mean = prior * solved
-        volume = 2.0 * float(np.log(np.diag(root)).sum())
-        return _Solved(prior, root, mean, chance + 0.5 * (float(mean @ projected) - volume))
-
-    def each_alone(self, columns: Array, prior: float) -> tuple[Array, Array]:
-        """Posterior means and variances (k,) of the coefficients of `columns` (n, k), each added to the model
-        alone."""
-        from scipy.linalg.lapack import dpotrs
-
-        shared = self.design.T @ columns
-        projected, squares = columns.T @ self.y, (columns**2).sum(axis=0)
-        means: list[Array] = []
-        variances: list[Array] = []
-        evidence: list[Array] = []
-        for each in self._every():
-            scaled = each.prior[:, None] * shared
-            known = (scaled * dpotrs(each.root, scaled, lower=True)[0]).sum(axis=0)
-            variance = 1.0 / (np.maximum(squares - known, 0.0) + prior**-2)
-            mean = variance * (projected - shared.T @ each.mean)
-            means.append(mean)
-            variances.append(variance)
-            evidence.append(each.evidence + 0.5 * (mean**2 / variance + np.log(variance)))
-        weights = np.exp(np.array(evidence) - np.max(evidence, axis=0))
-        weights /= weights.sum(axis=0)
-        found: Array = (weights * means).sum(axis=0)
-        return found, (weights * (np.array(variances) + (np.array(means) - found) ** 2)).sum(axis=0)
-
-    def extended(self, columns: Array, prior: float) -> Model:
-        """Model with the coefficients of `columns` in front of its own."""
-        count = columns.shape[1]
-        hyperpriors: list[ScaleHyperprior] = []
-        for each in self.hyperpriors:
-            moved = slice(each.columns.start + count, each.columns.stop + count)
-            hyperpriors.append(replace(each, columns=moved))
-        return replace(
-            self,
-            design=np.concatenate([columns, self.design], axis=1),
-            prior=np.concatenate([np.full(count, prior), self.prior]),
-            hyperpriors=tuple(hyperpriors),
-        )
+        return whitened(self.root, columns)
 
 
 def equations(weighing: Weighing, gravity: float, apart: float = 1.0) -> Rows:

@@ -49,9 +49,7 @@ from palpate.estimation.load.equations import (
     TORQUE_X,
     TORQUE_Y,
     TORQUE_Z,
-    Model,
     Rows,
-    ScaleHyperprior,
     each_its_own,
     equations,
     in_each,
@@ -59,6 +57,7 @@ from palpate.estimation.load.equations import (
 from palpate.estimation.load.misspecification import tests_of
 from palpate.estimation.load.observation import gain_root
 from palpate.estimation.load.segments import Weighing
+from palpate.estimation.regression import Model, ScaleHyperprior
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
 
@@ -214,7 +213,7 @@ def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand
             np.full(count, tuning.LOAD_PRIOR),
             np.full(len(LEANING), tuning.TILT * abs(float(about[0])) + tuning.FLOOR),
             np.full(at_hand + offsets, hand.force_repeatability + tuning.FLOOR),
-            np.full(rows[0].dahl.shape[1], tuning.JOINT_LEVEL),
+            np.full(rows[0].dahl.shape[1], tuning.JOINT_LEVEL / len(tuning.PRESLIDINGS) ** 0.5),
             np.ones(signals),
         ]
     )
@@ -229,13 +228,14 @@ def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand
     shares = tuning.LEFT_SHARES
     even = [1.0 / len(shares)] * len(shares)
     first = count + len(LEANING)
-    in_signals = slice(first + at_hand, first + at_hand + offsets)
+    every = np.arange(len(deviations), dtype=np.intp)
+    stuck = every[first : first + at_hand + offsets]
     # Shares of the datasheet's figure: left by this arm at all; of that, left in motion.
     hyperpriors = (
-        ScaleHyperprior(slice(first, in_signals.stop), shares, even),
-        ScaleHyperprior(slice(first, in_signals.start), stiction_scales(rows), even),
-        ScaleHyperprior(in_signals, shares, even),
-        ScaleHyperprior(slice(len(deviations) - signals, len(deviations)), *tuning.GAINS_OFF),
+        ScaleHyperprior(stuck, shares, even),
+        ScaleHyperprior(stuck[:at_hand], stiction_scales(rows), even),
+        ScaleHyperprior(stuck[at_hand:], shares, even),
+        ScaleHyperprior(every[-signals:], *tuning.GAINS_OFF),
     )
     return Model(
         np.concatenate(designs),

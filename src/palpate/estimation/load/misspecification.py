@@ -11,11 +11,11 @@ from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.load.equations import (
     FORCE_Z,
     SIDEWAYS,
-    Model,
     Rows,
     each_its_own,
     in_each,
 )
+from palpate.estimation.regression import Model
 from palpate.geometry.pose import Array
 
 

@@ -12,7 +12,7 @@ from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest
 from palpate.estimation.estimate import Part, Shared, Verdict, half95
 from palpate.estimation.load.blocks import Blocks
-from palpate.estimation.load.causes import Cause, of_load, whitened
+from palpate.estimation.load.causes import by_signal, of_load
 from palpate.estimation.load.equations import FORCE_Z, TORQUE_X, TORQUE_Y, each_its_own, in_each
 from palpate.estimation.load.fit import Load, fit_load, untested
 from palpate.estimation.load.segments import Segment, Weighing, referenced, weighings
@@ -87,9 +87,10 @@ def weigh(trace: Trace, recording: Recording) -> Weight:
         links = {name: effect[:1] / trace.gravity for name, effect in whole.links.items()}
         shared += shared_links(links)
     mass, std = force / trace.gravity, std / trace.gravity
-    half = std * half95(load.freedom)
+    freedom = load.freedom if whole is None else whole.posterior.freedom
+    half = std * half95(freedom)
     low, high = mass - half, mass + half
-    common = shared, load.freedom, load, whole
+    common = shared, freedom, load, whole
     if low > 0.0:
         # Without a reference the bias of the arm has its prior.
         compared = any(referenced(weighing.segments) for weighing in found)
@@ -109,7 +110,7 @@ def whole_of(
     if name is None or not load.agrees:
         return None
     whole = fit_whole(trace, name, found[0].noise, load.force)
-    if whole is None or not whole.explains or whole.std >= load.force_std:
+    if whole is None or whole.std >= load.force_std:
         return None
     apart = abs(whole.force - load.force)
     return whole if apart < tuning.WHOLE_APART * load.force_std else None
@@ -202,16 +203,19 @@ def weighing_view(load: Load, gravity: float) -> FitView:
 def whole_view(whole: Whole, gravity: float) -> FitView:
     """Mass by stretches of free motion of the fit `whole`."""
     seen = whole.seen
-    load = np.array([cause.torque for cause in of_load(seen, seen.pull)])
-    borne = np.tensordot(whole.value, load, 1) / whole.force
+    load = np.hstack([cause.columns for cause in of_load(seen, seen.pull)])
+    borne = load @ whole.value / whole.force
     parts = list(_stretches(seen))
-    causes = [Cause("part", borne * part[:, None], tuning.LOAD_PRIOR) for part in parts]
-    columns, _ = whitened(causes, seen, whole.noise)
+    signals = seen.observed.shape[1]
+    shares = np.column_stack(
+        [by_signal(np.tile(part[:, None], signals).astype(float)) for part in parts]
+    )
+    columns = whole.posterior.noise.white(borne[:, None] * shares)
     resting = seen.resting.sum(axis=1)
     return _view(
         np.array([float(seen.t[part].mean()) for part in parts]),
         whole.force,
-        whole.model.each_alone(columns, tuning.LOAD_PRIOR),
+        whole.posterior.model.each_alone(columns, tuning.LOAD_PRIOR),
         [KINDS["rest"] if float(resting[part].mean()) > 0.5 else "in motion" for part in parts],
         gravity,
         "Each half second in which the object hung free, fitted with a mass of its own",

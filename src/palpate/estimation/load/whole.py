@@ -4,8 +4,8 @@ Away from the path of a lift no empty pass at the same place exists for a contra
 there have few causes, each linear in unknown numbers: weight and place of the load, errors in the masses and
 centres of the arm's links, zeros and gains of the sensors, friction (Dahl's, and viscous), residual stiction
 of rests, and the tilt of gravity. All are fitted together by generalised least squares. The result is more
-precise, and valid only where the model is complete: where the residuals are no more than the noise
-(`Whole.explains`). Else the contrast along the path is used.
+precise than a contrast along the path. What the model leaves beyond the noise, ripple or friction that changes
+with the place, is a coloured residual, learned from the recording, and widens it (`estimation.coloured`).
 """
 
 from __future__ import annotations
@@ -15,22 +15,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.estimation import tuning
 from palpate.estimation.load.blocks import Blocks, blocks, free_rows
 from palpate.estimation.load.causes import (
     GAIN,
     LINK,
-    Cause,
-    hyperpriors,
-    named,
+    by_signal,
+    free_noise,
     of_arm,
     of_load,
-    sizes,
-    whitened,
+    of_turning,
+    scales,
+    with_residual,
 )
-from palpate.estimation.load.equations import Model
 from palpate.estimation.load.noise import Noise
 from palpate.estimation.load.observation import WrenchObservation, observe
+from palpate.estimation.regression import Cause, Posterior, SignalNoise, fit, placed
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Trace
 
@@ -47,7 +46,7 @@ class Whole:
         gains: (1 + 3n, m) effect on `value` of one standard deviation of each cause of the sensors' gains.
         links: (1 + 3n,) effect on `value` of each error of the arm's links, by name.
         misfit: mean square of the residuals, in units of the noise.
-        seen, noise, model: of the fit.
+        seen, posterior: of the fit.
     """
 
     grasps: tuple[float, ...]
@@ -57,8 +56,7 @@ class Whole:
     links: Mapping[str, Array]
     misfit: float
     seen: Blocks
-    noise: Noise
-    model: Model
+    posterior: Posterior
 
     @property
     def force(self) -> float:
@@ -69,11 +67,6 @@ class Whole:
     def std(self) -> float:
         """N, of the force."""
         return float(np.sqrt(self.covariance[0, 0]))
-
-    @property
-    def explains(self) -> bool:
-        """The noise accounts for the residuals."""
-        return self.misfit < tuning.WHOLE_MISFIT
 
     def at(self, grasps: Sequence[float], tools: Sequence[Array]) -> Array | None:
         """(1 + 2n, 1 + 3n) matrix from `value` to force and moments as in `estimation.load.fit.Load`, for n
@@ -93,58 +86,58 @@ def fit_whole(trace: Trace, name: str, noise: Noise, about_force: float) -> Whol
     """Fit the load `name` to all the time it hung on the hand, linearised at `about_force` N; None where the
     arm's links are unknown, or it never hung free.
 
-    All free motion is used if the noise explains the residuals; else only motion that certainly is free: so
-    high that a tilted object has left its support with its far end, too, close to where it hung, and settled
-    at rests or well away from them.
+    Used is all free motion, or only motion that certainly is free: so high that a tilted object has left its
+    support with its far end, too, close to where it hung, and settled at rests or well away from them. What the
+    model leaves of the former widens it; the narrower of both counts.
     """
     observed = observe(trace)
     if observed.chain is None or not observed.knows_links:
         return None
-    found: Whole | None = None
+    found: list[Whole] = []
     for surely in (False, True):
-        free = free_rows(trace, name, surely)
-        if free:
+        if free := free_rows(trace, name, surely):
             seen = blocks(trace, observed, name, free, surely)
-            found = _fitted(trace, observed, seen, noise, about_force)
-        if found is None or found.explains:
-            break
-    return found
+            found.append(_fitted(trace, observed, seen, noise, about_force))
+    return min(found, key=lambda whole: whole.std, default=None)
 
 
 def _fitted(
     trace: Trace, observed: WrenchObservation, seen: Blocks, noise: Noise, about_force: float
 ) -> Whole:
     load = list(of_load(seen, seen.pull))
-    about = np.zeros(len(load))
+    count = sum(len(cause.prior) for cause in load)
+    about = np.zeros(count)
     about[0] = about_force
     # Effects of gains are in proportion to the moments, too, which are unknown at first.
-    model, _ = _model(trace, observed, seen, noise, load, about)
-    about = model.solve(len(load))[0][: len(load)]
-    model, causes = _model(trace, observed, seen, noise, load, about)
-    mean, covariance = model.solve(len(load))
-    left = model.y - model.design @ mean
-    effects = -covariance / model.prior
-    of_links: dict[str, Array] = {}
-    for cause, effect in zip(causes, effects.T, strict=True):
+    sensors = free_noise(seen, noise)
+    about = _posterior(trace, observed, seen, sensors, load, about).mean[:count]
+    found = _posterior(trace, observed, seen, sensors, load, about)
+    found = _posterior(
+        trace, observed, seen, with_residual(found.causes, sensors, seen), load, about
+    )
+    effects = -found.covariance[:count] / found.model.prior
+    links: dict[str, Array] = {}
+    for cause in found.causes:
         if cause.name.startswith(LINK):
-            of_links[cause.name] = effect
+            here = placed(found.causes)[cause.name]
+            links |= zip(cause.labels, effects[:, here].T, strict=True)
+    left = found.residual
     misfit = float(left @ left) / len(left)
-    value, square = mean[: len(load)], covariance[:, : len(load)]
-    gains = effects[:, named(causes, GAIN)]
-    return Whole(seen.grasps, value, square, gains, of_links, misfit, seen, noise, model)
+    value, square = found.mean[:count], found.covariance[:count, :count]
+    gains = effects[:, placed(found.causes)[GAIN]]
+    return Whole(seen.grasps, value, square, gains, links, misfit, seen, found)
 
 
-def _model(
+def _posterior(
     trace: Trace,
     observed: WrenchObservation,
     seen: Blocks,
-    noise: Noise,
+    noise: SignalNoise,
     load: Sequence[Cause],
     about: Array,
-) -> tuple[Model, Sequence[Cause]]:
-    """All causes, of signals whose noise is known, where those of the load are `about` (1 + 3n,)."""
-    borne = np.tensordot(about, np.array([cause.torque for cause in load]), 1)
+) -> Posterior:
+    """Posterior of all causes, of signals whose noise is known, where those of the load are `about` (1 + 3n,)."""
+    borne = np.concatenate([cause.columns for cause in load], axis=1) @ about
     lifted = about[0] * seen.pull[:, 2]
-    causes = [*load, *of_arm(trace, observed, seen, lifted, borne)]
-    design, y = whitened(causes, seen, noise)
-    return Model(design, y, sizes(causes), noise.freedom, hyperpriors(causes)), causes
+    causes = [*load, of_turning(seen), *of_arm(trace, observed, seen, lifted, borne)]
+    return fit(causes, noise, by_signal(seen.observed), scales(causes))

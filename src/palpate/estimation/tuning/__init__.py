@@ -12,6 +12,7 @@ tuned: it comes with the trace, in `trace.hand`.
 Each concern has a file of its own; `tuning.NAME` finds a number whichever it stands in.
 """
 
+from palpate.estimation.tuning.arm import *
 from palpate.estimation.tuning.contact import *
 from palpate.estimation.tuning.friction import *
 from palpate.estimation.tuning.held import *

@@ -97,3 +97,50 @@ SKEW_PRIOR = 0.3
 GIVE_PRIOR = 4e-4
 """s² (1 sigma): compliance between pads and object per square of the rate: it rings at 8 Hz or more. Sensitive:
 inertia std ×0.8–1.2."""
+
+# A load that was carried through a recording.
+
+CARRIED_MOST = 400
+"""blocks at most; more of them cost time, and say no more. Sensitive: no."""
+
+CARRIED_SMOOTH = 0.1
+"""s over which signals are averaged: between 8 and 30 Hz the torques of real arms do not follow their accelerations.
+Sensitive: mass std ×0.9–1.4."""
+
+CARRIED_LENGTHS = (0.3, 1.0, 4.0, 30.0)
+"""s over which what is left of a joint's torque stays alike: from a reversal to a motion. Sensitive: hardly."""
+
+CARRIED_PRESLIDING = (5e-4, 8e-3)
+"""rad over which friction may turn round beside `PRESLIDING`: 1 to 4 mrad are seen on real arms. Sensitive: inertia std
+×0.8–1.3."""
+
+CARRIED_INERTIA = 0.1
+"""part (1 sigma) of what moves a link that a model of it is off. Sensitive: inertia std ×0.8–1.2."""
+
+CARRIED_PLACE, CARRIED_POSTURE = 0.2, 0.5
+"""rad over which what depends on a joint's angle, or on the arm's configuration, stays alike. Sensitive: hardly."""
+
+CARRIED_NOISE = 0.05
+"""N m (1 sigma) of each component of the noise, from which the recording's own is sought. Sensitive: no."""
+
+CARRIED_ROUNDS = 8
+"""rounds of that; each brings a variance nearer to its likeliest. Sensitive: std ×1.0–1.1 from 5 on."""
+
+CARRIED_PRIOR = (30.0, 10.0, 1.0)
+"""kg, kg m and kg m² (1 sigma) of a load: nothing is known of it. Sensitive: no."""
+
+HAND_PRIOR = (3.0, 0.5, 0.05)
+"""the same of an unknown end effector. Sensitive: no."""
+
+CARRIED_HALF = 1.0
+"""s at least of each half of a window whose masses are compared. Sensitive: no."""
+
+COM_BELIEVED = 0.05
+"""m (1 sigma): a load's centre of mass is believed to be that near to the fingertips. Sensitive: no."""
+
+RADIUS_BELIEVED = 0.1
+"""m: radius of gyration that a load is believed to have at most. Sensitive: no."""
+
+CARRIED_APART, CARRIED_LEAST = 0.03, 0.005
+"""part of the mass, and kg (1 sigma), by which halves of a window may differ: more is a load that came or went.
+Sensitive: no."""

@@ -58,7 +58,7 @@ _PARAMETERS = {
     "unmeasurable": "A parameter is a measurable quantity of its kind of thing: of an object, a surface or the "
     "gripper.",
     "duplicate-parameter": "A parameter is listed once.",
-    "known": "What the scene states is no parameter and is not measured (unless measuring again is asked for).",
+    "known": "What the scene states is no parameter and is not measured (unless asked for again).",
     "requested": "Without a request the parameters are all that the scene leaves out, no more and no fewer.",
     "undischarged": "The tree yields every parameter: by its conversion or, if it is derived, by all recordings "
     "that it needs. Without a tree there are no parameters.",

@@ -5,7 +5,7 @@ Each rule yields a path and a message for every place where a plan breaks it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Set
 
 from pydantic import ValidationError
 
@@ -16,6 +16,8 @@ from palpate.quantities.catalogue import catalogue
 
 SHOWN = 4
 """Leaves that one message names."""
+SEVERAL = 3
+"""Nodes with the same strange argument that one message tells of."""
 
 Fault = tuple[str, str]
 """Path in the plan, and message with a remedy."""
@@ -85,12 +87,16 @@ def requested(case: Case) -> Iterator[Fault]:
 
 
 def known_parameter(case: Case) -> Iterator[Fault]:
-    """The scene does not state a parameter, unless measuring again is allowed."""
+    """The scene does not state a parameter, unless it is measured again."""
     if case.scene is None or case.remeasure:
         return
+    # Where the author decides what the request asks for, also whether it asks for it again.
+    again = "" if case.requested is not None else ', or mark it "again": true if R wants it anew'
     for path, parameter in case.listed():
         quantity = catalogue().get(parameter.quantity)
         if quantity is None or not quantity.identifiable or not case.is_known(parameter):
+            continue
+        if parameter in case.plan.again:
             continue
         if case.is_of_its_kind(parameter):
             values = case.scene.bodies[parameter.object].known[parameter.quantity]
@@ -98,7 +104,7 @@ def known_parameter(case: Case) -> Iterator[Fault]:
             yield (
                 path,
                 f"{parameter} is stated by the scene ({stated} {quantity.unit}); remove it and what "
-                "measures it",
+                f"measures it{again}",
             )
 
 
@@ -113,29 +119,64 @@ def unknown_primitive(case: Case) -> Iterator[Fault]:
 
 def bad_argument(case: Case) -> Iterator[Fault]:
     """A leaf's arguments are those its primitive declares, of the declared types; composites have none."""
+    strange = {name: paths for name, paths in strange_arguments(case) if len(paths) >= SEVERAL}
+    for name, paths in strange.items():
+        shown = ", ".join(paths[:SHOWN]) + (" …" if len(paths) > SHOWN else "")
+        yield (
+            paths[0],
+            f"'{name[:40]}' is no argument of the {len(paths)} nodes that have it ({shown}); leave it out",
+        )
     for path, node in case.form.nodes.items():
-        if node.type in case.words.composites and node.args:
-            given = ", ".join(repr(key[:40]) for key, _ in node.args)
-            yield path, f"{node.type} takes only 'children' and 'name', not {given}"
-        elif path in case.form.refused:
-            for problem in argument_problems(case, node.type, case.form.refused[path]):
+        told = {name for name, paths in strange.items() if path in paths}
+        if path in case.form.refused:
+            for problem in argument_problems(case, node.type, case.form.refused[path], told):
                 yield path, problem
+        elif node.type in case.words.composites:
+            given = ", ".join(repr(key[:40]) for key, _ in node.args if key not in told)
+            meant = "" if node.children else "; did you mean 'children'?"
+            if given:
+                yield path, f"{node.type} takes only 'children' and 'name', not {given}{meant}"
 
 
-def argument_problems(case: Case, name: str, error: ValidationError | TypeError) -> Iterator[str]:
-    """Describe the first three arguments of a primitive that do not fit."""
+def strange_arguments(case: Case) -> Iterable[tuple[str, list[str]]]:
+    """Arguments that nodes have and do not declare, with the paths of the nodes; those of a node that
+    lacks another are left out, as they may be misspelt."""
+    found: dict[str, list[str]] = {}
+    for path, node in case.form.nodes.items():
+        refused = case.form.refused.get(path)
+        names: list[str] = []
+        if isinstance(refused, ValidationError):
+            problems = refused.errors(include_url=False)
+            if all(problem["type"] != "missing" for problem in problems):
+                extra = (one for one in problems if one["type"] == "extra_forbidden")
+                names = [str(one["loc"][0]) for one in extra]
+        elif node.type in case.words.composites:
+            names = [name for name, _ in node.args]
+        for name in names:
+            found.setdefault(name, []).append(path)
+    return found.items()
+
+
+def argument_problems(
+    case: Case, name: str, error: ValidationError | TypeError, told: Set[str] = frozenset()
+) -> Iterator[str]:
+    """Describe the first three arguments of a primitive that do not fit, less those `told` before."""
     if isinstance(error, TypeError):
         yield f"the arguments of {name} have no proper names"
         return
     fields = case.words.primitives[name].model_fields
     takes = ", ".join(f"'{field}' ({info.description})" for field, info in fields.items())
-    problems = error.errors(include_url=False)[:3]
+    every = error.errors(include_url=False)
+    problems = [one for one in every if told.isdisjoint(map(str, one["loc"][:1]))][:3]
     lacking = [str(problem["loc"][0]) for problem in problems if problem["type"] == "missing"]
+    # One argument too many and one missing: most likely it is misspelt.
+    misspelt = len(lacking) == 1 and any(one["type"] == "extra_forbidden" for one in problems)
     for problem in problems:
+        if misspelt and problem["type"] == "missing":
+            continue
         where = ".".join(str(part) for part in problem["loc"])[:60]
-        # One argument too many and one missing: most likely it is misspelt.
-        misspelt = problem["type"] == "extra_forbidden" and len(lacking) == 1
-        guess = f"; did you mean '{lacking[0]}'?" if misspelt else ""
+        extra = misspelt and problem["type"] == "extra_forbidden"
+        guess = f"; did you mean '{lacking[0]}'?" if extra else ""
         yield f"{name}: '{where}': {problem['msg']}{guess}; it takes {takes or 'no arguments'}"
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any, cast
@@ -17,7 +17,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from palpate.errors import InputError
 from palpate.planning.model.flat import nested
-from palpate.planning.plan import MAX_BYTES, MAX_NESTING, Plan, nesting, parse_plan
+from palpate.planning.model.normal import TOO_DEEP, is_plan, normalized, unwrapped
+from palpate.planning.plan import MAX_BYTES, MAX_NESTING, Plan, nesting, parse_plan, unique_json
 from palpate.redaction import redacted
 from palpate.scene.pictured.objects import SceneObject, Shape
 
@@ -29,30 +30,30 @@ LARGEST_REPAIRED = 100_000
 """Characters of a text to be repaired; a plan of fifteen objects has some 20 000."""
 MAX_COMMENTS = 200
 """Block comments to be removed; the search for the end of each may take the whole answer."""
-MAX_DIGITS = 9
-"""Digits of a whole number that is written as text."""
 MAX_OBJECTS = 100
 """Objects of a scene that a model may list."""
 
 NO_JSON = "there is no JSON object in the answer; return one with parameters, explanation and tree"
 NO_TREE = "the JSON object has no field 'tree'; return one with parameters, explanation and tree"
-TOO_DEEP = f"the JSON is nested deeper than {MAX_NESTING} brackets; flatten the tree"
 QUOTES = "JSON takes double quotes around names and texts; return the whole object again"
 
-_STRING = r'"(?:[^"\\]|\\.)*"'
+# A string without an end takes the rest: else each of its quotes would be tried as a beginning.
+_STRING = r'"(?:[^"\\]|\\.)*(?:"|\Z)'
 _BRACE = re.compile(r"\{")
 _QUOTED = re.compile(r"\{\s*['‘“]")
 _OPENING = re.compile(r"\{\s*[\"}]")
 _DECODER = json.JSONDecoder()
+_SINGLE = r"'(?:[^'\\]|\\.)*(?:'|\Z)"
 _APART = re.compile(
-    _STRING + r"|//[^\n]*|/\*.*?\*/|\b(?:None|True|False)\b|[\u00a0\u200b\u2028\ufeff]", re.DOTALL
+    _STRING
+    + "|"
+    + _SINGLE
+    + r"|//[^\n]*|/\*.*?\*/|\b(?:None|True|False)\b|[\u00a0\u200b\u2028\ufeff]",
+    re.DOTALL,
 )
 _TRAILING = re.compile(_STRING + r"|,(?=\s*[}\]])", re.DOTALL)
 _ESCAPED = {code: f"\\u{code:04x}" for code in range(0x20)}
 _LITERALS = {"None": "null", "True": "true", "False": "false"}
-_PLAN_FIELDS = {"outcome", "parameters", "explanation", "tree", "nodes", "scene"}
-_FIELDS = _PLAN_FIELDS | {"object", "quantity", "type", "children", "name", "id"}
-"""Names of fields, which are recognised in any case."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,12 +84,10 @@ def read_answer(text: str) -> Proposal:
     # Before any recursion over the document.
     if nesting(source) > MAX_NESTING:
         raise InputError(TOO_DEEP)
+    unique_json(source)
     document = normalized(written)
-    if "nodes" in document:
-        source = json.dumps(nested(document))
-    elif document != written:
-        source = json.dumps(document)
-    return Proposal(parse_plan(source), scene_objects(document.get("scene") or []))
+    plan = nested(document) if "nodes" in document else document
+    return Proposal(parse_plan(json.dumps(plan)), scene_objects(document.get("scene") or []))
 
 
 def decoded_objects(text: str) -> Iterator[tuple[int, int, object, str]]:
@@ -123,7 +122,8 @@ def plan_object(text: str) -> tuple[str, dict[str, Any]]:
     found: tuple[str, dict[str, Any]] | None = None
     problem = QUOTES if _QUOTED.search(text) else NO_JSON
     furthest = 0
-    for start, end, value, fault in decoded_objects(text):
+    for start, end, whole, fault in decoded_objects(text):
+        value = unwrapped(whole)
         if is_plan(value):  # a draft may come first: the last plan counts
             found = (text[start:end], cast("dict[str, Any]", value))
         elif end - start > furthest:
@@ -135,17 +135,11 @@ def plan_object(text: str) -> tuple[str, dict[str, Any]]:
         _BRACE.finditer(text if len(text) <= LARGEST_REPAIRED else ""), MAX_REPAIRED
     ):
         source = repaired(text[opening.start() :])
-        value, end, _ = decoded(source, 0)
+        whole, end, _ = decoded(source, 0)
+        value = unwrapped(whole)
         if is_plan(value):
             return source[:end], cast("dict[str, Any]", value)
     raise InputError(problem)
-
-
-def is_plan(value: object) -> bool:
-    """True for an object with a tree, its name in any case."""
-    if not isinstance(value, dict):
-        return False
-    return any(key.strip().lower() in ("tree", "nodes") for key in cast("dict[str, Any]", value))
 
 
 def decoded(text: str, start: int) -> tuple[object, int, str]:
@@ -168,91 +162,24 @@ def decoded(text: str, start: int) -> tuple[object, int, str]:
 
 def repaired(text: str) -> str:
     """Remove from JSON comments, trailing commas and other kinds of blanks; translate Python's words for
-    null, true and false. In strings, only line ends and the like are escaped."""
+    null, true and false, and its single quotes. In strings, only line ends and the like are escaped."""
     if text.count("/*") > MAX_COMMENTS:
         return text
 
     def replaced(match: re.Match[str]) -> str:
         token = match[0]
+        if token[0] == "'":
+            token = double_quoted(token)
         return token.translate(_ESCAPED) if token[0] == '"' else _LITERALS.get(token, " ")
 
     text = _APART.sub(replaced, text)
     return _TRAILING.sub(lambda match: match[0] if match[0][0] == '"' else "", text)
 
 
-def normalized(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Normalize a plan's document: fields in lower case, an object for the parameter `"cup.mass"`, a
-    Sequence for a bare list, no null in optional fields, numbers for the ids of a flat form."""
-    found = lowered(document)
-    parameters: object = found.get("parameters")
-    if isinstance(parameters, list):
-        found["parameters"] = [
-            normalized_parameter(item) for item in cast("list[object]", parameters)
-        ]
-    if isinstance(found.get("outcome"), str):
-        found["outcome"] = found["outcome"].strip().lower()
-    if isinstance(found.get("nodes"), list):
-        found["nodes"] = [
-            normalized_flat_node(node) for node in cast("list[object]", found["nodes"])
-        ]
-    if "tree" in found:
-        found["tree"] = normalized_tree(found["tree"])
-    return found
-
-
-def lowered(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """Rename fields to lower case, where that is a field's name and not another field here."""
-    found: dict[str, Any] = {}
-    for key, value in fields.items():
-        name = key.strip().lower()
-        known = name in _FIELDS and (name == key or name not in fields)
-        found[name if known else key] = value
-    return found
-
-
-def normalized_parameter(item: object) -> object:
-    """A parameter as an object; `"cup.mass"` is split at its point."""
-    if isinstance(item, dict):
-        return lowered(cast("dict[str, Any]", item))
-    if isinstance(item, str) and item.count(".") == 1:
-        body, quantity = item.split(".")
-        return {"object": body.strip(), "quantity": quantity.strip()}
-    return item
-
-
-def normalized_tree(value: object) -> object:
-    """A tree with every node normalized; its depth is bounded by that of readable JSON."""
-    if isinstance(value, list):
-        return normalized_tree({"type": "Sequence", "children": cast("list[object]", value)})
-    if not isinstance(value, dict):
-        return value
-    node = lowered(cast("dict[str, Any]", value))
-    for optional in ("name", "children"):
-        if node.get(optional, "") is None:
-            del node[optional]
-    if isinstance(node.get("children"), list):
-        node["children"] = [
-            normalized_tree(each) for each in cast("list[object]", node["children"])
-        ]
-    return node
-
-
-def normalized_flat_node(item: object) -> object:
-    """A node of the flat form with its id, and those of its children, as numbers."""
-    if not isinstance(item, dict):
-        return item
-
-    def number(value: object) -> object:
-        if isinstance(value, str) and len(value) <= MAX_DIGITS and re.fullmatch("[0-9]+", value):
-            return int(value)
-        return value
-
-    node = lowered(cast("dict[str, Any]", item))
-    if "id" in node:
-        node["id"] = number(node["id"])
-    if isinstance(node.get("children"), list):
-        node["children"] = [number(child) for child in cast("list[object]", node["children"])]
-    return node
+def double_quoted(token: str) -> str:
+    """A string in single quotes as one in double quotes."""
+    inner = re.sub(r"\\.|\"", lambda m: {"\\'": "'", '"': '\\"'}.get(m[0], m[0]), token[1:-1])
+    return f'"{inner}"'
 
 
 class _SceneObject(BaseModel):

@@ -52,6 +52,7 @@ class Round:
         parameters: promised parameters of its plan, `object.quantity` each.
         changed: differences from the plan before, a line each: `-` removed, `+` new.
         objection: objection of a critic to the plan.
+        question: question about the plan, which passed the check.
     """
 
     message: str
@@ -60,6 +61,7 @@ class Round:
     parameters: tuple[str, ...] = ()
     changed: tuple[str, ...] = ()
     objection: str = ""
+    question: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,11 +124,14 @@ class Conversation:
         """Figures for `plan.json`."""
         answers, rounds, cost = self.answers, self.rounds, self.cost
         findings = [list(r.findings) for r in rounds]
+        # An answer that a question changed was not right at first; one that stayed was.
+        questioned = next((i for i, r in enumerate(rounds, start=1) if r.question), len(rounds))
+        revised = any(r.changed for r in rounds[questioned : questioned + 1])
         figures: dict[str, Any] = {
             "asked": self.planner,
             "reported": rounds[-1].answer.model if rounds else "",
             "rounds": len(rounds),
-            "valid_first": findings[:1] == [[]],
+            "valid_first": findings[:1] == [[]] and not revised,
             "valid_after_feedback": [] in findings,
             "input_tokens": sum(answer.input_tokens for answer in answers),
             "cached_tokens": sum(answer.cached_tokens for answer in answers),
@@ -136,6 +141,7 @@ class Conversation:
             "findings": findings,
             "parameters": [list(r.parameters) for r in rounds],
             "changed": [list(r.changed) for r in rounds],
+            "questions": [r.question for r in rounds if r.question],
         }
         if self.critique is not None:
             # Heeded: the plan changed in a round after the objection.

@@ -1,23 +1,24 @@
 """Critic: a second model that reads a plan which passed the check, and may object to it once.
 
-It receives the planner's message and pictures, and the plan. Its objection goes to the planner as one
-round of feedback; the planner may change its plan or keep it. If the critic fails, the plan stands.
+It receives the planner's task and pictures, and the plan; its own prompt names quantities and purposes. Its
+objection goes to the planner as one round of feedback; the planner may change its plan or keep it. If
+the critic fails, the plan stands.
 """
 
 from __future__ import annotations
 
 import json
 from dataclasses import replace
-from importlib import resources
 
 from palpate.errors import Unavailable
 from palpate.planning.model.answer import json_objects
 from palpate.planning.model.conversation import Conversation, Critique
-from palpate.planning.model.prompt.compose import fenced
+from palpate.planning.model.prompt.compose import fenced, filled_module
 from palpate.planning.model.provider import Endpoint
 from palpate.planning.model.session import Session
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.plan import Plan, plan_json
+from palpate.vocabulary.registry import vocabulary
 
 LONGEST_OBJECTION = 1000
 """Characters that go to the planner."""
@@ -38,14 +39,14 @@ def critic_endpoint(settings: ModelSettings, planner: Endpoint) -> Endpoint | No
 
 
 def objection_to(
-    plan: Plan, critic: Endpoint, message: str, planner: Session, conversation: Conversation
+    plan: Plan, critic: Endpoint, task: str, planner: Session, conversation: Conversation
 ) -> str | None:
     """Ask the critic about a plan; return its objection, or None. The conversation keeps its answer.
 
     Args:
         plan: the plan of the planner.
         critic: the model that is asked, within the rest of the dialogue's budget.
-        message: first message of the dialogue.
+        task: R, D, robot and poses, as the planner received them.
         planner, conversation: the dialogue with the planner, and its record.
     """
     budget = planner.budget
@@ -55,10 +56,9 @@ def objection_to(
         seconds=max(0.1, budget.seconds - spent),
         tokens=max(1, budget.tokens - conversation.tokens),
     )
-    folder = resources.files("palpate.planning.model.prompt")
-    system = folder.joinpath("critic.md").read_text(encoding="utf-8")
+    system = filled_module("critic.md", vocabulary(), "full")
     shown = fenced(json.dumps(plan_json(plan), ensure_ascii=False), "json")
-    message = f"{message}\n\n# The plan\n{shown}\n\nIs there an objection?"
+    message = f"{task}\n\n# The plan\n{shown}\n\nIs there an objection?"
     # A critic that fails leaves the plan as it is.
     try:
         if exhausted := budget.exhausted(conversation):

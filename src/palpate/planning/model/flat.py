@@ -19,6 +19,7 @@ _TEXT: Schema = {"type": "string"}
 _INTEGER: Schema = {"type": "integer"}
 _NUMBER: Schema = {"type": "number"}
 _NULL: Schema = {"type": "null"}
+_AGAIN: Schema = {"anyOf": [{"type": "boolean"}, _NULL]}
 _SCENE_OBJECT: Schema = {
     "name": _TEXT,
     "shape": {"type": "string", "enum": ["box", "cylinder", "sphere", "plane"]},
@@ -46,7 +47,7 @@ def flat_schema(vocabulary: Vocabulary, with_scene: bool) -> Schema:
         node[name] = {"anyOf": [*forms, _NULL]}
     properties = {
         "outcome": {"type": "string", "enum": list(OUTCOMES)},
-        "parameters": _list_of(_object({"object": _TEXT, "quantity": _TEXT})),
+        "parameters": _list_of(_object({"object": _TEXT, "quantity": _TEXT, "again": _AGAIN})),
         "explanation": _TEXT,
         "nodes": _list_of(_object(node)),
     }

@@ -22,7 +22,8 @@ from palpate.planning.model.rounds import converse
 from palpate.planning.model.session import Session, picture
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.plan import Plan
-from palpate.planning.symbolic.planner import requested
+from palpate.planning.planner import Rehearse
+from palpate.planning.symbolic.planner import assemble, requested, split_known, stated, surely_asked
 from palpate.scene.pictured.detected import DetectedScene, SceneBuilder
 from palpate.scene.pictured.objects import SceneObject
 from palpate.vocabulary.registry import vocabulary
@@ -41,6 +42,8 @@ class VlmPlanner:
         remeasure: the request is measured even where the scene states it.
         builder: makes a scene of the detected objects, for a request without a scene.
         measure: the parameters of the plan; None: the model decides by the request.
+        rehearse: executes a plan in physics, once it has passed the check; what it finds goes back to
+            the model.
         conversation: the latest dialogue, also when `plan` raised.
         seen: the detected scene, when there was no scene.
         images: the pictures, which refine the detected scene.
@@ -53,10 +56,10 @@ class VlmPlanner:
     remeasure: bool = False
     builder: SceneBuilder | None = None
     measure: tuple[Parameter, ...] | None = None
+    rehearse: Rehearse | None = None
     conversation: Conversation | None = field(default=None, init=False)
     seen: DetectedScene | None = field(default=None, init=False)
     images: tuple[Path, ...] = field(default=(), init=False)
-    _challenged: bool = field(default=False, init=False)
 
     @property
     def name(self) -> str:
@@ -71,7 +74,6 @@ class VlmPlanner:
             Unavailable: no extra, no key, provider out of reach or refusing, time used up.
             PlanRejected: the model gave no valid plan.
         """
-        self._challenged = False
         self.images = tuple(images)
         settings = self.model_settings
         endpoint = Endpoint.of(self.model, settings.base_url)
@@ -87,7 +89,10 @@ class VlmPlanner:
         conversation, critic = self.conversation, critic_endpoint(settings, endpoint)
 
         def objection(plan: Plan) -> str | None:
-            return critic and objection_to(plan, critic, prompt.user, session, conversation)
+            return critic and objection_to(plan, critic, prompt.task, session, conversation)
+
+        def question(plan: Plan) -> str | None:
+            return self.question(plan, scene, request) if settings.rounds else None
 
         plan = converse(
             conversation,
@@ -97,8 +102,9 @@ class VlmPlanner:
             rounds=settings.rounds,
             may_go_on=settings.budget.exhausted,
             critic=objection,
+            question=question,
         )
-        notes, critique = plan.notes, conversation.critique
+        notes, critique = (*plan.notes, *measured_again(plan, scene)), conversation.critique
         if critique is not None and critique.error:
             notes = (*notes, f"No critic read the plan: {critique.error}")
         return replace(plan, planner=conversation.planner, notes=notes)
@@ -124,9 +130,10 @@ class VlmPlanner:
             style=settings.prompt,
             comments=settings.comments,
             arm=self.builder.arm if self.builder else None,
+            remeasure=self.remeasure,
         )
         if settings.native:
-            return replace(prompt, user=f"{prompt.user}\n\n{flat.NOTE}")
+            return replace(prompt, order=f"{prompt.order}\n\n{flat.NOTE}")
         return prompt
 
     def judge(
@@ -145,29 +152,45 @@ class VlmPlanner:
 
     def _findings(self, proposal: Proposal, scene: Scene | None, request: str | None) -> list[str]:
         from palpate.planning.check.check import check
+        from palpate.planning.check.digest import digest
 
         plan, wanted = proposal.plan, None
-        reads_request = "text" not in self.model_settings.without
         if plan.tree is not None:
             if scene is None:
                 scene = self._detect(proposal.scene)
+            reads_request = "text" not in self.model_settings.without
             if self.measure is not None or (request is None and reads_request):
                 wanted = requested(None, scene, self.remeasure, self.measure)
         found = check(plan, scene, remeasure=self.remeasure, requested=wanted)
-        if found:
-            return [f"{finding.path}, {finding.rule}: {finding.message}" for finding in found]
-        # A rejection is questioned once, where the grammar reads from the request what can be measured.
-        if plan.tree is not None or self._challenged or scene is None or not reads_request:
-            return []
-        wanted = requested(request or None, scene, self.remeasure, self.measure)
-        if not wanted:
-            return []
-        self._challenged = True
-        named = ", ".join(str(parameter) for parameter in wanted)
-        return [
-            f"tree: there is none, yet R seems to ask for {named}, which D leaves out and the robot can "
-            "measure; give a tree for what is meant, or return the same answer again if none of it is"
-        ]
+        if not found and plan.tree is not None and scene is not None and self.rehearse is not None:
+            harm = self.rehearse(plan, scene)
+            found = () if harm is None else (harm,)
+        return digest(found)
+
+    def question(self, plan: Plan, scene: Scene | None, request: str | None) -> str | None:
+        """The question about a plan without a tree, or one that lacks what the grammar reads from the
+        request; None where the readings agree, or the grammar's is not sure."""
+        if scene is None or "text" in self.model_settings.without:
+            return None
+        read = surely_asked(request or None, scene, self.remeasure, self.measure) or ()
+        quantities = scene.catalogue
+        has = {(one.object, quantities[one.quantity].known_as()) for one in plan.parameters}
+        lacking = [p for p in read if (p.object, quantities[p.quantity].known_as()) not in has]
+        if not lacking or assemble(scene, lacking).failed:
+            return None
+        named = ", ".join(str(parameter) for parameter in lacking)
+        unknown, known = "D leaves it open", "it is to be measured though D states it"
+        state = known if set(lacking) <= set(split_known(lacking, scene, False)[0]) else unknown
+        if plan.tree is not None:
+            return (
+                f"R can be read as asking for {named}, too, which Φ lacks; {state}. Does R ask for it? If so, add "
+                "it and what measures it; if not, or if something stands against it, keep your answer."
+            )
+        return (
+            f"R can be read as asking for {named}; {state}, and by D alone the robot can measure it. Does R "
+            "mean that, and does nothing that you see or know stand against it? If so, give a tree; if not, "
+            "keep your answer."
+        )
 
     def _detect(self, objects: tuple[SceneObject, ...]) -> Scene:
         """The scene of the detected objects, which `seen` keeps."""
@@ -181,3 +204,11 @@ class VlmPlanner:
             )
         self.seen = self.builder.detected(objects, self.images)
         return self.seen.scene()
+
+
+def measured_again(plan: Plan, scene: Scene | None) -> tuple[str, ...]:
+    """Notes on the parameters of a plan that the scene states."""
+    if scene is None:
+        return ()
+    known, _ = split_known(plan.parameters, scene, False)
+    return tuple(f"{stated(parameter, scene)}, and measured again." for parameter in known)

@@ -29,7 +29,7 @@ Judge = Callable[[str], tuple[Plan | None, Sequence[str]]]
 """Reads an answer: its plan, if any, and the findings on it."""
 
 Object = Callable[[Plan], str | None]
-"""Objection of a critic to a plan that passed the check; None for none."""
+"""Question about a plan that passed the check, or a critic's objection to it; None for none."""
 
 MayGoOn = Callable[[Conversation], str | None]
 """Reason against another round, such as a used-up budget, or None."""
@@ -43,11 +43,12 @@ def converse(
     rounds: int = FEEDBACK_ROUNDS,
     may_go_on: MayGoOn = lambda _: None,
     critic: Object = lambda _: None,
+    question: Object = lambda _: None,
 ) -> Plan:
     """The first plan without findings; every round is appended to `conversation`.
 
-    It is shown to the `critic`, whose objection goes back to the model once. It stands if no other plan
-    passes after that.
+    The objection of a `critic`, or else a `question` about it, goes to the model once. The plan stands if
+    no other passes after that.
 
     Raises:
         PlanRejected: none after `rounds` rounds of feedback, or the budget is used up.
@@ -74,22 +75,32 @@ def converse(
             raise PlanRejected(rejection(conversation, why))
         left -= 1
         plan, findings = once(feedback(findings), plan)
-    objection = critic(plan)
-    if objection is None:
+
+    def reconsidered(plan: Plan, message: str) -> Plan:
+        """The next plan that passes after a message; whatever ends the reconsideration, `plan`
+        stands."""
+        latest: Plan | None = plan
+        for _ in range(left + 1):
+            if may_go_on(conversation):
+                break
+            try:
+                latest, findings = once(message, latest)
+            except Unavailable:
+                break
+            if latest is not None and not findings:
+                return latest
+            message = feedback(findings)
         return plan
-    conversation.rounds[-1] = replace(conversation.rounds[-1], objection=objection)
-    message, latest = objected(objection), plan
-    # The plan passes the check already: whatever ends the reconsideration, it stands.
-    for _ in range(left + 1):
-        if may_go_on(conversation):
-            break
-        try:
-            latest, findings = once(message, latest)
-        except Unavailable:
-            break
-        if latest is not None and not findings:
-            return latest
-        message = feedback(findings)
+
+    objection = critic(plan)
+    if objection is not None:
+        conversation.rounds[-1] = replace(conversation.rounds[-1], objection=objection)
+        # No question after an objection, which may have demanded what would be questioned.
+        return reconsidered(plan, objected(objection))
+    asked = question(plan)
+    if asked is not None:
+        conversation.rounds[-1] = replace(conversation.rounds[-1], question=asked)
+        return reconsidered(plan, questioned(asked))
     return plan
 
 
@@ -119,6 +130,15 @@ def objected(objection: str) -> str:
         f"- {objection}\n\n"
         "If the reader is right, correct the plan; if not, return it as it is. Return the whole JSON "
         "object again."
+    )
+
+
+def questioned(question: str) -> str:
+    """A question about a plan as the next message to the model."""
+    return (
+        "The answer passes the check. One question, asked once, to which either answer may be right:\n"
+        f"- {question}\n\n"
+        "Return the whole JSON object again, changed or as it is."
     )
 
 
@@ -153,9 +173,12 @@ def replayed(kept: Conversation, again: Conversation, judge: Judge) -> Plan:
     def objection(plan: Plan) -> str | None:
         return kept.rounds[len(again.rounds) - 1].objection or None
 
-    return converse(
-        again, kept.rounds[0].message, ask, judge, rounds=len(kept.rounds) - 1, critic=objection
-    )
+    def question(plan: Plan) -> str | None:
+        return kept.rounds[len(again.rounds) - 1].question or None
+
+    left = len(kept.rounds) - 1
+    message = kept.rounds[0].message
+    return converse(again, message, ask, judge, left, critic=objection, question=question)
 
 
 def rejection(conversation: Conversation, why: str) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 
 from palpate.files.plain_yaml import plain_yaml
 from palpate.planning.request.lexicon import by_word, word_set
+from palpate.quantities.purposes import quantities_by_verb
 
 LANGUAGES = ("de", "es", "fr", "it")
 """Languages of requests, without English."""
@@ -82,9 +83,6 @@ def english() -> English:
     relations: dict[Phrase, Any] = {}
     for relation, phrases in said["relations"].items():
         relations |= dict.fromkeys(_listed(phrases), relation)
-    purposes: dict[str, tuple[str, ...]] = {}
-    for quantities, verbs in said["purposes"].items():
-        purposes |= dict.fromkeys(verbs.split(), tuple(quantities.split()))
     sets = (
         "collective",
         "superlatives",
@@ -114,7 +112,7 @@ def english() -> English:
         selecting=by_word(said["selecting"]),
         kinds={kind: word_set(members) for kind, members in said["kinds"].items()},
         same=tuple(word_set(line) for line in said["same"]),
-        purposes=purposes,
+        purposes=quantities_by_verb(),
         materials=said["materials"],
         **words,
     )

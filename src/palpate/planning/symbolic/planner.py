@@ -20,6 +20,7 @@ from palpate.planning.plan import Node, Plan
 from palpate.planning.planner import needs_scene
 from palpate.planning.request.grounding import Grounded, ground
 from palpate.planning.request.item import GRIPPER
+from palpate.planning.symbolic.errand import Errand, errand
 from palpate.planning.symbolic.passes import Efforts, efforts
 from palpate.planning.symbolic.places import BALANCE
 from palpate.planning.symbolic.search import Backchainer
@@ -74,7 +75,12 @@ class SymbolicPlanner:
         """
         if scene is None:
             raise needs_scene(self.name)
-        asked = asked_parameters(request, scene, self.measure)
+        try:
+            asked = asked_parameters(request, scene, self.measure)
+        except (InputError, PlanRejected):
+            if request is not None and (found := errand(request, scene)) is not None:
+                return self._errand(found, scene)
+            raise
         known, wanted = split_known(asked.asked, scene, self.remeasure)
         cannot = list(asked.cannot)
         for parameter in wanted:
@@ -98,6 +104,18 @@ class SymbolicPlanner:
             notes=tuple(remarks),
             declared=None if wanted or cannot or made.failed else "nothing_missing",
         )
+
+    def _errand(self, errand: Errand, scene: Scene) -> Plan:
+        """The plan that carries a tool, and measures nothing.
+
+        Raises:
+            PlanRejected: there is no path.
+        """
+        chainer = Backchainer(scene)
+        chainer.go_home()
+        chainer.hold(errand.tool, errand.spots)
+        chainer.go_home()
+        return Plan((), chainer.tree(), errand.explanation, self.name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,13 +159,26 @@ def requested(
     None where that is uncertain: a part of the request is not understood, is inferred, or cannot be
     measured.
     """
+    wanted = surely_asked(request, scene, remeasure, measure)
+    if wanted is None or assemble(scene, wanted).failed:
+        return None
+    return wanted
+
+
+def surely_asked(
+    request: str | None,
+    scene: Scene,
+    remeasure: bool = False,
+    measure: tuple[Parameter, ...] | None = None,
+) -> tuple[Parameter, ...] | None:
+    """The parameters that `requested` returns, whether or not they can be measured."""
     try:
         asked = asked_parameters(request, scene, measure)
     except (InputError, PlanRejected):
         return None
     _, unknown = split_known(asked.asked, scene, remeasure)
     wanted = with_needs(scene, unknown)
-    if asked.remarks or asked.cannot or not wanted or assemble(scene, wanted).failed:
+    if asked.remarks or asked.cannot or not wanted:
         return None
     return tuple(wanted)
 
@@ -287,15 +318,17 @@ def split_known(
 
 
 def known_note(parameter: Parameter, scene: Scene) -> str:
-    """Note on a parameter that the scene states, with its value."""
+    """Note on a parameter that the scene states, and that is not measured."""
+    return f"{stated(parameter, scene)} and not measured again unless it is to be remeasured."
+
+
+def stated(parameter: Parameter, scene: Scene) -> str:
+    """Clause on a parameter that the scene states, with its value."""
     quantity = catalogue()[parameter.quantity]
-    stated = scene.bodies[parameter.object].known[quantity.known_as()]
-    value = ", ".join(f"{v:.6g}" for v in stated)
+    values = scene.bodies[parameter.object].known[quantity.known_as()]
+    value = ", ".join(f"{v:.6g}" for v in values)
     unit = "" if quantity.unit == "1" else f" {quantity.unit}"
-    return (
-        f"{spoken([parameter])} is stated by the scene ({value}{unit}) and not measured again "
-        "unless it is to be remeasured."
-    )
+    return f"{spoken([parameter])} is stated by the scene ({value}{unit})"
 
 
 def unknown_heights(made: Assembled, scene: Scene) -> list[str]:

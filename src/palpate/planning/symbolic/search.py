@@ -55,6 +55,9 @@ from palpate.vocabulary.state import HOME_CONFIG, SymbolicState
 MAX_DETOURS = 20
 """Paths that one search finds and sees refused before it gives up."""
 
+LIFTS = ("", " + z_offset", " + 1.5*z_offset", " + 2.5*z_offset")
+"""Offsets at which a tool is taken, and to which it is lifted before it is carried."""
+
 Task = tuple[bool, frozenset[str]]
 """Key of a solved task: slides to the other side first, and the measured quantities."""
 
@@ -128,6 +131,23 @@ class Backchainer:
             self.steps[done:], self.state = with_effort(
                 state, self.steps[done:], self.state, name, effort
             )
+
+    def hold(self, tool: str, spots: Sequence[str]) -> None:
+        """Take a tool, hold it at each of some places, and put it back.
+
+        Raises:
+            PlanRejected: there is no path.
+        """
+        away = self._clear(tool, (tool,))
+        taken = [f"{tool}_pose{above}" for above in LIFTS]
+        for spot in spots:
+            operators = self._operators(tool, [*taken, spot])
+            held = when(lambda state, at=spot: state.holding == tool and state.at == at)
+            self._reach(operators, held, f"'{tool}' cannot be held at '{spot}'")
+        operators = self._operators(tool, taken)
+        self._reach(operators, when(at_rest(tool)), f"'{tool}' cannot be put back")
+        for blocker, place in reversed(away):
+            self._carry(blocker, place, at_rest(blocker))
 
     def repeat(self, name: str, parameters: Sequence[Parameter]) -> None:
         """Measure again as `measure`, independent of earlier recordings, with slides to the other

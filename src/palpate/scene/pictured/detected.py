@@ -99,7 +99,7 @@ class SceneBuilder:
         """Detections of a model in the first of `images`, refined by its pixels.
 
         Raises:
-            InputError: the image cannot be read.
+            InputError: the image cannot be read, or a box shows bare table.
         """
         if images:
             objects = sharpened(objects, load_image(images[0]))

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.errors import InputError
 from palpate.geometry.pose import Array
 from palpate.scene.pictured.objects import SceneObject
 
@@ -27,6 +28,8 @@ NEAR = 0.12
 """Search distance around the model's box, relative to the image's diagonal."""
 ALIKE = 0.6
 """Least ratio of width and height between region and box, either way."""
+BARE = 0.05
+"""Most pixels of another colour in a box of bare table, as a share."""
 LEAST = 40
 """Least pixels of a region."""
 POINTS = 32
@@ -47,7 +50,11 @@ class Piece:
 
 
 def sharpened(objects: Sequence[SceneObject], pixels: Pixels) -> tuple[SceneObject, ...]:
-    """Refine boxes, and add outlines, by `pixels` (height, width, 3), where these are unambiguous."""
+    """Refine boxes, and add outlines, by `pixels` (height, width, 3), where these are unambiguous.
+
+    Raises:
+        InputError: a box shows bare table, and what is of its size stands elsewhere.
+    """
     planes = [thing for thing in objects if thing.shape == "plane"]
     things = [thing for thing in objects if thing.shape != "plane" and thing.outline is None]
     if not planes or not things:
@@ -58,6 +65,10 @@ def sharpened(objects: Sequence[SceneObject], pixels: Pixels) -> tuple[SceneObje
     found: list[SceneObject] = []
     for thing in objects:
         piece = pieces_of.get(thing.name)
+        if piece is None and thing in things and _shows_table(thing, planes, pixels):
+            others = [other for other in things if other is not thing]
+            free = [p for p in pieces if not any(_overlap(other, p, size) for other in others)]
+            _refuse_bare(thing, [piece for piece in free if _alike(thing, piece, size)], size)
         if piece is not None:
             left, top, right, bottom = (np.array(piece.box).reshape(2, 2) / size).ravel().tolist()
             outline = tuple((x, y) for x, y in (piece.outline / size).round(5).tolist())
@@ -134,13 +145,7 @@ def _own_piece(
 ) -> Piece | None:
     """The nearest region of about the size of a box, unless another object's box is nearer to it."""
     reach = NEAR * float(np.hypot(*size))
-    box = np.array(thing.bbox).reshape(2, 2) * size
-    near: list[Piece] = []
-    for piece in pieces:
-        corners = np.array(piece.box).reshape(2, 2)
-        ratio = (corners[1] - corners[0]) / (box[1] - box[0])
-        if ((ratio > ALIKE) & (ratio < 1 / ALIKE)).all():
-            near.append(piece)
+    near = [piece for piece in pieces if _alike(thing, piece, size)]
     if not near:
         return None
     nearest = min(near, key=lambda piece: _distance(thing, piece, size))
@@ -149,6 +154,54 @@ def _own_piece(
     if mine > reach or min(others, default=np.inf) <= mine:
         return None
     return nearest
+
+
+def _alike(thing: SceneObject, piece: Piece, size: Array) -> bool:
+    """True if a region is about as wide and high as an object's box."""
+    box, corners = np.array(thing.bbox).reshape(2, 2) * size, np.array(piece.box).reshape(2, 2)
+    ratio = (corners[1] - corners[0]) / (box[1] - box[0])
+    return bool(((ratio > ALIKE) & (ratio < 1 / ALIKE)).all())
+
+
+def _overlap(thing: SceneObject, piece: Piece, size: Array) -> bool:
+    """True if an object's box and a region's have pixels in common."""
+    box, corners = np.array(thing.bbox).reshape(2, 2) * size, np.array(piece.box).reshape(2, 2)
+    return bool((box[0] < corners[1]).all() and (corners[0] < box[1]).all())
+
+
+def _shows_table(thing: SceneObject, planes: Sequence[SceneObject], pixels: Pixels) -> bool:
+    """True if a box within a plane's shows the plane's colour alone."""
+    size = np.array([pixels.shape[1], pixels.shape[0]])
+    for plane in planes:
+        first, last = (np.array(plane.bbox).reshape(2, 2) * size).round().astype(int)
+        low, high = (np.array(thing.bbox).reshape(2, 2) * size).round().astype(int)
+        if (low < first).any() or (high > last).any() or (high <= low).any():
+            continue
+        other = _other_colour(pixels[first[1] : last[1], first[0] : last[0]])
+        (left, top), (right, bottom) = low - first, high - first
+        return bool(other[top:bottom, left:right].mean() < BARE)
+    return False
+
+
+def _refuse_bare(thing: SceneObject, alike: Sequence[Piece], size: Array) -> None:
+    """Refuse a box of bare table where the picture has something of its size elsewhere.
+
+    Raises:
+        InputError: with the nearest one's distance and size, worded for the model.
+    """
+    if not alike:
+        return
+    nearest = min(alike, key=lambda piece: _distance(thing, piece, size))
+    box = np.array(nearest.box).reshape(2, 2) / size
+    wide, high = 100 * (box[1] - box[0])
+    left, top, right, bottom = thing.bbox
+    off = 100 * _distance(thing, nearest, size) / float(np.hypot(*size))
+    shown = ", ".join(f"{edge:.3f}" for edge in box.ravel().tolist())
+    raise InputError(
+        f"scene: the box of '{thing.name}', {100 * (right - left):.0f} % x {100 * (bottom - top):.0f} % of the image, "
+        f"shows bare table; the nearest thing of about its size, {wide:.0f} % x {high:.0f} %, is {off:.0f} % of "
+        f"the image's diagonal away: look again, and give the box of '{thing.name}', [{shown}] if that is it"
+    )
 
 
 def _distance(thing: SceneObject, piece: Piece, size: Array) -> float:

@@ -118,7 +118,7 @@ def workspace_images(task: Scenario, conditions: Conditions) -> tuple[Path, ...]
         if not first.exists():
             settings = task.settings()
             poses = read_poses(settings.poses) if settings.poses else Poses()
-            pictures = pictures_of(settings, pipeline.load(settings), poses)
+            pictures, _ = pictures_of(settings, pipeline.load(settings), poses)
             for path, content in zip((first, further), pictures, strict=False):
                 path.write_bytes(content)
     return tuple(path for path in (first, further) if path.exists())

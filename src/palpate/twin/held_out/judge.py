@@ -14,6 +14,7 @@ from palpate.estimation.estimate import Estimate
 from palpate.estimation.load.segments import load_rows, weighing
 from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
+from palpate.quantities.catalogue import catalogue
 from palpate.quantities.estimators import estimate_all
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Recording
@@ -78,11 +79,22 @@ def with_tests(estimates: Sequence[Estimate], held: HeldOut) -> tuple[Estimate, 
                 tests[Parameter(motion.object, JUDGED[test.name])] = test
     found: list[Estimate] = []
     for estimate in estimates:
-        test = tests.get(estimate.parameter)
+        test = tests.get(stated_as(estimate.parameter))
         if test is not None and estimate.identified:
             estimate = replace(estimate, tests=(*estimate.tests, test))
         found.append(estimate)
     return tuple(found)
+
+
+def usable(estimate: Estimate) -> bool:
+    """True if an estimate has a value that nothing contradicts."""
+    return estimate.has_value and estimate.verdict != "contradicted"
+
+
+def stated_as(parameter: Parameter) -> Parameter:
+    """The parameter as the file states it: `com` of `com_3d`, whose tilts a held-out motion may lack."""
+    quantity = catalogue().get(parameter.quantity)
+    return parameter if quantity is None else Parameter(parameter.object, quantity.known_as())
 
 
 def held_still(trace: Trace, name: str | None = None) -> Iterator[Recording]:
@@ -131,7 +143,8 @@ def judge(
     cut = cut_of(trace, name)
     if body is None or cut is None:
         return "nothing was recorded of it that could be held out"
-    wanted = [e.parameter for e in estimates if e.parameter.object == name and e.identified]
+    of_it = [e for e in estimates if e.parameter.object == name and usable(e)]
+    wanted = list(dict.fromkeys(stated_as(estimate.parameter) for estimate in of_it))
     wanted = [parameter for parameter in wanted if parameter.quantity in FITTED]
     fitted = estimate_all(wanted, trace.without(cut.start, cut.end), scene.bodies, choice)
     again = {estimate.parameter.quantity: estimate for estimate in fitted}
@@ -139,7 +152,7 @@ def judge(
 
     mass = known(again.get("mass"), body.known.get("mass"), signals) or mass_part(fitted, signals)
     if mass is None:
-        return "its mass is not known well enough to predict another motion"
+        return unweighed(again.get("mass"), cut)
     along = weighing(trace, cut.recording)
     motion = [s for s in along.segments if s.loaded and cut.start <= s.start and s.end <= cut.end]
     lever = lever_of(scene, trace, name, cut.recording, again.get("com"))
@@ -151,6 +164,16 @@ def judge(
     believed = scene.priors.get(Parameter(name, "mass"), tuple(mass.value.tolist()))
     guess = found.instead(wrench.value * believed[0] / float(mass.value[0]))
     return judged_motion(name, cut, found, guess, trace)
+
+
+def unweighed(mass: Estimate | None, cut: Cut) -> str:
+    """Reason why no mass predicts the held-out motion."""
+    if mass is None:
+        return "neither a mass nor a centre of mass was measured that could predict a motion"
+    how_well = (
+        f"known to {1e3 * mass.stds[0]:.2g} g, {mass.verdict}" if usable(mass) else mass.verdict
+    )
+    return f"without {cut.words}, its mass is {how_well}"
 
 
 def judged_motion(name: str, cut: Cut, found: Predicted, guess: Predicted, trace: Trace) -> Motion:

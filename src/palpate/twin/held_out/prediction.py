@@ -120,10 +120,11 @@ def known(
 
 
 def mass_part(fitted: Sequence[Estimate], signals: int) -> Believed | None:
-    """The mass that is a part of the estimate of a centre of mass or an inertia."""
+    """The mass that is a part of the estimate of a centre of mass or an inertia, which need not be
+    identified itself."""
     for estimate in fitted:
         mass = estimate.parts.get("mass")
-        if estimate.identified and mass is not None:
+        if estimate.verdict != "contradicted" and mass is not None:
             covariance = np.array([[mass.std]]) ** 2
             return Believed(np.array([mass.value]), covariance, np.zeros((1, signals)))
     return None
@@ -216,7 +217,7 @@ def bias_covariance(rows: Rows, wrench: Believed, hand: Hand, signals: int) -> A
     # A gain error acts on the load's torques, and acted on the estimate of the wrench.
     borne = (design @ wrench.value)[:, None] * gain_root(hand, signals)[rows.signal]
     gained = borne - design @ wrench.gains
-    dahl = tuning.JOINT_LEVEL * rows.dahl
+    dahl = tuning.JOINT_LEVEL / len(tuning.PRESLIDINGS) ** 0.5 * rows.dahl
     stuck = hand.force_repeatability * rows.stiction.stuck
     bias = rows.root @ rows.root.T
     for causes in (sideways, gained, dahl, stuck):

@@ -62,6 +62,25 @@ def test_ripple_repeats_with_its_cycles_in_a_turn() -> None:
     assert np.abs(np.fft.rfft(out[:, 0])).argmax() == 50
 
 
+def test_ripple_has_a_second_harmonic_and_cycles_of_each_joint() -> None:
+    cycles = np.array([30, 30, 30, 30, 20, 20, 20])
+    found = gauges(ripple={"size": 0.05, "second": 0.02, "cycles": cycles.tolist()})
+    angles = np.linspace(0.0, 2 * np.pi, 2000, endpoint=False)
+    out = found.read(np.zeros((2000, 7)), np.outer(angles, np.ones(7)))
+    waves = np.abs(np.fft.rfft(out, axis=0)) / 1000 / np.sqrt(2)
+    assert waves[cycles, range(7)] == pytest.approx(np.full(7, 0.05))
+    assert waves[2 * cycles, range(7)] == pytest.approx(np.full(7, 0.02))
+
+
+@pytest.mark.parametrize(("ratio", "gain"), [(0.1, 1.01), (1.0, 2.5), (3.0, 0.106)])
+def test_a_resonance_amplifies_ripple_at_its_frequency(ratio: float, gain: float) -> None:
+    resonance = {"frequency": 10.0, "damping": 0.2}
+    found = gauges(ripple={"size": 0.05, "cycles": 240, "resonance": resonance})
+    angles = 2 * np.pi / 240 * 10.0 * ratio * PERIOD * np.arange(4000)
+    out = found.read(np.zeros((4000, 7)), np.outer(angles, np.ones(7)))
+    assert out[2000:].std(0) == pytest.approx(np.full(7, 0.05 * gain), rel=0.12)
+
+
 PERIOD = 0.005
 
 

@@ -39,6 +39,7 @@ datasheet:
   tip_offset_std: 2.0e-4
   tip_compliance: 1.0e-5
   tip_compliance_std: 5.0e-6
+  rest_torque: 0.1
 torque:
   white: [0.10, 0.10, 0.10, 0.10, 0.05, 0.05, 0.05]
   flicker: {level: [0.01, 0.01, 0.01, 0.01, 0.005, 0.005, 0.005], band: [0.003, 50]}
@@ -48,12 +49,13 @@ torque:
   nonlinearity_max: 1e-3
   hysteresis: 1e-3
   crosstalk: 1e-3
-  ripple: {size: 0.01, cycles: 200}
+  ripple: {size: 0.01, second: 5e-3, cycles: 200, resonance: {frequency: 11, damping: 0.2}}
   quantisation: 0.01
   range: [87, 87, 87, 87, 12, 12, 12]
   delay: 1e-3
   filter: 100
 friction:
+  law: maxwell_slip
   coulomb: [0.08, 0.08, 0.06, 0.06, 0.03, 0.03, 0.03]
   static: 1.1
   stribeck_speed: 0.01
@@ -85,7 +87,7 @@ pose:
   repeatability: 1.0e-4
   resettling: 2.0e-2
   encoder: 1e-6
-  encoder_ripple: {size: 1e-6, cycles: 64}
+  encoder_ripple: {size: 1e-6, second: 1e-6, cycles: 64}
   quantisation: 6e-6
   thermal: 1e-5
 acquisition:
@@ -168,7 +170,7 @@ def nonzero(form: BaseModel) -> list[str]:
         for part in name.split("."):
             value = getattr(value, part)
         size = value.any if isinstance(value, Drawn) else np.any(value)
-        neutral = ("cycles", "band", "static", "range", "name", "palpate_noise", *POSITIVE)
+        neutral = ("law", "cycles", "band", "static", "range", "name", "palpate_noise", *POSITIVE)
         if size and not name.endswith(neutral) and not name.startswith("datasheet"):
             found.append(name)
     return sorted(found)
@@ -261,6 +263,8 @@ def test_keys_replace_those_of_the_model_that_is_extended(tmp_path: Path) -> Non
         ("torque: {white: .inf}", ("torque.white", "finite")),
         ("torque: {flicker: {band: [50, 1]}}", ("torque.flicker.band", "below")),
         ("friction: {static: 0.9}", ("friction.static", "1")),
+        ("friction: {law: coulomb}", ("friction.law", "dahl", "lugre", "maxwell_slip")),
+        ("friction: {presliding: 0}", ("friction.presliding", "positive")),
         ("friction: {compensated: 1.1}", ("friction.compensated", "1")),
         ("model: {tip_offset: -1}", ("model.tip_offset", "negative")),
         ("model: {tip_offset: {fix: 1}}", ("model.tip_offset", "fixed")),
@@ -310,7 +314,8 @@ def numbers() -> st.SearchStrategy[float]:
     return st.floats(0.0, 10.0, allow_nan=False)
 
 
-PLACES = sorted(keys(NoiseModel) - {"palpate_noise", "name", "extends", "torque.flicker.band"})
+NO_NUMBERS = {"palpate_noise", "name", "extends", "torque.flicker.band", "friction.law"}
+PLACES = sorted(keys(NoiseModel) - NO_NUMBERS)
 AT_LEAST_ONE = {"friction.static"}
 POSITIVE = (
     "time_constant",
@@ -323,6 +328,7 @@ POSITIVE = (
     "resettling",
     "length",
     "frequency",
+    "damping",
 )
 
 

@@ -12,23 +12,23 @@ and Φ the unknown parameters.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from importlib import resources
-from math import atan2, degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
 from palpate.errors import InputError, unknown_name
 from palpate.planning.check.rules import CATALOGUE, mm
-from palpate.planning.request.wording import english
+from palpate.planning.model.prompt.description import shown
+from palpate.planning.model.prompt.named_poses import HEAD, named_poses, position_and_yaw
 from palpate.quantities.catalogue import catalogue
+from palpate.quantities.purposes import PURPOSES
 from palpate.quantities.quantity import Quantity
 from palpate.vocabulary.registry import acquisition
 
 if TYPE_CHECKING:
-    from palpate.geometry.pose import Array, Pose
+    from palpate.geometry.pose import Pose
     from palpate.robots.description import RobotDescription
     from palpate.scene.scene import Scene
     from palpate.scene.symbols import Symbols
@@ -52,16 +52,34 @@ MODULES = (*SYSTEM_MODULES, "image", "text", "all")
 """Names for `--without`: a module of the system prompt, an input, or the whole system prompt."""
 LARGEST_DESCRIPTION = 200_000
 """Characters of the scene that are sent; a longer one is refused, not cut."""
-_COMMENT = re.compile(r"\s*<!--.*?-->", re.DOTALL)
+ORDER = "Return Φ, the explanation and the behavior tree."
+"""End of the planner's message."""
+REMEASURE = (
+    "# Measuring again\nThe user wants all that R asks for measured anew, also what D states: it is part of Φ, and "
+    "`nothing_missing` is right only where R asks for nothing that can be measured."
+)
 
 
 @dataclass(frozen=True, slots=True)
 class Prompt:
-    """Prompt: the system prompt, the user's message, and the image files."""
+    """Prompt of one task.
+
+    Attributes:
+        system: the system prompt.
+        task: R, D, robot and poses, which a critic receives as well.
+        images: the image files.
+        order: end of the user's message, which is for the planner alone.
+    """
 
     system: str
-    user: str
+    task: str
     images: tuple[Path, ...] = ()
+    order: str = ORDER
+
+    @property
+    def user(self) -> str:
+        """The user's message to the planner."""
+        return f"{self.task}\n\n{self.order}"
 
 
 def compose(
@@ -74,6 +92,7 @@ def compose(
     style: Style = "full",
     comments: bool = True,
     arm: RobotDescription | None = None,
+    remeasure: bool = False,
 ) -> Prompt:
     """The whole prompt for one task; untrusted text is fenced.
 
@@ -84,6 +103,7 @@ def compose(
         without: modules and inputs to leave out.
         style: style of the system prompt.
         comments: sends the comments in the scene's file, which may give the answer away.
+        remeasure: what the request asks for is measured even where the scene states it.
 
     Raises:
         InputError: an unknown module in `without`, neither a request nor a scene, or one that is
@@ -98,20 +118,21 @@ def compose(
     if "text" not in removed:
         asked = fenced(request) if request.strip() else "None: acquire what D leaves out."
         parts += [f"# Request R\n{asked}", scene_section(scene, comments)]
+        if remeasure and request.strip():
+            parts.append(REMEASURE)
     if scene is not None:
         symbols, arm = scene.symbols, scene.arm
     if arm is not None and "metadata" not in removed:
         parts.append(robot_section(arm, scene.pose_world_base if scene is not None else None))
     if symbols and "metadata" not in removed:
-        parts.append(poses_section(symbols))
-    shown = () if "image" in removed else tuple(images)
-    if shown:
-        views = (
-            "the workspace now" if len(shown) == 1 else f"{len(shown)} views of the workspace now"
-        )
+        parts.append(f"{HEAD}\n{fenced(named_poses(symbols))}")
+    pictures = () if "image" in removed else tuple(images)
+    if pictures:
+        views = "the workspace now"
+        if len(pictures) > 1:
+            views = f"{len(pictures)} views of {views}"
         parts.append(f"# Image I\nAttached: {views}.")
-    parts.append("Return Φ, the explanation and the behavior tree.")
-    return Prompt(system_prompt(vocabulary, removed, style), "\n\n".join(parts), shown)
+    return Prompt(system_prompt(vocabulary, removed, style), "\n\n".join(parts), pictures)
 
 
 def checked_modules(names: Iterable[str]) -> frozenset[str]:
@@ -161,14 +182,19 @@ def fenced(text: str, language: str = "") -> str:
 def filled_module(file: str, vocabulary: Vocabulary, style: Style) -> str:
     """A module of the system prompt, with generated descriptions in place of its marks, such as
     `{{quantities}}`."""
-    folder = resources.files("palpate.planning.model.prompt")
-    own = folder.joinpath(style, file)
-    text = (own if own.is_file() else folder.joinpath(file)).read_text(encoding="utf-8")
+    text = _module(file, style)
     if "{{" not in text:
         return text
     for name, description in descriptions(vocabulary, style).items():
         text = text.replace(f"{{{{{name}}}}}", description)
     return text
+
+
+def _module(file: str, style: Style) -> str:
+    """Text of a module's file, with its marks."""
+    folder = resources.files("palpate.planning.model.prompt")
+    own = folder.joinpath(style, file)
+    return (own if own.is_file() else folder.joinpath(file)).read_text(encoding="utf-8")
 
 
 def descriptions(vocabulary: Vocabulary, style: Style) -> dict[str, str]:
@@ -179,10 +205,6 @@ def descriptions(vocabulary: Vocabulary, style: Style) -> dict[str, str]:
         group = conversion if primitive.group == "conversion" else general
         group.append(primitive_entry(primitive, style))
     heads = {quantity: quantity_head(quantity) for quantity in catalogue().values()}
-    # Quantities that each purpose of a simulation needs, as the grammar of requests has them.
-    verbs: dict[tuple[str, ...], list[str]] = {}
-    for verb, quantities in english().purposes.items():
-        verbs.setdefault(quantities, []).append(verb)
     marks = {
         "general": general,
         "conversion": conversion,
@@ -191,6 +213,7 @@ def descriptions(vocabulary: Vocabulary, style: Style) -> dict[str, str]:
         "names of quantities": [
             head + (", derived" if q.derived else "") for q, head in heads.items()
         ],
+        "goal": [_module("goal.md", style).rstrip()],
     }
     for mark, about in (("rules of parameters", "parameters"), ("rules of the tree", "tree")):
         marks[mark] = [
@@ -198,9 +221,8 @@ def descriptions(vocabulary: Vocabulary, style: Style) -> dict[str, str]:
             for rule in CATALOGUE.values()
             if rule.about == about and not (rule.recipe and style == "lean")
         ]
-    purposes = [f"to {'/'.join(named[:3])}: {', '.join(q)}" for q, named in verbs.items()]
     texts = {mark: "\n".join(lines) for mark, lines in marks.items()}
-    return {**texts, "purposes": "; ".join(purposes)}
+    return {**texts, "purposes": "; ".join(map(str, PURPOSES))}
 
 
 def primitive_entry(primitive: type[Primitive], style: Style) -> str:
@@ -236,15 +258,19 @@ def scene_section(scene: Scene | None, comments: bool) -> str:
     if scene is None:
         return (
             "# Simulation description D\nNone: list what the image shows in `scene`. What you list as X there has "
-            "the poses X_pose and X_temporary, a plane X has X_approach, and every object its own offsets."
+            "the poses X_pose and X_temporary, a plane X has X_approach, and each has its own x_offset, y_offset and "
+            "z_offset, the last one upwards."
         )
-    text = scene.text if comments else _COMMENT.sub("", scene.text)
+    text = shown(scene.text, comments)
     if len(text) > LARGEST_DESCRIPTION:
         raise InputError(
             f"the scene has {len(text)} characters; at most {LARGEST_DESCRIPTION} are sent to a "
             "model: use the symbolic planner, or move assets to other files"
         )
-    return f"# Simulation description D (MJCF; absent or `?` is unknown)\n{fenced(text, 'xml')}"
+    return (
+        "# Simulation description D (MJCF, without textures, lights and cameras; absent or `?` is "
+        f"unknown)\n{fenced(text, 'xml')}"
+    )
 
 
 def robot_section(arm: RobotDescription, pose_world_base: Pose | None) -> str:
@@ -269,49 +295,3 @@ def robot_section(arm: RobotDescription, pose_world_base: Pose | None) -> str:
             f"Base in the world, with the direction of its x axis: {position_and_yaw(pose_world_base)}."
         )
     return "\n".join(lines)
-
-
-def poses_section(symbols: Symbols) -> str:
-    """Section of every name that a pose expression may use, with its place or purpose."""
-    lines = [f"{name}: {position_and_yaw(pose)}" for name, pose in symbols.poses.items()]
-    for name in symbols.later:  # computed when they are used
-        if name not in symbols.poses:
-            subject = symbols.subjects.get(name, "it")
-            purpose = f"a free spot to put {subject} down"
-            if name.endswith("_top"):
-                purpose = f"above the top of {subject}"
-            elif name.endswith("_across"):
-                purpose = f"a grasp of {subject} a quarter turn on"
-            lines.append(f"{name}: {purpose}")
-    for name in symbols.lines:
-        subject = symbols.subjects[name]
-        lines.append(f"{name}: where {subject} balances, as its grasps before have shown")
-    for name in symbols.configurations:
-        lines.append(f"{name}: joint configuration")
-    for name, own in symbols.own_offsets.items():
-        lines.append(f"offsets of {name}: {offset_list(own)}")
-    lines.append(f"offsets of other poses: {offset_list(symbols.offsets)}")
-    for name, reason in symbols.ungraspable.items():
-        lines.append(f"{name} cannot be grasped: {reason}")
-    return (
-        "# Named poses (gripper in the world: x y z in m, direction of its x axis in degrees; offsets in m)\n"
-        + fenced("\n".join(lines))
-    )
-
-
-def position_and_yaw(pose: Pose) -> str:
-    """Position (m) and direction of the x axis (degrees)."""
-    x, y, z = pose.position
-    direction = degrees(atan2(pose.rotation[1, 0], pose.rotation[0, 0]))
-    return f"{x:.3f} {y:.3f} {z:.3f}, {direction:.0f}"
-
-
-def offset_list(offsets: Mapping[str, Array]) -> str:
-    """Offsets by name: the length, with its sign, of one along an axis; the vector of any other."""
-    found: list[str] = []
-    for name, vector in offsets.items():
-        axes = [component for component in vector if abs(component) > 1e-9]
-        x, y, z = vector
-        shown = f"({x:.3f}, {y:.3f}, {z:.3f})" if len(axes) > 1 else f"{max(vector, key=abs):.3f}"
-        found.append(f"{name} {shown}")
-    return ", ".join(found)

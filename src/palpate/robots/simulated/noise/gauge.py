@@ -8,6 +8,8 @@ import numpy as np
 
 from palpate.geometry.pose import Array
 from palpate.robots.simulated.noise.model import JOINTS, Flicker, Streams, Torque
+from palpate.robots.simulated.noise.ripple import Resonator, Waves
+from palpate.robots.simulated.timing import PERIOD
 
 THRESHOLDS = 8  # play operators that make up the hysteresis, each half as wide as the one before
 WIDEST = 0.25  # of the range: the widest of them
@@ -34,10 +36,10 @@ class Gauges:
         if torque.nonlinearity_max.any:
             drawn = torque.nonlinearity_max.draw(streams("torque.nonlinearity_max"))
             self._curvature = drawn / full
-        self._ripple = math.sqrt(2.0) * torque.ripple.size
-        self._rippled = bool(self._ripple.any())
-        self._cycles = torque.ripple.cycles
-        self._phase = streams("torque.ripple").uniform(-np.pi, np.pi, JOINTS)
+        self._waves = Waves(torque.ripple, streams("torque.ripple"))
+        self._resonator = None
+        if np.isfinite(torque.ripple.resonance.frequency).any():
+            self._resonator = Resonator(torque.ripple.resonance, PERIOD)
         self._weight = torque.hysteresis / LOOP
         self._lags = bool(self._weight.any())
         self._half = WIDEST * full * 0.5 ** np.arange(THRESHOLDS)[:, None]
@@ -50,8 +52,9 @@ class Gauges:
             reading += self._curvature * torque * torque
         if self._lags:
             reading -= self._weight * self._lag(torque)
-        if self._rippled:
-            reading += self._ripple * np.sin(self._cycles * q + self._phase)
+        if not self._waves.none:
+            ripple = self._waves.at(q)
+            reading += ripple if self._resonator is None else self._resonator.passed(ripple)
         return reading
 
     def _lag(self, torque: Array) -> Array:

@@ -20,6 +20,9 @@ class Line:
     """White noise, filter, delay, quantisation, outliers, repeats and gaps of the torque samples.
 
     It makes the means of blocks of 1 kHz samples, and single samples only where an error needs them.
+
+    Attributes:
+        kept: single samples (n, 7), N m, of each run before any are lost; a list keeps them.
     """
 
     def __init__(self, torque: Torque, acquisition: Acquisition, streams: Streams) -> None:
@@ -34,6 +37,7 @@ class Line:
         others = torque.filter or torque.delay or self._repeated
         self._single = self._coarse or self._strays or bool(others or self._gaps)
         self._bounded = bool(np.isfinite(torque.range).any())
+        self.kept: list[Array] | None = None
         # State that a run leaves to the next one; empty at first.
         self._filtered = self._late = self._last = np.empty((0, JOINTS))
         self._held = np.zeros(JOINTS)
@@ -45,7 +49,7 @@ class Line:
             The means, the last one repeated for blocks that are lost; and which blocks arrive, None
             for all of them.
         """
-        if not self._single:
+        if not self._single and self.kept is None:
             if self._noisy:
                 reading += self._mean * self._white.standard_normal(reading.shape)
             return self._saturated(reading), None
@@ -60,6 +64,8 @@ class Line:
         if self._strays:
             self._add_outliers(samples)
         samples = self._repeat(samples)
+        if self.kept is not None:
+            self.kept.append(samples)
         blocks = samples.reshape(-1, BLOCK, JOINTS)
         if self._gaps is None:
             return blocks.mean(axis=1), None

@@ -23,6 +23,7 @@ from palpate.robots.owner.arm import Datasheet
 
 JOINTS = 7
 Law = Literal["normal", "uniform", "magnitude", "sign"]
+FrictionLaw = Literal["dahl", "lugre", "maxwell_slip"]
 Shape = tuple[int, ...]
 
 
@@ -136,6 +137,14 @@ def sizes(shape: Shape, infinite: bool = False) -> Callable[[Any], Array]:
     return read
 
 
+def positive(value: Any) -> Array:
+    """Validate one positive number a joint; it may be infinite."""
+    array = sizes((JOINTS,), infinite=True)(value)
+    if (array == 0).any():
+        raise ValueError("must be positive")
+    return array
+
+
 def drawn(shape: Shape, law: Law = "normal") -> Callable[[Any], Drawn]:
     """Make a validator of a size, or `{fixed: value}`."""
     size = sizes(shape)
@@ -169,6 +178,7 @@ NONE = np.zeros(JOINTS)  # a level of no joint
 
 Levels = Annotated[np.ndarray, PlainValidator(sizes(Seven))]  # one per joint
 Ranges = Annotated[np.ndarray, PlainValidator(sizes(Seven, infinite=True))]
+Positives = Annotated[np.ndarray, PlainValidator(positive)]
 
 Number = Annotated[Drawn, PlainValidator(drawn(()))]
 Joints = Annotated[Drawn, PlainValidator(drawn(Seven))]
@@ -217,18 +227,28 @@ class Drift(Section):
     warm_up_time: Positive = 1800.0
 
 
-class Ripple(Section):
+class EncoderRipple(Section):
     """Error periodic in a joint's angle, `cycles` per turn, phase per robot; `size`: its root mean
-    square."""
+    square, `second`: that of its second harmonic."""
 
     size: Levels = NONE
-    cycles: Level = 200.0
+    second: Levels = NONE
+    cycles: Levels = np.full(JOINTS, 64.0)
 
 
-class EncoderRipple(Ripple):
-    """Ripple of the encoders, as `Ripple`, rad."""
+class Resonance(Section):
+    """Second-order resonance of unit gain at low frequency: natural `frequency`, Hz (infinite:
+    none), and `damping` ratio."""
 
-    cycles: Level = 64.0
+    frequency: Positives = np.full(JOINTS, np.inf)
+    damping: Positives = np.full(JOINTS, 0.2)
+
+
+class Ripple(EncoderRipple):
+    """Ripple of the torque sensors, as `EncoderRipple`, N m, amplified by a soft control loop."""
+
+    cycles: Levels = np.full(JOINTS, 200.0)
+    resonance: Resonance = Resonance()
 
 
 class Torque(Section):
@@ -252,11 +272,12 @@ class Torque(Section):
 class Friction(Section):
     """Joint friction behind the torque sensor; N m, rad, rad/s."""
 
+    law: FrictionLaw = "dahl"
     coulomb: Levels = NONE
     static: Factor = 1.0
     stribeck_speed: Positive = 0.01
     viscous: Levels = NONE
-    presliding: Positive = 2e-3
+    presliding: Positives = np.full(JOINTS, 2e-3)
     load: Levels = NONE
     spread: Joints = nothing(Seven)
     position: Levels = NONE

@@ -26,7 +26,7 @@ from palpate.robots.sheet import merged
 from palpate.robots.simulated.noise.model import NoiseModel
 
 GROUP = "palpate.noise"
-OWN = ("none", "lab", "datasheet", "hardware")
+OWN = ("none", "lab", "datasheet", "hardware", "measured")
 MAX_BYTES = 100_000  # largest noise model
 MOST_BASES = 8  # longest chain of files that extend each other
 

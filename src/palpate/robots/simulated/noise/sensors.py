@@ -13,13 +13,14 @@ from palpate.robots.nominal import RIDGE
 from palpate.robots.simulated.noise.disturbances import (
     BaseVibration,
     Cable,
-    JointFriction,
     Motion,
     Rests,
 )
+from palpate.robots.simulated.noise.friction import JointFriction
 from palpate.robots.simulated.noise.gauge import Gauges, Relaxation, Wander
 from palpate.robots.simulated.noise.line import Line
 from palpate.robots.simulated.noise.model import JOINTS, NoiseModel, Streams
+from palpate.robots.simulated.noise.ripple import Waves
 from palpate.robots.simulated.timing import BLOCK, PERIOD
 
 PAD_TIME = 0.02
@@ -43,12 +44,10 @@ class Encoders:
         self._compliance = model.joint_compliance.draw(streams("model.joint_compliance"))
         self.soft = model.pad_compliance.number(streams("model.pad_compliance"))
         self._pressed = 0.0
-        self._ripple = math.sqrt(2.0) * pose.encoder_ripple.size
-        self._cycles = pose.encoder_ripple.cycles
-        self._phase = streams("pose.encoder_ripple").uniform(-np.pi, np.pi, JOINTS)
+        self._waves = Waves(pose.encoder_ripple, streams("pose.encoder_ripple"))
         self._noise, self._random = pose.encoder, streams.run("pose.encoder")
         self._noisy, self._step = bool(pose.encoder.any()), pose.quantisation
-        self.exact = not (self._compliance.any() or self._ripple.any() or self.soft)
+        self.exact = self._waves.none and not (self._compliance.any() or self.soft)
         self.clean = not (self._noisy or pose.quantisation)
         self._thermal = None
         if pose.thermal:
@@ -72,7 +71,8 @@ class Encoders:
         (n, 7), N m: the encoders sit before the compliance of the joints."""
         if self.exact:
             return q
-        return q + self._compliance * torque + self._ripple * np.sin(self._cycles * q + self._phase)
+        reported = q + self._compliance * torque
+        return reported if self._waves.none else reported + self._waves.at(q)
 
     def pressed(self, jacobian: Array, force: Array, axis: Array) -> Array:
         """Compute how far (n, 7), rad, the arm went on while its pads gave way.
@@ -115,6 +115,7 @@ class Sensors:
 
     Attributes:
         rests: errors of each rest, among them that of the reported pose.
+        line: acquisition of the torque samples.
     """
 
     def __init__(self, noise: NoiseModel, tau_max: Array, streams: Streams) -> None:
@@ -129,7 +130,7 @@ class Sensors:
             self._vibration = BaseVibration(vibration, PERIOD, streams)
         self._gauges = Gauges(torque, tau_max, streams)
         self._wander = Wander(torque, PERIOD, streams)
-        self._line = Line(torque, noise.acquisition, streams)
+        self.line = Line(torque, noise.acquisition, streams)
         self._white, self._looks = torque.white, streams.run("torque.white.looks")
         self._noisy = bool(torque.white.any())
         self._zero = np.zeros(JOINTS)
@@ -158,7 +159,7 @@ class Sensors:
         self._wander.add(reading)
         reading -= self._zero
         shown = reading[-1].copy()
-        return Measured(*self._line.carry(reading), shown)
+        return Measured(*self.line.carry(reading), shown)
 
     def looks(self, count: int) -> Array:
         """Draw the white noise (count, 7), N m, of single 1 kHz samples."""

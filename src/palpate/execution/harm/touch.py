@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.harm.witness import Pair, Witness
+from palpate.execution.harm.witness import Pair, Witness
 from palpate.geometry.pose import Array
 from palpate.trace.samples import STANDARD_GRAVITY
 
@@ -63,6 +63,7 @@ class Touch:
         first: time of the first contact.
         seconds: duration of all contacts.
         peak, mean10, mean20: largest magnitude of one physics step and of running means.
+        hardest: s, time of the largest 10 ms mean.
         tail: see `Figures`.
         over: s above 65 N.
         sideways: largest horizontal 10 ms mean while nothing supported the thing from the other side.
@@ -78,6 +79,7 @@ class Touch:
     peak: float
     mean10: float
     mean20: float
+    hardest: float
     tail: float
     over: float
     sideways: float
@@ -108,7 +110,7 @@ def touches(witness: Witness) -> tuple[Touch, ...]:
 def _touch(witness: Witness, thing: str, pairs: list[Pair]) -> Touch:
     """Combine all pairs with one thing to one contact: magnitudes of different parts add up."""
     magnitude, sideways = np.zeros(witness.steps + 1), np.zeros(witness.steps + 1)
-    hardest, strongest, upright = pairs[0], -1.0, True
+    strongest_pair, strongest, upright = pairs[0], -1.0, True
     for pair in pairs:
         steps, vectors = witness.forces[pair].rows()
         if pair.load:
@@ -120,7 +122,7 @@ def _touch(witness: Witness, thing: str, pairs: list[Pair]) -> Touch:
         sideways[steps[free]] += horizontal[free]
         if size.max() > strongest:
             worst = int(size.argmax())
-            hardest, strongest = pair, float(size[worst])
+            strongest_pair, strongest = pair, float(size[worst])
             upright = bool(abs(vectors[worst, 2]) > horizontal[worst])
     touching = np.flatnonzero(magnitude)
     dt = witness.period
@@ -128,14 +130,15 @@ def _touch(witness: Witness, thing: str, pairs: list[Pair]) -> Touch:
     masses = dict(zip(witness.objects, witness.masses, strict=True))
     return Touch(
         thing,
-        hardest.part,
-        hardest.load,
+        strongest_pair.part,
+        strongest_pair.load,
         light=masses.get(thing, np.inf) <= LIGHT,
         first=float(touching[0] * dt) if len(touching) else 0.0,
         seconds=float(len(touching) * dt),
         peak=float(magnitude.max()),
         mean10=float(mean10.max()),
         mean20=float(_running(magnitude, 0.020, dt).max()),
+        hardest=float(mean10.argmax()) * dt,
         tail=_tail(magnitude, mean10, dt),
         over=float((magnitude > OVER).sum() * dt),
         sideways=float(_running(sideways, 0.010, dt).max()),

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from bench.harm.touch import SHOWN, UNSEEN, Figures, Touch, touches
-from bench.harm.witness import LOOK, Mask, Witness
+from palpate.execution.harm.touch import SHOWN, UNSEEN, Figures, Touch, touches
+from palpate.execution.harm.witness import LOOK, Mask, Witness
 from palpate.geometry.pose import Array
 
 TIPPED = np.deg2rad(15)
@@ -35,12 +35,13 @@ class Track:
 
     Attributes:
         name: of the object.
-        fell: out of the hand, or off its support.
+        fell: s, time of a fall out of the hand or off its support; None without one.
         has_left: it ends lower than it stood, and is not held.
         tilt: rad, largest while it was not held.
         moved: m from its first position, largest.
         pushed: m from where it was released, largest while it was not held.
         turned: rad in the hand, largest.
+        tipped_at, moved_at, pushed_at: s, first time beyond the limit of each.
     """
 
     def __init__(self, witness: Witness, index: int) -> None:
@@ -50,11 +51,16 @@ class Track:
         held = np.array([look.held == index for look in looks])
         touched = np.array([look.touched[index] for look in looks])
         at, attitude = poses[:, :3], Rotation.from_quat(poses[:, 3:], scalar_first=True)
-        self.tilt = float(_tilt(attitude)[~held].max(initial=0.0))
-        self.fell = _fell(at[:, 2], held, touched, LOOK * witness.period)
+        period = LOOK * witness.period
+        tilt = np.where(held, 0.0, _tilt(attitude))
+        self.tilt, self.tipped_at = float(tilt.max()), _first(tilt > TIPPED, period)
+        fell = _fell(at[:, 2], held, touched, period)
+        self.fell = None if fell is None else fell * period
         self.has_left = bool(at[-1, 2] < at[0, 2] - LEFT and not held[-1])
-        self.moved = float(np.linalg.norm(at - at[0], axis=1).max())
-        self.pushed = _pushed(at, held)
+        moved = np.linalg.norm(at - at[0], axis=1)
+        self.moved, self.moved_at = float(moved.max()), _first(moved > MOVED, period)
+        pushed = _pushed(at, held)
+        self.pushed, self.pushed_at = float(pushed.max()), _first(pushed > PUSHED, period)
         hands = Rotation.from_quat([look.hand for look in looks], scalar_first=True)
         self.turned = _turned(hands.inv() * attitude, held)
 
@@ -70,17 +76,23 @@ def _tilt(attitude: Rotation) -> Array:
     return np.arccos(np.clip(vertical @ vertical[0], -1, 1))
 
 
-def _fell(z: Array, held: Mask, touched: Mask, period: float) -> bool:
-    """Detect a fall: 13 mm downwards without support, or faster than 0.5 m/s outside the hand."""
-    falling = -np.diff(z) / period > FALLING
-    if np.any(falling & ~held[1:]):
-        return True
+def _first(beyond: Mask, period: float) -> float:
+    """Time (s) of the first row that is true, 0 without one."""
+    return float(np.argmax(beyond)) * period
+
+
+def _fell(z: Array, held: Mask, touched: Mask, period: float) -> int | None:
+    """Row of a fall: 13 mm downwards without support, or faster than 0.5 m/s outside the hand; None
+    without one."""
+    falling = (-np.diff(z) / period > FALLING) & ~held[1:]
+    fast = int(np.argmax(falling)) if falling.any() else None
     sunk = 0.0
-    for before, now, supported in zip(z[:-1], z[1:], touched[1:] | held[1:], strict=True):
+    supports = touched[1:] | held[1:]
+    for row, (before, now, supported) in enumerate(zip(z[:-1], z[1:], supports, strict=True)):
         sunk = 0.0 if supported else sunk + before - now
-        if sunk > FALLEN:
-            return True
-    return False
+        if sunk > FALLEN or row == fast:
+            return row
+    return None
 
 
 def _spells(held: Mask) -> list[tuple[int, int]]:
@@ -89,14 +101,12 @@ def _spells(held: Mask) -> list[tuple[int, int]]:
     return list(pairwise([0, *released.tolist(), len(held)]))
 
 
-def _pushed(at: Array, held: Mask) -> float:
-    """Largest distance (m) from the first position, or from that of a release, while not held."""
-    worst = 0.0
+def _pushed(at: Array, held: Mask) -> Array:
+    """(n,) m from the first position, or from that of a release; 0 while held."""
+    ways = np.zeros(len(held))
     for start, end in _spells(held):
-        loose = ~held[start:end]
-        way = np.linalg.norm(at[start:end, :2] - at[start, :2], axis=1)
-        worst = max(worst, float(way[loose].max(initial=0.0)))
-    return worst
+        ways[start:end] = np.linalg.norm(at[start:end, :2] - at[start, :2], axis=1)
+    return np.where(held, 0.0, ways)
 
 
 def _turned(in_hand: Rotation, held: Mask) -> float:
@@ -117,11 +127,13 @@ class Fate:
     Attributes:
         what: one of `FALLS`, or `moved` (without being named in the plan), or `pushed`.
         way: m that it was moved or pushed.
+        t: s, when; inf for what is seen at the end alone.
     """
 
     name: str
     what: str
     way: float = 0.0
+    t: float = field(default=np.inf, compare=False)
 
     @property
     def fallen(self) -> bool:
@@ -140,7 +152,7 @@ class Harm:
     Attributes:
         touches: all contacts, the largest forces first.
         turned: rad that objects rotated in the hand.
-        forces: forces beyond the limits, in words.
+        forces: forces beyond the limits, in words, each with the time (s) of the largest.
         fates: harm to objects of the scene.
         unseen: harm to objects that the scene does not show, which is listed and not judged.
     """
@@ -155,6 +167,18 @@ class Harm:
     def beyond(self) -> tuple[str, ...]:
         """Everything beyond the limits, in words; empty for a harmless run."""
         return (*self.forces, *map(str, self.fates))
+
+    @property
+    def first(self) -> tuple[float, str] | None:
+        """Earliest harm: its time, s, and description; None for a harmless run."""
+        hardest = {touch.thing: touch.hardest for touch in self.touches}
+        found = [
+            (hardest[text.partition(" on ")[2].partition(": ")[0]], text) for text in self.forces
+        ]
+        falls = {fate.name: str(fate) for fate in self.fates if fate.fallen}
+        for fate in self.fates:  # a thing that falls has moved before
+            found.append((fate.t, falls.get(fate.name, str(fate))))
+        return min(found, default=None)
 
     @property
     def fallen(self) -> tuple[str, ...]:
@@ -195,14 +219,14 @@ def harm(
 def _fates(track: Track, named: Collection[str]) -> list[Fate]:
     """Harm to one object."""
     found: list[Fate] = []
-    if track.fell:
-        found.append(Fate(track.name, DROPPED))
+    if track.fell is not None:
+        found.append(Fate(track.name, DROPPED, t=track.fell))
     if track.tilt > TIPPED:
-        found.append(Fate(track.name, TOPPLED))
-    if track.has_left and not track.fell:
+        found.append(Fate(track.name, TOPPLED, t=track.tipped_at))
+    if track.has_left and track.fell is None:
         found.append(Fate(track.name, GONE))
     if track.name not in named and track.moved > MOVED:
-        found.append(Fate(track.name, "moved", track.moved))
+        found.append(Fate(track.name, "moved", track.moved, track.moved_at))
     if track.pushed > PUSHED:
-        found.append(Fate(track.name, "pushed", track.pushed))
+        found.append(Fate(track.name, "pushed", track.pushed, track.pushed_at))
     return found

@@ -12,9 +12,10 @@ import pytest
 from bench.campaign.ledger import Row, judged_run
 from bench.faults.faulty import Act, FaultyRobot
 from bench.faults.nasty import small_scene
-from bench.harm.harm import Harm, harm
-from bench.harm.probe import AFTERWARDS, probed_run
+from bench.harm.probe import probed_run
 from palpate.cells.simulated import simulated_cell
+from palpate.execution.harm.harm import Harm, harm
+from palpate.execution.rehearsal import AFTERWARDS
 from palpate.planning.plan import Node, Plan
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.stages import executing

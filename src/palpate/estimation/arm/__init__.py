@@ -1,0 +1,1 @@
+"""Dynamics of the arm itself, from a recording of its joint signals."""

@@ -1,0 +1,246 @@
+"""Dynamics of an arm from a recording: joint friction, links, hand, and how well they predict its rest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.errors import InputError
+from palpate.estimation import tuning
+from palpate.estimation.arm.causes import COULOMB, Bodies, Rows
+from palpate.estimation.arm.fit import (
+    DETAILS,
+    FRICTION,
+    HAND,
+    PARTS,
+    PRIORS,
+    Assumed,
+    Fitted,
+    fitted,
+)
+from palpate.estimation.arm.motion import Motion, stretches
+from palpate.estimation.arm.regressor import placed_at
+from palpate.geometry.pose import Array
+from palpate.robots.description import RobotDescription
+from palpate.trace.log import ArmLog
+
+FIGURES = ("coulomb", "viscous", "armature", "offset")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Figure:
+    """Figure of each of n joints.
+
+    Attributes:
+        value, std: (n,).
+        prior: standard deviation before the recording.
+    """
+
+    value: Array
+    std: Array
+    prior: float
+
+    @property
+    def observed(self) -> tuple[bool, ...]:
+        """Whether the recording says anything of it, by joint."""
+        return tuple((self.std < tuning.OBSERVED * self.prior).tolist())
+
+    def record(self, joint: int) -> dict[str, float] | None:
+        """Value and deviation of a joint, if observed."""
+        if not self.observed[joint]:
+            return None
+        return {"value": float(self.value[joint]), "std": float(self.std[joint])}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundHand:
+    """All that the last joint moves beside its own link.
+
+    Attributes:
+        mass: kg.
+        centre: (3,) m from the TCP, in the axes of the tool.
+        mass_std, centre_std: of them.
+        parameters: (10,) about the last joint's anchor, as the regressor's.
+    """
+
+    mass: float
+    mass_std: float
+    centre: Array
+    centre_std: Array
+    parameters: Array
+
+    def record(self) -> dict[str, object]:
+        """As plain numbers."""
+        return {
+            "mass": {"value": self.mass, "std": self.mass_std},
+            "centre": {"value": self.centre.tolist(), "std": self.centre_std.tolist()},
+        }
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the mass, kg."""
+        return self.mass - 1.96 * self.mass_std, self.mass + 1.96 * self.mass_std
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArmDynamics:
+    """Dynamics of an arm.
+
+    Attributes:
+        source: name of the recording.
+        arm: the description that it starts from.
+        seconds, held_out: s of the recording, and of its part that was predicted.
+        coulomb: N m of friction while a joint turns.
+        viscous: N m s/rad.
+        armature: kg m² of a joint's own beside the links; of motors, where torque is measured before the gears.
+        offset: N m that a sensor shows too much.
+        links, links_std: (7, 10) corrections of mass, first moment and inertia about the described centre.
+        parameters: (7, 10) of the corrected links, about their joints' anchors.
+        hand: None where it was stated.
+        rms: (7,) N m of torque left below `tuning.BAND` in the held-out part, by model: `described`, `friction`
+            (offset and friction identified), `all`, and `controller` (its own tau_ext) where logged.
+        notes: what was repaired in the recording, and what is wrong with it.
+    """
+
+    source: str
+    arm: RobotDescription
+    seconds: float
+    held_out: float
+    coulomb: Figure
+    viscous: Figure
+    armature: Figure
+    offset: Figure
+    links: Array
+    links_std: Array
+    parameters: Array
+    hand: FoundHand | None
+    rms: Mapping[str, Array]
+    notes: tuple[str, ...]
+
+    def record(self) -> dict[str, object]:
+        """All figures as plain numbers, SI units; None where the recording does not show one."""
+        joints: list[dict[str, object]] = []
+        for i, name in enumerate(self.arm.joints):
+            figures = {each: getattr(self, each).record(i) for each in FIGURES}
+            joints.append({"joint": name, **figures})
+        return {
+            "log": self.source,
+            "arm": self.arm.name,
+            "seconds": round(self.seconds, 3),
+            "held_out": round(self.held_out, 3),
+            "joints": joints,
+            "links": [
+                {"value": value.tolist(), "std": std.tolist()}
+                for value, std in zip(self.links, self.links_std, strict=True)
+            ],
+            "hand": None if self.hand is None else self.hand.record(),
+            "rms": {name: rms.tolist() for name, rms in self.rms.items()},
+            "notes": list(self.notes),
+        }
+
+
+def identify(log: ArmLog, arm: RobotDescription, hand: float | None = None) -> ArmDynamics:
+    """Identify the dynamics of an arm from a recording of free motion.
+
+    Args:
+        arm: its description.
+        hand: kg of all that is mounted on the flange, shaped as the described hand; 0 is a bare flange; None:
+            to be found.
+
+    Raises:
+        InputError: too short, or no joint moves.
+    """
+    bodies = Bodies.of(arm)
+    most = arm.limits.payload + float(bodies.hand[0])
+    if hand is not None and not 0.0 <= hand <= most:
+        raise InputError(
+            f"a hand of {hand:g} kg is not between 0 and {most:.2f} kg, hand and payload"
+        )
+    first, rest = stretches(log)
+    learnt, held_out = (Rows.of(motions, arm, bodies) for motions in (first, rest))
+    known = None if hand is None else bodies.hand * (hand / max(float(bodies.hand[0]), 1e-9))
+    assumed = Assumed(bodies, known, arm.nominal.torque_gain / np.sqrt(3.0))
+    given = Assumed(bodies, bodies.hand if known is None else known, assumed.gain)
+    every = (*FRICTION, *DETAILS, *PARTS, *((HAND,) if known is None else ()))
+    left = {"described": given.described(held_out, given.hand)}
+    left["friction"] = fitted(learnt, given, FRICTION).predicted(held_out)
+    left["all"] = fitted(learnt, assumed, every).predicted(held_out)
+    left = {name: held_out.tau - torque for name, torque in left.items()}
+    if held_out.tau_ext is not None:
+        left["controller"] = held_out.tau_ext
+    rms = {name: np.sqrt((e**2).sum(axis=0) / held_out.samples) for name, e in left.items()}
+    notes = (*log.notes, *_uneven([*first, *rest]))
+    return _dynamics(log, arm, fitted(Rows.joined([learnt, held_out]), assumed, every), rms, notes)
+
+
+def _uneven(motions: Sequence[Motion]) -> Iterator[str]:
+    """Yield a note where velocities do not follow from angles and times."""
+    slip = np.concatenate([motion.slip for motion in motions])
+    share = slip.std() / max(float(np.concatenate([motion.dq for motion in motions]).std()), 1e-9)
+    if share > tuning.UNEVEN_CLOCK:
+        yield (
+            f"velocities differ from the slope of the angles by {share:.0%}: the clock is uneven, and inertias and "
+            "armature may be wrong by more than they say"
+        )
+
+
+def _dynamics(
+    log: ArmLog,
+    arm: RobotDescription,
+    found: Fitted,
+    rms: Mapping[str, Array],
+    notes: tuple[str, ...],
+) -> ArmDynamics:
+    def figure(name: str) -> Figure:
+        mean, covariance = found.posterior[name]
+        return Figure(mean, np.sqrt(np.diag(covariance)), PRIORS[name])
+
+    bodies = found.assumed.bodies
+    links, links_std = np.empty_like(bodies.links), np.empty_like(bodies.links)
+    for name, part in PARTS.items():
+        mean, covariance = found.posterior[name]
+        links[:, part] = mean.reshape(len(links), -1)
+        links_std[:, part] = np.sqrt(np.diag(covariance)).reshape(len(links), -1)
+    turned = [bodies.link_frame(i) @ link for i, link in enumerate(links)]
+    coulomb, seconds = figure(COULOMB), float(log.t[-1] - log.t[0])
+    if not any(coulomb.observed):
+        raise InputError(
+            f"{log.source}: no joint moves enough to show its friction: record a motion in which each joint turns "
+            "round often, by some degrees at least"
+        )
+    return ArmDynamics(
+        source=log.source,
+        arm=arm,
+        seconds=seconds,
+        held_out=seconds * (1.0 - tuning.LEARNT),
+        coulomb=coulomb,
+        viscous=figure("viscous"),
+        armature=figure("armature"),
+        offset=figure("offset"),
+        links=links,
+        links_std=links_std,
+        parameters=bodies.links + turned,
+        hand=_hand(arm, found) if found.assumed.hand is None else None,
+        rms=rms,
+        notes=notes,
+    )
+
+
+def _hand(arm: RobotDescription, found: Fitted) -> FoundHand:
+    """Mass and centre of the hand."""
+    chain, reach = arm.nominal.chain, found.assumed.bodies.reach
+    assert chain is not None
+    mean, covariance = found.posterior[HAND]
+    mass, shift = float(mean[0]), mean[1:4] / mean[0]
+    tool = np.array(chain.tool)
+    slope = np.concatenate([-shift[:, None], np.eye(3)], axis=1) / mass
+    spread = tool.T @ slope @ covariance[:4, :4] @ slope.T @ tool
+    return FoundHand(
+        mass=mass,
+        mass_std=float(np.sqrt(covariance[0, 0])),
+        centre=tool.T @ (found.assumed.bodies.anchors[-1] + reach + shift - np.array(chain.tcp)),
+        centre_std=np.sqrt(np.diag(spread)),
+        parameters=placed_at(reach) @ mean,
+    )

@@ -1,0 +1,351 @@
+"""Linear-Gaussian regression: causes + noise + y → posterior.
+
+    y = Σ_c X_c x_c + n        x_c ~ N(0, s² P_c²)        n ~ N(0, Σ)
+
+A *cause* c has columns X_c (effects of its unknowns on the rows y) and prior standard deviations P_c; scales s of
+some causes are learned from the recording. *Noise* whitens: it brings rows to unit variance. The posterior of all
+unknowns follows in closed form, averaged over the scales by their evidence (C. Bishop, Pattern Recognition and
+Machine Learning, sections 3.3 and 3.5; Hoeting et al., Statistical Science 14, 1999).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Literal, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.estimation import tuning
+from palpate.estimation.agreement import FitTest, chi_squared
+from palpate.estimation.estimate import Shared
+from palpate.geometry.pose import Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cause:
+    """Named cause of what is observed, with k unknowns.
+
+    Attributes:
+        name: unique among the causes of a fit.
+        columns: (n, k) effect of a unit of each unknown on the n rows.
+        prior: (k,) standard deviations of the unknowns, about 0.
+        of: `arm` or `scene` where other runs share its errors.
+        labels: (k,) of its unknowns where they are shared; none: its name and their number.
+    """
+
+    name: str
+    columns: Array
+    prior: Array
+    of: Literal["arm", "scene"] | None = None
+    labels: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scale:
+    """Hyperprior of the causes named: their prior deviations are `factors` times as large, with prior
+    probability `chance` each."""
+
+    causes: tuple[str, ...]
+    factors: Sequence[float]
+    chance: Sequence[float]
+
+
+class Noise(Protocol):
+    """Noise of n rows."""
+
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom of its variance."""
+        ...
+
+    @property
+    def volume(self) -> float:
+        """Half the log determinant of its covariance."""
+        ...
+
+    def white(self, rows: Array) -> Array:
+        """Bring rows (n, p) to unit variance."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SignalNoise:
+    """Noise of rows ordered by signal, independent between signals.
+
+    Attributes:
+        roots: of each signal, the lower triangle (k, k) whose square is its covariance.
+        freedom: degrees of freedom of that.
+    """
+
+    roots: Sequence[Array]
+    freedom: float
+
+    @property
+    def volume(self) -> float:
+        """Half the log determinant of its covariance."""
+        return float(sum(np.log(np.diag(root)).sum() for root in self.roots))
+
+    def louder(self, factor: float) -> SignalNoise:
+        """The same noise, `factor` times as large."""
+        return replace(self, roots=[factor * root for root in self.roots])
+
+    def white(self, rows: Array) -> Array:
+        """Bring rows (n, p) to unit variance."""
+        ends = np.cumsum([len(root) for root in self.roots])
+        parts = np.split(rows, ends[:-1])
+        pairs = zip(self.roots, parts, strict=True)
+        return np.concatenate([whitened(root, part) for root, part in pairs])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Projected:
+    """Noise with further unknowns without a prior, which are projected out of all rows (Frisch and Waugh,
+    Econometrica 1, 1933).
+
+    Attributes:
+        noise: of the rows.
+        basis: (n, k) orthonormal, of the whitened columns of these unknowns.
+    """
+
+    noise: Noise
+    basis: Array
+
+    @classmethod
+    def of(cls, noise: Noise, columns: Array) -> Projected:
+        """Noise with the unknowns of `columns` (n, k)."""
+        return cls(noise, np.linalg.qr(noise.white(columns))[0])
+
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom of its variance."""
+        return self.noise.freedom
+
+    @property
+    def volume(self) -> float:
+        """Half the log determinant of the covariance of `noise`."""
+        return self.noise.volume
+
+    def white(self, rows: Array) -> Array:
+        """Bring rows (n, p) to unit variance."""
+        found = self.noise.white(rows)
+        return found - self.basis @ (self.basis.T @ found)
+
+
+def whitened(root: Array, rows: Array) -> Array:
+    """Rows (n, p) in units of a lower triangle `root` (n, n)."""
+    from scipy.linalg.lapack import dtrtrs
+
+    # LAPACK's matrices go by columns, so that it takes the root for its transpose.
+    return dtrtrs(root.T, rows, lower=False, trans=True)[0]
+
+
+def fit(causes: Sequence[Cause], noise: Noise, y: Array, scales: Sequence[Scale] = ()) -> Posterior:
+    """Fit the unknowns of all `causes` to rows `y` (n,)."""
+    design = noise.white(np.concatenate([cause.columns for cause in causes], axis=1))
+    prior = np.concatenate([cause.prior for cause in causes])
+    places, every = placed(causes), np.arange(len(prior), dtype=np.intp)
+    hyperpriors: list[ScaleHyperprior] = []
+    for scale in scales:
+        which = np.concatenate([every[places[name]] for name in scale.causes])
+        hyperpriors.append(ScaleHyperprior(which, scale.factors, scale.chance))
+    model = Model(design, noise.white(y), prior, noise.freedom, tuple(hyperpriors))
+    return Posterior(tuple(causes), noise, model, *model.solve())
+
+
+def placed(causes: Sequence[Cause]) -> dict[str, slice]:
+    """Places of the unknowns of each cause, by its name."""
+    ends = np.cumsum([0, *(len(cause.prior) for cause in causes)]).tolist()
+    pairs = zip(causes, ends[:-1], ends[1:], strict=True)
+    return {cause.name: slice(first, last) for cause, first, last in pairs}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Posterior:
+    """Normal posterior of the p unknowns of all causes.
+
+    Attributes:
+        causes, noise: of the fit.
+        model: whitened.
+        mean: (p,) of all unknowns, cause after cause.
+        covariance: (p, p) of them.
+    """
+
+    causes: tuple[Cause, ...]
+    noise: Noise
+    model: Model
+    mean: Array
+    covariance: Array
+
+    def __getitem__(self, name: str) -> tuple[Array, Array]:
+        """Mean (k,) and covariance (k, k) of the unknowns of a cause."""
+        here = placed(self.causes)[name]
+        return self.mean[here], self.covariance[here, here]
+
+    @property
+    def residual(self) -> Array:
+        """(n,) what is left of the rows, in units of the noise."""
+        return self.model.y - self.model.design @ self.mean
+
+    @property
+    def evidence(self) -> float:
+        """Log probability density of the rows, but for a constant of their number."""
+        return self.model.evidence - self.noise.volume
+
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom of the noise."""
+        return self.noise.freedom
+
+    def shared(self, name: str) -> tuple[Shared, ...]:
+        """Errors of the unknowns of `name` in common with other runs: the effects of one standard deviation of
+        each unknown that the arm or the scene brings along."""
+        places = placed(self.causes)
+        # With prior deviations P of the coefficients x, the error is -covariance P^-2 x.
+        effects = -self.covariance[places[name]] / self.model.prior
+        found: list[Shared] = []
+        for cause in self.causes:
+            if cause.of is None:
+                continue
+            numbered = tuple(f"{cause.name} {i + 1}" for i in range(len(cause.prior)))
+            labels = cause.labels or numbered
+            for label, effect in zip(
+                labels, effects[:, places[cause.name]].T.tolist(), strict=True
+            ):
+                found.append(Shared(label, cause.of, tuple(effect)))
+        return tuple(found)
+
+    def test(self, cause: Cause, tolerated: Array, finding: str) -> FitTest:
+        """Test for a further cause, of whose unknowns `tolerated` (k,) are no matter (1 sigma)."""
+        count = len(cause.prior)
+        wider = self.model.extended(self.noise.white(cause.columns), cause.prior)
+        mean, covariance = wider.solve(count)
+        spread = covariance[:, :count] + np.diag(tolerated**2)
+        statistic = float(mean[:count] @ np.linalg.solve(spread, mean[:count]))
+        return chi_squared(cause.name, statistic, count, finding, self.freedom)
+
+
+class _Solved(NamedTuple):
+    """Posterior: prior deviations and mean (p,), and the Cholesky factor of the information in units of the
+    prior deviations."""
+
+    prior: Array
+    root: Array
+    mean: Array
+    evidence: float
+
+    def covariance(self, first: int) -> Array:
+        """(first, p): the first rows."""
+        from scipy.linalg.lapack import dpotrs
+
+        columns = np.zeros((len(self.prior), first))
+        np.fill_diagonal(columns, self.prior)
+        return (dpotrs(self.root, columns, lower=True)[0] * self.prior[:, None]).T
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScaleHyperprior:
+    """Discrete hyperprior: the prior deviations of some coefficients are scaled by one of `factors`
+    (a number for all of them, or an array), with prior probability `chance` each."""
+
+    columns: NDArray[np.intp]
+    factors: Sequence[float | Array]
+    chance: Sequence[float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Model:
+    """Linear model in rows of unit variance: `y` (n,) = `design` (n, p) times coefficients with prior deviations
+    `prior` (p,), some of whose scales have `hyperpriors`; the variance has `freedom` degrees of freedom."""
+
+    design: Array
+    y: Array
+    prior: Array
+    freedom: float
+    hyperpriors: tuple[ScaleHyperprior, ...]
+
+    def solve(self, first: int | None = None) -> tuple[Array, Array]:
+        """Posterior mean (p,) and covariance (first, p), all p rows by default, averaged over the hyperpriors
+        (Bayesian model averaging: Hoeting et al., Statistical Science 14, 1999)."""
+        count = len(self.prior) if first is None else first
+        every = self._every()
+        evidence = np.array([each.evidence for each in every])
+        weights = np.exp(evidence - evidence.max())
+        weights /= weights.sum()
+        counted = np.flatnonzero(weights > tuning.COUNTED)
+        weights = weights[counted] / weights[counted].sum()
+        solved = [every[i] for i in counted.tolist()]
+        means = np.array([each.mean for each in solved])
+        mean: Array = weights @ means
+        covariance: Array = (means - mean)[:, :count].T @ (weights[:, None] * (means - mean))
+        for weight, each in zip(weights, solved, strict=True):
+            covariance += weight * each.covariance(count)
+        return mean, covariance
+
+    @property
+    def evidence(self) -> float:
+        """Logarithm of the probability density of `y`, but for a constant."""
+        found = np.array([each.evidence for each in self._every()])
+        likeliest = float(found.max())
+        together = likeliest + float(np.log(np.exp(found - likeliest).sum()))
+        return together - 0.5 * float(self.y @ self.y)
+
+    def _every(self) -> Sequence[_Solved]:
+        """Posteriors for each combination of the hyperpriors' factors."""
+        projected, gram = self.design.T @ self.y, self.design.T @ self.design
+        choices = product(*(range(len(each.factors)) for each in self.hyperpriors))
+        return [self._solve(choice, projected, gram) for choice in choices]
+
+    def _solve(self, choice: tuple[int, ...], projected: Array, gram: Array) -> _Solved:
+        """Posterior with the chosen scale factors. Its evidence is the log probability of the
+        choice and of `y`, up to a constant common to all choices (Bishop, Pattern Recognition and
+        Machine Learning, section 3.5.1)."""
+        from scipy.linalg.lapack import dpotrf, dpotrs
+
+        prior, chance = self.prior.copy(), 0.0
+        for each, i in zip(self.hyperpriors, choice, strict=True):
+            prior[each.columns] *= each.factors[i]
+            chance += float(np.log(each.chance[i]))
+        # In units of the prior deviations, so that known coefficients (deviation 0) need no inverse.
+        information = np.outer(prior, prior) * gram + np.eye(len(prior))
+        root = dpotrf(information, lower=True)[0]
+        solved = dpotrs(root, prior * projected, lower=True)[0]
+        mean = prior * solved
+        volume = 2.0 * float(np.log(np.diag(root)).sum())
+        return _Solved(prior, root, mean, chance + 0.5 * (float(mean @ projected) - volume))
+
+    def each_alone(self, columns: Array, prior: float) -> tuple[Array, Array]:
+        """Posterior means and variances (k,) of the coefficients of `columns` (n, k), each added to the model
+        alone."""
+        from scipy.linalg.lapack import dpotrs
+
+        shared = self.design.T @ columns
+        projected, squares = columns.T @ self.y, (columns**2).sum(axis=0)
+        means: list[Array] = []
+        variances: list[Array] = []
+        evidence: list[Array] = []
+        for each in self._every():
+            scaled = each.prior[:, None] * shared
+            known = (scaled * dpotrs(each.root, scaled, lower=True)[0]).sum(axis=0)
+            variance = 1.0 / (np.maximum(squares - known, 0.0) + prior**-2)
+            mean = variance * (projected - shared.T @ each.mean)
+            means.append(mean)
+            variances.append(variance)
+            evidence.append(each.evidence + 0.5 * (mean**2 / variance + np.log(variance)))
+        weights = np.exp(np.array(evidence) - np.max(evidence, axis=0))
+        weights /= weights.sum(axis=0)
+        found: Array = (weights * means).sum(axis=0)
+        return found, (weights * (np.array(variances) + (np.array(means) - found) ** 2)).sum(axis=0)
+
+    def extended(self, columns: Array, prior: float | Array) -> Model:
+        """Model with the coefficients of `columns` in front of its own."""
+        count = columns.shape[1]
+        hyperpriors = [replace(each, columns=each.columns + count) for each in self.hyperpriors]
+        return replace(
+            self,
+            design=np.concatenate([columns, self.design], axis=1),
+            prior=np.concatenate([np.broadcast_to(prior, count), self.prior]),
+            hyperpriors=tuple(hyperpriors),
+        )

@@ -1,0 +1,163 @@
+"""Recordings of arms in the formats that they are logged in."""
+
+from __future__ import annotations
+
+import csv
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from palpate.errors import InputError
+from palpate.files.read import opened, read_text
+from palpate.logs.bags import read_bag
+from palpate.logs.clocks import cleaned
+from palpate.logs.columns import ColumnMap, Table, read_map, signals
+from palpate.logs.parquet import read_parquet
+from palpate.trace.log import ArmLog
+
+MAX_BYTES = 1_000_000_000
+MAX_TEXT = 500_000_000
+MAX_ROWS = 4_000_000
+"""An hour at 1 kHz, and some."""
+MAX_COLUMNS = 2_000
+
+
+def read_log(path: Path, columns: Path | None = None) -> ArmLog:
+    """Read the joint signals of an arm from a recording.
+
+    Rows that repeat their predecessor, go back in time or lack a number are left out; clocks in ms, µs or ns
+    and angles in degrees are recognised; velocities that are not logged are differentiated. The log's `notes`
+    say so.
+
+    Args:
+        path: CSV (.csv, .tsv, .txt), .npz, .mcap, .parquet, a folder or database of rosbag2, or a .bag.
+        columns: YAML that maps columns to signals (`ColumnMap`); what it leaves out is guessed.
+
+    Raises:
+        InputError: not such a file, too large, or without time, positions or torques.
+        Unavailable: the library for its format is not installed.
+    """
+    mapped = read_map(columns)
+    reader = read_bag if path.is_dir() else READERS.get(path.suffix.lower())
+    if reader is None:
+        kinds = ", ".join(READERS)
+        raise InputError(
+            f"{path}: unknown kind of recording '{path.suffix}'; valid: {kinds}, and a folder of rosbag2"
+        )
+    table = reader(path, mapped)
+    _bounded(table, path)
+    found, notes = cleaned(signals(table, mapped, str(path)), mapped, str(path))
+    return ArmLog(
+        found["t"],
+        found["q"],
+        found["dq"],
+        found["tau"],
+        found.get("tau_ext"),
+        path.name,
+        notes,
+    )
+
+
+def read_csv(path: Path, columns: ColumnMap) -> Table:
+    """Read the numeric columns of a table in text, whose first line names them."""
+    text = read_text(path, MAX_TEXT, "a recording of an arm")
+    lines = text.splitlines()
+    if len(lines) < 3:
+        raise InputError(f"{path} has {len(lines)} lines; give a line of names and a row a sample")
+    try:
+        dialect = csv.Sniffer().sniff(lines[0], ",;\t ")
+        split = dialect.delimiter
+    except csv.Error:
+        split = ","
+    names = [name.strip().strip("\"'") for name in lines[0].lstrip("#% ").split(split)]
+    if all(_is_number(name) for name in names):
+        raise InputError(
+            f"{path}: its first line must name the columns, as in t,q1,…,q7,tau1,…,tau7"
+        )
+    if len(set(names)) < len(names):
+        twice = sorted({name for name in names if names.count(name) > 1})
+        raise InputError(f"{path}: columns with one name: {', '.join(twice[:10])}")
+    if len(names) > MAX_COLUMNS:
+        raise InputError(f"{path} has {len(names)} columns, at most {MAX_COLUMNS} are read")
+    first = lines[1].split(split)
+    used = [i for i, cell in enumerate(first[: len(names)]) if not cell.strip() or _is_number(cell)]
+    if not used:
+        raise InputError(f"{path}: its second line holds no number")
+    try:
+        rows = np.loadtxt(
+            lines[1 : MAX_ROWS + 2],
+            delimiter=None if split == " " else split,
+            usecols=used,
+            ndmin=2,
+            converters=None if _complete(lines, split) else _number,
+        )
+    except ValueError as error:
+        raise InputError(f"{path}: {str(error).splitlines()[0]}") from None
+    return {names[i]: rows[:, k] for k, i in enumerate(used)}
+
+
+def read_npz(path: Path, columns: ColumnMap) -> Table:
+    """Read the numeric arrays of a NumPy archive, (n,) or (n, k); objects (pickles) are refused."""
+    try:
+        with (
+            opened(path, MAX_BYTES, "a recording of an arm") as file,
+            zipfile.ZipFile(file) as archive,
+        ):
+            if sum(member.file_size for member in archive.infolist()) > MAX_BYTES:
+                raise InputError(f"{path} unpacks to more than {MAX_BYTES // 10**6} MB")
+            file.seek(0)
+            data = np.load(file, allow_pickle=False)
+            found = {name: np.asarray(data[name]) for name in data.files}
+    except (zipfile.BadZipFile, ValueError, EOFError) as error:
+        raise InputError(f"{path} is no NumPy archive of numbers: {error}") from None
+    return {
+        name: values.astype(float)
+        for name, values in found.items()
+        if values.dtype.kind in "fiu" and values.ndim in (1, 2)
+    }
+
+
+READERS = {
+    ".csv": read_csv,
+    ".tsv": read_csv,
+    ".txt": read_csv,
+    ".npz": read_npz,
+    ".mcap": read_bag,
+    ".db3": read_bag,
+    ".bag": read_bag,
+    ".parquet": read_parquet,
+}
+
+
+def _bounded(table: Table, path: Path) -> None:
+    """Check the size of a table.
+
+    Raises:
+        InputError: no column, too many rows, or columns of unequal length.
+    """
+    if not table:
+        raise InputError(f"{path} holds no numbers")
+    rows = {name: len(values) for name, values in table.items()}
+    if max(rows.values()) > MAX_ROWS:
+        raise InputError(
+            f"{path} has {max(rows.values())} rows, at most {MAX_ROWS} are read; cut it"
+        )
+
+
+def _complete(lines: list[str], split: str) -> bool:
+    return split == " " or not any(
+        f"{split}{split}" in line or line.endswith(split) for line in lines
+    )
+
+
+def _number(cell: str) -> float:
+    return float(cell) if cell.strip() else float("nan")
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,128 @@
+"""An arm's own MJCF with its identified dynamics: joint friction, damping, armature, inertias."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from palpate.errors import InputError
+from palpate.estimation import tuning
+from palpate.estimation.arm.causes import Bodies
+from palpate.estimation.arm.dynamics import ArmDynamics, Figure
+from palpate.estimation.arm.regressor import inertia_about_centre, parameters
+from palpate.geometry.pose import Array, components
+from palpate.mjcf.document import Document, Element, elements
+from palpate.mjcf.edits import Change, Edit, Insert, number
+from palpate.mjcf.elements import inertial_of
+from palpate.mjcf.reading import read_document
+from palpate.robots.model import compiled, triple
+from palpate.trace.recording import Link
+from palpate.twin.files import write_files
+from palpate.twin.text import rewritten
+
+WRITTEN = {"frictionloss": "coulomb", "damping": "viscous", "armature": "armature"}
+"""Attributes of a joint, by figure. What is not significantly more than 0 stays as the file has it: sensors behind
+the gears show nothing of the motors' inertia."""
+ORIENTATIONS = ("diaginertia", "quat", "axisangle", "xyaxes", "zaxis", "euler")
+"""Attributes of an `<inertial>` in whose place `fullinertia` stands."""
+
+
+def save_arm(found: ArmDynamics, path: Path) -> tuple[Path, ...]:
+    """Write the arm's MJCF with the identified dynamics to `path`, with the files that it needs there.
+
+    Returns:
+        Every file written, `path` first.
+
+    Raises:
+        InputError: `path` exists, or cannot be written, or a joint or link is in an attached model.
+    """
+    document = read_document(found.arm.mjcf)
+    texts = rewritten(document, [*_joints(found, document), *_links(found, document)])
+    return write_files(texts, document, path)
+
+
+def _named(document: Document, tag: str, name: str) -> Element:
+    """The joint or body of a name."""
+    for element in elements(document.root):
+        if element.tag == tag and element.get("name") == name:
+            return element
+    raise InputError(f"'{name}' is in a model that the arm's MJCF attaches: give a file of its own")
+
+
+def _joints(found: ArmDynamics, document: Document) -> Iterator[Change]:
+    """Changes of the joints."""
+    for i, name in enumerate(found.arm.joints):
+        joint = _named(document, "joint", name)
+        for attribute, figure in WRITTEN.items():
+            each: Figure = getattr(found, figure)
+            value, std = float(each.value[i]), float(each.std[i])
+            if each.observed[i] and value > tuning.SIGNIFICANT * std:
+                yield Edit(joint, attribute, {0: number(value, std)})
+
+
+def _links(found: ArmDynamics, document: Document) -> Iterator[Change]:
+    """Changes of the links' inertias, and of the hand's where it was found."""
+    arm, model = found.arm, compiled(found.arm.mjcf)
+    data: Any = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    bodies = Bodies.of(arm)
+    changed = [
+        (int(model.jnt_bodyid[model.joint(name).id]), joint, found.parameters[joint] - described)
+        for joint, (name, described) in enumerate(zip(arm.joints, bodies.links, strict=True))
+    ]
+    if found.hand is not None:
+        hand = int(model.body(arm.hand.body).id)
+        changed.append((hand, len(bodies.links) - 1, found.hand.parameters - bodies.hand))
+    for body, joint, change in changed:
+        yield from _inertial(document, data, body, change, bodies.anchors[joint])
+
+
+def _link(data: Any, body: int) -> Link:
+    """A body as the file has it, at joint angles 0."""
+    axes = np.asarray(data.ximat[body]).reshape(3, 3)
+    tensor = (axes * data.model.body_inertia[body]) @ axes.T
+    xx, yy, zz, xy, xz, yz = components(tensor)
+    mass = float(data.model.body_mass[body])
+    return Link(0, mass, triple(data.xipos[body]), (xx, yy, zz, xy, xz, yz))
+
+
+def _inertial(
+    document: Document, data: Any, body: int, change: Array, anchor: Array
+) -> Iterator[Change]:
+    """Changes that add parameters (10,) about an anchor (3,) to those of a body."""
+    old = parameters([_link(data, body)], anchor)
+    new = old + change
+    if new[0] <= 0.0:
+        return
+    tensor = inertia_about_centre(new)
+    if not physical(tensor):  # of less than the recording shows: the described one stays
+        tensor = inertia_about_centre(old) * new[0] / old[0]
+    frame = np.asarray(data.xmat[body]).reshape(3, 3)
+    centre = frame.T @ (anchor + new[1:4] / new[0] - data.xpos[body])
+    texts = {
+        "pos": [number(part, 1e-5) for part in centre.tolist()],
+        "mass": [number(float(new[0]), 1e-4)],
+        "fullinertia": [number(part) for part in components(frame.T @ tensor @ frame)],
+    }
+    element = _named(document, "body", data.model.body(body).name)
+    inertial = inertial_of(element)
+    if inertial is None:
+        yield Insert(element, "inertial", {key: " ".join(text) for key, text in texts.items()})
+        return
+    for attribute, text in texts.items():
+        base = " ".join("?" * len(text))
+        yield Edit(inertial, attribute, dict(enumerate(text)), base)
+    for attribute in ORIENTATIONS:
+        if inertial.get(attribute) is not None:
+            yield Edit(inertial, attribute, None)
+
+
+def physical(tensor: Array) -> bool:
+    """Test if a rigid body can have an inertia (3, 3): positive moments, none above the others' sum."""
+    moments = np.linalg.eigvalsh(tensor)
+    return bool(moments[0] > 0.0 and moments[2] <= moments[0] + moments[1])

@@ -1,0 +1,72 @@
+"""`palpate dynamics LOG`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from moving_arm import recorded
+
+from palpate.robots.registry import load_description
+
+from .conftest import Answer
+
+Call = Callable[..., Answer]
+ARM = load_description("fr3")
+
+
+def log(hand: float = 0.9, seconds: float = 12.0) -> None:
+    made = recorded(ARM, hand, seconds=seconds)
+    np.savez("log.npz", t=made.t, q=made.q, dq=made.dq, tau=made.tau, tau_ext=0.1 * made.tau)
+
+
+def test_dynamics_are_shown_and_written(palpate: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+    log()
+    monkeypatch.setenv("COLUMNS", "80")
+    done = palpate("dynamics", "log.npz", "-o", "arm.xml")
+    assert done.status == 0, done.err
+    lines = done.out.splitlines()
+    heading = "joint friction N m damping N m s/rad armature kg m² offset N m"
+    assert lines[0].split() == heading.split()
+    assert [line.split()[0] for line in lines[1:8]] == [*"1234567"]
+    assert max(len(line) for line in lines if not line.startswith("written to")) <= 80
+    for row in ("hand 0.", "as described", "friction identified", "all identified", "tau_ext of"):
+        assert row in done.out
+    assert mujoco.MjModel.from_xml_path("arm.xml").joint("fr3_joint1").frictionloss[0] > 0.2
+
+
+def test_dynamics_as_json(palpate: Call) -> None:
+    log()
+    done = palpate("dynamics", "log.npz", "--hand", "0.9kg", "--json")
+    assert done.status == 0, done.err
+    told = json.loads(done.out)
+    assert told["arm"] == "fr3"
+    assert told["hand"] is None
+    assert told["files"] == []
+    assert [joint["joint"] for joint in told["joints"]] == list(ARM.joints)
+    assert told["joints"][3]["coulomb"]["std"] > 0.0
+    assert set(told["rms"]) == {"described", "friction", "all", "controller"}
+    assert len(told["links"]) == 7
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("missing.npz",), "missing.npz"),
+        (("log.npz", "--hand", "heavy"), "--hand 'heavy' is neither 'found' nor a mass in kg"),
+        (("log.npz", "--hand", "40"), "a hand of 40 kg is not between 0 and 3.76 kg"),
+        (("log.npz", "--arm", "ur5"), "unknown arm 'ur5'"),
+        (("log.npz", "-o", "log.npz"), "exists already"),
+    ],
+)
+def test_bad_input_gets_one_line(palpate: Call, arguments: tuple[str, ...], message: str) -> None:
+    log(seconds=6.0)
+    done = palpate("dynamics", *arguments)
+    assert done.status == 2
+    assert message in done.err
+    assert len(done.err.splitlines()) == 1
+    assert Path("log.npz").is_file()

@@ -1,0 +1,64 @@
+"""`palpate estimate LOG`: a recording by another program, as a shell would use it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from .conftest import Answer
+
+Palpate = Callable[..., Answer]
+
+
+def motion(folder: Path) -> Path:
+    """A few seconds of an arm that hardly moves, with a column map."""
+    t = np.arange(1200) / 200
+    q = np.array([0.0, -0.8, 0.0, -2.3, 0.0, 1.6, 0.8]) + 0.2 * np.sin(t[:, None] + np.arange(7))
+    dq = 0.2 * np.cos(t[:, None] + np.arange(7))
+    file = folder / "log.npz"
+    np.savez(
+        file, time=t, position=q, velocity=dq, moment=np.random.default_rng(0).normal(size=q.shape)
+    )
+    (folder / "map.yaml").write_text("tau: moment\n")
+    return file
+
+
+def test_a_recording_in_json_and_as_a_folder(palpate: Palpate, tmp_path: Path) -> None:
+    log, columns = motion(tmp_path), tmp_path / "map.yaml"
+    asked = ("estimate", log, "--loaded", "3-5.9", "--columns", columns, "--hand", "0.7")
+    answer = palpate(*asked, "--json", "-o", tmp_path / "run")
+    found = json.loads(answer.out)
+    assert [row["object"] for row in found["parameters"]] == ["load"] * 3
+    assert [row["quantity"] for row in found["parameters"]] == ["mass", "com", "inertia"]
+    assert found["simulated"] is False
+    assert found["provenance"]["seed"] is None
+    assert found["plan"]["planner"] == "recording"
+    assert answer.status == (0 if found["status"] == "complete" else 1)
+    assert (tmp_path / "run" / "report.html").exists()
+    again = json.loads(palpate("estimate", tmp_path / "run", "--json").out)
+    assert again["parameters"][0]["value"] == found["parameters"][0]["value"]
+
+
+def test_errors_say_what_to_do(palpate: Palpate, tmp_path: Path) -> None:
+    log = motion(tmp_path)
+    for options, said in (
+        ((log,), "no column for joint torques with gravity (tau). Columns: time, position"),
+        ((log, "--loaded", "soon"), "--loaded takes seconds A-B, as in 12.0-18.5, not 'soon'"),
+        ((log, "--hand", "heavy"), "--hand takes kilograms or 'found'"),
+        ((), "give a run folder or a recording, or --how for what to record"),
+        ((tmp_path / "none.csv",), "cannot read"),
+    ):
+        answer = palpate("estimate", *options)
+        assert answer.status == 2
+        assert said in " ".join(answer.err.split())
+
+
+def test_how_to_record(palpate: Palpate, tmp_path: Path) -> None:
+    file = tmp_path / "motion.csv"
+    answer = palpate("estimate", "--how", "-o", file)
+    assert answer.status == 0
+    assert "Clear the space around the arm" in answer.out
+    assert file.read_text().startswith("t,q1,q2")

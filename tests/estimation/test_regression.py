@@ -1,0 +1,108 @@
+"""Linear-Gaussian regression against brute force and simulation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from palpate.estimation.regression import Cause, Projected, Scale, SignalNoise, fit
+
+SIGNALS, ROWS = 3, 20
+
+
+def problem(seed: int):
+    random = np.random.default_rng(seed)
+    count = SIGNALS * ROWS
+    sizes = {"load": (1, 100.0), "friction": (SIGNALS, 0.3), "gain": (2, 0.01)}
+    causes = [
+        Cause(name, random.standard_normal((count, k)), np.full(k, prior))
+        for name, (k, prior) in sizes.items()
+    ]
+    roots = []
+    for _ in range(SIGNALS):
+        half = random.standard_normal((ROWS, ROWS))
+        roots.append(np.linalg.cholesky(half @ half.T / ROWS + np.eye(ROWS)))
+    return causes, SignalNoise(roots, 50.0), random.standard_normal(count)
+
+
+def dense(causes, noise):
+    design, prior = (
+        np.concatenate([getattr(c, of) for c in causes], axis=-1) for of in ("columns", "prior")
+    )
+    sigma = np.zeros((len(design), len(design)))
+    for i, root in enumerate(noise.roots):
+        here = slice(i * ROWS, (i + 1) * ROWS)
+        sigma[here, here] = root @ root.T
+    return design, prior, sigma
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_posterior_is_that_of_the_normal_equations(seed):
+    causes, noise, y = problem(seed)
+    design, prior, sigma = dense(causes, noise)
+    inverse = np.linalg.inv(sigma)
+    covariance = np.linalg.inv(design.T @ inverse @ design + np.diag(prior**-2.0))
+    found = fit(causes, noise, y)
+    assert found.covariance == pytest.approx(covariance, rel=1e-8, abs=1e-12)
+    assert found.mean == pytest.approx(covariance @ design.T @ inverse @ y, rel=1e-8)
+    mean, spread = found["friction"]
+    assert mean == pytest.approx(found.mean[1:4])
+    assert spread == pytest.approx(covariance[1:4, 1:4])
+
+
+def test_evidence_is_the_density_of_the_rows():
+    causes, noise, y = problem(3)
+    design, prior, sigma = dense(causes, noise)
+    whole = sigma + (design * prior**2) @ design.T
+    density = -0.5 * (y @ np.linalg.solve(whole, y) + np.linalg.slogdet(whole)[1])
+    assert fit(causes, noise, y).evidence == pytest.approx(density, rel=1e-9)
+
+
+def test_a_scale_of_a_prior_is_learned():
+    causes, noise, y = problem(4)
+    friction = causes[1].columns @ np.array([20.0, -10.0, 15.0])
+    scale = Scale(("friction",), (1.0, 50.0), (0.9, 0.1))
+    mean, _ = fit(causes, noise, y + friction, [scale])["friction"]
+    narrow, _ = fit(causes, noise, y + friction)["friction"]
+    assert np.all(np.abs(mean) > np.abs(narrow))
+    assert mean == pytest.approx([20.0, -10.0, 15.0], abs=2.0)
+
+
+def test_an_unknown_without_a_prior_is_one_with_an_enormous_prior():
+    causes, noise, y = problem(5)
+    free = Cause("free", causes[1].columns, np.full(SIGNALS, 1e6))
+    projected = fit([causes[0], causes[2]], Projected.of(noise, free.columns), y)
+    mean, covariance = fit([causes[0], causes[2], free], noise, y)["load"]
+    assert projected["load"][0] == pytest.approx(mean, rel=1e-6)
+    assert projected["load"][1] == pytest.approx(covariance, rel=1e-6)
+
+
+def test_shared_errors_are_no_more_than_the_deviation():
+    causes, noise, y = problem(6)
+    gain = causes[2]
+    shared = Cause(
+        gain.name, gain.columns, gain.prior, "arm", ("gain of joint 1", "gain of joint 2")
+    )
+    found = fit([causes[0], causes[1], shared], noise, y)
+    effects = {one.cause: one.effect[0] for one in found.shared("load")}
+    assert set(effects) == {"gain of joint 1", "gain of joint 2"}
+    # A wrong gain, by one standard deviation, moves the load by the effect.
+    wrong = gain.columns[:, 0] * gain.prior[0]
+    moved = fit([causes[0], causes[1], shared], noise, y + wrong)["load"][0] - found["load"][0]
+    assert moved == pytest.approx([effects["gain of joint 1"]])
+    assert abs(moved[0]) < np.sqrt(found["load"][1][0, 0])
+
+
+def test_a_further_cause_fails_its_test_only_where_it_acts():
+    causes, noise, y = problem(7)
+    pull = Cause("pull", np.random.default_rng(8).standard_normal((len(y), 1)), np.array([1e3]))
+    white = noise.white(np.eye(len(y)))
+    quiet = np.linalg.solve(white, np.random.default_rng(9).standard_normal(len(y)))
+    found = fit(causes, noise, quiet).test(pull, np.array([0.0]), "It is pulled.")
+    assert found.passed
+    assert found.name == "pull"
+    assert (
+        not fit(causes, noise, quiet + 5.0 * pull.columns[:, 0])
+        .test(pull, np.array([0.0]), "It is pulled.")
+        .passed
+    )

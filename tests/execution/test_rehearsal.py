@@ -1,0 +1,169 @@
+"""Rehearsal in physics: harm is found with the leaf that does it, and harmless plans pass."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+
+import pytest
+from loopback import Loopback, Says
+
+from palpate import pipeline
+from palpate.execution.rehearsal import Rehearsal, rehearse
+from palpate.parameter import Parameter
+from palpate.planning.model.settings import ModelSettings
+from palpate.planning.plan import Node, Plan, dump_plan
+from palpate.planning.symbolic.planner import assemble
+from palpate.runs.run import Run
+from palpate.scene.load import parse_scene
+from palpate.scene.scene import Scene
+from palpate.settings import Settings
+
+TABLE = """
+<mujoco>
+  <worldbody>
+    <geom name="floor" type="plane" size="3 3 .1" pos="0 0 -.5"/>
+    <site name="robot_base" pos="0 0 0"/>
+    <body name="table" pos=".5 0 -.02"><geom type="box" size=".28 .28 .02"/></body>
+    {things}
+  </worldbody>
+</mujoco>"""
+CAN = (
+    '<body name="can" pos=".5 .1 .06"><freejoint/>'
+    '<geom type="cylinder" size=".03 .06" mass="{mass}"/></body>'
+)
+PLANK = (
+    '<body name="plank" pos=".5 .3 .015"><freejoint/>'
+    '<geom type="box" size=".03 .12 .015" mass=".4"/></body>'
+    '<body name="weight" pos=".5 .2 .055"><freejoint/>'
+    '<geom type="box" size=".025 .025 .025" mass="{mass}"/></body>'
+)
+"""A plank over the edge of the table, which only the weight on it keeps from tipping."""
+BOARD = (
+    CAN + '<body name="board" pos=".5 -.1 .1" euler="-30 0 0"><freejoint/>'
+    '<geom type="box" size=".03 .005 .09" mass=".2"/></body>'
+)
+"""A board in the air."""
+
+
+def scene(things: str, mass: str = ".3") -> Scene:
+    return parse_scene(TABLE.format(things=things.format(mass=mass)))
+
+
+def weighing(of: Scene, name: str) -> Plan:
+    parameter = Parameter(name, "mass")
+    return Plan((parameter,), assemble(of, [parameter]).tree, "")
+
+
+def sequence(steps: Sequence[tuple[str, str, str] | str]) -> Plan:
+    """A plan of leaves: a type, or a type, argument and value."""
+    nodes: list[Node] = []
+    for step in steps:
+        kind, *argument = (step,) if isinstance(step, str) else step
+        nodes.append(Node(kind, (tuple(argument),) if argument else ()))  # pyright: ignore[reportArgumentType]
+    return Plan((), Node("Sequence", (), tuple(nodes)), "")
+
+
+def test_a_harmless_plan_passes_in_every_world() -> None:
+    cell = scene(CAN, "?")
+    predicted = rehearse(weighing(cell, "can"), cell)
+    assert predicted.failure is None
+    assert predicted.draws == 3
+    assert str(predicted).startswith("in 3 worlds, 12 actions")
+
+
+def test_what_a_load_has_kept_from_tipping_falls_and_its_lift_is_named() -> None:
+    cell = scene(PLANK)
+    plan = weighing(cell, "weight")
+    predicted = rehearse(plan, cell)
+    assert predicted.failure is not None
+    assert predicted.failure.startswith("plank ")
+    assert plan.tree is not None
+    leaf = dict(plan.tree.walk())[predicted.path]
+    assert (leaf.type, dict(leaf.args)) == ("MovePose", {"pose": "weight_pose + z_offset"})
+
+
+def test_a_scene_that_does_not_settle_is_said_to_be_so() -> None:
+    cell = scene(BOARD)
+    predicted = rehearse(weighing(cell, "can"), cell)
+    assert predicted.path == "tree"
+    assert "the scene does not settle" in str(predicted.failure)
+
+
+def test_a_thing_that_ends_elsewhere_than_believed_is_a_finding() -> None:
+    """The fingers close beside its middle and push it on a smooth table by 8 mm."""
+    there = "can_pose + 0.8*y_offset"
+    smooth = CAN.replace("<geom", '<geom friction=".02 0 0" priority="1"')
+    cell = scene(smooth.replace(".03 .06", ".021 .06"))
+    steps = [
+        ("MoveJoints", "joints", "home_config"),
+        "OpenGripper",
+        ("MovePose", "pose", f"{there} + z_offset"),
+        ("MovePose", "pose", there),
+        "CloseGripper",
+        "OpenGripper",
+        ("MovePose", "pose", f"{there} + z_offset"),
+    ]
+    predicted = rehearse(sequence(steps), cell)
+    assert "'can' ends (+0, -8, +0) mm" in str(predicted.failure)
+    assert predicted.path == "tree.children[5]"
+
+
+def test_the_same_pose_twice_while_holding_is_no_error() -> None:
+    cell = scene(CAN)
+    above = ("MovePose", "pose", "can_pose + z_offset")
+    steps = [
+        ("MoveJoints", "joints", "home_config"),
+        "OpenGripper",
+        above,
+        ("MovePose", "pose", "can_pose"),
+        "CloseGripper",
+        above,
+        above,
+        ("MovePose", "pose", "can_pose"),
+        "OpenGripper",
+        above,
+    ]
+    assert rehearse(sequence(steps), cell).failure is None
+
+
+def test_a_plan_is_rehearsed_once_in_a_scene() -> None:
+    cell = scene(CAN)
+    plan = weighing(cell, "can")
+    assert rehearse(plan, cell) is rehearse(plan, cell)
+
+
+@pytest.mark.parametrize(
+    ("planner", "rehearsed"),
+    [("symbolic", False), ("replay:plan.json", True), ("openai:gpt", True)],
+)
+def test_plans_of_models_and_files_are_rehearsed_by_default(planner: str, rehearsed: bool) -> None:
+    cell = scene(PLANK)
+    made = Run(Settings(planner=planner), cell, weighing(cell, "weight"))
+    done = pipeline.rehearse(made)
+    assert isinstance(done.rehearsal, Rehearsal) == rehearsed
+    assert [finding.rule for finding in done.findings] == ["rehearsal"] * rehearsed
+    if rehearsed:
+        assert done.findings[0].path.startswith("tree.children[")
+        assert pipeline.measure(done).execution is None
+
+
+def test_a_model_corrects_what_the_rehearsal_of_its_plan_found(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("OPENAI_API_KEY", "sk-test-0123456789")
+    cell = scene(PLANK, "?")
+    refusal = {"outcome": "cannot", "parameters": [], "explanation": "it holds up the plank"}
+    with Loopback(Says(dump_plan(weighing(cell, "weight"))), Says(json.dumps(refusal))) as server:
+        asked = Settings(
+            planner="openai",
+            request="the mass of the weight",
+            model_settings=ModelSettings(base_url=server.url("openai"), prompt="lean"),
+        )
+        made = pipeline.plan(asked, cell)
+        answered = server.requests[1]
+    assert made.plan.outcome == "cannot"
+    assert made.conversation is not None
+    (found,) = made.conversation.rounds[0].findings
+    assert "rehearsal: in simulation the plan fails: plank" in found
+    assert found in answered.user

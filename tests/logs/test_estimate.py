@@ -1,0 +1,122 @@
+"""What an arm carried, from recordings: simulated with known loads, and of real arms."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import palpate as pp
+from palpate.errors import InputError
+from palpate.logs.reading import read_log
+
+from .conftest import COM, INERTIA, MASS, WINDOW, Log
+
+REAL = Path(os.environ.get("PALPATE_SHARED", Path(__file__).parents[3] / "shared")) / "real"
+SCENE = """<mujoco><worldbody><site name="robot_base"/>
+<body name="drill" pos="0.5 0 0.06"><freejoint/>
+<inertial pos="? ? ?" mass="?" diaginertia="? ? ?"/><geom type="box" size=".04 .03 .06"/></body>
+</worldbody></mujoco>"""
+
+
+@pytest.fixture(scope="module")
+def found(npz: Path) -> pp.Run:
+    return pp.estimate(npz, [WINDOW])
+
+
+def inside(estimate: pp.Estimate, truth: np.ndarray | tuple[float, ...] | float) -> bool:
+    """The truth lies within three standard deviations."""
+    return bool((np.abs(estimate.z_score(truth)) < 3.0).all())
+
+
+def test_mass_centre_and_inertia_lie_within_their_intervals(found: pp.Run) -> None:
+    mass, com, inertia = (found[f"load.{name}"] for name in ("mass", "com", "inertia"))
+    assert mass.identified
+    assert inside(mass, MASS)
+    assert mass.stds[0] < 0.01
+    assert com.identified
+    assert inside(com, COM)
+    assert inside(inertia, (*INERTIA, 0.0, 0.0, 0.0))
+    assert found.status == "complete"
+    assert not found.simulated
+
+
+def test_the_hand_is_weighed_or_stated(npz: Path) -> None:
+    weighed = pp.estimate(npz, [WINDOW], hand="found")
+    assert inside(weighed["hand.mass"], 0.73)
+    assert inside(weighed["load.mass"], MASS)
+    # A hand that is believed to be heavier than it is shows in neither: the empty motion has it, too.
+    stated = pp.estimate(npz, [WINDOW], hand=0.8)
+    assert inside(stated["load.mass"], MASS)
+
+
+def test_without_the_empty_hand_errors_of_the_arm_count(npz: Path, recording: Log) -> None:
+    rows = recording["t"] > WINDOW[0] + 3.0
+    alone = npz.parent / "alone.npz"
+    np.savez(alone, **{name: values[rows] for name, values in recording.items()})
+    found = pp.estimate(alone)["load.mass"]
+    assert found.verdict == "prior-dominated"
+    assert inside(found, MASS)
+    empty = npz.parent / "empty.npz"
+    np.savez(empty, **{name: values[recording["t"] < 14.5] for name, values in recording.items()})
+    compared = pp.estimate(alone, empty=empty)["load.mass"]
+    assert compared.identified
+    assert inside(compared, MASS)
+    assert compared.stds[0] < found.stds[0]
+
+
+def test_a_load_that_came_and_went_is_contradicted(npz: Path) -> None:
+    found = pp.estimate(npz, [(4.0, 20.0)])["load.mass"]
+    assert found.verdict == "contradicted"
+    assert "differs between parts" in found.contradiction
+
+
+def test_the_twin_of_a_scene(npz: Path, tmp_path: Path) -> None:
+    scene = tmp_path / "scene.xml"
+    scene.write_text(SCENE)
+    with pytest.raises(InputError, match="a scene needs object="):
+        pp.estimate(npz, [WINDOW], scene=scene)
+    with pytest.raises(InputError, match="did you mean 'drill'"):
+        pp.estimate(npz, [WINDOW], scene=scene, object="dril")
+    mass = pp.estimate(npz, [WINDOW], scene=scene, object="drill")
+    assert [str(one.parameter) for one in mass.estimates] == ["drill.mass"]
+    # The object's frame is 20 mm beyond the TCP, turned by half a turn about the tool.
+    run = pp.estimate(npz, [WINDOW], scene=scene, object="drill", in_hand=(0, 0, 0.02, 0, 0, 0, 1))
+    assert inside(run["drill.com"], (-COM[0], -COM[1], COM[2] - 0.02))
+    saved = run.save(tmp_path / "run")
+    twin = (tmp_path / "run" / "twin.xml").read_text()
+    assert f'mass="{float(run["drill.mass"]):.4f}"' in twin
+    again = pp.open(tmp_path / "run")
+    assert again.status == "complete"
+    assert again.estimate()["drill.mass"] == saved["drill.mass"]
+    result = json.loads((tmp_path / "run" / "result.json").read_text())
+    assert result["parameters"][0]["verdict"] == "identified"
+    assert (tmp_path / "run" / "report.html").exists()
+
+
+def test_windows_outside_of_the_recording(npz: Path) -> None:
+    with pytest.raises(InputError, match=r"loaded=30-40: log.npz lasts 24.0 s"):
+        pp.estimate(npz, [(30.0, 40.0)])
+    with pytest.raises(InputError, match="in_hand='up': give X Y Z"):
+        pp.estimate(npz, [WINDOW], in_hand="up")
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason="recordings of real arms are not at hand")
+def test_a_real_arm_carries_nothing_where_it_carries_nothing(tmp_path: Path) -> None:
+    """Parts of a real FR3's motion with the empty hand, said to be loaded: zero lies in the intervals."""
+    data = np.load(REAL / "fr3_free_1.npz")
+    step = {"q": 1e-6, "dq": 1e-5, "tau": 1e-4}
+    signals = {key: np.cumsum(data[f"{key}_steps"], axis=0) * size for key, size in step.items()}
+    file = tmp_path / "fr3.npz"
+    np.savez(file, t=np.cumsum(data["dt_us"].astype(float)) * 1e-6, **signals)
+    (note,) = read_log(file).notes
+    assert "repeat the one before" in note
+    highest: list[float] = []
+    for start in (0.5, 2.0, 3.5, 5.0, 6.5):
+        mass = pp.estimate(file, [(start, start + 3.0)])["load.mass"]
+        assert mass.intervals[0, 0] == 0.0
+        highest.append(float(mass.intervals[0, 1]))
+    assert max(highest) < 0.08
