@@ -98,7 +98,9 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
     found = _carried(trace)
     if found is None or not _is_felt(found):
         return _nothing(parameter, "kg·m²")
-    pose, theta, statistic = _in_hand(trace), *consistent(found.value, found.covariance)
+    wider = np.repeat((1.0, tuning.CARRIED_WIDER), (4, 6))
+    covariance = found.covariance * np.outer(wider, wider)
+    pose, theta, statistic = _in_hand(trace), *consistent(found.value, covariance)
 
     def central(value: Array) -> Array:
         c = value[1:4] / value[0]
@@ -107,7 +109,7 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
         return np.array(components(pose.rotation.T @ tensor @ pose.rotation))
 
     slopes = _slopes(central, found.value)
-    stds = np.sqrt(np.diag(slopes @ found.covariance @ slopes.T))
+    stds = np.sqrt(np.diag(slopes @ covariance @ slopes.T))
     value = central(linear(pseudo_inertia(theta)))
     # Moments are seen where they stand out of their errors, products where these are small beside the moments; all
     # where a load with the largest radius of gyration that is believed would.
