@@ -111,11 +111,12 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
     slopes = _slopes(central, found.value)
     stds = np.sqrt(np.diag(slopes @ covariance @ slopes.T))
     value = central(linear(pseudo_inertia(theta)))
-    # Moments are seen where they stand out of their errors, products where these are small beside the moments; all
-    # where a load with the largest radius of gyration that is believed would.
+    # Moments are seen where they stand out of their errors, products where these are small beside the moments; both
+    # where a load with the largest radius of gyration that is believed would. A product without moments says nothing.
     believed = float(found.value[0]) * tuning.RADIUS_BELIEVED**2
     sizes = np.minimum([*value[:3], *[value[:3].mean()] * 3], believed)
-    unseen = tuple(np.flatnonzero(stds > 0.5 * sizes).tolist())
+    hardly = stds > 0.5 * sizes
+    unseen = tuple(np.flatnonzero(hardly | hardly[:3].all()).tolist())
     names = ("xx", "yy", "zz", "xy", "xz", "yz")
     weak = ", ".join(names[i] for i in unseen)
     excited = f" Hardly excited: {weak}; turn the hand faster about more axes." if weak else ""

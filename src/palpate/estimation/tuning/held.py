@@ -122,8 +122,8 @@ CARRIED_PLACE, CARRIED_POSTURE = 0.2, 0.5
 
 CARRIED_WIDER = 2.0
 """times the fitted standard deviation of an inertia that it is stated with: of simulated arms errors are 2.0 to 2.5 as
-large as fitted, as what disturbs all joints at once counts as independent; of two real arms 1.0. Sensitive: inertia std.
-"""
+large as fitted, as what disturbs all joints at once counts as independent; of two real arms 1.0.
+Sensitive: inertia std."""
 
 CARRIED_NOISE = 0.05
 """N m (1 sigma) of each component of the noise, from which the recording's own is sought. Sensitive: no."""
