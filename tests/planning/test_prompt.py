@@ -13,7 +13,7 @@ from palpate.errors import InputError
 from palpate.pictures import annotate
 from palpate.planning.check import rules
 from palpate.planning.check.check import PLAN_RULES, REJECTION_RULES, WALK_RULES, check
-from palpate.planning.check.rules import CATALOGUE
+from palpate.planning.check.rules import CATALOGUE, mm
 from palpate.planning.model.answer import read_answer
 from palpate.planning.model.prompt import compose as compose_module
 from palpate.planning.model.prompt.compose import (
@@ -27,6 +27,8 @@ from palpate.planning.model.prompt.compose import (
     fenced,
     system_prompt,
 )
+from palpate.planning.symbolic.places import SIDEWAYS
+from palpate.planning.symbolic.steps import ASIDE, SLIDE
 from palpate.quantities.catalogue import catalogue
 from palpate.robots.registry import load_description
 from palpate.scenarios.catalogue import scenario, scenarios
@@ -335,6 +337,12 @@ def test_every_pose_offset_and_configuration_is_listed(scene: Scene) -> None:
         assert set(offsets) == set(scene.symbols.offset_names)
     assert reader.offsets.keys() == {"cup", "shelf_approach"}
     assert "home_config: joint configuration" in prompt.user
+
+
+def test_the_prompt_slides_as_far_as_the_symbolic_planner() -> None:
+    told = system_prompt(vocabulary())
+    first, then = SIDEWAYS
+    assert f"{mm(SLIDE)} along {first}, then to {mm(ASIDE)} along {then}" in told
 
 
 def test_what_only_a_renderer_reads_is_not_sent() -> None:

@@ -29,12 +29,16 @@ TURNED, LEFT = 0, 1
 
 
 @once
-def joint_states(samples: Samples) -> Array:
-    """(n, m, 2) Dahl states of all joints, as `dahl_states`."""
-    return dahl_states(samples.q)
+def slip_states(samples: Samples) -> Array:
+    """(n, m, 2 e) Dahl states of e elements, each with a presliding of its own.
+
+    The friction of a joint is a sum of them (the generalised Maxwell slip model: Al-Bender, Lampaert and Swevers,
+    IEEE Transactions on Automatic Control 50, 2005): over which way it turns round is learned with its level.
+    """
+    return np.concatenate([dahl_states(samples.q, one) for one in tuning.PRESLIDINGS], axis=2)
 
 
-def dahl_states(q: Array) -> Array:
+def dahl_states(q: Array, presliding: float = tuning.PRESLIDING) -> Array:
     """(n, m, 2) Dahl states for joint angles `q` (n, m), rad: direction of the last motion, -1 to 1, between
     them while the joint reverses; and the remaining share of the friction at the start, 1 to 0."""
     # Means over some rows, the last over what remains.
@@ -42,17 +46,14 @@ def dahl_states(q: Array) -> Array:
     counts = np.diff(np.append(starts, len(q)))
     blocks = np.add.reduceat(q, starts, axis=0) / counts[:, None]
     steps = np.apply_along_axis(_steps, 0, blocks)
-    keep = np.exp(-np.abs(steps) / tuning.PRESLIDING)
+    keep = np.exp(-np.abs(steps) / presliding)
     added = np.copysign(1.0 - keep, steps)
     states = np.empty((*steps.shape, 2))
     states[..., LEFT] = np.multiply.accumulate(keep, axis=0)
-    for joint in range(q.shape[1]):
-        state = 0.0
-        for row, (share, more) in enumerate(
-            zip(keep[:, joint].tolist(), added[:, joint].tolist(), strict=True)
-        ):
-            state = share * state + more
-            states[row, joint, TURNED] = state
+    state = np.zeros(q.shape[1])
+    for row, (share, more) in enumerate(zip(keep, added, strict=True)):
+        state = share * state + more
+        states[row, :, TURNED] = state
     return states[np.arange(len(q)) // tuning.RUBBING_ROWS]
 
 
@@ -69,11 +70,29 @@ def _steps(q: Array) -> Array:
     return np.array(found)
 
 
-def joint_friction(
-    samples: Samples, states: Array, empty: Mask, height: float
-) -> tuple[Array, Array]:
-    """Friction level of each joint, (m,) N m, with standard deviations, from motions of the `empty` hand (n,)
-    above `height`, m; `states` (n, m): direction of the last motion of each joint."""
+def joint_ways(samples: Samples, empty: Mask, height: float) -> Array:
+    """(n, m) direction of the last motion of each joint, with the presliding that its motions through free air
+    show: states of several, averaged by how little each leaves (`joint_friction`)."""
+    states = slip_states(samples)[:, :, TURNED :: LEFT + 1]
+    usual = tuning.PRESLIDINGS.index(tuning.PRESLIDING)
+    free, known = _free_motion(samples, states[:, :, usual], empty, height)
+    if free.sum() < tuning.FREE_MOTION:
+        return states[:, :, usual]
+    found: list[Array] = []
+    for way, tau in zip(states.transpose(1, 0, 2), samples.tau_ext[free].T, strict=True):
+        left: list[float] = []
+        for one in way[free].T:
+            design = np.column_stack([one, known])
+            fitted: Array = design @ np.linalg.lstsq(design, tau, rcond=None)[0]
+            left.append(float(np.mean((tau - fitted) ** 2)) + tuning.FLOOR**2)
+        # Likelihood with an unknown variance, of as many rows as are independent.
+        likely = (np.array(left) / min(left)) ** (-0.5 * len(tau) / tuning.CORRELATED_ROWS)
+        found.append(way @ (likely / likely.sum()))
+    return np.array(found).T
+
+
+def _free_motion(samples: Samples, states: Array, empty: Mask, height: float) -> tuple[Mask, Array]:
+    """Rows (n,) of motions of the `empty` hand above `height`, and columns (k, p) of what moving takes there."""
 
     def rate(values: Array, over: float) -> Array:
         rows = max(1, round(over / max(float(np.median(np.diff(samples.t))), 1e-9)))
@@ -85,12 +104,21 @@ def joint_friction(
     # Empty and high, after the arm has begun to move, and without jerks.
     free = empty & (samples.pose_world_tcp[:, 2] > height) & (np.abs(states).max(axis=1) > 0.5)
     free = free & (np.abs(faster).max(axis=1) < tuning.SLOWLY)
+    angles = samples.q[free]
+    angles = angles - angles.mean(axis=0) if len(angles) else angles
+    ones = np.ones((len(angles), 1))
+    return free, np.hstack([faster[free], speed[free] ** 2, ones, angles, angles**2])
+
+
+def joint_friction(
+    samples: Samples, states: Array, empty: Mask, height: float
+) -> tuple[Array, Array]:
+    """Friction level of each joint, (m,) N m, with standard deviations, from motions of the `empty` hand (n,)
+    above `height`, m; `states` (n, m): direction of the last motion of each joint."""
+    free, known = _free_motion(samples, states, empty, height)
     if free.sum() < tuning.FREE_MOTION:
         none = np.zeros(samples.q.shape[1])
         return none, none + tuning.JOINT_LEVEL
-    angles = samples.q[free] - samples.q[free].mean(axis=0)
-    ones = np.ones((len(angles), 1))
-    known = np.hstack([faster[free], speed[free] ** 2, ones, angles, angles**2])
     torques = samples.tau_ext[free]
     found = [
         friction_level(known, way, tau) for way, tau in zip(states[free].T, torques.T, strict=True)
@@ -132,7 +160,7 @@ def joint_friction_force(
     observed, samples = observe(trace), trace.samples
     if observed.chain is None:
         return np.zeros(len(free))
-    states = joint_states(samples)[:, :, TURNED]
+    states = joint_ways(samples, empty, height)
     level, _ = joint_friction(samples, states, empty, height)
     turning = level * states[rows]
     still = np.median((observed.signals[rows] - turning)[free], axis=0)

@@ -11,7 +11,7 @@ from palpate.cli.console import figure_table, out, print_json, printing
 from palpate.errors import InputError
 
 if TYPE_CHECKING:
-    from palpate.api import ArmDynamics
+    from palpate.api.dynamics import ArmDynamics
     from palpate.estimation.arm.dynamics import Figure
 
 FIGURES = {

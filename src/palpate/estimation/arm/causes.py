@@ -162,7 +162,7 @@ def _stretch(motion: Motion, arm: RobotDescription, bodies: Bodies) -> Rows:
 def _frictions(motion: Motion, loads: Array) -> dict[str, Array]:
     """Columns of each joint's friction: its level, and by what it differs from it; `loads` (n, 7) N m are what the
     joints bear beyond their load at home."""
-    q, usual = motion.q, motion.dahl[:, :, 0]
+    q, speed, usual = motion.q, np.abs(motion.dq), motion.dahl[:, :, 0]
     waves = [wave(times * q) for times in (1, 2) for wave in (np.cos, np.sin)]
     others = np.moveaxis(motion.dahl[:, :, 1:], 2, 0)
     return {
@@ -170,7 +170,7 @@ def _frictions(motion: Motion, loads: Array) -> dict[str, Array]:
         "presliding": each(*(other - usual for other in others)),
         "uneven": each(*(usual * wave for wave in waves)),
         "loaded": each(usual * loads),
-        "stribeck": each(usual * np.exp(-np.abs(motion.dq) / tuning.STRIBECK_SPEED)),
+        "stribeck": each(*(usual * np.exp(-speed / slow) for slow in tuning.STRIBECK_SPEEDS)),
         "strained": each(*np.moveaxis(motion.strained, 2, 0)),
     }
 

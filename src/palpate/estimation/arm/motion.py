@@ -63,7 +63,7 @@ def stretches(log: ArmLog) -> tuple[list[Motion], list[Motion]]:
             f"{log.source} has a row every {step:.3g} s: log the arm at {1.0 / tuning.SLOWEST:g} Hz at least, "
             "better at 1 kHz"
         )
-    gaps: list[int] = (np.flatnonzero(steps > tuning.GAP) + 1).tolist()
+    gaps: list[int] = (np.flatnonzero(steps > tuning.LOG_GAP) + 1).tolist()
     edges = [0, *gaps, len(log)]
     whole = [
         _uniform(log, first, last)

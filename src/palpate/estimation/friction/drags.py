@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
-from palpate.estimation.joint_friction import TURNED, joint_friction, joint_states
+from palpate.estimation.joint_friction import joint_friction, joint_ways
 from palpate.estimation.load.noise import Noise, block_noise
 from palpate.estimation.load.observation import WrenchObservation
 from palpate.estimation.load.segments import LoadRows, load_rows
@@ -259,7 +259,7 @@ def _drags(trace: Trace, load: LoadRows, observed: WrenchObservation) -> Iterato
     slow = np.linalg.norm(samples.twist[:, :3], axis=1) < tuning.SLOW
     calm = high & steady(samples) & slow & (load.loaded | load.empty)
     noise = block_noise(observed.signals, samples.t, gaining[:, 2], list(runs(calm)))
-    ways = joint_states(samples)[:, :, TURNED]
+    ways = joint_ways(samples, load.empty, floor + tuning.HANGING)
     free = Hanging(
         samples.wrench[hanging, :3].mean(axis=0),
         samples.q[hanging].mean(axis=0),

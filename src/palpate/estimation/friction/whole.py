@@ -6,8 +6,8 @@ zeros, gains and friction of the joints show in all free motion around the drags
 Fitted together, the whole sliding force counts. In each block of a drag the other forces of the support are
 unknown: the normal force with its friction, a sideways force, and moments.
 
-The result depends on the model of the arm. Residuals beyond the noise widen it (the Birge ratio: R. T. Birge,
-Physical Review 40, 1932).
+The result depends on the model of the arm. What that leaves is a coloured residual, learned from the recording
+(`estimation.coloured`).
 """
 
 from __future__ import annotations
@@ -40,7 +40,9 @@ from palpate.estimation.load.causes import (
     free_noise,
     of_arm,
     of_load,
+    of_turning,
     scales,
+    with_residual,
 )
 from palpate.estimation.load.observation import WrenchObservation
 from palpate.estimation.motion import row_at
@@ -65,21 +67,18 @@ class Whole:
     Attributes:
         friction, std: the coefficient, and its standard deviation.
         shared: errors in common with measurements with that arm, or of that object.
-        misfit: mean square of the residuals, in units of the noise: the larger of free motion and drags.
         stepped: N m, change of the sensors' zeros after the drags, root mean square.
     """
 
     friction: float
     std: float
     shared: tuple[Shared, ...]
-    misfit: float
     stepped: float
 
     @property
     def explains(self) -> bool:
-        """The residuals of the model of the arm are no more than the noise, and its zeros are the same before
-        and after the drags."""
-        return self.misfit < tuning.SLID_MISFIT and self.stepped < tuning.STEP
+        """Zeros of the sensors are the same before and after the drags."""
+        return self.stepped < tuning.STEP
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,15 +123,18 @@ def fit_whole(
     rubs = pressed.normal[:, None] * (about * pressed.way - slides * UP)
     borne = force * load[0].columns[:, 0] + by_signal(seen.torques(rubs))
     scene = [*of_scene(seen, pressed, about), of_steps(seen, len(free))]
-    causes = [*scene, *load, *of_arm(trace, observed, seen, force * pull[:, 2], borne)]
+    causes = [
+        *scene,
+        *load,
+        of_turning(seen),
+        *of_arm(trace, observed, seen, force * pull[:, 2], borne),
+    ]
     # Forces of the support have no prior.
     support = np.column_stack([by_signal(one) for one in _of_support(seen, pressed, about)])
-    noise = free_noise(seen, drags[0].hanging.noise)
-    y, shapes = by_signal(seen.observed), [*scales(causes), *_SCALES]
-    found = fit(causes, Projected.of(noise, support), y, shapes)
-    misfit = mean_square_misfit(found.residual, len(seen.t), len(free), support.shape[1])
-    louder = noise.louder(max(1.0, misfit) ** 0.5)
-    found = fit(causes, Projected.of(louder, support), y, shapes)
+    sensors, y = free_noise(seen, drags[0].hanging.noise), by_signal(seen.observed)
+    pressing = Cause("support", support, np.full(int(support.shape[1]), np.inf))
+    noise = Projected.of(with_residual([*causes, pressing], sensors, seen), support)
+    found = fit(causes, noise, y, [*scales(causes), *_SCALES])
     (more,), ((variance,),) = found["friction"]
     steps, _ = found[STEP]
     uneven, doubt = found[UNEVEN]
@@ -144,7 +146,6 @@ def fit_whole(
             *found.shared("friction"),
             Shared("unevenness of the friction", "scene", (off,)),
         ),
-        misfit=misfit,
         stepped=float(np.sqrt(np.mean(steps**2))),
     )
 
@@ -204,19 +205,3 @@ def _of_support(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Array
             alone = np.zeros_like(seen.observed)
             alone[block] = torque
             yield alone
-
-
-def mean_square_misfit(left: Array, count: int, free: int, taken: int) -> float:
-    """Mean square of the residuals `left` of `count` blocks, the first of which are `free`; `taken` unknowns were
-    projected out of the drags. Correlated neighbours count as one."""
-    left = left.reshape(-1, count)
-    share = 1.0 - taken / left[:, free:].size
-    return max(mean_square_of_sums(left[:, :free]), mean_square_of_sums(left[:, free:]) / share)
-
-
-def mean_square_of_sums(left: Array) -> float:
-    """Mean square of the sums of neighbours of (m, k), over their number."""
-    size = min(round(tuning.CORRELATED_BLOCKS), left.shape[1])
-    whole = left[:, : left.shape[1] // size * size].reshape(len(left), -1, size)
-    sums: Array = whole.sum(axis=2)
-    return float(np.mean(sums**2)) / size

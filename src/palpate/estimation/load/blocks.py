@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
-from palpate.estimation.joint_friction import joint_states
+from palpate.estimation.joint_friction import slip_states
 from palpate.estimation.load.observation import WrenchObservation
 from palpate.estimation.load.segments import LoadRows, load_rows
 from palpate.estimation.motion import Mask, acceleration, at_rest, row_at, runs, smoothed_with_rate
@@ -32,15 +32,18 @@ class Blocks:
         rows: (k,) samples in each.
         t: (k,) s.
         q, dq: (k, m) rad, rad/s.
+        path: (k, m) rad that each joint has turned, to and fro alike.
         observed: (k, m) N m, without the torque that moves the arm's links.
         moved: (k, m) N m, that torque.
         maps: (k, m, 6) as `WrenchObservation.maps`.
         tool: (k, 3, 3) the hand's axes in the world.
         acceleration: (k, 3) m/s² of the TCP.
         pull: (k, 3) force of the load in units of its weight, upward; 0 where it does not hang.
-        inward: (k, 3, 3) centripetal part of that per metre of lever beside the TCP, as the hand turns.
+        swung: (k, 3, 3) part of that per metre of lever beside the TCP, as the hand turns.
+        turning: (k, 3, 6) moment in the world, N m, per kg m² of an inertia in the axes of the hand, xx yy zz xy
+            xz yz, as it turns; 0 where the load does not hang.
         grasp: (k,) s, of the load.
-        dahl: (k, m, 2) as `estimation.joint_friction`.
+        dahl: (k, m, 2 e) as `estimation.joint_friction.slip_states`.
         resting: (k, rests) 1 where the arm is at a rest.
     """
 
@@ -48,13 +51,15 @@ class Blocks:
     t: Array
     q: Array
     dq: Array
+    path: Array
     observed: Array
     moved: Array
     maps: Array
     tool: Array
     acceleration: Array
     pull: Array
-    inward: Array
+    swung: Array
+    turning: Array
     grasp: Array
     dahl: Array
     resting: Array
@@ -80,7 +85,7 @@ def blocks(
     name: str,
     groups: Sequence[Rows],
     surely: bool = False,
-    over: float = tuning.SPEED_SHORT,
+    over: float = tuning.FOLLOWED,
 ) -> Blocks:
     """Block means over the rows of each group, in which the hand is empty or holds `name`, of signals smoothed
     over `over` s."""
@@ -97,7 +102,8 @@ def blocks(
     used = np.zeros(len(t), dtype=bool)
     used[rows] = True
     gaining = acceleration(samples, over)
-    pull = _hangs(trace, load, surely)[:, None] * (UP + gaining / trace.gravity)
+    hangs = _hangs(trace, load, surely)
+    pull = hangs[:, None] * (UP + gaining / trace.gravity)
     motion = observed.own_motion(samples, used, over)
     net = smoothed_with_rate(observed.signals, t, over)[0] - motion
     middle = np.array([group[len(group) // 2] for group in groups])
@@ -108,24 +114,47 @@ def blocks(
         here = np.zeros(len(t))
         here[rest] = 1.0
         resting.append(mean(here) > 0.0)
-    rate = mean(samples.twist[:, 3:])
-    inward = np.einsum("ki,kj->kij", rate, rate) - (rate**2).sum(axis=1)[:, None, None] * np.eye(3)
+    turn, change = smoothed_with_rate(samples.twist[:, 3:], t, tuning.FOLLOWED)
+    rate, spin = mean(turn), mean(change)
+    swung = np.einsum("ki,kj->kij", rate, rate) - (rate**2).sum(axis=1)[:, None, None] * np.eye(3)
+    swung = swung + np.cross(spin[:, None, :], np.eye(3)).swapaxes(1, 2)
+    tool = rotations(samples.pose_world_tcp[middle, 3:])
     return Blocks(
         rows=count.astype(float),
         t=mean(t),
         q=q,
         dq=mean(samples.dq),
+        path=mean(turned(samples)),
         observed=mean(net),
         moved=mean(motion),
         maps=observed.maps(q),
-        tool=rotations(samples.pose_world_tcp[middle, 3:]),
+        tool=tool,
         acceleration=mean(gaining),
         pull=mean(pull),
-        inward=inward / trace.gravity,
+        swung=swung / trace.gravity,
+        turning=mean(hangs.astype(float))[:, None, None] * inertial_moment(tool, rate, spin),
         grasp=np.array(grasp),
-        dahl=mean(joint_states(samples)),
+        dahl=mean(slip_states(samples)),
         resting=np.array(resting, dtype=float).reshape(-1, len(groups)).T,
     )
+
+
+def inertial_moment(tool: Array, rate: Array, spin: Array) -> Array:
+    """(k, 3, 6) moments I α + ω × I ω, in the world, of unit inertias in the axes `tool` (k, 3, 3) of the hand,
+    turning at `rate` (k, 3) with its change `spin` (k, 3)."""
+    own, change = (np.einsum("kji,kj->ki", tool, one) for one in (rate, spin))
+    columns: list[Array] = []
+    for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
+        unit = np.zeros((3, 3))
+        unit[i, j] = unit[j, i] = 1.0
+        columns.append(change @ unit + np.cross(own, own @ unit))
+    return np.einsum("kij,kjc->kic", tool, np.stack(columns, axis=2))
+
+
+def turned(samples: Samples) -> Array:
+    """(n, m) rad that each joint has turned, to and fro alike, beyond the noise of its encoder."""
+    rate = smoothed_with_rate(samples.dq, samples.t, tuning.SPEED_SMOOTH)[0]
+    return np.cumsum(np.abs(rate) * np.gradient(samples.t)[:, None], axis=0)
 
 
 def free_rows(trace: Trace, name: str, surely: bool = False) -> list[Rows]:
@@ -137,9 +166,6 @@ def free_rows(trace: Trace, name: str, surely: bool = False) -> list[Rows]:
         return []
     first, last = t[hangs][0] - tuning.WHOLE_AROUND, t[hangs][-1] + tuning.WHOLE_AROUND
     used = (hangs | (load.empty & apart(trace))) & (first <= t) & (t <= last)
-    # A change of the turning rate adds an inertial moment to that of the weight.
-    change = smoothed_with_rate(samples.twist[:, 3:], t, tuning.SPEED_SMOOTH)[1]
-    used &= ~(hangs & (np.linalg.norm(change, axis=1) > tuning.TURN_STEADY))
     if surely:
         # Near the places where the load hung.
         position = samples.pose_world_tcp[:, :3]

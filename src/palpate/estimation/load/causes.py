@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from palpate.estimation import tuning
+from palpate.estimation.coloured import Process, coloured
 from palpate.estimation.load.biases import flicker
 from palpate.estimation.load.blocks import Blocks
 from palpate.estimation.load.chain import Hinge, hinges
@@ -17,8 +18,10 @@ from palpate.estimation.regression import Cause, Scale, SignalNoise
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Trace
 
-WEIGHT, LEVER, LINK, REST, GAIN = "weight", "lever", "link", "rest", "gain"
-"""Names of causes, or their beginnings: of the load, link model errors, residual stiction of rests, sensor gains."""
+WEIGHT, LEVER, LINK, INERTIA, REST, GAIN = "weight", "lever", "link", "inertia", "rest", "gain"
+SLIPS = "joint friction over another way"
+"""Names of causes, or their beginnings: of the load, errors of the model of the links and of what moves them,
+residual stiction of rests, sensor gains."""
 
 
 def by_signal(torque: Array) -> Array:
@@ -43,9 +46,15 @@ def of_load(seen: Blocks, pull: Array) -> Iterator[Cause]:
         for axis in range(3):
             lever = seen.tool[:, :, axis] * here
             moment: Array = np.cross(lever, seen.pull).astype(np.float64)
-            held = seen.torques(np.einsum("kij,kj->ki", seen.inward, lever))
+            held = seen.torques(np.einsum("kij,kj->ki", seen.swung, lever))
             columns.append(seen.turned(moment) + held)
         yield cause(f"{LEVER} {i + 1}", columns, tuning.LOAD_PRIOR)
+
+
+def of_turning(seen: Blocks) -> Cause:
+    """Inertia of the load about the TCP, in the axes of the hand."""
+    columns = [seen.turned(moment) for moment in seen.turning.transpose(2, 0, 1)]
+    return cause("inertia of the load", columns, tuning.LOAD_INERTIA)
 
 
 def of_arm(
@@ -59,15 +68,19 @@ def of_arm(
     pulled = seen.maps[:, :, :2] * lifted[:, None, None]
     yield cause("lean", [*(lean + pulled.transpose(2, 0, 1))], tuning.TILT)
     # Each joint in its own signal.
+    usual = tuning.PRESLIDINGS.index(tuning.PRESLIDING)
+    slips = seen.dahl.reshape(*seen.dahl.shape[:2], -1, 2)
+    others = np.delete(slips, usual, axis=2).reshape(len(slips), signals, -1)
     of_joints: tuple[tuple[str, Array, float], ...] = (
-        ("zero", np.ones_like(seen.observed), tuning.ANY_ZERO),
-        ("joint friction", seen.dahl[:, :, 0], tuning.JOINT_LEVEL),
-        ("joint friction at the start", seen.dahl[:, :, 1], tuning.JOINT_LEVEL),
-        ("viscous friction", seen.dq, tuning.JOINT_VISCOUS),
-        ("inertia", seen.moved, tuning.INERTIA_SHARE),
+        ("zero", np.ones_like(seen.observed)[:, :, None], tuning.ANY_ZERO),
+        ("joint friction", slips[:, :, usual], tuning.JOINT_LEVEL),
+        (SLIPS, others, tuning.JOINT_LEVEL),
+        ("viscous friction", seen.dq[:, :, None], tuning.JOINT_VISCOUS),
+        (INERTIA, seen.moved[:, :, None], tuning.INERTIA_SHARE),
     )
     for name, own, prior in of_joints:
-        yield cause(name, [own * joint for joint in np.eye(signals)], prior)
+        columns = [one * joint for one in own.transpose(2, 0, 1) for joint in np.eye(signals)]
+        yield cause(name, columns, prior)
     rests = [rest[:, None] * seen.maps[:, :, axis] for rest in seen.resting.T for axis in range(3)]
     if rests:
         yield cause(REST, rests, hand.force_repeatability + tuning.FLOOR)
@@ -79,7 +92,11 @@ def of_arm(
 
 def scales(causes: Sequence[Cause]) -> list[Scale]:
     """Prior scales of the arm's causes that are learned from the recording."""
-    found = [Scale((GAIN,), *tuning.GAINS_OFF)]
+    found = [
+        Scale((GAIN,), *tuning.GAINS_OFF),
+        Scale((INERTIA,), *tuning.INERTIA_OFF),
+        Scale((SLIPS,), *tuning.SLIPS_OTHERWISE),
+    ]
     if any(one.name == REST for one in causes):
         even = [1.0 / len(tuning.LEFT_SHARES)] * len(tuning.LEFT_SHARES)
         found.append(Scale((REST,), tuning.LEFT_SHARES, even))
@@ -131,14 +148,27 @@ def torques_of_force(
     return torque
 
 
+def with_residual(causes: Sequence[Cause], noise: SignalNoise, seen: Blocks) -> SignalNoise:
+    """Noise with the coloured residual that `causes` leave of the blocks."""
+    times = Process(np.abs(seen.t[:, None] - seen.t), tuning.COLOUR_TIMES)
+    paths = [Process(np.abs(way[:, None] - way), tuning.COLOUR_PATHS) for way in seen.path.T]
+    return coloured(causes, noise, by_signal(seen.observed), [(times, path) for path in paths])
+
+
 def free_noise(seen: Blocks, noise: Noise) -> SignalNoise:
     """Noise of block means: white and 1/f noise, drift, and what moving the links leaves."""
     between = np.abs(seen.t[:, None] - seen.t)
     drift = tuning.DRIFT**2 * np.exp(-between / tuning.DRIFT_TIME) * tuning.TORQUE_LEVER**2
     slow = flicker(between)
     roots: list[Array] = []
+    # White noise in means over blocks of means over `FOLLOWED`: neighbours share some of it.
+    length = float(np.median(np.diff(seen.t)))
+    overlap = min(tuning.FOLLOWED / max(length, tuning.FOLLOWED), 1.0)
+    shared = np.where(between < 1.5 * length, overlap / 6.0, 0.0)
+    np.fill_diagonal(shared, 1.0 - overlap / 3.0)
+    shared = shared / np.sqrt(np.outer(seen.rows, seen.rows))
     for joint, moved in enumerate(seen.moved.T):
-        own = noise.white[joint] / seen.rows + (tuning.UNSTEADY_SHARE * moved) ** 2
-        covariance: Array = drift + noise.flicker[joint] * slow + np.diag(own + tuning.FLOOR**2)
+        own = np.diag((tuning.UNSTEADY_SHARE * moved) ** 2 + tuning.FLOOR**2)
+        covariance: Array = drift + noise.flicker[joint] * slow + noise.white[joint] * shared + own
         roots.append(np.linalg.cholesky(covariance).astype(np.float64))
     return SignalNoise(roots, noise.freedom)

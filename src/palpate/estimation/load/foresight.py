@@ -95,6 +95,6 @@ class Lift:
             observed=np.zeros((tuning.BINS, count)),
             variance=np.tile(self.white / part, (tuning.BINS, 1)),
             motion=np.zeros((tuning.BINS, 0)),
-            dahl=np.zeros((tuning.BINS, 0, 2)),
+            dahl=np.zeros((tuning.BINS, 0, 0)),
             turned=np.zeros(tuning.BINS),
         )

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
-from palpate.estimation.joint_friction import joint_states
+from palpate.estimation.joint_friction import slip_states
 from palpate.estimation.load.noise import Noise, Rows, block_noise
 from palpate.estimation.load.observation import WrenchObservation, observe
 from palpate.estimation.motion import (
@@ -160,8 +160,8 @@ class Segment:
         observed, variance: (k, m) means of the signals, and the variance of white noise in them.
         motion: (k, m) N m that moved the arm's own links, already subtracted from `observed`; (k, 0) where
             the links are not known.
-        dahl: (k, m, 2) Dahl states of the joints (`estimation.joint_friction`); (k, 0, 2) where the signals
-            are not joint torques.
+        dahl: (k, m, 2 e) Dahl states of the joints (`estimation.joint_friction.slip_states`); (k, 0, 0) where
+            the signals are not joint torques.
         turned: (k,) rad, rotation of the hand about the vertical since the load was measured; the load and
             the moments in `maps` turn with it.
     """
@@ -306,7 +306,7 @@ class _Signals:
         used = np.zeros(len(samples), dtype=bool)
         for cut in cuts:
             used[cut.rows] = True
-        motion = observed.own_motion(samples, used)
+        motion = observed.own_motion(samples, used, tuning.SPEED_SHORT)
         net = observed.signals
         if motion.shape[1]:
             # Averaged like the motion, so that faster changes do not show as a difference.
@@ -329,7 +329,7 @@ class _Signals:
             speed2=(samples.twist[:, :3] ** 2).sum(axis=1),
             progress=path.progress(samples) if path is not None else np.zeros(len(samples)),
             grasps=load.grasps,
-            dahl=joint_states(samples) if joints else np.zeros((len(samples), 0, 2)),
+            dahl=slip_states(samples) if joints else np.zeros((len(samples), 0, 0)),
         )
 
     def segment(self, cut: Cut, bins: Sequence[Rows]) -> Segment:

@@ -87,9 +87,10 @@ def weigh(trace: Trace, recording: Recording) -> Weight:
         links = {name: effect[:1] / trace.gravity for name, effect in whole.links.items()}
         shared += shared_links(links)
     mass, std = force / trace.gravity, std / trace.gravity
-    half = std * half95(load.freedom)
+    freedom = load.freedom if whole is None else whole.posterior.freedom
+    half = std * half95(freedom)
     low, high = mass - half, mass + half
-    common = shared, load.freedom, load, whole
+    common = shared, freedom, load, whole
     if low > 0.0:
         # Without a reference the bias of the arm has its prior.
         compared = any(referenced(weighing.segments) for weighing in found)
@@ -109,7 +110,7 @@ def whole_of(
     if name is None or not load.agrees:
         return None
     whole = fit_whole(trace, name, found[0].noise, load.force)
-    if whole is None or not whole.explains or whole.std >= load.force_std:
+    if whole is None or whole.std >= load.force_std:
         return None
     apart = abs(whole.force - load.force)
     return whole if apart < tuning.WHOLE_APART * load.force_std else None

@@ -4,8 +4,8 @@ Away from the path of a lift no empty pass at the same place exists for a contra
 there have few causes, each linear in unknown numbers: weight and place of the load, errors in the masses and
 centres of the arm's links, zeros and gains of the sensors, friction (Dahl's, and viscous), residual stiction
 of rests, and the tilt of gravity. All are fitted together by generalised least squares. The result is more
-precise, and valid only where the model is complete: where the residuals are no more than the noise
-(`Whole.explains`). Else the contrast along the path is used.
+precise than a contrast along the path. What the model leaves beyond the noise, ripple or friction that changes
+with the place, is a coloured residual, learned from the recording, and widens it (`estimation.coloured`).
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.estimation import tuning
 from palpate.estimation.load.blocks import Blocks, blocks, free_rows
 from palpate.estimation.load.causes import (
     GAIN,
@@ -24,11 +23,13 @@ from palpate.estimation.load.causes import (
     free_noise,
     of_arm,
     of_load,
+    of_turning,
     scales,
+    with_residual,
 )
 from palpate.estimation.load.noise import Noise
 from palpate.estimation.load.observation import WrenchObservation, observe
-from palpate.estimation.regression import Cause, Posterior, fit, placed
+from palpate.estimation.regression import Cause, Posterior, SignalNoise, fit, placed
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Trace
 
@@ -67,11 +68,6 @@ class Whole:
         """N, of the force."""
         return float(np.sqrt(self.covariance[0, 0]))
 
-    @property
-    def explains(self) -> bool:
-        """The noise accounts for the residuals."""
-        return self.misfit < tuning.WHOLE_MISFIT
-
     def at(self, grasps: Sequence[float], tools: Sequence[Array]) -> Array | None:
         """(1 + 2n, 1 + 3n) matrix from `value` to force and moments as in `estimation.load.fit.Load`, for n
         grasps, s, with the axes of the hand in the world (3, 3); None where it did not hang free in one."""
@@ -90,22 +86,19 @@ def fit_whole(trace: Trace, name: str, noise: Noise, about_force: float) -> Whol
     """Fit the load `name` to all the time it hung on the hand, linearised at `about_force` N; None where the
     arm's links are unknown, or it never hung free.
 
-    All free motion is used if the noise explains the residuals; else only motion that certainly is free: so
-    high that a tilted object has left its support with its far end, too, close to where it hung, and settled
-    at rests or well away from them.
+    Used is all free motion, or only motion that certainly is free: so high that a tilted object has left its
+    support with its far end, too, close to where it hung, and settled at rests or well away from them. What the
+    model leaves of the former widens it; the narrower of both counts.
     """
     observed = observe(trace)
     if observed.chain is None or not observed.knows_links:
         return None
-    found: Whole | None = None
+    found: list[Whole] = []
     for surely in (False, True):
-        free = free_rows(trace, name, surely)
-        if free:
+        if free := free_rows(trace, name, surely):
             seen = blocks(trace, observed, name, free, surely)
-            found = _fitted(trace, observed, seen, noise, about_force)
-        if found is None or found.explains:
-            break
-    return found
+            found.append(_fitted(trace, observed, seen, noise, about_force))
+    return min(found, key=lambda whole: whole.std, default=None)
 
 
 def _fitted(
@@ -116,8 +109,12 @@ def _fitted(
     about = np.zeros(count)
     about[0] = about_force
     # Effects of gains are in proportion to the moments, too, which are unknown at first.
-    about = _posterior(trace, observed, seen, noise, load, about).mean[:count]
-    found = _posterior(trace, observed, seen, noise, load, about)
+    sensors = free_noise(seen, noise)
+    about = _posterior(trace, observed, seen, sensors, load, about).mean[:count]
+    found = _posterior(trace, observed, seen, sensors, load, about)
+    found = _posterior(
+        trace, observed, seen, with_residual(found.causes, sensors, seen), load, about
+    )
     effects = -found.covariance[:count] / found.model.prior
     links: dict[str, Array] = {}
     for cause in found.causes:
@@ -135,12 +132,12 @@ def _posterior(
     trace: Trace,
     observed: WrenchObservation,
     seen: Blocks,
-    noise: Noise,
+    noise: SignalNoise,
     load: Sequence[Cause],
     about: Array,
 ) -> Posterior:
     """Posterior of all causes, of signals whose noise is known, where those of the load are `about` (1 + 3n,)."""
     borne = np.concatenate([cause.columns for cause in load], axis=1) @ about
     lifted = about[0] * seen.pull[:, 2]
-    causes = [*load, *of_arm(trace, observed, seen, lifted, borne)]
-    return fit(causes, free_noise(seen, noise), by_signal(seen.observed), scales(causes))
+    causes = [*load, of_turning(seen), *of_arm(trace, observed, seen, lifted, borne)]
+    return fit(causes, noise, by_signal(seen.observed), scales(causes))

@@ -15,7 +15,7 @@ CLOCK = 200.0
 SLOWEST = 0.05
 """s between rows at most: two a period of twice `BAND`. Sensitive: no."""
 
-GAP = 0.2
+LOG_GAP = 0.2
 """s without a row after which a recording begins anew. Sensitive: no."""
 
 EDGE = 0.2
@@ -68,8 +68,8 @@ SLOW_FRICTION = 0.2
 """part (1 sigma) of a joint's friction by which slow friction is more or less than quick friction ... Sensitive:
 hand 0.1 σ, std ×1.0–1.1; others at most 0.8 σ, std ×0.9–1.1."""
 
-STRIBECK_SPEED = 0.05
-"""... within this speed, rad/s. Sensitive: hand 0.1 σ, std ×1.0–1.1; others at most 1.8 σ, std ×0.8–1.3."""
+STRIBECK_SPEEDS = (0.05, 0.2)
+"""... within each of these speeds, rad/s. Sensitive: hand 0.1 σ, std ×1.0–1.1; others at most 1.8 σ, std ×0.8–1.3."""
 
 VISCOUS_PRIOR = 0.5
 """N m s/rad (1 sigma): 0.07 on a Panda's first joint. Sensitive: hand 0 σ, std ×1.0–1.0; others at most 0.6 σ, std

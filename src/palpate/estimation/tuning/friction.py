@@ -84,6 +84,10 @@ PRESLIDING = 2e-3
 """rad over which the friction in a joint turns round: the usual order for harmonic drives. Sensitive: `static`
 hardly, std ×0.9–1.1."""
 
+PRESLIDINGS = (4e-4, 2e-3, 1e-2)
+"""rad, of the elements of which a joint's friction is a sum where a load is fitted: real arms show 1 to 4 mrad.
+Sensitive: no."""
+
 JOINT_ERROR = 0.03
 """N m (1 sigma): how well free motions show the friction behind a joint's sensor. Sensitive: friction 0.3 σ, std
 ×1.0–1.1."""
@@ -134,12 +138,6 @@ LEANING = (0.2, 1.0)
 LIKELY_LEANING = (0.7, 0.3)
 """... and how likely each is before it is felt: arms stand on what was levelled with a spirit level, to 1 mm/m, or
 on what stands on a floor. Chosen, without a source. Sensitive: hardly."""
-
-SLID_MISFIT = 8.0
-"""mean square of what a model of all that an arm did leaves, in units of the noise, up to which a friction may rest
-on it, with its standard deviation widened by the root; of arms as their owners meet them it is 1.2 to 5.4, as the
-level of their 1/f noise shows in few rests and may come out at a quarter of what it is. Sensitive: not above 5.4,
-the most of 30 recorded runs; at 5 three of these rest on how the force grows with the pressure alone."""
 
 STEP = 0.1
 """N m (1 sigma) that a sensor's zero may be another after the drags where it jumped, and from which a model without

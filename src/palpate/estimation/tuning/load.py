@@ -57,6 +57,11 @@ PASS_SPEED = 0.01
 SPEED_SHORT = 0.02
 """s over which the speed is averaged for the acceleration in the arm's inertial torques. Sensitive: mass 0.3 σ."""
 
+FOLLOWED = 0.1
+"""s over which speeds and torques are averaged where all free motion is fitted: between 8 and 30 Hz the torque of a
+real arm does not follow its links' motion, as gears and controller resonate. Sensitive: mass std ×1.05 at `lab`; on a
+recorded FR3 it halves it."""
+
 SPEED_SMOOTH = 0.05
 """s over which the speed is averaged for the test of a constant speed: encoders are noisy. Sensitive: mass 0.5 σ,
 std ×0.9–1.5."""
@@ -142,6 +147,10 @@ known; some per cent of the arm's apparent mass. Sensitive: no, where passes are
 INERTIA_SHARE = 0.05
 """unknown part (1 sigma) of the torques that move the arm's links: identified models are some per cent off (Gaz et
 al., as below). Sensitive: mass 0.2 σ where signals wander, else no."""
+
+INERTIA_OFF = ((1.0, 10.0), (0.9, 0.1))
+"""factors on that where all free motion is fitted, with prior probabilities: of a real arm's wrist, whose motors are
+much of what it moves, half of it was missing. Sensitive: no."""
 
 UNSTEADY_SHARE = 0.01
 """likewise, bin by bin: links and gears bend a little. Sensitive: mass 0.2 σ, std ×0.95–1.1."""
@@ -242,13 +251,11 @@ WHOLE_NEAR = 0.03
 """m from the place of a load, within which motions of the empty hand certainly count: on its way home, in a turn of
 all joints, a model of the arm is off by some mN m. Sensitive: mass 0.3–0.6 σ at 0.1 to 0.2, to one side."""
 
-WHOLE_MISFIT = 1.1
-"""mean square of the residuals of the model of all free motion, in units of the noise, up to which it is complete:
-some 1500 rows scatter by 0.04 about 1 or less. Sensitive: no; arms whose friction changes with the place, or in
-which rests leave something, leave 1.2 to 2.5."""
-
 WHOLE_APART = 3.0
 """largest difference of such a model from the contrast, in standard deviations of the contrast. Sensitive: no."""
+
+LOAD_INERTIA = 0.01
+"""kg m² (1 sigma) of a load about the TCP, which shows where the hand turns unevenly: 1 kg at 0.1 m. Sensitive: no."""
 
 ANY_ZERO = 10.0
 """N m (1 sigma): uninformative prior of a sensor's zero. Sensitive: no."""
@@ -266,3 +273,31 @@ LINK_CENTRE = 5e-3
 
 FREE_ABOVE = 5e-3
 """m above the grasp, from which an object is in free air. Sensitive: no."""
+
+# Coloured residual.
+
+SLIPS_OTHERWISE = ((0.1, 1.0), (0.7, 0.3))
+"""factors on the friction of elements whose presliding is not the usual one, with prior probabilities. Chosen,
+without a source. Sensitive: mass std ×1.08 where they always count."""
+
+COLOUR_TIMES = (0.03, 0.1, 0.3, 1.0, 3.0)
+"""s over which what a model leaves may change with time: from one block to the length of a pass. Sensitive: no."""
+
+COLOUR_PATHS = (0.003, 0.01, 0.03, 0.1, 0.3)
+"""rad over which it may change as the joint turns: from gears' ripple to the way of a lift. Sensitive: no."""
+
+COLOUR_LEAST = 1e-3
+"""N m: the smallest of the amplitudes that are tried ... Sensitive: no."""
+
+COLOUR_STEP = 1.5
+"""... and the factor from each to the next. Sensitive: no."""
+
+COLOUR_CHANCE = 2.0
+"""logarithm of how much less likely a process is, before anything is recorded, than none (Akaike's two unknowns).
+Sensitive: no."""
+
+COLOUR_FREEDOM = 4.0
+"""degrees of freedom that its variance has at least. Sensitive: no."""
+
+DIFFUSE = 30.0
+"""N, N m (1 sigma) of an unknown with no prior, as the size of a residual is learned. Sensitive: no."""

@@ -1,0 +1,58 @@
+"""A coloured residual, learned from the recording, widens an interval to the right size."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from palpate.estimation.coloured import Process, coloured
+from palpate.estimation.regression import Cause, SignalNoise, fit
+
+ROWS, SIGNALS, TRIALS = 80, 2, 60
+TIME = 0.1 * np.arange(ROWS)
+APART = np.abs(TIME[:, None] - TIME)
+WHITE = 0.02
+"""N m of a row."""
+
+
+def fitted(y: np.ndarray, learn: bool):
+    """A load that hangs for 3 s, beside zeros."""
+    here = ((TIME > 2.0) & (TIME < 5.0)).astype(float)
+    load = np.concatenate([0.5 * here, 0.2 * here])[:, None]
+    zeros = np.kron(np.eye(SIGNALS), np.ones((ROWS, 1)))
+    causes = [Cause("load", load, np.array([1e3])), Cause("zero", zeros, np.full(SIGNALS, 10.0))]
+    noise = SignalNoise([WHITE * np.eye(ROWS)] * SIGNALS, 40.0)
+    if learn:
+        ways = [(Process(APART, (0.03, 0.1, 0.3, 1.0, 3.0)),)] * SIGNALS
+        noise = coloured(causes, noise, y, ways)
+    mean, covariance = fit(causes, noise, y)["load"]
+    return float(mean[0]), float(np.sqrt(covariance[0, 0]))
+
+
+def scores(size: float, slowness: float, learn: bool = True):
+    """Errors in standard deviations, and the deviations, of loads that are not there."""
+    random = np.random.default_rng(1)
+    root = np.linalg.cholesky(size**2 * np.exp(-APART / slowness) + WHITE**2 * np.eye(ROWS))
+    found = [
+        fitted((root @ random.standard_normal((ROWS, SIGNALS))).T.ravel(), learn)
+        for _ in range(TRIALS)
+    ]
+    means, stds = np.array(found).T
+    return means / stds, stds
+
+
+@pytest.mark.parametrize(("size", "slowness"), [(0.1, 0.2), (0.1, 0.6), (0.03, 0.3)])
+def test_a_coloured_residual_widens_to_the_right_size(size, slowness):
+    z, stds = scores(size, slowness)
+    blind, narrow = scores(size, slowness, learn=False)
+    assert np.sqrt(np.mean(blind**2)) > 1.6
+    assert np.median(stds) > 1.6 * np.median(narrow)
+    assert 0.7 < np.sqrt(np.mean(z**2)) < 1.35
+    assert np.mean(np.abs(z) < 1.96) > 0.88
+
+
+def test_white_noise_widens_nothing():
+    z, stds = scores(0.0, 1.0)
+    _, narrow = scores(0.0, 1.0, learn=False)
+    assert np.mean(stds) < 1.1 * np.mean(narrow)
+    assert np.sqrt(np.mean(z**2)) < 1.3
