@@ -12,7 +12,7 @@ nothing.
   `open` reads a finished `Run` back from its folder, `fuse` makes one `Fusion` of several,
   `compare` says how far they are apart.
 - `estimate` reads a recording of an arm, and tells what it carried; `dynamics` identifies its friction,
-  links and hand.
+  links and hand, `noise` the errors of its signals.
 - `Estimate`, `Parameter`, `Trace` and `Twin` are what a run is made of.
 - `Cell`, `SimulatedCell`, `Planner`, `Primitive`, `Quantity`, `RobotDescription` and `Vocabulary` are
   where your own parts go in.
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from palpate.api import estimate as estimate
     from palpate.api import fuse as fuse
     from palpate.api import load as load
+    from palpate.api import noise as noise
     from palpate.api import open as open
     from palpate.api import run as run
     from palpate.cells.cell import Cell as Cell
@@ -80,6 +81,7 @@ __all__ = [
     "estimate",
     "fuse",
     "load",
+    "noise",
     "open",
     "run",
 ]
@@ -110,6 +112,7 @@ _HOMES = {
     "estimate": "api",
     "fuse": "api",
     "load": "api",
+    "noise": "api",
     "open": "api",
     "run": "api",
 }

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from palpate.api.at_once import plan_settings, run, run_settings
 from palpate.api.dynamics import dynamics
+from palpate.api.noise import noise
 from palpate.api.plans import Plan
 from palpate.api.recordings import estimate
 from palpate.api.runs import Fusion, Run, compare, finish, fuse, open
@@ -29,6 +30,7 @@ __all__ = [
     "fuse",
     "load",
     "load_settings",
+    "noise",
     "open",
     "plan_settings",
     "run",

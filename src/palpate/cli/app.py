@@ -30,6 +30,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "export": stored.export,
     "vocabulary": plans.vocabulary,
     "dynamics": arms.dynamics,
+    "noise": arms.noise,
     "calibrate": arms.calibrate,
     "teach": arms.teach,
     "doctor": arms.doctor,

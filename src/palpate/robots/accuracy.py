@@ -47,7 +47,8 @@ def doubt(arm: RobotDescription, q: Array, tau: Array, axis: Array) -> Doubt:
     levers = moments(arm, q).T @ axis
     relative = np.hypot(gain, sensors.link_mass)
     noise = sensors.torque_noise / np.sqrt(SUSTAINED)
-    own = np.sqrt(sensors.friction**2 + noise**2 + sensors.drift**2)
+    rest = np.maximum(sensors.friction, arm.rest_torque)
+    own = np.sqrt(rest**2 + noise**2 + sensors.drift**2)
     return Doubt(relative * levers * tau, float(np.linalg.norm(own * levers)))
 
 

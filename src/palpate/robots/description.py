@@ -77,6 +77,7 @@ class RobotDescription:
     sensors: Sensors
     postures: tuple[Array, ...]  # seeds of the inverse kinematics
     hardware: Hardware | None = None  # of a real arm, where it differs
+    rest_torque: float = 0.0  # N m that friction and ripple leave in each joint at rest, if told
     end_effector: EndEffector | None = None  # weighed load of the last joint
     config: RobotConfig | None = None  # figures of robot.yaml, applied in the other attributes
     described: RobotDescription | None = None  # the arm without them; None without a robot.yaml
@@ -126,7 +127,8 @@ class RobotDescription:
         measured = config is not None and config.tip_offset is not None
         if not measured and hardware.tip_offset_std is not None:
             nominal = replace(nominal, tip_offset_std=hardware.tip_offset_std)
-        return replace(self, stiffness=stiffness, nominal=nominal)
+        rest_torque = hardware.rest_torque
+        return replace(self, stiffness=stiffness, nominal=nominal, rest_torque=rest_torque)
 
     def spec(self, gravity: Array | None = None) -> mujoco.MjSpec:
         """Return an editable copy of the arm's model, with the physics options for its world."""

@@ -153,6 +153,7 @@ class Hardware(Section):
     """Values in which a real arm differs from a simulated one."""
 
     stiffness: Stiffness  # stable in a control loop at 1 kHz, and soft for a person
+    rest_torque: Share = 0.0  # N m that friction and ripple leave in each joint at rest
     # m, uncertainty of the pads' end against the drawings, on an arm without calibration; None: the
     # datasheet's
     tip_offset_std: Size | None = None

@@ -81,6 +81,29 @@ def dynamics(
     show_dynamics(found, written, as_json)
 
 
+def noise(
+    recording: Annotated[
+        Path, typer.Argument(metavar="LOG", help="Recording of the arm in free motion: a minute.")
+    ],
+    *,
+    given: Annotated[Given, settings("arm")],
+    columns: Annotated[
+        Path | None, typer.Option("--columns", help="YAML that maps the log's columns.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="FILE", help="Noise model to write, for --noise."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Measure the noise of an arm in a recording, beside the noise models."""
+    import palpate as pp
+    from palpate.cli.show.noise import show_noise
+
+    found = pp.noise(recording, given["arm"], columns=columns)
+    show_noise(found, None if out is None else found.save(out), as_json)
+
+
 def teach(
     scene: SceneFile,
     *,

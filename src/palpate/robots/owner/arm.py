@@ -40,6 +40,7 @@ class Datasheet(Section):
     # m/N, of pads and joints beyond the encoders, under a force along the tool, likewise
     tip_compliance: Stated | None = None
     tip_compliance_std: Stated | None = None
+    rest_torque: Stated | None = None  # N m, of each joint at rest: friction and ripple
 
 
 def own_arm(
@@ -97,8 +98,16 @@ def informed(arm: RobotDescription, sheet: Datasheet) -> RobotDescription:
     stated: dict[str, float] = sheet.model_dump(exclude_none=True)
     if "torque_gain_max" in stated:
         stated["torque_gain"] = stated.pop("torque_gain_max")
+    rest = stated.pop("rest_torque", arm.rest_torque)
+    if rest != arm.rest_torque:
+        arm = _resting(arm, rest)
     new = {name: value for name, value in stated.items() if getattr(arm.nominal, name) != value}
     return _informed(arm, tuple(sorted(new.items()))) if new else arm
+
+
+@cache
+def _resting(arm: RobotDescription, rest_torque: float) -> RobotDescription:
+    return replace(arm, rest_torque=rest_torque)
 
 
 @cache

@@ -32,6 +32,9 @@ An object that is pressed and rubbed may slip and stick: changes up to the large
 `RUBBED` need no confirmation either."""
 RUBBED = 0.3
 """s, time constant with which the largest contact is forgotten; stick-slip repeats within 0.1 s."""
+SHAKEN: Array = np.array([20.0, 5.0])
+"""N, N m per rad/s of the joints' speed (norm) by which ripple of the gears shakes a contact from one
+state to the next: recordings of an FR3 in a soft loop jump by 11 N (95 %) in 20 ms at 0.6 rad/s."""
 LOAD = 0.25  # of a joint's torque limit: the same for its torque
 MOST, WINDOW = 4, 1.0  # spikes within so many s are a fault
 
@@ -150,8 +153,9 @@ class Spikes:
         """Compute the distance of two states' forces, in units of the change that needs no
         confirmation."""
         scale = self._scale.copy()
-        scale[:3] = max(FORCE, self._pressed)
-        scale[3:6] = max(TORQUE, self._twisted)
+        shaken = SHAKEN * norm(state.dq)
+        scale[:3] = max(FORCE, self._pressed, shaken[0])
+        scale[3:6] = max(TORQUE, self._twisted, shaken[1])
         forces, others = (np.concatenate([s.contact, s.tau]) for s in (state, other))
         return float(np.abs((forces - others) / scale).max())
 

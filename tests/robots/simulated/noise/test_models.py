@@ -39,6 +39,7 @@ datasheet:
   tip_offset_std: 2.0e-4
   tip_compliance: 1.0e-5
   tip_compliance_std: 5.0e-6
+  rest_torque: 0.1
 torque:
   white: [0.10, 0.10, 0.10, 0.10, 0.05, 0.05, 0.05]
   flicker: {level: [0.01, 0.01, 0.01, 0.01, 0.005, 0.005, 0.005], band: [0.003, 50]}
