@@ -110,7 +110,10 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
 
     slopes = _slopes(central, found.value)
     stds = np.sqrt(np.diag(slopes @ covariance @ slopes.T))
-    value = central(linear(pseudo_inertia(theta)))
+    pseudo = pseudo_inertia(theta)
+    # The nearest body may be a sheet or a rod without thickness, which MuJoCo takes for none.
+    pseudo[:3, :3] += pseudo[3, 3] * tuning.THINNEST**2 * np.eye(3)
+    value = central(linear(pseudo))
     # Moments are seen where they stand out of their errors, products where these are small beside the moments; both
     # where a load with the largest radius of gyration that is believed would. A product without moments says nothing.
     believed = float(found.value[0]) * tuning.RADIUS_BELIEVED**2

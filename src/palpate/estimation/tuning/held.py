@@ -149,3 +149,6 @@ RADIUS_BELIEVED = 0.1
 CARRIED_APART, CARRIED_LEAST = 0.03, 0.005
 """part of the mass, and kg (1 sigma), by which halves of a window may differ: more is a load that came or went.
 Sensitive: no."""
+
+THINNEST = 2e-3
+"""m: radius of gyration along any axis that every load has. Sensitive: no."""
