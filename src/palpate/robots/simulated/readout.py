@@ -15,13 +15,14 @@ from palpate.robots.simulated.impedance import Gains
 from palpate.robots.simulated.noise.disturbances import Motion
 from palpate.robots.simulated.noise.line import Stamps
 from palpate.robots.simulated.noise.sensors import Encoders, Sensors
-from palpate.robots.simulated.timing import DAMPING_DELAY, PERIOD, SPRING_DELAY
+from palpate.robots.simulated.timing import DAMPING_DELAY, LONGEST_RUN, PERIOD, SPRING_DELAY
 from palpate.robots.simulated.world import Steps
 from palpate.trace.samples import Samples
 
 OBSERVER_TIME = 0.01  # s, time constant of the momentum observer, two log periods
 LOAD_TIME = 0.2  # s, time constant with which a vertical force is taken for a load
 
+AGES: Array = np.arange(LONGEST_RUN - 1.0, -1.0, -1.0)  # log periods of a run's samples at its end
 _KEPT = math.exp(-PERIOD / OBSERVER_TIME)
 
 
@@ -150,15 +151,18 @@ class Readout:
         dq = (rows[1:, :7] - rows[:-1, :7]) / PERIOD
         self._last, self.jacobian = rows[-1], here.jacobian[-1]
         self.angle_error = q[-1] - steps.q[-1]
-        stuck = self._sensors.stuck(Motion(mean[:, :7], dq, self.jacobian, mean[:, 7:10]))
+        stuck = noise = rate_noise = np.zeros((count, 7))
+        if not self._sensors.rests.none:
+            stuck = self._sensors.stuck(Motion(mean[:, :7], dq, self.jacobian, mean[:, 7:10]))
         encoders.pass_time(count)
-        noise = encoders.noise(count)
-        rate_noise = (noise - np.concatenate([self._last_noise[None], noise[:-1]])) / PERIOD
-        self._last_noise, self.dq = noise[-1], dq[-1] + rate_noise[-1]
-        times = t - PERIOD * np.arange(count - 1.0, -1.0, -1.0)
+        if not encoders.clean:
+            noise = encoders.noise(count)
+            rate_noise = (noise - np.concatenate([self._last_noise[None], noise[:-1]])) / PERIOD
+            self._last_noise = noise[-1]
+        self.dq = dq[-1] + rate_noise[-1]
         of_arm = mean, dq, gained, here.jacobian, here.inertia_torque
-        of_sensors = noise, rate_noise, stuck, self._place(), encoders.pose_error
-        return Felt(steps, times, target, *of_arm, *of_sensors)
+        of_sensors = noise, rate_noise, stuck, self._place(), encoders.pose_error.copy()
+        return Felt(steps, t - PERIOD * AGES[-count:], target, *of_arm, *of_sensors)
 
     def read(self, runs: Sequence[Felt], gains: Gains) -> list[Sensed]:
         """Return what is sensed at the end of each run, and its samples that arrive.
@@ -167,8 +171,8 @@ class Readout:
         """
         ends = np.cumsum([len(run.t) for run in runs])
         mean, dq, jacobian = joined(runs, "mean"), joined(runs, "dq"), joined(runs, "jacobian")
-        true = np.concatenate([self._link_torque(run, gains) for run in runs])
         at_end = np.repeat([run.jacobian[-1] for run in runs], np.diff(ends, prepend=0), axis=0)
+        true = self._link_torque(runs, at_end, gains)
         place = Motion(mean[:, :7], dq, at_end, mean[:, 7:10])
         torque, arrived, shown = self._sensors.measure(true, place, joined(runs, "stuck"), ends)
         torque = self._corrected(torque)
@@ -250,20 +254,21 @@ class Readout:
         self._external = before
         return out
 
-    def _link_torque(self, run: Felt, gains: Gains) -> Array:
-        """Compute the mean torque (n, 7) behind the gears in each block, without that of the motors'
-        own inertia.
+    def _link_torque(self, runs: Sequence[Felt], jacobian: Array, gains: Gains) -> Array:
+        """Compute the mean torques (n, 7) behind the gears in each block of some runs, without those
+        of the motors' own inertia; `jacobian` (n, 6, 7): at the end of each one's run.
 
         The torque is sampled at the beginning of a cycle's last physics step. The integrator is
         implicit in the dampers: on average they act with the arm's speed `DAMPING_DELAY` after that.
         Springs act in every physics step with the arm's position then: on average, `SPRING_DELAY`
         before.
         """
-        steps, gained, jacobian = run.steps, run.gained, run.jacobian[-1]
-        late = gains.at_joints(gains.damping, jacobian) * DAMPING_DELAY
-        early = gains.at_joints(gains.stiffness, jacobian) * SPRING_DELAY
-        speed = steps.dq - gained / 2.0
-        return steps.torque + speed @ early - (gained @ late + gained * self._armature) / PERIOD
+        torque = np.concatenate([run.steps.torque for run in runs])
+        gained = joined(runs, "gained")
+        speed = np.concatenate([run.steps.dq for run in runs]) - gained / 2.0
+        late = gains.on(gained, gains.damping * DAMPING_DELAY, jacobian)
+        early = gains.on(speed, gains.stiffness * SPRING_DELAY, jacobian)
+        return torque + early - (late + gained * self._armature) / PERIOD
 
 
 def joined(runs: Sequence[Felt], name: str) -> Array:

@@ -24,7 +24,7 @@ from palpate.robots.owner.config import RobotConfig
 from palpate.robots.reflex import Reflex
 from palpate.robots.robot import RobotState
 from palpate.robots.simulated.gripper import Gripper
-from palpate.robots.simulated.guard import Guard, Reaction
+from palpate.robots.simulated.guard import Guard, Reaction, Watched
 from palpate.robots.simulated.impedance import Gains, Inertia
 from palpate.robots.simulated.memory import Memory
 from palpate.robots.simulated.noise.line import Stamps
@@ -50,7 +50,6 @@ if TYPE_CHECKING:
 STANDSTILL = 0.005  # rad/s: slower joints have stopped yielding
 SHORTEST_YIELD, LONGEST_YIELD = 0.1, 0.5  # s after a reflex
 AHEAD = 8  # runs of cycles, at most, that the world is ahead
-NEAR = 1.02  # factor by which a wrench may be below the reflex to be looked at cycle by cycle
 
 
 class Outlook(NamedTuple):
@@ -148,6 +147,7 @@ class MujocoRobot(Commanded):
         # The runs under way: state before the first, and before each; those not yet passed.
         self._start = self._noise.save(), dict(vars(self._readout))
         self._befores: list[list[dict[str, Any]]] = []
+        self._guards: list[tuple[Array, Array]] = []
         self._runs: list[Run] = []
         self._ahead: deque[Moment] = deque()
         self._stride = 1
@@ -207,6 +207,10 @@ class MujocoRobot(Commanded):
         self._reflex = None
         t, begin, q = self._world.t, self._pose_begin(), self._readout.q
         self._follow_pose(*self._pose_path(t, begin, target, speed, slower, q))
+
+    def move_axis(self, direction: Array, speed: float, travel: float) -> None:
+        self._take_back()
+        super().move_axis(direction, speed, travel)
 
     def swing(self, about: Array, angle: float, frequency: float, cycles: int) -> None:
         self._take_back()
@@ -344,18 +348,15 @@ class MujocoRobot(Commanded):
                 self._reset(len(self._runs))  # it is raised when its time comes
                 break
         sensed = self._readout.read([run.felt for run in self._runs], self._gains)
-        before = self._now.sensed
-        for i, (run, after) in enumerate(zip(self._runs, sensed, strict=True)):
-            self._befores[i].append(dict(vars(self._guard)))
-            fired = self._guard.fired
-            if not self._seen:
-                self._begin_guard(run.outlook, before)
-                steps, fired = run.felt.steps, None
-                if self._guard.observe(steps.effort, steps.rates, NEAR) is not None:
-                    self._run_again(i)
-                    return
-            self._look(run, after, fired)
-            before = after
+        near: int | None = None
+        if not self._seen:
+            before = [self._now.sensed, *sensed[:-1]]
+            watched = [self._watched(*one) for one in zip(self._runs, before, strict=True)]
+            self._guards, near = self._guard.foresee(self._thresholds, watched)
+        for run, after in zip(self._runs[:near], sensed, strict=False):
+            self._look(run, after, self._guard.fired)
+        if near is not None:
+            self._run_again(near)
 
     @property
     def _seen(self) -> bool:
@@ -390,9 +391,9 @@ class MujocoRobot(Commanded):
         self._return(index)
         del self._runs[index:], self._befores[index:]
         run = self._run(periods, under_guard=True)
-        self._befores[index].append({})
         self._runs.append(run)
-        self._look(run, *self._readout.read([run.felt], self._gains), self._guard.fired)
+        (sensed,) = self._readout.read([run.felt], self._gains)
+        self._look(run, sensed, self._guard.fired)
 
     def _take_back(self) -> None:
         """Take back what is ahead of the present."""
@@ -404,6 +405,7 @@ class MujocoRobot(Commanded):
     def _return(self, index: int) -> None:
         """Return to the state before a run."""
         self._reset(index)
+        self._guard.back(self._guards[index])
         noise, readout = self._start
         self._noise.restore(noise)
         vars(self._readout).update(readout)
@@ -415,10 +417,11 @@ class MujocoRobot(Commanded):
             self._readout.read(felt, self._gains)
 
     def _reset(self, index: int) -> None:
-        """Reset the world, the fingers, the correction and the guard to those before a run."""
+        """Reset the world, the fingers and the correction to those before a run."""
         self._world.back(index)
-        parts = self._gripper, self._correction, self._guard
-        for part, before in zip(parts, self._befores[index], strict=False):
+        for part, before in zip(
+            (self._gripper, self._correction), self._befores[index], strict=True
+        ):
             vars(part).update(before)
 
     def _run(self, periods: int, under_guard: bool) -> Run:
@@ -443,10 +446,21 @@ class MujocoRobot(Commanded):
         self._gripper.observe(world.t, fingers.tolist(), speeds.tolist())
         return Run(outlook, felt, self._gripper.now)
 
+    def _inertia_of(self, outlook: Outlook) -> Array:
+        """Compute the inertia (7, 7) that the commanded torques move: dampers act late."""
+        damping = self._gains.at_joints(self._gains.damping, outlook.jacobian)
+        return outlook.mass_matrix + DAMPING_DELAY * damping
+
+    def _watched(self, run: Run, before: Sensed) -> Watched:
+        """Return a run for the contact reflex; `before`: what was sensed before it."""
+        outlook, steps = run.outlook, run.felt.steps
+        deviation = outlook.looks + (before.deviation - outlook.known)
+        inertia = self._inertia_of(outlook)
+        return Watched(outlook.jacobian, inertia, deviation, steps.effort, steps.rates)
+
     def _begin_guard(self, outlook: Outlook, sensed: Sensed) -> None:
         """Prepare the contact reflex for a run of cycles; `sensed`: before it."""
         thresholds, jacobian = self._thresholds, outlook.jacobian
-        damping = self._gains.at_joints(self._gains.damping, jacobian)
 
         def reaction() -> Reaction:
             load = min(max(sensed.load, 0.0), thresholds.load)
@@ -456,7 +470,7 @@ class MujocoRobot(Commanded):
             thresholds=None if self._yielding else thresholds,
             reaction=reaction,
             jacobian=jacobian,
-            inertia=outlook.mass_matrix + DAMPING_DELAY * damping,
+            inertia=self._inertia_of(outlook),
             dq=outlook.dq,
             deviation=outlook.looks + (sensed.deviation - outlook.known),
         )

@@ -174,7 +174,7 @@ class World:
         for i in range(len(control)):
             self._cycle(control, i, i + 1)
             effort = self._data.sensordata[self._sensors][:7] - self.compensation
-            if guard.observe(effort[None], self._dq[None]) is not None:
+            if guard.observe(effort[None], self._dq[None].copy()) is not None:
                 return i
         return None
 
