@@ -123,6 +123,11 @@ CARRIED_PLACE = 0.2
 CARRIED_POSTURE = 0.5
 """rad over which what depends on the arm's configuration does. Sensitive: hardly."""
 
+CARRIED_WIDER = 2.0
+"""times the fitted standard deviation of an inertia that it is stated with: of simulated arms errors are 2.0 to 2.5 as
+large as fitted, as what disturbs all joints at once counts as independent; of two real arms 1.0.
+Sensitive: inertia std."""
+
 CARRIED_NOISE = 0.05
 """N m (1 sigma) of each component of the noise, from which the recording's own is sought. Sensitive: no."""
 
@@ -150,3 +155,6 @@ Sensitive: no."""
 
 CARRIED_LEAST = 0.005
 """kg (1 sigma), likewise. Sensitive: no."""
+
+THINNEST = 2e-3
+"""m: radius of gyration along any axis that every load has. Sensitive: no."""
