@@ -98,7 +98,9 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
     found = _carried(trace)
     if found is None or not _is_felt(found):
         return _nothing(parameter, "kg·m²")
-    pose, theta, statistic = _in_hand(trace), *consistent(found.value, found.covariance)
+    wider = np.repeat((1.0, tuning.CARRIED_WIDER), (4, 6))
+    covariance = found.covariance * np.outer(wider, wider)
+    pose, theta, statistic = _in_hand(trace), *consistent(found.value, covariance)
 
     def central(value: Array) -> Array:
         c = value[1:4] / value[0]
@@ -107,13 +109,17 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
         return np.array(components(pose.rotation.T @ tensor @ pose.rotation))
 
     slopes = _slopes(central, found.value)
-    stds = np.sqrt(np.diag(slopes @ found.covariance @ slopes.T))
-    value = central(linear(pseudo_inertia(theta)))
-    # Moments are seen where they stand out of their errors, products where these are small beside the moments; all
-    # where a load with the largest radius of gyration that is believed would.
+    stds = np.sqrt(np.diag(slopes @ covariance @ slopes.T))
+    pseudo = pseudo_inertia(theta)
+    # The nearest body may be a sheet or a rod without thickness, which MuJoCo takes for none.
+    pseudo[:3, :3] += pseudo[3, 3] * tuning.THINNEST**2 * np.eye(3)
+    value = central(linear(pseudo))
+    # Moments are seen where they stand out of their errors, products where these are small beside the moments; both
+    # where a load with the largest radius of gyration that is believed would. A product without moments says nothing.
     believed = float(found.value[0]) * tuning.RADIUS_BELIEVED**2
     sizes = np.minimum([*value[:3], *[value[:3].mean()] * 3], believed)
-    unseen = tuple(np.flatnonzero(stds > 0.5 * sizes).tolist())
+    hardly = stds > 0.5 * sizes
+    unseen = tuple(np.flatnonzero(hardly | hardly[:3].all()).tolist())
     names = ("xx", "yy", "zz", "xy", "xz", "yz")
     weak = ", ".join(names[i] for i in unseen)
     excited = f" Hardly excited: {weak}; turn the hand faster about more axes." if weak else ""

@@ -22,7 +22,7 @@ class Line:
     It makes the means of blocks of 1 kHz samples, and single samples only where an error needs them.
 
     Attributes:
-        kept: single samples (n, 7), N m, of each run before any are lost; a list keeps them.
+        kept: single samples (n, 7), N m, of each run before any are lost; None: not kept.
     """
 
     def __init__(self, torque: Torque, acquisition: Acquisition, streams: Streams) -> None:
@@ -37,7 +37,7 @@ class Line:
         others = torque.filter or torque.delay or self._repeated
         self._single = self._coarse or self._strays or bool(others or self._gaps)
         self._bounded = bool(np.isfinite(torque.range).any())
-        self.kept: list[Array] | None = None
+        self.kept: tuple[Array, ...] | None = None
         # State that a run leaves to the next one; empty at first.
         self._filtered = self._late = self._last = np.empty((0, JOINTS))
         self._held = np.zeros(JOINTS)
@@ -65,7 +65,7 @@ class Line:
             self._add_outliers(samples)
         samples = self._repeat(samples)
         if self.kept is not None:
-            self.kept.append(samples)
+            self.kept = (*self.kept, samples)  # a state that may be restored
         blocks = samples.reshape(-1, BLOCK, JOINTS)
         if self._gaps is None:
             return blocks.mean(axis=1), None
