@@ -96,6 +96,21 @@ def faults(
 
 
 @command(app)
+def noise(
+    recordings: Annotated[
+        list[Path], typer.Argument(metavar="LOG.npz...", help="Recordings of real arms.")
+    ],
+    *,
+    levels: Noises = ["measured", "hardware", "datasheet", "lab"],  # noqa: B006
+    seeds: Seeds = 4,
+) -> None:
+    """Noise of real arms in free motion, beside the simulated one's at each noise model."""
+    from bench.realism import table
+
+    typer.echo(table(recordings, levels, seeds))
+
+
+@command(app)
 def deceptions(
     names: Names = None,
     *,

@@ -98,8 +98,8 @@ def one_way(q: Array, smooth: Array) -> list[slice]:
     for first, last in pairwise(turns.tolist()):
         pieces = int(abs(q[last - 1] - q[first]) / COHERENT) if way[first] else 0
         if pieces:
-            gone = np.linspace(q[first], q[last - 1], pieces + 1)
-            cuts = [int(np.abs(q[first:last] - at).argmin()) for at in gone]
+            goals = q[first] + (q[last - 1] - q[first]) * np.arange(pieces + 1) / pieces
+            cuts = np.abs(q[first:last, None] - goals).argmin(0).tolist()
             found += [slice(first + a, first + b) for a, b in pairwise(cuts) if b - a > FEWEST_ROWS]
     return found
 

@@ -30,7 +30,7 @@ class Fit:
     """Least squares of k columns a joint, and of a load that all joints bear."""
 
     value: Array  # (k, 7)
-    std: Array  # (k, 7), by sums over independent stretches (cluster-robust)
+    std: Array  # (k, 7), of a residual that is correlated within `STRETCH`
     load: Array  # (4,)
     residual: Array  # (n, 7)
     independent: Array  # (7,) independent samples among the residual's
@@ -54,16 +54,20 @@ class Fit:
         residual = y - design @ found
         scores = (design / size[:, None] * (residual / size)[:, :, None]).sum(1)
         summed = np.add.reduceat(scores, starts)
-        more = len(starts) / max(len(starts) - 1, 1)
-        std = np.sqrt(more * np.diag(inverse @ summed.T @ summed @ inverse))
         means = np.add.reduceat(residual, starts)
-        correlated = (means**2).sum(0) / (residual**2).sum(0)  # samples that count as one
+        alike = np.maximum(
+            (means**2).sum(0) / (residual**2).sum(0), 1.0
+        )  # samples that count as one
+        # Sums over few stretches are too small as often as too large: the larger of two estimates.
+        white = np.diag(inverse)[: 7 * k].reshape(k, 7) * alike
+        summed = np.diag(inverse @ summed.T @ summed @ inverse)[: 7 * k].reshape(k, 7)
+        std = np.sqrt(np.maximum(white, summed))
         return cls(
             found[: 7 * k].reshape(k, 7),
-            std[: 7 * k].reshape(k, 7),
+            std,
             found[7 * k :],
             residual,
-            n / np.maximum(correlated, 1.0),
+            n / alike,
         )
 
 

@@ -331,26 +331,3 @@ def test_fingers_that_lose_resistance_keep_their_speed_limit() -> None:
     window = round(0.01 / arm.world.model.opt.timestep)
     speeds = (np.array(ways[:-window]) - np.array(ways[window:])) / 0.01
     assert 0.04 < speeds.max() < 1.2 * ARM.hand.speed
-
-
-@pytest.mark.parametrize("noise", ["lab", "hardware"])
-def test_samples_do_not_depend_on_how_far_the_world_is_ahead(noise: str) -> None:
-    def recorded(ahead: bool) -> Samples:
-        arm = robot(noise=noise, seed=3)
-        arm.move_joints(ARM.home + 0.1)
-        parts: list[Samples] = []
-        for tick in range(60):
-            if not ahead:
-                assert arm.world.t == pytest.approx(0.02 * tick, abs=0.006)  # takes back what is ahead
-            if tick == 25:
-                arm.close_gripper()
-            if tick == 33:
-                arm.move_axis(np.array([0.0, 0.0, -1.0]), 0.1, 0.05)
-            arm.advance(0.02)
-            parts.append(arm.drain())
-        return Samples.concatenate(parts)
-
-    one, other = recorded(True), recorded(False)
-    for field in fields(Samples):
-        mine, theirs = getattr(one, field.name), getattr(other, field.name)
-        assert mine == pytest.approx(theirs, rel=0, abs=1e-9), field.name

@@ -7,7 +7,7 @@ model as of the beginning of a run of cycles.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +27,6 @@ BRAKING = 150.0
 0.25 m/s end after 2 mm. A heavy arm is in contact with a rigid post for some 10 ms: the post should
 not have to take the momentum that the arm can brake in them."""
 
-NEAR = 1.02  # factor of a wrench that is near the thresholds, to be followed cycle by cycle
 _KEEP = math.exp(-TIMESTEP / OBSERVER_TIME)
 _BLEND = 1.0 - _KEEP
 # Weights of the observer's filter after each cycle: of its wrench (cycles, 1), and of each input.
@@ -56,17 +55,6 @@ class Reaction(NamedTuple):
         braking = self.damping @ dq
         share = max(1.0, float((np.abs(braking) / self.most).max()))
         return self.load - braking / share
-
-
-class Watched(NamedTuple):
-    """A run of n cycles as the observer sees it."""
-
-    jacobian: Array  # (6, 7), world axes about the TCP, at its beginning
-    inertia: Array  # (7, 7) kg m^2 that the commanded torques move
-    # (n, 7) N m of each cycle: sensed less commanded torques, and less Coriolis and centrifugal torques
-    deviation: Array
-    effort: Array  # (n, 7) N m commanded at the joints, less the nominal arm's gravity compensation
-    rates: Array  # (n, 7) rad/s at the end of each cycle
 
 
 class Guard:
@@ -115,42 +103,6 @@ class Guard:
         self.yielding, self.fired = thresholds is None, None
         if self.yielding:
             self.reaction = reaction()
-
-    def foresee(
-        self, thresholds: Reflex, runs: Sequence[Watched]
-    ) -> tuple[list[tuple[Array, Array]], int | None]:
-        """Observe some runs at once, unless the wrench comes near the thresholds.
-
-        Returns:
-            The state before each run, for `back`, and the first run in which the wrench is near.
-        """
-        jacobian, inertia = np.array([run.jacobian for run in runs]), [run.inertia for run in runs]
-        square = jacobian @ jacobian.transpose(0, 2, 1) + RIDGE
-        to_wrench = _BLEND * np.linalg.solve(square, jacobian)
-        to_momentum = to_wrench @ np.array(inertia) / TIMESTEP
-        states = [(self._wrench, self._dq)]
-        near: int | None = None
-        for i, run in enumerate(runs):
-            wrench, dq = states[-1]
-            gained = run.rates.copy()
-            gained[0] -= dq
-            gained[1:] -= run.rates[:-1]
-            new = (run.effort + run.deviation) @ to_wrench[i].T - gained @ to_momentum[i].T
-            count = len(new)
-            wrenches = _INPUT_KEPT[:count, :count] @ new + _WRENCH_KEPT[:count] * wrench
-            sizes = np.einsum("ij,ij->i", wrenches, wrenches)
-            suspects = wrenches[sizes > (thresholds.least / NEAR) ** 2]
-            if any(thresholds.fired(NEAR * suspect) is not None for suspect in suspects):
-                near = i
-                break
-            states.append((wrenches[-1], run.rates[-1]))
-        self.back(states[-1])
-        self.fired = None
-        return states, near
-
-    def back(self, state: tuple[Array, Array]) -> None:
-        """Return to a state."""
-        self._wrench, self._dq = state
 
     def observe(self, torque: Array, dq: Array) -> int | None:
         """Return the first of the next n cycles whose wrench exceeds the thresholds; None if none.

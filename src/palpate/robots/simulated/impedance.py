@@ -102,13 +102,6 @@ class Gains:
         """Map `stiffness` or `damping` to the joints, (7, 7): J^T K J for the TCP's springs."""
         return jacobian.T @ (each[:, None] * jacobian) if self.cartesian else np.diag(each)
 
-    def on(self, joints: Array, each: Array, jacobian: Array) -> Array:
-        """Apply `stiffness` or `damping` to joint motions (n, 7) at Jacobians (n, 6, 7): (n, 7)."""
-        if not self.cartesian:
-            return joints * each
-        tcp = np.matmul(jacobian, joints[:, :, None])[:, :, 0] * each
-        return np.matmul(tcp[:, None], jacobian)[:, 0]
-
     def lead(self, rate: Array, acceleration: Array) -> Array:
         """Compute the lead (n, 6 or 7) of the springs' set-points for a motion without lag.
 

@@ -197,7 +197,7 @@ def test_own_models_say_what_the_description_says() -> None:
 
 
 @pytest.mark.parametrize("arm", ["fr3", "iiwa14"])
-@pytest.mark.parametrize("name", ["lab", "datasheet", "hardware"])
+@pytest.mark.parametrize("name", ["lab", "datasheet", "hardware", "measured"])
 def test_an_owner_is_told_the_gains_that_are_drawn(name: str, arm: str) -> None:
     described = load_description(arm)
     found = noise_models().load(name, described)
@@ -294,7 +294,7 @@ def test_what_is_wrong_is_said_in_one_line(
 
 def test_an_unknown_name_lists_the_models(tmp_path: Path) -> None:
     with pytest.raises(
-        InputError, match="unknown noise 'loud'; valid: datasheet, hardware, lab, none"
+        InputError, match="unknown noise 'loud'; valid: datasheet, hardware, lab, measured, none"
     ):
         Settings(scene=Path("scene.xml"), noise="loud").checked()
     with pytest.raises(InputError, match="cannot read"):

@@ -2,7 +2,7 @@
 
 `none`: no error. `lab`: noise, residual friction and drift of the joint torque signals. `datasheet`:
 `lab` and errors within the manufacturer's accuracy figures. `hardware`: published errors of real
-arms. Their files are in this folder, every figure with its source.
+arms. `measured`: what recordings of real arms show. Their files are in this folder, every figure with its source.
 """
 
 from __future__ import annotations
