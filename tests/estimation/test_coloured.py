@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from palpate.estimation.coloured import Process, coloured
+from palpate.estimation.coloured import coloured
 from palpate.estimation.regression import Cause, SignalNoise, fit
 
 ROWS, SIGNALS, TRIALS = 80, 2, 60
@@ -23,8 +23,8 @@ def fitted(y: np.ndarray, learn: bool):
     causes = [Cause("load", load, np.array([1e3])), Cause("zero", zeros, np.full(SIGNALS, 10.0))]
     noise = SignalNoise([WHITE * np.eye(ROWS)] * SIGNALS, 40.0)
     if learn:
-        ways = [(Process(APART, (0.03, 0.1, 0.3, 1.0, 3.0)),)] * SIGNALS
-        noise = coloured(causes, noise, y, ways)
+        kernels = np.array([np.exp(-APART / time) for time in (0.03, 0.3, 1.0, 4.0, 30.0)])
+        noise = coloured(causes, noise, y, [kernels] * SIGNALS)
     mean, covariance = fit(causes, noise, y)["load"]
     return float(mean[0]), float(np.sqrt(covariance[0, 0]))
 

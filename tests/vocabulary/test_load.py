@@ -22,6 +22,13 @@ def test_weight_is_the_difference_from_the_empty_fingers() -> None:
     assert NOTHING.weight == 0.0
 
 
+def test_weight_is_no_larger_than_the_mass_that_was_measured() -> None:
+    load = Load(wrench(-2.9), 0.06, wrench(1.5)).weighed(0.15, 0.002, 9.81)
+    assert load.weight == pytest.approx(1.53, abs=0.01)
+    assert load.too_much(wrench(-1.0)) is None, "2.5 N are more than it weighs"
+    assert Load(wrench(0.0), 0.06, wrench(1.4)).weighed(0.2, 0.1, 9.81).weight == pytest.approx(1.4)
+
+
 @pytest.mark.parametrize(
     ("felt", "opens"), [(10.5, False), (4.5, False), (3.0, True), (0.0, True), (-8.0, True)]
 )

@@ -47,6 +47,7 @@ class mjtJoint(_Enum):
 
 class mjtObj(_Enum):
     mjOBJ_BODY: ClassVar[mjtObj]
+    mjOBJ_XBODY: ClassVar[mjtObj]
     mjOBJ_JOINT: ClassVar[mjtObj]
     mjOBJ_GEOM: ClassVar[mjtObj]
     mjOBJ_SITE: ClassVar[mjtObj]
@@ -84,6 +85,16 @@ class mjtDisableBit(_Enum):
     mjDSBL_DAMPER: ClassVar[mjtDisableBit]
     mjDSBL_GRAVITY: ClassVar[mjtDisableBit]
     mjDSBL_ACTUATION: ClassVar[mjtDisableBit]
+
+class mjtSensor(_Enum):
+    mjSENS_CONTACT: ClassVar[mjtSensor]
+    mjSENS_JOINTACTFRC: ClassVar[mjtSensor]
+
+class mjtConDataField(_Enum):
+    mjCONDATA_FORCE: ClassVar[mjtConDataField]
+
+class mjtState(_Enum):
+    mjSTATE_FULLPHYSICS: ClassVar[mjtState]
 
 class mjtEnableBit(_Enum):
     mjENBL_OVERRIDE: ClassVar[mjtEnableBit]
@@ -183,6 +194,9 @@ class _MjModelGeomViews(_Named): ...
 class _MjModelNumericViews(_Named):
     data: _Doubles
 
+class _MjModelSensorViews:
+    adr: _Ints
+
 class MjModel:
     opt: MjOption
     vis: MjVisual
@@ -193,6 +207,7 @@ class MjModel:
     njnt: int
     nsite: int
     nbody: int
+    nsensordata: int
     ngeom: int
     nnumeric: int
     nmesh: int
@@ -296,6 +311,7 @@ class MjModel:
     def geom(self, id: _Int, /) -> _MjModelGeomViews: ...
     @overload
     def geom(self, name: str = "") -> _MjModelGeomViews: ...
+    def sensor(self, name: str) -> _MjModelSensorViews: ...
     @overload
     def actuator(self, id: _Int, /) -> _MjModelActuatorViews: ...
     @overload
@@ -336,6 +352,8 @@ class MjData:
     qfrc_bias: _Doubles
     qfrc_passive: _Doubles
     qfrc_gravcomp: _Doubles
+    qacc_warmstart: _Doubles
+    sensordata: _Doubles
     qfrc_constraint: _Doubles
     qacc: _Doubles
     cvel: _Doubles
@@ -365,6 +383,7 @@ class MjData:
 # Editable model
 
 class _SpecOption:
+    sleep_tolerance: float
     timestep: float
     gravity: _Doubles
     integrator: int
@@ -693,6 +712,15 @@ class MjSpec:
         ctrlrange: _Vector | None = None,
         forcerange: _Vector | None = None,
     ) -> MjsActuator: ...
+    def add_sensor(
+        self,
+        *,
+        name: str,
+        type: mjtSensor,
+        objtype: mjtObj,
+        objname: str,
+        intprm: Sequence[int] = ...,
+    ) -> None: ...
     def add_exclude(self, *, bodyname1: str, bodyname2: str) -> MjsExclude: ...
     def add_pair(
         self, default: MjsDefault | None = None, *, geomname1: str, geomname2: str
@@ -733,6 +761,8 @@ class Renderer:
 
 # Functions
 
+def mj_stateSize(m: MjModel, sig: _Int) -> int: ...
+def mj_getState(m: MjModel, d: MjData, state: _Doubles, sig: _Int) -> None: ...
 def mj_step(m: MjModel, d: MjData, nstep: _Int = 1) -> None: ...
 def mj_copyData(dest: MjData, m: MjModel, src: MjData) -> None: ...
 def mj_forward(m: MjModel, d: MjData) -> None: ...

@@ -35,7 +35,7 @@ def slip_states(samples: Samples) -> Array:
     The friction of a joint is a sum of them (the generalised Maxwell slip model: Al-Bender, Lampaert and Swevers,
     IEEE Transactions on Automatic Control 50, 2005): over which way it turns round is learned with its level.
     """
-    return np.concatenate([dahl_states(samples.q, one) for one in tuning.PRESLIDINGS], axis=2)
+    return np.concatenate([dahl_states(samples.q, one) for one in tuning.SLIPS], axis=2)
 
 
 def dahl_states(q: Array, presliding: float = tuning.PRESLIDING) -> Array:
@@ -74,7 +74,7 @@ def joint_ways(samples: Samples, empty: Mask, height: float) -> Array:
     """(n, m) direction of the last motion of each joint, with the presliding that its motions through free air
     show: states of several, averaged by how little each leaves (`joint_friction`)."""
     states = slip_states(samples)[:, :, TURNED :: LEFT + 1]
-    usual = tuning.PRESLIDINGS.index(tuning.PRESLIDING)
+    usual = tuning.SLIPS.index(tuning.PRESLIDING)
     free, known = _free_motion(samples, states[:, :, usual], empty, height)
     if free.sum() < tuning.FREE_MOTION:
         return states[:, :, usual]
@@ -83,8 +83,8 @@ def joint_ways(samples: Samples, empty: Mask, height: float) -> Array:
         left: list[float] = []
         for one in way[free].T:
             design = np.column_stack([one, known])
-            fitted: Array = design @ np.linalg.lstsq(design, tau, rcond=None)[0]
-            left.append(float(np.mean((tau - fitted) ** 2)) + tuning.FLOOR**2)
+            rest: Array = tau - design @ (np.linalg.pinv(design) @ tau)
+            left.append(float(rest @ rest) / len(tau) + tuning.FLOOR**2)
         # Likelihood with an unknown variance, of as many rows as are independent.
         likely = (np.array(left) / min(left)) ** (-0.5 * len(tau) / tuning.CORRELATED_ROWS)
         found.append(way @ (likely / likely.sum()))

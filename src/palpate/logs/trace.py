@@ -21,7 +21,7 @@ from palpate.trace.samples import FORCES, Samples, Trace
 
 PERIOD = 0.005
 """s between samples of a trace; faster recordings are averaged."""
-EDGE = 0.3
+EDGE = 0.5
 """s on either side of a window's ends in which the load comes and goes."""
 APART = 10.0
 """s in the trace between a recording and that of the empty hand."""

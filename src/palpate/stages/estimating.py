@@ -77,7 +77,8 @@ def reestimate(made: Run, choice: Mapping[str, str] | None = None) -> Run:
             f"the run's scene, '{file}', is missing: put it back there to make estimates again"
         )
     bodies = as_measured(made.scene, trace).bodies
-    found = estimate_all(made.plan.parameters, trace, bodies, choice or {})
+    recorded = [one.parameter for one in made.estimates] if made.is_recorded else ()
+    found = estimate_all(recorded or made.plan.parameters, trace, bodies, choice or {})
     annotated = tuple(_annotated(made, estimate) for estimate in found)
     again = replace(made, recorded=trace, estimates=annotated, held_out=None, finished=None)
     return _validated(again, choice)

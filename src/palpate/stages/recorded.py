@@ -90,7 +90,9 @@ def estimate_recorded(
     )
     callbacks.progress("estimating")
     bodies = scene.bodies
-    plan = Plan(tuple(parameters), None, _told(recorded, len(logs[0])), RECORDING, tuple(notes))
+    # Whoever weighs something gets the rest with it, as far as the motion tells.
+    asked = tuple(one for one in parameters if one.quantity == "mass")
+    plan = Plan(asked, None, _told(recorded, len(logs[0])), RECORDING, tuple(notes))
     made = Run(
         replace(settings, robot=f"recording:{recorded.log.name}", noise="none"),
         scene,

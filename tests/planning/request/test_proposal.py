@@ -22,6 +22,49 @@ def test_unread_words_are_named_beside_the_proposal():
     )
 
 
+@pytest.mark.parametrize(
+    ("request_", "not_used"),
+    [
+        ("The phone is ringing, so please weigh the mug.", ("the phone", "ringing")),
+        ("Although it is late, could you weigh the mug?", ("although it", "late")),
+        ("Please weigh the mug which we bought last week.", ("bought last week",)),
+        ("Weigh the mug made of glass.", ("made of glass",)),
+        ("I found the mass of the mug.", ("found",)),
+    ],
+)
+def test_remarks_in_a_sentence_that_asks_are_left_to_the_user(
+    request_: str, not_used: tuple[str, ...]
+):
+    assert proposal(request_) == (["mug.mass"], not_used)
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        "How heavy is the lid of the mug?",
+        "the mass of the mug's contents",
+        "Weigh the mug and then throw it away.",
+        "Never weigh the mug.",
+        "half the mass of the mug",
+    ],
+)
+def test_what_makes_it_another_thing_or_deed_is_no_proposal(request_: str):
+    assert proposal(request_)[0] == []
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        "The mass of the mug is right. How heavy is the bottle?",
+        "I measured the mass of the mug; weigh the bottle.",
+        "The mass of the mug is in the file. I need that of the bottle.",
+    ],
+)
+def test_what_is_said_to_be_known_is_not_asked_for(request_: str):
+    found = ground(request_, scene("kitchen"))
+    assert [str(one) for one in found.asked] == ["bottle.mass"]
+
+
 def test_denied_things_are_left_out_of_the_proposal():
     found, _ = proposal("Frobnicate a bit: weigh the bottle, never mind whatsoever the mug.")
     assert "mug.mass" not in found

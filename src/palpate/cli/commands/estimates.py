@@ -90,7 +90,8 @@ def estimate(
         if out is not None:
             found = found.save(out)
     show_run(found, as_json)
-    raise typer.Exit(0 if all(one.identified for one in found.estimates) else 1)
+    asked = [one for one in found.estimates if one.parameter in found.plan.parameters]
+    raise typer.Exit(0 if all(one.identified for one in asked) else 1)
 
 
 def _window(text: str) -> tuple[float, float]:

@@ -24,6 +24,8 @@ from palpate.parameter import Parameter
 from palpate.trace.recording import Recording
 from palpate.trace.samples import Trace
 
+EMPTY_PARTS = 6
+"""Parts of the empty hand's time that are compared."""
 PARTS = 24
 """Parts of a recording in a chart, at most."""
 ALONE = (
@@ -98,7 +100,9 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
     found = _carried(trace)
     if found is None or not _is_felt(found):
         return _nothing(parameter, "kg·m²")
-    pose, theta, statistic = _in_hand(trace), *consistent(found.value, found.covariance)
+    wider = np.repeat((1.0, tuning.CARRIED_WIDER), (4, 6))
+    covariance = found.covariance * np.outer(wider, wider)
+    pose, theta, statistic = _in_hand(trace), *consistent(found.value, covariance)
 
     def central(value: Array) -> Array:
         c = value[1:4] / value[0]
@@ -107,13 +111,17 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
         return np.array(components(pose.rotation.T @ tensor @ pose.rotation))
 
     slopes = _slopes(central, found.value)
-    stds = np.sqrt(np.diag(slopes @ found.covariance @ slopes.T))
-    value = central(linear(pseudo_inertia(theta)))
-    # Moments are seen where they stand out of their errors, products where these are small beside the moments; all
-    # where a load with the largest radius of gyration that is believed would.
+    stds = np.sqrt(np.diag(slopes @ covariance @ slopes.T))
+    pseudo = pseudo_inertia(theta)
+    # The nearest body may be a sheet or a rod without thickness, which MuJoCo takes for none.
+    pseudo[:3, :3] += pseudo[3, 3] * tuning.THINNEST**2 * np.eye(3)
+    value = central(linear(pseudo))
+    # Moments are seen where they stand out of their errors, products where these are small beside the moments; both
+    # where a load with the largest radius of gyration that is believed would. A product without moments says nothing.
     believed = float(found.value[0]) * tuning.RADIUS_BELIEVED**2
     sizes = np.minimum([*value[:3], *[value[:3].mean()] * 3], believed)
-    unseen = tuple(np.flatnonzero(stds > 0.5 * sizes).tolist())
+    hardly = stds > 0.5 * sizes
+    unseen = tuple(np.flatnonzero(hardly | hardly[:3].all()).tolist())
     names = ("xx", "yy", "zz", "xy", "xz", "yz")
     weak = ", ".join(names[i] for i in unseen)
     excited = f" Hardly excited: {weak}; turn the hand faster about more axes." if weak else ""
@@ -202,7 +210,7 @@ def _shared(found: Carried, slopes: Array, name: str = LOAD) -> tuple[Shared, ..
 
 def _seconds(found: Carried) -> str:
     count, step = len(found.seen.t), float(np.median(np.diff(found.seen.t)))
-    hung = int(np.count_nonzero(np.abs(found.columns[:count]).sum(axis=1)))
+    hung = int(np.count_nonzero(found.hanging[:count]))
     return f"{hung * step:.1f} s of motion, against {(count - hung) * step:.1f} s of the empty hand"
 
 
@@ -221,12 +229,17 @@ def _halves(trace: Trace) -> list[tuple[float, float]]:
 def _same_in_all_parts(trace: Trace, found: Carried) -> tuple[FitTest, ...]:
     """Test for other masses in parts of the recording."""
     parts = [found.part(start, end) for start, end in _halves(trace)][1:]
+    # The empty hand, too, is as empty in all parts as in its first.
+    empty = found.seen.t[~found.hanging[: len(found.seen.t)]]
+    if len(empty) and float(np.ptp(empty)) > 2.0 * tuning.CARRIED_HALF:
+        edges = np.quantile(empty, np.linspace(0.0, 1.0, EMPTY_PARTS + 1)).tolist()
+        parts += [found.part(*edge) * ~found.hanging for edge in pairwise(edges)][1:]
     if not parts:
         return ()
     cause = Cause("mass in all parts", np.column_stack(parts), np.full(len(parts), 1.0))
     finding = (
-        "The mass differs between parts of the windows: the load was not carried in all of them, or it touched "
-        "something."
+        "The mass differs between parts of the recording: the load was not carried in all of its windows, was carried "
+        "outside of them, or touched something."
     )
     tolerated = max(tuning.CARRIED_APART * float(found.value[0]), tuning.CARRIED_LEAST)
     return (found.posterior.test(cause, np.full(len(parts), tolerated), finding),)

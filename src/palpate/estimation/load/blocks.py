@@ -14,6 +14,7 @@ from palpate.estimation.load.observation import WrenchObservation
 from palpate.estimation.load.segments import LoadRows, load_rows
 from palpate.estimation.motion import Mask, acceleration, at_rest, row_at, runs, smoothed_with_rate
 from palpate.geometry.pose import Array, rotations
+from palpate.trace.recording import RECORDED
 from palpate.trace.samples import Samples, Trace
 
 TOUCHING = ("contact", "sliding")
@@ -114,7 +115,7 @@ def blocks(
         here = np.zeros(len(t))
         here[rest] = 1.0
         resting.append(mean(here) > 0.0)
-    turn, change = smoothed_with_rate(samples.twist[:, 3:], t, tuning.FOLLOWED)
+    turn, change = smoothed_with_rate(samples.twist[:, 3:], t, over)
     rate, spin = mean(turn), mean(change)
     swung = np.einsum("ki,kj->kij", rate, rate) - (rate**2).sum(axis=1)[:, None, None] * np.eye(3)
     swung = swung + np.cross(spin[:, None, :], np.eye(3)).swapaxes(1, 2)
@@ -218,7 +219,10 @@ def apart(trace: Trace) -> Mask:
 
 
 def lifted(trace: Trace, load: LoadRows, above: float = tuning.FREE_ABOVE) -> Mask:
-    """Rows in which the hand is `above` m or more over the place where it took the object."""
+    """Rows in which the hand is `above` m or more over the place where it took the object; in a recording of
+    free motion, all in which it holds it."""
+    if any(conversion.primitive == RECORDED for conversion in trace.conversions):
+        return load.loaded
     z = trace.samples.pose_world_tcp[:, 2]
     found = np.zeros(len(z), dtype=bool)
     for rows in runs(load.loaded):

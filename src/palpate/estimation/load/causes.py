@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from palpate.estimation import tuning
-from palpate.estimation.coloured import Process, coloured
+from palpate.estimation.coloured import coloured
 from palpate.estimation.load.biases import flicker
 from palpate.estimation.load.blocks import Blocks
 from palpate.estimation.load.chain import Hinge, hinges
@@ -68,7 +68,7 @@ def of_arm(
     pulled = seen.maps[:, :, :2] * lifted[:, None, None]
     yield cause("lean", [*(lean + pulled.transpose(2, 0, 1))], tuning.TILT)
     # Each joint in its own signal.
-    usual = tuning.PRESLIDINGS.index(tuning.PRESLIDING)
+    usual = tuning.SLIPS.index(tuning.PRESLIDING)
     slips = seen.dahl.reshape(*seen.dahl.shape[:2], -1, 2)
     others = np.delete(slips, usual, axis=2).reshape(len(slips), signals, -1)
     of_joints: tuple[tuple[str, Array, float], ...] = (
@@ -150,9 +150,13 @@ def torques_of_force(
 
 def with_residual(causes: Sequence[Cause], noise: SignalNoise, seen: Blocks) -> SignalNoise:
     """Noise with the coloured residual that `causes` leave of the blocks."""
-    times = Process(np.abs(seen.t[:, None] - seen.t), tuning.COLOUR_TIMES)
-    paths = [Process(np.abs(way[:, None] - way), tuning.COLOUR_PATHS) for way in seen.path.T]
-    return coloured(causes, noise, by_signal(seen.observed), [(times, path) for path in paths])
+    between = np.abs(seen.t[:, None] - seen.t)
+    slow = [np.exp(-between / time) for time in tuning.COLOUR_TIMES]
+    kernels: list[Array] = []
+    for way in seen.path.T:
+        apart = np.abs(way[:, None] - way)
+        kernels.append(np.array([*slow, *(np.exp(-apart / far) for far in tuning.COLOUR_PATHS)]))
+    return coloured(causes, noise, by_signal(seen.observed), kernels)
 
 
 def free_noise(seen: Blocks, noise: Noise) -> SignalNoise:

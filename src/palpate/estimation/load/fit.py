@@ -213,7 +213,7 @@ def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand
             np.full(count, tuning.LOAD_PRIOR),
             np.full(len(LEANING), tuning.TILT * abs(float(about[0])) + tuning.FLOOR),
             np.full(at_hand + offsets, hand.force_repeatability + tuning.FLOOR),
-            np.full(rows[0].dahl.shape[1], tuning.JOINT_LEVEL / len(tuning.PRESLIDINGS) ** 0.5),
+            np.full(rows[0].dahl.shape[1], tuning.JOINT_LEVEL / len(tuning.SLIPS) ** 0.5),
             np.ones(signals),
         ]
     )

@@ -62,7 +62,7 @@ def block_noise(signals: Array, t: Array, cause: Array, windows: Sequence[Rows])
         count = int(signals.shape[1])
         return Noise(np.full(count, tuning.UNKNOWN_NOISE), np.zeros(count), KNOWN)
     long, white = _differences(stretches, tuning.LONG_BLOCK), short.white
-    sure = max(short.count / tuning.OVERLAP, tuning.FLICKER_FREEDOM[0])
+    sure = max(short.count / tuning.OVERLAP, 1.0)
     if long is None:
         return Noise(white, np.zeros_like(white), sure)
     # The median of all signals decides whether noise slower than white exceeds it.

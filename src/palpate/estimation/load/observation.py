@@ -49,9 +49,9 @@ class WrenchObservation:
         turned = np.concatenate([self.turn @ jacobian[:, :3], self.turn @ jacobian[:, 3:]], axis=1)
         return turned.transpose(0, 2, 1)
 
-    def own_motion(self, samples: Samples, rows: Mask, over: float) -> Array:
-        """(n, m) N m that moved the arm's own links, in `rows` (n,), else 0, from speeds averaged over `over` s;
-        (n, 0) where the links are unknown."""
+    def own_motion(self, samples: Samples, rows: Mask, over: float = tuning.SPEED_SHORT) -> Array:
+        """(n, m) N m that moved the arm's own links, in `rows` (n,), else 0, at rates averaged over `over` s; (n, 0)
+        where the links are unknown."""
         if self.chain is None or not self.chain.links or len(samples) < 2:
             return np.zeros((len(samples), 0))
         rates, changes = smoothed_with_rate(samples.dq, samples.t, over)

@@ -84,7 +84,7 @@ PRESLIDING = 2e-3
 """rad over which the friction in a joint turns round: the usual order for harmonic drives. Sensitive: `static`
 hardly, std ×0.9–1.1."""
 
-PRESLIDINGS = (4e-4, 2e-3, 1e-2)
+SLIPS = (4e-4, 2e-3, 1e-2)
 """rad, of the elements of which a joint's friction is a sum where a load is fitted: real arms show 1 to 4 mrad.
 Sensitive: no."""
 

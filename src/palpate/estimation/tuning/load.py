@@ -280,21 +280,21 @@ SLIPS_OTHERWISE = ((0.1, 1.0), (0.7, 0.3))
 """factors on the friction of elements whose presliding is not the usual one, with prior probabilities. Chosen,
 without a source. Sensitive: mass std ×1.08 where they always count."""
 
-COLOUR_TIMES = (0.03, 0.1, 0.3, 1.0, 3.0)
-"""s over which what a model leaves may change with time: from one block to the length of a pass. Sensitive: no."""
+COLOUR_TIMES = (0.03, 0.3, 1.0, 4.0, 30.0)
+"""s over which what a model leaves stays alike: from one block to a run. Sensitive: hardly."""
 
-COLOUR_PATHS = (0.003, 0.01, 0.03, 0.1, 0.3)
-"""rad over which it may change as the joint turns: from gears' ripple to the way of a lift. Sensitive: no."""
+COLOUR_PATHS = (0.01, 0.1)
+"""rad over which it does as the joint turns: of gears' ripple and of a lift. Sensitive: no."""
 
-COLOUR_LEAST = 1e-3
-"""N m: the smallest of the amplitudes that are tried ... Sensitive: no."""
+COLOUR_START = 0.02
+"""N m (1 sigma) of each process, from which the recording's own is sought. Sensitive: no."""
 
-COLOUR_STEP = 1.5
-"""... and the factor from each to the next. Sensitive: no."""
+COLOUR_ROUNDS = 12
+"""rounds of that; each brings a variance nearer to its likeliest. Sensitive: no."""
 
-COLOUR_CHANCE = 2.0
-"""logarithm of how much less likely a process is, before anything is recorded, than none (Akaike's two unknowns).
-Sensitive: no."""
+COLOUR_CHANCE = 3.0
+"""logarithm of how much likelier the rows have to be with the processes than without, to count by half: one for each
+two of the seven. Sensitive: mass std ×1.0–1.1 at `lab`."""
 
 COLOUR_FREEDOM = 4.0
 """degrees of freedom that its variance has at least. Sensitive: no."""

@@ -1,15 +1,16 @@
 """Grounding: from the words of a request to parameters of a scene.
 
-A reading is sure if the grammar derives every sentence as a whole, except background sentences, which
-are set aside (`Lattice.is_background`). Otherwise the request is rejected, with a proposal (`proposal`)
-if parts of it are derived. A sentence with two derivations that ask for different parameters is rejected.
+A reading is *sure* if every word of every sentence belongs to a clause that the grammar derives
+(`words/grammar.txt`) or to the frame around it; a background sentence is set aside whole
+(`Lattice.is_background`). With words left over it is a *proposal*, if it names parameters, which the user
+confirms. Otherwise the request is refused, as is one with two readings that ask for different parameters.
 
 1. Words: phrases of other languages are translated in place (`languages`), misspelt words are corrected
    (`tokens`).
 2. Lattice: the classes of each word (`lattice`): noun of the scene, quantity, relation, …
-3. Derivations of each sentence by `words/grammar.txt` (`grammar`, `chart`), the cheapest of several.
-4. Meanings (`meaning`), resolved to bodies of the scene (`things`, `whereabouts`).
-5. Wishes and exclusions, sentence by sentence (`reading`).
+3. Cover of each sentence by clauses (`grammar`, `cover`), the cheapest of several.
+4. Queries (`query`): a quantity of selected bodies, wanted or excluded, clause by clause (`reading`).
+5. Selectors resolved to bodies of the scene (`selection`, `whereabouts`).
 
 A quantity without a body is that of the last mentioned body that can have it ("The bottle is new. I need
 its mass."), else of all that miss it. A comparison asks for the quantity of everything compared. A purpose
@@ -20,25 +21,22 @@ that is missing of it. Both are remarked on.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import product
-from typing import cast
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import islice, product
 
 from palpate.errors import InputError, PlanRejected
 from palpate.parameter import Parameter
 from palpate.planning.planner import MAX_REQUEST
 from palpate.planning.request.languages import colours, in_english, spoken
-from palpate.planning.request.proposal import propose
 from palpate.planning.request.reading import Reading
-from palpate.planning.request.resolver import Resolver
-from palpate.planning.request.sentence.actions import ACTIONS
-from palpate.planning.request.sentence.chart import Chart
-from palpate.planning.request.sentence.grammar import grammar
-from palpate.planning.request.sentence.lattice import Lattice
-from palpate.planning.request.sentence.meaning import Act, Aside
-from palpate.planning.request.things import Things
-from palpate.planning.request.tokens import sentences, tokens
+from palpate.planning.request.resolver import HINT, Resolver
+from palpate.planning.request.selection import Selection
+from palpate.planning.request.sentence.cover import Clause, Cover, Sentence, covered
+from palpate.planning.request.sentence.lattice import Lattice, deeds
+from palpate.planning.request.sentence.query import Act, Aside
+from palpate.planning.request.tokens import lemmas, sentences, tokens
 from palpate.planning.request.wording import english
 from palpate.scene.scene import Scene
 
@@ -46,8 +44,6 @@ LONGEST = 60
 """Words of the longest sentence that is read."""
 MOST = 24
 """Readings of a whole request that are looked into; with more it is refused."""
-
-Acts = tuple[Act, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +67,7 @@ def ground(request: str, scene: Scene) -> Grounded:
     Raises:
         InputError: empty or too long, or it names an object that the scene does not have (the
             message lists those it has). PlanRejected: ambiguous, or not understood; the message
-            says what was not, and what to say instead.
+            says what was not, and what to say instead, `proposal` what it may ask for.
     """
     if not request.strip():
         raise InputError("the request is empty; say what is unknown, e.g. 'the mass of the bottle'")
@@ -83,127 +79,135 @@ def ground(request: str, scene: Scene) -> Grounded:
     lattice = Lattice(scene, colours(language))
     said = tokens(in_english(lattice.nouns.apart(request), lattice.nouns.names, language))
     slips = lattice.slips(said)
-    remarks = [f"'{word}' is read as '{meant}'." for word, meant in slips.items()]
-    parts = list(sentences([slips.get(word, word) for word in said]))
-    resolver = Resolver(scene)
-    readings: list[list[Acts]] = []
+    dropped = english().sets["dropped"] - lattice.nouns.names
+    words = [slips.get(word, word) for word in said if word not in dropped]
+    parts = _sentences(request, list(sentences(words)), lattice)
     try:
-        for sentence, own in zip(parts, _own(request, len(parts)), strict=True):
-            readings.append(_derived(sentence, own, lattice, resolver))
-        if not readings:
-            resolver.reject(request)
-        return _agreed(readings, scene, lattice, remarks, request)
+        acts = _readings(parts, request, lattice, Resolver(scene))
+        found = _agreed([_grounded(one, scene, lattice, request, parts) for one in acts])
     except PlanRejected as rejection:
-        proposal = propose(parts, scene, lattice)
-        if proposal is None:
+        parameters, not_used = _proposed(parts, scene, lattice)
+        if not parameters:
             raise
-        raise PlanRejected(str(rejection), proposal.parameters, proposal.not_used) from None
+        reason = str(rejection).partition(HINT)[0]
+        raise PlanRejected(reason, parameters, not_used) from None
+    remarks = [f"'{word}' is read as '{meant}'." for word, meant in slips.items()]
+    return replace(found, remarks=(*remarks, *found.remarks))
 
 
-def _own(request: str, count: int) -> list[str]:
-    """Split a request into sentences as written; the whole request for each if the number of
-    sentences differs."""
+def _sentences(request: str, parts: Sequence[Sequence[str]], lattice: Lattice) -> list[Sentence]:
+    """Cover each sentence."""
     own = [part.strip() for part in re.split(r"(?<=[.;?!])\s+", request) if part.strip()]
-    return own if len(own) == count else [request] * count
-
-
-def _derived(sentence: Sequence[str], own: str, lattice: Lattice, resolver: Resolver) -> list[Acts]:
-    """Derive the readings of a sentence, which the user wrote as `own`.
-
-    Raises:
-        PlanRejected: nothing; the message names what was not understood.
-    """
-    if len(sentence) > LONGEST:
+    own = own if len(own) == len(parts) else [request] * len(parts)
+    longest = max(map(len, parts), default=0)
+    if longest > LONGEST:
         raise PlanRejected(
-            f"a sentence of the request has {len(sentence)} words; say it in sentences of at most "
-            f"{LONGEST}"
+            f"a sentence of the request has {longest} words; say it in sentences of at most {LONGEST}"
         )
-    remains = not english().remaining.isdisjoint(sentence)
-    if remains and lattice.is_background(sentence):
-        return [(Aside(own),)]
-    chart = Chart(grammar(), ACTIONS, lattice.edges(sentence))
-    found = [cast("Acts", acts) for acts in chart.whole("<sentence>")]
-    if found:
-        return found
-    if not remains and lattice.is_background(sentence):
-        return [(Aside(own),)]
-    unfelt = lattice.unfelt(sentence)
-    if unfelt is not None:
-        raise PlanRejected(resolver.not_measurable(unfelt))
-    unknown = lattice.unknown(sentence)
-    unknown = [word for word in unknown if word in own.lower()]
-    if not unknown:
-        unknown = [sentence[min(chart.furthest, len(sentence) - 1)]]
-    raise resolver.not_understood(unknown, own)
+    return [covered(words, written, lattice) for words, written in zip(parts, own, strict=True)]
 
 
-def _agreed(
-    readings: Sequence[Sequence[Acts]],
-    scene: Scene,
-    lattice: Lattice,
-    remarks: Sequence[str],
-    request: str,
-) -> Grounded:
-    """Combine the readings; all must ask for the same parameters.
-
-    Raises:
-        InputError, PlanRejected: none of them can be; or they come to different things.
-    """
-    found: dict[frozenset[Parameter], Grounded] = {}
-    refusal: InputError | PlanRejected | None = None
-    for acts in _all_of(readings):
-        try:
-            grounded = _grounded(acts, scene, lattice, remarks, request)
-        except (InputError, PlanRejected) as refused:
-            refusal = refusal or refused
-            continue
-        found.setdefault(frozenset(grounded.asked), grounded)
-    if len(found) == 1 and refusal is None:
-        return next(iter(found.values()))
-    if refusal is not None:
-        raise refusal
-    first, second = list(found.values())[:2]
-    raise PlanRejected(
-        f"the request may mean {_listed(first.asked)} or {_listed(second.asked)}; say it in two "
-        "sentences"
-    )
-
-
-def _all_of(readings: Sequence[Sequence[Acts]]) -> list[list[Act]]:
-    """Each choice of one reading a sentence.
-
-    Raises:
-        PlanRejected: there are too many.
-    """
-    chosen: list[list[Act]] = []
-    for sentences_ in product(*readings):
-        chosen.append([act for acts in sentences_ for act in acts])
-        if len(chosen) > MOST:
-            raise PlanRejected(
-                "the request can be read in too many ways; say it in short sentences"
-            )
+def _readings(
+    parts: Sequence[Sentence], request: str, lattice: Lattice, resolver: Resolver
+) -> list[list[Act]]:
+    """Each choice of one reading a sentence, where every word belongs to one."""
+    for part in parts:
+        if part.covers and part.covers[0].unsure:
+            unfelt = lattice.unfelt(part.words)
+            if unfelt is not None:
+                raise PlanRejected(resolver.not_measurable(unfelt))
+            left = [part.words[at] for at in part.covers[0].left]
+            unknown = [word for word in part.words if lattice.is_unknown(word)]
+            raise resolver.not_understood(unknown or left, part.own)
+    choices = list(islice(product(*(part.readings for part in parts)), MOST + 1))
+    if len(choices) > MOST:
+        raise PlanRejected("the request can be read in too many ways; say it in short sentences")
+    chosen = [[act for acts in choice for act in acts] for choice in choices]
+    if all(isinstance(act, Aside) for acts in chosen for act in acts):
+        resolver.reject(request)
     return chosen
 
 
+def _agreed(found: Sequence[Grounded]) -> Grounded:
+    """The one meaning of all readings."""
+    first = found[0]
+    for other in found:
+        if set(other.asked) != set(first.asked):
+            raise PlanRejected(
+                f"the request may mean {_listed(first.asked)} or {_listed(other.asked)}; say it in "
+                "two sentences"
+            )
+    return first
+
+
 def _grounded(
-    acts: Sequence[Act], scene: Scene, lattice: Lattice, remarks: Sequence[str], request: str
+    acts: Sequence[Act], scene: Scene, lattice: Lattice, request: str, parts: Sequence[Sentence]
 ) -> Grounded:
     """Parameters that one reading asks for."""
     resolver = Resolver(scene)
-    things = Things(scene, lattice.nouns)
-    reading = Reading(resolver, things)
+    bare = all(part.bare for part in parts)
+    reading = Reading(resolver, Selection(scene, lattice.nouns), bare)
     for act in acts:
         reading.take(act)
     reading.finish()
-    asked = [one for one in resolver.ordered(reading.asked) if one not in reading.excluded]
-    told = (*remarks, *things.remarks, *reading.remarks)
-    if not (asked or resolver.cannot or reading.looked):
+    if not (reading.wanted or resolver.cannot or reading.looked):
         resolver.reject(request)
     return Grounded(
-        asked=tuple(asked),
+        asked=reading.wanted,
         cannot=tuple(dict.fromkeys(resolver.cannot)),
-        remarks=tuple(dict.fromkeys(told)),
+        remarks=tuple(dict.fromkeys((*reading.selection.remarks, *reading.remarks))),
     )
+
+
+def _proposed(
+    parts: Sequence[Sentence], scene: Scene, lattice: Lattice
+) -> tuple[tuple[Parameter, ...], tuple[str, ...]]:
+    """Parameters that a request may ask for, and the words that are not used for it.
+
+    A proposal is shown and confirmed before it is used; it may be wrong, and is never silent.
+    """
+    reading = Reading(Resolver(scene), Selection(scene, lattice.nouns))
+    not_used: list[str] = []
+    for part in parts:
+        cover = part.covers[0] if part.covers else Cover()
+        unused = set(cover.left)
+        if any(_asks_otherwise(part.words, at) for at in unused):
+            return (), ()
+        for act, clause in next(cover.readings()):
+            reading.selection.unsure = False  # the user confirms what a pronoun is taken for
+            try:
+                if _is_part(part.words, clause, unused) or (unused and reading.is_of_all(act)):
+                    raise PlanRejected("the words left over may make it another")
+                reading.take(act)
+            except (InputError, PlanRejected):
+                unused.update(range(clause.start, clause.end))
+        not_used += _runs(part.words, unused)
+    with suppress(InputError, PlanRejected):
+        reading.finish()
+    return reading.wanted, tuple(dict.fromkeys(not_used))
+
+
+def _asks_otherwise(words: Sequence[str], at: int) -> bool:
+    """Test for a word that leaves open what is wanted, or a command of something else."""
+    if not english().sets["open"].isdisjoint(lemmas(words[at])):
+        return True
+    commands = at == 0 or words[at - 1] in ("and", "then", ",", "you")
+    return commands and words[at] in deeds()
+
+
+def _is_part(words: Sequence[str], clause: Clause, left: set[int]) -> bool:
+    """Test for a clause whose bodies some word left over makes others: "the lid of the mug"."""
+    before, relating = clause.start - 1, english().classes.get((words[clause.start - 1],), [])
+    related = before in left and any(kind in ("OF", "REL") for kind, _ in relating)
+    return related or (clause.end in left and words[clause.end] == "'s")
+
+
+def _runs(words: Sequence[str], places: Iterable[int]) -> list[str]:
+    """Words at successive places, joined."""
+    runs: dict[int, list[str]] = {}
+    for count, at in enumerate(sorted(places)):
+        runs.setdefault(at - count, []).append(words[at].replace("§amount", "an amount"))
+    return [" ".join(run) for run in runs.values()]
 
 
 def _listed(parameters: Sequence[Parameter]) -> str:

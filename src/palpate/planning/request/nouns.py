@@ -7,9 +7,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 
 from palpate.mjcf.body import Body
-from palpate.planning.request import lexicon
 from palpate.planning.request.item import GRIPPER
-from palpate.planning.request.lexicon import COLOURS
 from palpate.planning.request.tokens import is_further, is_within, name_words, singulars
 from palpate.planning.request.wording import english
 from palpate.scene.scene import Scene
@@ -24,7 +22,7 @@ class Nouns:
         colours: words of colours, which are no nouns.
     """
 
-    def __init__(self, scene: Scene, colours: frozenset[str] = COLOURS) -> None:
+    def __init__(self, scene: Scene, colours: frozenset[str]) -> None:
         self.colours = colours
         self.own = {name: name_words(name) for name in scene.bodies}
         self.named: dict[tuple[str, ...], list[str]] = defaultdict(list)
@@ -32,7 +30,9 @@ class Nouns:
             self.named[own].append(name)
         self._said = {name: self._said_of(body) for name, body in scene.bodies.items()}
         self._names = frozenset(word for own in self.own.values() for word in own)
-        self._said_of_any = _NOUNS.union(*self._said.values())
+        self._said_of_any = frozenset[str]().union(
+            self.colours, *_KINDS.values(), _GRIPPER, *self._said.values()
+        )
 
     @property
     def names(self) -> frozenset[str]:
@@ -117,7 +117,7 @@ class Nouns:
 
     def _is_gripper(self, noun: str) -> bool:
         """Test that the noun means the robot's hand, and no body of that name exists."""
-        return noun in lexicon.GRIPPER_NOUNS and noun not in self._names
+        return noun in _GRIPPER and noun not in self._names
 
     def _fits(self, name: str, words: Sequence[str]) -> bool:
         """Test that each of `words` may describe the body."""
@@ -143,9 +143,7 @@ def _others(noun: str) -> Iterator[str]:
                 yield from alike - {form}
 
 
-_KINDS: Mapping[str, frozenset[str]] = {
-    "object": lexicon.OBJECT_NOUNS,
-    "surface": lexicon.SURFACE_NOUNS,
-}
-_NOUNS = COLOURS.union(lexicon.OBJECT_NOUNS, lexicon.SURFACE_NOUNS, lexicon.GRIPPER_NOUNS)
-"""Words that may belong to the name of a thing in any scene."""
+OBJECT_NOUNS = frozenset({"object", "thing", "item", "body"})
+"""Nouns that fit any object."""
+_KINDS: Mapping[str, frozenset[str]] = {"object": OBJECT_NOUNS, "surface": frozenset({"surface"})}
+_GRIPPER = frozenset({"gripper", "hand", "arm", "robot"})

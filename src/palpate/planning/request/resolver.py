@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import NoReturn
 
 from palpate.errors import PlanRejected
 from palpate.parameter import Parameter
 from palpate.planning.request.item import GRIPPER, Item
-from palpate.planning.request.sentence.meaning import Quantity
+from palpate.planning.request.sentence.query import Quantity
 from palpate.quantities.catalogue import Catalogue
 from palpate.scene.scene import Scene
 
 SHOWN = 6
 """Bodies that a refusal lists."""
+HINT = "; say e.g. "
+"""What separates the reason of a refusal from advice, which a proposal makes needless."""
 LONG = 60
 """Characters of a sentence that a refusal shows."""
 _NOT_SENSED = "no primitive of the robot senses it"
@@ -43,19 +45,17 @@ class Resolver:
             self.cannot.append(self.not_measurable(quantity))
             return []
         if not objects:
-            return self._missing_or_all(id)
-        found: list[Parameter] = []
-        for item in objects:
-            found += _each(self._chosen(item, id), id)
+            missing = [parameter for parameter in self.scene.missing if parameter.quantity == id]
+            return missing or [Parameter(name, id) for name in self._carriers(id)]
+        names = [name for item in objects for name in self._chosen(item, id)]
+        found = [Parameter(name, id) for name in names]
         if not found:
             self.cannot.append(self._wrong_subject(id, objects))
         return found
 
     def _meant(self, id: str, objects: Sequence[Item]) -> str:
         """The quantity that a word means of `objects`: the height of a crate is part of its size."""
-        if id not in self.catalogue:
-            return id
-        elsewhere = self.catalogue[id].elsewhere
+        elsewhere = self.catalogue[id].elsewhere if id in self.catalogue else None
         if not elsewhere or self._any_carries(objects, id):
             return id
         return elsewhere if self._any_carries(objects, elsewhere) else id
@@ -83,55 +83,37 @@ class Resolver:
         """
         ids = list(self.catalogue)
         if quantity is not None:
-            meant = self._meant(quantity.id, objects)
-            ids = [id for id in (meant,) if id in self.catalogue]
-        excluded: list[Parameter] = []
-        for id in ids:
-            if not objects:
-                excluded += self._of_all(id)
-            for item in objects:
-                excluded += _each(self._chosen(item, None), id)
-        return excluded
+            ids = [id for id in ids if id == self._meant(quantity.id, objects)]
+        chosen = [name for item in objects for name in self._chosen(item, None)]
+        return [
+            Parameter(name, id)
+            for id in ids
+            for name in (chosen if objects else self._carriers(id))
+        ]
 
-    def missing(self, objects: Sequence[Item], model: bool = False) -> tuple[list[Parameter], str]:
+    def missing(self, objects: Sequence[Item]) -> tuple[list[Parameter], str]:
         """All that the scene misses of some things, or of everything, and how that was read.
-        `model`: a model of them, which is one of all that stands on them.
 
         Raises:
             PlanRejected: one of several.
         """
-        names: list[str] = []
-        for item in objects:
-            names += self._chosen(item, None)
-        if not names or (model and self._holds_all(names)):
-            return list(self.scene.missing), "Everything that the scene misses is meant."
-        return self._missing_of(list(dict.fromkeys(names)), list(self.scene.missing))
-
-    def _holds_all(self, names: Sequence[str]) -> bool:
-        """Test for the surfaces that carry all objects: "a model of my desk" includes everything on
-        it."""
-        surfaces = self.scene.surfaces
-        return all(name in surfaces for name in names) and len(surfaces) == len(set(names))
-
-    def require_one(self, objects: Sequence[Item]) -> None:
-        """Require that each mention refers to one body.
-
-        Raises:
-            PlanRejected: one is not.
-        """
-        for item in objects:
-            self._chosen(item, None)
+        missing = list(self.scene.missing)
+        names = [name for item in objects for name in self._chosen(item, None)]
+        if not names or set(names) >= set(self.scene.bodies):
+            return missing, "Everything that the scene misses is meant."
+        found = [parameter for parameter in missing if parameter.object in names]
+        listed = ", ".join(dict.fromkeys(names))
+        end = "." if found else f"; nothing of {listed} is missing."
+        return found, (
+            f"The request names no quantity, so everything the scene misses of {listed} is meant{end}"
+        )
 
     def ordered(self, parameters: Sequence[Parameter]) -> list[Parameter]:
         """Each once: surfaces first, then objects, both in document order; quantities as in the
         catalogue."""
         names = [*self.scene.surfaces, *self.scene.objects, GRIPPER]
-        ids = list(self.catalogue)
-
-        def place(parameter: Parameter) -> tuple[int, int]:
-            return names.index(parameter.object), ids.index(parameter.quantity)
-
-        return sorted(dict.fromkeys(parameters), key=place)
+        every = [Parameter(name, id) for name in names for id in self.catalogue]
+        return sorted(dict.fromkeys(parameters), key=every.index)
 
     def not_understood(self, words: Sequence[str], sentence: str) -> PlanRejected:
         """Something in a sentence was not: names the words, and says what can be asked, and how."""
@@ -142,8 +124,7 @@ class Resolver:
             said = f"{said[:LONG].rsplit(' ', 1)[0]} …"
         listed = f"{listed} in '{said}'" if told else f"'{said}'"
         return PlanRejected(
-            f"I did not understand {listed}; say e.g. "
-            f"'{self._example()}'; measurable are {_measurable(self.catalogue)} of "
+            f"I did not understand {listed}{HINT}'{self._example()}'; measurable are {_measurable(self.catalogue)} of "
             f"{self._listed_bodies()}"
         )
 
@@ -152,18 +133,6 @@ class Resolver:
         if self.scene.objects:
             return f"mass of the {next(iter(self.scene.objects))}"
         return "everything that is missing"
-
-    def no_deed(self, word: str) -> str:
-        """Message to a request for an action of the robot."""
-        return (
-            f"'{word}' is nothing to measure: the robot touches and weighs, and puts everything back; "
-            f"measurable are {_measurable(self.catalogue)}."
-        )
-
-    def not_felt(self, word: str) -> str:
-        """Message to a question about a state."""
-        measurable = _measurable(self.catalogue)
-        return f"Whether it is '{word}' cannot be measured: {_NOT_SENSED}; what can be is {measurable}."
 
     def reject(self, request: str) -> NoReturn:
         """Reject a request without any known word.
@@ -178,11 +147,7 @@ class Resolver:
         )
 
     def _chosen(self, item: Item, id: str | None) -> list[str]:
-        """The bodies that a mention means, of those that can have the quantity.
-
-        Raises:
-            PlanRejected: it may be one of several.
-        """
+        """The bodies that a mention means, of those that can have the quantity."""
         names = list(item.names)
         if id is not None:
             names = [name for name in names if self._carries(name, id)]
@@ -194,23 +159,6 @@ class Resolver:
             f"'the {item.text}' may be {choices}; name one, e.g. '{what}{names[0]}', or ask for all of "
             f"them, e.g. '{what}all of {', '.join(names)}'"
         )
-
-    def _missing_of(
-        self, names: Sequence[str], missing: Sequence[Parameter]
-    ) -> tuple[list[Parameter], str]:
-        parameters = [parameter for parameter in missing if parameter.object in names]
-        listed = ", ".join(names)
-        end = "." if parameters else f"; nothing of {listed} is missing."
-        return parameters, (
-            f"The request names no quantity, so everything the scene misses of {listed} is meant{end}"
-        )
-
-    def _missing_or_all(self, id: str) -> list[Parameter]:
-        missing = [parameter for parameter in self.scene.missing if parameter.quantity == id]
-        return missing or self._of_all(id)
-
-    def _of_all(self, id: str) -> list[Parameter]:
-        return _each(self._carriers(id), id)
 
     def _carriers(self, id: str) -> list[str]:
         """Bodies that can have the quantity; the empty hand for those of the gripper."""
@@ -250,11 +198,6 @@ class Resolver:
         if len(bodies) > SHOWN + 1:
             return f"{', '.join(bodies[:SHOWN])} and {len(bodies) - SHOWN} more"
         return ", ".join(bodies) or "no objects at all"
-
-
-def _each(names: Iterable[str], id: str) -> list[Parameter]:
-    """The quantity `id` of each body."""
-    return [Parameter(name, id) for name in names]
 
 
 def _measurable(catalogue: Catalogue) -> str:

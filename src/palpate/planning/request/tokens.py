@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Sequence
-from difflib import SequenceMatcher
-
-from palpate.planning.request.lexicon import AMOUNTS
+from collections.abc import Collection, Iterator, Sequence
+from difflib import get_close_matches
 
 _APART = (
     (r"\bcan'?t\b|\bcannot\b", "can not"),
@@ -24,6 +22,14 @@ _APART = (
 )
 """Contractions, as two words."""
 
+_MASSES = r"kg|kilos?|kilogram(?:me)?s?|g|gram(?:me)?s?|mg|lbs?|pounds?|oz|ounces?"
+_UNITS = r"[mck]?m|(?:milli|centi)?met(?:re|er)s?|inch(?:es)?|n|newtons?|n/mm?|%|percent|degrees?"
+_AMOUNT = re.compile(
+    rf"\b\d+(?:[.,]\d+)? *(?:{_MASSES}|{_UNITS})(?!\w)|"
+    rf"\b(?:(?:half )?an?|one|two|three|five|ten) (?=\w{{4}})(?:{_MASSES}|{_UNITS})(?!\w)"
+)
+"""A figure, or the word of one, with its unit."""
+
 
 def tokens(request: str) -> list[str]:
     """Words, `'s`, punctuation that separates, and §amount for a figure with its unit, of a request
@@ -34,9 +40,9 @@ def tokens(request: str) -> list[str]:
     text = re.sub(r"\s+", " ", request)
     for pattern, apart in _APART:
         text = re.sub(pattern, apart, text)
-    for pattern, amount in AMOUNTS:
-        text = re.sub(pattern, f" {amount} ", text)
+    text = _AMOUNT.sub(" §amount ", text)
     text = re.sub(r"[_\-]+", " ", text)
+    text = re.sub(r"(\w\.\w+)(?=\s\w+\.\w)", r"\1 ,", text)  # "bottle.mass table.height"
     text = re.sub(r"\.(?=\S)|/", " ", text)
     return re.findall(r"§\w+|'s\b|\w+|[,;:.?!]", text)
 
@@ -95,64 +101,31 @@ def singulars(word: str) -> tuple[str, ...]:
     return tuple(forms)
 
 
-def forms(word: str) -> tuple[tuple[str, str], ...]:
-    """Verbs of which `word` may be a form, with the form: "sliding" is "slide" and `_ING`."""
-    found = [(word, "")]
-    for ending, tag in (("ing", "_ING"), ("es", "_S"), ("ed", "_ED"), ("s", "_S")):
+def lemmas(word: str) -> tuple[str, ...]:
+    """Words of which `word` may be a form, itself first: "slide" for "sliding"."""
+    found = [word]
+    for ending in ("ing", "es", "ed", "s"):
         stem = word.removesuffix(ending)
         if stem == word or len(stem) < 2:
             continue
-        found += [(stem, tag), (stem + "e", tag)]
+        found += [stem, stem + "e"]
         if stem[-1] == stem[-2]:
-            found.append((stem[:-1], tag))
+            found.append(stem[:-1])
         if stem.endswith("i"):
-            found.append((stem[:-1] + "y", tag))
+            found.append(stem[:-1] + "y")
     return tuple(found)
 
 
-SHORTEST = 4
-"""Letters: a shorter word is near too many others."""
 NEAR = 0.82
 """Share of the letters that must be the same and in order. Nobody's slip changes the first letter;
 a cable is no table."""
 
 
 def nearest_spelling(word: str, known: Collection[str]) -> str | None:
-    """The one of `known` that `word` is a slip of, None where there is none, or no single one."""
-    if not word.isalpha():
+    """The one of `known` that `word` is a slip of; None if there is none."""
+    if not word.isalpha() or len(word) < 3:
         return None
-    doubled = [other for other in known if len(other) > 3 and _single(other) == _single(word)]
-    if doubled:
-        return doubled[0] if len(doubled) == 1 else None
-    if len(word) < SHORTEST:
-        return None
-    found = _nearest(word, (other for other in known if other[0] == word[0]))
-    return found[0] if len(found) == 1 else None
-
-
-def _nearest(word: str, known: Iterable[str]) -> list[str]:
-    """Known words at the least distance, if it is small."""
-    best, nearest = NEAR, list[str]()
-    for other in known:
-        if abs(len(other) - len(word)) > 2:
-            continue
-        same = _alike(word, other)
-        if same > best:
-            best, nearest = same, [other]
-        elif same == best:
-            nearest.append(other)
-    return nearest
-
-
-def _alike(word: str, other: str) -> float:
-    """From 0 to 1. Two letters that changed places are one slip."""
-    if sorted(word) == sorted(other):
-        return 1.0
-    return SequenceMatcher(None, word, other, autojunk=False).ratio()
-
-
-def _single(word: str) -> str:
-    """A word without its doubled letters: "mas" is a slip of "mass"."""
-    return "".join(
-        letter for before, letter in zip(" " + word, word, strict=False) if before != letter
-    )
+    like = [other for other in known if other[0] == word[0] and abs(len(other) - len(word)) <= 2]
+    swapped = [other for other in like if len(word) > 3 and sorted(other) == sorted(word)]
+    found = swapped or get_close_matches(word, like, 2, NEAR)
+    return found[0] if found else None

@@ -28,8 +28,6 @@ in millimetres."""
 LARGER = 1.1
 """Ratio of sizes above which the larger of two bodies is the large one."""
 
-_VIEWS = ("left", "right")
-
 
 def farthest(place: str, names: Sequence[str], scene: Scene, said: str) -> tuple[str, str]:
     """Body that is farthest to one side, or the largest, with a remark.
@@ -37,8 +35,37 @@ def farthest(place: str, names: Sequence[str], scene: Scene, said: str) -> tuple
     Raises:
         PlanRejected: two are.
     """
-    chosen = _extreme(place, _bodies(scene, names), scene, place, said)
-    return chosen, _as_seen(place, place)
+    axis, sign = _EXTREMES[place]
+    bodies = _bodies(scene, names)
+    measured = [sign * _measure(axis, body, scene) for body in bodies]
+    first, second = sorted(range(len(bodies)), key=measured.__getitem__, reverse=True)[:2]
+    one, other = abs(measured[first]), abs(measured[second])
+    apart = max(one, other) > LARGER * min(one, other)
+    if axis in ("x", "y"):
+        apart = measured[first] - measured[second] > APART
+    if not apart:
+        either = f"'{bodies[first].name}' or '{bodies[second].name}'"
+        raise PlanRejected(f"'the {place} {said}' may be {either}; name one")
+    return bodies[first].name, _as_seen(place)
+
+
+_EXTREMES = {
+    "left": ("y", 1),
+    "right": ("y", -1),
+    "far": ("x", 1),
+    "near": ("x", -1),
+    "large": ("volume", 1),
+    "small": ("volume", -1),
+    "tall": ("height", 1),
+    "short": ("height", -1),
+}
+"""What is compared, and which end of it is meant."""
+
+
+def _measure(axis: str, body: Body, scene: Scene) -> float:
+    if axis in ("x", "y"):
+        return float(_in_base(body, scene)["xy".index(axis)])
+    return float(np.prod(body.size) if axis == "volume" else body.size[2])
 
 
 def standing(
@@ -58,91 +85,78 @@ def standing(
         # The believed height of a surface may be what is asked for.
         return item.names, remark
     if relation in _STANDING:
-        found = _standing(relation, rest, beside)
-    elif anything or len(rest) > 1:
-        found, remark = _beside(relation, rest, beside, scene)
+        stands = _STANDING[relation]
+        found = [body for body in rest if any(stands(body, mark, rest) for mark in beside)]
     else:
-        found = _on_that_side(relation, rest, beside, scene)
+        found, remark = _beside(relation, rest, beside, scene, chosen=anything or len(rest) > 1)
     if not found:
         said = " and ".join(f"'{mark}'" for mark in marks)
-        raise PlanRejected(f"no '{item.text}' of this scene is {_SAID[relation]} {said}")
+        raise PlanRejected(
+            f"no '{item.text}' of this scene is {_SAID.get(relation, relation)} {said}"
+        )
     return tuple(body.name for body in found), remark
 
 
-def _on_that_side(
-    relation: str, rest: Sequence[Body], marks: Sequence[Body], scene: Scene
-) -> Sequence[Body]:
-    """The only thing of its name, if it stands so."""
+_SAID = {
+    "off": "on",
+    "over": "on",
+    "nearest": "nearest to",
+    "farthest": "farthest from",
+    "left": "left of",
+    "right": "right of",
+    "front": "in front of",
+}
+
+
+def _beside(
+    relation: str, rest: Sequence[Body], marks: Sequence[Body], scene: Scene, chosen: bool
+) -> tuple[list[Body], str]:
+    """Bodies that have the relation; the nearest of several if one is to be chosen, with a remark."""
     middle = np.mean([_in_base(mark, scene) for mark in marks], axis=0)
-    return [body for body in rest if _SIDES[relation](_in_base(body, scene) - middle)]
+    ways = [(_in_base(body, scene) - middle, body) for body in rest]
+    axis, sign = _SIDES.get(relation, (0, 0))
+    so = [
+        (float(np.hypot(*way[:2])), body)
+        for way, body in ways
+        if not sign or sign * way[axis] > APART
+    ]
+    so.sort(key=lambda one: one[0], reverse=relation == "farthest")
+    remark = _as_seen(relation)
+    if not chosen or len(so) < 2:
+        return [body for _, body in so], remark if chosen else ""
+    (first, nearest), (second, other) = so[:2]
+    told_apart = first < NEARER * second
+    if relation in ("nearest", "farthest"):
+        apart = abs(second - first)
+        told_apart = apart > LEVEL
+        remark = f"The {relation} is '{nearest.name}', by {1e3 * apart:.0f} mm."
+    if told_apart:
+        return [nearest], remark
+    said = _SAID.get(relation, relation)
+    raise PlanRejected(f"{said} it may stand '{nearest.name}' or '{other.name}'; name one")
 
 
-def _as_seen(said: str, relation: str) -> str:
-    return f"'{said}' is as the robot sees it." if relation in _VIEWS else ""
+_SIDES = {"left": (1, 1), "right": (1, -1), "behind": (0, 1), "front": (0, -1)}
+"""Axis of the robot's base, and its direction."""
+
+
+def _as_seen(relation: str) -> str:
+    return f"'{relation}' is as the robot sees it." if relation in ("left", "right") else ""
 
 
 def _bodies(scene: Scene, names: Iterable[str]) -> list[Body]:
     return [scene.bodies[name] for name in names if name in scene.bodies]
 
 
-def _extreme(place: str, bodies: Sequence[Body], scene: Scene, said: str, noun: str) -> str:
-    """The name of the body that is farthest to one side, or the largest.
-
-    Raises:
-        PlanRejected: two are.
-    """
-    measure = _EXTREMES[place]
-    sizes = [measure(body, scene) for body in bodies]
-    order: list[int] = np.argsort(sizes)[::-1].tolist()
-    first, second = sizes[order[0]], sizes[order[1]]
-    apart = first - second > APART
-    if place in ("large", "small", "tall", "short"):
-        apart = abs(first) > LARGER * abs(second) or abs(second) > LARGER * abs(first)
-    if not apart:
-        names = " or ".join(f"'{bodies[i].name}'" for i in order[:2])
-        raise PlanRejected(f"'the {said} {noun}' may be {names}; name one")
-    return bodies[order[0]].name
+def _middle(body: Body) -> Array:
+    """Of its box, in the world, m."""
+    return body.pose_world.rotation @ body.centre + body.pose_world.position
 
 
 def _in_base(body: Body, scene: Scene) -> Array:
     """Centre of a body in the robot's base frame, m."""
     base = scene.pose_world_base
     return base.rotation.T @ (_middle(body) - base.position)
-
-
-_EXTREMES: Mapping[str, Callable[[Body, Scene], float]] = {
-    "left": lambda body, scene: float(_in_base(body, scene)[1]),
-    "right": lambda body, scene: -float(_in_base(body, scene)[1]),
-    "near": lambda body, scene: -float(_in_base(body, scene)[0]),
-    "far": lambda body, scene: float(_in_base(body, scene)[0]),
-    "large": lambda body, scene: float(np.prod(body.size)),
-    "small": lambda body, scene: -float(np.prod(body.size)),
-    "tall": lambda body, scene: float(body.size[2]),
-    "short": lambda body, scene: -float(body.size[2]),
-}
-
-
-_SAID = {
-    "on": "on",
-    "off": "on",
-    "over": "on",
-    "under": "under",
-    "in": "in",
-    "beside": "beside",
-    "nearest": "nearest to",
-    "farthest": "farthest from",
-    "left": "left of",
-    "right": "right of",
-    "behind": "behind",
-    "front": "in front of",
-    "between": "between",
-}
-
-
-def _standing(relation: str, rest: Sequence[Body], marks: Sequence[Body]) -> list[Body]:
-    """Bodies that have the relation to one of the landmarks."""
-    stands = _STANDING[relation]
-    return [body for body in rest if any(stands(body, mark, rest) for mark in marks)]
 
 
 def _is_upon(body: Body, mark: Body, others: Sequence[Body]) -> bool:
@@ -174,48 +188,4 @@ _STANDING: Mapping[str, Callable[[Body, Body, Sequence[Body]], bool]] = {
     "over": _is_upon,
     "under": lambda body, mark, _: _on(mark, body),
     "in": lambda body, mark, _: _in(body, mark),
-}
-
-
-def _middle(body: Body) -> Array:
-    """Of its box, in the world, m."""
-    return body.pose_world.rotation @ body.centre + body.pose_world.position
-
-
-def _beside(
-    relation: str, rest: Sequence[Body], marks: Sequence[Body], scene: Scene
-) -> tuple[list[Body], str]:
-    """Body that has the relation, the nearest of several, with a remark.
-
-    Raises:
-        PlanRejected: two are about as near.
-    """
-    middle = np.mean([_in_base(mark, scene) for mark in marks], axis=0)
-    ways = [(_in_base(body, scene) - middle, body) for body in rest]
-    so = [(float(np.hypot(*way[:2])), body) for way, body in ways if _SIDES[relation](way)]
-    so.sort(key=lambda one: one[0], reverse=relation == "farthest")
-    found = [body for _, body in so[:1]]
-    if len(so) < 2:
-        return found, _as_seen(relation, relation)
-    (first, nearest), (second, other) = so[:2]
-    told_apart, remark = first < NEARER * second, _as_seen(relation, relation)
-    if relation in ("nearest", "farthest"):
-        apart = abs(second - first)
-        told_apart = apart > LEVEL
-        remark = f"The {relation} is '{nearest.name}', by {1e3 * apart:.0f} mm."
-    if told_apart:
-        return found, remark
-    names = f"'{nearest.name}' or '{other.name}'"
-    raise PlanRejected(f"{_SAID[relation]} it may stand {names}; name one")
-
-
-_SIDES: Mapping[str, Callable[[Array], bool]] = {
-    "beside": lambda way: True,
-    "nearest": lambda way: True,
-    "farthest": lambda way: True,
-    "between": lambda way: True,
-    "left": lambda way: bool(way[1] > APART),
-    "right": lambda way: bool(way[1] < -APART),
-    "behind": lambda way: bool(way[0] > APART),
-    "front": lambda way: bool(way[0] < -APART),
 }

@@ -10,111 +10,70 @@ from importlib.resources import files
 from typing import Any
 
 from palpate.files.plain_yaml import plain_yaml
-from palpate.planning.request.lexicon import by_word, word_set
 from palpate.quantities.purposes import quantities_by_verb
 
 LANGUAGES = ("de", "es", "fr", "it")
 """Languages of requests, without English."""
 
 Phrase = tuple[str, ...]
+Words = frozenset[str]
 
 
 @dataclass(frozen=True, slots=True)
 class Language:
-    """A language that requests may be written in.
-
-    Attributes:
-        turned: its phrases in English.
-        endings: of inflected words, which may be left away.
-        compounds: whether it writes several nouns in one word.
-        plurals: endings of plurals, and what they are of.
-    """
+    """A language that requests may be written in: its phrases in English, the endings that inflected
+    words may lose, and whether it writes several nouns in one word."""
 
     turned: Mapping[Phrase, Phrase]
     endings: tuple[str, ...]
     compounds: bool
-    plurals: Mapping[str, str]
 
 
 @dataclass(frozen=True, slots=True)
 class English:
-    """Word classes of English, from `words/en.yaml`.
+    """Words of English requests, from `words/en.yaml`.
 
     Attributes:
-        classes: the classes of a phrase, and whether it inflects.
-        single: first words of all phrases.
-        irregular: forms of verbs that no ending tells, with the verb and the form.
+        classes: the classes of a phrase, each with its meaning if it has one.
+        labels: tables from a word to what it stands for, by name.
+        sets: sets of words, by name.
     """
 
     turned: Mapping[Phrase, Phrase]
-    classes: Mapping[Phrase, tuple[tuple[str, bool], ...]]
-    single: frozenset[str]
-    irregular: Mapping[str, tuple[str, str]]
-    numbers: Mapping[str, str]
-    compared: Mapping[str, str]
-    superlatives: frozenset[str]
-    relations: Mapping[Phrase, str]
-    selecting: Mapping[str, str]
-    kinds: Mapping[str, frozenset[str]]
-    collective: frozenset[str]
-    same: tuple[frozenset[str], ...]
+    classes: Mapping[Phrase, list[tuple[str, tuple[str, ...]]]]
+    labels: Mapping[str, Mapping[str, str]]
+    sets: Mapping[str, Words]
+    kinds: Mapping[str, Words]
+    same: tuple[Words, ...]
     purposes: Mapping[str, tuple[str, ...]]
-    describing: frozenset[str]
-    asked: Mapping[str, str]
-    often: frozenset[str]
-    turning: frozenset[str]
-    remarking: frozenset[str]
-    telling: frozenset[str]
-    asking: frozenset[str]
-    bearing: frozenset[str]
-    harmless: frozenset[str]
-    remaining: frozenset[str]
-    settled: frozenset[str]
-    denying: frozenset[str]
-    materials: Mapping[str, str]
-    things: frozenset[str]
+
+    @property
+    def compared(self) -> Mapping[str, str]:
+        """Quantity that a comparing word is about: mass for "heavier"."""
+        return self.labels["compared"]
 
 
 @cache
 def english() -> English:
     """The words of English requests."""
     said = _read("en")
-    classes = _classes(said["classes"], said["verbs"])
-    relations: dict[Phrase, Any] = {}
-    for relation, phrases in said["relations"].items():
-        relations |= dict.fromkeys(_listed(phrases), relation)
-    sets = (
-        "collective",
-        "superlatives",
-        "describing",
-        "things",
-        "often",
-        "turning",
-        "remarking",
-        "telling",
-        "asking",
-        "bearing",
-        "harmless",
-        "remaining",
-        "settled",
-        "denying",
-    )
-    words = {name: word_set(said[name]) for name in sets}
+    classes: dict[Phrase, list[tuple[str, tuple[str, ...]]]] = defaultdict(list)
+    for kind, phrases in (*said["classes"].items(), ("FILL", said["frames"])):
+        for phrase in _listed(phrases):
+            classes[phrase].append((kind, ()))
+    for kind, table in (("REL", "relations"), ("SEL", "selecting"), ("NUM", "numbers")):
+        for value, phrases in said[table].items():
+            for phrase in _listed(phrases):
+                classes[phrase].append((kind, (value,)))
+    labels = ("compared", "asked", "unfelt", "irregular")
     return English(
-        turned=_phrases(said["turned"]),
+        turned={tuple(phrase.split()): tuple(by.split()) for phrase, by in said["turned"].items()},
         classes=classes,
-        single=frozenset(phrase[0] for phrase in classes),
-        irregular={form: _form(told) for form, told in said["irregular"].items()},
-        numbers={word: str(number) for word, number in said["numbers"].items()},
-        compared=by_word(said["compared"]),
-        relations=relations,
-        asked=by_word(said["asked"]),
-        selecting=by_word(said["selecting"]),
-        kinds={kind: word_set(members) for kind, members in said["kinds"].items()},
-        same=tuple(word_set(line) for line in said["same"]),
+        labels={name: _by_word(said[name]) for name in labels},
+        sets={name: _words(words) for name, words in said["sets"].items()},
+        kinds={kind: _words(members) for kind, members in said["kinds"].items()},
+        same=tuple(_words(line) for line in said["same"].split(",")),
         purposes=quantities_by_verb(),
-        materials=said["materials"],
-        **words,
     )
 
 
@@ -122,16 +81,9 @@ def english() -> English:
 def language(code: str) -> Language:
     """Words of one of `LANGUAGES`."""
     said = _read(code)
-    endings = tuple(said["endings"].split())
-    compounds = bool(said.get("compounds", False))
-    plurals = dict(said.get("plurals", {}))
-    return Language(_phrases(said["turned"]), endings, compounds, plurals)
-
-
-@cache
-def tells() -> Mapping[str, frozenset[str]]:
-    """Frequent small words by which languages are distinguished."""
-    return {code: word_set(words) for code, words in _read("tells").items()}
+    words = said["words"].items()
+    turned = {phrase: tuple(word.split()) for word, of in words for phrase in _listed(of)}
+    return Language(turned, tuple(said["endings"].split()), bool(said.get("compounds", False)))
 
 
 def longest(table: Iterable[Phrase]) -> int:
@@ -139,32 +91,21 @@ def longest(table: Iterable[Phrase]) -> int:
     return max(map(len, table), default=0)
 
 
-def _classes(
-    plain: Mapping[str, str], verbs: Mapping[str, str]
-) -> dict[Phrase, tuple[tuple[str, bool], ...]]:
-    found: dict[Phrase, list[tuple[str, bool]]] = defaultdict(list)
-    for inflects, classes in ((False, plain), (True, verbs)):
-        for kind, phrases in classes.items():
-            for phrase in dict.fromkeys(_listed(phrases)):
-                found[phrase].append((kind, inflects))
-    return {phrase: tuple(kinds) for phrase, kinds in found.items()}
+def _words(text: str) -> Words:
+    return frozenset(text.split())
+
+
+def _by_word(labelled: Mapping[str, str]) -> dict[str, str]:
+    """Each word to the label that it stands under."""
+    return {word: label for label, words in labelled.items() for word in words.split()}
 
 
 def _listed(phrases: str) -> list[Phrase]:
-    return [tuple(phrase.split()) for phrase in phrases.split(",") if phrase.strip()]
-
-
-def _form(told: str) -> tuple[str, str]:
-    """A verb and its form: "find ED"; the past, which nothing asks for, has none."""
-    verb, _, form = told.partition(" ")
-    return verb, f"_{form}" if form else ""
+    """Phrases between commas; § is a comma itself."""
+    found = [tuple(phrase.split()) for phrase in phrases.split(",")]
+    return [tuple(word.replace("§", ",") for word in phrase) for phrase in found if phrase]
 
 
 def _read(code: str) -> dict[str, Any]:
     file = files("palpate.planning.request").joinpath("words", f"{code}.yaml")
-    text = file.read_text(encoding="utf-8")
-    return plain_yaml(text, f"words of '{code}'")
-
-
-def _phrases(turned: Mapping[str, str]) -> dict[Phrase, Phrase]:
-    return {tuple(phrase.split()): tuple(said.split()) for phrase, said in turned.items()}
+    return plain_yaml(file.read_text(encoding="utf-8"), f"words of '{code}'")

@@ -85,11 +85,6 @@ class Gripper:
         """True if closed, and stopped by an object."""
         return self._goal == self._closed and not self.moving and self.width > NOTHING
 
-    @property
-    def now(self) -> tuple[float, bool, bool]:
-        """Width, m, gripping, moving."""
-        return self.width, self.gripping, self.moving
-
     def open(self, t: float) -> None:
         """Start opening fully."""
         self._start(t, self._open, self._strongest)

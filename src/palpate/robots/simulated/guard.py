@@ -104,9 +104,8 @@ class Guard:
         if self.yielding:
             self.reaction = reaction()
 
-    def observe(self, torque: Array, dq: Array, margin: float = 1.0) -> int | None:
-        """Return the first of the next n cycles whose wrench, times `margin`, exceeds the thresholds;
-        None if none.
+    def observe(self, torque: Array, dq: Array) -> int | None:
+        """Return the first of the next n cycles whose wrench exceeds the thresholds; None if none.
 
         After it the wrench is followed no further: the arm yields.
 
@@ -125,8 +124,8 @@ class Guard:
         self._wrench, self._dq = wrenches[-1], dq[-1]
         # Only wrenches larger than the smallest threshold need the full test.
         sizes = np.einsum("ij,ij->i", wrenches, wrenches)
-        for i in np.flatnonzero(sizes > (self._thresholds.least / margin) ** 2).tolist():
-            self.fired = self._thresholds.fired(margin * wrenches[i])
+        for i in np.flatnonzero(sizes > self._thresholds.least**2).tolist():
+            self.fired = self._thresholds.fired(wrenches[i])
             if self.fired is not None:
                 self._wrench, self.yielding, self.reaction = wrenches[i], True, self._reaction()
                 return i

@@ -4,10 +4,10 @@ model."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.nominal import NominalArm, wrenches
@@ -25,59 +25,43 @@ LOAD_TIME = 0.2  # s, time constant with which a vertical force is taken for a l
 _KEPT = math.exp(-PERIOD / OBSERVER_TIME)
 
 
-class Felt(NamedTuple):
-    """A run of n log periods as the arm's encoders report it."""
+class ReportedMotion(NamedTuple):
+    """Motion of the arm over n log periods, as its encoders report it."""
 
-    steps: Steps
-    t: Array  # (n,) s, world time at the end of each period
-    target: Array  # (n, 7) commanded poses of the TCP
     mean: Array  # (n, 21) joint angles, rad, the TCP's pose, and gravity torques, N m
     dq: Array  # (n, 7) rad/s
     gained: Array  # (n, 7) rad/s, change of the joint rates in each period
     jacobian: Array  # (n, 6, 7) at the end of each period
     inertia_torque: Array  # (n, 7) N m, as `Kinematics`
-    noise: Array  # (n, 7) rad and
-    rate_noise: Array  # (n, 7) rad/s of the encoders
-    stuck: Array  # (n, 7) N m that stick in the joints
-    reported: tuple[Array, Pose]  # joint angles, rad, and the TCP's pose at its end
-    pose_error: Array  # (3,) m at its end
 
 
-class Newest(NamedTuple):
-    """The newest sample that arrived."""
+class Measurement(NamedTuple):
+    """Torques and wrenches measured along a motion."""
 
-    stamp: float  # s, robot time
-    dq: Array
-    tau: Array
+    torque: Array  # (n, 7) N m
     tau_ext: Array
-    twist: Array
-    wrench: Array
+    wrench: Array  # (n, 6)
     contact: Array
-
-
-class Sensed(NamedTuple):
-    """What the sensors have reported at the end of a run."""
-
-    samples: Samples  # of the run
-    newest: Newest
-    reported: tuple[Array, Pose]  # as of the newest sample
-    deviation: Array  # (7,) N m, sensed less true torque, without white noise
-    load: float  # N on the hand: the slow part of the vertical force
+    arrived: NDArray[np.bool_] | None  # (n,) which of the samples do; None for all
 
 
 class Readout:
-    """Sensors along the runs of the arm: `feel` what its controller needs after each, and `read`
-    several of them at once.
+    """The latest sensed state, and the samples of each run of steps.
 
     Attributes:
-        q, dq: (7,) rad, rad/s; `dq` is the last block's mean.
+        q, dq: (7,) rad, rad/s.
+        tau, tau_ext: (7,) N m.
+        wrench, contact, twist: (6,).
         pose_world_tcp: pose of the newest encoder reading, not a block's mean.
+        stamp: s, robot time of the newest sample that arrived.
+        reported: joint angles (7,), rad, and pose of the TCP, as of that sample.
         jacobian: (6, 7).
         gravity_torque: (7,) N m, nominal.
         commanded: (7,) N m, the last block's.
-        speed: (7,) rad/s at the end of the last block.
+        speed: (7,) rad/s at the end of the last block; `dq` is its mean.
+        deviation: (7,) N m, sensed less true torque now, without white noise.
+        load: N on the hand: the slow part of the vertical force.
         angle_error: (7,) rad, reported less true joint angles now.
-        sensed: at the end of the last run that was read.
     """
 
     def __init__(
@@ -100,16 +84,18 @@ class Readout:
         self.angle_error = reported[0] - q
         self._last = np.concatenate([reported[0], here.pose_world_tcp[0], here.gravity_torque[0]])
         self._last_noise = np.zeros(7)
-        self.dq, self.speed, self._external = np.zeros(7), np.zeros(7), np.zeros(7)
+        self.stamp = 0.0
+        self.reported = (self.q, self.pose_world_tcp)
+        self.speed = np.zeros(7)
+        self.dq, self.tau_ext, self._external = np.zeros(7), np.zeros(7), np.zeros(7)
+        self.wrench, self.contact, self.twist = np.zeros(6), np.zeros(6), np.zeros(6)
+        self.deviation, self.load = np.zeros(7), 0.0
         self.jacobian = here.jacobian[0]
-        self.commanded = self.gravity_torque
+        self.tau = self.commanded = self.gravity_torque
         position = here.pose_world_tcp[:, :3]
         start = Motion(reported, np.zeros((1, 7)), self.jacobian, position)
         sensors.zero(torque, self.gravity_torque, start)
         self._gains, self._zeroed = 1.0 + gains, self.gravity_torque.copy()
-        still = np.zeros(6)
-        newest = Newest(0.0, self.dq, self.commanded, self.dq, still, still, still)
-        self.sensed = Sensed(Samples.empty(), newest, self._place(), np.zeros(7), 0.0)
 
     @property
     def q(self) -> Array:
@@ -124,25 +110,51 @@ class Readout:
         row = self._last[7:14]
         return Pose(row[:3] + self._encoders.pose_error, row[3:])
 
-    @property
-    def twist(self) -> Array:
-        """(6,) TCP velocity, world axes."""
-        return self.jacobian @ self.dq
+    def read(self, steps: Steps, gains: Gains, t: float, target: Array) -> Samples:
+        """Return the samples that arrive of a run of steps.
 
-    def _place(self) -> tuple[Array, Pose]:
-        return self.q, self.pose_world_tcp
+        Positions, torques and derived signals are means over a sample's block.
 
-    def feel(self, steps: Steps, t: float, target: Array) -> Felt:
-        """Follow a run of steps that ended at world time `t`; `target` (n, 7): commanded poses of the
-        TCP."""
+        Args:
+            t: world time at the end of the run.
+            target: (n, 7) commanded poses of the TCP.
+        """
+        motion = self._follow(steps)
+        measured = self._measure(steps, motion, gains)
+        self._encoders.pass_time(len(steps.q))
+        motion.mean[:, 7:10] += self._encoders.pose_error
+        dq = motion.dq if self._encoders.clean else self._add_noise(motion)
+        samples = Samples(
+            t=self._stamps.of(t - PERIOD * np.arange(len(dq) - 1.0, -1.0, -1.0)),
+            q=motion.mean[:, :7],
+            dq=dq,
+            tau_ext=measured.tau_ext,
+            wrench=measured.wrench,
+            pose_world_tcp=motion.mean[:, 7:14],
+            twist=np.matmul(motion.jacobian, dq[:, :, None])[:, :, 0],
+            target_world_tcp=target,
+            width=steps.fingers.sum(1),
+        )
+        torque, contact, arrived = measured.torque, measured.contact, measured.arrived
+        if arrived is None or arrived[-1]:
+            self.reported = (self.q, self.pose_world_tcp)
+        if arrived is not None and not arrived.all():
+            samples, torque, contact = samples.where(arrived), torque[arrived], contact[arrived]
+        if len(samples):
+            self.stamp = float(samples.t[-1])
+            self.dq, self.twist, self.wrench = samples.dq[-1], samples.twist[-1], samples.wrench[-1]
+            self.tau, self.tau_ext, self.contact = torque[-1], samples.tau_ext[-1], contact[-1]
+        return samples
+
+    def _follow(self, steps: Steps) -> ReportedMotion:
+        """Compute the arm's motion as its encoders report it, without their noise."""
         gained = steps.dq.copy()
         gained[0] -= self.speed
         gained[1:] -= steps.dq[:-1]
-        self.speed, self.commanded = steps.dq[-1], steps.torque[-1]
+        self.speed = steps.dq[-1]
         q = self._reported(steps)
         here = self._nominal.kinematics(q, steps.dq, gained / PERIOD)
-        count, encoders = len(q), self._encoders
-        rows = np.empty((count + 1, 21))
+        rows = np.empty((len(q) + 1, 21))
         rows[0], rows[1:, :7] = self._last, q
         rows[1:, 7:14], rows[1:, 14:] = here.pose_world_tcp, here.gravity_torque
         mean = rows[1:] + rows[:-1]
@@ -150,65 +162,7 @@ class Readout:
         dq = (rows[1:, :7] - rows[:-1, :7]) / PERIOD
         self._last, self.jacobian = rows[-1], here.jacobian[-1]
         self.angle_error = q[-1] - steps.q[-1]
-        stuck = self._sensors.stuck(Motion(mean[:, :7], dq, self.jacobian, mean[:, 7:10]))
-        encoders.pass_time(count)
-        noise = encoders.noise(count)
-        rate_noise = (noise - np.concatenate([self._last_noise[None], noise[:-1]])) / PERIOD
-        self._last_noise, self.dq = noise[-1], dq[-1] + rate_noise[-1]
-        times = t - PERIOD * np.arange(count - 1.0, -1.0, -1.0)
-        of_arm = mean, dq, gained, here.jacobian, here.inertia_torque
-        of_sensors = noise, rate_noise, stuck, self._place(), encoders.pose_error
-        return Felt(steps, times, target, *of_arm, *of_sensors)
-
-    def read(self, runs: Sequence[Felt], gains: Gains) -> list[Sensed]:
-        """Return what is sensed at the end of each run, and its samples that arrive.
-
-        Positions, torques and derived signals are means over a sample's block.
-        """
-        ends = np.cumsum([len(run.t) for run in runs])
-        mean, dq, jacobian = joined(runs, "mean"), joined(runs, "dq"), joined(runs, "jacobian")
-        true = np.concatenate([self._link_torque(run, gains) for run in runs])
-        at_end = np.repeat([run.jacobian[-1] for run in runs], np.diff(ends, prepend=0), axis=0)
-        place = Motion(mean[:, :7], dq, at_end, mean[:, 7:10])
-        torque, arrived, shown = self._sensors.measure(true, place, joined(runs, "stuck"), ends)
-        torque = self._corrected(torque)
-        deviation = self._corrected(shown) - true[ends - 1]
-        tau_ext = torque - mean[:, 14:]
-        both = np.empty((*tau_ext.shape, 2))
-        inertia_torque = joined(runs, "inertia_torque")
-        both[:, :, 0], both[:, :, 1] = tau_ext, self._observe(tau_ext - inertia_torque)
-        both = wrenches(jacobian, both)
-        contact = both[:, :, 1]
-        self._add_noise(mean, jacobian, runs)
-        dq = dq + joined(runs, "rate_noise")
-        samples = Samples(
-            t=self._stamps.of(joined(runs, "t")),
-            q=mean[:, :7],
-            dq=dq,
-            tau_ext=tau_ext,
-            wrench=both[:, :, 0],
-            pose_world_tcp=mean[:, 7:14],
-            twist=np.matmul(jacobian, dq[:, :, None])[:, :, 0],
-            target_world_tcp=joined(runs, "target"),
-            width=np.concatenate([run.steps.fingers.sum(1) for run in runs]),
-        )
-        found: list[Sensed] = []
-        for i, (run, end) in enumerate(zip(runs, ends.tolist(), strict=True)):
-            rows = slice(end - len(run.t), end)
-            of_run, row, reported = samples.where(rows), end - 1, run.reported
-            if arrived is not None and not arrived[rows].all():
-                of_run = of_run.where(arrived[rows])
-                row = rows.start + int(np.flatnonzero(arrived[rows]).max(initial=-1))
-                reported = reported if arrived[end - 1] else self.sensed.reported
-            newest = self.sensed.newest
-            if row >= rows.start:
-                forces = torque[row], tau_ext[row], samples.twist[row], both[row, :, 0]
-                newest = Newest(float(samples.t[row]), dq[row], *forces, contact[row])
-            newer = -math.expm1(-len(run.t) * PERIOD / LOAD_TIME)
-            load = self.sensed.load + (contact[end - 1, 2] - self.sensed.load) * newer
-            self.sensed = Sensed(of_run, newest, reported, deviation[i], load)
-            found.append(self.sensed)
-        return found
+        return ReportedMotion(mean, dq, gained, here.jacobian, here.inertia_torque)
 
     def _reported(self, steps: Steps) -> Array:
         """Compute the encoders' angles (n, 7), rad, at the end of each block, without noise."""
@@ -219,19 +173,38 @@ class Readout:
             q = q + encoders.pressed(self.jacobian, steps.push @ tool, tool)
         return q
 
+    def _measure(self, steps: Steps, motion: ReportedMotion, gains: Gains) -> Measurement:
+        """Simulate the torque sensors along a motion."""
+        true = self._link_torque(steps, motion.gained, gains)
+        place = Motion(motion.mean[:, :7], motion.dq, self.jacobian, motion.mean[:, 7:10])
+        torque, arrived, shown = self._sensors.measure(true, place)
+        torque = self._corrected(torque)
+        self.commanded, self.deviation = steps.torque[-1], self._corrected(shown) - true[-1]
+        tau_ext = torque - motion.mean[:, 14:]
+        both = np.empty((*tau_ext.shape, 2))
+        both[:, :, 0], both[:, :, 1] = tau_ext, self._observe(tau_ext - motion.inertia_torque)
+        both = wrenches(motion.jacobian, both)
+        wrench, contact = both[:, :, 0], both[:, :, 1]
+        newer = -math.expm1(-len(torque) * PERIOD / LOAD_TIME)
+        self.load += (contact[-1, 2] - self.load) * newer
+        return Measurement(torque, tau_ext, wrench, contact, arrived)
+
     def _corrected(self, torque: Array) -> Array:
         """Correct readings (..., 7), N m, for the measured gains, about the torque at zeroing."""
         return self._zeroed + (torque - self._zeroed) / self._gains
 
-    def _add_noise(self, mean: Array, jacobian: Array, runs: Sequence[Felt]) -> None:
-        """Add the encoders' errors to the angles and poses of `mean` (n, 21)."""
-        noise = joined(runs, "noise")
-        mean[:, 7:10] += np.repeat(
-            [run.pose_error for run in runs], [len(run.t) for run in runs], axis=0
-        )
-        mean[:, :7] += noise
-        mean[:, 7:10] += np.matmul(jacobian[:, :3], noise[:, :, None])[:, :, 0]
+    def _add_noise(self, motion: ReportedMotion) -> Array:
+        """Add the encoders' noise to the angles and poses of `motion.mean`; return the noisy rates
+        (n, 7), rad/s."""
+        mean, dq, noise = motion.mean, motion.dq, self._encoders.noise(len(motion.mean))
+        if noise is not None:
+            mean[:, :7] += noise
+            mean[:, 7:10] += np.matmul(motion.jacobian[:, :3], noise[:, :, None])[:, :, 0]
+            before = np.concatenate([self._last_noise[None], noise[:-1]])
+            dq = dq + (noise - before) / PERIOD
+            self._last_noise = noise[-1]
         mean[:, :7] = self._encoders.quantised(mean[:, :7])
+        return dq
 
     def _observe(self, residual: Array) -> Array:
         """Estimate the external joint torque (n, 7), N m, of n log periods: the momentum observer.
@@ -250,7 +223,7 @@ class Readout:
         self._external = before
         return out
 
-    def _link_torque(self, run: Felt, gains: Gains) -> Array:
+    def _link_torque(self, steps: Steps, gained: Array, gains: Gains) -> Array:
         """Compute the mean torque (n, 7) behind the gears in each block, without that of the motors'
         own inertia.
 
@@ -259,13 +232,7 @@ class Readout:
         Springs act in every physics step with the arm's position then: on average, `SPRING_DELAY`
         before.
         """
-        steps, gained, jacobian = run.steps, run.gained, run.jacobian[-1]
-        late = gains.at_joints(gains.damping, jacobian) * DAMPING_DELAY
-        early = gains.at_joints(gains.stiffness, jacobian) * SPRING_DELAY
+        late = gains.at_joints(gains.damping, self.jacobian) * DAMPING_DELAY
+        early = gains.at_joints(gains.stiffness, self.jacobian) * SPRING_DELAY
         speed = steps.dq - gained / 2.0
         return steps.torque + speed @ early - (gained @ late + gained * self._armature) / PERIOD
-
-
-def joined(runs: Sequence[Felt], name: str) -> Array:
-    """Join a column of several runs."""
-    return np.concatenate([getattr(run, name) for run in runs])

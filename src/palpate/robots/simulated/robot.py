@@ -1,20 +1,17 @@
 """The embedded robot: a simulated arm in a hidden world, behind the protocol of a real one.
 
-Within a command nothing that is sensed changes the motion but the feed-forward torques. So the world
-runs ahead of the present by some runs of cycles, whose sensor readings are then computed together;
-`advance` only passes to the end of the next one. A command takes back what is ahead, and so does the
-reflex. The controller's 1 kHz loop itself is the world's actuators (`impedance`).
+Each `advance` computes the set-points of the steps ahead, lets the world run them, and converts the
+recorded joint signals into sensor readings. The controller's 1 kHz loop itself is the world's
+actuators (`impedance`), so that Python runs once per tick and not once per step.
 """
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from palpate.errors import ExecutionAborted
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.commanded import Commanded, swing_path
 from palpate.robots.description import RobotDescription
@@ -26,13 +23,12 @@ from palpate.robots.robot import RobotState
 from palpate.robots.simulated.gripper import Gripper
 from palpate.robots.simulated.guard import Guard, Reaction
 from palpate.robots.simulated.impedance import Gains, Inertia
-from palpate.robots.simulated.memory import Memory
 from palpate.robots.simulated.noise.line import Stamps
 from palpate.robots.simulated.noise.model import Streams
 from palpate.robots.simulated.noise.models import noise_models
 from palpate.robots.simulated.noise.sensors import Encoders, Sensors
 from palpate.robots.simulated.noise.true_arm import Truth
-from palpate.robots.simulated.readout import Felt, Readout, Sensed
+from palpate.robots.simulated.readout import Readout
 from palpate.robots.simulated.setpoints import (
     Correction,
     Setpoints,
@@ -49,36 +45,6 @@ if TYPE_CHECKING:
 
 STANDSTILL = 0.005  # rad/s: slower joints have stopped yielding
 SHORTEST_YIELD, LONGEST_YIELD = 0.1, 0.5  # s after a reflex
-AHEAD = 8  # runs of cycles, at most, that the world is ahead
-NEAR = 1.02  # factor by which a wrench may be below the reflex to be looked at cycle by cycle
-
-
-class Outlook(NamedTuple):
-    """Nominal arm at the beginning of a run of cycles, for the contact reflex."""
-
-    mass_matrix: Array  # (7, 7) kg m^2
-    jacobian: Array  # (6, 7)
-    dq: Array  # (7,) rad/s
-    known: Array  # (7,) N m: Coriolis and centrifugal torques, and correction of the weight
-    looks: Array  # (n, 7) N m, white noise of each cycle
-
-
-class Run(NamedTuple):
-    """A run of cycles."""
-
-    outlook: Outlook
-    felt: Felt
-    fingers: tuple[float, bool, bool]  # width, m, gripping, and moving, at its end
-
-
-class Moment(NamedTuple):
-    """The end of a run of cycles."""
-
-    t: float  # s, world time
-    sensed: Sensed
-    target: Array  # (7,) commanded pose of the TCP
-    fingers: tuple[float, bool, bool]
-    fired: str | None = None  # reason that the arm stopped itself
 
 
 class MujocoRobot(Commanded):
@@ -144,22 +110,13 @@ class MujocoRobot(Commanded):
         measured = config.gravity or config.end_effector or config.base_lean
         askew = truth.askew or measured is not None
         self._correction = Correction(self._world, self._readout, self._encoders, askew)
-        self._noise = Memory(self._sensors, self._encoders, self._stamps)
-        # The runs under way: state before the first, and before each; those not yet passed.
-        self._start = self._noise.save(), dict(vars(self._readout))
-        self._befores: list[list[dict[str, Any]]] = []
-        self._runs: list[Run] = []
-        self._ahead: deque[Moment] = deque()
-        self._stride = 1
-        target = self._readout.pose_world_tcp.vector
-        self._now = Moment(0.0, self._readout.sensed, target, self._gripper.now)
+        self._target = self._readout.pose_world_tcp.vector
         self._cached: RobotState | None = None
         self._follow_joints(still(0.0, self._readout.q))
 
     @property
     def world(self) -> World:
-        """The hidden world now: for pictures, and for the truth after the estimates are made."""
-        self._take_back()
+        """The hidden world: for pictures, and for the truth after the estimates are made."""
         return self._world
 
     @property
@@ -171,70 +128,61 @@ class MujocoRobot(Commanded):
     def state(self) -> RobotState:
         """State as of the last `advance`."""
         if self._cached is None:
-            now, target = self._now, self._now.target
-            sensed, (width, gripping, gripper_moving) = now.sensed, now.fingers
-            newest, (q, pose) = sensed.newest, sensed.reported
+            readout, gripper, t = self._readout, self._gripper, self._world.t
+            q, pose = readout.reported
             self._cached = RobotState(
-                t=now.t * self._stamps.rate,
-                stamp=newest.stamp,
+                t=t * self._stamps.rate,
+                stamp=readout.stamp,
                 q=q,
-                dq=newest.dq,
-                tau=newest.tau,
-                tau_ext=newest.tau_ext,
+                dq=readout.dq,
+                tau=readout.tau,
+                tau_ext=readout.tau_ext,
                 pose_world_tcp=pose,
-                target_world_tcp=Pose(target[:3], target[3:]),
-                twist=newest.twist,
-                wrench=newest.wrench,
-                contact=newest.contact,
-                width=width,
-                gripping=gripping,
-                moving=self._path.end > now.t,
-                gripper_moving=gripper_moving,
+                target_world_tcp=Pose(self._target[:3], self._target[3:]),
+                twist=readout.twist,
+                wrench=readout.wrench,
+                contact=readout.contact,
+                width=gripper.width,
+                gripping=gripper.gripping,
+                moving=self._path.end > t,
+                gripper_moving=gripper.moving,
                 reflex=self._reflex,
             )
         return self._cached
 
     def move_joints(self, q: Array, speed: float = 1.0) -> None:
         """No part exceeds the description's pace."""
-        self._take_back()
         self._reflex = None
         goal = np.asarray(q, dtype=float)
         self._follow_joints(self._joint_path(self._world.t, self._joint_motion(), goal, speed))
 
     def move_pose(self, target: Pose, speed: float, slower: Sequence[Stretch] = ()) -> None:
         """Slower where the arm's effective mass is large."""
-        self._take_back()
         self._reflex = None
         t, begin, q = self._world.t, self._pose_begin(), self._readout.q
         self._follow_pose(*self._pose_path(t, begin, target, speed, slower, q))
 
     def swing(self, about: Array, angle: float, frequency: float, cycles: int) -> None:
-        self._take_back()
         self._reflex = None
         t, begin = self._world.t, self._pose_begin()
         path = swing_path(t, begin, about, angle, frequency, cycles)
         self._follow_pose(path, still(t, self._readout.q))
 
     def open_gripper(self) -> None:
-        self._take_back()
         self._gripper.open(self._world.t)
-        self._grasp()
+        self._world.limit_fingers(self._gripper.force)
+        self._cached = None
 
     def close_gripper(self, force: float | None = None) -> None:
-        self._take_back()
         self._gripper.close(self._world.t, force)
-        self._grasp()
-
-    def _grasp(self) -> None:
         self._world.limit_fingers(self._gripper.force)
-        self._now, self._cached = self._now._replace(fingers=self._gripper.now), None
+        self._cached = None
 
     def hold(self) -> None:
         """The commanded equilibrium stays, so a contact keeps its force."""
-        t, path = self._now.t, self._path
+        t, path = self._world.t, self._path
         if path.end <= t:
             return
-        self._take_back()
         if isinstance(path, Path):
             self._follow_joints(self._stopped_joints(t, path.at(t)))
         else:
@@ -242,31 +190,15 @@ class MujocoRobot(Commanded):
             self._follow_pose(stopping, still(t, self._readout.q))
 
     def set_reflex(self, thresholds: Reflex) -> None:
-        self._take_back()
         self._thresholds = thresholds
 
     def advance(self, duration: float) -> None:
-        """Pass `duration` s, to the next log period."""
-        tick = duration / self._stamps.rate
-        self._due += tick
-        while (periods := round((self._due - self._now.t) / PERIOD)) > 0:
-            if self._ahead and len(self._upcoming.felt.t) > periods:
-                self._take_back()  # the world has run on by other steps
-            if not self._ahead:
-                self._run_ahead(tick)
-            self._pass(self._ahead.popleft())
-
-    def _pass(self, now: Moment) -> None:
-        """Pass to the end of a run."""
-        self._now, self._cached = now, None
-        self._logged.append(now.sensed.samples)
-        if now.fired:
-            self._yield(now.fired)
-        elif self._yielding:
-            yielded = now.t - self._since
-            slow = float(np.abs(self._readout.dq).max()) < STANDSTILL
-            if yielded > LONGEST_YIELD or (slow and yielded > SHORTEST_YIELD):
-                self._follow_joints(still(now.t, self._leading()))
+        """Step the world for `duration` s, to the next log period."""
+        self._due += duration / self._stamps.rate
+        periods = round((self._due - self._world.t) / PERIOD)
+        while periods > 0:
+            self._run(min(periods, LONGEST_RUN))
+            periods = round((self._due - self._world.t) / PERIOD)
 
     def drain(self) -> Samples:
         logged, self._logged = self._logged, []
@@ -327,138 +259,53 @@ class MujocoRobot(Commanded):
         """Return the joint torques of the springs now (7,), N m."""
         return self._readout.commanded - self._readout.gravity_torque
 
-    @property
-    def _upcoming(self) -> Run:
-        return self._runs[-len(self._ahead)]
-
-    def _run_ahead(self, tick: float) -> None:
-        """Run the world for some ticks of `tick` s, and read the sensors."""
-        self._start = self._noise.save(), dict(vars(self._readout))
-        self._runs, self._befores = [], []
-        for periods in self._lengths(tick):
-            try:
-                self._runs.append(self._run(periods, under_guard=self._seen))
-            except ExecutionAborted:
-                if not self._runs:
-                    raise
-                self._reset(len(self._runs))  # it is raised when its time comes
-                break
-        sensed = self._readout.read([run.felt for run in self._runs], self._gains)
-        before = self._now.sensed
-        for i, (run, after) in enumerate(zip(self._runs, sensed, strict=True)):
-            self._befores[i].append(dict(vars(self._guard)))
-            fired = self._guard.fired
-            if not self._seen:
-                self._begin_guard(run.outlook, before)
-                steps, fired = run.felt.steps, None
-                if self._guard.observe(steps.effort, steps.rates, NEAR) is not None:
-                    self._run_again(i)
-                    return
-            self._look(run, after, fired)
-            before = after
-
-    @property
-    def _seen(self) -> bool:
-        """True if no cycle of the world can be taken back, or the arm yields."""
-        return self._yielding or self._world.watch is not None
-
-    def _lengths(self, tick: float) -> list[int]:
-        """Choose the log periods of each run ahead: the farther, the longer ago the last command, but
-        no farther than the commanded motion."""
-        lengths: list[int] = []
-        t, due = self._now.t, self._due
-        end = self._path.end if self._path.end > t else np.inf
-        most = 1 if self._seen else self._stride
-        while len(lengths) < most and t < end:
-            while (periods := round((due - t) / PERIOD)) > 0 and len(lengths) < most:
-                lengths.append(min(periods, LONGEST_RUN))
-                t = round(t + lengths[-1] * PERIOD, 9)
-            due += tick
-        self._stride = min(2 * self._stride, AHEAD)
-        return lengths
-
-    def _look(self, run: Run, sensed: Sensed, fired: str | None) -> None:
-        """Add the end of a run to what is ahead."""
-        sensed.samples.width[:] += self._wider
-        self._ahead.append(
-            Moment(float(run.felt.t[-1]), sensed, run.felt.target[-1], run.fingers, fired)
-        )
-
-    def _run_again(self, index: int) -> None:
-        """Step a run in which a contact is near again, cycle by cycle, and drop what came after."""
-        periods = len(self._runs[index].felt.t)
-        self._return(index)
-        del self._runs[index:], self._befores[index:]
-        run = self._run(periods, under_guard=True)
-        self._befores[index].append({})
-        self._runs.append(run)
-        self._look(run, *self._readout.read([run.felt], self._gains), self._guard.fired)
-
-    def _take_back(self) -> None:
-        """Take back what is ahead of the present."""
-        self._stride = 1
-        if self._ahead:
-            self._return(len(self._runs) - len(self._ahead))
-            self._ahead.clear()
-
-    def _return(self, index: int) -> None:
-        """Return to the state before a run."""
-        self._reset(index)
-        noise, readout = self._start
-        self._noise.restore(noise)
-        vars(self._readout).update(readout)
-        felt: list[Felt] = []
-        for run in self._runs[:index]:
-            self._sensors.looks(len(run.outlook.looks))
-            felt.append(self._readout.feel(run.felt.steps, float(run.felt.t[-1]), run.felt.target))
-        if felt:
-            self._readout.read(felt, self._gains)
-
-    def _reset(self, index: int) -> None:
-        """Reset the world, the fingers, the correction and the guard to those before a run."""
-        self._world.back(index)
-        parts = self._gripper, self._correction, self._guard
-        for part, before in zip(parts, self._befores[index], strict=False):
-            vars(part).update(before)
-
-    def _run(self, periods: int, under_guard: bool) -> Run:
-        """Step the world for some log periods, under the guard or ahead of it."""
-        world, readout, n = self._world, self._readout, periods * BLOCK
-        world.keep(len(self._befores))
-        self._befores.append([dict(vars(part)) for part in (self._gripper, self._correction)])
-        mass_matrix, velocity_torque = self._nominal.dynamics(readout.q, readout.dq)
+    def _run(self, periods: int) -> None:
+        """Step the world for some log periods, and read the sensors."""
+        world, n = self._world, periods * BLOCK
+        self._dynamics = self._nominal.dynamics(self._readout.q, self._readout.dq)
         control = np.empty((n, len(world.rest_control)))
         control[:] = world.rest_control
         self._correction.follow()
-        target = self._command(control, velocity_torque)
+        target = self._command(control)
         times = world.t + TIMESTEP * np.arange(n, dtype=float)
         world.set_fingers(control, self._gripper.setpoints(times) - self._wider / 2)
-        known, looks = velocity_torque + self._correction.torque, self._sensors.looks(n)
-        outlook = Outlook(mass_matrix, readout.jacobian, readout.speed, known, looks)
-        if under_guard:
-            self._begin_guard(outlook, readout.sensed)
-        steps = world.step(control, self._guard if under_guard else None)
-        felt = readout.feel(steps, world.t, target[: len(steps.q)])
+        self._begin_guard(n)
+        steps = world.step(control, self._guard)
+        target = target[: len(steps.q)]
+        samples = self._readout.read(steps, self._gains, world.t, target)
+        samples.width[:] += self._wider
+        self._logged.append(samples)
+        self._target = target[-1]
         fingers, speeds = steps.fingers[-1] + self._wider / 2, steps.finger_speed[-1]
         self._gripper.observe(world.t, fingers.tolist(), speeds.tolist())
-        return Run(outlook, felt, self._gripper.now)
+        self._cached = None
+        if self._guard.fired:
+            self._yield(self._guard.fired)
+        elif self._yielding:
+            yielded = world.t - self._since
+            slow = float(np.abs(self._readout.dq).max()) < STANDSTILL
+            if yielded > LONGEST_YIELD or (slow and yielded > SHORTEST_YIELD):
+                self._follow_joints(still(world.t, self._leading()))
 
-    def _begin_guard(self, outlook: Outlook, sensed: Sensed) -> None:
-        """Prepare the contact reflex for a run of cycles; `sensed`: before it."""
-        thresholds, jacobian = self._thresholds, outlook.jacobian
+    def _begin_guard(self, cycles: int) -> None:
+        """Prepare the contact reflex for the run of cycles ahead."""
+        readout, thresholds = self._readout, self._thresholds
+        mass_matrix, velocity_torque = self._dynamics
+        jacobian = readout.jacobian
         damping = self._gains.at_joints(self._gains.damping, jacobian)
+        known = readout.deviation - velocity_torque - self._correction.torque
 
         def reaction() -> Reaction:
-            load = min(max(sensed.load, 0.0), thresholds.load)
-            return Reaction.of(outlook.mass_matrix, jacobian[2] * load, self._arm.limits.tau_max)
+            load = min(max(readout.load, 0.0), thresholds.load)
+            return Reaction.of(mass_matrix, jacobian[2] * load, self._arm.limits.tau_max)
 
         self._guard.begin(
             thresholds=None if self._yielding else thresholds,
             reaction=reaction,
             jacobian=jacobian,
-            inertia=outlook.mass_matrix + DAMPING_DELAY * damping,
-            dq=outlook.dq,
-            deviation=outlook.looks + (sensed.deviation - outlook.known),
+            inertia=mass_matrix + DAMPING_DELAY * damping,
+            dq=readout.speed,
+            deviation=self._sensors.looks(cycles) + known,
         )
 
     def _yield(self, why: str) -> None:
@@ -468,7 +315,7 @@ class MujocoRobot(Commanded):
         self._gains, self._yielding = self._guard.reaction.gains, True
         self._world.actuators.set(self._gains)
 
-    def _command(self, control: Array, velocity_torque: Array) -> Array:
+    def _command(self, control: Array) -> Array:
         """Write the arm's set-points into `control` (n, nu); return the commanded TCP poses, one per
         log period."""
         actuators, readout, setpoints = self._world.actuators, self._readout, self._setpoints
@@ -488,6 +335,6 @@ class MujocoRobot(Commanded):
         torque = self._gains.posture_torque(
             posture[:7] - readout.q, posture[7:] - readout.dq, readout.jacobian
         )
-        torque += velocity_torque + correction.torque
+        torque += self._dynamics[1] + correction.torque
         control[:, actuators.drives] = torque
         return target

@@ -54,9 +54,6 @@ class Steps(NamedTuple):
     push: Array  # (n, 3) N, mean force with which the hand pushes on things, world axes
     fingers: Array  # (n, 2) m at the end of each block
     finger_speed: Array  # (n, 2) m/s, likewise
-    # Of each cycle:
-    effort: Array  # (n * BLOCK, 7) N m commanded, without the part that holds the nominal arm up
-    rates: Array  # (n * BLOCK, 7) rad/s of the joints at its end
 
 
 class World:
@@ -94,8 +91,7 @@ class World:
         self._drive = int(self.model.actuator(PREFIX + DRIVE).id)
         self._fingers_control = int(self.model.actuator_ctrladr[self._drive])
         self._data.qpos[self._q], self._data.qpos[self._finger_q] = arm.home, arm.hand.opening / 2
-        self._seen = mujoco.MjData(self.model)
-        self._kept: list[tuple[float, mujoco.MjData]] = []
+        self._seen, self._before = mujoco.MjData(self.model), mujoco.MjData(self.model)
         self._dq = self._data.qvel[self._v]
         self._sensors = run_of(self.model.sensor(MOTOR.format(1)).adr[0], SENSED)
         self._rollout = Rollout(nthread=0)
@@ -111,70 +107,72 @@ class World:
         self.t = 0.0
         self.watch: Callable[[mujoco.MjData], None] | None = None
 
-    def step(self, control: Array, guard: Guard | None = None) -> Steps:
-        """Step once per row of `control` (n * BLOCK, nu); under the `guard`, cycle by cycle until it
-        fires: then the arm yields for the rest of that block, and the run ends with it.
+    def step(self, control: Array, guard: Guard) -> Steps:
+        """Step once per row of `control` (n * BLOCK, nu), or until the guard fires: then the arm
+        yields for the rest of that block, and the run ends with it.
 
         Raises:
             ExecutionAborted: the physics became unstable.
         """
-        count, before = len(control), self.compensation
-        if guard is None:
-            self._roll(control)
-        elif guard.yielding:
+        count = len(control)
+        if guard.yielding:
             self._cycle(control, 0, count, guard.reaction)
         else:
-            fired = self._one_by_one(control, guard)
+            look = self._all_at_once if self.watch is None else self._one_by_one
+            fired = look(control, guard)
             if fired is not None:
                 self.actuators.set(guard.reaction.gains)
                 count = (fired // BLOCK + 1) * BLOCK
                 self._cycle(control, fired + 1, count, guard.reaction)
-        ends = slice(SUBSTEPS - 1, count * SUBSTEPS, SUBSTEPS)
-        states, sensed = self._states[0, ends, 1:].copy(), self._signals[0, ends, self._sensors]
-        blocks, nq = states[BLOCK - 1 :: BLOCK], self.model.nq
-        self._film(blocks[:, :nq])
+        blocks = self._states[
+            0, BLOCK * SUBSTEPS - 1 : count * SUBSTEPS : BLOCK * SUBSTEPS, 1:
+        ].copy()
+        qvel = blocks[:, self.model.nq :]
+        self._film(blocks[:, : self.model.nq])
         self.t = round(self.t + count * TIMESTEP, 9)
         if abs(self._data.time - self.t) > TIMESTEP / 2:  # MuJoCo starts over when it diverges
             raise ExecutionAborted(
                 f"the simulated world became unstable before {self.t:.2f} s of robot time: "
                 "check its masses, sizes and contact parameters"
             )
-        # The weight that the motors hold is the nominal arm's, followed from end to end of the run.
-        share = np.arange(1.0, count + 1)[:, None] / count
-        weight = before + share * (self.compensation - before)
-        means = np.add.reduce(sensed.reshape(-1, BLOCK, SENSED), axis=1) / BLOCK
+        sensed = self._sensed(count).reshape(-1, BLOCK, SENSED)
+        means = np.add.reduce(sensed, axis=1) / BLOCK
         return Steps(
             q=blocks[:, self._q],
-            dq=blocks[:, nq:][:, self._v],
+            dq=qvel[:, self._v],
             torque=means[:, :7],
             push=means[:, 7:],
             fingers=blocks[:, self._finger_q],
-            finger_speed=blocks[:, nq:][:, self._finger_v],
-            effort=sensed[:, :7] - weight,
-            rates=states[:, nq:][:, self._v],
+            finger_speed=qvel[:, self._finger_v],
         )
 
-    def keep(self, place: int) -> None:
-        """Keep the present state in a numbered place, for `back`."""
-        while place >= len(self._kept):
-            self._kept.append((0.0, mujoco.MjData(self.model)))
-        kept = self._kept[place][1]
-        mujoco.mj_copyData(kept, self.model, self._data)
-        self._kept[place] = self.t, kept
+    def _sensed(self, count: int) -> Array:
+        """Return the sensors' values (count, SENSED) at the end of each cycle."""
+        return self._signals[0, SUBSTEPS - 1 : count * SUBSTEPS : SUBSTEPS, self._sensors]
 
-    def back(self, place: int) -> None:
-        """Return to the state that was kept in that place."""
-        self.t, kept = self._kept[place]
-        mujoco.mj_copyData(self._data, self.model, kept)
-        while self.frames[-1][0] > self.t:
-            self.frames.pop()
+    def _all_at_once(self, control: Array, guard: Guard) -> int | None:
+        """Step all cycles before the guard observes them, which is faster than one by one; return
+        the cycle in which it fires. Later cycles are undone."""
+        mujoco.mj_copyData(self._before, self.model, self._data)
+        before, count = self.compensation, len(control)
+        self._roll(control)
+        # The weight that the motors hold is the nominal arm's, followed from end to end of the run.
+        share = np.arange(1.0, count + 1)[:, None] / count
+        weight = before + share * (self.compensation - before)
+        ends = slice(SUBSTEPS - 1, count * SUBSTEPS, SUBSTEPS)
+        rates = self._states[0, ends, 1 + self.model.nq :][:, self._v].copy()
+        fired = guard.observe(self._sensed(count)[:, :7] - weight, rates)
+        if fired is not None:
+            mujoco.mj_copyData(self._data, self.model, self._before)
+            self._cycle(control, 0, fired + 1)
+        return fired
 
     def _one_by_one(self, control: Array, guard: Guard) -> int | None:
-        """Step until the guard fires; return the cycle in which it does."""
+        """Step as `_all_at_once`, for `watch`, which must not see cycles that are undone."""
         for i in range(len(control)):
             self._cycle(control, i, i + 1)
             effort = self._data.sensordata[self._sensors][:7] - self.compensation
-            if guard.observe(effort[None], self._dq[None]) is not None:
+            if guard.observe(effort[None], self._dq[None].copy()) is not None:
                 return i
         return None
 

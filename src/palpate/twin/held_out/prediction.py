@@ -217,7 +217,7 @@ def bias_covariance(rows: Rows, wrench: Believed, hand: Hand, signals: int) -> A
     # A gain error acts on the load's torques, and acted on the estimate of the wrench.
     borne = (design @ wrench.value)[:, None] * gain_root(hand, signals)[rows.signal]
     gained = borne - design @ wrench.gains
-    dahl = tuning.JOINT_LEVEL / len(tuning.PRESLIDINGS) ** 0.5 * rows.dahl
+    dahl = tuning.JOINT_LEVEL / len(tuning.SLIPS) ** 0.5 * rows.dahl
     stuck = hand.force_repeatability * rows.stiction.stuck
     bias = rows.root @ rows.root.T
     for causes in (sideways, gained, dahl, stuck):

@@ -3,350 +3,208 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping
-from dataclasses import replace
+from functools import partial
 
-from palpate.planning.request.sentence.meaning import (
-    Absent,
-    Act,
+from palpate.planning.request.nouns import OBJECT_NOUNS
+from palpate.planning.request.sentence.query import (
+    AGAIN,
     Again,
-    Aside,
-    But,
-    Choice,
-    Chosen,
-    Coloured,
-    Deed,
-    Everything,
-    Handled,
-    It,
-    Marks,
+    All,
+    Except,
+    Extreme,
+    Kind,
     Mention,
-    Named,
+    Names,
+    Near,
     Need,
-    Pair,
-    Placed,
+    Purpose,
     Quantity,
+    Query,
     Say,
+    Selector,
     Several,
-    Simulated,
-    Thing,
-    Told,
-    Top,
-    Unfelt,
 )
 
 Words = tuple[str, ...]
+Part = Quantity | Selector | str
+"""A quantity, also by its id, or a selector."""
 
 
-def all_of(thing: Thing) -> Thing:
-    """All of a choice, where it is compared or not wanted."""
-    return Several(thing.things) if isinstance(thing, Choice) else thing
+def _kind(*parts: str | Words) -> Kind:
+    """All of a noun, behind their number, if it was said."""
+    (words,) = (part for part in parts if not isinstance(part, str))
+    return Kind(words, next((part for part in parts if isinstance(part, str)), ""))
 
 
-def _but(thing: Thing, less: Thing) -> But:
-    return But(thing, all_of(less))
+def _extreme(*parts: str | Words) -> Extreme:
+    """ "The left box", "the box farthest to the left"."""
+    return Extreme(_kind(*(part for part in parts if not isinstance(part, str))), _last(parts))
 
 
-def several(*things: Thing) -> Thing:
-    return things[0] if len(things) == 1 else Several(things)
+def _last(parts: tuple[str | Words, ...]) -> str:
+    return [part for part in parts if isinstance(part, str)][-1]
 
 
-def _named(many: str, words: Words) -> Named:
-    return Named(words, many)
+def _several(*parts: Selector) -> Selector:
+    return parts[0] if len(parts) == 1 else Several(parts)
 
 
-def _named_told(words: Words, told: str) -> Named:
-    """ "The mug, which my aunt gave us,"."""
-    return Named(words, told=told)
+def _choice(*parts: Selector) -> Several:
+    return Several(parts, choice=True)
 
 
-def _choice(*things: Thing) -> Choice:
-    return Choice(things)
+def _all_of(selector: Selector) -> Selector:
+    """All of a choice, where it is not wanted."""
+    return Several(selector.parts) if isinstance(selector, Several) else selector
 
 
-def _absent(words: Words, _: Thing | None = None) -> Absent:
-    return Absent(words)
+def _each(selector: Selector) -> Selector:
+    """All of a kind, where one of it is looked for: "the heaviest box", "which box"."""
+    match selector:
+        case Names(words, bare) if bare or words[-1] in OBJECT_NOUNS:
+            return Kind(words)
+        case Near():
+            return Near(_each(selector.base), selector.relation, selector.marks)
+        case Several():
+            return Several(tuple(map(_each, selector.parts)))
+        case _:
+            return selector
 
 
-def _counted(number: str) -> Named:
-    """ "Which of the five"."""
-    return Named(("object",), number)
+def _less(base: Selector, less: Selector) -> Except:
+    return Except(base, _all_of(less))
 
 
-def _coloured(many: str, words: Words) -> Coloured:
-    return Coloured(words, many)
+def _marks(relation: str, *marks: Selector) -> tuple[Hashable, ...]:
+    return relation, marks
 
 
-def _others() -> Everything:
-    return Everything(others=True)
+def _near(base: Selector, relation: str, marks: tuple[Selector, ...]) -> Near:
+    return Near(base, relation, marks)
 
 
-def _select(place: str, words: Words) -> Chosen:
-    """ "The left box"."""
-    return Chosen(place, Named(words, "all"))
+def _top(base: Selector) -> Near:
+    """ "The top of the table", which is no part of it; of anything but a surface it is."""
+    return Near(base, "top", ())
 
 
-def _select_last(words: Words, *places: str) -> Chosen:
-    """ "The box on the left", "farthest to the left"."""
-    return Chosen(places[-1], Named(words, "all"))
+def _quantities(parts: tuple[Part, ...]) -> tuple[Quantity, ...]:
+    found = [Quantity(part, part) if isinstance(part, str) else part for part in parts]
+    return tuple(dict.fromkeys(part for part in found if isinstance(part, Quantity)))
 
 
-def _marks(relation: str, *marks: Thing) -> Marks:
-    return Marks(relation, marks)
+def _selectors(parts: tuple[Part, ...]) -> tuple[Selector, ...]:
+    return tuple(part for part in parts if not isinstance(part, (Quantity, str)))
 
 
-def _marks_between(words: Words) -> Marks:
-    """ "Between the boxes"."""
-    return Marks("between", (Named(words, "2"),))
+def _of(*parts: Part) -> tuple[Query, ...]:
+    selector = next(iter(_selectors(parts)), None)
+    return tuple(Query(quantity, selector) for quantity in _quantities(parts))
 
 
-def placed(thing: Thing, place: Marks) -> Placed:
-    return Placed(thing, place.relation, place.marks)
+def _how_large(asked: Quantity, *parts: Part) -> tuple[Query, ...]:
+    """ "How high is the friction"; of a centre of mass the third axis."""
+    named = _quantities(parts)
+    if asked.id == "height" and any(quantity.id == "com" for quantity in named):
+        named = _quantities(("com_3d",))
+    return _of(*(named or (asked,)), *_selectors(parts))
 
 
-def _whatever(place: Marks) -> Placed:
-    return placed(Everything(), place)
+def _every(*quantities: Quantity) -> tuple[Query, ...]:
+    return tuple(Query(quantity, every=True) for quantity in quantities)
 
 
-def of_class(words: Words, place: Marks) -> Placed:
-    """All of a kind that stand so."""
-    return placed(Named(words, "all"), place)
+def _that(selector: Selector) -> Query:
+    return Query(AGAIN, selector)
 
 
-def _but_all(less: Thing) -> But:
-    return _but(Everything(), less)
+def _say(how: str, *parts: Query | Quantity) -> Say:
+    """Quantities that no thing follows are of the thing of those behind them: "neither the mass nor
+    the friction of the mug"."""
+    queries: list[Query] = []
+    selector: Selector | None = None
+    for part in reversed(parts):
+        queries.insert(0, Query(part, selector) if isinstance(part, Quantity) else part)
+        selector = queries[0].selector
+    return Say(how, tuple(queries))
 
 
-OF_THINGS: Mapping[str, Callable[..., Hashable]] = {
-    "several": several,
-    "named": _named,
-    "named_told": _named_told,
-    "choice": _choice,
-    "absent": _absent,
-    "counted": _counted,
-    "coloured": _coloured,
-    "again": Again,
-    "everything": Everything,
-    "others": _others,
-    "select": _select,
-    "select_last": _select_last,
-    "whatever": _whatever,
-    "placed": placed,
-    "class": of_class,
-    "marks": _marks,
-    "marks_between": _marks_between,
-    "surface_of": Top,
-    "but_all": _but_all,
-    "but": _but,
-}
+def _repeat(how: str, *selectors: Selector) -> Say:
+    return Say(how, tuple(map(_that, selectors)))
 
 
-Part = Quantity | Thing | str
-"""Argument of an action; a quantity also by its id."""
+def _exclude(*selectors: Selector) -> Say:
+    return Say("skip", tuple(Query(None, _all_of(selector)) for selector in selectors))
 
 
-def _class_mention(words: Words, place: Marks) -> Mention:
-    return Mention(of_class(words, place))
+def _no(*quantities: Quantity) -> Say:
+    return Say("skip", _every(*quantities))
 
 
-def _pair(*parts: Part) -> Pair:
-    """Quantities and the thing that they are of, if any."""
-    quantities = [part for part in parts if isinstance(part, Quantity)]
-    quantities += [Quantity(part, part) for part in parts if isinstance(part, str)]
-    things = [part for part in parts if not isinstance(part, (Quantity, str))]
-    return Pair(tuple(dict.fromkeys(quantities)), things[0] if things else None)
+def _known(*parts: Part) -> Say:
+    return Say("know", _of(*parts))
 
 
-def _unfelt_of(words: Words, thing: Thing) -> Pair:
-    """A property that nothing measures, of a thing."""
-    return Pair((Quantity(" ".join(words), words[-1], measurable=False),), thing)
-
-
-def _listed(*parts: Part | Pair) -> tuple[Pair, ...]:
-    """Quantities of one thing, and the pairs that are listed behind it."""
-    behind = tuple(part for part in parts if isinstance(part, Pair))
-    first = [part for part in parts if not isinstance(part, Pair)]
-    return (_pair(*first), *behind)
-
-
-def _every(*quantities: Quantity) -> Pair:
-    return Pair(quantities, every=True)
-
-
-def _that(thing: Thing) -> Pair:
-    """ "That of the mug"."""
-    return Pair((), thing, again=True)
-
-
-def _how_large(asked: Quantity, pair: Pair) -> Pair:
-    """ "How high is the friction?"; how high a centre of mass is, is asked of its third axis, too."""
-    if not asked.measurable:
-        return Pair((asked,), pair.thing)
-    if asked.id == "height" and [quantity.id for quantity in pair.quantities] == ["com"]:
-        return replace(pair, quantities=(replace(pair.quantities[0], id="com_3d"),))
-    return pair
-
-
-def _say(deed: str, *pairs: Pair) -> Say:
-    """Quantities that no thing follows are of the thing of those behind them: "both the mass and the
-    friction of the mug"."""
-    said: list[Pair] = []
-    thing: Thing | None = None
-    for pair in reversed(pairs):
-        thing = pair.thing or thing
-        said.insert(
-            0,
-            pair if pair.every or not pair.quantities else replace(pair, thing=pair.thing or thing),
-        )
-    return Say(deed, tuple(said))
-
-
-def _say_of(deed: str, *parts: Part) -> Say:
-    if deed == "skip":
-        parts = tuple(_each(part) for part in parts)
-    return Say(deed, (_pair(*parts),))
-
-
-def _each(part: Part) -> Part:
-    return part if isinstance(part, (Quantity, str)) else all_of(part)
-
-
-def _say_of_all(deed: str, *things: Thing) -> Say:
-    return Say(deed, (Pair((), several(*things)),))
-
-
-def _say_every(deed: str, *quantities: Quantity) -> Say:
-    return Say(deed, (_every(*quantities),))
-
-
-def _say_but(*parts: Act | Pair | Thing) -> tuple[Act, ...]:
-    """Wishes, and exclusions from them."""
-    said: list[Act] = []
-    for part in parts:
-        if isinstance(part, Pair):
-            said.append(Say("skip", (part,)))
-        elif isinstance(part, Act):
-            said.append(part)
-        else:
-            said.append(Say("skip", (Pair((), part),)))
-    return tuple(said)
-
-
-def _unsaid(*parts: Act | Thing) -> tuple[Act, ...]:
-    """Wishes, inverted to exclusions."""
-    turned = [replace(part, deed="skip") if isinstance(part, Say) else part for part in parts]
-    return _say_but(*turned)
-
-
-def _repeated(deed: str, thing: Thing) -> Say:
-    """ "Weigh the mug. What about the bottle?"."""
-    return Say(deed, (_that(thing),))
-
-
-def _mass() -> Quantity:
-    return Quantity("mass", "mass")
-
-
-def _inertial() -> tuple[Quantity, ...]:
-    """The inertial parameters of a rigid body, as system identification calls them."""
-    return tuple(Quantity(id, id) for id in ("mass", "com", "inertia"))
+def _missing(selector: Selector | None = None) -> Say:
+    return Say("want", (Query(None, selector),))
 
 
 def _compared(*parts: Part) -> Say:
-    """Quantity of everything that is compared."""
-    things = [all_of(part) for part in parts if not isinstance(part, (Quantity, str))]
-    thing = several(*things) if things else Again("all")
-    return Say("want", (replace(_pair(*parts), thing=thing),))
+    """The quantity of everything that is compared; of all, if nothing is named."""
+    selectors = tuple(map(_each, _selectors(parts))) or (Again("all"),)
+    return Say("want", _of(*_quantities(parts)[:1], _several(*selectors)))
 
 
-def _selected(*parts: Part) -> Say:
-    """Like `_compared`, for one of a class: all of the class, or those of it that are listed last."""
-    quantities = [part for part in parts if isinstance(part, (Quantity, str))]
-    things = [part for part in parts if not isinstance(part, (Quantity, str))]
-    return _compared(*quantities, *things[-1:])
-
-
-def _simulated(verb: str, *things: Thing) -> Simulated:
-    return Simulated(verb, things[0] if things else None)
-
-
-def _simulated_of(thing: Thing, verb: str) -> Simulated:
-    return Simulated(verb, thing)
-
-
-def _nothing(*_: Hashable) -> tuple[()]:
-    return ()
-
-
-def _marks_of(place: Marks) -> tuple[Thing, ...]:
-    return place.marks
-
-
-def _mention(thing: Thing, place: Marks | None = None) -> Mention:
-    return Mention(thing if place is None else placed(thing, place))
-
-
-def _told(thing: Thing, said: str) -> tuple[Act, ...]:
-    """Something of a thing that is then asked about."""
-    return Mention(thing, alone=True), Told(said)
-
-
-def _told_of(said: str, thing: Thing) -> tuple[Act, ...]:
-    """Remark on a thing, followed by a question about it."""
-    return _told(thing, said)
-
-
-def _alone(thing: Thing) -> Mention:
-    return Mention(thing, alone=True)
-
-
-def _deed(word: str, *things: Thing) -> Deed:
-    return Deed(word, things)
-
-
-def _unfelt(_: Thing, word: str) -> Unfelt:
-    return Unfelt(word)
+def _purpose(*parts: str | Selector) -> Purpose:
+    (selector,) = (part for part in parts if not isinstance(part, str))
+    return Purpose(next(part for part in parts if isinstance(part, str)), selector)
 
 
 def _need(*_: Hashable) -> Need:
     return Need()
 
 
-def _it(*_: Hashable) -> It:
-    return It()
+def _nothing(*_: Hashable) -> tuple[()]:
+    return ()
 
 
 ACTIONS: Mapping[str, Callable[..., Hashable]] = {
-    **OF_THINGS,
-    "class_mention": _class_mention,
-    "pair": _pair,
-    "unfelt_of": _unfelt_of,
-    "listed": _listed,
-    "every": _every,
-    "that": _that,
+    "names": Names,
+    "name": partial(Names, bare=True),
+    "kind": _kind,
+    "number": partial(Kind, ("object",)),
+    "one": partial(Again, "one"),
+    "extreme": _extreme,
+    "again": Again,
+    "all": All,
+    "others": partial(All, others=True),
+    "several": _several,
+    "choice": _choice,
+    "less": _less,
+    "all_less": partial(_less, All()),
+    "marks": _marks,
+    "near": _near,
+    "near_any": partial(_near, All()),
+    "top": _top,
+    "of": _of,
     "how_large": _how_large,
+    "how_high": partial(_how_large, Quantity("height", "high")),
+    "its": partial(_of, Again("it")),
+    "that": _that,
+    "every": _every,
+    "mass": partial(Quantity, "mass", "mass"),
+    "inertial": partial(_quantities, ("mass", "com", "inertia")),
+    "missing": _missing,
     "say": _say,
-    "say_of": _say_of,
-    "say_of_all": _say_of_all,
-    "say_every": _say_every,
-    "say_but": _say_but,
-    "unsaid": _unsaid,
-    "repeated": _repeated,
-    "mass": _mass,
-    "inertial": _inertial,
+    "about": partial(_repeat, "about"),
+    "also": partial(_repeat, "also"),
+    "exclude": _exclude,
+    "no": _no,
+    "known": _known,
     "compared": _compared,
-    "selected": _selected,
-    "simulated": _simulated,
-    "simulated_of": _simulated_of,
-    "nothing": _nothing,
-    "marks_of": _marks_of,
-    "mention": _mention,
-    "alone": _alone,
-    "aside": Aside,
-    "told": _told,
-    "told_of": _told_of,
-    "deed": _deed,
-    "handled": Handled,
-    "unfelt": _unfelt,
+    "mention": Mention,
+    "alone": partial(Mention, alone=True),
+    "purpose": _purpose,
     "need": _need,
-    "it": _it,
+    "nothing": _nothing,
 }

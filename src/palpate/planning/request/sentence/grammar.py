@@ -1,4 +1,4 @@
-"""The grammar of requests: `words/grammar.txt` as rules that a chart derives sentences with.
+"""The grammar of requests: `words/grammar.txt` as rules, and a chart that derives stretches with them.
 
 Its notation: a name at the left edge, its alternatives under it, one a line. `<name>` is another
 name, CAPITALS a class of words (`lattice`), small letters and punctuation a word. `[…]` may be
@@ -9,130 +9,150 @@ meanings of the parts; without one they are passed on. `+1` is what an unlikely 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from typing import cast
 
 _SYMBOL = re.compile(r"<\w+>|=>|[\[\](){}|]|[^\s\[\](){}|]+")
 _CLOSING = {"[": "]", "(": ")", "{": "}"}
+MOST = 12
+"""Readings of one stretch that are kept; a sentence with more is refused all the same, for two
+suffice."""
+
+Meanings = tuple[Hashable, ...]
+Edges = Mapping[str, Sequence[tuple[int, Meanings]]]
+"""Words and classes that begin at one place, with end and meanings."""
+Actions = Mapping[str, Callable[..., Hashable]]
 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """Alternative of a nonterminal.
-
-    Attributes:
-        parts: names in `<>`, classes of words, and words.
-        action: what makes one meaning of those of the parts; with its own arguments. None of it passes
-            them on.
-    """
+    """Alternative of a name: its parts, and what makes one meaning of theirs."""
 
     parts: tuple[str, ...]
     action: tuple[str, ...] = ()
     cost: int = 0
 
 
-class Rules:
-    """The alternatives of every name, none of which begins with that name itself."""
+Rules = Mapping[str, Sequence[Rule]]
 
-    def __init__(self, named: Mapping[str, Sequence[Rule]]) -> None:
-        self.named = named
-        self._begins: dict[str, tuple[frozenset[str], bool]] = {}
-        self._first: dict[str, tuple[tuple[Rule, frozenset[str] | None], ...]] = {}
 
-    def beginning(self, name: str, symbols: frozenset[str]) -> Iterator[Rule]:
-        """The alternatives of a name that may begin with one of `symbols`, or be nothing."""
-        for rule, first in self._alternatives(name):
-            if first is None or not first.isdisjoint(symbols):
-                yield rule
+@dataclass(slots=True)
+class Found:
+    """The cheapest readings of one stretch."""
 
-    def _alternatives(self, name: str) -> tuple[tuple[Rule, frozenset[str] | None], ...]:
-        """Alternatives of a nonterminal, with their first symbols; None if it may be empty."""
-        if name not in self._first:
-            told = ((rule, *self._begin(rule.parts)) for rule in self.named[name])
-            self._first[name] = tuple(
-                (rule, None if empty else first) for rule, first, empty in told
-            )
-        return self._first[name]
+    cost: int
+    meanings: dict[Meanings, None]
 
-    def _begin(self, parts: Sequence[str]) -> tuple[frozenset[str], bool]:
-        """First symbols of a sequence, and whether it may be empty."""
-        found = frozenset[str]()
-        for part in parts:
-            first, empty = self._begin_of(part)
-            found |= first
-            if not empty:
-                return found, False
-        return found, True
 
-    def _begin_of(self, part: str) -> tuple[frozenset[str], bool]:
-        if not part.startswith("<"):
-            return frozenset({part}), False
-        if part not in self._begins:
-            told = [self._begin(rule.parts) for rule in self.named[part]]
-            first = frozenset[str]().union(*(symbols for symbols, _ in told))
-            self._begins[part] = first, any(empty for _, empty in told)
-        return self._begins[part]
+Ends = dict[int, Found]
+
+
+class Chart:
+    """The derivations of one sentence, each stretch derived once.
+
+    Of a stretch that one name derives in several ways, the cheapest are kept.
+    """
+
+    def __init__(self, actions: Actions, lattice: Sequence[Edges]) -> None:
+        self._actions = actions
+        self._lattice = lattice
+        self._known: list[dict[str, Ends]] = [{} for _ in [*lattice, None]]
+
+    def derived(self, name: str, start: int) -> Ends:
+        """Ends and readings of a name from a place."""
+        if not name.startswith("<"):
+            edges = self._lattice[start].get(name, ()) if start < len(self._lattice) else ()
+            ends: Ends = {}
+            for end, meanings in edges:
+                _add(ends, end, Found(0, {meanings: None}))
+            return ends
+        known = self._known[start]
+        if name not in known:
+            known[name] = {}
+            for rule in grammar()[name]:
+                self._apply(rule, start, known[name])
+        return known[name]
+
+    def _apply(self, rule: Rule, start: int, ends: Ends) -> None:
+        """Add what the rule derives from `start`."""
+        so_far: Ends = {start: Found(rule.cost, {(): None})}
+        for part in rule.parts:
+            following: Ends = {}
+            for at, before in so_far.items():
+                for end, after in self.derived(part, at).items():
+                    both = {(*a, *b): None for a in before.meanings for b in after.meanings}
+                    _add(following, end, Found(before.cost + after.cost, both))
+            so_far = following
+            if not so_far:
+                return
+        for end, found in so_far.items():
+            if rule.action:
+                made = dict.fromkeys(self._made(rule.action, one) for one in found.meanings)
+                found = Found(found.cost, made)
+            _add(ends, end, found)
+
+    def _made(self, action: tuple[str, ...], meanings: Meanings) -> Meanings:
+        name, *arguments = action
+        made = self._actions[name](*arguments, *meanings)
+        return cast("Meanings", made) if isinstance(made, tuple) else (made,)
+
+
+def _add(ends: Ends, end: int, found: Found) -> None:
+    known = ends.get(end)
+    if known is None or found.cost < known.cost:
+        ends[end] = Found(found.cost, dict(found.meanings))
+    elif found.cost == known.cost and len(known.meanings) < MOST:
+        known.meanings |= found.meanings
 
 
 @cache
 def grammar() -> Rules:
-    """The rules of `words/grammar.txt`, by name."""
+    """The rules of `words/grammar.txt`, by name; a bracket becomes a name of its own."""
     text = files("palpate.planning.request").joinpath("words", "grammar.txt")
-    return _Reader(text.read_text(encoding="utf-8")).rules()
+    rules: dict[str, list[Rule]] = {}
+    name = ""
+    for line in text.read_text(encoding="utf-8").splitlines():
+        line = line.split("#", 1)[0].rstrip()
+        if line.endswith(":") and not line.startswith(" "):
+            name = f"<{line[:-1]}>"
+            rules[name] = []
+        elif line:
+            said, _, price = line.partition(" +")
+            said, _, action = said.partition("=>")
+            (parts,) = _alternatives(_SYMBOL.findall(said), "", rules)
+            rules[name].append(Rule(parts, tuple(action.split()), int(price or 0)))
+    return rules
 
 
-class _Reader:
-    """Reader of the notation; a bracket becomes a nonterminal."""
+def _alternatives(
+    symbols: list[str], closing: str, rules: dict[str, list[Rule]]
+) -> list[tuple[str, ...]]:
+    """Read up to `closing`; consumes `symbols`."""
+    found: list[tuple[str, ...]] = []
+    parts: list[str] = []
+    while symbols:
+        symbol = symbols.pop(0)
+        if symbol == closing:
+            break
+        if symbol == "|":
+            found.append(tuple(parts))
+            parts = []
+        elif symbol in _CLOSING:
+            inside = _alternatives(symbols, _CLOSING[symbol], rules)
+            name = f"<{symbol}{'|'.join(' '.join(one) for one in inside)}>"
+            repeated = [Rule((*one, name) if symbol == "{" else one) for one in inside]
+            rules[name] = repeated if symbol == "(" else [*repeated, Rule(())]
+            parts.append(name)
+        else:
+            parts.append(symbol)
+    return [*found, tuple(parts)]
 
-    def __init__(self, text: str) -> None:
-        self._rules: dict[str, list[Rule]] = {}
-        name = ""
-        for line in text.splitlines():
-            line = line.split("#", 1)[0].rstrip()
-            if line.endswith(":") and not line.startswith(" "):
-                name = f"<{line[:-1]}>"
-                self._rules.setdefault(name, [])
-            elif line:
-                self._rules[name].append(self._rule(line))
 
-    def rules(self) -> Rules:
-        """All of them."""
-        return Rules(self._rules)
-
-    def _rule(self, line: str) -> Rule:
-        cost = 0
-        priced = re.search(r" \+(\d+)$", line)
-        if priced:
-            cost, line = int(priced[1]), line[: priced.start()]
-        said, _, action = line.partition("=>")
-        symbols = _SYMBOL.findall(said)
-        (parts,) = self._alternatives(symbols, "")
-        return Rule(parts, tuple(action.split()), cost)
-
-    def _alternatives(self, symbols: list[str], closing: str) -> list[tuple[str, ...]]:
-        """Read up to `closing`; consumes `symbols`."""
-        found: list[tuple[str, ...]] = []
-        parts: list[str] = []
-        while symbols:
-            symbol = symbols.pop(0)
-            if symbol == closing:
-                break
-            if symbol == "|":
-                found.append(tuple(parts))
-                parts = []
-            elif symbol in _CLOSING:
-                parts.append(self._bracket(symbol, symbols))
-            else:
-                parts.append(symbol)
-        return [*found, tuple(parts)]
-
-    def _bracket(self, opening: str, symbols: list[str]) -> str:
-        inside = self._alternatives(symbols, _CLOSING[opening])
-        name = f"<{opening}{'|'.join(' '.join(parts) for parts in inside)}>"
-        if opening == "{":
-            inside = [(*parts, name) for parts in inside]
-        rules = [Rule(parts) for parts in inside]
-        self._rules[name] = rules if opening == "(" else [*rules, Rule(())]
-        return name
+@cache
+def literals() -> frozenset[str]:
+    """Words of the grammar itself."""
+    parts = [part for rules in grammar().values() for rule in rules for part in rule.parts]
+    return frozenset(part for part in parts if part.islower() and not part.startswith("<"))

@@ -8,22 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import cache
-from typing import cast
 
-from palpate.planning.request import lexicon
-from palpate.planning.request.lexicon import COLOURS
 from palpate.planning.request.nouns import Nouns
-from palpate.planning.request.sentence.chart import Meanings
-from palpate.planning.request.sentence.grammar import grammar
-from palpate.planning.request.sentence.meaning import Quantity
-from palpate.planning.request.sentence.remarks import remarks
-from palpate.planning.request.tokens import forms, nearest_spelling, singulars
+from palpate.planning.request.sentence.grammar import Meanings, literals
+from palpate.planning.request.sentence.query import Quantity
+from palpate.planning.request.tokens import lemmas, nearest_spelling, singulars
 from palpate.planning.request.wording import Phrase, english, longest
 from palpate.quantities.catalogue import catalogue
 from palpate.scene.scene import Scene
 
 SHORTEST = 3
 """Words of the shortest background sentence."""
+LONGEST_NAME = 6
+"""Words of the longest name of a body that is put together of its words."""
+_NO_NOUNS = frozenset({"place", "where", "level", "weigh", "lean"})
+"""Synonyms of quantities that sentences use for other things, too; `words/grammar.txt` has them."""
 
 Edge = tuple[str, int, Meanings]
 """A class, the place where its words end, and what they mean."""
@@ -36,9 +35,8 @@ class Lattice:
         nouns: of its bodies.
     """
 
-    def __init__(self, scene: Scene, colours: frozenset[str] = COLOURS) -> None:
+    def __init__(self, scene: Scene, colours: frozenset[str]) -> None:
         self.nouns = Nouns(scene, colours)
-        self._english = colours == COLOURS  # in English, whose small words are all known
         self._quantities = _quantities()
         self._longest = longest(self._quantities)
 
@@ -52,163 +50,98 @@ class Lattice:
             lattice.append(begins)
         return lattice
 
-    def unknown(self, tokens: Sequence[str]) -> list[str]:
-        """The words that are nothing at all here."""
-        return [token for token in dict.fromkeys(tokens) if self._is_unknown(token)]
-
     def unfelt(self, tokens: Sequence[str]) -> Quantity | None:
         """The first property among the words that nothing measures."""
         for at in range(len(tokens)):
-            for _, _, meanings in self._properties(tokens, at):
-                for one in meanings:
-                    if isinstance(one, Quantity) and not one.measurable:
-                        return one
+            for _, _, (quantity, *_) in self._properties(tokens, at):
+                if isinstance(quantity, Quantity) and not quantity.measurable:
+                    return quantity
         return None
 
     def slips(self, tokens: Sequence[str]) -> dict[str, str]:
         """Known spelling of each unknown token."""
+        sets = english().sets
         known = self.nouns.names | {word for phrase in self._quantities for word in phrase}
-        known = (known - lexicon.NO_NOUNS) | english().often | {"weigh"}
-        known = {word for word in known if word.isalpha()}
+        known = {word for word in known - _NO_NOUNS | sets["often"] if word.isalpha()}
         found: dict[str, str] = {}
-        for token in self.unknown(tokens):
-            meant = nearest_spelling(token, known)
-            if meant is not None and token not in english().things:
-                found[token] = meant
+        for token in dict.fromkeys(tokens):
+            if self.is_unknown(token) and token not in sets["things"]:
+                meant = nearest_spelling(token, known)
+                if meant is not None:
+                    found[token] = meant
         return found
 
-    def _is_unknown(self, token: str) -> bool:
-        if token in _small_words() or token.startswith("§") or not token.isalpha():
+    def is_unknown(self, token: str) -> bool:
+        """Test for a word that is nothing at all here."""
+        if not token.isalpha() or self.nouns.known(token):
             return False
-        if self.nouns.known(token) or token in _quantitative():
-            return False
-        if not _parts().isdisjoint(singulars(token)):
-            return False
-        said = english()
-        known = said.single | said.irregular.keys() | said.numbers.keys()
-        return not any(lemma in known for lemma, _ in forms(token))
-
-    def _edges(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
-        named = any(end > at + 1 for _, end, _ in self._whole_names(tokens, at))
-        for edge in _words(tokens, at):
-            if not (named and edge[0] == "SEL"):  # "the large parcel" may be its name
-                yield edge
-        yield from self._properties(tokens, at)
-        yield from _comparing(tokens, at)
-        yield from self._things(tokens, at)
-        if self._english:
-            yield from remarks(tokens, at, self._says_nothing, self._bears, self._asks)
-
-    def _says_nothing(self, tokens: Sequence[str], at: int) -> bool:
-        """Test for a word that names no body and no property, and neither asks nor excludes."""
-        token = tokens[at]
-        if token in english().telling or not token.isalpha() or token in _quantitative():
-            return False
-        named = self.nouns.meant((token,), True) and not self.nouns.otherwise((token,))
-        if named or not self.nouns.names.isdisjoint(singulars(token)):
-            return False
-        return not any(True for _ in self._properties(tokens, at))
+        return _small_words().isdisjoint([*lemmas(token), *singulars(token)])
 
     def is_background(self, tokens: Sequence[str]) -> bool:
         """Test for a sentence that states facts and asks for nothing: "It is for a benchmark.",
         "Everything else is right."."""
         if "?" in tokens or len(tokens) < SHORTEST:
             return False
+        sets = english().sets
         words = {token for token in tokens if token.isalpha()}
-        allowed = english().harmless
-        if words & english().remaining:
+        allowed = sets["harmless"]
+        if words & sets["remaining"]:
             # "And the rest, too" asks for it; "the rest of my model is right" does not.
-            if words.isdisjoint(english().settled):
+            if words.isdisjoint(sets["settled"]):
                 return False
-            allowed = allowed | english().remaining | english().settled
-        for at, token in enumerate(tokens):
-            if token.isalpha() and token not in allowed and not self._says_nothing(tokens, at):
-                return False
-        return True
+            allowed = allowed | sets["remaining"] | sets["settled"]
+        return all(
+            token in allowed or self._says_nothing(tokens, at)
+            for at, token in enumerate(tokens)
+            if token.isalpha() or token.startswith("§")
+        )
 
-    def _bears(self, tokens: Sequence[str], at: int) -> bool:
-        """Test for a word that neither asks nor excludes in a clause of reason or time."""
-        bearing = tokens[at] in english().bearing and not self._asks(tokens, at)
-        return bearing or self._says_nothing(tokens, at)
+    def _says_nothing(self, tokens: Sequence[str], at: int) -> bool:
+        """Test for a word that names no body and no property, and neither asks nor excludes."""
+        token = tokens[at]
+        if token in english().sets["telling"] or not token.isalpha() or token in english().compared:
+            return False
+        named = self.nouns.meant((token,), True) and not self.nouns.otherwise((token,))
+        if named or not self.nouns.names.isdisjoint(singulars(token)):
+            return False
+        return not any(True for _ in self._properties(tokens, at))
 
-    def _asks(self, tokens: Sequence[str], at: int) -> bool:
-        """Test for a word that asks for something, or names a body."""
-        named = not self.nouns.names.isdisjoint(singulars(tokens[at]))
-        asks = tokens[at] in english().asking
-        return named or asks or any(True for _ in self._properties(tokens, at))
+    def _edges(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
+        named = any(end > at + 1 for _, end, _ in self._whole_names(tokens, at))
+        for edge in _words(tokens, at):
+            if not (named and edge[0] in ("SEL", "NADJ")):  # "the large parcel" may be its name
+                yield edge
+        yield from self._properties(tokens, at)
+        yield from self._whole_names(tokens, at)
+        yield from self._runs(tokens, at)
+        absent = self._absent(tokens, at)
+        if absent:
+            yield "ABSENT", at + len(absent), (absent,)
 
     def _properties(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
         """The longest synonym of a quantity, and properties that nothing measures."""
         for length in range(min(self._longest, len(tokens) - at), 0, -1):
             phrase = tuple(tokens[at : at + length])
-            found = list(self._called(phrase, at + length))
-            if found:
-                yield from found
+            if phrase in self._quantities:
+                id, plural = self._quantities[phrase]
+                quantity = Quantity(id, " ".join(phrase))
+                adjective = phrase[0] in english().sets["adjectives"]
+                yield "ADJQ" if adjective else "QUANT", at + length, (quantity,)
+                if plural:
+                    yield "QUANTS", at + length, (quantity,)
                 return
         word = tokens[at]
         if self.nouns.known(word):
             return
-        asked = english().asked.get(word, "")
-        if asked in catalogue():
-            yield "ADJQ", at + 1, (Quantity(asked, word),)
+        if word in english().labels["asked"]:
+            yield "ADJQ", at + 1, (Quantity(english().labels["asked"][word], word),)
             return
         for form in singulars(word):
-            label = lexicon.UNMEASURABLE.get(form)
+            label = english().labels["unfelt"].get(form)
             if label is not None:
-                kind = "ADJQ" if form in lexicon.ADJECTIVES else "QUANT"
+                kind = "ADJQ" if form in english().sets["adjectives"] else "QUANT"
                 yield kind, at + 1, (Quantity(label, word, measurable=False),)
                 return
-
-    def _called(self, phrase: Phrase, end: int) -> Iterator[Edge]:
-        """The quantity that `phrase` is a synonym of, in the singular or the plural of its first or
-        last word."""
-        for last in singulars(phrase[-1]):
-            first = singulars(phrase[0])[-1] if len(phrase) > 1 else last
-            id = self._quantities.get((*phrase[:-1], last)) or self._quantities.get(
-                (first, *phrase[1:])
-            )
-            if id is None:
-                continue
-            quantity = (Quantity(id, " ".join(phrase)),)
-            if not lexicon.ADJECTIVES.isdisjoint(phrase[:1]):
-                yield "ADJQ", end, quantity
-            else:
-                yield "QUANT", end, quantity
-            if id == "com":
-                yield "CENTRE", end, ()
-            return
-
-    def _things(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
-        """Every run of words that names things of the scene, and one that names what it lacks."""
-        yield from self._whole_names(tokens, at)
-        yield from self._runs(tokens, at)
-        yield from self._described(tokens, at)
-        yield from self._made(tokens, at)
-        absent = self._absent(tokens, at)
-        if absent:
-            yield "ABSENT", at + len(absent), (absent,)
-
-    def _described(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
-        """ "The steel hammer", where no other hammer is."""
-        describes = tokens[at] in english().describing and not self.nouns.known(tokens[at])
-        if not describes or at + 1 == len(tokens):
-            return
-        for kind, end, meanings in self._things(tokens, at + 1):
-            if kind == "OBJ" and len(self.nouns.fitting(tuple(tokens[at + 1 : end]))) <= 1:
-                yield kind, end, meanings
-
-    def _made(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
-        """ "The bottle made of glass": one whose name says so, or the only one."""
-        for kind, end, meanings in [*self._whole_names(tokens, at), *self._runs(tokens, at)]:
-            run = cast("Phrase", meanings[0])
-            behind = tuple(tokens[end : end + 3])
-            material = english().materials.get(behind[-1] if behind else "", "")
-            if kind != "OBJ" or behind[:2] != ("made", "of") or not material:
-                continue
-            told = [(word, *run) for word in (material, behind[-1])]
-            named = [words for words in told if self.nouns.fitting(words)]
-            if named or len(self.nouns.fitting(run)) == 1:
-                yield "OBJ", end + 3, (named[0] if named else run,)
 
     def _whole_names(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
         """Names of several words, together or apart: "redbox", "red box"; and those of one that was
@@ -218,117 +151,78 @@ class Lattice:
                 yield "OBJ", at + 1, (own,)
             elif len(own) > 1 and tuple(tokens[at : at + len(own)]) == own:
                 yield "OBJ", at + len(own), (own,)
-        two = tuple(tokens[at : at + 2])
-        if len(two) == 2 and ("".join(two),) in self.nouns.named:
-            yield "OBJ", at + 2, (("".join(two),),)
+        two = "".join(tokens[at : at + 2])
+        if len(tokens) > at + 1 and (two,) in self.nouns.named:
+            yield "OBJ", at + 2, ((two,),)
 
     def _runs(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
-        for end in range(at + 1, len(tokens) + 1):
-            run = tuple(tokens[at:end])
+        """Runs of words that name things of the scene."""
+        for end in range(at + 1, min(at + LONGEST_NAME, len(tokens)) + 1):
+            run = list(tokens[at:end])
             if not self.nouns.known(run[-1]):
                 return
             if self.nouns.colours.issuperset(run) or self._tells(run):
-                yield "COLOUR", end, (run,)
-            elif self._is_behind(run):
-                run = (*run[1:], run[0])
-            if self.nouns.meant(run, plural=True):
-                plural = not self.nouns.singular(run[-1]) or run[-1] in english().collective
-                if self.nouns.names.isdisjoint([run]) or run not in self.nouns.named:
-                    yield ("OBJS" if plural else "OBJ"), end, (run,)
-                elif len(run) == 1:
-                    yield "OBJ", end, (run,)
+                yield "COLOUR", end, (tuple(run),)
+            elif len(run) > 1 and not self.nouns.meant(tuple(run), plural=True):
+                run = [*run[1:], run[0]]  # adjectives behind their noun: "caja roja"
+            words, noun = tuple(run), run[-1]
+            whole = words in self.nouns.named
+            if self.nouns.meant(words, plural=True) and not (whole and len(run) > 1):
+                plural = noun in english().sets["collective"] or not self.nouns.singular(noun)
+                yield ("OBJS" if plural and not whole else "OBJ"), end, (words,)
 
-    def _tells(self, run: Phrase) -> bool:
+    def _tells(self, run: Sequence[str]) -> bool:
         """Test for an adjective in the names of bodies: "the plastic one"."""
-        return len(run) == 1 and run[0] in english().describing and run[0] in self.nouns.names
-
-    def _is_behind(self, run: Phrase) -> bool:
-        """Test for adjectives behind their noun, as in Spanish: "caja roja"."""
-        if len(run) == 1 or self.nouns.meant(run, plural=True):
-            return False
-        return self.nouns.colours.issuperset(run[1:]) or not self._english
+        return len(run) == 1 and run[0] in english().sets["describing"] & self.nouns.names
 
     def _absent(self, tokens: Sequence[str], at: int) -> Phrase:
         """The longest run that names a thing which is not there."""
         run: list[str] = []
         fits = True
-        for token in tokens[at : at + 5]:
-            unknown = self._is_unknown(token)
-            if not (unknown or self.nouns.known(token)) or token in english().selecting:
-                break
-            if token in english().turning:
+        for token in tokens[at : at + 2]:
+            unknown = self.is_unknown(token)
+            if not (unknown or self.nouns.known(token)):
                 break
             run.append(token)
             fits = fits and not unknown
-        if fits and run and self._is_behind(tuple(run)):
-            run = [*run[1:], run[0]]
-        if not run or (
-            fits and (self.nouns.meant(tuple(run), True) or self.nouns.colours.issuperset(run))
-        ):
+        if not run or (fits and (self.nouns.meant(tuple(run), True) or len(run) == 1)):
             return ()
         return tuple(run)
 
 
 def _words(tokens: Sequence[str], at: int) -> Iterator[Edge]:
-    """The classes of `words/en.yaml` that words here are of, inflected or not."""
-    said = english()
-    irregular = said.irregular.get(tokens[at])
-    most = _longest_class()
-    for lemma, tag in (*forms(tokens[at]), *([irregular] if irregular else [])):
-        for length in range(1, most + 1):
-            phrase = (lemma, *tokens[at + 1 : at + length])
-            if len(phrase) < length:
-                break
-            for kind, inflects in said.classes.get(phrase, ()):
-                if inflects:
-                    valued = (lemma,) if kind in _VALUED else ()
-                    yield kind + tag, at + length, valued
-                elif lemma == tokens[at] or (kind in _PLURAL and tag == "_S"):
-                    yield kind, at + length, (" ".join(phrase),) if kind in _VALUED else ()
-    for length in range(_longest_relation(), 0, -1):
-        phrase = tuple(tokens[at : at + length])
-        if phrase in said.relations:
-            yield "REL", at + len(phrase), (said.relations[phrase],)
-            break
-    if tokens[at] in said.selecting:
-        yield "SEL", at + 1, (said.selecting[tokens[at]],)
-    if tokens[at] in said.numbers:
-        yield "NUM", at + 1, (said.numbers[tokens[at]],)
-    if tokens[at] in ("§amount", "§mass"):
+    """The classes of `words/en.yaml` that words here are of."""
+    said, word = english(), tokens[at]
+    for end in range(at + 1, min(at + _longest_class(), len(tokens)) + 1):
+        for kind, meanings in said.classes.get(tuple(tokens[at:end]), ()):
+            yield kind, end, meanings
+    stems = (*lemmas(word), said.labels["irregular"].get(word, word))
+    inflected = word.endswith("ing") or (at > 0 and tokens[at - 1] in ("be", "been"))
+    if not said.sets["frame"].isdisjoint(stems if inflected else (word,)):
+        yield "FILL", at + 1, ()
+    verbs = [stem for stem in stems if stem in deeds()]
+    if verbs:
+        yield "DEED", at + 1, (verbs[0],)
+    if word == "§amount":
         yield "AMOUNT", at + 1, ()
-    if tokens[at] == "§mass":
-        yield "MASS", at + 1, ()
+    if word in said.compared:
+        kind = "SUPQ" if word.endswith("st") else "CMPQ"
+        yield kind, at + 1, (Quantity(said.compared[word], word),)
 
 
-def _comparing(tokens: Sequence[str], at: int) -> Iterator[Edge]:
-    """Words that compare: "heavier", "heaviest"."""
-    word = tokens[at]
-    id = english().compared.get(word, "")
-    if id in catalogue():
-        kind = "SUPQ" if word in english().superlatives else "CMPQ"
-        yield kind, at + 1, (Quantity(id, word),)
-
-
-_PLURAL = frozenset({"NNOUN", "WORLD"})
-"""Classes of nouns."""
-_VALUED = frozenset({"DEED", "HANDLE", "STATE"})
+@cache
+def deeds() -> frozenset[str]:
+    """Verbs of actions."""
+    return english().sets["deeds"].union(english().purposes)
 
 
 @cache
 def _small_words() -> frozenset[str]:
-    """Words of the grammar itself, and words that select one of several things."""
+    """Words that have a meaning in any scene."""
     said = english()
-    rules = [rule for rules in grammar().named.values() for rule in rules]
-    literals = {part for rule in rules for part in rule.parts}
-    relating = {word for phrase in said.relations for word in phrase}
-    return frozenset(literals | relating | said.selecting.keys() | said.describing)
-
-
-@cache
-def _quantitative() -> frozenset[str]:
-    """Words that compare things, or ask for what they are like."""
-    said = english()
-    return frozenset([*said.compared, *said.asked, *lexicon.UNMEASURABLE])
+    known = {word for phrase in (*said.classes, *_quantities()) for word in phrase}
+    sets = [words for name, words in said.sets.items() if name != "things"]
+    return frozenset(known).union(literals(), *sets, *said.labels.values())
 
 
 @cache
@@ -337,22 +231,19 @@ def _longest_class() -> int:
 
 
 @cache
-def _longest_relation() -> int:
-    return longest(english().relations)
-
-
-@cache
-def _parts() -> frozenset[str]:
-    """Words of the synonyms of quantities."""
-    phrases = [s for q in catalogue().values() for s in q.words.get("en", ())]
-    return frozenset(word for phrase in phrases for word in phrase.split())
-
-
-def _quantities() -> dict[Phrase, str]:
-    """The words of every synonym to the id of its quantity."""
-    phrases: dict[Phrase, str] = {}
+def _quantities() -> dict[Phrase, tuple[str, bool]]:
+    """The words of every synonym to the id of its quantity, and whether they are plural, in their
+    first or last word."""
+    phrases: dict[Phrase, tuple[str, bool]] = {}
     for quantity in catalogue().values():
-        for synonym in (*quantity.words.get("en", ()), quantity.id):
-            if synonym not in lexicon.NO_NOUNS:
-                phrases[tuple(synonym.split())] = quantity.id
+        for synonym in {*quantity.words.get("en", ()), quantity.id} - _NO_NOUNS:
+            *others, last = synonym.split()
+            phrases[*others, last] = quantity.id, False
+            phrases[*others, _plural(last)] = quantity.id, True
+            if others:
+                phrases[_plural(others[0]), *others[1:], last] = quantity.id, True
     return phrases
+
+
+def _plural(word: str) -> str:
+    return word + ("es" if word.endswith("s") else "s")

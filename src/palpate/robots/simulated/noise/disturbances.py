@@ -31,9 +31,7 @@ class Motion:
 
     q: Array  # (n, 7) rad
     dq: Array  # (n, 7) rad/s
-    jacobian: (
-        Array  # (6, 7) of a run's last period, world axes about the TCP, or each row's (n, 6, 7)
-    )
+    jacobian: Array  # (6, 7) of the last period, world axes about the TCP
     position: Array  # (n, 3) m, the TCP's
 
     def __len__(self) -> int:
@@ -56,7 +54,7 @@ class Cable:
     def add(self, torque: Array, motion: Motion) -> None:
         """Add the pull to the link-side torques (n, 7), N m."""
         force = np.cos(motion.position @ self._waves + self._phases) @ self._pull  # (n, 3) N
-        torque += np.matmul(force[:, None], motion.jacobian[..., :3, :])[:, 0]
+        torque += force @ motion.jacobian[:3]
 
 
 class BaseVibration:

@@ -30,7 +30,6 @@ class Line:
         self._mean = torque.white / math.sqrt(BLOCK)
         self._noisy = bool(self._mean.any())
         self._outliers, self._odd = acquisition.outliers, streams.run("acquisition.outliers")
-        self._far = streams.run("acquisition.outliers.size")
         self._repeated, self._again = acquisition.repeated, streams.run("acquisition.repeated")
         self._gaps = Gaps(acquisition, streams) if acquisition.dropped.rate else None
         self._strays = bool(self._outliers.rate and self._outliers.size.any())
@@ -109,9 +108,10 @@ class Line:
         return (1.0 - part) * known[1 : n + 1] + part * known[:n]
 
     def _add_outliers(self, samples: Array) -> None:
-        odd = self._odd.random(samples.shape) < self._outliers.rate * TIMESTEP
-        for row, joint in np.argwhere(odd).tolist():
-            samples[row, joint] += self._outliers.size[joint] * self._far.standard_t(TAIL)
+        expected = self._outliers.rate * samples.size * TIMESTEP
+        for _ in range(int(self._odd.poisson(expected))):
+            row, joint = self._odd.integers(len(samples)), self._odd.integers(JOINTS)
+            samples[row, joint] += self._outliers.size[joint] * self._odd.standard_t(TAIL)
 
     def _repeat(self, samples: Array) -> Array:
         """Replace samples that are repeats by the last fresh one."""
@@ -139,7 +139,8 @@ class Gaps:
         arrived = np.ones(count, dtype=np.bool_)
         arrived[: self._left] = False
         self._left = max(0, self._left - count)
-        for first in np.flatnonzero(self._random.random(count) < self._rate * TIMESTEP).tolist():
+        for _ in range(int(self._random.poisson(self._rate * count * TIMESTEP))):
+            first = int(self._random.integers(count))
             arrived[first : first + self._length] = False
             self._left = max(self._left, first + self._length - count)
         return arrived

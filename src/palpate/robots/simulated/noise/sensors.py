@@ -89,10 +89,10 @@ class Encoders:
         along = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + RIDGE, forward)
         return self.soft * force[:, None] * along
 
-    def noise(self, periods: int) -> Array:
-        """Draw the noise (periods, 7), rad, of block means."""
+    def noise(self, periods: int) -> Array | None:
+        """Draw the noise (periods, 7), rad, of block means; None without any."""
         if not self._noisy:
-            return np.zeros((periods, JOINTS))
+            return None
         return self._noise / math.sqrt(BLOCK) * self._random.standard_normal((periods, JOINTS))
 
     def quantised(self, q: Array) -> Array:
@@ -101,12 +101,12 @@ class Encoders:
 
 
 class Measured(NamedTuple):
-    """Measurement of n log periods in some runs."""
+    """Measurement of n log periods."""
 
     torque: Array  # (n, 7) N m
     arrived: NDArray[np.bool_] | None  # (n,) which of them did, None for all
-    # (runs, 7) N m, the last reading of each before white noise and acquisition errors: the arm's own
-    # reflex uses it with the noise of each look
+    # (7,) N m, the last reading before white noise and acquisition errors: the arm's own reflex uses
+    # it with the noise of each look
     shown: Array
 
 
@@ -144,40 +144,21 @@ class Sensors:
         shown = self._gauges.read(here, start.q)[0]
         self._zero = shown + self._wander.now - nominal - self._wander.left
 
-    def stuck(self, motion: Motion) -> Array:
-        """Follow the arm's rests in a run; return the torques (n, 7), N m, that stick in its joints."""
-        torque = np.zeros(motion.q.shape)
-        if not self.rests.none:
-            self.rests.add(torque, motion)
-        return torque
-
-    def measure(
-        self,
-        torque: Array,
-        motion: Motion,
-        stuck: Array | None = None,
-        ends: NDArray[np.intp] | None = None,
-    ) -> Measured:
-        """Simulate the measurement of the true mean torques (n, 7) behind the gears, N m, in
-        consecutive runs that end before the rows `ends` (one by default); `stuck` (n, 7): those that
-        stick in the joints, if they were followed before."""
-        if stuck is None:
-            stuck = self.stuck(motion)
-        if ends is None:
-            ends = np.array([len(torque)])
+    def measure(self, torque: Array, motion: Motion) -> Measured:
+        """Simulate the measurement of the true mean torques (n, 7) behind the gears, N m."""
         torque = torque.copy()
         if self._vibration is not None:
             self._vibration.add(torque)
         if not self._friction.none:
             self._friction.add(torque, motion)
-        torque += stuck
+        if not self.rests.none:
+            self.rests.add(torque, motion)
         if self._cable is not None:
             self._cable.add(torque, motion)
         reading = self._gauges.read(torque, motion.q)
-        for run in np.split(reading, ends[:-1]):
-            self._wander.add(run)
+        self._wander.add(reading)
         reading -= self._zero
-        shown = reading[ends - 1]
+        shown = reading[-1].copy()
         return Measured(*self.line.carry(reading), shown)
 
     def looks(self, count: int) -> Array:
