@@ -72,6 +72,8 @@ def test_a_load_that_came_and_went_is_contradicted(npz: Path) -> None:
     found = pp.estimate(npz, [(4.0, 20.0)])["load.mass"]
     assert found.verdict == "contradicted"
     assert "differs between parts" in found.contradiction
+    carried_elsewhere = pp.estimate(npz, [(12.4, 17.0)])["load.mass"]
+    assert carried_elsewhere.verdict == "contradicted"
 
 
 def test_the_twin_of_a_scene(npz: Path, tmp_path: Path) -> None:

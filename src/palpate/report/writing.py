@@ -69,7 +69,7 @@ def take_stills(run: Run, taken: Pictures) -> Pictures:
     if run.settings.images:
         workspace = png(load_image(run.settings.images[0]))
     taken = replace(taken, workspace=workspace)
-    if not gl_available()[0]:
+    if not run.scene.bodies or not gl_available()[0]:
         return taken
     names = tuple(run.scene.bodies)
     before = run.scene.spec()

@@ -24,6 +24,8 @@ from palpate.parameter import Parameter
 from palpate.trace.recording import Recording
 from palpate.trace.samples import Trace
 
+EMPTY_PARTS = 6
+"""Parts of the empty hand's time that are compared."""
 PARTS = 24
 """Parts of a recording in a chart, at most."""
 ALONE = (
@@ -208,7 +210,7 @@ def _shared(found: Carried, slopes: Array, name: str = LOAD) -> tuple[Shared, ..
 
 def _seconds(found: Carried) -> str:
     count, step = len(found.seen.t), float(np.median(np.diff(found.seen.t)))
-    hung = int(np.count_nonzero(np.abs(found.columns[:count]).sum(axis=1)))
+    hung = int(np.count_nonzero(found.hanging[:count]))
     return f"{hung * step:.1f} s of motion, against {(count - hung) * step:.1f} s of the empty hand"
 
 
@@ -227,12 +229,17 @@ def _halves(trace: Trace) -> list[tuple[float, float]]:
 def _same_in_all_parts(trace: Trace, found: Carried) -> tuple[FitTest, ...]:
     """Test for other masses in parts of the recording."""
     parts = [found.part(start, end) for start, end in _halves(trace)][1:]
+    # The empty hand, too, is as empty in all parts as in its first.
+    empty = found.seen.t[~found.hanging[: len(found.seen.t)]]
+    if len(empty) and float(np.ptp(empty)) > 2.0 * tuning.CARRIED_HALF:
+        edges = np.quantile(empty, np.linspace(0.0, 1.0, EMPTY_PARTS + 1)).tolist()
+        parts += [found.part(*edge) * ~found.hanging for edge in pairwise(edges)][1:]
     if not parts:
         return ()
     cause = Cause("mass in all parts", np.column_stack(parts), np.full(len(parts), 1.0))
     finding = (
-        "The mass differs between parts of the windows: the load was not carried in all of them, or it touched "
-        "something."
+        "The mass differs between parts of the recording: the load was not carried in all of its windows, was carried "
+        "outside of them, or touched something."
     )
     tolerated = max(tuning.CARRIED_APART * float(found.value[0]), tuning.CARRIED_LEAST)
     return (found.posterior.test(cause, np.full(len(parts), tolerated), finding),)

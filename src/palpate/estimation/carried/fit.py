@@ -47,7 +47,8 @@ class Carried:
         value: (10,) kg, kg m and kg m², in the tool's axes, the inertia about the TCP.
         covariance: (10, 10) of it.
         compared: the empty hand is in the recording, too.
-        columns: (m k, 10) torques of a unit of each.
+        columns: (m k, 10) torques of a unit of each, carried or not.
+        hanging: (m k,) rows in which it was carried.
         seen, posterior: of the fit.
     """
 
@@ -55,6 +56,7 @@ class Carried:
     covariance: Array
     compared: bool
     columns: Array
+    hanging: Mask
     seen: Blocks
     posterior: Posterior
 
@@ -105,7 +107,7 @@ def carried(trace: Trace, name: str) -> Carried | None:
         unknown.append(Cause(HAND, every, _prior(tuning.HAND_PRIOR)))
     unknown += _friction(trace, groups)
     unknown.append(_inertias(trace, observed, groups))
-    return _fitted(trace, observed, seen, unknown, hanging)
+    return _fitted(trace, observed, seen, every, unknown, hanging)
 
 
 def _prior(sizes: tuple[float, float, float]) -> Array:
@@ -173,6 +175,7 @@ def _fitted(
     trace: Trace,
     observed: WrenchObservation,
     seen: Blocks,
+    every: Array,
     unknown: Sequence[Cause],
     hanging: Mask,
 ) -> Carried:
@@ -185,8 +188,8 @@ def _fitted(
         posterior = fit(causes, noise.signal_noise(), y, scales(causes))
         if noise.rounds == tuning.CARRIED_ROUNDS:
             value, covariance = posterior[LOAD]
-            columns = unknown[0].columns
-            return Carried(value, covariance, not hanging.all(), columns, seen, posterior)
+            compared = not hanging.all()
+            return Carried(value, covariance, compared, every, hanging, seen, posterior)
         bodies = [one for one in unknown if one.name in (LOAD, HAND)]
         borne = sum((one.columns @ posterior[one.name][0] for one in bodies), np.zeros(len(y)))
         mass = float(posterior[LOAD][0][0])
