@@ -135,7 +135,14 @@ def test_a_rejection_has_no_execution_and_no_twin(tmp_path: Path) -> None:
 def test_a_rehearsal_is_told() -> None:
     assert result(replace(REJECTED, rehearsal=Rehearsal(3, 12.5, 9.9, "it slips")))[
         "rehearsal"
-    ] == {"actions": 3, "robot_seconds": 12.5, "peak_force": 9.9, "failure": "it slips"}
+    ] == {
+        "actions": 3,
+        "robot_seconds": 12.5,
+        "peak_force": 9.9,
+        "failure": "it slips",
+        "draws": 1,
+        "path": "tree",
+    }
     assert result(REJECTED)["rehearsal"] is None
 
 
