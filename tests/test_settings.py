@@ -39,7 +39,7 @@ def test_what_makes_sense_passes_unchanged(settings: Settings) -> None:
         ({"scene": None}, "nothing to do: give a request"),
         ({"request": " \n"}, "the request is empty"),
         ({"request": "x" * (MAX_REQUEST + 1)}, f"has {MAX_REQUEST + 1} characters"),
-        ({"noise": "loud"}, "unknown noise 'loud'; valid: datasheet, hardware, lab, none"),
+        ({"noise": "loud"}, "unknown noise 'loud'; valid: datasheet, hardware, lab, measured, none"),
         ({"on_failure": "panic"}, "unknown policy for failures 'panic'; valid: replan, skip, stop"),
         ({"world": D, "robot": "franka://host"}, "world= and robot= exclude each other"),
         ({"seed": -1}, "seed= must not be negative"),
@@ -68,4 +68,4 @@ def test_a_request_is_read_as_it_was_written(tmp_path: Path) -> None:
 
 
 def test_the_sensor_worlds_are_the_robots() -> None:
-    assert noise_models().names == ("none", "lab", "datasheet", "hardware")
+    assert noise_models().names == ("none", "lab", "datasheet", "hardware", "measured")
