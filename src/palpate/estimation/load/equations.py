@@ -53,7 +53,6 @@ class Rows:
 
     Attributes:
         observed: (n,) the signals.
-        t: (k,) s, of the bins.
         root: (n, n) lower triangle whose square is their covariance without the load.
         wrench: (n, 6) signals per unit of each component of the load's wrench.
         grasp: (n,) s, of loaded rows.
@@ -70,7 +69,6 @@ class Rows:
     """
 
     observed: Array
-    t: Array
     root: Array
     wrench: Array
     grasp: Array
@@ -123,7 +121,6 @@ def equations(weighing: Weighing, gravity: float, apart: float = 1.0) -> Rows:
         steps.append((upward * (start >= moment)).ravel())
     return Rows(
         observed=np.concatenate([segment.observed for segment in found]).T.ravel(),
-        t=np.concatenate([segment.t for segment in found]),
         root=root,
         wrench=(maps * loaded[:, None, None]).transpose(1, 0, 2).reshape(-1, 6),
         grasp=each(segment.grasp for segment in found),

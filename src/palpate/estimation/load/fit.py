@@ -18,8 +18,7 @@ path of a lift, is modelled as
 
 Everything but W has a normal prior, so that W follows by generalised least squares from the covariance of
 all the rest (e.g. Bishop, Pattern Recognition and Machine Learning, section 3.3). White and 1/f noise follow
-from the scatter of blocks (`estimation.load.noise`); what the model leaves beyond, and none of the forces that are
-tested for, is a coloured residual of each signal (`estimation.coloured`). A gain error is one number a
+from the scatter of blocks (`estimation.load.noise`), never from the residuals. A gain error is one number a
 signal, the same in all weighings; its column is the load itself, so that joints with little load correct
 those with much.
 
@@ -44,11 +43,9 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest
-from palpate.estimation.coloured import coloured
 from palpate.estimation.load.equations import (
     FORCE_Z,
     LEANING,
-    SIDEWAYS,
     TORQUE_X,
     TORQUE_Y,
     TORQUE_Z,
@@ -60,7 +57,7 @@ from palpate.estimation.load.equations import (
 from palpate.estimation.load.misspecification import tests_of
 from palpate.estimation.load.observation import gain_root
 from palpate.estimation.load.segments import Weighing
-from palpate.estimation.regression import Cause, Model, ScaleHyperprior, SignalNoise
+from palpate.estimation.regression import Model, ScaleHyperprior
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
 
@@ -172,36 +169,10 @@ def _solved(
     # Effects of gains and tilts are in proportion to the load, which is unknown at first.
     mean, covariance = load_model(rows, grasps, np.zeros(count), hand).solve(count)
     rows, model = likeliest_model(weighings, gravity, mean[:count], hand)
-    rows = with_residual(rows, grasps, model)
     for _ in range(tuning.LOAD_ITERATIONS):
         model = load_model(rows, grasps, mean[:count], hand)
         mean, covariance = model.solve(count)
     return rows, model, mean, covariance
-
-
-def with_residual(rows: Sequence[Rows], grasps: Sequence[float], model: Model) -> Sequence[Rows]:
-    """Equations with the coloured residual that `model` leaves of them. What the tests look for is no residual."""
-    ends = np.cumsum([len(row.observed) for row in rows])[:-1]
-    found: list[Rows] = []
-    for row, white in zip(rows, np.split(model.design, ends), strict=True):
-        count = len(row.t)
-        blocks = [slice(at, at + count) for at in range(0, len(row.observed), count)]
-        on_load = np.column_stack([row.height, row.way, row.rest])
-        tested = [row.wrench[:, [FORCE_Z]] * on_load, in_each(row, grasps, SIDEWAYS), row.since]
-        others = np.hstack([*tested, in_each(row, grasps, (FORCE_Z,))])
-        causes = [
-            Cause("load and arm", row.root @ white, model.prior),
-            Cause("others", others, np.full(int(others.shape[1]), np.inf)),
-        ]
-        noise = SignalNoise([row.root[block, block] for block in blocks], row.freedom)
-        between = np.abs(row.t[:, None] - row.t)
-        kernels = np.array([np.exp(-between / time) for time in tuning.COLOUR_TIMES])
-        learned = coloured(causes, noise, row.observed, [kernels] * len(blocks))
-        root = np.zeros_like(row.root)
-        for block, own in zip(blocks, learned.roots, strict=True):
-            root[block, block] = own
-        found.append(replace(row, root=root, freedom=learned.freedom))
-    return found
 
 
 def likeliest_model(
