@@ -299,4 +299,4 @@ def test_a_noise_that_is_not_there_lists_those_that_are(
     palpate: Palpate, scene: SceneMaker
 ) -> None:
     answer = palpate("run", "--scene", scene(cube()), "--noise", "loud")
-    refused(answer, 2, "unknown noise 'loud'", "datasheet, hardware, lab, none")
+    refused(answer, 2, "unknown noise 'loud'", "datasheet, hardware, lab, measured, none")
