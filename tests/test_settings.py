@@ -39,7 +39,10 @@ def test_what_makes_sense_passes_unchanged(settings: Settings) -> None:
         ({"scene": None}, "nothing to do: give a request"),
         ({"request": " \n"}, "the request is empty"),
         ({"request": "x" * (MAX_REQUEST + 1)}, f"has {MAX_REQUEST + 1} characters"),
-        ({"noise": "loud"}, "unknown noise 'loud'; valid: datasheet, hardware, lab, measured, none"),
+        (
+            {"noise": "loud"},
+            "unknown noise 'loud'; valid: datasheet, hardware, lab, measured, none",
+        ),
         ({"on_failure": "panic"}, "unknown policy for failures 'panic'; valid: replan, skip, stop"),
         ({"world": D, "robot": "franka://host"}, "world= and robot= exclude each other"),
         ({"seed": -1}, "seed= must not be negative"),
