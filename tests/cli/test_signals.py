@@ -74,7 +74,6 @@ def interrupted(
     word: str,
     *signals: signal.Signals,
     planner: str = "symbolic",
-    rehearse: bool = False,
 ) -> tuple[subprocess.Popen[str], str, str]:
     """A run that gets the signals as soon as it says `word` on stderr; the process, and what else
     it printed."""
@@ -83,7 +82,7 @@ def interrupted(
         [
             *(sys.executable, "-m", "palpate", "run", "--scene", "desk.xml", "--json"),
             *("-r", "how heavy is the mug?", "--robot", "scripted://here", "--yes"),
-            *("--planner", planner, "--out", "run", "--rehearse" if rehearse else "--no-rehearse"),
+            *("--planner", planner, "--out", "run"),
         ],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -110,7 +109,7 @@ def interrupted(
 def test_before_anything_moves(
     desk: Path, stage: str, number: signal.Signals, planner: str
 ) -> None:
-    process, out, err = interrupted(desk, stage, number, planner=planner, rehearse=True)
+    process, out, err = interrupted(desk, stage, number, planner=planner)
     assert process.returncode == 4
     assert err.splitlines()[-1].endswith(f"while {stage}; nothing has moved")
     assert json.loads(out)["status"] == "aborted"

@@ -39,6 +39,10 @@ def read_log(path: Path, columns: Path | None = None) -> ArmLog:
         Unavailable: the library for its format is not installed.
     """
     mapped = read_map(columns)
+    if path.is_dir() and not any(path.glob("*.db3")) and not any(path.glob("*.mcap")):
+        raise InputError(
+            f"{path}: neither a run folder nor one of rosbag2, which holds .db3 or .mcap"
+        )
     reader = read_bag if path.is_dir() else READERS.get(path.suffix.lower())
     if reader is None:
         kinds = ", ".join(READERS)

@@ -230,7 +230,6 @@ def _longest_class() -> int:
     return longest(english().classes)
 
 
-@cache
 def _quantities() -> dict[Phrase, tuple[str, bool]]:
     """The words of every synonym to the id of its quantity, and whether they are plural, in their
     first or last word."""
