@@ -130,7 +130,7 @@ def test_a_picture_that_cannot_be_made_is_a_note_and_the_plan_goes_on(
     def planned() -> Run:
         with Loopback(answer=script) as server:
             model = ModelSettings(base_url=server.url("openai"), budget=Budget(seconds=20))
-            settings = task.settings(planner="openai:gpt-x", model_settings=model)
+            settings = task.settings(planner="openai:gpt-x", model_settings=model, rehearse=False)
             return pipeline.plan(settings, pipeline.load(settings))
 
     assert not any("picture" in note for note in planned().plan.notes)

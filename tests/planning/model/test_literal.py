@@ -113,7 +113,9 @@ def test_a_literal_reader_plans_every_scenario_at_once(
             prompt=style,
             critic="openai:gpt-c",
         )
-        settings = task.settings(planner="openai:gpt-x", images=(picture,), model_settings=model)
+        settings = task.settings(
+            planner="openai:gpt-x", images=(picture,), model_settings=model, rehearse=False
+        )
         run = pipeline.plan(settings, pipeline.load(settings))
     rejected = not task.expects and not tool
     assert run.conversation is not None
