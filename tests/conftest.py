@@ -67,9 +67,14 @@ LONG = (
     "tests/execution/test_recovery.py::test_replanning_*",
 )
 
+MINUTES = ("tests/robots/franky/test_gauges.py::*", "tests/test_unknown_heights.py::*")
+"""Of these, files that take a minute or more: `make test-ci` leaves them out."""
+
 
 def pytest_collection_modifyitems(items: Sequence[pytest.Item]) -> None:
     """Mark them."""
     for item in items:
+        if any(fnmatch(item.nodeid, pattern) for pattern in MINUTES):
+            item.add_marker("minutes")
         if any(fnmatch(item.nodeid, pattern) for pattern in LONG):
             item.add_marker("long")
