@@ -67,7 +67,12 @@ LONG = (
     "tests/execution/test_recovery.py::test_replanning_*",
 )
 
-MINUTES = ("tests/robots/franky/test_gauges.py::*", "tests/test_unknown_heights.py::*")
+MINUTES = (
+    "tests/robots/franky/test_gauges.py::*",
+    "tests/test_unknown_heights.py::*",
+    "tests/studies/planners/test_ablation.py::*",
+    "tests/studies/test_cluster.py::*",
+)
 """Of these, files that take a minute or more: `make test-ci` leaves them out."""
 
 
