@@ -11,7 +11,7 @@ from bench.campaign.ledger import Drawn, Row, judged_run
 from bench.faults.bases import bases
 from bench.harm.probe import probed_run
 from palpate import pipeline
-from palpate.execution.harm.touch import CAUTIOUS, CAUTIOUS_RIGID, UNSEEN, Figures
+from palpate.execution.harm.touch import UNSEEN, Figures
 from palpate.geometry.pose import Pose
 from palpate.scenarios.catalogue import scenario
 from palpate.scene.load import rearranged, scene_from_text
@@ -27,6 +27,10 @@ POST_MASS = 1.0
 """kg; an aluminium post of this size has 0.8."""
 CONTACT, CONTACT_DAMPING = 3e6, 1200.0
 """1/s^2 and 1/s of its contact: what physics steps of 0.5 ms resolve."""
+CAUTIOUS = Figures(tail=25.0)
+"""Limits of hidden things with a cautious arm: those of things of the scene, and the tail."""
+CAUTIOUS_RIGID = Figures(mean10=80.0, tail=25.0)
+"""As `CAUTIOUS`, for a contact stiffness of `RIGID` or more."""
 POST = "hidden_post"
 LIGHT_THING = "hidden_cup"
 

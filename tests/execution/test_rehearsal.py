@@ -109,6 +109,31 @@ def test_a_thing_that_ends_elsewhere_than_believed_is_a_finding() -> None:
     assert predicted.path == "tree.children[5]"
 
 
+def test_a_load_that_the_hand_lowers_beside_its_support_is_not_falling() -> None:
+    """It hangs 60 mm below its place on a block, and goes back there."""
+    block = '<body name="block" pos=".5 .1 .06"><geom type="box" size=".02 .02 .06"/></body>'
+    cell = scene(block + CAN.replace(".5 .1 .06", ".5 .1 .18"))
+    beside = [
+        ("MovePose", "pose", f"can_pose + 5*y_offset {rise}z_offset")
+        for rise in ("+ ", "- 0.6*", "+ ")
+    ]
+    above = ("MovePose", "pose", "can_pose + z_offset")
+    steps = [
+        ("MoveJoints", "joints", "home_config"),
+        "OpenGripper",
+        above,
+        ("MovePose", "pose", "can_pose"),
+        "CloseGripper",
+        above,
+        *beside,
+        above,
+        ("MovePose", "pose", "can_pose"),
+        "OpenGripper",
+        above,
+    ]
+    assert rehearse(sequence(steps), cell).failure is None
+
+
 def test_the_same_pose_twice_while_holding_is_no_error() -> None:
     cell = scene(CAN)
     above = ("MovePose", "pose", "can_pose + z_offset")

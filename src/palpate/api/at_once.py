@@ -1,4 +1,4 @@
-"""One call from a scene, or from settings, to a finished run."""
+"""Run of all stages in one call, from a scene or from settings."""
 
 from __future__ import annotations
 

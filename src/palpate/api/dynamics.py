@@ -46,9 +46,8 @@ def dynamics(
     Raises:
         InputError: a file that cannot be read, no such arm, too short a recording, or no joint moves.
     """
-    from palpate.logs.reading import read_log
+    from palpate.logs.reading import log_of
 
-    if not isinstance(log, ArmLog):
-        log = read_log(Path(log), None if columns is None else Path(columns))
+    log = log_of(log, columns)
     found = identify(log, load_description(str(arm)), hand)
     return ArmDynamics(**contents_of(found, InnerDynamics))

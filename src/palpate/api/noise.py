@@ -90,10 +90,9 @@ def noise(
     Raises:
         InputError: a file that cannot be read, no such arm, or too short a recording.
     """
-    from palpate.logs.reading import read_log
+    from palpate.logs.reading import log_of
 
-    if not isinstance(log, ArmLog):
-        log = read_log(Path(log), None if columns is None else Path(columns))
+    log = log_of(log, columns)
     described = load_description(str(arm))
     found = statistics(log, described)
     return ArmNoise(log.source, float(log.t[-1] - log.t[0]), found, described, log.notes)

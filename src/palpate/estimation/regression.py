@@ -88,10 +88,6 @@ class SignalNoise:
         """Half the log determinant of its covariance."""
         return float(sum(np.log(np.diag(root)).sum() for root in self.roots))
 
-    def louder(self, factor: float) -> SignalNoise:
-        """The same noise, `factor` times as large."""
-        return replace(self, roots=[factor * root for root in self.roots])
-
     def white(self, rows: Array) -> Array:
         """Bring rows (n, p) to unit variance."""
         ends = np.cumsum([len(root) for root in self.roots])

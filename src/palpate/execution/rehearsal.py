@@ -15,8 +15,8 @@ import numpy as np
 from palpate.beside import Beside
 from palpate.cells.simulated import draw_truth
 from palpate.errors import InputError
-from palpate.execution.harm.harm import harm
-from palpate.execution.harm.witness import Witness
+from palpate.execution.harm.harm import FALLING, harm
+from palpate.execution.harm.witness import LOOK, Witness
 from palpate.execution.runner import STOP_NODE, Execution, run
 from palpate.interrupt import interrupts
 from palpate.planning.check.case import Finding
@@ -36,8 +36,6 @@ LONGEST = 600.0
 """s of robot time of a rehearsal; a longer plan is one for several runs."""
 SETTLING = 0.5
 """s of a run in which the arm is far from everything: what moves then, moves without it."""
-FALLEN = 0.05
-"""m that a thing is below its first place, from which the rest of a rehearsal shows nothing new."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +76,7 @@ class Rehearsal:
 
 @dataclass(frozen=True, slots=True)
 class _Attempt:
-    """One rehearsed run, small enough to be sent between processes.
+    """Outcome of a rehearsal in one world, small enough to be sent between processes.
 
     Attributes:
         harm: path of a leaf and the harm that it did, None for a harmless run.
@@ -157,7 +155,7 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
             plan,
             scene,
             robot,
-            stop_requested=lambda: _has_fallen(witness),
+            stop_requested=lambda: _is_falling(witness),
             max_robot_seconds=LONGEST,
         )
         robot.advance(AFTERWARDS)
@@ -175,10 +173,14 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
     return _Attempt(done.actions, done.robot_seconds, peak, harmed, stop)
 
 
-def _has_fallen(witness: Witness) -> bool:
-    """Test if something is below where it stood: the rest of the rehearsal shows nothing new."""
-    first, last = witness.looks[0].poses[:, 2], witness.looks[-1].poses[:, 2]
-    return bool((last < first - FALLEN).any())
+def _is_falling(witness: Witness) -> bool:
+    """Test if something falls that the hand does not hold: the rest of the rehearsal shows nothing new."""
+    if len(witness.looks) < 2:
+        return False
+    before, now = witness.looks[-2:]
+    sunk = before.poses[:, 2] - now.poses[:, 2]
+    loose = np.arange(len(sunk)) != now.held
+    return bool((sunk[loose] > FALLING * LOOK * witness.period).any())
 
 
 def _at(done: Execution, t: float, text: str) -> tuple[str, str]:

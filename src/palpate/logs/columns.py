@@ -33,7 +33,7 @@ ALIASES = {
     "tau_ext": "tau_ext tau_ext_hat tau_ext_hat_filtered tau_ext_hat_filtered_effort external_torque "
     "external_torques",
 }
-"""What remains of a column's name, by signal; tau is libfranka's tau_J, with gravity in it."""
+"""Names of columns without their joint's number, by signal; tau is libfranka's tau_J, with gravity in it."""
 KNOWN = {alias: signal for signal, aliases in ALIASES.items() for alias in aliases.split()}
 _PLAIN = (
     "joint joints state states robot measured actual msg panda franka fer arm observation data log"

@@ -55,7 +55,7 @@ period at a tenth of the speed.
 tau_J; ROS: joint_states with effort). External torques are not needed.
 5. palpate estimate LOG --loaded A-B, with the seconds between lifting and putting down. For the mass alone any slow \
 motion serves, in which all joints turn both ways; the inertia needs the fast one."""
-"""What to record."""
+"""Instructions for a recording."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,7 +91,7 @@ class Excitation:
         return "\n".join([",".join(["t", *names]), *rows, ""])
 
     def told(self, arm: str, file: str) -> str:
-        """What to record with it, in words."""
+        """Instructions for the recording, in words."""
         return HOW.format(
             file=file,
             arm=arm,

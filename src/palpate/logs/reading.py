@@ -23,6 +23,13 @@ MAX_ROWS = 4_000_000
 MAX_COLUMNS = 2_000
 
 
+def log_of(log: str | Path | ArmLog, columns: str | Path | None = None) -> ArmLog:
+    """Return a recording at hand as it is, or read that of a path (`read_log`)."""
+    if isinstance(log, ArmLog):
+        return log
+    return read_log(Path(log), None if columns is None else Path(columns))
+
+
 def read_log(path: Path, columns: Path | None = None) -> ArmLog:
     """Read the joint signals of an arm from a recording.
 

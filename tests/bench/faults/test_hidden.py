@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bench.faults.hidden import LIGHT_THING, MOST, POST, wrong_world
+from bench.faults.hidden import CAUTIOUS, CAUTIOUS_RIGID, LIGHT_THING, MOST, POST, wrong_world
 from bench.faults.nasty import small_scene
-from palpate.execution.harm.touch import CAUTIOUS, CAUTIOUS_RIGID, SHOWN, UNSEEN
+from palpate.execution.harm.touch import SHOWN, UNSEEN
 
 
 @pytest.mark.parametrize(

@@ -8,10 +8,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from bench.faults.hidden import CAUTIOUS
 from bench.harm.probe import probed_run
 from palpate import pipeline
 from palpate.execution.harm.harm import Harm, harm
-from palpate.execution.harm.touch import CAUTIOUS, UNSEEN
+from palpate.execution.harm.touch import UNSEEN
 from palpate.execution.harm.witness import Witness
 from palpate.execution.rehearsal import named_objects
 from palpate.planning.plan import Node, Plan

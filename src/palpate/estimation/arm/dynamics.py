@@ -44,7 +44,7 @@ class Figure:
 
     @property
     def observed(self) -> tuple[bool, ...]:
-        """Whether the recording says anything of it, by joint."""
+        """(n,) True where the recording narrows the prior, by joint."""
         return tuple((self.std < tuning.OBSERVED * self.prior).tolist())
 
     def record(self, joint: int) -> dict[str, float] | None:
@@ -72,7 +72,7 @@ class FoundHand:
     parameters: Array
 
     def record(self) -> dict[str, object]:
-        """As plain numbers."""
+        """Return the figures as plain numbers, for JSON."""
         return {
             "mass": {"value": self.mass, "std": self.mass_std},
             "centre": {"value": self.centre.tolist(), "std": self.centre_std.tolist()},

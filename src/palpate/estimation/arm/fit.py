@@ -51,7 +51,7 @@ RELATIVE = ("presliding", "uneven", "stribeck")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Assumed:
-    """What is believed of an arm before its recording is looked at.
+    """Prior of an arm's parameters.
 
     Attributes:
         bodies: as described.

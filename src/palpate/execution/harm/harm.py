@@ -152,9 +152,10 @@ class Harm:
     Attributes:
         touches: all contacts, the largest forces first.
         turned: rad that objects rotated in the hand.
-        forces: forces beyond the limits, in words, each with the time (s) of the largest.
+        forces: forces beyond the limits, in words.
         fates: harm to objects of the scene.
         unseen: harm to objects that the scene does not show, which is listed and not judged.
+        first: time, s, and description of the earliest harm; None for a harmless run.
     """
 
     touches: tuple[Touch, ...]
@@ -162,23 +163,12 @@ class Harm:
     forces: tuple[str, ...]
     fates: tuple[Fate, ...]
     unseen: tuple[Fate, ...] = ()
+    first: tuple[float, str] | None = None
 
     @property
     def beyond(self) -> tuple[str, ...]:
         """Everything beyond the limits, in words; empty for a harmless run."""
         return (*self.forces, *map(str, self.fates))
-
-    @property
-    def first(self) -> tuple[float, str] | None:
-        """Earliest harm: its time, s, and description; None for a harmless run."""
-        hardest = {touch.thing: touch.hardest for touch in self.touches}
-        found = [
-            (hardest[text.partition(" on ")[2].partition(": ")[0]], text) for text in self.forces
-        ]
-        falls = {fate.name: str(fate) for fate in self.fates if fate.fallen}
-        for fate in self.fates:  # a thing that falls has moved before
-            found.append((fate.t, falls.get(fate.name, str(fate))))
-        return min(found, default=None)
 
     @property
     def fallen(self) -> tuple[str, ...]:
@@ -202,9 +192,10 @@ def harm(
         shown, hidden: limits of contact forces.
     """
     contacts = touches(witness)
-    forces: list[str] = []
+    forces: list[tuple[float, str]] = []
     for touch in contacts:
-        forces += touch.beyond(hidden if touch.thing in unseen else shown)
+        beyond = touch.beyond(hidden if touch.thing in unseen else shown)
+        forces += ((touch.hardest, text) for text in beyond)
     turned: dict[str, float] = {}
     fates: list[Fate] = []
     listed: list[Fate] = []
@@ -213,7 +204,17 @@ def harm(
             turned[track.name] = track.turned
         found = listed if track.name in unseen else fates
         found += _fates(track, named)
-    return Harm(contacts, turned, tuple(forces), tuple(fates), tuple(listed))
+    falls = {fate.name: str(fate) for fate in fates if fate.fallen}
+    # What falls has moved before: the fall is said, at the time of the first motion.
+    events = [(fate.t, falls.get(fate.name, str(fate))) for fate in fates]
+    return Harm(
+        contacts,
+        turned,
+        forces=tuple(text for _, text in forces),
+        fates=tuple(fates),
+        unseen=tuple(listed),
+        first=min((*forces, *events), default=None),
+    )
 
 
 def _fates(track: Track, named: Collection[str]) -> list[Fate]:

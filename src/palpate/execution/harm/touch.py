@@ -45,11 +45,6 @@ SHOWN = Figures()
 """For things of the scene."""
 UNSEEN = Figures(mean10=180.0, mean20=150.0, tail=25.0, sideways=180.0)
 """For things that the scene does not show."""
-CAUTIOUS = Figures(tail=25.0)
-"""For things that the scene does not show, with a cautious arm: as for things of the scene, and the
-tail."""
-CAUTIOUS_RIGID = Figures(mean10=80.0, tail=25.0)
-"""As `CAUTIOUS`, for a contact stiffness of 10⁶ N/m or more."""
 
 
 @dataclass(frozen=True, slots=True)
