@@ -90,7 +90,7 @@ def _known(run: Run, name: str, parameter: str, now: float) -> tuple[str, str]:
     assert run.trace is not None
     if np.isinf(now):
         found = next(e for e in run.estimates if str(e.parameter) == parameter)
-        value = " ± ".join(rounded(found.value[0], found.std[0]))
+        value = " ± ".join(rounded(found.values[0], found.stds[0]))
         truth = f"truth {run.truth[found.parameter][0]:g} {found.unit}, looked up last"
         return f"{value} {found.unit}", truth
     for leaf in run.trace.leaves:
