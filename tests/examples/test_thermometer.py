@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -128,7 +129,11 @@ def test_a_thermometer_that_cannot_be_read_ends_in_a_controlled_stop_with_the_re
     installed: dict[str, str], tmp_path: Path
 ) -> None:
     dumb = command(**{**installed, "PALPATE_THERMOMETER": str(tmp_path / "unplugged.log")})
-    done = dumb("run", *R, *D, *W, cwd=tmp_path)
+    rehearsed = dumb("run", *R, *D, *W, cwd=tmp_path)
+    assert rehearsed.returncode == 3, rehearsed.stderr
+    assert "the thermometer's log cannot be read" in " ".join(rehearsed.stderr.split())
+    shutil.rmtree(tmp_path / "run")
+    done = dumb("run", *R, *D, *W, "--no-rehearse", cwd=tmp_path)
     assert done.returncode == 4, done.stderr
     result = json.loads((tmp_path / "run" / "result.json").read_text("utf-8"))
     assert "the thermometer's log cannot be read" in result["execution"]["stopped_by"]
