@@ -20,13 +20,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import mujoco
 import numpy as np
 
 from palpate.calibration.stated import Stated
 from palpate.errors import InputError
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
+from palpate.estimation.arm.causes import Bodies
+from palpate.estimation.load.chain import regressor
 from palpate.estimation.load.equations import equations
 from palpate.estimation.load.fit import fit_load, load_model
 from palpate.estimation.load.observation import gain_root, observe
@@ -244,37 +245,15 @@ def own_weight_columns(trace: Trace, arm: RobotDescription, q: Array) -> tuple[A
 
 def link_columns(arm: RobotDescription, gravity: float, q: Array) -> Array:
     """(n, 7, 4 k) N m: change of the torques that hold the arm at `q` (n, 7), by one standard deviation of
-    the mass of each of k links and of its centre along three axes."""
-    down = -gravity * UP
-    model = arm.spec(down).compile()
-    data = mujoco.MjData(model)
-    joints = [model.joint(name) for name in arm.joints]
-    bodies = [*(int(model.jnt_bodyid[joint.id]) for joint in joints), model.body(arm.hand.body).id]
-    dofs = [int(joint.dofadr[0]) for joint in joints]
-    relative, shift = arm.sensors.link_mass, arm.sensors.link_com
-
-    def of_link(body: int) -> Array:
-        """(7, 4) of one link in the present configuration."""
-        mass, link = float(model.body_mass[body]), data.body(body)
-        along, about = np.empty((3, model.nv)), np.empty((3, model.nv))
-        mujoco.mj_jacBody(model, data, along, about, body)
-
-        def hold(point: Array) -> Array:
-            """(7,) N m that hold a kilogram at a point of the link: -Jᵀ g."""
-            jacobian = along + np.cross(about.T, point - link.xpos).T
-            return -jacobian[:, dofs].T @ down
-
-        here = hold(link.xipos)
-        columns = [relative * mass * here]
-        # A Jacobian is linear in its point: a step of 1 m gives the exact derivative.
-        for axis in link.xmat.reshape(3, 3).T:
-            columns.append(shift * mass * (hold(link.xipos + axis) - here))
-        return np.column_stack(columns)
-
-    out: list[Array] = []
-    for angles in q:
-        data.qpos[[int(joint.qposadr[0]) for joint in joints]] = angles
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        out.append(np.column_stack([of_link(body) for body in bodies]))
-    return np.array(out)
+    the mass of each of k links, hand included, and of its centre along three axes."""
+    bodies, still, chain = Bodies.of(arm), np.zeros_like(q), arm.nominal.chain
+    assert chain is not None
+    heavier = 1.0 if arm.end_effector is None else arm.end_effector.mass / bodies.hand[0]
+    # Torques of a unit of mass and first moment of each link.
+    held = regressor(chain, q, still, still, -gravity * UP)[..., :4]
+    columns: list[Array] = []
+    for joint, body in [*enumerate(bodies.links), (JOINTS - 1, heavier * bodies.hand)]:
+        shifts = arm.sensors.link_com * body[0] * np.eye(4)[:, 1:]
+        sizes = np.column_stack([arm.sensors.link_mass * body[:4], shifts])
+        columns.append(held[:, :, joint] @ sizes)
+    return np.concatenate(columns, axis=2)

@@ -15,8 +15,8 @@ import mujoco
 import numpy as np
 
 from palpate.errors import InputError
-from palpate.estimation.carried.fit import load_columns
 from palpate.estimation.load.chain import tool_kinematics
+from palpate.estimation.rigid import load_columns
 from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription
 from palpate.trace.samples import STANDARD_GRAVITY

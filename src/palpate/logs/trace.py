@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from palpate.errors import InputError
-from palpate.estimation.carried.fit import load_columns
+from palpate.estimation.rigid import load_columns
 from palpate.geometry.pose import Array, Pose, rotations
 from palpate.parameter import Parameter
 from palpate.robots.description import RobotDescription

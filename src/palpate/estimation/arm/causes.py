@@ -9,14 +9,9 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.arm.motion import Motion
-from palpate.estimation.arm.regressor import (
-    PARAMETERS,
-    inertia_about_centre,
-    parameters,
-    placed_at,
-    regressor,
-)
 from palpate.estimation.arm.spectrum import frequencies, transformed
+from palpate.estimation.load.chain import regressor
+from palpate.estimation.rigid import PARAMETERS, inertia_about_centre, parameters, placed_at
 from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription
 from palpate.trace.samples import STANDARD_GRAVITY

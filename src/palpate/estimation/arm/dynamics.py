@@ -21,7 +21,7 @@ from palpate.estimation.arm.fit import (
     fitted,
 )
 from palpate.estimation.arm.motion import Motion, stretches
-from palpate.estimation.arm.regressor import placed_at
+from palpate.estimation.rigid import placed_at
 from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription
 from palpate.trace.log import ArmLog

@@ -9,9 +9,9 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.arm.causes import COULOMB, LINKS, Bodies, Rows
-from palpate.estimation.arm.regressor import PARAMETERS, placed_at
 from palpate.estimation.arm.spectrum import Residual, SpectralNoise
 from palpate.estimation.regression import Cause, Posterior, Scale, fit
+from palpate.estimation.rigid import PARAMETERS, placed_at
 from palpate.geometry.pose import Array
 
 HAND = "hand"

@@ -10,6 +10,7 @@ import numpy as np
 
 from palpate.errors import InputError
 from palpate.estimation import tuning
+from palpate.estimation.joint_friction import dahl
 from palpate.geometry.pose import Array
 from palpate.trace.log import ArmLog
 
@@ -116,7 +117,8 @@ def _uniform(log: ArmLog, first: int, last: int) -> Motion:
     q = even(log.q)
     smooth, clock = _low_pass(q, step)[::every], times[::every]
     dq = _low_pass(even(log.dq), step)[::every]
-    dahl, strained = dahl_states(smooth)
+    moved = np.diff(smooth, axis=0, prepend=smooth[:1])
+    friction, strained = dahl(moved, np.array(tuning.PRESLIDINGS))
     found = Motion(
         t=clock,
         q=smooth,
@@ -124,7 +126,7 @@ def _uniform(log: ArmLog, first: int, last: int) -> Motion:
         ddq=_slope(clock, dq),
         tau=_low_pass(even(log.tau), step)[::every],
         tau_ext=None if log.tau_ext is None else _low_pass(even(log.tau_ext), step)[::every],
-        dahl=dahl,
+        dahl=friction,
         strained=strained,
     )
     # A filter does not know what came before and after.
@@ -147,16 +149,3 @@ def _slope(t: Array, signal: Array) -> Array:
     from scipy.interpolate import CubicSpline
 
     return np.asarray(CubicSpline(t, signal)(t, 1), dtype=np.float64)
-
-
-def dahl_states(q: Array) -> tuple[Array, Array]:
-    """(n, 7, p) Dahl friction of unit level along angles `q` (n, 7), rad, that begins at 0, and what is left of one
-    at the start, for each of `tuning.PRESLIDINGS`: per rad a joint closes 1 / presliding of the way to its level
-    (P. Dahl, AIAA Journal 14, 1976)."""
-    moved = np.diff(q, axis=0, prepend=q[:1])[:, :, None]
-    gone = np.abs(moved) / np.array(tuning.PRESLIDINGS)
-    keep = np.exp(-gone)
-    dahl = np.sign(moved) * (1.0 - keep)
-    for row in range(1, len(q)):
-        dahl[row] += keep[row] * dahl[row - 1]
-    return dahl, np.exp(-np.cumsum(gone, axis=0))

@@ -1,37 +1,32 @@
 """Inertial parameters of a rigid load that was carried through a recording of free motion.
 
-The wrench that moves a rigid body is linear in ten numbers: mass m, first moment h = m c and inertia I about the
-TCP, in the tool's axes (C. Atkeson, C. An and J. Hollerbach, Estimation of inertial parameters of manipulator
-loads and links, IJRR 5, 1986):
-
-    f = m (a + g) + (α× + ω×ω×) R h
-    n = R h × (a + g) + R I Rᵀ α + ω × R I Rᵀ ω
-
-They are fitted together with all error causes of the arm (`load.causes`), on means over blocks of time of both
-sides. The noise of each joint is white noise and Ornstein-Uhlenbeck processes of several lengths, whose variances
-are those under which the recording itself is likeliest (restricted maximum likelihood, by the updates of H. Zhou
-et al., MM algorithms for variance components models, J. Comput. Graph. Stat. 28, 2019): friction that no column
-describes widens the interval by as much as it is seen to be, and for as long as it lasts.
+Its ten parameters about the TCP (`estimation.rigid`) are fitted together with all error causes of the arm
+(`load.causes`), on means over blocks of time of both sides. The noise of each joint is white noise and
+Ornstein-Uhlenbeck processes of several lengths, whose variances are those under which the recording itself is
+likeliest (restricted maximum likelihood, by the updates of H. Zhou et al., MM algorithms for variance components
+models, J. Comput. Graph. Stat. 28, 2019): friction that no column describes widens the interval by as much as it is
+seen to be, and for as long as it lasts.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import KNOWN
-from palpate.estimation.joint_friction import TURNED, dahl_states
+from palpate.estimation.joint_friction import LEFT, TURNED, dahl_states
 from palpate.estimation.load.blocks import Blocks, Rows, blocks
 from palpate.estimation.load.causes import by_signal, of_arm, scales
-from palpate.estimation.load.chain import own_motion
+from palpate.estimation.load.chain import link_parameters, link_wrenches
 from palpate.estimation.load.observation import WrenchObservation, observe
 from palpate.estimation.load.segments import load_rows
 from palpate.estimation.motion import Mask, smoothed_with_rate
 from palpate.estimation.regression import Cause, Posterior, SignalNoise, fit
-from palpate.geometry.pose import Array, rotations, tensor_of
+from palpate.estimation.rigid import load_columns
+from palpate.geometry.pose import Array, rotations
 from palpate.parameter import Parameter
 from palpate.trace.samples import Trace, once
 
@@ -65,30 +60,6 @@ class Carried:
         t = np.tile(self.seen.t, len(self.columns) // len(self.seen.t))
         here = (start <= t) & (t <= end)
         return here * (self.columns @ self.value) / max(float(self.value[0]), 1e-3)
-
-
-def load_columns(twist: Array, rates: Array, tool: Array, gravity: float) -> Array:
-    """(n, 6, 10) wrench that the hand exerts on a load, per unit of each of its parameters, N and N m in world axes
-    about the TCP.
-
-    Args:
-        twist, rates: (n, 6) of the TCP, world axes, and their change per second.
-        tool: (n, 3, 3) the tool's axes in the world.
-        gravity: m/s².
-    """
-    pulled = rates[:, :3] + np.array([0.0, 0.0, gravity])
-    turn, gain = twist[:, 3:], rates[:, 3:]
-    out = np.zeros((len(twist), 6, 10))
-    out[:, :3, 0] = pulled
-    for axis in range(3):
-        lever = tool[:, :, axis]
-        out[:, :3, 1 + axis] = np.cross(gain, lever) + np.cross(turn, np.cross(turn, lever))
-        out[:, 3:, 1 + axis] = np.cross(lever, pulled)
-    for place, unit in enumerate(np.eye(6)):
-        tensor = tool @ tensor_of(unit.tolist()) @ tool.transpose(0, 2, 1)
-        moved = np.einsum("nij,nj->ni", tensor, turn)
-        out[:, 3:, 4 + place] = np.einsum("nij,nj->ni", tensor, gain) + np.cross(turn, moved)
-    return out
 
 
 @once
@@ -144,11 +115,11 @@ def _torques(trace: Trace, observed: WrenchObservation, groups: Sequence[Rows]) 
 
 def _friction(trace: Trace, groups: Sequence[Rows]) -> Iterator[Cause]:
     """Friction of the joints that turns round over other angles than the usual."""
-    q = trace.samples.q
-    for angle in tuning.CARRIED_PRESLIDING:
-        states = dahl_states(q * (tuning.PRESLIDING / angle))[:, :, TURNED]
-        shown = by_signal(_means(states, groups)[:, :, None] * np.eye(q.shape[1]))
-        prior = np.full(q.shape[1], tuning.JOINT_LEVEL)
+    q, angles = trace.samples.q, tuning.CARRIED_PRESLIDING
+    states = dahl_states(q, angles)[:, :, TURNED :: LEFT + 1]
+    prior = np.full(q.shape[1], tuning.JOINT_LEVEL)
+    for angle, state in zip(angles, states.transpose(2, 0, 1), strict=True):
+        shown = by_signal(_means(state, groups)[:, :, None] * np.eye(q.shape[1]))
         yield Cause(f"joint friction over {1e3 * angle:g} mrad", shown, prior)
 
 
@@ -156,11 +127,12 @@ def _inertias(trace: Trace, observed: WrenchObservation, groups: Sequence[Rows])
     """Torques that move each of the arm's links, whose inertia is known to a part."""
     chain, samples = observed.chain, trace.samples
     assert chain is not None
-    rates, changes = smoothed_with_rate(samples.dq, samples.t, tuning.CARRIED_SMOOTH)
+    motion = samples.q, *smoothed_with_rate(samples.dq, samples.t, tuning.CARRIED_SMOOTH)
     columns: list[Array] = []
-    for joint in range(len(chain.axes)):
-        alone = replace(chain, links=tuple(link for link in chain.links if link.joint == joint))
-        torque = own_motion(alone, samples.q, rates, changes)
+    for joint, (motions, wrench) in enumerate(link_wrenches(chain, *motion, np.zeros(3))):
+        torque = np.zeros(samples.q.shape)
+        borne = wrench @ link_parameters(chain, joint)
+        torque[:, : joint + 1] = (motions @ borne[:, :, None])[:, :, 0]
         columns.append(by_signal(_means(torque, groups)))
     prior = np.full(len(columns), tuning.CARRIED_INERTIA)
     return Cause("inertia of links", np.column_stack(columns), prior)

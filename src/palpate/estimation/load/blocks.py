@@ -13,6 +13,7 @@ from palpate.estimation.joint_friction import slip_states
 from palpate.estimation.load.observation import WrenchObservation
 from palpate.estimation.load.segments import LoadRows, load_rows
 from palpate.estimation.motion import Mask, acceleration, at_rest, row_at, runs, smoothed_with_rate
+from palpate.estimation.rigid import load_columns
 from palpate.geometry.pose import Array, rotations
 from palpate.trace.recording import RECORDED
 from palpate.trace.samples import Samples, Trace
@@ -120,6 +121,9 @@ def blocks(
     swung = np.einsum("ki,kj->kij", rate, rate) - (rate**2).sum(axis=1)[:, None, None] * np.eye(3)
     swung = swung + np.cross(spin[:, None, :], np.eye(3)).swapaxes(1, 2)
     tool = rotations(samples.pose_world_tcp[middle, 3:])
+    still = np.zeros((len(groups), 6))
+    spinning = np.hstack([still[:, :3], rate]), np.hstack([still[:, :3], spin])
+    turning = load_columns(*spinning, tool, 0.0)[:, 3:, 4:]
     return Blocks(
         rows=count.astype(float),
         t=mean(t),
@@ -133,23 +137,11 @@ def blocks(
         acceleration=mean(gaining),
         pull=mean(pull),
         swung=swung / trace.gravity,
-        turning=mean(hangs.astype(float))[:, None, None] * inertial_moment(tool, rate, spin),
+        turning=mean(hangs.astype(float))[:, None, None] * turning,
         grasp=np.array(grasp),
         dahl=mean(slip_states(samples)),
         resting=np.array(resting, dtype=float).reshape(-1, len(groups)).T,
     )
-
-
-def inertial_moment(tool: Array, rate: Array, spin: Array) -> Array:
-    """(k, 3, 6) moments I α + ω × I ω, in the world, of unit inertias in the axes `tool` (k, 3, 3) of the hand,
-    turning at `rate` (k, 3) with its change `spin` (k, 3)."""
-    own, change = (np.einsum("kji,kj->ki", tool, one) for one in (rate, spin))
-    columns: list[Array] = []
-    for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
-        unit = np.zeros((3, 3))
-        unit[i, j] = unit[j, i] = 1.0
-        columns.append(change @ unit + np.cross(own, own @ unit))
-    return np.einsum("kij,kjc->kic", tool, np.stack(columns, axis=2))
 
 
 def turned(samples: Samples) -> Array:
