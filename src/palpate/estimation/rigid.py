@@ -139,3 +139,12 @@ def inertia_about_centre(found: Array) -> Array:
     centre = found[1:4] / found[0]
     away = centre @ centre * np.eye(3) - np.outer(centre, centre)
     return tensor_of(found[4:].tolist()) - found[0] * away
+
+
+def in_axes(axes: Array) -> Array:
+    """(10, 10) parameters in a frame by those in one whose `axes` are the columns (3, 3)."""
+    found = np.eye(PARAMETERS)
+    found[1:4, 1:4] = axes
+    for place, unit in enumerate(np.eye(6).tolist()):
+        found[4:, 4 + place] = components(axes @ tensor_of(unit) @ axes.T)
+    return found

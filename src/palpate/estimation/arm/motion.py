@@ -64,13 +64,7 @@ def stretches(log: ArmLog) -> tuple[list[Motion], list[Motion]]:
             f"{log.source} has a row every {step:.3g} s: log the arm at {1.0 / tuning.SLOWEST:g} Hz at least, "
             "better at 1 kHz"
         )
-    gaps: list[int] = (np.flatnonzero(steps > tuning.LOG_GAP) + 1).tolist()
-    edges = [0, *gaps, len(log)]
-    whole = [
-        _uniform(log, first, last)
-        for first, last in pairwise(edges)
-        if log.t[last - 1] - log.t[first] > tuning.SHORTEST_STRETCH
-    ]
+    whole = list(uniform_runs(log))
     seconds = sum(float(motion.t[-1] - motion.t[0]) + 2.0 * tuning.EDGE for motion in whole)
     if seconds < tuning.SHORTEST_LOG:
         raise InputError(
@@ -82,19 +76,29 @@ def stretches(log: ArmLog) -> tuple[list[Motion], list[Motion]]:
     held_out: list[Motion] = []
     for motion in whole:
         middle = int((motion.t < split).sum())
-        learnt += _cut(motion, 0, middle)
-        held_out += _cut(motion, middle, len(motion))
+        learnt += cut(motion, 0, middle)
+        held_out += cut(motion, middle, len(motion))
     if not (learnt and held_out):
         raise InputError(f"{log.source} has gaps around its middle: cut it to a part without any")
     return learnt, held_out
 
 
-def _cut(motion: Motion, first: int, last: int) -> Iterator[Motion]:
-    """Yield equal stretches of rows, none longer than `tuning.STRETCH`."""
+def uniform_runs(log: ArmLog) -> Iterator[Motion]:
+    """Yield the runs of a recording without gaps, but for short ones."""
+    gaps: list[int] = (np.flatnonzero(np.diff(log.t) > tuning.LOG_GAP) + 1).tolist()
+    for first, last in pairwise([0, *gaps, len(log)]):
+        if log.t[last - 1] - log.t[first] > tuning.SHORTEST_STRETCH:
+            yield _uniform(log, first, last)
+
+
+def cut(
+    motion: Motion, first: int, last: int, shortest: float = tuning.SHORTEST_STRETCH
+) -> Iterator[Motion]:
+    """Yield equal stretches of rows, none longer than `tuning.STRETCH`; none of less than `shortest` s."""
     if last - first < 2:
         return
     seconds = float(motion.t[last - 1] - motion.t[first])
-    if seconds < tuning.SHORTEST_STRETCH:
+    if seconds < shortest:
         return
     edges = (
         np.linspace(first, last, int(np.ceil(seconds / tuning.STRETCH)) + 1).astype(int).tolist()

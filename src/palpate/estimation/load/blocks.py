@@ -87,11 +87,10 @@ def blocks(
     name: str,
     groups: Sequence[Rows],
     surely: bool = False,
-    over: float = tuning.FOLLOWED,
 ) -> Blocks:
     """Block means over the rows of each group, in which the hand is empty or holds `name`, of signals smoothed
-    over `over` s."""
-    samples, load = trace.samples, load_rows(trace, name)
+    over `FOLLOWED`."""
+    samples, load, over = trace.samples, load_rows(trace, name), tuning.FOLLOWED
     rows, t = np.concatenate(groups), samples.t
     count = np.array([len(group) for group in groups])
     place = np.repeat(np.arange(len(groups)), count)
