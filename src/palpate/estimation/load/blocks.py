@@ -26,7 +26,7 @@ Rows = NDArray[np.intp]
 """Of a trace's samples."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Blocks:
     """Means of k blocks of time, each so short that nothing moves far.
 

@@ -16,7 +16,7 @@ from palpate.estimation.load.noise import Noise
 from palpate.estimation.load.observation import WrenchObservation, gain_root
 from palpate.estimation.regression import Cause, Scale, SignalNoise
 from palpate.geometry.pose import Array
-from palpate.trace.samples import Trace
+from palpate.trace.samples import Trace, once
 
 WEIGHT, LEVER, LINK, INERTIA, REST, GAIN = "weight", "lever", "link", "inertia", "rest", "gain"
 SLIPS = "joint friction over another way"
@@ -63,7 +63,7 @@ def of_arm(
     """Error causes of the arm itself, where its hand lifts `lifted` (k,) N and the load has the torques
     `borne` (m k,) N m."""
     hand, signals = trace.hand, int(seen.observed.shape[1])
-    weight, links, lean = link_errors(observed, seen.q, trace.gravity)
+    weight, links, lean = link_errors(seen, observed, trace.gravity)
     yield from links
     pulled = seen.maps[:, :, :2] * lifted[:, None, None]
     yield cause("lean", [*(lean + pulled.transpose(2, 0, 1))], tuning.TILT)
@@ -103,15 +103,19 @@ def scales(causes: Sequence[Cause]) -> list[Scale]:
     return found
 
 
+@once
 def link_errors(
-    observed: WrenchObservation, q: Array, gravity: float
+    seen: Blocks, observed: WrenchObservation, gravity: float
 ) -> tuple[Array, list[Cause], Array]:
     """Gravity torques of the arm's links, N m (k, m); effects on them of errors in the mass and the centre of
     what moves with each joint; and (2, k, m) per radian of tilt of gravity along world x or y."""
-    chain, still = observed.chain, np.zeros_like(q)
+    chain, q = observed.chain, seen.q
+    still = np.zeros((3 * len(q), q.shape[1]))
     assert chain is not None
     # Torques of a unit of mass and first moment of each link, for gravity along each axis of the world.
-    held = [regressor(chain, q, still, still, -gravity * axis)[..., :4] for axis in observed.turn]
+    pulls = np.repeat(-gravity * observed.turn, len(q), axis=0)
+    columns = regressor(chain, np.tile(q, (3, 1)), still, still, pulls)[..., :4]
+    held = columns.reshape(3, len(q), *columns.shape[1:])
     holds = np.zeros((3, *q.shape))
     errors: list[Cause] = []
     for i in range(len(chain.axes)):

@@ -69,7 +69,7 @@ def regressor(chain: Chain, q: Array, dq: Array, ddq: Array, gravity: Array) -> 
 
     Args:
         q, dq, ddq: (n, m) rad, rad/s, rad/s².
-        gravity: (3,) m/s², in the axes of the base.
+        gravity: (3,) m/s², or (n, 3), in the axes of the base.
     """
     found = np.zeros((*q.shape, q.shape[1], PARAMETERS))
     for link, (motions, wrench) in enumerate(link_wrenches(chain, q, dq, ddq, gravity)):
@@ -101,15 +101,18 @@ def link_wrenches(
     turn, spun, place = np.zeros((3, len(q), 3))
     pulled = np.broadcast_to(-gravity, (len(q), 3))
     turned = hinges(chain, q)
+    axes, anchors = (
+        np.array([getattr(one, name) for one in turned]) for name in ("axis", "anchor")
+    )
     for link, hinge in enumerate(turned):
         arm = hinge.anchor - place
         pulled = pulled + np.cross(spun, arm) + np.cross(turn, np.cross(turn, arm))
         rate, change = dq[:, link, None], ddq[:, link, None]
         spun = spun + hinge.axis * change + np.cross(turn, hinge.axis) * rate
         turn, place = turn + hinge.axis * rate, hinge.anchor
-        before = turned[: link + 1]
-        asides = [np.cross(one.axis, hinge.anchor - one.anchor) for one in before]
-        motions = np.stack([np.array(asides), np.array([one.axis for one in before])])
+        before = slice(link + 1)
+        asides = np.cross(axes[before], hinge.anchor - anchors[before])
+        motions = np.stack([asides, axes[before]])
         local = np.einsum("nji,cbnj->nbci", hinge.frame, motions).reshape(len(q), link + 1, 6)
         own = (np.einsum("nji,nj->ni", hinge.frame, each) for each in (pulled, turn, spun))
         yield local, wrench_columns(*own)
