@@ -26,7 +26,9 @@ from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, PERIOD, SUBSTEPS
 
 FRAME_PERIOD = 1.0 / 30.0  # s between camera frames
 LEVEL = 0.01  # rad, largest inclination of gravity
-ASLEEP = 1e-5  # m/s: slower objects rest, and take no time until something that moves touches them
+ASLEEP = 1e-4
+"""m/s: slower objects rest, and take no time until something that moves touches them. A cylinder on its end
+goes on trembling at some 5e-5 m/s for ever, by the rounding of its contacts."""
 PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 MOTOR, PUSH = PREFIX + "motor{}", PREFIX + "push"  # names of sensors
 SENSED = 10  # values of these: motor torques, and the force of the hand
