@@ -3,9 +3,11 @@ correction for the true arm."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
@@ -127,7 +129,10 @@ class Correction:
             out[:3] = -self._encoders.pose_error
             return out
         true, reported = self._world.true_tcp(), readout.pose_world_tcp
-        self._turn = (true @ reported.inverse()).quaternion
+        back, turn = np.empty(4), np.empty(4)
+        mujoco.mju_negQuat(back, reported.quaternion)
+        mujoco.mju_mulQuat(turn, true.quaternion, back)
+        self._turn = turn / math.sqrt(turn.dot(turn))
         self.torque = readout.gravity_torque - self._world.compensation
         out[:3], out[3:] = true.position - reported.position, -readout.angle_error
         return out
