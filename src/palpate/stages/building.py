@@ -96,10 +96,9 @@ def _replay(scene: Scene, plan: Plan, world: MjSpec) -> Trace:
     Raises:
         Interrupted: a signal came meanwhile.
     """
-    from palpate.execution.runner import NOISELESS
     from palpate.robots.owner.arm import as_measured
     from palpate.robots.simulated.robot import MujocoRobot
 
     robot = MujocoRobot(world, scene.pose_world_base, as_measured(scene.arm))
     with interrupts() as signals, signals.raised():
-        return perform(plan, scene, robot, choice=NOISELESS).trace
+        return perform(plan, scene, robot, noiseless=True).trace

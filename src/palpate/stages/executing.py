@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -69,7 +68,7 @@ def perform(
     within: Within | None = None,
     keep: Keep | None = None,
     real: bool = False,
-    choice: Mapping[str, str] | None = None,
+    noiseless: bool = False,
 ) -> Execution:
     """Run the tree on the robot, and close the robot in any case.
 
@@ -82,13 +81,16 @@ def perform(
         within: half widths of 95 % intervals; a measurement with a wider one is repeated.
         keep: writes samples to disk meanwhile.
         real: the robot is a real one.
-        choice: names of estimators for the conversions on the way, by quantity.
+        noiseless: the robot is a simulated one without noise.
     """
     from palpate.execution.recovery import recover
     from palpate.execution.repetition import repeat
+    from palpate.execution.runner import NOISELESS
     from palpate.execution.runner import run as run_tree
 
-    attempt = partial(run_tree, observer=callbacks.observer, keep=keep, choice=choice)
+    attempt = partial(run_tree, observer=callbacks.observer, keep=keep)
+    if noiseless:
+        attempt = partial(attempt, choice=NOISELESS)
     try:
         first = attempt(plan, scene, robot)
         done = recover(

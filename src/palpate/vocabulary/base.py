@@ -105,7 +105,7 @@ class Blackboard:
             in place and back: joint friction.
         failed: a leaf has failed, and no other may move.
         bound: place and source, in words, of every pose bound in this run and not reported yet.
-        choice: names of the conversions' estimators by quantity; others use the default.
+        choice: names of the conversions' estimators by quantity; others are the defaults.
     """
 
     robot: Robot
