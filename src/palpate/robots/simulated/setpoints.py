@@ -22,6 +22,7 @@ BLEND = 0.5
 """Share of a new deviation that is applied in a run of cycles. Where joints or pads give way, the
 deviation follows the force and the force the set-point: all of it together would swing up where
 they are softer than the controller's springs."""
+CONJUGATE: Array = np.array([1.0, -1.0, -1.0, -1.0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,9 +130,8 @@ class Correction:
             out[:3] = -self._encoders.pose_error
             return out
         true, reported = self._world.true_tcp(), readout.pose_world_tcp
-        back, turn = np.empty(4), np.empty(4)
-        mujoco.mju_negQuat(back, reported.quaternion)
-        mujoco.mju_mulQuat(turn, true.quaternion, back)
+        turn = np.empty(4)
+        mujoco.mju_mulQuat(turn, true.quaternion, CONJUGATE * reported.quaternion)
         self._turn = turn / math.sqrt(turn.dot(turn))
         self.torque = readout.gravity_torque - self._world.compensation
         out[:3], out[3:] = true.position - reported.position, -readout.angle_error

@@ -62,13 +62,14 @@ class Gauges:
         """Sum the lags (n, 7), N m, of play operators of all widths: a Prandtl-Ishlinskii model,
         whose loops are as wide as the swing since the last reversal is long (P. Krejci,
         "Hysteresis, Convexity and Dissipation in Hyperbolic Equations", 1996)."""
-        if self._plays is None:
-            self._plays = np.broadcast_to(torque[0], self._half.shape).copy()
+        before = self._plays
+        if before is None:
+            before = np.broadcast_to(torque[0], self._half.shape)
         low, high = torque[:, None] - self._half, torque[:, None] + self._half
         plays = np.empty_like(low)
         for i in range(len(torque)):
-            np.minimum(np.maximum(self._plays, low[i]), high[i], out=plays[i])
-            self._plays = plays[i]
+            before = np.minimum(np.maximum(before, low[i]), high[i], out=plays[i])
+        self._plays = before
         return (torque[:, None] - plays).sum(1)
 
 
