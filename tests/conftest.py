@@ -23,6 +23,7 @@ LONG = (
     "tests/execution/test_repetition.py::test_a_value_is_measured_until_it_is_as_narrow_as_asked*",
     "tests/runs/test_read.py::test_a_scene_that_was_seen_in_a_picture_is_the_one_that_contact_told",
     "tests/cli/test_stored_runs.py::test_estimates_are_made_anew",
+    "tests/cli/test_stored_runs.py::test_a_twin_is_proved_and_the_report_shows_it",
     "tests/cli/test_models.py::test_bottle_and_table_end_to_end_over_http",
     "tests/cli/test_models.py::test_the_papers_tables_are_made_and_gone_on_with",
     "tests/cli/test_models.py::test_a_conversation_is_replayed_without_network",
