@@ -256,21 +256,20 @@ def _read(*files: str) -> tuple[Written, ...]:
 def _entry(
     steps: Sequence[Any] | None = None,
     creep: tuple[str, str, int] | None = None,
+    then: Sequence[str] = (),
     requested: Sequence[str] | None = None,
     **others: Any,
 ) -> Written:
     tree = None if steps is None else _steps(steps)
     if creep is not None and tree is not None:
-        tree = (*tree, *_crept(*creep), "home")
+        tree = (*tree, *_crept(*creep), *_steps(then))
     asked = None if requested is None else tuple(requested)
     lists = {key: tuple(others.pop(key, ())) for key in ("measures", "unseen")}
     written = Written(steps=tree, requested=asked, **lists, **others)
     if written.measures or written.explanation != "written by hand":
         return written
     taken = [
-        step.split()[1]
-        for step in steps or ()
-        if isinstance(step, str) and step.startswith(("grasp ", "weigh "))
+        step.split()[1] for step in steps or () if isinstance(step, str) and step.startswith(TAKING)
     ]
     return replace(written, explanation=" ".join(("written by hand, for the", *taken[:1])))
 
@@ -298,11 +297,17 @@ def _steps(written: Sequence[Any]) -> tuple[Step, ...]:
     return tuple(found)
 
 
+def _lift(name: str) -> tuple[Step, ...]:
+    return (*_grasp(name), f"{name}_pose + z_offset", *_leave(name))
+
+
+TAKING = ("grasp ", "lift ", "weigh ")
 USUAL: dict[str, Callable[[str], tuple[Step, ...]]] = {
     "start": lambda _: START,
     "grasp": _grasp,
     "leave": _leave,
     "weigh": _weigh,
+    "lift": _lift,
 }
 """Usual sequences by their word."""
 NASTY = _read("nasty.toml", "physics.toml")
