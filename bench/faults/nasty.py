@@ -30,8 +30,8 @@ from palpate.scene.poses import Poses
 from palpate.scene.scene import Scene
 
 FOLDER = Path(__file__).parent
-KEYS = {"friction": 'friction="{} 0.005 0.0001" priority="1"', "mass": 'mass="{}"'}
-"""Attributes of a thing in a line: the friction is that of every contact with it."""
+KEYS = {"friction": 'friction="{} 0.005 0.0001"', "mass": 'mass="{}"', "slippery": 'priority="{}"'}
+"""Attributes of a thing in a line; of two frictions in contact MuJoCo takes the larger, but for "slippery"."""
 CENTIMETRES = Poses(
     offsets={"cx": (0.01, 0.0, 0.0), "cy": (0.0, 0.01, 0.0), "cz": (0.0, 0.0, 0.01)}
 )
@@ -138,9 +138,8 @@ def _thing(line: str) -> str:
     name, shape, *size = head.split()
     words = tail.split()
     place = [word for word in words if "=" not in word]
-    more = "".join(
-        KEYS[key].format(value) + " " for key, value in (w.split("=") for w in words[len(place) :])
-    )
+    given = {"friction": "0.7"} | dict(word.split("=") for word in words[len(place) :])
+    more = " ".join(KEYS[key].format(value) for key, value in given.items())
     return (
         f'<body name="{name.lstrip("!")}" pos="{" ".join(place[:3])}" euler="{" ".join(place[3:] or "000")}">'
         f"{'' if name.startswith('!') else '<freejoint/>'}"

@@ -190,9 +190,7 @@ def test_a_support_bears_more_than_the_weight_before_the_fingers_open(
     assert 4.5 < pressed[-1] < 10.0
 
 
-def test_an_arm_that_presses_on_something_is_relieved_step_by_step(
-    plan, node, scene, robot, words
-):
+def test_an_arm_that_presses_on_something_is_relieved_step_by_step(plan, node, scene, robot, words):
     """`hold` alone keeps the force of the set-point that is ahead of the arm."""
 
     def obstacle(r):

@@ -391,7 +391,8 @@ def test_a_simulated_run_says_so_and_how_to_do_it_again(data: ReportData, tmp_pa
     assert "Simulated" in page.texts
     made_up = page_of(replace(data, simulated=True, drawn=True), tmp_path)
     assert "Simulated, and made up" in made_up.texts
-    assert "Simulated" not in page_of(data, tmp_path).texts
+    assert "Simulated" not in page_of(replace(data, request="a\u202eb"), tmp_path).texts
+    assert "\u202e" not in (tmp_path / "report.html").read_text("utf-8"), "turns the way of writing"
 
 
 def source_of(data: ReportData, folder: Path) -> str:

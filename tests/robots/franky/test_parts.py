@@ -225,6 +225,8 @@ def test_a_joint_course_leads_to_its_end_and_rests_there() -> None:
     assert course.target(course.last * CYCLE) == pytest.approx(
         NOMINAL.poses(goal[None])[0], abs=1e-9
     )
+    tenth = NOMINAL.poses(course.rows[10][None])[0]
+    assert course.target(10 * CYCLE) == pytest.approx(tenth, abs=1e-9)
     assert course.target(0.0) == pytest.approx(NOMINAL.poses(ARM.home[None])[0], abs=1e-9)
 
 
