@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import chain
@@ -104,7 +104,7 @@ def small_scene(name: str) -> Scene:
     plain = name.removesuffix("?")
     unknown = "?" if name.endswith("?") else "-0.02"
     if plain in _lines():
-        return parse_scene(_text(plain, _lines()[plain]), poses=CENTIMETRES)
+        return parse_scene(_text(plain, _lines()[plain], unknown), poses=CENTIMETRES)
     half = ".3 .3" if plain in _SMALL else ".38 .5"
     return parse_scene(tabletop(plain, _ALL[plain], unknown, half))
 
@@ -112,23 +112,29 @@ def small_scene(name: str) -> Scene:
 @cache
 def _lines() -> Mapping[str, Sequence[str]]:
     """Scenes of the files, in lines."""
-    return tomllib.loads((FOLDER / "physics.toml").read_text(encoding="utf-8"))["scenes"]
+    files = ("physics.toml", "sensible.toml")
+    return {name: lines for file in files for name, lines in _content(file)["scenes"].items()}
 
 
-def _text(name: str, lines: Sequence[str]) -> str:
-    """MJCF of a scene in lines: things, MJCF, `half X Y` of the table, `drop Z` by which it is lower."""
-    half, lower, things, ends = ".38 .5", 0.0, "", ""
+@cache
+def _content(file: str) -> Mapping[str, Any]:
+    return tomllib.loads((FOLDER / file).read_text(encoding="utf-8"))
+
+
+def _text(name: str, lines: Sequence[str], table: str) -> str:
+    """MJCF of a scene in lines: things, MJCF, `half X Y` of the table, or `table Z` of its middle."""
+    half, things, ends = ".38 .5", "", ""
     for line in lines:
         word, _, rest = line.partition(" ")
         if word == "half":
             half = rest
-        elif word == "drop":
-            lower = float(rest)
+        elif word == "table":
+            table = rest
         elif line.startswith("<equality>"):
             ends += line
         else:
             things += line if line.startswith("<") else _thing(line)
-    text = tabletop(name, things, f"{-0.02 - lower}", half)
+    text = tabletop(name, things, table, half)
     return text.replace("</mujoco>", f"{ends}</mujoco>")
 
 
@@ -166,9 +172,9 @@ class Written:
     """
 
     name: str
-    intention: str
     scene: str
     steps: tuple[Step, ...] | None
+    intention: str = ""
     measures: tuple[str, ...] = ()
     requested: tuple[str, ...] | None = None
     explanation: str = "written by hand"
@@ -247,9 +253,18 @@ def _weigh(name: str) -> tuple[Step, ...]:
     return (*_grasp(name), f"{name}_pose + z_offset", "forces", "mass", *_leave(name))
 
 
-def _read(*files: str) -> tuple[Written, ...]:
-    found = (tomllib.loads((FOLDER / file).read_text(encoding="utf-8"))["plan"] for file in files)
-    return tuple(_entry(**entry) for entry in chain(*found))
+def _read(*files: str, **usual: Any) -> tuple[Written, ...]:
+    found = chain(*(_content(file)["plan"] for file in files))
+    return tuple(_entry(**usual | entry) for one in found for entry in _each(**one))
+
+
+def _each(each: Sequence[str] = (), **entry: Any) -> Iterator[dict[str, Any]]:
+    """An entry for `each` scene and thing, whose names stand for the {} in it."""
+    if not each:
+        yield entry
+    for scene, thing in map(str.split, each):
+        steps = [step.replace("{}", thing) for step in entry["steps"]]
+        yield entry | {"name": entry["name"].format(thing, scene), "scene": scene, "steps": steps}
 
 
 def _entry(
@@ -310,6 +325,7 @@ USUAL: dict[str, Callable[[str], tuple[Step, ...]]] = {
 }
 """Usual sequences by their word."""
 NASTY = _read("nasty.toml", "physics.toml")
+SENSIBLE = _read("sensible.toml", kind="sensible")
 
 
 def judge(case: Written, blank: Row) -> Row:
@@ -322,7 +338,8 @@ def judge(case: Written, blank: Row) -> Row:
     if findings:
         said = tuple(f"{f.rule}: {f.path}: {f.message}"[:300] for f in findings)
         rules = sorted({f.rule for f in findings})
-        return replace(blank, outcome="refused", said=said, figures={"rules": rules})
+        beyond = said if case.kind == "sensible" else ()
+        return replace(blank, outcome="refused", said=said, beyond=beyond, figures={"rules": rules})
     if plan.tree is None:
         return replace(blank, outcome="nothing to do")
     world = small_scene(case.world) if case.world else None
