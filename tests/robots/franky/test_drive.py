@@ -5,26 +5,25 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import count
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from franka import ARM, BASE, NOMINAL, Gripper, state
 
 from palpate.geometry.pose import Pose
 from palpate.robots.franky import course, drive
 from palpate.robots.franky.course import CYCLE, joint_course
 from palpate.robots.franky.drive import Drive
-from palpate.robots.nominal import NominalArm
+from palpate.robots.franky.robot import FrankyRobot
 from palpate.robots.reflex import Reflex
-from palpate.robots.registry import load_description
 from palpate.robots.simulated.impedance import Inertia
 from palpate.robots.trajectory import Motion, Stretch, straight
 
-ARM = load_description()
-BASE = Pose.of((0.0, 0.0, 0.0), (np.cos(0.3), np.sin(0.3), 0.0, 0.0))
-"""The arm hangs askew."""
-NOMINAL = NominalArm(ARM, BASE, np.array([0.0, 0.0, -9.81]))
+ASKEW = Pose.of((0.0, 0.0, 0.0), (np.cos(0.3), np.sin(0.3), 0.0, 0.0))
+"""How the arm hangs, for its reactions."""
 FREE = ARM.limits.reflexes.free
 
 
@@ -90,7 +89,7 @@ def led(monkeypatch: pytest.MonkeyPatch) -> Any:
     arm.move = lambda motion, asynchronous: setattr(arm, "motion", motion)
     still = Motion(ARM.home, np.zeros(7), np.zeros(7))
     path = straight(0.0, still, ARM.home + 0.1, [Stretch(1.0, 1.0)], 5.0)
-    found = Drive(arm, ARM.stiffness, BASE)
+    found = Drive(arm, ARM.stiffness, ASKEW)
     kinematics = NOMINAL.kinematics(ARM.home[None])
     inertia = Inertia.of(NOMINAL.mass_matrix(ARM.home), kinematics.jacobian[0])
     found.follow(lambda *_: joint_course(path, NOMINAL), inertia, FREE)
@@ -175,6 +174,34 @@ def test_the_loop_s_reaction_is_the_reflex_s(led: Any, reflex: Reflex) -> None:
     weight = np.array([0.0, 0.0, 0.7 * reflex.load])
     for force in weight + random.normal(0.0, 0.8 * reflex.force, (300, 3)):
         expected = reflex.fired(np.array([*force, 0.0, 0.0, 0.0])) is not None
-        assert bool(fires(BASE.rotation.T @ force)) == expected, force
+        assert bool(fires(ASKEW.rotation.T @ force)) == expected, force
         fired += expected
     assert 20 < fired < 285
+
+
+def test_only_the_first_motion_to_the_ready_pose_is_slow(led: Any) -> None:
+    """Where the arm stands, and what is around it, is unknown before."""
+    start = ARM.home + 0.3 * np.eye(7)[0]
+    session: Any = SimpleNamespace(
+        robot=led.arm,
+        gripper=Gripper(),
+        model=SimpleNamespace(gravity=lambda *_: np.zeros(7)),
+        address=SimpleNamespace(realtime=True),
+        state=lambda: state(0.0, start),
+        set_thresholds=lambda *_: None,
+        close=lambda lost: None,
+    )
+    robot, clock = FrankyRobot(session, ARM, BASE, 9.81), count(1)
+
+    def took(goal: Any) -> int:
+        """Cycles until the reference rests."""
+        robot.move_joints(goal)
+        given, before = led.arm.motion.references, 0
+        while len(given) > before:
+            before = len(given)
+            led.hear(next(clock) * CYCLE)
+        return len(given)
+
+    slow, usual = took(ARM.home), took(start)
+    robot.close()
+    assert slow > 2 * usual

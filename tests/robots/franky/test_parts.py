@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from franka import ARM, BASE, DOWN, NOMINAL, Gripper, affine, state
 
 import palpate as pp
 from palpate.geometry.pose import Pose
@@ -18,15 +19,9 @@ from palpate.robots.franky.drive import Drive, Reacted, Row
 from palpate.robots.franky.hand import Hand
 from palpate.robots.franky.link import Link
 from palpate.robots.franky.readout import Readout, black_box, require_end_effector
-from palpate.robots.nominal import NominalArm
-from palpate.robots.registry import load_description
+from palpate.robots.franky.session import Session
+from palpate.robots.reflex import Reflex
 from palpate.robots.trajectory import Motion, PosePath, Stretch, straight, turned
-
-ARM = load_description()
-BASE = Pose.of((0.1, -0.2, 0.3), (np.cos(0.4), 0.0, 0.0, np.sin(0.4)))
-"""The arm stands turned and elsewhere."""
-NOMINAL = NominalArm(ARM, BASE, np.array([0.0, 0.0, -9.81]))
-DOWN = BASE.rotation.T @ [0.0, 0.0, -9.81]
 
 
 def until(so: Any) -> None:
@@ -36,33 +31,6 @@ def until(so: Any) -> None:
             return
         time.sleep(0.01)
     pytest.fail("it is not so within 5 s")
-
-
-class Gripper:
-    """Stands for franky's; a command waits for `may_end`."""
-
-    def __init__(self, width: float = 0.08, is_grasped: bool = False) -> None:
-        self.now = SimpleNamespace(width=width, is_grasped=is_grasped)
-        self.calls: list[tuple[Any, ...]] = []
-        self.may_end, self.answers, self.lost = threading.Event(), True, False
-        self.may_end.set()
-
-    @property
-    def state(self) -> SimpleNamespace:
-        if self.lost:
-            raise OSError("no packet")
-        return self.now
-
-    def open(self, *how: Any) -> bool:
-        return self.done("open", *how)
-
-    def grasp(self, *how: Any) -> bool:
-        return self.done("grasp", *how)
-
-    def done(self, *call: Any) -> bool:
-        self.calls.append(call)
-        self.may_end.wait(5.0)
-        return self.answers
 
 
 def test_a_hand_holds_what_it_closed_on_and_nothing_else() -> None:
@@ -122,33 +90,6 @@ def test_a_hand_that_holds_something_is_not_taken_over() -> None:
         hand = Hand(empty, ARM.hand)
         hand.require_free()
         hand.end()
-
-
-def affine(pose: Pose) -> SimpleNamespace:
-    """franky's transform, whose quaternion is xyzw."""
-    return SimpleNamespace(
-        translation=pose.position, quaternion=[*pose.quaternion[1:], pose.quaternion[0]]
-    )
-
-
-def state(t: float, q: Any = ARM.home, mode: str = "Move", **more: Any) -> Any:
-    """franky's state of the arm at `t` s."""
-    row = NOMINAL.poses(np.asarray(q)[None])[0]
-    tcp = BASE.inverse() @ Pose(row[:3], row[3:])
-    usual: dict[str, Any] = {
-        "dq": np.zeros(7),
-        "tau_J": np.zeros(7),
-        "tau_J_d": np.zeros(7),
-        "tau_ext_hat_filtered": np.zeros(7),
-        "O_F_ext_hat_K": np.zeros(6),
-        "m_total": 0.73,
-        "F_x_Ctotal": np.zeros(3),
-        "control_command_success_rate": 1.0,
-        "O_T_EE": affine(tcp),
-    }
-    clock = SimpleNamespace(to_sec=lambda: t, to_msec=lambda: round(1000 * t))
-    usual |= {"time": clock, "q": np.asarray(q), "robot_mode": SimpleNamespace(name=mode)}
-    return SimpleNamespace(**usual | more)
 
 
 def readout(first: Any, gains: float = 0.0) -> Readout:
@@ -414,3 +355,15 @@ def test_the_doctor_looks_at_the_hand(hand: dict[str, Any], bad: list[str]) -> N
     now = SimpleNamespace(**{"max_width": 0.08, "width": 0.04, "is_grasped": False} | hand)
     session: Any = SimpleNamespace(gripper=SimpleNamespace(state=now))
     assert [line.what for line in doctor.check_hand(session) if not line.good] == bad
+
+
+def test_the_control_boxs_own_thresholds_are_the_outermost() -> None:
+    """They cannot be changed while it is controlled."""
+    told: list[Any] = []
+    session: Any = SimpleNamespace(
+        robot=SimpleNamespace(set_collision_behavior=lambda *of: told.extend(of))
+    )
+    Session.set_thresholds(session, Reflex(40.0, 20.0, load=30.0), np.full(7, 80.0))
+    torques, upper_torques, wrench, upper_wrench = told
+    assert torques == upper_torques == pytest.approx([72.0] * 7)
+    assert wrench == upper_wrench == [70.0] * 3 + [20.0] * 3
