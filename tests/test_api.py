@@ -139,6 +139,7 @@ def test_what_was_drawn_does_not_look_measured(tmp_path: Path) -> None:
 def test_what_a_world_says_is_no_draw(done: pp.Run, folder: Path) -> None:
     assert not done.drawn
     assert "drawn" not in (folder / "twin.xml").read_text("utf-8")
+    assert "made up" not in (folder / "report.html").read_text("utf-8")
 
 
 def test_a_scene_comes_from_a_file_too(tmp_path: Path) -> None:
