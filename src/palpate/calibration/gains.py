@@ -113,11 +113,12 @@ def weighed(trace: Trace, parameter: Parameter, known: Stated) -> GainBelief:
     grasps = tuple(time for weighing in found for time in weighing.grasps)
     about = np.zeros(1 + 2 * len(grasps))
     about[0] = known.value * gravity
+    force, std = known.value * gravity, known.std * gravity
+    posterior = fit_at_force(load_model(rows, grasps, about, hand), force, std)
     # The columns of the gains are the load's own torques, whose moments are unknown at first.
-    for _ in range(1 + tuning.LOAD_ITERATIONS):
-        model = load_model(rows, grasps, about, hand)
-        posterior = fit_at_force(model, float(about[0]), known.std * gravity)
-        about[1:] = posterior.mean[1 : len(about)]
+    for _ in range(tuning.LOAD_ITERATIONS):
+        about = np.concatenate([[force], posterior.mean[1 : len(about)]])
+        posterior = fit_at_force(load_model(rows, grasps, about, hand), force, std)
     mean, covariance = posterior[GAIN]
     root = gain_root(hand, JOINTS)
     return GainBelief(root @ mean, root @ covariance @ root.T)
@@ -184,16 +185,16 @@ def weighed_itself(trace: Trace, arm: RobotDescription) -> GainBelief:
 
 def own_causes(gains: Array, others: Array) -> list[Cause]:
     """Causes of the own-weight equations by their columns (n, 7, p), in units of their prior deviations."""
-    parts = ((GAIN, gains), ("links and zeros", others))
-    return [
-        Cause(name, columns.reshape(-1, columns.shape[2]), np.ones(columns.shape[2]))
-        for name, columns in parts
-    ]
+    found: list[Cause] = []
+    for name, columns in ((GAIN, gains), ("links and zeros", others)):
+        count = int(columns.shape[2])
+        found.append(Cause(name, columns.reshape(-1, count), np.ones(count)))
+    return found
 
 
 def own_fit(causes: Sequence[Cause], observed: Array, noise: Array) -> Posterior:
     """Fit torques `observed` (n, 7) with the covariance `noise` (n, 7, 7) at each rest."""
-    roots = [np.linalg.cholesky(one).astype(np.float64) for one in noise]
+    roots: list[Array] = [*np.linalg.cholesky(noise).astype(np.float64)]
     return fit(causes, SignalNoise(roots, KNOWN), observed.ravel())
 
 

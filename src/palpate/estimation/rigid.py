@@ -80,21 +80,6 @@ def wrench_columns(pulled: Array, turn: Array, spun: Array) -> Array:
     return found
 
 
-def load_columns(twist: Array, rates: Array, tool: Array, gravity: float) -> Array:
-    """(n, 6, 10) wrench that the hand exerts on a load, per unit of each of its parameters about the TCP in the
-    tool's axes, N and N m in world axes.
-
-    Args:
-        twist, rates: (n, 6) of the TCP, world axes, and their change per second.
-        tool: (n, 3, 3) the tool's axes in the world.
-        gravity: m/s².
-    """
-    pulled = rates[:, :3] + np.array([0.0, 0.0, gravity])
-    own = (np.einsum("nji,nj->ni", tool, v) for v in (pulled, twist[:, 3:], rates[:, 3:]))
-    columns = wrench_columns(*own)
-    return np.concatenate([tool @ columns[:, :3], tool @ columns[:, 3:]], axis=1)
-
-
 def _cross(vectors: Array) -> Array:
     """(n, 3, 3) v × ·."""
     found = np.zeros((len(vectors), 3, 3))

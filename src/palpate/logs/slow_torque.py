@@ -8,14 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.estimation.joint_friction import dahl
-from palpate.estimation.rigid import load_columns
-from palpate.geometry.pose import Array, rotations
+from palpate.estimation.load.chain import load_torques, own_motion
+from palpate.geometry.pose import Array
 from palpate.logs.figure import SURE, Figure
 from palpate.logs.sampling import banded, resampled
-from palpate.robots.nominal import Kinematics, NominalArm
 from palpate.trace.log import ArmLog
+from palpate.trace.recording import Chain
 from palpate.trace.samples import STANDARD_GRAVITY
 
+DOWN: Array = np.array([0.0, 0.0, -STANDARD_GRAVITY])
 SLOW = 5.0  # Hz: the torques are fitted below
 RATE = 100.0  # Hz of the fit
 TURNS = 0.01  # rad that a joint must go either way to show its friction
@@ -80,15 +81,15 @@ def _solved(design: Array, y: Array, size: Array, ridge: Array) -> tuple[Array, 
     return inverse @ (x.T @ (y / size).ravel()), inverse
 
 
-def slow_torque(log: ArmLog, nominal: NominalArm) -> dict[str, Figure]:
+def slow_torque(log: ArmLog, chain: Chain) -> dict[str, Figure]:
     """Measure offset, Coulomb friction, presliding, drift, and what they leave."""
     rate = min(RATE, 1.0 / float(np.median(np.diff(log.t))))
     (t, q), dq = resampled(log.t, log.q, rate), resampled(log.t, log.dq, rate)[1]
     tau = resampled(log.t, log.tau, rate)[1]
     dq = banded(dq, rate, None, SLOW)
-    here = nominal.kinematics(q, dq, np.gradient(dq, 1.0 / rate, axis=0))
-    y = banded(tau - here.gravity_torque - here.inertia_torque, rate, None, SLOW)
-    load = banded(load_torques(here, dq, rate), rate, None, SLOW)
+    motion = q, dq, np.gradient(dq, 1.0 / rate, axis=0), DOWN
+    y = banded(tau - own_motion(chain, *motion), rate, None, SLOW)
+    load = banded(load_torques(chain, *motion)[:, :, :4], rate, None, SLOW)
     steps = np.diff(q, axis=0, prepend=q[:1])
     curves = banded(dahl(steps, PRESLIDING)[0], rate, None, SLOW)
     moved = np.diff(q, axis=0)
@@ -116,15 +117,6 @@ def slow_torque(log: ArmLog, nominal: NominalArm) -> dict[str, Figure]:
         "residual": Figure.about(rms, rms / np.sqrt(2.0 * fit.independent)),
         "drift": Figure.about(drift.value[1], drift.std[1]),
     }
-
-
-def load_torques(here: Kinematics, dq: Array, rate: float) -> Array:
-    """Compute the joint torques (n, 7, 4) of a load on the hand: of a kilogram at the TCP, and of a
-    first moment of 1 kg m along each of its axes."""
-    twist = np.einsum("nij,nj->ni", here.jacobian, dq)
-    change, tool = np.gradient(twist, 1.0 / rate, axis=0), rotations(here.pose_world_tcp[:, 3:])
-    wrench = load_columns(twist, change, tool, STANDARD_GRAVITY)[:, :, :4]
-    return np.einsum("nji,njk->nik", here.jacobian, wrench)
 
 
 def misfit(y: Array, curves: Array) -> Array:

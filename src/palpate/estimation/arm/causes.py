@@ -141,7 +141,7 @@ class Rows:
 def _stretch(motion: Motion, setup: Setup) -> Rows:
     """Compute the rows of one stretch."""
     chain, bodies, home = setup.chain, setup.bodies, setup.home
-    step = float(motion.t[1] - motion.t[0])
+    step = motion.step
     q, dq = motion.q, motion.dq
     links = regressor(chain, q, dq, motion.ddq, setup.gravity)
     weight = bodies.links.copy()

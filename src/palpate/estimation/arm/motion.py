@@ -40,6 +40,11 @@ class Motion:
         return len(self.t)
 
     @property
+    def step(self) -> float:
+        """Time from row to row, s."""
+        return float(self.t[1] - self.t[0])
+
+    @property
     def slip(self) -> Array:
         """(n, 7) rad/s by which the velocities differ from the slope of the angles: uneven clocks."""
         return self.dq - _slope(self.t, self.q)

@@ -227,10 +227,9 @@ def _same_in_all_parts(trace: Trace, found: Carried) -> tuple[FitTest, ...]:
     """Test for other masses in parts of the recording."""
     parts = [found.part(start, end) for start, end in _halves(trace)][1:]
     # The empty hand, too, is as empty in all parts as in its first.
-    empty = np.concatenate(
-        [m.t for m, hung in zip(found.motions, found.hanging, strict=True) if not hung] or [[]]
-    )
     if found.seconds(False) > 2.0 * tuning.CARRIED_HALF:
+        pairs = zip(found.motions, found.hanging, strict=True)
+        empty = np.concatenate([motion.t for motion, hung in pairs if not hung])
         edges = np.quantile(empty, np.linspace(0.0, 1.0, EMPTY_PARTS + 1)).tolist()
         parts += [found.part(*edge, hanging=False) for edge in pairwise(edges)][1:]
     if not parts:

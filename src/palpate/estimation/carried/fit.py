@@ -13,16 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.estimation import tuning
-from palpate.estimation.arm.causes import LINKS, Bodies, Rows, Setup
+from palpate.estimation.arm.causes import Bodies, Rows, Setup
 from palpate.estimation.arm.fit import DETAILS, FRICTION, PARTS, Assumed, fitted
 from palpate.estimation.arm.motion import Motion, cut, uniform_runs
 from palpate.estimation.arm.spectrum import transformed
-from palpate.estimation.load.chain import regressor
+from palpate.estimation.load.chain import load_torques
 from palpate.estimation.load.observation import gain_root, observe
 from palpate.estimation.load.segments import load_rows
 from palpate.estimation.motion import Mask
 from palpate.estimation.regression import Cause, Posterior
-from palpate.estimation.rigid import PARAMETERS, in_axes, placed_at
+from palpate.estimation.rigid import PARAMETERS
 from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
 from palpate.trace.log import ArmLog
@@ -69,8 +69,7 @@ class Carried:
         rows: list[Array] = []
         for motion, hung, torque in zip(self.motions, self.hanging, self.torques, strict=True):
             here = (start <= motion.t) & (motion.t <= end) & (hung == hanging)
-            step = float(motion.t[1] - motion.t[0])
-            rows.append(transformed(here[:, None] * (torque @ share), step))
+            rows.append(transformed(here[:, None] * (torque @ share), motion.step))
         return np.concatenate(rows).ravel()
 
 
@@ -93,18 +92,13 @@ def carried(trace: Trace, name: str) -> Carried | None:
     found += [(motion, False) for motion in _stretches(trace, log, rows.empty)]
     motions, hanging = [motion for motion, _ in found], np.array([hung for _, hung in found])
     seen = Rows.of(motions, setup)
-    # About the TCP, in the axes of the tool.
-    place = placed_at(np.array(chain.tcp) - chain.anchors[-1]) @ in_axes(np.array(chain.tool))
-    every = (seen.columns[LINKS][:, :, -PARAMETERS:] @ place).reshape(-1, PARAMETERS)
-    torques = [
-        regressor(chain, one.q, one.dq, one.ddq, gravity)[:, :, -1] @ place for one in motions
+    torques = [load_torques(chain, one.q, one.dq, one.ddq, gravity) for one in motions]
+    parts = [transformed(torque, one.step) for torque, one in zip(torques, motions, strict=True)]
+    every = np.concatenate(parts).reshape(-1, PARAMETERS)
+    borne = [hung * part for hung, part in zip(hanging, parts, strict=True)]
+    loads = [
+        Cause(LOAD, np.concatenate(borne).reshape(-1, PARAMETERS), _prior(tuning.CARRIED_PRIOR))
     ]
-    counts = [
-        len(transformed(one, float(m.t[1] - m.t[0]))) * 7
-        for one, m in zip(torques, motions, strict=True)
-    ]
-    hung = np.repeat(hanging, counts)
-    loads = [Cause(LOAD, every * hung[:, None], _prior(tuning.CARRIED_PRIOR))]
     if trace.converted(Parameter(HAND, "mass")) is not None:
         loads.append(Cause(HAND, every, _prior(tuning.HAND_PRIOR)))
     assumed = Assumed(bodies, bodies.hand, gain_root(trace.hand, len(chain.axes)))

@@ -13,7 +13,7 @@ from palpate.estimation.joint_friction import slip_states
 from palpate.estimation.load.observation import WrenchObservation
 from palpate.estimation.load.segments import LoadRows, load_rows
 from palpate.estimation.motion import Mask, acceleration, at_rest, row_at, runs, smoothed_with_rate
-from palpate.estimation.rigid import load_columns
+from palpate.estimation.rigid import wrench_columns
 from palpate.geometry.pose import Array, rotations
 from palpate.trace.recording import RECORDED
 from palpate.trace.samples import Samples, Trace
@@ -120,9 +120,8 @@ def blocks(
     swung = np.einsum("ki,kj->kij", rate, rate) - (rate**2).sum(axis=1)[:, None, None] * np.eye(3)
     swung = swung + np.cross(spin[:, None, :], np.eye(3)).swapaxes(1, 2)
     tool = rotations(samples.pose_world_tcp[middle, 3:])
-    still = np.zeros((len(groups), 6))
-    spinning = np.hstack([still[:, :3], rate]), np.hstack([still[:, :3], spin])
-    turning = load_columns(*spinning, tool, 0.0)[:, 3:, 4:]
+    own = (np.einsum("kji,kj->ki", tool, one) for one in (np.zeros_like(rate), rate, spin))
+    turning = tool @ wrench_columns(*own)[:, 3:, 4:]
     return Blocks(
         rows=count.astype(float),
         t=mean(t),

@@ -7,7 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.estimation.rigid import PARAMETERS, parameters, wrench_columns
+from palpate.estimation.rigid import (
+    PARAMETERS,
+    in_axes,
+    parameters,
+    placed_at,
+    wrench_columns,
+)
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Chain
 
@@ -77,13 +83,29 @@ def regressor(chain: Chain, q: Array, dq: Array, ddq: Array, gravity: Array) -> 
     return found
 
 
-def own_motion(chain: Chain, q: Array, dq: Array, ddq: Array) -> Array:
-    """(n, m) N m that move the links of `chain`, without gravity; arguments as in `regressor`."""
+def own_motion(
+    chain: Chain, q: Array, dq: Array, ddq: Array, gravity: Array | None = None
+) -> Array:
+    """(n, m) N m that move the links of `chain`, without gravity by default; arguments as in `regressor`."""
     found = np.zeros(q.shape)
-    for link, (motions, wrench) in enumerate(link_wrenches(chain, q, dq, ddq, np.zeros(3))):
+    pull = np.zeros(3) if gravity is None else gravity
+    for link, (motions, wrench) in enumerate(link_wrenches(chain, q, dq, ddq, pull)):
         borne = wrench @ link_parameters(chain, link)
         found[:, : link + 1] += (motions @ borne[:, :, None])[:, :, 0]
     return found
+
+
+def load_torques(chain: Chain, q: Array, dq: Array, ddq: Array, gravity: Array) -> Array:
+    """(n, m, 10) joint torques of a load on the hand, by a unit of each of its parameters about the TCP, in the axes
+    of the tool; arguments as in `regressor`."""
+    *_, (motions, wrench) = link_wrenches(chain, q, dq, ddq, gravity)
+    return motions @ wrench @ tool_parameters(chain)
+
+
+def tool_parameters(chain: Chain) -> Array:
+    """(10, 10) parameters of the last joint's link by those about the TCP, in the axes of the tool."""
+    place = placed_at(np.array(chain.tcp) - chain.anchors[-1])
+    return place @ in_axes(np.array(chain.tool))
 
 
 def link_parameters(chain: Chain, joint: int) -> Array:

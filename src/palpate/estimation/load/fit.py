@@ -241,7 +241,7 @@ def load_model(
     causes: list[Cause] = []
     for name, blocks, prior in parts:
         columns = np.concatenate(blocks)
-        causes.append(Cause(name, columns, np.full(columns.shape[1], prior)))
+        causes.append(Cause(name, columns, np.full(int(columns.shape[1]), prior)))
     shares = tuning.LEFT_SHARES
     even = [1.0 / len(shares)] * len(shares)
     # Shares of the datasheet's figure: left by this arm at all; of that, left in motion.
