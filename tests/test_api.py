@@ -55,7 +55,7 @@ def test_the_estimates_of_a_stored_trace_are_made_anew(done: pp.Run, folder: Pat
 def test_no_estimates_are_made_anew_without_a_trace_or_of_another_version(
     done: pp.Run, folder: Path, tmp_path: Path
 ) -> None:
-    with pytest.raises(pp.InputError, match="contrast, recording, single-shot"):
+    with pytest.raises(pp.InputError, match="contrast, recording, rests-and-passes, single-shot"):
         done.estimate({"mass": "guess"})
     copy = tmp_path / "copy"
     shutil.copytree(folder, copy)
