@@ -95,20 +95,13 @@ def _nearby(state: SymbolicState, start: Pose, end: Pose) -> Iterator[str]:
     """Objects near enough to a motion to be hit at all, by bounding spheres."""
     held = 2 * state.scene.body(state.holding).reach if state.holding else 0.0
     hand = state.scene.arm.hand
-    (x0, y0, z0), (x1, y1, z1) = start.position.tolist(), end.position.tolist()
     points_down = end.rotation[2, 2] < -0.99
-    lowest = min(z0, z1) - held - (hand.depth if points_down else hand.breadth + hand.height)
-    dx, dy = x1 - x0, y1 - y0
-    length = dx * dx + dy * dy
-    for name, body in state.scene.objects.items():
-        x, y, z = state.pose_of(name).position.tolist()
-        if z + body.reach < lowest:
-            continue
-        # The nearest point of the motion, seen from above.
-        share = ((x - x0) * dx + (y - y0) * dy) / length if length > 1e-12 else 0.0
-        share = min(1.0, max(0.0, share))
-        if body.is_near(x - x0 - share * dx, y - y0 - share * dy, hand.breadth + held):
-            yield name
+    depth = hand.depth if points_down else hand.breadth + hand.height
+    lowest = min(float(start.position[2]), float(end.position[2])) - held - depth
+    for body in state.beside(start.position, end.position, hand.breadth + held):
+        top = float(state.pose_of(body.name).position[2]) + body.reach
+        if body.role == "object" and top >= lowest:
+            yield body.name
 
 
 def _hand(state: SymbolicState, positions: Array, rotation: Array) -> Boxes:
