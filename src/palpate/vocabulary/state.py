@@ -209,8 +209,14 @@ class SymbolicState:
 
         def compute() -> Body | None:
             near = self.beside(pose.position, pose.position, self.scene.arm.hand.opening)
-            grips = [(body, self.grip_of(body, pose)) for body in near if body.role == "object"]
-            between = [(abs(held.aside), body) for body, held in grips if held is not None]
+            names = {self.holding, *(body.name for body in near)}
+            grips = [
+                (body, self.grip_of(body, pose))
+                for body in self.scene.objects.values()
+                if body.name in names
+            ]
+            # Of two in one place, which is a fault of a plan, the first of the scene.
+            between = [(round(abs(held.aside), 6), body) for body, held in grips if held]
             return min(between, key=lambda one: one[0], default=(0.0, None))[1]
 
         return solids(self.scene).cached(("between", pose.digits, *self.placed), compute)
@@ -306,11 +312,12 @@ def merged(now: SymbolicState, base: SymbolicState, after: SymbolicState) -> Sym
 
 
 def _joined(now: Any, old: Any, new: Any) -> Any:
-    # Collections only grow (buffers, logs, conversions): keep what others added meanwhile.
+    # Keep what others added meanwhile to buffers, logs, conversions and moved objects.
     if isinstance(new, Mapping):
         entries = cast(Mapping[str, object], new)
         added = {key: value for key, value in entries.items() if old.get(key) is not value}
-        return {**now, **added}
+        kept = {key: value for key, value in now.items() if key in entries or key not in old}
+        return {**kept, **added}
     if isinstance(new, frozenset):
         return now | new
     if isinstance(new, tuple):

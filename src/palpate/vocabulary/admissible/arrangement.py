@@ -76,19 +76,16 @@ class Arrangement:
 
     def only(self, kept: NDArray[np.intp]) -> Arrangement:
         """Some of the shapes, by number."""
+        numbers: list[int] = kept.tolist()
         frames = Frames(self.frames.positions[:, kept], self.frames.rotations[:, kept])
-        parts = tuple(self.parts[i] for i in kept.tolist())
+        parts = tuple(self.parts[i] for i in numbers)
         return Arrangement(parts, frames, self.middles[kept], self.halves[kept])
-
-    def none(self) -> Arrangement:
-        """No shapes at all."""
-        return self.only(np.zeros(0, dtype=np.intp))
 
     def near(self, low: Array, high: Array) -> NDArray[np.bool_]:
         """(m, k) mask of the shapes whose boxes meet each of m boxes from `low` to `high` (m, 3), m."""
         above = self.middles - self.halves <= high[:, None]
         below = self.middles + self.halves >= low[:, None]
-        return (above & below).all(axis=2)
+        return np.asarray((above & below).all(axis=2))
 
 
 def arrangement(state: SymbolicState, higher: Mapping[str, float]) -> Arrangement:

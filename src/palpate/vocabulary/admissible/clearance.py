@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
 from palpate.scene.scene import Scene
+from palpate.vocabulary.admissible.solids import solids
 from palpate.vocabulary.state import SymbolicState
 
 SPACING = 0.02  # m between two samples of a motion
 STEEP = 0.010  # m of horizontal travel below which a motion is vertical
+SAME_TURN = 1e-6  # rad up to which two orientations are one
 TOUCH = 0.002  # m of overlap up to which boxes only touch
 ABOVE = 0.005  # m above an object's top from which fingertips are clear of it
 
@@ -74,8 +76,21 @@ def box_hits(
 ) -> list[str]:
     """Objects that the hand, or the held object, would run into on the TCP's straight motion from
     `start` to `end` (world), in document order; the hand keeps `margin` m."""
-    left_out = {*ignoring, state.holding}
-    names = [name for name in _nearby(state, start, end) if name not in left_out]
+    ends = (start.digits, end.digits)
+    # There and back is one volume, unless the tool turns on the way.
+    ends = tuple(sorted(ends)) if start.angle_to(end) < SAME_TURN else ends
+    load = state.pose_tcp_object and state.pose_tcp_object.digits
+    key = ("boxes", *ends, frozenset(ignoring), margin, state.holding, load)
+    key = (*key, *state.others(state.holding))
+    return solids(state.scene).cached(
+        key, lambda: _box_hits(state, start, end, {*ignoring, state.holding}, margin)
+    )
+
+
+def _box_hits(
+    state: SymbolicState, start: Pose, end: Pose, ignoring: Collection[str | None], margin: float
+) -> list[str]:
+    names = [name for name in _nearby(state, start, end) if name not in ignoring]
     if not names:
         return []
     travel = float(np.linalg.norm(end.position - start.position))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -88,15 +88,32 @@ def _sweep(
     joints: Mapping[int, int],
 ) -> Sweep:
     """`joints`: geom ids of the links to sweep as well, with the number of their joint."""
-    shapes, still = solids(state.scene), arrangement(state, higher)
-    load = () if state.pose_tcp_object is None else (state.holding, state.pose_tcp_object.digits)
-    carried = shapes.cached(("carried", *load), lambda: _carried(shapes, state))
+    if path.forth is not None:
+        return _sweep(state, path.forth, growth, higher, joints).back()
+    if not path.key:
+        return _new_sweep(state, path, growth, higher, joints)
+    load = state.pose_tcp_object and state.pose_tcp_object.digits
+    around = (state.holding, load, *state.others(state.holding), *sorted(higher.items()))
+    key = ("sweep", *path.key, growth, *around)
+    return solids(state.scene).recent(key, lambda: _new_sweep(state, path, growth, higher, joints))
+
+
+def _new_sweep(
+    state: SymbolicState,
+    path: ArmPath,
+    growth: float,
+    higher: Mapping[str, float],
+    joints: Mapping[int, int],
+) -> Sweep:
+    shapes, still, carried = solids(state.scene), arrangement(state, higher), _carried(state)
     links = [Part(geom, LINK, shapes.owners[geom]) for geom in joints]
     hand = len(carried.parts)
     meets = np.ones((hand + len(links), len(still.parts)), dtype=np.bool_)
     # The base and the first links are neighbours.
     first = np.array([joint <= NEIGHBOURS for joint in joints.values()], dtype=np.bool_)
     meets[hand:] = ~(first[:, None] & (still.owners == state.scene.arm.base))
+    key = ("own pairs", hand, len(links))
+    own = shapes.cached(key, lambda: _own_pairs(list(joints.values()), hand, shapes))
 
     def place(path: ArmPath) -> Frames:
         if not links:
@@ -104,18 +121,7 @@ def _sweep(
         assert path.q is not None
         return Frames.joined([carried.at(path), path.links or shapes.links_at(path.q)])
 
-    def near_own() -> Pairs:
-        own = _own_pairs(list(joints.values()), hand, shapes)
-        alone = replace(whole, still=still.none(), meets=meets[:, :0], own=own)
-        return alone.pairs
-
-    no_pairs = np.zeros((0, 2), dtype=np.intp)
-    whole = Sweep(shapes, path, (*carried.parts, *links), place, still, meets, no_pairs, growth)
-    if not links:
-        return whole
-    # What the arm does to itself on a way does not depend on what stands around it.
-    key = ("own", path.key, path.widths[0], *load, growth) if path.key else object()
-    return replace(whole, own=shapes.cached(key, near_own))
+    return Sweep(shapes, path, (*carried.parts, *links), place, still, meets, own, growth)
 
 
 def _own_pairs(joints: list[int], carried: int, shapes: Solids) -> Pairs:
@@ -131,16 +137,24 @@ def _own_pairs(joints: list[int], carried: int, shapes: Solids) -> Pairs:
     return np.array(found, dtype=np.intp).reshape(-1, 2)
 
 
-def _carried(shapes: Solids, state: SymbolicState) -> Carried:
+def _carried(state: SymbolicState) -> Carried:
+    shapes, held = solids(state.scene), state.pose_tcp_object
+    if state.holding is None or held is None:
+        return shapes.cached("hand", lambda: _hand(shapes))
+    hand, load = _hand(shapes), shapes.objects[state.holding]
+    parts = (*hand.parts, *(Part(geom, LOAD, state.holding) for geom in load.geoms))
+    found = list(hand.group)
+    for geom, position, rotation in load:
+        found.append(Shape(geom, held.apply(position), held.rotation @ rotation))
+    sides = np.concatenate([hand.sides, np.zeros(len(load.geoms))])
+    return Carried(parts, ShapeGroup.of(found), sides)
+
+
+def _hand(shapes: Solids) -> Carried:
     parts = [Part(geom, HAND, HAND) for geom in shapes.hand.geoms]
     found = list(shapes.hand)
     for side, finger in shapes.fingers.items():
         parts += [Part(geom, side, side) for geom in finger.geoms]
         found += finger
-    held = state.pose_tcp_object
-    if state.holding is not None and held is not None:
-        for geom, position, rotation in shapes.objects[state.holding]:
-            parts.append(Part(geom, LOAD, state.holding))
-            found.append(Shape(geom, held.apply(position), held.rotation @ rotation))
     sides = np.array([SIDES.get(part.kind, 0.0) for part in parts]) / 2
     return Carried(tuple(parts), ShapeGroup.of(found), sides)

@@ -43,6 +43,7 @@ FAR = 10.0  # m: upper bound of every distance asked for
 REACHED = 0.002
 """m between a pose and the TCP of a configuration, up to which the configuration reaches it."""
 CACHED_SCENES = 32
+RECENT_RESULTS = 64  # Largest number of large results that are kept
 CACHED_RESULTS = 20_000  # Largest number of cached results of one scene
 
 T = TypeVar("T")
@@ -137,6 +138,7 @@ class Solids:
     _segment: Array = field(default_factory=lambda: np.zeros(6))
     _configurations: dict[bytes, Array | None] = field(default_factory=dict[bytes, "Array | None"])
     _results: dict[object, object] = field(default_factory=dict[object, object])
+    _recent: dict[object, object] = field(default_factory=dict[object, object])
 
     @cached_property
     def arm(self) -> NominalArm:
@@ -179,7 +181,7 @@ class Solids:
         for shape in self.fixed:
             up = np.array([0.0, 0.0, scene.rises.get(self.owners[shape.geom], 0.0)])
             fixed.append(shape._replace(position=shape.position + up))
-        return replace(self, scene=scene, fixed=ShapeGroup.of(fixed), _results={})
+        return replace(self, scene=scene, fixed=ShapeGroup.of(fixed), _results={}, _recent={})
 
     def centre_of_mass(self, name: str) -> Array:
         """(3,) m, believed centre of mass of an object, in its frame."""
@@ -196,6 +198,14 @@ class Solids:
         if key not in self._results:
             self._results[key] = compute()
         return cast("T", self._results[key])
+
+    def recent(self, key: object, compute: Callable[[], T]) -> T:
+        """As `cached`, for large results that are asked for again soon."""
+        if key not in self._recent:
+            if len(self._recent) >= RECENT_RESULTS:
+                self._recent.pop(next(iter(self._recent)))
+            self._recent[key] = compute()
+        return cast("T", self._recent[key])
 
     def configuration(self, pose_world_tcp: Pose) -> Array | None:
         """(7,) rad, joint angles to which the controller takes the arm at a pose; None out of reach."""

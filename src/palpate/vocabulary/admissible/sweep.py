@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from palpate.geometry.pose import Array, Pose, digits
 from palpate.robots.trajectory import rotation_vector
 from palpate.vocabulary.admissible.arrangement import Arrangement, Part
+from palpate.vocabulary.admissible.clearance import SAME_TURN
 from palpate.vocabulary.admissible.solids import Frames, Solids
 
 STEP = 0.02  # m between two moments of a path
-SAME_TURN = 1e-6  # rad up to which two orientations are one
 TURN = 0.1  # rad between two moments, of the tool or of a joint
 CORRECTIONS = 3  # Newton steps from interpolated joint angles onto the straight line
 DAMPING = 1e-6  # m^2, of a Newton step
@@ -44,7 +44,8 @@ class ArmPath:
         widths: (n,) m between the fingers.
         q: (n, 7) rad; None where only the hand matters.
         links: poses of the arm's links, where they are computed already.
-        key: of the way, the same there and back, whatever the fingers hold; empty without one.
+        key: of the way, for caches; empty without one.
+        forth: the same path in the other direction, where this is the way back of a path with a key.
     """
 
     positions: Array
@@ -52,7 +53,8 @@ class ArmPath:
     widths: Array
     q: Array | None = None
     links: Frames | None = None
-    key: tuple[bytes, ...] = ()
+    key: tuple[object, ...] = ()
+    forth: ArmPath | None = None
 
     @property
     def count(self) -> int:
@@ -75,7 +77,7 @@ class ArmPath:
         links = self.links and Frames(self.links.positions[::-1], self.links.rotations[::-1])
         q = None if self.q is None else self.q[::-1]
         back = (self.positions[::-1], self.quaternions[::-1], self.widths[::-1])
-        return ArmPath(*back, q, links, self.key)
+        return ArmPath(*back, q, links, forth=self)
 
     def between(self, moment: float) -> ArmPath:
         """Interpolate one moment."""
@@ -119,21 +121,19 @@ def straight_path(
     # An object is lifted and lowered over one path, which is computed once. (Where the tool turns, it may
     # turn the other way round on its way back.)
     if here > there and start.angle_to(end) < SAME_TURN:
-        return straight_path(solids, end, start, q[::-1], width).reversed()
+        return straight_path(solids, end, start, (q[1], q[0]), width).reversed()
     key = (*here, *there)
-    path = solids.cached(("way", *key), lambda: _straight_path(solids, start, end, q, key))
-    return replace(path, widths=np.full(path.count, width))
+    path = solids.recent(("way", *key), lambda: _straight_path(solids, start, end, q))
+    return replace(path, widths=np.full(path.count, width), key=(*key, width))
 
 
-def _straight_path(
-    solids: Solids, start: Pose, end: Pose, q: tuple[Array, Array], key: tuple[bytes, ...]
-) -> ArmPath:
+def _straight_path(solids: Solids, start: Pose, end: Pose, q: tuple[Array, Array]) -> ArmPath:
     hand = hand_path(start, end, 0.0)
     shares = np.linspace(0.0, 1.0, hand.count)[:, None]
     bent = (1 - shares) * q[0] + shares * q[1]
     for _ in range(CORRECTIONS):
         bent = bent + _newton_step(solids, hand, bent)
-    return replace(hand, q=bent, links=solids.links_at(bent), key=key)
+    return replace(hand, q=bent, links=solids.links_at(bent))
 
 
 def joint_path(solids: Solids, start: Array, end: Array, width: float) -> ArmPath:
@@ -215,6 +215,7 @@ class Sweep:
         meets: (m, k) mask of the moving and static parts that could meet at all.
         own: (p, 2) numbers of the moving parts that could meet each other.
         growth: m, the largest distance that matters: only pairs that may come as near are looked at.
+        forth: the sweep of the path in the other direction, of which this is the way back.
     """
 
     solids: Solids
@@ -225,6 +226,11 @@ class Sweep:
     meets: NDArray[np.bool_]
     own: Pairs
     growth: float
+    forth: Sweep | None = None
+
+    def back(self) -> Sweep:
+        """The sweep of the way back, which shares all distances with this one."""
+        return replace(self, path=self.path.reversed(), forth=self)
 
     @cached_property
     def frames(self) -> Frames:
@@ -252,6 +258,9 @@ class Sweep:
     def _near(self) -> tuple[Pairs, Array, Array]:
         """Pairs, bounds and travels, found in two stages: by the boxes of each moving part's whole path,
         then by what lies between each two moments."""
+        if self.forth is not None:
+            pairs, bounds, travels = self.forth._near
+            return pairs, bounds[::-1], travels[::-1]
         positions = self.frames.positions
         steps = self._travel(positions, self.frames.rotations)
         # Between two moments a part is no farther from both than half of its travel.
@@ -343,6 +352,9 @@ class Sweep:
         return {}
 
     def _moment(self, i: int) -> Moment:
+        if self.forth is not None:
+            same = self.forth._moment(self.path.count - 1 - i)
+            return Moment(float(i), same.frames, same.distances)
         if i not in self._moments:
             self._moments[i] = Moment(float(i), self.frames.at(i))
         return self._moments[i]
