@@ -59,15 +59,15 @@ def dahl_states(q: Array, presliding: float = tuning.PRESLIDING) -> Array:
 
 def _steps(q: Array) -> Array:
     """(k,) rad that a joint at angles `q` (k,) turned at each, beyond the play of its encoder."""
-    most, play = tuning.ENCODER_PLAY, float(q[0])
-    found: list[float] = []
-    # Python floats: numpy scalars in a loop take ten times as long.
-    for angle in q.tolist():
-        step = angle - play
-        step -= min(max(step, -most), most)
-        play += step
-        found.append(step)
-    return np.array(found)
+    # The play moves to clip(play, q - most, q + most). Two such clips in a row are one: so all up to each row,
+    # twice as many at a time.
+    most, reach = tuning.ENCODER_PLAY, 1
+    low, high = q - most, q + most
+    while reach < len(q):
+        bounds = low[reach:], high[reach:]
+        low[reach:], high[reach:] = np.clip(low[:-reach], *bounds), np.clip(high[:-reach], *bounds)
+        reach *= 2
+    return np.diff(np.clip(q[0], low, high), prepend=q[0])
 
 
 def joint_ways(samples: Samples, empty: Mask, height: float) -> Array:

@@ -17,7 +17,7 @@ from palpate.cells.simulated import draw_truth
 from palpate.errors import InputError
 from palpate.execution.harm.harm import FALLING, harm
 from palpate.execution.harm.witness import LOOK, Witness
-from palpate.execution.runner import STOP_NODE, Execution, run
+from palpate.execution.runner import NOISELESS, STOP_NODE, Execution, run
 from palpate.interrupt import interrupts
 from palpate.planning.check.case import Finding
 from palpate.planning.plan import Plan
@@ -157,6 +157,7 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
             robot,
             stop_requested=lambda: _is_falling(witness),
             max_robot_seconds=LONGEST,
+            choice=NOISELESS,
         )
         robot.advance(AFTERWARDS)
     finally:

@@ -68,6 +68,7 @@ def perform(
     within: Within | None = None,
     keep: Keep | None = None,
     real: bool = False,
+    noiseless: bool = False,
 ) -> Execution:
     """Run the tree on the robot, and close the robot in any case.
 
@@ -80,12 +81,16 @@ def perform(
         within: half widths of 95 % intervals; a measurement with a wider one is repeated.
         keep: writes samples to disk meanwhile.
         real: the robot is a real one.
+        noiseless: the robot is a simulated one without noise.
     """
     from palpate.execution.recovery import recover
     from palpate.execution.repetition import repeat
+    from palpate.execution.runner import NOISELESS
     from palpate.execution.runner import run as run_tree
 
     attempt = partial(run_tree, observer=callbacks.observer, keep=keep)
+    if noiseless:
+        attempt = partial(attempt, choice=NOISELESS)
     try:
         first = attempt(plan, scene, robot)
         done = recover(

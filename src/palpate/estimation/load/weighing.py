@@ -70,16 +70,16 @@ class Weight:
         return [segment for weighing in self.weighings for segment in weighing.segments]
 
 
-def weigh(trace: Trace, recording: Recording) -> Weight:
+def weigh(trace: Trace, recording: Recording, by_all_motion: bool = True) -> Weight:
     """The load's vertical force over g, against the same rests and passes without the object, from
-    every weighing of what was held during `recording`.
+    every weighing of what was held during `recording`; and `by_all_motion` in free air around them.
 
     Raises:
         ValueError: the recording holds no samples or no held object.
     """
     found = weighings(trace, recording)
     load = fit_load(found, trace.gravity, trace.hand)
-    whole = whole_of(trace, recording, found, load)
+    whole = whole_of(trace, recording, found, load) if by_all_motion else None
     force, std = (load.force, load.force_std) if whole is None else (whole.force, whole.std)
     gains = load.gains[:1] if whole is None else whole.gains[:1]
     shared = shared_gains(gains / trace.gravity)
