@@ -246,7 +246,7 @@ def touch(state: SymbolicState, direction: Array, travel: float) -> tuple[Hit, P
 
     def compute() -> tuple[Hit, Pose] | None:
         end = start.translated(travel * direction)
-        swept = hand_sweep(state, hand_path(start, end, opening(state), FINEST))
+        swept = hand_sweep(state, hand_path(start, end, opening(state), FINEST), TOUCHES)
         first = swept.first(np.full(len(swept.pairs), TOUCHES))
         if first is None:
             return None
