@@ -153,6 +153,8 @@ def rehearse(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = No
         return made
     from palpate.execution.rehearsal import rehearse as rehearse_plan
 
+    if real:
+        callbacks.planned(made)
     callbacks.progress("rehearsing in simulation")
     rehearsal = rehearse_plan(made.plan, made.scene)
     callbacks.progress(f"rehearsal: {rehearsal}")

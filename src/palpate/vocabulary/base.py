@@ -11,14 +11,17 @@ it runs. There is no second declaration of a primitive.
 from __future__ import annotations
 
 from collections.abc import Generator, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from inspect import cleandoc
 from typing import ClassVar, Literal
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from palpate.errors import InputError
 from palpate.quantities.quantity import Quantity
+from palpate.robots.accuracy import unexplained_torque
+from palpate.robots.reflex import Links, Reflex
 from palpate.robots.robot import Robot, RobotState
 from palpate.robots.safety import Expectation, violation
 from palpate.scene.scene import Scene
@@ -38,6 +41,10 @@ GRIPPER: frozenset[Resource] = frozenset({"gripper"})
 
 WRITERS = {FORCES: "MeasureForces", POSE: "MeasureGripperPose"}
 """Primitives that fill palpate's own buffers."""
+
+
+HAND = 0.1
+"""m from the TCP within which the empty hand touches things: fingertips, and the palm with its sides."""
 
 
 class LeafFailure(Exception):
@@ -121,6 +128,21 @@ class Blackboard:
     def scene(self) -> Scene:
         """Believed scene, at rest."""
         return self.state.scene
+
+    @property
+    def links(self) -> Links:
+        """Torques of the joints beyond which something has met a link of the arm: a force on the hand,
+        or on what it holds, acts no farther from the TCP than that reaches."""
+        lever, state = HAND, self.state
+        if state.holding is not None and state.pose_tcp_object is not None:
+            body = state.scene.body(state.holding)
+            apart = float(np.linalg.norm(state.pose_tcp_object.position))
+            lever = max(lever, apart + body.reach)
+        return Links(unexplained_torque(self.scene.arm), lever)
+
+    def set_reflex(self, thresholds: Reflex) -> None:
+        """Set the thresholds at which the robot stops itself, those of its links' contacts with them."""
+        self.robot.set_reflex(replace(thresholds, links=self.links))
 
 
 class Primitive(BaseModel):
@@ -220,6 +242,7 @@ class Primitive(BaseModel):
             expected,
             blackboard.scene.pose_world_base,
             blackboard.robot.gravity,
+            blackboard.links,
         )
 
     def slipping(self, blackboard: Blackboard) -> str | None:
