@@ -130,7 +130,8 @@ class PrimitiveLeaf(Behaviour):
             after = self.primitive.effects(before)
             after = self.primitive.observed(after, blackboard.robot.state)
             # Folded as by the check; changes by other leaves in the meantime are kept.
-            blackboard.state = merged(blackboard.state, during, after)
+            after = merged(blackboard.state, during, after)
+            blackboard.state = blackboard.settled(self.node, after) if claims else after
         except BaseException:
             if "arm" in claims:
                 blackboard.robot.hold()

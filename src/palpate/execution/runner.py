@@ -25,7 +25,7 @@ from palpate.robots.sense.watched import Watched
 from palpate.scene.scene import Scene
 from palpate.trace.recording import LeafRun
 from palpate.trace.samples import Samples, Trace
-from palpate.vocabulary.base import Blackboard, Recorder
+from palpate.vocabulary.base import Blackboard, Recorder, as_believed
 from palpate.vocabulary.registry import Vocabulary, vocabulary
 from palpate.vocabulary.state import SymbolicState
 
@@ -116,13 +116,15 @@ def run(
     max_robot_seconds: float = MAX_ROBOT_SECONDS,
     words: Vocabulary | None = None,
     keep: Keep | None = None,
+    settled: Callable[[str, SymbolicState], SymbolicState] = as_believed,
 ) -> Execution:
     """Run a checked plan to its end, or to a controlled stop.
 
     A failed leaf, an exception, a signal (`palpate.interrupt`; SIGINT by default),
     `stop_requested` and the time budget all end in a controlled stop: the arm stops, then a held
     object is put down, or, where that is not safe, held still. A second signal abandons the
-    putting down and holds immediately. All recordings are returned in every case.
+    putting down and holds immediately. All recordings are returned in every case. `settled` corrects the
+    symbolic state after the motion of the leaf at a path (`palpate.execution.foresight`).
 
     The robot is left holding its position; the caller closes it.
 
@@ -132,7 +134,7 @@ def run(
     if plan.tree is None:
         raise InputError(f"the plan has no tree to run: {plan.explanation}")
     watched = Watched(robot, scene.arm)
-    blackboard = Blackboard(watched, SymbolicState(scene), Recorder(watched))
+    blackboard = Blackboard(watched, SymbolicState(scene), Recorder(watched), settled=settled)
     root = build(plan.tree, words or vocabulary(), blackboard)
     began = time.perf_counter()
     with interrupts() as signals, signals.deferred():

@@ -56,12 +56,17 @@ def unexplained(jacobian: Array, torque: Array) -> tuple[float, float]:
     are the norm of what it leaves, tau - J_v^T f, N m, and that of f, N. A force on a link leaves much:
     it turns no joint beyond that link.
     """
+    force = force_of(jacobian) @ torque
+    left = torque - jacobian[:3].T @ force
+    return math.sqrt(left @ left), math.sqrt(force @ force)
+
+
+def force_of(jacobian: Array) -> Array:
+    """Compute the matrix (3, 7) from joint torques to the force at the TCP that explains most of them."""
     from scipy.linalg.lapack import dposv
 
     moving = jacobian[:3]
-    force = dposv(moving @ moving.T + RIDGE[:3, :3], moving @ torque)[1]
-    left = torque - moving.T @ force
-    return math.sqrt(left @ left), math.sqrt(force @ force)
+    return dposv(moving @ moving.T + RIDGE[:3, :3], moving)[1]
 
 
 class NominalArm:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -17,6 +18,8 @@ from palpate.robots.robot import Remembering, Robot
 from palpate.runs.run import Ending, Run
 from palpate.scene.scene import Scene
 from palpate.stages.workplace import footage_of, robot_of
+from palpate.vocabulary.base import as_believed
+from palpate.vocabulary.state import SymbolicState
 
 if TYPE_CHECKING:
     from palpate.execution.runner import Execution, Keep
@@ -44,6 +47,7 @@ def execute(
         within=made.settings.within,
         keep=keep,
         real=not cell.simulated,
+        settled=as_believed if made.rehearsal is None else made.rehearsal.foresight.settled,
     )
     ending = Ending.of(done)
     return replace(
@@ -68,6 +72,7 @@ def perform(
     within: Within | None = None,
     keep: Keep | None = None,
     real: bool = False,
+    settled: Callable[[str, SymbolicState], SymbolicState] = as_believed,
 ) -> Execution:
     """Run the tree on the robot, and close the robot in any case.
 
@@ -80,6 +85,8 @@ def perform(
         within: half widths of 95 % intervals; a measurement with a wider one is repeated.
         keep: writes samples to disk meanwhile.
         real: the robot is a real one.
+        settled: corrects the symbolic state after a leaf of the plan, by where things ended in its
+            rehearsal.
     """
     from palpate.execution.recovery import recover
     from palpate.execution.repetition import repeat
@@ -87,7 +94,7 @@ def perform(
 
     attempt = partial(run_tree, observer=callbacks.observer, keep=keep)
     try:
-        first = attempt(plan, scene, robot)
+        first = attempt(plan, scene, robot, settled=settled)
         done = recover(
             first,
             plan,

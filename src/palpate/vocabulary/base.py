@@ -10,7 +10,7 @@ it runs. There is no second declaration of a primitive.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable
+from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass, field, replace
 from inspect import cleandoc
 from typing import ClassVar, Literal
@@ -97,6 +97,11 @@ class Recorder:
         )
 
 
+def as_believed(_: str, state: SymbolicState) -> SymbolicState:
+    """Return the state as it is: nothing is known of where things ended."""
+    return state
+
+
 @dataclass
 class Blackboard:
     """Blackboard of a running primitive.
@@ -112,6 +117,7 @@ class Blackboard:
             in place and back: joint friction.
         failed: a leaf has failed, and no other may move.
         bound: place and source, in words, of every pose bound in this run and not reported yet.
+        settled: corrects the state after the motion of the leaf at a path, by where things really ended.
     """
 
     robot: Robot
@@ -123,6 +129,7 @@ class Blackboard:
     unrepeated: float = 0.0
     failed: bool = False
     bound: dict[str, str] = field(default_factory=dict[str, str])
+    settled: Callable[[str, SymbolicState], SymbolicState] = as_believed
 
     @property
     def scene(self) -> Scene:

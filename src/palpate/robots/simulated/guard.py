@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg.lapack import dposv
 
 from palpate.geometry.pose import Array
-from palpate.robots.nominal import RIDGE, unexplained
+from palpate.robots.nominal import RIDGE, force_of, unexplained
 from palpate.robots.reflex import Reflex
 from palpate.robots.simulated.impedance import Gains
 from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, TIMESTEP
@@ -97,6 +97,7 @@ class Guard:
         """
         self._to_wrench = dposv(jacobian @ jacobian.T + RIDGE, jacobian)[1].T
         self._jacobian, self._to_momentum = jacobian, inertia / TIMESTEP
+        self._to_rest = np.eye(7) - force_of(jacobian).T @ jacobian[:3]
         self._known = deviation
         self._dq = dq
         self._thresholds = thresholds or Reflex(math.inf, math.inf)
@@ -135,8 +136,8 @@ class Guard:
         # Only wrenches larger than the smallest threshold need the full test.
         large = np.einsum("ij,ij->i", wrenches, wrenches) > self._thresholds.least**2
         if self._thresholds.links is not None:
-            # What no force explains is at most the whole.
-            large |= np.einsum("ij,ij->i", torques, torques) > self._thresholds.links.torque**2
+            left = torques @ self._to_rest
+            large |= np.einsum("ij,ij->i", left, left) > self._thresholds.links.torque**2
         return np.flatnonzero(large).tolist()
 
     def _reason(self, torque: Array) -> str | None:
