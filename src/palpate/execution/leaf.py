@@ -130,8 +130,9 @@ class PrimitiveLeaf(Behaviour):
             after = self.primitive.effects(before)
             after = self.primitive.observed(after, blackboard.robot.state)
             # Folded as by the check; changes by other leaves in the meantime are kept.
-            after = merged(blackboard.state, during, after)
-            blackboard.state = blackboard.settled(self.node, after) if claims else after
+            blackboard.state = merged(blackboard.state, during, after)
+            if claims:
+                blackboard.state = blackboard.settled(self.node, blackboard)
         except BaseException:
             if "arm" in claims:
                 blackboard.robot.hold()

@@ -141,7 +141,7 @@ def _rehearsed(plan: Plan, scene: Scene, draws: int) -> Rehearsal:
         reason,
         draws=1 + len(drawn),
         path=path,
-        foresight=believed.foresight,
+        foresight=believed.foresight.among(*(other.foresight for other in drawn)),
     )
 
 

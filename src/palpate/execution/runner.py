@@ -25,7 +25,7 @@ from palpate.robots.sense.watched import Watched
 from palpate.scene.scene import Scene
 from palpate.trace.recording import LeafRun
 from palpate.trace.samples import Samples, Trace
-from palpate.vocabulary.base import Blackboard, Recorder, as_believed
+from palpate.vocabulary.base import Blackboard, Recorder, Settled, as_believed
 from palpate.vocabulary.registry import Vocabulary, vocabulary
 from palpate.vocabulary.state import SymbolicState
 
@@ -116,7 +116,7 @@ def run(
     max_robot_seconds: float = MAX_ROBOT_SECONDS,
     words: Vocabulary | None = None,
     keep: Keep | None = None,
-    settled: Callable[[str, SymbolicState], SymbolicState] = as_believed,
+    settled: Settled = as_believed,
 ) -> Execution:
     """Run a checked plan to its end, or to a controlled stop.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -18,8 +17,7 @@ from palpate.robots.robot import Remembering, Robot
 from palpate.runs.run import Ending, Run
 from palpate.scene.scene import Scene
 from palpate.stages.workplace import footage_of, robot_of
-from palpate.vocabulary.base import as_believed
-from palpate.vocabulary.state import SymbolicState
+from palpate.vocabulary.base import Settled, as_believed
 
 if TYPE_CHECKING:
     from palpate.execution.runner import Execution, Keep
@@ -72,7 +70,7 @@ def perform(
     within: Within | None = None,
     keep: Keep | None = None,
     real: bool = False,
-    settled: Callable[[str, SymbolicState], SymbolicState] = as_believed,
+    settled: Settled = as_believed,
 ) -> Execution:
     """Run the tree on the robot, and close the robot in any case.
 

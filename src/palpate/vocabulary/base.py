@@ -39,6 +39,8 @@ Resource = Literal["arm", "gripper"]
 ARM: frozenset[Resource] = frozenset({"arm"})
 GRIPPER: frozenset[Resource] = frozenset({"gripper"})
 
+Settled = Callable[[str, "Blackboard"], SymbolicState]
+
 WRITERS = {FORCES: "MeasureForces", POSE: "MeasureGripperPose"}
 """Primitives that fill palpate's own buffers."""
 
@@ -97,9 +99,9 @@ class Recorder:
         )
 
 
-def as_believed(_: str, state: SymbolicState) -> SymbolicState:
-    """Return the state as it is: nothing is known of where things ended."""
-    return state
+def as_believed(_: str, blackboard: Blackboard) -> SymbolicState:
+    """Return the state as it is: nothing is known of where things end."""
+    return blackboard.state
 
 
 @dataclass
@@ -117,7 +119,8 @@ class Blackboard:
             in place and back: joint friction.
         failed: a leaf has failed, and no other may move.
         bound: place and source, in words, of every pose bound in this run and not reported yet.
-        settled: corrects the state after the motion of the leaf at a path, by where things really ended.
+        settled: returns the state after the motion of the leaf at a path, corrected by where things really
+            end, and fails the leaf where they did not.
     """
 
     robot: Robot
@@ -129,7 +132,7 @@ class Blackboard:
     unrepeated: float = 0.0
     failed: bool = False
     bound: dict[str, str] = field(default_factory=dict[str, str])
-    settled: Callable[[str, SymbolicState], SymbolicState] = as_believed
+    settled: Settled = as_believed
 
     @property
     def scene(self) -> Scene:

@@ -273,6 +273,14 @@ class World:
         found = {name: data.body(name) for name in bodies if name in names}
         return {name: Pose(body.xpos.copy(), body.xquat.copy()) for name, body in found.items()}
 
+    def weights(self) -> dict[str, float]:
+        """Return the weights of the bodies, N, each with what is fixed to it."""
+        model, gravity = self.model, float(np.linalg.norm(self.model.opt.gravity))
+        return {
+            model.body(i).name: gravity * float(model.body_subtreemass[i])
+            for i in range(model.nbody)
+        }
+
     def true_tcp(self) -> Pose:
         """Return the true pose of the TCP now, in the world."""
         data = self._seen
