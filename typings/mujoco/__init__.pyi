@@ -125,6 +125,7 @@ class mjtBuiltin(_Enum):
 # Compiled model
 
 class MjOption:
+    disableflags: int
     enableflags: int
     timestep: float
     gravity: _Doubles
@@ -349,6 +350,7 @@ class MjData:
     ctrl: _Doubles
     qfrc_actuator: _Doubles
     xfrc_applied: _Doubles
+    qfrc_applied: _Doubles
     qfrc_bias: _Doubles
     qfrc_passive: _Doubles
     qfrc_gravcomp: _Doubles
@@ -767,6 +769,15 @@ def mj_step(m: MjModel, d: MjData, nstep: _Int = 1) -> None: ...
 def mj_copyData(dest: MjData, m: MjModel, src: MjData) -> None: ...
 def mj_forward(m: MjModel, d: MjData) -> None: ...
 def mj_collision(m: MjModel, d: MjData) -> None: ...
+def mj_applyFT(
+    m: MjModel,
+    d: MjData,
+    force: _Doubles,
+    torque: _Doubles,
+    point: _Doubles,
+    body: int,
+    qfrc_target: _Doubles,
+) -> None: ...
 def mj_kinematics(m: MjModel, d: MjData) -> None: ...
 def mj_comPos(m: MjModel, d: MjData) -> None: ...
 def mj_crb(m: MjModel, d: MjData) -> None: ...
