@@ -27,8 +27,8 @@ from palpate.estimation.joint_friction import TURNED, dahl_states
 from palpate.estimation.load.blocks import Blocks, Rows, blocks
 from palpate.estimation.load.causes import by_signal, of_arm, scales
 from palpate.estimation.load.chain import own_motion
+from palpate.estimation.load.in_hand import load_rows
 from palpate.estimation.load.observation import WrenchObservation, observe
-from palpate.estimation.load.segments import load_rows
 from palpate.estimation.motion import Mask, smoothed_with_rate
 from palpate.estimation.regression import Cause, Posterior, SignalNoise, fit
 from palpate.geometry.pose import Array, rotations, tensor_of
