@@ -53,6 +53,7 @@ PRINTED = {
         r"lifts [\d.]+ kg, 12 actions\n<mug\.mass = ",
     ),
     "10_own_estimator": (r"truth: +0\.\d+", r"palpate: +<mug\.mass", r"bare mean: <mug\.mass"),
+    "12_prove": (r"mug +topple +[\d.]+ N +[+-][\d.]+ N +[+-]0\.0\d\d N",),
 }
 
 
