@@ -11,7 +11,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dposv
 
 from palpate.geometry.pose import Array
 from palpate.robots.nominal import RIDGE
@@ -94,6 +93,8 @@ class Guard:
             deviation: (n, 7) N m of each cycle: sensed less commanded torques, and less Coriolis and
                 centrifugal torques.
         """
+        from scipy.linalg.lapack import dposv  # not for a plan that nothing executes
+
         to_wrench = _BLEND * dposv(jacobian @ jacobian.T + RIDGE, jacobian)[1]
         self._to_wrench, self._to_momentum = to_wrench.T, (to_wrench @ inertia / TIMESTEP).T
         self._known = deviation @ self._to_wrench
