@@ -9,8 +9,9 @@ from workbench import BOTTLE, bench
 from palpate.geometry.pose import Pose
 from palpate.vocabulary.admissible.collision_geometry import arm_sweep, near_spans
 from palpate.vocabulary.admissible.grip import grip
+from palpate.vocabulary.admissible.path import straight_path
 from palpate.vocabulary.admissible.solids import solids
-from palpate.vocabulary.admissible.sweep import Sweep, straight_path
+from palpate.vocabulary.admissible.sweep import Sweep
 from palpate.vocabulary.state import SymbolicState
 
 BESIDE_NOTHING = '<site name="middle"/>'
