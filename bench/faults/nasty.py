@@ -33,9 +33,10 @@ FOLDER = Path(__file__).parent
 KEYS = {"friction": 'friction="{} 0.005 0.0001"', "mass": 'mass="{}"', "slippery": 'priority="{}"'}
 """Attributes of a thing in a line; of two frictions in contact MuJoCo takes the larger, but for "slippery"."""
 CENTIMETRES = Poses(
-    offsets={"cx": (0.01, 0.0, 0.0), "cy": (0.0, 0.01, 0.0), "cz": (0.0, 0.0, 0.01)}
+    offsets={"cx": (0.01, 0.0, 0.0), "cy": (0.0, -0.01, 0.0), "cz": (0.0, 0.0, 0.01)}
 )
-"""Offsets by which steps are written."""
+"""Offsets by which steps are written: along the axes of a grasp, whose y is -y of the world where the hand points
+down and the fingers close along y."""
 AWAY = re.compile(r"(\w+)((?: -?[\d.]+){3}| up)")
 """`THING X Y Z` and `THING up`."""
 Step = str | tuple["Step", ...]

@@ -151,11 +151,14 @@ def once_lifted(support_z):
     return moved
 
 
+@pytest.mark.parametrize("height", [0.2, TABLE + 0.002])
 def test_without_support_below_the_object_stays_in_the_fingers(
-    plan, node, scene, robot, words, carrying
+    plan, node, scene, robot, words, carrying, height
 ):
+    """Also where it was lifted, and is nearly at its place again."""
     robot.on_advance = once_lifted(-1.0)
-    done = run(plan(*carrying, node("Go", z=0.2), node("Refuse")), scene, robot, words=words)
+    steps = [*carrying, node("Go", z=0.2), node("Go", z=height), node("Refuse")]
+    done = run(plan(*steps), scene, robot, words=words)
     assert "open_gripper" not in commands(robot)
     assert commands(robot)[-1] == "hold"
     assert done.final_state.holding == "cup"
@@ -186,8 +189,10 @@ def test_a_support_bears_more_than_the_weight_before_the_fingers_open(
             pressed.append(-float(r.state.wrench[2]))
 
     robot.on_advance = press
+    robot.set_reflex(robot.limits.reflexes.free)
     run(plan(*carrying, node("Go", z=0.2), node("Refuse")), scene, robot, words=words)
     assert 4.5 < pressed[-1] < 10.0
+    assert robot.thresholds == robot.limits.reflexes.contact, "pressing is part of it"
 
 
 def test_an_arm_that_presses_on_something_is_relieved_step_by_step(plan, node, scene, robot, words):

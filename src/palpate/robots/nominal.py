@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import mujoco
@@ -46,6 +47,26 @@ def wrenches(jacobian: Array, torque: Array) -> Array:
     for i in range(len(out)):
         out[i] = dposv(square[i], right[i])[1]
     return out
+
+
+def unexplained(jacobian: Array, torque: Array) -> tuple[float, float]:
+    """Split external joint torques (7,), N m, by the force at the TCP that explains most of them.
+
+    That force is f = (J_v^T)^+ tau, with the upper rows J_v of `jacobian` (6, 7), world axes. Returned
+    are the norm of what it leaves, tau - J_v^T f, N m, and that of f, N. A force on a link leaves much:
+    it turns no joint beyond that link.
+    """
+    force = force_of(jacobian) @ torque
+    left = torque - jacobian[:3].T @ force
+    return math.sqrt(left @ left), math.sqrt(force @ force)
+
+
+def force_of(jacobian: Array) -> Array:
+    """Compute the matrix (3, 7) from joint torques to the force at the TCP that explains most of them."""
+    from scipy.linalg.lapack import dposv
+
+    moving = jacobian[:3]
+    return dposv(moving @ moving.T + RIDGE[:3, :3], moving)[1]
 
 
 class NominalArm:

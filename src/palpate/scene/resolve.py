@@ -27,7 +27,7 @@ from palpate.scene.describe import Description, describe
 from palpate.scene.poses import Poses
 from palpate.scene.words import thing_words
 
-SHAPELESS = frozenset({"mass", "density", "friction", "priority"})
+SHAPELESS = frozenset({"mass", "density", "friction", "priority", "solref", "solimp", "solmix"})
 """Attributes of geoms that do not change the scene's geometry."""
 
 Bodies = Mapping[str, BodyDescription]

@@ -21,6 +21,7 @@ from palpate.scene.scene import Scene
 from palpate.trace.samples import Trace
 from palpate.twin.files import in_one, write_files
 from palpate.twin.inject import complete
+from palpate.twin.pressed import press_notes
 from palpate.twin.validate import Replay, Replayed, Validation, touched, validate
 
 if TYPE_CHECKING:
@@ -130,9 +131,10 @@ def build_twin(
     try:
         read = scene_from_text(made.texts, scene, measured_places(scene, written))
         validation = validate(read, scene, trace, replay if written else None)
+        notes += press_notes(read, written)
     except PalpateError as error:
         return replace(twin, notes=(*notes, f"the twin was not simulated: {error}"))
-    return replace(twin, validation=validation, scene=read)
+    return replace(twin, notes=tuple(notes), validation=validation, scene=read)
 
 
 def touch(

@@ -182,7 +182,7 @@ class MoveUntilContact(Primitive):
         start, upright = robot.state.pose_world_tcp, _tilt(robot.state)
         threshold = SIDE_FORCE if self._beside(state) else CONTACT_FORCE
         contact = _Contact(robot, self.direction)
-        robot.set_reflex(robot.limits.reflexes.probing)
+        blackboard.set_reflex(robot.limits.reflexes.probing)
         for speed, travel in self._stages(state, float(start.position[2])):
             robot.move_axis(self.direction, speed, travel)
             if (yield from guarded(blackboard, lambda: contact.exceeds(threshold))):

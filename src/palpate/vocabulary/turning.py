@@ -132,7 +132,7 @@ class _Turning(Primitive):
     def _start(self, blackboard: Blackboard) -> None:
         reflexes = blackboard.robot.limits.reflexes
         held = blackboard.state.holding
-        blackboard.robot.set_reflex(reflexes.carrying if held else reflexes.free)
+        blackboard.set_reflex(reflexes.carrying if held else reflexes.free)
 
     def _turn(self, blackboard: Blackboard, hold: float, dwell: float) -> Generator[None]:
         """Turn to each extreme rotation, and rest for `hold` s, then back, and rest for `dwell` s."""

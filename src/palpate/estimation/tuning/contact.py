@@ -114,6 +114,13 @@ ALIKE = 3.0
 """rows of a descent per independent one: the torque sensors' signal wanders, and the model leaves the arm's swing
 out. Sensitive: stiffness std ×0.8–1.3."""
 
+APART_IN_TIME = 2e-3
+"""s (1 sigma) by which force and motion of a sample are apart: filters, and half a log period. A spring's force that
+comes late is damping. Sensitive: damping std above 3 kN/m."""
+
+DAMPED = 0.05
+"""part (1 sigma) of a damping: pads and their contact give way in series with the surface. Sensitive: hardly."""
+
 WILD = 6.0
 """standard deviations of the noise off its running median from which a sample is left out. Sensitive: no."""
 
