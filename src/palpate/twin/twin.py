@@ -103,10 +103,12 @@ def build_twin(
     estimates: Sequence[Estimate],
     trace: Trace | None = None,
     replay: Replay | None = None,
+    on_the_way: Sequence[Estimate] = (),
 ) -> Twin:
     """Inject the measured values, then check that the result comes to rest and, with a `trace` and a
-    `replay`, that it behaves as recorded, if any value was measured."""
-    written = held_by_twin(estimates)
+    `replay`, that it behaves as recorded, if any value was measured. Values that nobody asked for and that were
+    felt `on_the_way` are written, too, with a remark."""
+    written = [*held_by_twin(estimates), *on_the_way]
     made = complete(scene, written, {estimate.parameter for estimate in estimates})
     notes: list[str] = []
     for estimate in estimates:
@@ -115,6 +117,7 @@ def build_twin(
         if estimate.verdict == "prior-dominated":
             dominated = "prior-dominated: what was believed before says as much"
             notes.append(f"{estimate.parameter} is {dominated}")
+    notes += [felt_note(scene, estimate) for estimate in on_the_way]
     notes += made.notes
     document = scene.resolved.document
     one = in_one(document, made.texts)
@@ -135,6 +138,17 @@ def build_twin(
     except PalpateError as error:
         return replace(twin, notes=(*notes, f"the twin was not simulated: {error}"))
     return replace(twin, notes=tuple(notes), validation=validation, scene=read)
+
+
+def felt_note(scene: Scene, felt: Estimate) -> str:
+    """Remark on a size that was felt on the way, against the scene's."""
+    before = scene.body(felt.parameter.object).size
+    told = [i for i in range(len(felt.values)) if i not in felt.unseen]
+    parts = [
+        f"{1e3 * felt.values[i]:.1f} ± {1e3 * felt.stds[i]:.1f} mm along {'xyz'[i]} for {1e3 * before[i]:.1f}"
+        for i in told
+    ]
+    return f"{felt.parameter} was felt on the way: {', '.join(parts)}; the twin holds it"
 
 
 def touch(
