@@ -32,7 +32,7 @@ SWAY = 2.0  # s of robot time in which the arm sways before them
 
 def main() -> None:
     """Print all figures with their budgets."""
-    for noise in ("lab", "hardware"):
+    for noise in ("lab", "measured"):
         ratio = f"{closed_loop_ratio(noise):.2f}"
         _line(f"closed loop / bare mj_step, {noise}", ratio, "≤ 1.3")
     with tempfile.TemporaryDirectory() as folder:

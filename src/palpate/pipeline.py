@@ -33,6 +33,7 @@ from palpate.stages.saving import (
     folder_for,
     reopen,
     save,
+    save_proof,
     taken_up,
     with_footage,
     write_report,
@@ -58,6 +59,7 @@ __all__ = [
     "reopen",
     "run",
     "save",
+    "save_proof",
     "touch_twin",
 ]
 

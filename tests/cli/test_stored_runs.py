@@ -110,6 +110,23 @@ def test_a_twin_is_exported(palpate: Palpate, stored: Path, tmp_path: Path) -> N
     assert (stored / "export-mjcf" / "scene.xml").read_text() == (stored / "twin.xml").read_text()
 
 
+def test_a_twin_is_proved_and_the_report_shows_it(
+    palpate: Palpate, stored: Path, tmp_path: Path
+) -> None:
+    copy = tmp_path / "run"
+    shutil.copytree(stored, copy)
+    answer = palpate("prove", copy, "--json")
+    assert answer.status == 0
+    made = json.loads(answer.out)
+    assert made == json.loads((copy / "proof.json").read_text("utf-8"))
+    assert {row["task"] for row in made["tasks"]} >= {"topple", "throw to a mark"}
+    for row in made["tasks"]:
+        assert abs(row["twin"][0]) < abs(row["prior"][0])
+    assert "What the twin is good for" in (copy / "report.html").read_text("utf-8")
+    (copy / "proof.json").write_text('{"tasks": [{}]}')
+    assert "is no proof" in palpate("report", copy).out + palpate("report", copy).err
+
+
 def test_two_runs_are_fused(palpate: Palpate, folders: list[Path], tmp_path: Path) -> None:
     out = tmp_path / "fused"
     answer = palpate("fuse", *folders, "--out", out, "--json")

@@ -1,4 +1,4 @@
-"""Finished runs: save, estimate again, export, fuse, compare."""
+"""Finished runs: save, estimate again, export, prove, fuse, compare."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from palpate.api.given import contents_of
 from palpate.callbacks import Progress, RunCallbacks, quiet
 from palpate.display import table, text_table
 from palpate.estimation.estimate import COLUMNS, Estimate
-from palpate.runs.compare import Comparison, compare_runs
-from palpate.runs.fuse import Fusion as InnerFusion
-from palpate.runs.fuse import fuse_runs, write_fusion
 from palpate.runs.run import Run as InnerRun
+from palpate.runs.several.compare import Comparison, compare_runs
+from palpate.runs.several.fuse import Fusion as InnerFusion
+from palpate.runs.several.fuse import fuse_runs, write_fusion
 from palpate.stages.estimating import reestimate
 from palpate.threads import single_threaded_blas
 
 if TYPE_CHECKING:
     from palpate.twin.export.export import Export
+    from palpate.twin.tasks.proof import Proof
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,7 +56,8 @@ class Run(InnerRun):
         """Write the twin for another simulator into a new folder, and read it back.
 
         Args:
-            to: `mjcf` (with every file that it needs), `urdf` or `usd`.
+            to: `mjcf` (with every file that it needs), `urdf`, `usd`, or `randomisation` (ranges for
+                training).
             folder: by default `export-FORMAT` in the run's own.
 
         Raises:
@@ -68,13 +70,29 @@ class Run(InnerRun):
 
         return export_run(self, to, None if folder is None else Path(folder))
 
+    def prove(self) -> Proof:
+        """Plan a push, a topple and a throw of each measured object with the prior and with the twin, and tell
+        how far from their goals they end in the true world, else in worlds drawn from the twin's intervals.
+
+        A saved run keeps it in `proof.json` and shows it in its report.
+
+        Raises:
+            InputError: it has no twin, or no object was measured.
+        """
+        from palpate.runs.prove import prove_run
+
+        proof = prove_run(self)
+        if self.folder is not None:
+            pipeline.save_proof(self, self.folder, proof)
+        return proof
+
     def _repr_html_(self) -> str:
         return table(repr(self), COLUMNS, [estimate.cells() for estimate in self.estimates])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fusion(InnerFusion):
-    """Fusion of several runs: `fusion["mug.mass"]`, `fusion.twin`. See `palpate.runs.fuse.Fusion`."""
+    """Fusion of several runs: `fusion["mug.mass"]`, `fusion.twin`. See `palpate.runs.several.fuse.Fusion`."""
 
     def save(self, folder: str | Path) -> Fusion:
         """Write result and twin into a new folder.

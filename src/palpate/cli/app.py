@@ -28,6 +28,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "compare": stored.compare,
     "open": stored.open_report,
     "export": stored.export,
+    "prove": stored.prove,
     "vocabulary": plans.vocabulary,
     "dynamics": arms.dynamics,
     "noise": arms.noise,

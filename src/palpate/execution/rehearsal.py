@@ -3,21 +3,25 @@
 The world is the scene as believed, and some draws of what the scene leaves open. A `Witness` records
 MuJoCo's contact forces and poses after every physics step; `harm` judges them: forces beyond the limits,
 falls, tips, things moved that the plan does not name. Harm in any of these worlds, a failure in the
-believed one, and a thing that ends elsewhere than believed make the plan unfit.
+believed one, and a thing that ends elsewhere than it was found make the plan unfit. After every motion the
+symbolic state is corrected by where things are in the simulation (`foresight`), so that later leaves, and the
+run itself, go by it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from palpate.beside import Beside
 from palpate.cells.simulated import draw_truth
 from palpate.errors import InputError
+from palpate.execution.foresight import Foresight, Look
 from palpate.execution.harm.harm import FALLING, harm
 from palpate.execution.harm.witness import LOOK, Witness
-from palpate.execution.runner import STOP_NODE, Execution, run
+from palpate.execution.runner import NOISELESS, STOP_NODE, Execution, run
 from palpate.interrupt import interrupts
 from palpate.planning.check.case import Finding
 from palpate.planning.plan import Plan
@@ -49,6 +53,7 @@ class Rehearsal:
         failure: reason why the plan must not run, or None.
         draws: worlds in which it was rehearsed.
         path: leaf of the plan where that happened; the tree for the whole.
+        foresight: where things ended after each leaf, in the believed world.
     """
 
     actions: int
@@ -57,6 +62,7 @@ class Rehearsal:
     failure: str | None
     draws: int = 1
     path: str = "tree"
+    foresight: Foresight = field(default=Foresight(), compare=False, repr=False)
 
     @property
     def finding(self) -> Finding | None:
@@ -64,6 +70,17 @@ class Rehearsal:
         if self.failure is None:
             return None
         return Finding.of(self.path, "rehearsal", f"in simulation the plan fails: {self.failure}")
+
+    def figures(self) -> dict[str, Any]:
+        """The prediction without the foresight, as in `result.json`."""
+        return {
+            "actions": self.actions,
+            "robot_seconds": self.robot_seconds,
+            "peak_force": self.peak_force,
+            "failure": self.failure,
+            "draws": self.draws,
+            "path": self.path,
+        }
 
     def __str__(self) -> str:
         ending = f"would stop: {self.failure}" if self.failure else "no failure"
@@ -81,6 +98,7 @@ class _Attempt:
     Attributes:
         harm: path of a leaf and the harm that it did, None for a harmless run.
         stop: path of a leaf and the reason why the run stopped there.
+        foresight: where things ended after each leaf.
     """
 
     actions: int
@@ -88,6 +106,7 @@ class _Attempt:
     peak_force: float
     harm: tuple[str, str] | None
     stop: tuple[str, str] | None
+    foresight: Foresight
 
 
 def rehearse(plan: Plan, scene: Scene, draws: int = DRAWS) -> Rehearsal:
@@ -122,6 +141,7 @@ def _rehearsed(plan: Plan, scene: Scene, draws: int) -> Rehearsal:
         reason,
         draws=1 + len(drawn),
         path=path,
+        foresight=believed.foresight.among(*(other.foresight for other in drawn)),
     )
 
 
@@ -149,7 +169,7 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
     """Rehearse in one world, the believed one for seed 0."""
     truth = draw_truth(scene, seed) if seed else {}
     robot = MujocoRobot(scene.spec(truth), scene.pose_world_base, as_measured(scene.arm))
-    witness = Witness.of(robot.world)
+    witness, look = Witness.of(robot.world), Look(robot.world)
     try:
         done = run(
             plan,
@@ -157,6 +177,8 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
             robot,
             stop_requested=lambda: _is_falling(witness),
             max_robot_seconds=LONGEST,
+            choice=NOISELESS,
+            settled=look.settled,
         )
         robot.advance(AFTERWARDS)
     finally:
@@ -167,10 +189,10 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
         harmed = "tree", f"{first[1]} before the arm reaches anything: the scene does not settle"
     stop = None if done.stopped_by is None else _at(done, np.inf, done.stopped_by)
     if harmed is None and stop is None and not seed:
-        harmed = _displaced(done, witness)
+        harmed = _displaced(done, witness, scene)
     force = np.linalg.norm(done.trace.samples.wrench[:, :3], axis=1)
     peak = float(force.max(initial=0.0))
-    return _Attempt(done.actions, done.robot_seconds, peak, harmed, stop)
+    return _Attempt(done.actions, done.robot_seconds, peak, harmed, stop, look.foresight)
 
 
 def _is_falling(witness: Witness) -> bool:
@@ -194,13 +216,12 @@ def _at(done: Execution, t: float, text: str) -> tuple[str, str]:
     return leaf.node, said
 
 
-def _displaced(done: Execution, witness: Witness) -> tuple[str, str] | None:
-    """The first object that ends elsewhere than believed, with the leaf that let it go."""
-    state = done.final_state
+def _displaced(done: Execution, witness: Witness, scene: Scene) -> tuple[str, str] | None:
+    """The first object that is not restored, with the leaf that let it go."""
     for name, pose in zip(witness.objects, witness.looks[-1].poses, strict=True):
-        if name not in state.scene.objects or name == state.holding:
+        if name not in scene.objects or name == done.final_state.holding:
             continue
-        apart = pose[:3] - state.pose_of(name).position
+        apart = pose[:3] - scene.body(name).pose_world.position
         if float(np.linalg.norm(apart)) > RESTORED_POSITION:
             held = [
                 leaf for leaf in done.trace.leaves if leaf.context and leaf.context.holding == name
@@ -208,8 +229,8 @@ def _displaced(done: Execution, witness: Witness) -> tuple[str, str] | None:
             after = held[-1].end + 1e-6 if held else np.inf
             x, y, z = (round(1e3 * away) for away in apart.tolist())
             text = (
-                f"'{name}' ends ({x:+d}, {y:+d}, {z:+d}) mm from where the plan takes it to be; grasp it "
-                "at its middle, and set it down so that it stays there"
+                f"'{name}' ends ({x:+d}, {y:+d}, {z:+d}) mm from where it was found; grasp it at its "
+                "middle, and set it down so that it stays there"
             )
             return _at(done, after, text)
     return None

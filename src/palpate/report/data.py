@@ -18,6 +18,7 @@ from palpate.planning.plan import Plan
 from palpate.quantities.catalogue import catalogue
 from palpate.robots.simulated.noise.models import noise_models
 from palpate.runs.answer import answer
+from palpate.runs.prove import read_proof
 from palpate.runs.reproduce import reproducing
 from palpate.trace.samples import Trace
 from palpate.twin.held_out.judged import HeldOut
@@ -25,6 +26,7 @@ from palpate.twin.held_out.judged import HeldOut
 if TYPE_CHECKING:
     from palpate.report.writing import Pictures
     from palpate.runs.run import Run
+    from palpate.twin.tasks.proof import Proof
     from palpate.twin.validate import Residual, Validation
 
 State = Literal["known", "missing", "assumed"]
@@ -74,6 +76,7 @@ class ReportData:
         twin_diff: unified diff from the user's MJCF to the twin.
         twin_checks: label to value, e.g. the residual of the replayed measurement.
         held_out: predictions of motions that were left out of the fits.
+        proof: what the twin is good for.
         twin_notes: remarks about the twin.
         versions: name to version.
         seed, noise: of a simulated world.
@@ -106,6 +109,7 @@ class ReportData:
     twin_diff: str = ""
     twin_checks: Mapping[str, str] = field(default_factory=dict[str, str])
     held_out: HeldOut | None = None
+    proof: Proof | None = None
     twin_notes: tuple[str, ...] = ()
     versions: Mapping[str, str] = field(default_factory=dict[str, str])
     seed: int | None = None
@@ -133,6 +137,7 @@ def report_data(run: Run, pictures: Pictures, scratch: Path, place: Path) -> Rep
         findings=tuple(f"{f.path}: {f.message}" for f in run.findings),
         trace=run.trace_if_any,
         held_out=run.held_out,
+        proof=read_proof(scratch),
         workspace=pictures.workspace,
         before=pictures.before,
         after=pictures.after,

@@ -14,6 +14,7 @@ from palpate.report.changes import change, diff_lines
 from palpate.report.data import ReportData
 from palpate.report.held_out import predictions
 from palpate.report.plots import FAILED, GROUPS, Figure, timeline
+from palpate.report.proof import indifferent, lines
 from palpate.report.tree import Branch, aftermath, branches, first_failure, primitive_groups
 from palpate.report.windows import windows
 
@@ -73,6 +74,8 @@ def render_report(data: ReportData) -> str:
         steps=tuple(next_steps(data, failure)),
         aftermath=aftermath(data.plan, data.trace),
         predictions=predictions(data.held_out),
+        tasks=lines(data.proof),
+        indifferent=tuple(indifferent(data.proof)),
         diff=diff_lines(data.twin_diff),
         files=[name for name in data.files if SAFE_PATH.fullmatch(name) and ".." not in name],
         group_colours=GROUPS,

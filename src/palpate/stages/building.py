@@ -116,4 +116,4 @@ def _replay(scene: Scene, plan: Plan, world: MjSpec) -> Trace:
 
     robot = MujocoRobot(world, scene.pose_world_base, as_measured(scene.arm))
     with interrupts() as signals, signals.raised():
-        return perform(plan, scene, robot).trace
+        return perform(plan, scene, robot, noiseless=True).trace

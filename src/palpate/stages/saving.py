@@ -17,6 +17,7 @@ from palpate.stages.executing import cut_off
 
 if TYPE_CHECKING:
     from palpate.report.writing import Darkroom
+    from palpate.twin.tasks.proof import Proof
 
 
 def folder_for(settings: Settings) -> Path:
@@ -84,6 +85,21 @@ def save(made: Run, folder: Path | None = None) -> Run:
     except OSError as error:
         raise InputError(f"cannot write '{folder}': {error.strerror}") from error
     return replace(made, folder=folder, shortfalls=(*made.shortfalls, *shortfalls))
+
+
+def save_proof(made: Run, folder: Path, proof: Proof) -> Run:
+    """Write `proof.json` into the run's folder, and its report again.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    from palpate.runs.prove import PROOF, proof_json
+
+    try:
+        write_json(folder / PROOF, proof_json(proof))
+    except OSError as error:
+        raise InputError(f"cannot write '{folder / PROOF}': {error.strerror}") from error
+    return write_report(made, folder)
 
 
 def reopen(folder: Path) -> Run:

@@ -87,13 +87,7 @@ def complete(
     """The scene's texts with the estimates in them, as MuJoCo reads them back. The value of a quantity
     that is a part of another's estimate is written, too, unless it was `asked` for itself."""
     quantities, resolved = scene.catalogue, scene.resolved
-    stated: list[Estimate] = []
-    for estimate in estimates:
-        name, quantity = estimate.parameter.object, quantities.get(estimate.parameter.quantity)
-        if quantity is not None and quantity.stands_for is not None:
-            # The file states another quantity in its place.
-            estimate = replace(estimate, parameter=Parameter(name, quantity.stands_for))
-        stated.append(estimate)
+    stated = [replace(each, parameter=as_stated(each.parameter, quantities)) for each in estimates]
     values, notes = values_to_write(scene, stated, asked)
 
     # The twin's text leaves out the poses that came with the scene.
@@ -130,6 +124,14 @@ def complete(
         notes.append("the keyframes keep the poses that they state")
     unwritten = tuple(parameter for parameter in reasons if parameter.object in scene.bodies)
     return Completed(texts, tuple(notes), unwritten)
+
+
+def as_stated(parameter: Parameter, quantities: Catalogue) -> Parameter:
+    """The parameter by the quantity that the file states: a `com_3d` is a `com`."""
+    quantity = quantities.get(parameter.quantity)
+    if quantity is None or quantity.stands_for is None:
+        return parameter
+    return Parameter(parameter.object, quantity.stands_for)
 
 
 def values_to_write(

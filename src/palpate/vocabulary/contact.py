@@ -181,7 +181,7 @@ class MoveUntilContact(Primitive):
         start, upright = robot.state.pose_world_tcp, _tilt(robot.state)
         threshold = SIDE_FORCE if self._beside(state) else CONTACT_FORCE
         contact = _Contact(robot, self.direction)
-        robot.set_reflex(robot.limits.reflexes.probing)
+        blackboard.set_reflex(robot.limits.reflexes.probing)
         for speed, travel in self._stages(state, float(start.position[2])):
             robot.move_axis(self.direction, speed, travel)
             if (yield from guarded(blackboard, lambda: contact.exceeds(threshold))):
@@ -246,7 +246,7 @@ def touch(state: SymbolicState, direction: Array, travel: float) -> tuple[Hit, P
 
     def compute() -> tuple[Hit, Pose] | None:
         end = start.translated(travel * direction)
-        swept = hand_sweep(state, hand_path(start, end, opening(state), FINEST))
+        swept = hand_sweep(state, hand_path(start, end, opening(state), FINEST), TOUCHES)
         first = swept.first(np.full(len(swept.pairs), TOUCHES))
         if first is None:
             return None

@@ -24,7 +24,7 @@ def met(state: SymbolicState, start: Pose, end: Pose, margin: float = 0.002) -> 
     shapes = solids(state.scene)
     q = (shapes.configuration(start), shapes.configuration(end))
     width = shapes.scene.arm.hand.opening
-    swept = arm_sweep(state, straight_path(shapes, start, end, q, width))
+    swept = arm_sweep(state, straight_path(shapes, start, end, q, width), margin)
     return {hit.other.owner for hit in swept.hits(np.full(len(swept.pairs), margin))}
 
 

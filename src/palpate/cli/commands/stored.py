@@ -85,7 +85,9 @@ def open_report(
 def export(
     folder: RunFolder,
     *,
-    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="mjcf | urdf | usd")],
+    to: Annotated[
+        str, typer.Option("--to", metavar="FORMAT", help="mjcf | urdf | usd | randomisation")
+    ],
     out: Annotated[
         Path | None,
         typer.Option("--out", metavar="DIR", help="Folder to make (default: RUN/export-FORMAT)."),
@@ -98,3 +100,11 @@ def export(
 
     run = pp.open(folder)
     show_export(run, run.export(to, out), as_json)
+
+
+def prove(folder: RunFolder, *, as_json: AsJson = False) -> None:
+    """Show what a run's twin is good for: a push, a topple and a throw, planned with prior and twin."""
+    import palpate as pp
+    from palpate.cli.show.stored import show_proof
+
+    show_proof(pp.open(folder).prove(), as_json)

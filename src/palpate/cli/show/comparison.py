@@ -10,7 +10,7 @@ from palpate.cli.show.layout import Column, print_rows
 from palpate.runs.figures import rounded_columns
 
 if TYPE_CHECKING:
-    from palpate.runs.compare import Comparison, Row
+    from palpate.runs.several.compare import Comparison, Row
 
 NAME, VALUE, _, VERDICT = COLUMNS
 COMPARED = (
@@ -27,7 +27,7 @@ FAR = 1.96
 
 def show_comparison(comparison: Comparison, as_json: bool) -> None:
     """Print a row for every run and component, with its difference from the first run."""
-    from palpate.runs.compare import comparison_json
+    from palpate.runs.several.compare import comparison_json
 
     if as_json:
         print_json(comparison_json(comparison))

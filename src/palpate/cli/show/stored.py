@@ -12,9 +12,10 @@ from palpate.cli.show.layout import Column, print_rows
 from palpate.errors import InputError
 
 if TYPE_CHECKING:
-    from palpate.runs.fuse import Fusion
     from palpate.runs.run import Run
+    from palpate.runs.several.fuse import Fusion
     from palpate.twin.export.export import Export
+    from palpate.twin.tasks.proof import Proof
 
 PAGE = "report.html"
 
@@ -56,7 +57,7 @@ def show_how(arm: str, out_file: Path | None) -> None:
 
 def show_fusion(fusion: Fusion, as_json: bool) -> None:
     """Print the estimates of each run, and the fused ones."""
-    from palpate.runs.fuse import fusion_json
+    from palpate.runs.several.fuse import fusion_json
 
     if as_json:
         print_json(fusion_json(fusion, fusion.folder))
@@ -100,3 +101,23 @@ def show_export(run: Run, export: Export, as_json: bool) -> None:
     for note in export.notes:
         out.prose(f"[dim]note[/] {escape(note)}")
     out.print(f"[dim]{export.format}[/] {export.file}", soft_wrap=True)
+
+
+def show_proof(proof: Proof, as_json: bool) -> None:
+    """Print how far from its goal each task ends."""
+    from palpate.runs.prove import proof_json
+
+    if as_json:
+        print_json(proof_json(proof))
+        return
+    headings = [Column(name, words=True) for name in proof.columns]
+    print_rows(headings, [[escape(cell) for cell in row.cells()] for row in proof.rows])
+    for said in dict.fromkeys(f"{row.task}: {row.says}" for row in proof.rows):
+        out.prose(f"[dim]{escape(said)}[/]")
+    for line in proof.left_out:
+        out.prose(f"[yellow]left out[/] {escape(line)}")
+    judges = {
+        "truth": "Carried out in the true world of the simulation.",
+        "draws": "The truth is not known: carried out in worlds drawn from the twin's intervals.",
+    }
+    out.prose(judges[proof.judge])

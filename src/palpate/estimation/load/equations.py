@@ -13,7 +13,6 @@ from palpate.estimation import tuning
 from palpate.estimation.load.biases import covariance
 from palpate.estimation.load.segments import Weighing
 from palpate.estimation.motion import Mask
-from palpate.estimation.regression import whitened
 from palpate.geometry.pose import Array
 
 FORCE_Z, TORQUE_X, TORQUE_Y, TORQUE_Z = 2, 3, 4, 5
@@ -80,15 +79,6 @@ class Rows:
     since: Array
     signal: NDArray[np.intp]
     freedom: float
-
-    @property
-    def volume(self) -> float:
-        """Logarithm of the volume that a unit of all rows becomes by whitening, negative."""
-        return float(np.log(np.diag(self.root)).sum())
-
-    def white(self, columns: Array) -> Array:
-        """(n, p) in rows of unit variance."""
-        return whitened(self.root, columns)
 
 
 def equations(weighing: Weighing, gravity: float, apart: float = 1.0) -> Rows:

@@ -29,7 +29,7 @@ from palpate.estimation.load.causes import (
 )
 from palpate.estimation.load.noise import Noise
 from palpate.estimation.load.observation import WrenchObservation, observe
-from palpate.estimation.regression import Cause, Posterior, SignalNoise, fit, placed
+from palpate.estimation.regression import Cause, Posterior, SignalNoise, fit
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Trace
 
@@ -115,16 +115,14 @@ def _fitted(
     found = _posterior(
         trace, observed, seen, with_residual(found.causes, sensors, seen), load, about
     )
-    effects = -found.covariance[:count] / found.model.prior
     links: dict[str, Array] = {}
     for cause in found.causes:
         if cause.name.startswith(LINK):
-            here = placed(found.causes)[cause.name]
-            links |= zip(cause.labels, effects[:, here].T, strict=True)
+            links |= zip(cause.labels, found.effects(cause.name)[:count].T, strict=True)
     left = found.residual
     misfit = float(left @ left) / len(left)
     value, square = found.mean[:count], found.covariance[:count, :count]
-    gains = effects[:, placed(found.causes)[GAIN]]
+    gains = found.effects(GAIN)[:count]
     return Whole(seen.grasps, value, square, gains, links, misfit, seen, found)
 
 

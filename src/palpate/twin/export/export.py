@@ -1,5 +1,5 @@
 """Export of a twin for other simulators: MJCF that loads anywhere, URDF, or USD. Every file is read back
-and compared, body by body, before it is handed out."""
+and compared, body by body, before it is handed out. Ranges for domain randomisation go beside them."""
 
 from __future__ import annotations
 
@@ -19,11 +19,12 @@ from palpate.scene.describe import Description, describe
 from palpate.scene.poses import Poses
 from palpate.twin.export.facts import Facts, differences, facts_of, unnamed
 from palpate.twin.export.portable import SCENE, ready, write_contained
+from palpate.twin.export.randomisation import write_randomisation
 from palpate.twin.export.urdf import read_urdf, write_urdf
 from palpate.twin.export.usd import left_behind, read_usd, require_usd, write_usd
-from palpate.twin.twin import Twin
+from palpate.twin.twin import Twin, held_by_twin
 
-Format = Literal["mjcf", "urdf", "usd"]
+Format = Literal["mjcf", "urdf", "usd", "randomisation"]
 FORMATS: tuple[Format, ...] = get_args(Format)
 
 ONLY_NUMBERS = ("stiffness", "velocity", "momentum")
@@ -74,6 +75,10 @@ def export_twin(
         InputError: the twin cannot be simulated, so that it could not be compared.
         PalpateError: what was written differs from the twin.
     """
+    if chosen == "randomisation":
+        written = [each for each in held_by_twin(estimates) if each.parameter not in twin.unwritten]
+        file, notes = write_randomisation(written, folder)
+        return Export(chosen, file, tuple(each.parameter for each in written), (), tuple(notes))
     if twin.scene is None:
         raise InputError(f"there is no twin to export: {'; '.join(twin.notes) or 'nothing moved'}")
     document = reparsed(twin.texts or Texts(twin.xml), twin.scene.resolved.document)

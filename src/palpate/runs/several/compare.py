@@ -15,9 +15,9 @@ from palpate.estimation.estimate import Estimate, Shared
 from palpate.estimation.fusion import Source, difference
 from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
-from palpate.runs.fuse import arm_of, differences, estimate_of, names_of, parameters_of
 from palpate.runs.result import finite
 from palpate.runs.run import Run
+from palpate.runs.several.fuse import arm_of, differences, estimate_of, names_of, parameters_of
 
 COLUMNS = ("parameter", "run", "value ± std", "difference in stds", "verdict")
 

@@ -1,0 +1,227 @@
+"""Three things to do with an object: push it to a mark, topple it, throw it to a mark.
+
+A task is planned in one world, as the action that reaches the goal there, and carried out in another: the
+distance from the goal in the second world tells what the first one was good for.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from typing import ClassVar, Literal
+
+import mujoco
+import numpy as np
+
+from palpate.geometry.pose import Array
+from palpate.twin.tasks.trial import Trial
+
+WAYS = np.array([[1.0, 0, 0], [0, 1.0, 0], [-1.0, 0, 0], [0, -1.0, 0]])
+"""Directions in which a task is tried, world axes; the first one that can be planned is taken."""
+BISECTIONS = 11
+"""Steps of the search for an action: to 5e-4 of it."""
+STRONGEST = 100.0
+"""Largest force that is tried, as a multiple of the object's weight."""
+LOW = 0.1
+"""Share of an object's height at which it is pushed."""
+UPRIGHT = float(np.radians(20))
+"""rad: an object that has turned by more did not slide to where it is."""
+GRIP = 10.0
+"""Friction coefficient of a foot that is held."""
+NEAR = 0.02
+"""Share of a goal within which a planned force has to end in its own world."""
+
+Unit = Literal["m", "N"]
+
+
+@dataclass(frozen=True)
+class Task(ABC):
+    """Something to do with an object, by one number that is planned: the action.
+
+    Attributes:
+        way: (3,) unit vector along which it is done, world axes.
+        name: as in tables.
+        says: what is done, in words.
+        unit: unit of what is reached.
+        goal: what shall be reached.
+    """
+
+    way: Array
+    name: ClassVar[str]
+    says: ClassVar[str]
+    unit: ClassVar[Unit]
+    goal: ClassVar[float]
+
+    @abstractmethod
+    def plan(self, world: Trial) -> float | None:
+        """Action that reaches the goal in a world; None if there is none."""
+
+    @abstractmethod
+    def reached(self, world: Trial, action: float) -> float:
+        """What an action reaches in a world, in `unit`; not finite where the task fails otherwise."""
+
+
+class Slide(Task):
+    """Slide to a mark after a push; the action is its force, N. Mass and friction decide where it stops."""
+
+    name = "push to a mark"
+    says = "a push of 0.2 s near its foot shall slide it 100 mm"
+    unit = "m"
+    goal = 0.1
+
+    def plan(self, world: Trial) -> float | None:
+        """See `Task`."""
+        return to_mark(self, world, 0.1 * world.weight, STRONGEST * world.weight)
+
+    def reached(self, world: Trial, action: float) -> float:
+        """Distance along the way; infinite for an object that tips over or falls off."""
+        done = world.run(
+            lambda data: action * self.way * (data.time < 0.2),
+            world.at(LOW),
+            lambda data: data.time > 0.2 and world.is_at_rest(data),
+        )
+        return slid(world, done, self.way)
+
+
+class SpringPush(Task):
+    """Push to a mark through a damped spring, as a compliant arm does; the action is how far the arm goes, m.
+    The object stays behind by the friction force over the stiffness."""
+
+    name = "push to a mark"
+    says = "an arm that gives way by 1 mm for each 0.2 N shall push it 100 mm, near its foot"
+    unit = "m"
+    goal = 0.1
+    stiffness = 200.0
+    damping = 28.0
+    speed = 0.1
+
+    def plan(self, world: Trial) -> float | None:
+        """See `Task`."""
+        return to_mark(self, world, self.goal / 2, 4 * self.goal)
+
+    def reached(self, world: Trial, action: float) -> float:
+        """Distance along the way; infinite for an object that tips over or falls off."""
+
+        def force(data: mujoco.MjData) -> Array:
+            arm = min(self.speed * data.time, action)
+            stretch = self.stiffness * (arm - float(world.moved(data) @ self.way))
+            pace = self.speed * (arm < action) - float(world.velocity(data) @ self.way)
+            return max(stretch + self.damping * pace, 0.0) * self.way
+
+        arrival = action / self.speed + 0.1
+        done = world.run(
+            force, world.at(LOW), lambda data: data.time > arrival and world.is_at_rest(data)
+        )
+        return slid(world, done, self.way)
+
+
+class Topple(Task):
+    """Tip over the edge of the foot; the action is the force at the top, N. Mass and centre of mass decide."""
+
+    name = "topple"
+    says = "the smallest force at its top that tips it, its foot held"
+    unit = "N"
+    goal = 0.0
+
+    def plan(self, world: Trial) -> float | None:
+        """The threshold of a world."""
+        with foot_held(world):
+            return smallest(partial(self._tips, world), 0.1 * world.weight, 5 * world.weight)
+
+    def reached(self, world: Trial, action: float) -> float:
+        """How much the force exceeds the threshold of a world."""
+        threshold = self.plan(world)
+        return np.inf if threshold is None else action - threshold
+
+    def _tips(self, world: Trial, force: float) -> bool:
+        """The force, which grows to its full strength in 0.2 s, turns the object by 5°."""
+        done = world.run(
+            lambda data: force * self.way * min(data.time / 0.2, 1.0),
+            world.at(1.0),
+            lambda data: data.time > 1.0 or world.tilt(data) > np.radians(5),
+        )
+        return world.tilt(done) > np.radians(5)
+
+
+class Throw(Task):
+    """Throw to a mark on the floor; the action is the force, N. Mass and the height of its support decide."""
+
+    name = "throw to a mark"
+    says = "a force of 50 ms upwards at 45° shall throw it 500 mm, through free air to the floor"
+    unit = "m"
+    goal = 0.5
+
+    def plan(self, world: Trial) -> float | None:
+        """See `Task`."""
+        return to_mark(self, world, 0.1 * world.weight, STRONGEST * world.weight)
+
+    def reached(self, world: Trial, action: float) -> float:
+        """Distance of its centre of mass along the way, at z = 0 or where its foot was below that."""
+        floor = min(0.0, float(world.low[2]))
+        upwards = np.array([0.0, 0.0, 1.0])
+        places: list[tuple[float, float]] = []
+
+        def landed(data: mujoco.MjData) -> bool:
+            places.append((float(data.xipos[world.body][2]), float(world.moved(data) @ self.way)))
+            return data.time > 0.05 and places[-1][0] < floor
+
+        def force(data: mujoco.MjData) -> Array:
+            return action * (self.way + upwards) / np.sqrt(2) * (data.time < 0.05)
+
+        world.run(force, world.at(0.5), landed, touching=False)
+        # It passes the floor between two physics steps.
+        (below, there), (above, here) = places[-1], places[-2]
+        return float(np.interp(floor, (below, above), (there, here)))
+
+
+TASKS: tuple[tuple[type[Task], ...], ...] = ((Slide, SpringPush), (Topple,), (Throw,))
+"""Each with what is done where it cannot be: tall things tip over when friction stops them."""
+
+
+def slid(world: Trial, done: mujoco.MjData, way: Array) -> float:
+    """Distance along a way, m; infinite for an object that tipped over or fell."""
+    moved = world.moved(done)
+    stands = world.tilt(done) < UPRIGHT and abs(moved[2]) < 0.01
+    return float(moved @ way) if stands else np.inf
+
+
+def to_mark(task: Task, world: Trial, first: float, most: float) -> float | None:
+    """Action that ends at the goal; None if the object tips over on the way to it, or cannot be moved."""
+    action = smallest(lambda action: task.reached(world, action) >= task.goal, first, most)
+    if action is None or abs(task.reached(world, action) - task.goal) > NEAR * task.goal:
+        return None
+    return action
+
+
+def smallest(suffices: Callable[[float], bool], first: float, most: float) -> float | None:
+    """Smallest action that suffices, by doubling from `first` and bisection; None if `most` does not."""
+    low, high = 0.0, first
+    while not suffices(high):
+        low, high = high, 2 * high
+        if high > most:
+            return None
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        low, high = (low, middle) if suffices(middle) else (middle, high)
+    return high
+
+
+@contextmanager
+def foot_held(world: Trial) -> Generator[None]:
+    """Let the object not slide: a friction that no force at its top exceeds. Pyramidal cones let a
+    foot with such a friction creep, elliptic ones do not."""
+    model, cone = world.model, world.model.opt.cone
+    mine = np.flatnonzero(model.body_rootid[model.geom_bodyid] == world.body)
+    saved = {name: getattr(model, name)[mine].copy() for name in ("geom_friction", "geom_priority")}
+    model.geom_friction[mine, 0] = GRIP
+    model.geom_priority[mine] = model.geom_priority.max() + 1
+    model.opt.cone = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
+    try:
+        yield
+    finally:
+        model.opt.cone = cone
+        for name, values in saved.items():
+            getattr(model, name)[mine] = values
