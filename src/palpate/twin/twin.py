@@ -148,7 +148,7 @@ def pair_notes(scene: Scene, estimates: Sequence[Estimate]) -> Iterator[str]:
     for estimate in estimates:
         if estimate.parameter.quantity != "friction":
             continue
-        supports = {recording.context.support for recording in estimate.evidence}
+        supports = {recording.context.support or "" for recording in estimate.evidence}
         ((low, high),) = estimate.intervals.tolist()
         for name in sorted(supports & set(scene.surfaces)):
             stated = surface_friction(scene.resolved.description.bodies[name])
