@@ -18,8 +18,8 @@ from palpate.estimation.arm.fit import DETAILS, FRICTION, PARTS, Assumed, fitted
 from palpate.estimation.arm.motion import Motion, cut, uniform_runs
 from palpate.estimation.arm.spectrum import kept, transformed
 from palpate.estimation.load.chain import load_torques
+from palpate.estimation.load.in_hand import load_rows
 from palpate.estimation.load.observation import gain_root, observe
-from palpate.estimation.load.segments import load_rows
 from palpate.estimation.motion import Mask
 from palpate.estimation.regression import Cause, Posterior, Scale
 from palpate.estimation.rigid import PARAMETERS
