@@ -121,6 +121,7 @@ class ResolvedScene:
                 others[status].add(quantity.id)
         centre, size = body.box()
         is_object = body.role == "object"
+        entry = self.poses.objects.get(body.name)
         words = thing_words(
             body.name,
             body.elements.element if is_object else body.carrier,
@@ -138,7 +139,8 @@ class ResolvedScene:
             known=known,
             missing=frozenset(others["missing"]),
             assumed=frozenset(others["assumed"]),
-            accuracy=self.poses.accuracy,
+            accuracy=self.poses.accuracy if entry is None or entry.std is None else entry.std,
+            seen=entry is not None and entry.is_unsure,
         )
 
 
