@@ -18,8 +18,8 @@ Progress = Callable[[str], None]
 """Told which stage begins."""
 Confirm = Callable[["Run"], bool]
 """Shown a plan before a real robot moves; whether it may."""
-Measured = Callable[["Run"], None]
-"""Shown the run as soon as its values are final, before twin, film and report."""
+Shown = Callable[["Run"], None]
+"""Shown what the run has grown to."""
 
 
 def quiet(_: str) -> None:
@@ -37,7 +37,7 @@ def unconfirmed(_: Run) -> bool:
 
 
 def unheard(_: Run) -> None:
-    """Show the values to nobody before all is done."""
+    """Show the run to nobody before all is done."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,10 +47,11 @@ class RunCallbacks:
     Attributes:
         observer: called at every tick of the execution.
         progress: called with the name of the stage that begins.
+        planned: called with the run before its plan for a real robot is rehearsed, to be read meanwhile.
         may_move: called with the run before a real robot moves; True lets it move.
         may_measure: called with a run whose plan is a proposal; True measures what it proposes.
         may_resume: called with the reason why a real robot stopped; True lets it go on.
-        measured: called with the run as soon as its values are final.
+        measured: called with the run as soon as its values are final, before twin, film and report.
     """
 
     observer: Observer | None = None
@@ -58,11 +59,17 @@ class RunCallbacks:
     may_move: Confirm = unasked
     may_measure: Confirm = unconfirmed
     may_resume: Resume = nobody
-    measured: Measured = unheard
+    measured: Shown = unheard
+    planned: Shown = unheard
 
     def unfailing(self) -> RunCallbacks:
-        """The same, with failures of `progress` and `measured` ignored, e.g. on a closed terminal."""
-        return replace(self, progress=_unfailing(self.progress), measured=_unfailing(self.measured))
+        """The same, with failures of what only shows ignored, e.g. on a closed terminal."""
+        return replace(
+            self,
+            progress=_unfailing(self.progress),
+            measured=_unfailing(self.measured),
+            planned=_unfailing(self.planned),
+        )
 
 
 SILENT = RunCallbacks()

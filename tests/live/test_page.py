@@ -48,6 +48,7 @@ def test_a_person_at_the_page_lets_the_robot_move_or_not(
     made = pp.load(SCENE).plan("how heavy is the bottle?").made
     answers: list[bool] = []
     with LivePage(port=0) as page, opened(page.url, tmp_path) as seen:
+        page.planned(made)
         asked = threading.Thread(target=lambda: answers.append(page.confirm(made)))
         asked.start()
         seen.click(button)

@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from palpate.robots.reflex import Reflex
+from palpate.geometry.pose import Pose
+from palpate.robots.accuracy import unexplained_torque
+from palpate.robots.nominal import NominalArm, unexplained
+from palpate.robots.reflex import Links, Reflex
 from palpate.robots.registry import arms
 
 
@@ -50,3 +53,28 @@ def test_every_arm_is_tightest_in_free_air_and_stops_itself_below_its_limits(nam
     assert reflexes.contact.torque <= limits.torque_max
     assert reflexes.free.load == 0.0
     assert reflexes.carrying.load == pytest.approx(limits.payload * 9.81)
+
+
+def test_a_force_at_the_hand_leaves_nothing_unexplained_and_one_on_a_link_does() -> None:
+    arm = arms().load("fr3")
+    nominal = NominalArm(arm, Pose.of((0.0, 0.0, 0.0)), np.zeros(3))
+    jacobian = nominal.jacobian(arm.home + np.array([0.3, 0.2, -0.4, 0.1, 0.3, -0.2, 0.1])).copy()
+    left, force = unexplained(jacobian, jacobian[:3].T @ np.array([10.0, -5.0, 20.0]))
+    assert left < 1e-6
+    assert force == pytest.approx(np.sqrt(525.0), rel=1e-6)
+    on_elbow = nominal.elbow_jacobian().T @ np.array([10.0, -30.0, 20.0])
+    left, force = unexplained(jacobian, on_elbow)
+    assert Links(unexplained_torque(arm), 0.1).met(left, force) is not None
+
+
+def test_a_moment_within_the_lever_of_the_force_is_the_hands() -> None:
+    links = Links(torque=2.0, lever=0.1)
+    assert links.met(2.9, 10.0) is None
+    assert links.met(3.1, 10.0) == (
+        "a link met something: its joints bear 3.1 N m that no force on the hand explains, more than 3.0 N m"
+    )
+
+
+def test_a_rougher_arm_may_leave_more_unexplained() -> None:
+    arm = arms().load("fr3")
+    assert 2.0 < unexplained_torque(arm) < unexplained_torque(arm.real()) < 3.0

@@ -131,6 +131,8 @@ class PrimitiveLeaf(Behaviour):
             after = self.primitive.observed(after, blackboard.robot.state)
             # Folded as by the check; changes by other leaves in the meantime are kept.
             blackboard.state = merged(blackboard.state, during, after)
+            if claims:
+                blackboard.state = blackboard.settled(self.node, blackboard)
         except BaseException:
             if "arm" in claims:
                 blackboard.robot.hold()

@@ -3,19 +3,24 @@
 The world is the scene as believed, and some draws of what the scene leaves open. A `Witness` records
 MuJoCo's contact forces and poses after every physics step; `harm` judges them: forces beyond the limits,
 falls, tips, things moved that the plan does not name. Harm in any of these worlds, a failure in the
-believed one, and a thing that ends elsewhere than believed make the plan unfit.
+believed one, and a thing that ends elsewhere than it was found make the plan unfit. After every motion the
+symbolic state is corrected by where things are in the simulation (`foresight`), so that later leaves, and the
+run itself, go by it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from palpate.beside import Beside
 from palpate.cells.simulated import draw_truth
 from palpate.errors import InputError
-from palpate.execution.harm.harm import FALLING, harm
+from palpate.execution.foresight import Foresight, Look
+from palpate.execution.harm.harm import FALLING, MOVED, harm
 from palpate.execution.harm.witness import LOOK, Witness
 from palpate.execution.runner import NOISELESS, STOP_NODE, Execution, run
 from palpate.interrupt import interrupts
@@ -34,8 +39,8 @@ DRAWS = 2
 """Worlds drawn from the priors of what the scene leaves open, beside the believed one."""
 LONGEST = 600.0
 """s of robot time of a rehearsal; a longer plan is one for several runs."""
-SETTLING = 0.5
-"""s of a run in which the arm is far from everything: what moves then, moves without it."""
+QUIET = 2.0
+"""s that the arm rests at first, which no count of the run includes: what moves then, moves by itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +54,7 @@ class Rehearsal:
         failure: reason why the plan must not run, or None.
         draws: worlds in which it was rehearsed.
         path: leaf of the plan where that happened; the tree for the whole.
+        foresight: where things ended after each leaf, in the believed world.
     """
 
     actions: int
@@ -57,6 +63,7 @@ class Rehearsal:
     failure: str | None
     draws: int = 1
     path: str = "tree"
+    foresight: Foresight = field(default=Foresight(), compare=False, repr=False)
 
     @property
     def finding(self) -> Finding | None:
@@ -64,6 +71,17 @@ class Rehearsal:
         if self.failure is None:
             return None
         return Finding.of(self.path, "rehearsal", f"in simulation the plan fails: {self.failure}")
+
+    def figures(self) -> dict[str, Any]:
+        """The prediction without the foresight, as in `result.json`."""
+        return {
+            "actions": self.actions,
+            "robot_seconds": self.robot_seconds,
+            "peak_force": self.peak_force,
+            "failure": self.failure,
+            "draws": self.draws,
+            "path": self.path,
+        }
 
     def __str__(self) -> str:
         ending = f"would stop: {self.failure}" if self.failure else "no failure"
@@ -81,6 +99,7 @@ class _Attempt:
     Attributes:
         harm: path of a leaf and the harm that it did, None for a harmless run.
         stop: path of a leaf and the reason why the run stopped there.
+        foresight: where things ended after each leaf.
     """
 
     actions: int
@@ -88,6 +107,7 @@ class _Attempt:
     peak_force: float
     harm: tuple[str, str] | None
     stop: tuple[str, str] | None
+    foresight: Foresight
 
 
 def rehearse(plan: Plan, scene: Scene, draws: int = DRAWS) -> Rehearsal:
@@ -122,6 +142,7 @@ def _rehearsed(plan: Plan, scene: Scene, draws: int) -> Rehearsal:
         reason,
         draws=1 + len(drawn),
         path=path,
+        foresight=believed.foresight.among(*(other.foresight for other in drawn)),
     )
 
 
@@ -149,39 +170,56 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
     """Rehearse in one world, the believed one for seed 0."""
     truth = draw_truth(scene, seed) if seed else {}
     robot = MujocoRobot(scene.spec(truth), scene.pose_world_base, as_measured(scene.arm))
-    witness = Witness.of(robot.world)
+    witness, look = Witness.of(robot.world), Look(robot.world)
+    named = named_objects(plan, scene)
     try:
+        robot.advance(QUIET)
+        robot.drain()
+        if (moved := harm(witness).first) is not None:
+            return _unsettled(moved[1])
         done = run(
             plan,
             scene,
             robot,
-            stop_requested=lambda: _is_falling(witness),
+            stop_requested=lambda: _is_harming(witness, named),
             max_robot_seconds=LONGEST,
             choice=NOISELESS,
+            settled=look.settled,
         )
         robot.advance(AFTERWARDS)
     finally:
         robot.close()
-    first = harm(witness, named_objects(plan, scene)).first
+    first = harm(witness, named).first
     harmed = None if first is None else _at(done, *first)
-    if first is not None and first[0] < SETTLING:
-        harmed = "tree", f"{first[1]} before the arm reaches anything: the scene does not settle"
     stop = None if done.stopped_by is None else _at(done, np.inf, done.stopped_by)
     if harmed is None and stop is None and not seed:
-        harmed = _displaced(done, witness)
+        harmed = _displaced(done, witness, scene)
     force = np.linalg.norm(done.trace.samples.wrench[:, :3], axis=1)
     peak = float(force.max(initial=0.0))
-    return _Attempt(done.actions, done.robot_seconds, peak, harmed, stop)
+    return _Attempt(done.actions, done.robot_seconds, peak, harmed, stop, look.foresight)
 
 
-def _is_falling(witness: Witness) -> bool:
-    """Test if something falls that the hand does not hold: the rest of the rehearsal shows nothing new."""
+def _unsettled(what: str) -> _Attempt:
+    """Outcome in a world in which something moves while the arm rests."""
+    why = (
+        f"{what} while the arm rests: the scene does not settle; state it as it stands, and give what rolls "
+        'condim="6" and rolling friction, or lay it against something'
+    )
+    return _Attempt(0, 0.0, 0.0, ("tree", why), None, Foresight())
+
+
+def _is_harming(witness: Witness, named: Collection[str]) -> bool:
+    """Test if something falls that the hand does not hold, or has moved that the plan does not name: the
+    rest of the rehearsal shows nothing new."""
     if len(witness.looks) < 2:
         return False
-    before, now = witness.looks[-2:]
+    first, before, now = witness.looks[0], *witness.looks[-2:]
     sunk = before.poses[:, 2] - now.poses[:, 2]
     loose = np.arange(len(sunk)) != now.held
-    return bool((sunk[loose] > FALLING * LOOK * witness.period).any())
+    strange = np.array([name not in named for name in witness.objects], dtype=bool)
+    moved = np.linalg.norm(now.poses[:, :3] - first.poses[:, :3], axis=1)
+    falls = sunk[loose] > FALLING * LOOK * witness.period
+    return bool(falls.any() or (moved[strange] > MOVED).any())
 
 
 def _at(done: Execution, t: float, text: str) -> tuple[str, str]:
@@ -190,18 +228,17 @@ def _at(done: Execution, t: float, text: str) -> tuple[str, str]:
     if not leaves:
         return "tree", text
     leaf = leaves[-1]
-    when = f" after {t:.1f} s" if np.isfinite(t) else ""
+    when = f" after {t - QUIET:.1f} s" if np.isfinite(t) else ""
     said = text if text.startswith(leaf.label) else f"{text}{when}, in {leaf.label}"
     return leaf.node, said
 
 
-def _displaced(done: Execution, witness: Witness) -> tuple[str, str] | None:
-    """The first object that ends elsewhere than believed, with the leaf that let it go."""
-    state = done.final_state
+def _displaced(done: Execution, witness: Witness, scene: Scene) -> tuple[str, str] | None:
+    """The first object that is not restored, with the leaf that let it go."""
     for name, pose in zip(witness.objects, witness.looks[-1].poses, strict=True):
-        if name not in state.scene.objects or name == state.holding:
+        if name not in scene.objects or name == done.final_state.holding:
             continue
-        apart = pose[:3] - state.pose_of(name).position
+        apart = pose[:3] - scene.body(name).pose_world.position
         if float(np.linalg.norm(apart)) > RESTORED_POSITION:
             held = [
                 leaf for leaf in done.trace.leaves if leaf.context and leaf.context.holding == name
@@ -209,8 +246,8 @@ def _displaced(done: Execution, witness: Witness) -> tuple[str, str] | None:
             after = held[-1].end + 1e-6 if held else np.inf
             x, y, z = (round(1e3 * away) for away in apart.tolist())
             text = (
-                f"'{name}' ends ({x:+d}, {y:+d}, {z:+d}) mm from where the plan takes it to be; grasp it "
-                "at its middle, and set it down so that it stays there"
+                f"'{name}' ends ({x:+d}, {y:+d}, {z:+d}) mm from where it was found; grasp it at its "
+                "middle, and set it down so that it stays there"
             )
             return _at(done, after, text)
     return None

@@ -25,7 +25,7 @@ from palpate.robots.sense.watched import Watched
 from palpate.scene.scene import Scene
 from palpate.trace.recording import LeafRun
 from palpate.trace.samples import Samples, Trace
-from palpate.vocabulary.base import Blackboard, Recorder
+from palpate.vocabulary.base import Blackboard, Recorder, Settled, as_believed
 from palpate.vocabulary.registry import Vocabulary, vocabulary
 from palpate.vocabulary.state import SymbolicState
 
@@ -123,13 +123,15 @@ def run(
     words: Vocabulary | None = None,
     keep: Keep | None = None,
     choice: Mapping[str, str] = MEANWHILE,
+    settled: Settled = as_believed,
 ) -> Execution:
     """Run a checked plan to its end, or to a controlled stop.
 
     A failed leaf, an exception, a signal (`palpate.interrupt`; SIGINT by default),
     `stop_requested` and the time budget all end in a controlled stop: the arm stops, then a held
     object is put down, or, where that is not safe, held still. A second signal abandons the
-    putting down and holds immediately. All recordings are returned in every case.
+    putting down and holds immediately. All recordings are returned in every case. `settled` corrects the
+    symbolic state after the motion of the leaf at a path (`palpate.execution.foresight`).
 
     The robot is left holding its position; the caller closes it. `choice` names estimators of the
     conversions on the way, as `quantities.estimators.estimate_all`.
@@ -140,7 +142,9 @@ def run(
     if plan.tree is None:
         raise InputError(f"the plan has no tree to run: {plan.explanation}")
     watched = Watched(robot, scene.arm)
-    blackboard = Blackboard(watched, SymbolicState(scene), Recorder(watched), choice=choice)
+    blackboard = Blackboard(
+        watched, SymbolicState(scene), Recorder(watched), choice=choice, settled=settled
+    )
     root = build(plan.tree, words or vocabulary(), blackboard)
     began = time.perf_counter()
     with interrupts() as signals, signals.deferred():

@@ -91,7 +91,7 @@ class PutDown(Primitive):
 
     def run(self, blackboard: Blackboard) -> Steps:
         robot, name = blackboard.robot, blackboard.state.holding
-        robot.set_reflex(robot.limits.reflexes.contact)
+        blackboard.set_reflex(robot.limits.reflexes.contact)
         if name is not None:
             yield from self._to_support(blackboard, name)
         blackboard.state = released(blackboard)

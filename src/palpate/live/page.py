@@ -112,11 +112,15 @@ class LivePage:
         self._stop.visible = False
         self._say(f"{stage} …")
 
-    def confirm(self, run: Run) -> bool:
-        """Show the plan and ask the person at the page whether the robot may move."""
+    def planned(self, run: Run) -> None:
+        """Show the plan, to be read while it is rehearsed."""
         self._show_scene(run.scene)
-        self._say("May the robot move?", run.plan.explanation)
+        self._say("This is the plan; it is being rehearsed …", run.plan.explanation)
         self._tree.content = preformatted(str(run.plan.tree))
+
+    def confirm(self, run: Run) -> bool:
+        """Ask the person at the page whether the robot may move."""
+        self._say("May the robot move?", str(run.rehearsal or ""), run.plan.explanation)
         answered = threading.Event()
         allowed = self._server.gui.add_button("Let it move", color="teal", order=0.5)
         refused = self._server.gui.add_button("Do not", order=0.6)

@@ -9,6 +9,29 @@ from palpate.geometry.pose import Array
 
 
 @dataclass(frozen=True, slots=True)
+class Links:
+    """Torques of the joints beyond which something has met a link, and not the hand or its load.
+
+    A force f within `lever` of the TCP is a force at the TCP with a moment of at most `lever` |f|; what a
+    force at the TCP alone does not explain (`palpate.robots.nominal.unexplained`) is that moment's, or
+    friction's and the sensors'.
+    """
+
+    torque: float  # N m, norm over the joints, of their friction and of the sensors' errors
+    lever: float  # m
+
+    def met(self, unexplained: float, force: float) -> str | None:
+        """Return the reason to stop at `unexplained` N m beside a `force`, N; None without one."""
+        most = self.torque + self.lever * force
+        if unexplained <= most:
+            return None
+        return (
+            f"a link met something: its joints bear {unexplained:.1f} N m that no force on the hand "
+            f"explains, more than {most:.1f} N m"
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class Reflex:
     """Thresholds of the external wrench, without the carried load, at which the arm stops itself."""
 
@@ -16,6 +39,7 @@ class Reflex:
     torque: float  # N m, likewise
     load: float = 0.0  # N of weight on the hand, straight down, allowed in addition
     sideways: float = math.inf  # N, of the horizontal force alone
+    links: Links | None = None  # of contacts of the arm's links; None: not looked for
 
     @property
     def least(self) -> float:

@@ -44,6 +44,9 @@ class RobotState:
     # move any more whatever is commanded.
     fault: str | None = None
     mode: str = ""  # of a real arm's controller
+    # N m, norm of the joint torques of a contact or a load that no force at the TCP explains, and N, that
+    # force (`palpate.robots.nominal.unexplained`).
+    unexplained: tuple[float, float] = (0.0, 0.0)
 
 
 class Robot(Protocol):

@@ -9,6 +9,7 @@ import numpy as np
 
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import Limits
+from palpate.robots.reflex import Links
 from palpate.robots.robot import RobotState
 from palpate.trace.samples import STANDARD_GRAVITY
 
@@ -31,11 +32,13 @@ def violation(
     expected: Expectation,
     pose_world_base: Pose = ORIGIN,
     gravity: float = STANDARD_GRAVITY,
+    links: Links | None = None,
 ) -> str | None:
     """Return the first violated predicate with its figures; None while the state is safe.
 
     Sensor data comes first: the other checks need values that are finite and recent. `gravity`
-    (m/s^2) gives the weight of a held object.
+    (m/s^2) gives the weight of a held object; `links` are the torques of a link's contact, None: not
+    looked for.
     """
     return (
         state.fault
@@ -45,6 +48,7 @@ def violation(
         or _workspace(state, limits, pose_world_base)
         or _tracking(state, limits)
         or _forces(state, limits, expected, gravity)
+        or (links and links.met(*state.unexplained))
         or _torques(state, limits)
         or _slip(state, expected)
     )

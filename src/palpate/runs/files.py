@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from palpate.execution.rehearsed import keep_rehearsal
 from palpate.runs.folder import replacing, write_json, write_text
 from palpate.runs.result import CYCLES, has_scene_of_its_own, plan_text, result_json
 from palpate.runs.run import TRACE, Run
@@ -25,7 +26,7 @@ def write_files(run: Run, scratch: Path, folder: Path) -> None:
 
 
 def write_plan(run: Run, folder: Path) -> None:
-    """Write the files that exist before the execution: plan, conversation, tree, scene."""
+    """Write the files that exist before the execution: plan, conversation, tree, rehearsal, scene."""
     write_text(folder / "plan.json", plan_text(run))
     if run.conversation is not None:
         write_text(folder / "conversation.json", run.conversation.dump())
@@ -33,6 +34,8 @@ def write_plan(run: Run, folder: Path) -> None:
         from palpate.execution.btcpp import tree_xml  # loads py_trees
 
         write_text(folder / "tree.xml", tree_xml(run.plan, vocabulary()))
+    if run.rehearsal is not None:
+        keep_rehearsal(folder, run.plan, run.scene, run.rehearsal)
     _write_scene(run, folder)
 
 

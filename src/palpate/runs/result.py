@@ -39,7 +39,7 @@ def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
         **proposal_json(run.plan),
         "parameters": [_parameter_json(run, estimate) for estimate in run.estimates],
         "plan": _plan_json(run),
-        "rehearsal": asdict(run.rehearsal) if run.rehearsal else None,
+        "rehearsal": run.rehearsal.figures() if run.rehearsal else None,
         "execution": _execution_json(run),
         "validation": {"held_out": held_out_json(run.held_out)},
         "twin": None if run.finished is None else twin_json(run.finished),

@@ -17,6 +17,7 @@ from palpate.robots.robot import Remembering, Robot
 from palpate.runs.run import Ending, Run
 from palpate.scene.scene import Scene
 from palpate.stages.workplace import footage_of, robot_of
+from palpate.vocabulary.base import Settled, as_believed
 
 if TYPE_CHECKING:
     from palpate.execution.runner import Execution, Keep
@@ -44,6 +45,7 @@ def execute(
         within=made.settings.within,
         keep=keep,
         real=not cell.simulated,
+        settled=as_believed if made.rehearsal is None else made.rehearsal.foresight.settled,
     )
     ending = Ending.of(done)
     return replace(
@@ -69,6 +71,7 @@ def perform(
     keep: Keep | None = None,
     real: bool = False,
     noiseless: bool = False,
+    settled: Settled = as_believed,
 ) -> Execution:
     """Run the tree on the robot, and close the robot in any case.
 
@@ -82,6 +85,8 @@ def perform(
         keep: writes samples to disk meanwhile.
         real: the robot is a real one.
         noiseless: the robot is a simulated one without noise.
+        settled: corrects the symbolic state after a leaf of the plan, by where things ended in its
+            rehearsal.
     """
     from palpate.execution.recovery import recover
     from palpate.execution.repetition import repeat
@@ -92,7 +97,7 @@ def perform(
     if noiseless:
         attempt = partial(attempt, choice=NOISELESS)
     try:
-        first = attempt(plan, scene, robot)
+        first = attempt(plan, scene, robot, settled=settled)
         done = recover(
             first,
             plan,

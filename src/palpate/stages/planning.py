@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 from palpate.callbacks import SILENT, RunCallbacks
 from palpate.cells.cell import Cell
@@ -28,6 +29,9 @@ from palpate.scene.scene import Scene
 from palpate.settings import Settings
 from palpate.stages.workplace import connected, pictures_of
 from palpate.vocabulary.admissible.reach import require_room
+
+if TYPE_CHECKING:
+    from palpate.execution.rehearsal import Rehearsal
 
 
 def preflight(settings: Settings) -> None:
@@ -137,7 +141,8 @@ def _rehearsed(plan: Plan, scene: Scene) -> Finding | None:
 def rehearse(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = None) -> Run:
     """Execute the plan in physics before anything moves: a plan of a model, a file or a user's own
     planner always, palpate's own plans before a real robot moves. Harm and failures become findings,
-    and a plan with findings is not executed.
+    and a plan with findings is not executed. A plan in a run folder that keeps its rehearsal is not rehearsed
+    again for the embedded arm, unless `rehearse` is True.
 
     Raises:
         InputError: a real robot moves, that of `cell` or of the settings, and `rehearse` is False.
@@ -153,11 +158,27 @@ def rehearse(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = No
         return made
     from palpate.execution.rehearsal import rehearse as rehearse_plan
 
-    callbacks.progress("rehearsing in simulation")
-    rehearsal = rehearse_plan(made.plan, made.scene)
-    callbacks.progress(f"rehearsal: {rehearsal}")
+    if real:
+        callbacks.planned(made)
+    rehearsal = None if real or made.settings.rehearse else _rehearsed_before(made)
+    before = "" if rehearsal is None else " of the run that the plan comes from"
+    if rehearsal is None:
+        callbacks.progress("rehearsing in simulation")
+        rehearsal = rehearse_plan(made.plan, made.scene)
+    callbacks.progress(f"rehearsal{before}: {rehearsal}")
     failed = rehearsal.finding
     return replace(made, rehearsal=rehearsal, findings=() if failed is None else (failed,))
+
+
+def _rehearsed_before(made: Run) -> Rehearsal | None:
+    """The rehearsal that the run folder of a replayed plan keeps; None without one."""
+    name, _, path = made.settings.planner.partition(":")
+    if name != "replay":
+        return None
+    from palpate.execution.rehearsed import kept_rehearsal
+
+    folder = Path(path) if Path(path).is_dir() else Path(path).parent
+    return kept_rehearsal(folder, made.plan, made.scene)
 
 
 def _is_real(made: Run, cell: Cell | None) -> bool:

@@ -10,15 +10,18 @@ it runs. There is no second declaration of a primitive.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Generator, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from inspect import cleandoc
 from typing import ClassVar, Literal
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from palpate.errors import InputError
 from palpate.quantities.quantity import Quantity
+from palpate.robots.accuracy import unexplained_torque
+from palpate.robots.reflex import Links, Reflex
 from palpate.robots.robot import Robot, RobotState
 from palpate.robots.safety import Expectation, violation
 from palpate.scene.scene import Scene
@@ -36,8 +39,14 @@ Resource = Literal["arm", "gripper"]
 ARM: frozenset[Resource] = frozenset({"arm"})
 GRIPPER: frozenset[Resource] = frozenset({"gripper"})
 
+Settled = Callable[[str, "Blackboard"], SymbolicState]
+
 WRITERS = {FORCES: "MeasureForces", POSE: "MeasureGripperPose"}
 """Primitives that fill palpate's own buffers."""
+
+
+HAND = 0.1
+"""m from the TCP within which the empty hand touches things: fingertips, and the palm with its sides."""
 
 
 class LeafFailure(Exception):
@@ -90,6 +99,11 @@ class Recorder:
         )
 
 
+def as_believed(_: str, blackboard: Blackboard) -> SymbolicState:
+    """Return the state as it is: nothing is known of where things end."""
+    return blackboard.state
+
+
 @dataclass
 class Blackboard:
     """Blackboard of a running primitive.
@@ -106,6 +120,8 @@ class Blackboard:
         failed: a leaf has failed, and no other may move.
         bound: place and source, in words, of every pose bound in this run and not reported yet.
         choice: names of the conversions' estimators by quantity; others are the defaults.
+        settled: returns the state after the motion of the leaf at a path, corrected by where things really
+            end, and fails the leaf where they did not.
     """
 
     robot: Robot
@@ -118,11 +134,27 @@ class Blackboard:
     failed: bool = False
     bound: dict[str, str] = field(default_factory=dict[str, str])
     choice: Mapping[str, str] = field(default_factory=dict[str, str])
+    settled: Settled = as_believed
 
     @property
     def scene(self) -> Scene:
         """Believed scene, at rest."""
         return self.state.scene
+
+    @property
+    def links(self) -> Links:
+        """Torques of the joints beyond which something has met a link of the arm: a force on the hand,
+        or on what it holds, acts no farther from the TCP than that reaches."""
+        lever, state = HAND, self.state
+        if state.holding is not None and state.pose_tcp_object is not None:
+            body = state.scene.body(state.holding)
+            apart = float(np.linalg.norm(state.pose_tcp_object.position))
+            lever = max(lever, apart + body.reach)
+        return Links(unexplained_torque(self.scene.arm), lever)
+
+    def set_reflex(self, thresholds: Reflex) -> None:
+        """Set the thresholds at which the robot stops itself, those of its links' contacts with them."""
+        self.robot.set_reflex(replace(thresholds, links=self.links))
 
 
 class Primitive(BaseModel):
@@ -222,6 +254,7 @@ class Primitive(BaseModel):
             expected,
             blackboard.scene.pose_world_base,
             blackboard.robot.gravity,
+            blackboard.links,
         )
 
     def slipping(self, blackboard: Blackboard) -> str | None:

@@ -18,10 +18,11 @@ from palpate.scene.raised import is_open
 from palpate.trace.samples import STANDARD_GRAVITY
 from palpate.vocabulary.admissible.clearance import box_hits
 from palpate.vocabulary.admissible.collision_geometry import hand_sweep, opening
+from palpate.vocabulary.admissible.path import hand_path
 from palpate.vocabulary.admissible.profile import POSE_ERROR
 from palpate.vocabulary.admissible.solids import SIDES, solids
 from palpate.vocabulary.admissible.support import TIPPING, above, footing
-from palpate.vocabulary.admissible.sweep import FINEST, Hit, hand_path
+from palpate.vocabulary.admissible.sweep import FINEST, Hit
 from palpate.vocabulary.admissible.unknown_heights import is_unmeasured
 from palpate.vocabulary.base import ARM, Blackboard, LeafFailure, Primitive, Steps, Surroundings
 from palpate.vocabulary.state import SymbolicState
@@ -181,7 +182,7 @@ class MoveUntilContact(Primitive):
         start, upright = robot.state.pose_world_tcp, _tilt(robot.state)
         threshold = SIDE_FORCE if self._beside(state) else CONTACT_FORCE
         contact = _Contact(robot, self.direction)
-        robot.set_reflex(robot.limits.reflexes.probing)
+        blackboard.set_reflex(robot.limits.reflexes.probing)
         for speed, travel in self._stages(state, float(start.position[2])):
             robot.move_axis(self.direction, speed, travel)
             if (yield from guarded(blackboard, lambda: contact.exceeds(threshold))):
@@ -246,7 +247,7 @@ def touch(state: SymbolicState, direction: Array, travel: float) -> tuple[Hit, P
 
     def compute() -> tuple[Hit, Pose] | None:
         end = start.translated(travel * direction)
-        swept = hand_sweep(state, hand_path(start, end, opening(state), FINEST))
+        swept = hand_sweep(state, hand_path(start, end, opening(state), FINEST), TOUCHES)
         first = swept.first(np.full(len(swept.pairs), TOUCHES))
         if first is None:
             return None

@@ -129,7 +129,7 @@ class CloseGripper(Primitive):
     def run(self, blackboard: Blackboard) -> Steps:
         robot = blackboard.robot
         blackboard.load = Load((yield from median_wrench(blackboard)))
-        robot.set_reflex(robot.limits.reflexes.contact)
+        blackboard.set_reflex(robot.limits.reflexes.contact)
         # Gently first, to compare the width with the believed one before the object can be moved.
         met = yield from self._close(blackboard, GENTLE)
         believed, doubt = _believed_width(blackboard.state)

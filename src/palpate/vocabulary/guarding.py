@@ -168,7 +168,7 @@ def slide(blackboard: Blackboard, target: Pose, most: float) -> Generator[None]:
     # More force than the roughest support resists with is a collision.
     normal = PEAK * max(force for _, force, _ in PRESSED) + weight
     sideways = BREAKAWAY * ROUGHEST * normal + MET
-    robot.set_reflex(replace(robot.limits.reflexes.contact, sideways=sideways))
+    blackboard.set_reflex(replace(robot.limits.reflexes.contact, sideways=sideways))
     way = target.position - start.position
     safe = max(CONTACT_SPEED, speed(Span(start, target, True), blackboard.scene))
     fastest = min(safe, most)

@@ -145,7 +145,9 @@ class MovePose(Primitive):
         for span in way:
             left -= span.start.distance_to(span.end)
             left = left if span is not way[-1] else 0.0
-            robot.set_reflex(span_reflex(robot.limits.reflexes, span, state.holding, sets_down))
+            blackboard.set_reflex(
+                span_reflex(robot.limits.reflexes, span, state.holding, sets_down)
+            )
             if not span.guarded:
                 yield from follow_free(blackboard, span, left)
             elif (yield from follow_guarded(blackboard, span, left, sets_down, self.pose)):
@@ -245,7 +247,7 @@ class MoveJoints(Primitive):
 
     def run(self, blackboard: Blackboard) -> Steps:
         robot, reflexes = blackboard.robot, blackboard.robot.limits.reflexes
-        robot.set_reflex(reflexes.carrying if blackboard.state.holding else reflexes.free)
+        blackboard.set_reflex(reflexes.carrying if blackboard.state.holding else reflexes.free)
         robot.move_joints(self.target(blackboard.state))
         yield from finish(blackboard)
         yield from settle(blackboard, BRIEF)
@@ -265,7 +267,7 @@ def _at_rest(state: SymbolicState, at: str | None, target: Pose) -> SymbolicStat
         there,
         lifted=lifted,
         activity="still" if lifted else "contact",
-        moved={**state.moved, state.holding: pose_world_object},
+        moved=state.placing(state.holding, pose_world_object),
     )
 
 

@@ -3,15 +3,16 @@ at every physics step."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import mujoco
 import numpy as np
 import pytest
 
 from palpate.geometry.pose import Pose
+from palpate.robots.accuracy import unexplained_torque
 from palpate.robots.description import RobotDescription
-from palpate.robots.reflex import Reflex
+from palpate.robots.reflex import Links, Reflex
 from palpate.robots.registry import load_description
 from palpate.robots.simulated.robot import MujocoRobot
 
@@ -214,3 +215,18 @@ def test_a_held_object_stays_in_the_fingers_and_does_not_sink() -> None:
     assert arm.world.true_pose("cup").position[2] == pytest.approx(
         arm.world.true_tcp().position[2], abs=0.002
     )
+
+
+def test_a_bar_met_by_the_elbow_is_felt_in_the_joints() -> None:
+    """The wrench at the TCP reads little of it: the forearm has no lever on the wrist's joints."""
+    links, means = Links(unexplained_torque(ARM), 0.1), list[float]()
+    goal = ARM.home + np.array([0.9, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    for watched_joints in (None, links):
+        arm = among('type="capsule" fromto="0.1 0.16 0.5 0.1 0.16 0.9" size="0.02"')
+        felt = watched(arm)
+        arm.set_reflex(replace(REFLEXES.contact, links=watched_joints))
+        arm.move_joints(goal)
+        arm.advance(2.0)
+        means.append(felt.mean(10))
+    assert "a link met something" in str(arm.state.reflex)
+    assert means[1] < 0.8 * means[0]

@@ -41,13 +41,15 @@ def calibrate(
     """Calibrate an arm with known masses and heights, and write robot.yaml."""
     from palpate.calibration.calibrate import calibrate as carry_out_calibration
     from palpate.calibration.calibrate import wanted
-    from palpate.callbacks import RunCallbacks
+    from palpate.callbacks import RunCallbacks, unheard
     from palpate.cli.show.calibration import show_calibration
-    from palpate.cli.show.run import confirm_plan, live_view, unless
+    from palpate.cli.show.run import confirm_plan, live_view, show_planned, unless
 
     asked = wanted(weight, gauge, own_weight)
     with live_view() as (observer, say):
-        callbacks = RunCallbacks(observer, say, unless(yes, confirm_plan))
+        callbacks = RunCallbacks(
+            observer, say, unless(yes, confirm_plan), planned=unheard if yes else show_planned
+        )
         done = carry_out_calibration(settings_of(scene=scene, **given), asked, out, callbacks)
     show_calibration(done, as_json)
 

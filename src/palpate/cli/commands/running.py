@@ -84,7 +84,7 @@ def execute(
 def carry_out(asked: Settings, as_json: bool, watch: WatchOptions, yes: bool = False) -> None:
     """Run with a live view on stderr, print the result, exit with its status."""
     from palpate.api import run_settings
-    from palpate.callbacks import RunCallbacks, unconfirmed
+    from palpate.callbacks import RunCallbacks, unconfirmed, unheard
     from palpate.cli.show.run import (
         ValuesFirst,
         confirm_plan,
@@ -96,6 +96,7 @@ def carry_out(asked: Settings, as_json: bool, watch: WatchOptions, yes: bool = F
         play_again,
         resuming,
         show_ended,
+        show_planned,
         unless,
         warn_of_invented,
     )
@@ -108,11 +109,18 @@ def carry_out(asked: Settings, as_json: bool, watch: WatchOptions, yes: bool = F
     ):
         warn_of_invented(asked)
         may_move = unless(yes, page.confirm if page else confirm_plan)
+        planned = page.planned if page else unheard if yes else show_planned
         proposal = unconfirmed if as_json else confirm_proposal
         with live_view(page, publisher, pace(watch, asked)) as (observer, say):
             values = ValuesFirst(as_json)
             callbacks = RunCallbacks(
-                observer, say, may_move, proposal, may_resume=resuming(say), measured=values
+                observer,
+                say,
+                may_move,
+                proposal,
+                may_resume=resuming(say),
+                measured=values,
+                planned=planned,
             )
             done = run_settings(asked, callbacks)
         status = show_ended(done, as_json, values.shown)

@@ -103,9 +103,13 @@ def play_again(page: LivePage, run: Run, signals: Interrupts) -> None:
     signals.forget()
 
 
-def confirm_plan(run: Run) -> bool:
-    """Print the plan, even with --quiet, and ask for permission to move; no answer is a no."""
+def show_planned(run: Run) -> None:
+    """Print the plan, even with --quiet, to be read while it is rehearsed."""
     print_plan(run.plan, SafeConsole(stderr=True, highlight=False))
+
+
+def confirm_plan(run: Run) -> bool:
+    """Ask for permission to move; no answer is a no."""
     question = f"Let {visible(str(run.settings.robot))} move? (--yes skips this question)"
     return _confirmed(question)
 

@@ -186,10 +186,10 @@ def weighing_view(load: Load, gravity: float) -> FitView:
         owner = np.tile(np.repeat(np.arange(len(count)), count), len(borne) // sum(count))
         loaded = [i for i, segment in enumerate(weighing.segments) if segment.loaded]
         own = np.array([borne * (owner == i) for i in loaded]).T
-        columns.append(row.white(own))
+        columns.append(own)
         parts += [weighing.segments[i] for i in loaded]
     wide = np.concatenate(each_its_own(columns))
-    mean, variance = load.model.each_alone(wide, tuning.LOAD_PRIOR)
+    mean, variance = load.posterior.each_alone(wide, tuning.LOAD_PRIOR)
     return _view(
         np.array([(part.start + part.end) / 2.0 for part in parts]),
         load.force,
@@ -210,12 +210,12 @@ def whole_view(whole: Whole, gravity: float) -> FitView:
     shares = np.column_stack(
         [by_signal(np.tile(part[:, None], signals).astype(float)) for part in parts]
     )
-    columns = whole.posterior.noise.white(borne[:, None] * shares)
+    columns = borne[:, None] * shares
     resting = seen.resting.sum(axis=1)
     return _view(
         np.array([float(seen.t[part].mean()) for part in parts]),
         whole.force,
-        whole.posterior.model.each_alone(columns, tuning.LOAD_PRIOR),
+        whole.posterior.each_alone(columns, tuning.LOAD_PRIOR),
         [KINDS["rest"] if float(resting[part].mean()) > 0.5 else "in motion" for part in parts],
         gravity,
         "Each half second in which the object hung free, fitted with a mass of its own",

@@ -34,6 +34,7 @@ class Readout:
         tau, tau_ext: (7,) N m, of the last block.
         commanded: (7,) N m, without gravity torques.
         wrench, contact, twist: (6,).
+        contact_torque: (7,) N m, the arm's own estimate of a contact's joint torques.
         jacobian: (6, 7), world axes about the TCP.
         state: franky's newest.
     """
@@ -60,6 +61,7 @@ class Readout:
         self.tau, self.commanded = np.array(state.tau_J), np.array(state.tau_J_d)
         self.tau_ext = self.tau / self._gains - self._gravity_torque(self.q)
         self.contact = self._in_world(state.O_F_ext_hat_K)
+        self.contact_torque = np.array(state.tau_ext_hat_filtered)
 
     def look(self, state: Any) -> None:
         """Take the newest state."""
@@ -94,6 +96,7 @@ class Readout:
         q, dq, self.tau = mean("q"), mean("dq"), mean("tau_J") / self._gains
         self.tau_ext = self.tau - self._gravity_torque(q)
         self.commanded, self.contact = mean("tau_J_d"), self._in_world(mean("O_F_ext_hat_K"))
+        self.contact_torque = mean("tau_ext_hat_filtered")
         jacobian = self._nominal.kinematics(q[None]).jacobian
         self.wrench = wrenches(jacobian, self.tau_ext[None, :, None])[0, :, 0]
         self.twist = jacobian[0] @ dq

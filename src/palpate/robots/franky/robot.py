@@ -19,7 +19,7 @@ from palpate.robots.franky.hand import Hand
 from palpate.robots.franky.link import Link
 from palpate.robots.franky.readout import Readout, black_box, require_end_effector
 from palpate.robots.franky.session import Session
-from palpate.robots.nominal import NominalArm
+from palpate.robots.nominal import NominalArm, unexplained
 from palpate.robots.reflex import Reflex
 from palpate.robots.robot import RobotState
 from palpate.robots.simulated.impedance import Inertia
@@ -106,6 +106,7 @@ class FrankyRobot(Commanded):
                 reflex=link.reflex,
                 fault=link.fault,
                 mode=link.mode,
+                unexplained=unexplained(readout.jacobian, readout.contact_torque),
             )
         return self._cached
 

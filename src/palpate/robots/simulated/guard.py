@@ -1,7 +1,8 @@
 """Contact reflex of the simulated arm: a 1 kHz momentum observer, and the reaction to a contact.
 
 It uses only what a real arm has at every cycle: encoders, measured joint torques, and the nominal
-model as of the beginning of a run of cycles.
+model as of the beginning of a run of cycles. Besides the wrench at the TCP it tests the part of the joints'
+torques that no force at the hand explains: contact of a link.
 """
 
 from __future__ import annotations
@@ -11,10 +12,9 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dposv
 
 from palpate.geometry.pose import Array
-from palpate.robots.nominal import RIDGE
+from palpate.robots.nominal import RIDGE, force_of, unexplained
 from palpate.robots.reflex import Reflex
 from palpate.robots.simulated.impedance import Gains
 from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, TIMESTEP
@@ -29,9 +29,9 @@ not have to take the momentum that the arm can brake in them."""
 
 _KEEP = math.exp(-TIMESTEP / OBSERVER_TIME)
 _BLEND = 1.0 - _KEEP
-# Weights of the observer's filter after each cycle: of its wrench (cycles, 1), and of each input.
+# Weights of the observer's filter after each cycle: of its torques (cycles, 1), and of each input.
 _CYCLES: Array = np.arange(LONGEST_RUN * BLOCK, dtype=float)
-_WRENCH_KEPT: Array = _KEEP ** (_CYCLES[:, None] + 1.0)
+_TORQUE_KEPT: Array = _KEEP ** (_CYCLES[:, None] + 1.0)
 _INPUT_KEPT: Array = np.tril(_KEEP ** np.maximum(np.subtract.outer(_CYCLES, _CYCLES), 0))
 
 
@@ -58,7 +58,7 @@ class Reaction(NamedTuple):
 
 
 class Guard:
-    """Observer of the external wrench in the control loop; it reports the cycle of a contact.
+    """Observer of the external joint torques in the control loop; it reports the cycle of a contact.
 
     Within a run of at most 40 ms inertia and Jacobian are those of its beginning; the arm turns by
     less than 0.04 rad in it.
@@ -69,7 +69,7 @@ class Guard:
     """
 
     def __init__(self) -> None:
-        self._wrench: Array = np.zeros(6)
+        self._torque: Array = np.zeros(7)
         self._dq: Array = np.zeros(7)
         self.yielding = False
         self.fired: str | None = None
@@ -94,9 +94,12 @@ class Guard:
             deviation: (n, 7) N m of each cycle: sensed less commanded torques, and less Coriolis and
                 centrifugal torques.
         """
-        to_wrench = _BLEND * dposv(jacobian @ jacobian.T + RIDGE, jacobian)[1]
-        self._to_wrench, self._to_momentum = to_wrench.T, (to_wrench @ inertia / TIMESTEP).T
-        self._known = deviation @ self._to_wrench
+        from scipy.linalg.lapack import dposv  # not for a plan that nothing executes
+
+        self._to_wrench = dposv(jacobian @ jacobian.T + RIDGE, jacobian)[1].T
+        self._jacobian, self._to_momentum = jacobian, inertia / TIMESTEP
+        self._to_rest = np.eye(7) - force_of(jacobian).T @ jacobian[:3]
+        self._known = deviation
         self._dq = dq
         self._thresholds = thresholds or Reflex(math.inf, math.inf)
         self._look, self._reaction = 0, reaction
@@ -117,16 +120,31 @@ class Guard:
         gained = dq.copy()
         gained[0] -= self._dq
         gained[1:] -= dq[:-1]
-        new = torque @ self._to_wrench - gained @ self._to_momentum
-        new += self._known[self._look : self._look + count]
-        wrenches: Array = _INPUT_KEPT[:count, :count] @ new + _WRENCH_KEPT[:count] * self._wrench
+        new = torque - gained @ self._to_momentum + self._known[self._look : self._look + count]
+        torques = _INPUT_KEPT[:count, :count] @ (_BLEND * new) + _TORQUE_KEPT[:count] * self._torque
         self._look += count
-        self._wrench, self._dq = wrenches[-1], dq[-1]
-        # Only wrenches larger than the smallest threshold need the full test.
-        sizes = np.einsum("ij,ij->i", wrenches, wrenches)
-        for i in np.flatnonzero(sizes > self._thresholds.least**2).tolist():
-            self.fired = self._thresholds.fired(wrenches[i])
+        self._torque, self._dq = torques[-1], dq[-1]
+        for i in self._doubtful(torques):
+            self.fired = self._reason(torques[i])
             if self.fired is not None:
-                self._wrench, self.yielding, self.reaction = wrenches[i], True, self._reaction()
+                self._torque, self.yielding, self.reaction = torques[i], True, self._reaction()
                 return i
         return None
+
+    def _doubtful(self, torques: Array) -> list[int]:
+        """List the cycles, of `torques` (n, 7), in which a threshold may be exceeded."""
+        wrenches = torques @ self._to_wrench
+        # Only wrenches larger than the smallest threshold need the full test.
+        large = np.einsum("ij,ij->i", wrenches, wrenches) > self._thresholds.least**2
+        if self._thresholds.links is not None:
+            left = torques @ self._to_rest
+            large |= np.einsum("ij,ij->i", left, left) > self._thresholds.links.torque**2
+        return np.flatnonzero(large).tolist()
+
+    def _reason(self, torque: Array) -> str | None:
+        """Return the reason to stop at external joint torques (7,), N m; None while it goes on."""
+        reason, links = self._thresholds.fired(torque @ self._to_wrench), self._thresholds.links
+        if reason is not None or links is None:
+            return reason
+        met = links.met(*unexplained(self._jacobian, torque))
+        return met and f"the arm stopped itself: {met}"

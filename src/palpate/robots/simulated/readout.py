@@ -46,6 +46,7 @@ class Measurement(NamedTuple):
     tau_ext: Array
     wrench: Array  # (n, 6)
     contact: Array
+    contact_torque: Array  # (n, 7) N m
     arrived: NDArray[np.bool_] | None  # (n,) which of the samples do; None for all
 
 
@@ -56,6 +57,7 @@ class Readout:
         q, dq: (7,) rad, rad/s.
         tau, tau_ext: (7,) N m.
         wrench, contact, twist: (6,).
+        contact_torque: (7,) N m, of the joints: of a contact or a load, not of the arm's inertia.
         pose_world_tcp: pose of the newest encoder reading, not a block's mean.
         stamp: s, robot time of the newest sample that arrived.
         reported: joint angles (7,), rad, and pose of the TCP, as of that sample.
@@ -93,6 +95,7 @@ class Readout:
         self.speed = np.zeros(7)
         self.dq, self.tau_ext, self._external = np.zeros(7), np.zeros(7), np.zeros(7)
         self.wrench, self.contact, self.twist = np.zeros(6), np.zeros(6), np.zeros(6)
+        self.contact_torque = np.zeros(7)
         self.deviation, self.load = np.zeros(7), 0.0
         self.jacobian = here.jacobian[0]
         self.tau = self.commanded = self.gravity_torque
@@ -140,14 +143,17 @@ class Readout:
             width=steps.fingers.sum(1),
         )
         torque, contact, arrived = measured.torque, measured.contact, measured.arrived
+        felt = measured.contact_torque
         if arrived is None or arrived[-1]:
             self.reported = (self.q, self.pose_world_tcp)
         if arrived is not None and not arrived.all():
             samples, torque, contact = samples.where(arrived), torque[arrived], contact[arrived]
+            felt = felt[arrived]
         if len(samples):
             self.stamp = float(samples.t[-1])
             self.dq, self.twist, self.wrench = samples.dq[-1], samples.twist[-1], samples.wrench[-1]
             self.tau, self.tau_ext, self.contact = torque[-1], samples.tau_ext[-1], contact[-1]
+            self.contact_torque = felt[-1]
         return samples
 
     def _follow(self, steps: Steps) -> ReportedMotion:
@@ -186,12 +192,13 @@ class Readout:
         self.commanded, self.deviation = steps.torque[-1], self._corrected(shown) - true[-1]
         tau_ext = torque - motion.mean[:, 14:]
         both = np.empty((*tau_ext.shape, 2))
-        both[:, :, 0], both[:, :, 1] = tau_ext, self._observe(tau_ext - motion.inertia_torque)
+        felt = self._observe(tau_ext - motion.inertia_torque)
+        both[:, :, 0], both[:, :, 1] = tau_ext, felt
         both = wrenches(motion.jacobian, both)
         wrench, contact = both[:, :, 0], both[:, :, 1]
         newer = -math.expm1(-len(torque) * PERIOD / LOAD_TIME)
         self.load += (contact[-1, 2] - self.load) * newer
-        return Measurement(torque, tau_ext, wrench, contact, arrived)
+        return Measurement(torque, tau_ext, wrench, contact, felt, arrived)
 
     def _corrected(self, torque: Array) -> Array:
         """Correct readings (..., 7), N m, for the measured gains, about the torque at zeroing."""

@@ -15,7 +15,7 @@ import numpy as np
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.commanded import Commanded, swing_path
 from palpate.robots.description import RobotDescription
-from palpate.robots.nominal import NominalArm
+from palpate.robots.nominal import NominalArm, unexplained
 from palpate.robots.owner.arm import known, unmeasured
 from palpate.robots.owner.config import RobotConfig
 from palpate.robots.reflex import Reflex
@@ -147,6 +147,7 @@ class MujocoRobot(Commanded):
                 moving=self._path.end > t,
                 gripper_moving=gripper.moving,
                 reflex=self._reflex,
+                unexplained=unexplained(readout.jacobian, readout.contact_torque),
             )
         return self._cached
 

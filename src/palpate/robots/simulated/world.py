@@ -6,7 +6,7 @@ signals; truth and pictures are for observers outside, after the estimates are m
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import mujoco
@@ -270,6 +270,20 @@ class World:
             raise unknown_name("body", body, [n for n in names if not n.startswith(PREFIX)])
         frame = self.data().body(body)
         return Pose(frame.xpos.copy(), frame.xquat.copy())
+
+    def true_poses(self, bodies: Iterable[str]) -> dict[str, Pose]:
+        """Return the true poses now, in the world, of those of the `bodies` that there are."""
+        names, data = {self.model.body(i).name for i in range(self.model.nbody)}, self.data()
+        found = {name: data.body(name) for name in bodies if name in names}
+        return {name: Pose(body.xpos.copy(), body.xquat.copy()) for name, body in found.items()}
+
+    def weights(self) -> dict[str, float]:
+        """Return the weights of the bodies, N, each with what is fixed to it."""
+        model, gravity = self.model, float(np.linalg.norm(self.model.opt.gravity))
+        return {
+            model.body(i).name: gravity * float(model.body_subtreemass[i])
+            for i in range(model.nbody)
+        }
 
     def true_tcp(self) -> Pose:
         """Return the true pose of the TCP now, in the world."""

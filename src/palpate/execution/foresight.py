@@ -1,0 +1,138 @@
+"""What a rehearsal saw after each leaf: where things really end, and what the fingers hold.
+
+Effects of primitives are geometry alone. In physics closing fingers centre an object, a dragged one lags
+behind, a released one settles. The rehearsal compares the believed poses with the simulated ones after each
+motion, and corrects the symbolic state; the run corrects its own by the same differences. A run whose fingers
+stand at another width than in the rehearsal, or bear a weight far from the rehearsed ones, stops: what it does
+from there on was not rehearsed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from palpate.geometry.pose import Pose
+from palpate.robots.simulated.world import World
+from palpate.vocabulary.base import Blackboard, LeafFailure
+from palpate.vocabulary.state import SymbolicState
+
+NOTICED = 1e-3
+"""m: smaller differences are left: a simulated contact's softness, and what a real grasp scatters."""
+TURNED = 0.02  # rad, likewise
+OTHER_WIDTH = (
+    0.005  # m between the fingers' widths of rehearsal and run, besides a seen object's doubt
+)
+OTHER_WEIGHT, UNSURE = 3.0, 3.0
+"""Factor beyond the rehearsed weights, as of the priors of masses, and N beside it: the joints' friction."""
+
+
+@dataclass(frozen=True, slots=True)
+class Foresight:
+    """What was seen in a rehearsal.
+
+    Attributes:
+        shifts: by path of a leaf and name of an object, the pose of the simulated object in the frame of the
+            believed one; of a held object in the hand, of others in the world.
+        widths: m between the fingers after a leaf, by its path, while they hold something.
+        weights: N, least and largest of each object, in all worlds.
+    """
+
+    shifts: Mapping[str, Mapping[str, Pose]] = field(default_factory=dict[str, Mapping[str, Pose]])
+    widths: Mapping[str, float] = field(default_factory=dict[str, float])
+    weights: Mapping[str, tuple[float, float]] = field(
+        default_factory=dict[str, tuple[float, float]]
+    )
+
+    def settled(self, path: str, blackboard: Blackboard) -> SymbolicState:
+        """State after the leaf `path`, with every object where it ended in the rehearsal.
+
+        Raises:
+            LeafFailure: the fingers hold something else.
+        """
+        if reason := self._other(path, blackboard):
+            raise LeafFailure(f"not as rehearsed: {reason}")
+        return moved_by(blackboard.state, self.shifts.get(path, {}))
+
+    def _other(self, path: str, blackboard: Blackboard) -> str | None:
+        """Reason why the fingers do not hold what they held in the rehearsal; None where they do."""
+        name, load, rehearsed = blackboard.state.holding, blackboard.load, self.widths.get(path)
+        if name is None or rehearsed is None:
+            return None
+        width, body = blackboard.robot.state.width, blackboard.scene.body(name)
+        doubt = 2.0 * (body.accuracy or 0.0) if body.seen else 0.0
+        if abs(width - rehearsed) > OTHER_WIDTH + doubt:
+            return f"the fingers hold '{name}' at {1e3 * width:.0f} mm, and {1e3 * rehearsed:.0f} mm then"
+        least, most = self.weights.get(name, (0.0, float("inf")))
+        low, high = least / OTHER_WEIGHT - UNSURE, most * OTHER_WEIGHT + UNSURE
+        if load.hanging is None or low <= load.weight <= high:
+            return None
+        return (
+            f"'{name}' pulls with {load.weight:.1f} N, and with {least:.1f} to {most:.1f} N then: state about "
+            "what it weighs, or see what hangs on it"
+        )
+
+    def among(self, *others: Foresight) -> Foresight:
+        """The same, with the weights of other worlds."""
+        weights = dict(self.weights)
+        for other in others:
+            for name, (least, most) in other.weights.items():
+                low, high = weights.get(name, (least, most))
+                weights[name] = min(low, least), max(high, most)
+        return replace(self, weights=weights)
+
+
+class Look:
+    """Comparison of the symbolic state with a simulated world after every leaf."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self._shifts: dict[str, dict[str, Pose]] = {}
+        self._widths: dict[str, float] = {}
+
+    @property
+    def foresight(self) -> Foresight:
+        """What was seen so far."""
+        weights = {name: (weight, weight) for name, weight in self._world.weights().items()}
+        return Foresight(self._shifts, self._widths, weights)
+
+    def settled(self, path: str, blackboard: Blackboard) -> SymbolicState:
+        """State after the leaf `path`, with every object where it is; the differences are kept."""
+        state, shifts = blackboard.state, dict[str, Pose]()
+        if state.holding is not None:
+            self._widths[path] = blackboard.robot.state.width
+        tcp = self._world.true_tcp()
+        for name, pose in self._world.true_poses(state.scene.objects).items():
+            shift = difference(state, name, pose, tcp)
+            if shift is not None:
+                shifts[name] = shift
+        if shifts:
+            self._shifts[path] = shifts
+        return moved_by(state, shifts)
+
+
+def difference(state: SymbolicState, name: str, true: Pose, tcp: Pose) -> Pose | None:
+    """Pose of an object that is at `true`, in the frame of the believed one, None where they agree; for a
+    held object as it is in the hand at `tcp`: how far the arm sags is no property of the grasp."""
+    believed = state.pose_of(name)
+    if name == state.holding:
+        if state.pose_tcp_object is None:
+            return None
+        believed, true = state.pose_tcp_object, tcp.inverse() @ true
+    if believed.distance_to(true) <= NOTICED and believed.angle_to(true) <= TURNED:
+        return None
+    return believed.inverse() @ true
+
+
+def moved_by(state: SymbolicState, shifts: Mapping[str, Pose]) -> SymbolicState:
+    """State with objects displaced by `shifts`, each in its own frame."""
+    if not shifts:
+        return state
+    moved = dict(state.moved)
+    in_hand = state.pose_tcp_object
+    for name, shift in shifts.items():
+        if name != state.holding:
+            moved[name] = state.pose_of(name) @ shift
+        elif in_hand is not None:
+            in_hand = in_hand @ shift
+    return replace(state, moved=moved, pose_tcp_object=in_hand)

@@ -1,0 +1,106 @@
+"""Where things really end: a rehearsal corrects the symbolic state, and the run goes by it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from standin import StandIn
+
+from palpate.execution.foresight import Foresight, difference, moved_by
+from palpate.geometry.pose import Pose
+from palpate.scene.load import parse_scene
+from palpate.vocabulary.base import Blackboard, LeafFailure, Recorder
+from palpate.vocabulary.load import NOTHING, Load
+from palpate.vocabulary.state import SymbolicState
+
+SCENE = parse_scene("""<mujoco><worldbody>
+  <geom name="floor" type="plane" size="3 3 .1" pos="0 0 -.5"/>
+  <site name="robot_base" pos="0 0 0"/>
+  <body name="table" pos=".5 0 -.02"><geom type="box" size=".28 .28 .02"/></body>
+  <body name="can" pos=".5 .1 .06"><freejoint/>
+    <geom type="cylinder" size=".03 .06" mass=".3"/></body>
+</worldbody></mujoco>""")
+TCP = Pose.top_down((0.5, 0.1, 0.08), 0.0)
+HELD = replace(
+    SymbolicState(SCENE),
+    pose_world_tcp=TCP,
+    holding="can",
+    pose_tcp_object=TCP.inverse() @ SCENE.body("can").pose_world,
+)
+
+
+GRASPED = Foresight(widths={"tree": 0.060}, weights={"can": (1.5, 4.0)})
+
+
+def board(state: SymbolicState, width: float = 0.06, load: Load = NOTHING) -> Blackboard:
+    robot = StandIn()
+    robot.put(width=width)
+    return Blackboard(robot, state, Recorder(robot), load=load)
+
+
+def apart(one: Pose, other: Pose) -> float:
+    return float(np.linalg.norm(one.position - other.position))
+
+
+def test_agreement_within_a_millimetre_corrects_nothing() -> None:
+    near = SCENE.body("can").pose_world.translated((0.0006, 0.0, -0.0006))
+    assert difference(SymbolicState(SCENE), "can", near, TCP) is None
+    assert moved_by(HELD, {}) is HELD
+
+
+def test_a_thing_that_ended_elsewhere_is_believed_there() -> None:
+    state, true = (
+        SymbolicState(SCENE),
+        SCENE.body("can").pose_world.translated((0.004, -0.008, 0.0)),
+    )
+    shift = difference(state, "can", true, TCP)
+    assert shift is not None
+    seen = Foresight({"tree.children[3]": {"can": shift}})
+    assert apart(seen.settled("tree.children[3]", board(state)).pose_of("can"), true) < 1e-9
+    assert seen.settled("tree.children[4]", board(state)) is state
+
+
+def test_a_held_thing_is_corrected_in_the_hand_and_the_sag_of_the_arm_is_not() -> None:
+    """The fingers centre the can by 8 mm; the arm sags by 5 mm."""
+    sagged = TCP.translated((0.0, 0.0, -0.005))
+    true = SCENE.body("can").pose_world.translated((0.0, 0.008, -0.005))
+    shift = difference(HELD, "can", true, sagged)
+    assert shift is not None
+    after = moved_by(HELD, {"can": shift})
+    assert after.moved == {}
+    assert after.pose_tcp_object is not None
+    centred = SCENE.body("can").pose_world.translated((0.0, 0.008, 0.0))
+    assert apart(TCP @ after.pose_tcp_object, centred) < 1e-9
+
+
+@pytest.mark.parametrize("rise", [0.0, 0.012])
+def test_a_correction_keeps_with_a_support_that_was_found_higher(rise: float) -> None:
+    """A rehearsal knows the believed height, the run a measured one: the difference stays."""
+    state = SymbolicState(SCENE)
+    true = SCENE.body("can").pose_world.translated((0.003, 0.0, 0.0))
+    shift = difference(state, "can", true, TCP)
+    assert shift is not None
+    raised = replace(state, moved={"can": state.pose_of("can").translated((0.0, 0.0, rise))})
+    found = moved_by(raised, {"can": shift}).pose_of("can")
+    assert found.position == pytest.approx(true.translated((0.0, 0.0, rise)).position)
+
+
+@pytest.mark.parametrize("weight", [0.3, 3.0, 14.0])
+def test_a_grasp_as_rehearsed_goes_on(weight: float) -> None:
+    load = Load(np.zeros(6)).hung(np.array([0.0, 0.0, weight, 0.0, 0.0, 0.0]), TCP)
+    assert GRASPED.settled("tree", board(HELD, 0.063, load)) is HELD
+
+
+@pytest.mark.parametrize(
+    ("width", "weight", "said"),
+    [
+        (0.050, 3.0, "hold 'can' at 50 mm, and 60 mm then"),
+        (0.060, 16.0, "'can' pulls with 16.0 N, and with 1.5 to 4.0 N then"),
+    ],
+)
+def test_what_was_not_rehearsed_stops_the_run(width: float, weight: float, said: str) -> None:
+    load = Load(np.zeros(6)).hung(np.array([0.0, 0.0, weight, 0.0, 0.0, 0.0]), TCP)
+    with pytest.raises(LeafFailure, match=f"^not as rehearsed: .*{said}"):
+        GRASPED.settled("tree", board(HELD, width, load))

@@ -1,0 +1,109 @@
+"""A rehearsal kept in a run folder: for the same plan, scene and arm only, and never if tampered with."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from palpate.callbacks import RunCallbacks
+from palpate.execution.foresight import Foresight
+from palpate.execution.rehearsal import Rehearsal
+from palpate.execution.rehearsed import FILE, keep_rehearsal, kept_rehearsal
+from palpate.geometry.pose import Pose
+from palpate.planning.plan import Node, Plan, dump_plan
+from palpate.runs.run import Run
+from palpate.scene.load import parse_scene
+from palpate.settings import Settings
+from palpate.stages.planning import rehearse
+
+TEXT = """<mujoco><worldbody>
+  <geom name="floor" type="plane" size="3 3 .1" pos="0 0 -.5"/>
+  <site name="robot_base" pos="0 0 0"/>
+  <body name="table" pos=".5 0 -.02"><geom type="box" size=".28 .28 .02"/></body>
+  <body name="can" pos=".5 .1 .06"><freejoint/>
+    <geom type="cylinder" size=".03 .06" mass=".3"/></body>
+</worldbody></mujoco>"""
+SCENE = parse_scene(TEXT)
+PLAN = Plan((), Node("Sequence", (), (Node("OpenGripper"),)), "")
+SEEN = Rehearsal(
+    4,
+    12.5,
+    3.25,
+    None,
+    draws=3,
+    foresight=Foresight(
+        {"tree.children[2]": {"can": Pose.of((0.0, 0.008, 0.0))}},
+        {"tree.children[2]": 0.06},
+        {"can": (2.5, 3.5)},
+    ),
+)
+
+
+def kept(folder: Path) -> Path:
+    keep_rehearsal(folder, PLAN, SCENE, SEEN)
+    return folder
+
+
+def test_what_was_rehearsed_is_read_again(tmp_path: Path) -> None:
+    again = kept_rehearsal(kept(tmp_path), PLAN, parse_scene(TEXT))
+    assert again == SEEN
+    assert again is not None
+    assert again.foresight.widths == SEEN.foresight.widths
+    assert again.foresight.weights == SEEN.foresight.weights
+    (shift,) = again.foresight.shifts["tree.children[2]"].values()
+    assert shift.position == pytest.approx([0.0, 0.008, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('mass=".3"', 'mass=".31"'),
+        (".5 .1 .06", ".5 .1 .061"),
+        ('mass=".3"', 'mass=".3" friction=".4"'),
+    ],
+)
+def test_another_scene_was_not_rehearsed(tmp_path: Path, old: str, new: str) -> None:
+    assert kept_rehearsal(kept(tmp_path), PLAN, parse_scene(TEXT.replace(old, new))) is None
+
+
+def test_another_plan_was_not_rehearsed(tmp_path: Path) -> None:
+    other = replace(PLAN, tree=Node("Sequence", (), (Node("OpenGripper"), Node("OpenGripper"))))
+    assert kept_rehearsal(kept(tmp_path), other, SCENE) is None
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"key": "0" * 64},
+        {"robot_seconds": "NaN"},
+        {"more": 1},
+        {"shifts": {"tree": {"can": [0.5, 0, 0, 1, 0, 0, 0]}}},
+        {"shifts": {"tree": {"can": [0, 0, 0, 0, 0, 0, 0]}}},
+        {"shifts": {"tree": {"can": [0, 0, 0]}}},
+    ],
+)
+def test_a_file_that_was_tampered_with_counts_for_nothing(
+    tmp_path: Path, changes: dict[str, object]
+) -> None:
+    file = kept(tmp_path) / FILE
+    file.write_text(json.dumps(json.loads(file.read_text()) | changes))
+    assert kept_rehearsal(tmp_path, PLAN, SCENE) is None
+    file.write_text("[" * 100_000)
+    assert kept_rehearsal(tmp_path, PLAN, SCENE) is None
+
+
+def test_the_embedded_arm_takes_it_and_a_real_one_is_rehearsed_for(tmp_path: Path) -> None:
+    (kept(tmp_path) / "plan.json").write_text(dump_plan(PLAN))
+    told: list[str] = []
+    settings = Settings(planner=f"replay:{tmp_path}")
+    made = Run(settings, SCENE, PLAN, ())
+    callbacks = RunCallbacks(progress=told.append)
+    assert rehearse(made, callbacks).rehearsal == SEEN
+    assert told[0].startswith("rehearsal of the run that the plan comes from: ")
+    told.clear()
+    real = replace(made, settings=replace(settings, robot="franky://nobody"))
+    assert rehearse(real, callbacks).rehearsal != SEEN
+    assert told[0] == "rehearsing in simulation"
