@@ -97,6 +97,11 @@ def pair_friction(body: BodyDescription) -> float | None:
     return None
 
 
+def surface_friction(surface: BodyDescription) -> float:
+    """Sliding friction that a surface states, of the geom that carries."""
+    return float(surface.shapes.model.geom_friction[surface.shapes.geom_ids[surface.carrier], 0])
+
+
 def friction_of_geoms(model: mujoco.MjModel, geom: int, other: int) -> float:
     """Sliding friction between two geoms: of their `<pair>`, their priority, or the larger one."""
     pairs = np.sort(np.column_stack([model.pair_geom1, model.pair_geom2]), axis=1)

@@ -124,6 +124,7 @@ class ResolvedScene:
                 others[status].add(quantity.id)
         centre, size = body.box()
         is_object, is_surface = body.role == "object", body.role == "surface"
+        entry = self.poses.objects.get(body.name)
         words = thing_words(
             body.name,
             body.carrier if is_surface else body.elements.element,
@@ -141,7 +142,8 @@ class ResolvedScene:
             known=known,
             missing=frozenset(others["missing"]),
             assumed=frozenset(others["assumed"]),
-            accuracy=self.poses.accuracy,
+            accuracy=self.poses.accuracy if entry is None or entry.std is None else entry.std,
+            seen=entry is not None and entry.is_unsure,
             joint=body.joint,
         )
 

@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-MASS = 1.0
-"""kg of the body whose rebound is stated."""
+from palpate.estimation import tuning
 
 
 def restitution(zeta: float) -> float:
@@ -27,6 +26,6 @@ def restitution(zeta: float) -> float:
     return float(np.exp(-zeta * contact))
 
 
-def damping_ratio(stiffness: float, damping: float, mass: float = MASS) -> float:
+def damping_ratio(stiffness: float, damping: float, mass: float = tuning.FALLING_MASS) -> float:
     """Damping ratio of `mass`, kg, on a spring, N/m, and a damper, N s/m."""
     return damping / (2.0 * float(np.sqrt(stiffness * mass)))

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
+from palpate.estimation.coloured import Spans
 from palpate.estimation.joint_friction import slip_states
+from palpate.estimation.load.in_hand import LoadRows, load_rows
 from palpate.estimation.load.observation import WrenchObservation
-from palpate.estimation.load.segments import LoadRows, load_rows
 from palpate.estimation.motion import Mask, acceleration, at_rest, row_at, runs, smoothed_with_rate
 from palpate.estimation.rigid import wrench_columns
 from palpate.geometry.pose import Array, rotations
@@ -73,6 +74,12 @@ class Blocks:
     def turned(self, moment: Array) -> Array:
         """(k, m) N m of moments (k, 3) N m."""
         return np.einsum("kji,ki->kj", self.maps[:, :, 3:], moment)
+
+    @property
+    def spans(self) -> Spans:
+        """Stretches of which the blocks are means."""
+        lasts = np.full(len(self.t), float(np.median(np.diff(self.t))) + tuning.FOLLOWED)
+        return Spans(self.t, lasts, self.path, np.abs(self.dq) * lasts[:, None])
 
     @property
     def grasps(self) -> tuple[float, ...]:

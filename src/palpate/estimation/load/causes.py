@@ -8,12 +8,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from palpate.estimation import tuning
-from palpate.estimation.coloured import coloured
-from palpate.estimation.load.biases import flicker
-from palpate.estimation.load.blocks import Blocks
+from palpate.estimation.coloured import Residual, learned
+from palpate.estimation.load.blocks import Blocks, blocks, free_rows
 from palpate.estimation.load.chain import link_parameters, regressor
-from palpate.estimation.load.noise import Noise
-from palpate.estimation.load.observation import WrenchObservation, gain_root
+from palpate.estimation.load.in_hand import load_rows
+from palpate.estimation.load.noise import Noise, block_noise, flicker
+from palpate.estimation.load.observation import WrenchObservation, gain_root, observe
+from palpate.estimation.motion import acceleration, at_rest, runs
 from palpate.estimation.regression import Cause, Scale, SignalNoise
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Trace, once
@@ -133,15 +134,22 @@ def link_errors(
     return holds[2], errors, holds[:2]
 
 
-def with_residual(causes: Sequence[Cause], noise: SignalNoise, seen: Blocks) -> SignalNoise:
-    """Noise with the coloured residual that `causes` leave of the blocks."""
-    between = np.abs(seen.t[:, None] - seen.t)
-    slow = [np.exp(-between / time) for time in tuning.COLOUR_TIMES]
-    kernels: list[Array] = []
-    for way in seen.path.T:
-        apart = np.abs(way[:, None] - way)
-        kernels.append(np.array([*slow, *(np.exp(-apart / far) for far in tuning.COLOUR_PATHS)]))
-    return coloured(causes, noise, by_signal(seen.observed), kernels)
+@once
+def of_empty_hand(trace: Trace, name: str) -> Residual | None:
+    """Coloured residual that the model of the arm leaves where its hand is empty, around the time in which it holds
+    `name`: no force on a load is in it. None where links are unknown or hardly any such motion was recorded."""
+    observed, load = observe(trace), load_rows(trace, name)
+    free = free_rows(trace, name) if observed.knows_links else []
+    empty = [rows for rows in free if load.empty[rows].all()]
+    if len(empty) < tuning.EMPTY_BLOCKS:
+        return None
+    seen, samples = blocks(trace, observed, name, empty), trace.samples
+    windows = list(runs(at_rest(samples) & load.empty))
+    rising = acceleration(samples, tuning.SPEED_SHORT)[:, 2]
+    noise = free_noise(seen, block_noise(observed.signals, samples.t, rising, windows))
+    y = by_signal(seen.observed)
+    causes = list(of_arm(trace, observed, seen, np.zeros(len(seen.t)), np.zeros(len(y))))
+    return learned(causes, noise, y, seen.spans)
 
 
 def free_noise(seen: Blocks, noise: Noise) -> SignalNoise:

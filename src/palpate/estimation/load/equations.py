@@ -121,7 +121,7 @@ def equations(weighing: Weighing, gravity: float, apart: float = 1.0) -> Rows:
         stiction=residual_stiction(weighing, maps),
         since=np.array(steps).reshape(-1, signals * len(start)).T,
         signal=np.repeat(np.arange(signals), len(path)),
-        freedom=weighing.noise.freedom,
+        freedom=weighing.freedom,
     )
 
 

@@ -19,11 +19,12 @@ import numpy as np
 
 from palpate.geometry.joint import Joint
 from palpate.geometry.pose import Pose
+from palpate.vocabulary.admissible.arrangement import Part
 from palpate.vocabulary.admissible.collision import ARM, BESIDE, FIXED, carry_away
 from palpate.vocabulary.admissible.collision_geometry import LINK, arm_sweep
+from palpate.vocabulary.admissible.path import ArmPath, arm_path
 from palpate.vocabulary.admissible.reach import reaches
 from palpate.vocabulary.admissible.solids import Frames, ShapeGroup, Solids, solids
-from palpate.vocabulary.admissible.sweep import ArmPath, Part, arm_path
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.violation import Violation
 
