@@ -13,8 +13,8 @@ from palpate.geometry.pose import Pose
 from palpate.robots.safety import Expectation
 from palpate.trace.recording import Activity
 from palpate.vocabulary.admissible import motion
-from palpate.vocabulary.admissible.along import Way, way_of, way_to_limit
 from palpate.vocabulary.admissible.grasp import does_not_fit
+from palpate.vocabulary.along import Way, way_of, way_to_limit
 from palpate.vocabulary.base import (
     ARM,
     GRIPPER,
