@@ -13,6 +13,9 @@ from fnmatch import fnmatch
 import pytest
 
 LONG = (
+    "tests/vocabulary/test_handle.py::test_a_drawer_is_measured_and_left_where_it_was",
+    "tests/scenarios/test_catalogue.py::test_a_scenario_ends_as_it_should[[]drawer*",
+    "tests/examples/test_programs.py::test_a_program_runs_and_prints_what_it_promises[[]13*",
     "tests/robots/franky/test_over_the_wire.py::*",
     "tests/robots/franky/test_faults.py::*",
     "tests/robots/franky/test_command_line.py::*",

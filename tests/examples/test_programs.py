@@ -55,6 +55,11 @@ PRINTED = {
     "10_own_estimator": (r"truth: +0\.\d+", r"palpate: +<mug\.mass", r"bare mean: <mug\.mass"),
     "11_soft_mat": (r"<mat\.stiffness = \d+", r"gives way by .* as measured", r"solref=\"-\d+"),
     "12_prove": (r"mug +topple +[\d.]+ N +[+-][\d.]+ N +[+-]0\.0\d\d N",),
+    "13_drawer": (
+        r"<drawer\.frictionloss = [\d.]+ ± [\d.]+ N, 95 % \[[\d., ]+\], identified, simulated>",
+        r"<drawer\.damping = [\d.]+ ± [\d.]+ N s/m, 95 % \[[\d., ]+\], identified, simulated>",
+        r'damping="[\d.]+" frictionloss="[\d.]+"',
+    ),
 }
 
 

@@ -26,7 +26,7 @@ def test_ids_are_the_contract_with_scripts() -> None:
 
 @pytest.mark.parametrize("entry", catalogue().values(), ids=lambda q: q.id)
 def test_every_entry_is_complete(entry) -> None:
-    assert entry.subject in ("object", "surface", "gripper")
+    assert entry.subject in ("object", "surface", "fixture", "gripper")
     assert entry.size >= 1
     assert entry.unit
     assert entry.how
@@ -46,7 +46,7 @@ def test_an_unknown_quantity_lists_the_valid_ones() -> None:
     assert catalogue().named("mass").unit == "kg"
     with pytest.raises(
         InputError,
-        match=r"unknown quantity 'weight'; did you mean 'mass'\? valid: com, com_3d, contact_damping, friction",
+        match=r"unknown quantity 'weight'; did you mean 'mass'\? valid: com, com_3d, contact_damping, damping, fr",
     ):
         catalogue().named("weight")
 

@@ -54,6 +54,8 @@ OWN = [
     "CloseGripper",
     "FoldFingers",
     "MoveUntilContact",
+    "MoveHandle",
+    "FindLimits",
     "MeasureForces",
     "MeasureGripperPose",
     "Force2Mass",
@@ -62,7 +64,7 @@ OWN = [
     "Pose2Height",
     "Pose2Plan",
 ]
-"""The paper's twelve primitives, and four more."""
+"""The paper's twelve primitives, and six more."""
 
 
 @pytest.fixture
@@ -95,7 +97,7 @@ def test_palpates_own_come_first_in_reading_order() -> None:
 def test_a_vocabulary_is_a_value(installed: Callable[[str], None]) -> None:
     alone = load_vocabulary()
     assert list(alone.primitives) == OWN
-    assert repr(alone) == "<Vocabulary: 16 primitives, 2 composites>"
+    assert repr(alone) == "<Vocabulary: 18 primitives, 2 composites>"
     installed(THIRD_PARTY)
     more = load_vocabulary(extensions("palpate.primitives"))
     assert list(more.primitives) == [*OWN, "Smell", "Sniff"]

@@ -214,6 +214,7 @@ class MjModel:
     nmesh: int
 
     qpos0: _Doubles
+    qpos_spring: _Doubles
     body_parentid: _Ints
     body_rootid: _Ints
     body_weldid: _Ints

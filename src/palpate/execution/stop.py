@@ -92,7 +92,8 @@ class PutDown(Primitive):
     def run(self, blackboard: Blackboard) -> Steps:
         robot, name = blackboard.robot, blackboard.state.holding
         blackboard.set_reflex(robot.limits.reflexes.contact)
-        if name is not None:
+        # A fixture stays where its handle is let go of.
+        if name is not None and name not in blackboard.scene.fixtures:
             yield from self._to_support(blackboard, name)
         blackboard.state = released(blackboard)
         robot.open_gripper()

@@ -1,29 +1,35 @@
-"""An object or a surface: as its file describes it, and with the scene's beliefs filled in."""
+"""An object, a surface or a fixture: as its file describes it, and with the scene's beliefs filled in."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
+import mujoco
 import numpy as np
 
+from palpate.geometry.joint import Joint
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.defaults import Defaults
 from palpate.mjcf.document import Element, has_unknown
 from palpate.mjcf.elements import Elements, Role, has_open_height
 from palpate.mjcf.shapes import Shapes, box_around
 
+HANDLE = re.compile(r"handle|knob|grip|latch|lever", re.IGNORECASE)
+"""Names of the geoms of a fixture, or of bodies around them, by which it is grasped."""
+
 
 @dataclass(frozen=True, eq=False)
 class BodyDescription:
-    """An object or a surface as its file describes it, from which quantities are read.
+    """An object, a surface or a fixture as its file describes it, from which quantities are read.
 
     Attributes:
         elements: its elements in the file.
         shapes: the compiled scene, with stand-ins in place of everything unknown.
-        others: every object and surface of the scene by name, itself included.
+        others: every body of the scene by name, itself included.
         given: pose of its frame from poses.yaml, which overrules the file.
         given_top: world z of a surface's top that a given approach pose implies, m.
     """
@@ -41,7 +47,7 @@ class BodyDescription:
 
     @property
     def role(self) -> Role:
-        """Object or surface."""
+        """Object, surface or fixture."""
         return self.elements.role
 
     @property
@@ -98,6 +104,41 @@ class BodyDescription:
         """World z of its lowest point, m."""
         return float(self.cloud[:, 2].min())
 
+    @property
+    def joint(self) -> Joint | None:
+        """Joint of a fixture, where the scene begins; None of other bodies."""
+        if self.elements.joint is None:
+            return None
+        model, data = self.shapes.model, self.shapes.data
+        i = int(model.body(self.name).jntadr[0])
+        at = int(model.jnt_qposadr[i])
+        low, high = model.jnt_range[i].tolist() if model.jnt_limited[i] else (-math.inf, math.inf)
+        return Joint(
+            kind="slide" if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_SLIDE else "hinge",
+            axis=data.xaxis[i].copy(),
+            anchor=data.xanchor[i].copy(),
+            low=low,
+            high=high,
+            position=float(data.qpos[at]),
+            spring=float(model.qpos_spring[at]),
+            open=(self._has_open_limit(0), self._has_open_limit(1)),
+        )
+
+    def _has_open_limit(self, side: int) -> bool:
+        joint = self.elements.joint
+        return joint is not None and has_unknown(joint, "range", side)
+
+    @property
+    def handle(self) -> tuple[Element, ...]:
+        """Geoms by which a fixture is grasped: those called a handle, else all that collide."""
+        found: list[Element] = []
+        for geom in self.elements.colliding:
+            inner = list(geom.iterancestors("body"))
+            inner = inner[: inner.index(self.elements.element)]
+            if any(HANDLE.search(part.get("name") or "") for part in (geom, *inner)):
+                found.append(geom)
+        return tuple(found) or self.elements.colliding
+
     def box(self) -> tuple[Array, Array]:
         """Centre and full extents (3,) of the box around it in its own frame, m."""
         return box_around(self.pose_world, self.cloud)
@@ -128,11 +169,12 @@ class BodyDescription:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Body:
-    """An object (free joint) or a surface (static, carries things) of the scene.
+    """An object (free joint), a surface (static, carries things) or a fixture (slide or hinge joint) of
+    the scene.
 
     Attributes:
         name: as in the MJCF.
-        role: `object` or `surface`.
+        role: `object`, `surface` or `fixture`.
         words: lower-case words a request may use for it: parts of its name, its colour, its shape.
         pose_world: believed pose of the body frame (of a geom in the worldbody: its frame); unknown
             numbers hold a prior.
@@ -146,6 +188,7 @@ class Body:
         tipped: motion in the world by which it comes to rest on its support, where its pose in the
             scene is not stable.
         seen: True if its shape was fitted to a picture, and is as uncertain as its position.
+        joint: of a fixture.
     """
 
     name: str
@@ -161,6 +204,7 @@ class Body:
     accuracy: float | None = None
     tipped: Pose = field(default_factory=lambda: Pose.of([0.0, 0.0, 0.0]))
     seen: bool = False
+    joint: Joint | None = None
 
     reach: float = field(init=False)
     """Upper bound of the distance of its box's points from its frame's origin, m."""

@@ -32,7 +32,7 @@ MAX_ASSET_BYTES = 200_000_000
 UNKNOWN = "?"
 """Placeholder of a number that is to be measured."""
 
-COUNTS = {"pos": 3, "diaginertia": 3, "fullinertia": 6}
+COUNTS = {"pos": 3, "diaginertia": 3, "fullinertia": 6, "range": 2}
 """Number of values that a single `?` stands for."""
 
 

@@ -1,4 +1,4 @@
-"""The elements of an object or a surface: its body, the geoms that count, its `<inertial>`."""
+"""The elements of an object, a surface or a fixture: its body, the geoms that count, its `<inertial>`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from palpate.errors import InputError
 from palpate.mjcf.defaults import Defaults
 from palpate.mjcf.document import Element, around, children, compiler_settings, has_unknown, label
 
-Role = Literal["object", "surface"]
+Role = Literal["object", "surface", "fixture"]
 PLACING = frozenset({"pos", "quat", "axisangle", "xyaxes", "zaxis", "euler"})
 """Attributes that place a body, a frame or a site."""
 
@@ -20,7 +20,7 @@ TRANSPARENT = ("frame", "replicate")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Elements:
-    """The elements of an object or a surface.
+    """The elements of an object, a surface or a fixture.
 
     Attributes:
         name: its compiled name; of several copies, that of the first, which represents all.
@@ -31,6 +31,7 @@ class Elements:
         defaults: what its elements inherit.
         parts: an object's bodies beside its own, which move with it.
         through: the `<attach>` elements that bring it from another model, the outermost first.
+        joint: a fixture's `<joint>`.
     """
 
     name: str
@@ -42,6 +43,7 @@ class Elements:
     defaults: Defaults
     parts: tuple[Element, ...] = ()
     through: tuple[Element, ...] = ()
+    joint: Element | None = None
 
     def moved_by(self) -> Element | None:
         """Nearest ancestor with a pose, so that the element's pose is not the world's; or None."""
@@ -111,6 +113,16 @@ def is_free(body: Element, defaults: Defaults) -> bool:
 def has_joint(body: Element) -> bool:
     """True if a body has a joint of its own."""
     return any(child.tag in ("joint", "freejoint") for child in through_frames(body))
+
+
+def hinged_by(body: Element, defaults: Defaults) -> Element | None:
+    """The one slide or hinge joint of a body below which no other joint is; None for other bodies."""
+    below = list(body.iter("joint", "freejoint", "attach", "replicate"))
+    own = [child for child in through_frames(body) if child.tag == "joint"]
+    if len(below) != 1 or below != own:
+        return None
+    kind = defaults.attribute(own[0], "type") or "hinge"
+    return own[0] if kind in ("slide", "hinge") else None
 
 
 def through_frames(body: Element) -> Iterator[Element]:

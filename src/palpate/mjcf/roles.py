@@ -1,7 +1,8 @@
-"""Roles of a document's elements: objects, surfaces and robots.
+"""Roles of a document's elements: objects, surfaces, fixtures and robots.
 
 A body with a free joint is an object; a static named body or geom that may carry things is a
-surface; an articulated body that is driven, or ends in a hand, is a robot and neither.
+surface; a named body that slides or turns on one joint is a fixture (a drawer, a door); an
+articulated body that is driven, or ends in a hand, is a robot and none of these.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from palpate.mjcf.elements import (
     colliding,
     copy_mark,
     has_joint,
+    hinged_by,
     inertial_of,
     is_free,
     own_geoms,
@@ -47,7 +49,7 @@ class Roles:
     Attributes:
         root: the scene's root element.
         robots: root bodies of robots, or the `<attach>` elements that bring them.
-        ignored: bodies with other joints, which are neither robot nor object: drawers and doors.
+        ignored: bodies with other joints, which are neither robot nor object.
         replicated: free bodies whose parts `<replicate>` or `<attach>` copies, so that one element
             is many shapes.
         brought: parts of attached models.
@@ -67,6 +69,11 @@ class Roles:
     def objects(self) -> dict[str, Elements]:
         """Objects by name."""
         return self._of("object")
+
+    @property
+    def graspable(self) -> dict[str, Elements]:
+        """Objects, and fixtures by their handles, by name."""
+        return self.objects | self._of("fixture")
 
     @property
     def surfaces(self) -> dict[str, Elements]:
@@ -176,8 +183,10 @@ def _sort_body(body: Element, found: Roles, model: _Model) -> None:
         if body.get("name") and body.get("mocap") != "true":
             _add_surface(body, own_geoms(body), found, model)
         _walk(body, found, model, world=not body.get("name"))
+    elif body.get("name") and (joint := hinged_by(body, found.defaults)) is not None:
+        _add_fixture(body, joint, found, model)
     else:
-        found.ignored.append(body)  # drawers and doors
+        found.ignored.append(body)
 
 
 def _add_object(body: Element, found: Roles, model: _Model) -> None:
@@ -216,10 +225,29 @@ def _add_surface(element: Element, geoms: tuple[Element, ...], found: Roles, mod
         _register(body, found)
 
 
+def _add_fixture(body: Element, joint: Element, found: Roles, model: _Model) -> None:
+    geoms = tuple(body.iter("geom"))
+    if not geoms or body.getroottree().getroot() is not found.root:
+        found.ignored.append(body)
+        return
+    made = Elements(
+        name=compiled_name(body, body.get("name", ""), model.through),
+        role="fixture",
+        element=body,
+        geoms=geoms,
+        colliding=colliding(geoms, found.defaults),
+        inertial=inertial_of(body),
+        defaults=found.defaults,
+        through=model.through,
+        joint=joint,
+    )
+    _register(made, found)
+
+
 def _register(body: Elements, found: Roles) -> None:
     if body.name in found.bodies:
         raise InputError(
-            f"two objects or surfaces are called '{body.name[:80]}' ({label(body.element)} is the "
+            f"two bodies are called '{body.name[:80]}' ({label(body.element)} is the "
             "second); give each its own name"
         )
     found.bodies[body.name] = body

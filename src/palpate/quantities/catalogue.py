@@ -9,6 +9,8 @@ from palpate.errors import unknown_name
 from palpate.extensions import extensions, public
 from palpate.parameter import Parameter
 from palpate.quantities.com import CentreOfMass, CentreOfMassInSpace
+from palpate.quantities.fixture.dynamics import Damping, DryFriction, SpringStiffness
+from palpate.quantities.fixture.range import Range
 from palpate.quantities.friction import Friction
 from palpate.quantities.height import Height, Tilt
 from palpate.quantities.inertia import Inertia
@@ -37,6 +39,10 @@ OWN: tuple[type[Quantity], ...] = (
     Restitution,
     Size,
     Tilt,
+    DryFriction,
+    Damping,
+    SpringStiffness,
+    Range,
 )
 """Order of the results, and of the priors: each may use the believed values of those before it."""
 

@@ -44,6 +44,7 @@ class Friction(Quantity):
     unit = UNIT
     subject = "object"
     label = "sliding friction"
+    elsewhere = "frictionloss"
     words: ClassVar = {
         "en": ("friction", "slipperiness", "slippery", "grip", "mu"),
         "de": ("reibung", "reibungskoeffizient", "reibungszahl", "reibwert", "haftung"),

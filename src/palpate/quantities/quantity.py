@@ -171,7 +171,7 @@ class Quantity:
     Attributes:
         id: name in plans, results and on the command line.
         unit: SI unit, as printed.
-        subject: kind of thing that has it, `object`, `surface` or `gripper`.
+        subject: kind of thing that has it, `object`, `surface`, `fixture` or `gripper`.
         label: name for people; the id unless declared.
         words: by language, its names in requests, singular, lower case.
         size: number of components of its value.
@@ -191,7 +191,7 @@ class Quantity:
 
     id: ClassVar[str]
     unit: ClassVar[str]
-    subject: ClassVar[Literal["object", "surface", "gripper"]]
+    subject: ClassVar[Literal["object", "surface", "fixture", "gripper"]]
     label: ClassVar[str]
     words: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     size: ClassVar[int] = 1

@@ -40,6 +40,7 @@ class Stiffness(Quantity):
     id = "stiffness"
     unit = UNIT
     subject = "surface"
+    elsewhere = "spring"
     words: ClassVar = {
         "en": ("stiffness", "stiff", "softness", "soft", "springiness", "firmness", "compliance"),
         "de": ("steifigkeit", "steifheit", "federsteifigkeit", "nachgiebigkeit"),
@@ -77,11 +78,11 @@ class ContactDamping(Quantity):
     subject = "surface"
     label = "contact damping"
     words: ClassVar = {
-        "en": ("contact damping", "damping", "dissipation"),
-        "de": ("kontaktdämpfung", "dämpfung"),
-        "es": ("amortiguamiento", "amortiguación"),
-        "fr": ("amortissement",),
-        "it": ("smorzamento",),
+        "en": ("contact damping", "dissipation"),
+        "de": ("kontaktdämpfung",),
+        "es": ("amortiguamiento del contacto",),
+        "fr": ("amortissement du contact",),
+        "it": ("smorzamento del contatto",),
     }
     how = "as stiffness"
     evidence = (TOUCH,)

@@ -108,6 +108,12 @@ class Robot(Protocol):
         until then."""
         ...
 
+    def turn_about(self, axis: Array, point: Array, angle: float, speed: float) -> None:
+        """Start a motion with bounded jerk of the commanded pose on an arc: by `angle` rad about the unit
+        `axis` (3,) through a `point` (3,), m (world), and turned with it, at most `speed` m/s. It begins at
+        rest. `state.moving` until the command has ended."""
+        ...
+
     def open_gripper(self) -> None:
         """Start opening the fingers fully. `state.gripper_moving` until they have stopped."""
         ...

@@ -54,7 +54,7 @@ class Description:
 
     Attributes:
         shapes: compiled with stand-ins for everything unknown.
-        bodies: objects and surfaces by name, in document order.
+        bodies: objects, surfaces and fixtures by name, in document order.
         placed: the changes that put bodies where the poses say, and down onto their support.
         lowered: names of the bodies that were let down.
         refused: static bodies with a name that are no surfaces, with the reason.
@@ -88,7 +88,7 @@ def describe(
     _refuse_other_unknowns(document, roles, slots)
     for names, kind, valid in (
         (poses.objects, "object in poses", roles.bodies),
-        (poses.grasps, "object in grasps", roles.objects),
+        (poses.grasps, "object in grasps", roles.graspable),
     ):
         for name in names:
             if name not in valid:
@@ -163,7 +163,8 @@ def _refuse_other_unknowns(document: Document, roles: Roles, slots: Iterable[Slo
                     f'{label(element)}: {attribute}="{text[:60]}" cannot be measured; '
                     f"{_no_object(element, roles)}`?` may stand for an object's mass, density, "
                     "friction, <inertial>, pos, and size where it is one shape whose z is known; of a "
-                    "surface only the height can be measured: z in pos, or half height in size"
+                    "surface only the height can be measured: z in pos, or half height in size; of a drawer's or "
+                    "door's joint damping, frictionloss, stiffness and range"
                 )
 
 
@@ -174,7 +175,12 @@ def _no_object(element: Element, roles: Roles) -> str:
         if body in roles.ignored:
             return (
                 f"'{called}' has joints that are not free: with a <freejoint/> in their place it "
-                "would be an object; "
+                "would be an object, with a name and one slide or hinge joint a drawer or a door; "
+            )
+        if any(body is one.element and one.role == "fixture" for one in roles.bodies.values()):
+            return (
+                f"'{called}' slides or turns on a joint: with a <freejoint/> in its place it would be an "
+                "object; "
             )
         if body in roles.replicated:
             return f"'{called}' has parts that one line makes several of: write each of them; "

@@ -62,12 +62,14 @@ class Geometry:
 
     Attributes:
         objects: geoms of each object, in the world.
+        handles: geoms of each fixture's handle, in the world.
         clouds: (n, 3) points of all geoms of each object.
         tops: (n, 3) points of each surface's carrier.
         solids: owner ("" without one) and outline of every colliding geom except planes.
     """
 
     objects: Mapping[str, list[Convex]]
+    handles: Mapping[str, list[Convex]]
     clouds: Mapping[str, Array]
     tops: Mapping[str, Array]
     solids: Sequence[tuple[str, Obstacle]]
@@ -86,6 +88,7 @@ class Geometry:
         """From the compiled scene."""
         shapes = resolved.shapes
         objects: dict[str, list[Convex]] = {}
+        handles: dict[str, list[Convex]] = {}
         carriers: dict[str, int] = {}
         movable: set[int] = set()
         # Objects are obstacles under their own names; all other geoms are fixed.
@@ -93,10 +96,15 @@ class Geometry:
             if body.role == "surface":
                 carriers[name] = shapes.geom_ids[body.carrier]
                 continue
+            if body.role == "fixture":
+                handle = body.handle
+                handles[name] = [shapes.convex(geom) for geom in handle]
+                movable |= {shapes.geom_ids[geom] for geom in handle}
+                continue
             objects[name] = [shapes.convex(geom) for geom in body.elements.colliding]
             movable |= {shapes.geom_ids[geom] for geom in body.elements.geoms}
         solids: list[tuple[str, Obstacle]] = []
-        for name, geoms in objects.items():
+        for name, geoms in (*objects.items(), *handles.items()):
             solids += [(name, Obstacle.of(geom.points)) for geom in geoms]
         owner = {i: name for name, i in carriers.items()}
         for i in shapes.solid_geoms():
@@ -106,7 +114,7 @@ class Geometry:
         for name, geoms in objects.items():
             clouds[name] = np.concatenate([geom.points for geom in geoms])
         tops = {name: shapes.geom_points(i) for name, i in carriers.items()}
-        return cls(objects, clouds, tops, solids, bodies, base, arm)
+        return cls(objects, handles, clouds, tops, solids, bodies, base, arm)
 
     def others(self, *names: str | None) -> list[Obstacle]:
         """Obstacles except the named objects and surfaces; None names nothing."""
@@ -146,22 +154,27 @@ def derive_symbols(
     geometry = Geometry.of(resolved, bodies, base, arm)
     entries = resolved.poses
     grasps = {name: _grasp(geometry, name) for name in geometry.objects}
-    poses = _poses(geometry, grasps, entries)
+    held = {name: _handle_grasp(geometry, name) for name in geometry.handles}
+    poses = _poses(geometry, grasps | held, entries)
     later = _later(geometry, poses)
     common, special = given_offsets(entries)
     for name in special:
-        if name not in geometry.objects:
-            raise unknown_name("object in offsets", name, geometry.objects)
+        if name not in grasps | held:
+            raise unknown_name("object in offsets", name, grasps | held)
     own: dict[str, dict[str, Array]] = {}
     for name, grasp in grasps.items():
         derived = _own_offsets(geometry, name, grasp, poses[f"{name}_pose"])
         own[name] = derived | common | special.get(name, {})
+    for name in geometry.handles:
+        lift = {"z_offset": _lift(geometry, geometry.handles[name], poses[f"{name}_pose"], name)}
+        own[name] = vectors(DEFAULT_OFFSETS) | lift | common | special.get(name, {})
     lines = _lines(geometry, poses, own)
     subjects: dict[str, str] = {}
     for name in geometry.objects:
         for kind in ("pose", "temporary", "top", "across", "balance"):
             subjects[f"{name}_{kind}"] = name
     subjects |= {f"{name}_approach": name for name in geometry.tops}
+    subjects |= {f"{name}_pose": name for name in geometry.handles}
     names = {*poses, *later, *lines}
     return Symbols(
         poses=poses,
@@ -171,7 +184,7 @@ def derive_symbols(
         configurations=configurations(entries, arm.home),
         offsets=vectors(DEFAULT_OFFSETS) | common,
         own_offsets=own,
-        ungraspable=_ungraspable(geometry, grasps, entries),
+        ungraspable=_ungraspable(geometry, grasps | held, entries),
     )
 
 
@@ -324,21 +337,36 @@ def _grasp(geometry: Geometry, name: str) -> Grasp:
     return found
 
 
+def _handle_grasp(geometry: Geometry, name: str) -> Grasp:
+    """The grasp of a fixture's handle; its yaw is that of the joint's way."""
+    joint, handle = geometry.bodies[name].joint, geometry.handles[name]
+    assert joint is not None
+    middle = np.concatenate([geom.points for geom in handle]).mean(axis=0)
+    x, y, _ = joint.direction(middle).tolist()
+    yaw = float(np.arctan2(y, x))
+    return derive_grasp(geometry.arm, handle, geometry.others(name), yaw, geometry.base)
+
+
 def _own_offsets(geometry: Geometry, name: str, grasp: Grasp, pose: Pose) -> dict[str, Array]:
     """Offsets (3,), m: along x half of the grasp's slack beyond the pads, along y a quarter of the
     width, along z a lift clear of neighbours."""
     # At least 5 mm, also where the grasp has no slack.
     x = max((grasp.slack - geometry.arm.hand.pad) / 2, 0.005)
     y = max(grasp.width / 4, 0.005)
-    lift, bottom = USUAL_LIFT, float(geometry.clouds[name][:, 2].min())
-    for other in geometry.others(name):
-        if _on_the_way(other.outline, pose, geometry.base):
-            lift = max(lift, other.top + CLEAR - bottom)
     return {
         "x_offset": np.array([x, 0, 0]),
         "y_offset": np.array([0, y, 0]),
-        "z_offset": np.array([0, 0, float(np.clip(lift, *LIFT))]),
+        "z_offset": _lift(geometry, geometry.objects[name], pose, name),
     }
+
+
+def _lift(geometry: Geometry, geoms: Sequence[Convex], pose: Pose, name: str) -> Array:
+    """(3,) m, upwards: clear of the neighbours of `geoms`, which are `name`'s."""
+    lift, bottom = USUAL_LIFT, min(float(geom.points[:, 2].min()) for geom in geoms)
+    for other in geometry.others(name):
+        if _on_the_way(other.outline, pose, geometry.base):
+            lift = max(lift, other.top + CLEAR - bottom)
+    return np.array([0.0, 0.0, float(np.clip(lift, *LIFT))])
 
 
 def _on_the_way(outline: Array, pose: Pose, base: Pose) -> bool:

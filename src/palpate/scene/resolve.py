@@ -27,8 +27,11 @@ from palpate.scene.describe import Description, describe
 from palpate.scene.poses import Poses
 from palpate.scene.words import thing_words
 
-SHAPELESS = frozenset({"mass", "density", "friction", "priority", "solref", "solimp", "solmix"})
-"""Attributes of geoms that do not change the scene's geometry."""
+SHAPELESS = frozenset(
+    {"mass", "density", "friction", "priority", "solref", "solimp", "solmix"}
+    | {"damping", "frictionloss", "stiffness"}
+)
+"""Attributes of geoms and joints that do not change the scene's geometry."""
 
 Bodies = Mapping[str, BodyDescription]
 
@@ -86,7 +89,7 @@ class ResolvedScene:
         return compile_spec(model_tree(self.document, self.description.roles, made))
 
     def bodies(self) -> dict[str, Body]:
-        """Objects and surfaces by name, in document order."""
+        """Objects, surfaces and fixtures by name, in document order."""
         found: dict[str, Body] = {}
         for name, body in self.description.bodies.items():
             found[name] = self._body(replace(body, shapes=self.shapes))
@@ -120,12 +123,12 @@ class ResolvedScene:
             elif status in others:
                 others[status].add(quantity.id)
         centre, size = body.box()
-        is_object = body.role == "object"
+        is_object, is_surface = body.role == "object", body.role == "surface"
         entry = self.poses.objects.get(body.name)
         words = thing_words(
             body.name,
-            body.elements.element if is_object else body.carrier,
-            body.elements.geoms if is_object else (body.carrier,),
+            body.carrier if is_surface else body.elements.element,
+            body.elements.geoms if is_object else (body.carrier,) if is_surface else (),
             body.defaults,
             shapes=is_object,
         )
@@ -141,6 +144,7 @@ class ResolvedScene:
             assumed=frozenset(others["assumed"]),
             accuracy=self.poses.accuracy if entry is None or entry.std is None else entry.std,
             seen=entry is not None and entry.is_unsure,
+            joint=body.joint,
         )
 
 
@@ -167,10 +171,14 @@ def resolve(document: Document, poses: Poses, catalogue: Catalogue) -> ResolvedS
 
 
 def beliefs(bodies: Bodies, catalogue: Catalogue) -> dict[Parameter, Prior]:
-    """Priors of everything missing: of surfaces first, then of the objects on them."""
+    """Priors of everything missing: of surfaces and fixtures first, then of the objects on them."""
     found: dict[Parameter, Prior] = {}
     means: dict[Parameter, tuple[float, ...]] = {}
-    for role in ("surface", "object"):  # the prior of an object's z depends on its surface
+    for role in (
+        "surface",
+        "fixture",
+        "object",
+    ):  # the prior of an object's z depends on its surface
         for body in bodies.values():
             for quantity in catalogue.of(role) if body.role == role else ():
                 if quantity.status(body) == "missing":

@@ -30,7 +30,7 @@ class Scene:
     Attributes:
         text: the user's MJCF, byte for byte as read (decoded utf-8).
         path: its file, None if built from text.
-        bodies: objects and surfaces by name, in document order.
+        bodies: objects, surfaces and fixtures by name, in document order.
         symbols: names a plan may use: poses, places, joint configurations, offsets.
         arm: arm of the plans; grasps, reach and `home_config` depend on it.
         pose_world_base: pose of the arm's base (site `robot_base`, else that of the scene's own
@@ -61,14 +61,17 @@ class Scene:
     """Bodies with a free joint."""
     surfaces: Mapping[str, Body] = field(init=False)
     """Static bodies that carry things."""
+    fixtures: Mapping[str, Body] = field(init=False)
+    """Bodies with a slide or hinge joint: drawers, doors, windows."""
 
     def __post_init__(self) -> None:
-        for field_name, role in (("objects", "object"), ("surfaces", "surface")):
+        for role in ("object", "surface", "fixture"):
             chosen = {name: body for name, body in self.bodies.items() if body.role == role}
-            object.__setattr__(self, field_name, chosen)
+            object.__setattr__(self, f"{role}s", chosen)
 
     def __repr__(self) -> str:
         counts = [(len(self.objects), "object"), (len(self.surfaces), "surface")]
+        counts += [(len(self.fixtures), "fixture")] if self.fixtures else []
         counted = [f"{number} {noun}{'s' * (number != 1)}" for number, noun in counts]
         return f"<Scene '{self.name}': {', '.join(counted)}, {len(self.missing)} missing>"
 
@@ -97,7 +100,7 @@ class Scene:
         return self.resolved.document.files
 
     def body(self, name: str) -> Body:
-        """Return the object or surface `name`.
+        """Return the object, surface or fixture `name`.
 
         Raises:
             InputError: unknown; the message lists the valid ones.

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Activity = Literal["still", "moving", "sliding", "contact", "tilting", "turning", "swinging"]
+Activity = Literal[
+    "still", "moving", "sliding", "contact", "tilting", "turning", "swinging", "working", "limit"
+]
 Triple = tuple[float, float, float]
 
 ABOVE = " + z_offset"
@@ -24,7 +26,8 @@ class Context:
         activity: `still` in free air, `moving` in free air, `sliding` (a held object is dragged along
             its support), `contact` (pressing on a surface after a guarded motion), and in free air
             `tilting` (still at several tilts in turn), `turning` (about the vertical, and back) or
-            `swinging` (a sinusoidal rotation).
+            `swinging` (a sinusoidal rotation); `working` (a fixture is moved along its joint, or the
+            empty hand as if it did) or `limit` (it is moved to the limits of its joint).
         at: pose expression last reached.
         holding: object between the fingers, if any.
         grasp: pose expression at which it was grasped; of a recording by another program, numbers: position (m)

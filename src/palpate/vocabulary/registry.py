@@ -13,12 +13,12 @@ from palpate.extensions import extensions, public
 from palpate.quantities.catalogue import GROUP as QUANTITIES
 from palpate.quantities.catalogue import catalogue
 from palpate.quantities.quantity import Quantity
-from palpate.vocabulary import contact, gripper, motion, sensing, turning
+from palpate.vocabulary import contact, gripper, handle, motion, sensing, turning
 from palpate.vocabulary.base import ConversionPrimitive, Primitive
 
 GROUP = "palpate.primitives"
 """Entry-point group of third parties' packages. Each entry names a module."""
-CORE = (motion, turning, gripper, contact, sensing)
+CORE = (motion, turning, gripper, contact, handle, sensing)
 """Modules of palpate's own primitives, in the order of the documentation."""
 ABSTRACT = (Primitive, ConversionPrimitive)
 

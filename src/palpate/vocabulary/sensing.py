@@ -33,11 +33,16 @@ POSE_WINDOW = 0.3  # s
 
 class _Sensing(Primitive):
     group: ClassVar = "sensing"
+    timeout: ClassVar[float] = 300.0  # Longer than any motion beside it
     window: ClassVar[float]
 
     def expectation(self, state: SymbolicState) -> Expectation:
-        held, touching = state.holding is not None, state.activity in ("contact", "sliding")
-        return Expectation(holding=held, grasped=held, contact=touching)
+        held = state.holding is not None
+        works = state.activity in ("working", "limit")
+        touching = works or state.activity in ("contact", "sliding")
+        # Who works a handle takes hold of it meanwhile, and sees to its slipping.
+        grasped = held and not works
+        return Expectation(holding=held, grasped=grasped, contact=touching)
 
     def effects(self, state: SymbolicState) -> SymbolicState:
         return state.wrote(self.writes) if self.writes else state

@@ -14,6 +14,7 @@ Each concern has a file of its own; `tuning.NAME` finds a number whichever it st
 
 from palpate.estimation.tuning.arm import *
 from palpate.estimation.tuning.contact import *
+from palpate.estimation.tuning.fixture import *
 from palpate.estimation.tuning.friction import *
 from palpate.estimation.tuning.held import *
 from palpate.estimation.tuning.load import *

@@ -145,5 +145,9 @@ def _others(noun: str) -> Iterator[str]:
 
 OBJECT_NOUNS = frozenset({"object", "thing", "item", "body"})
 """Nouns that fit any object."""
-_KINDS: Mapping[str, frozenset[str]] = {"object": OBJECT_NOUNS, "surface": frozenset({"surface"})}
+_KINDS: Mapping[str, frozenset[str]] = {
+    "object": OBJECT_NOUNS,
+    "surface": frozenset({"surface"}),
+    "fixture": frozenset({"fixture"}),
+}
 _GRIPPER = frozenset({"gripper", "hand", "arm", "robot"})

@@ -109,9 +109,10 @@ class Resolver:
         )
 
     def ordered(self, parameters: Sequence[Parameter]) -> list[Parameter]:
-        """Each once: surfaces first, then objects, both in document order; quantities as in the
+        """Each once: surfaces first, then objects and fixtures, each in document order; quantities as in the
         catalogue."""
-        names = [*self.scene.surfaces, *self.scene.objects, GRIPPER]
+        scene = self.scene
+        names = [*scene.surfaces, *scene.objects, *scene.fixtures, GRIPPER]
         every = [Parameter(name, id) for name in names for id in self.catalogue]
         return sorted(dict.fromkeys(parameters), key=every.index)
 

@@ -98,7 +98,8 @@ def corners(scene: Scene, name: str, axis: str, state: SymbolicState, sides: str
 
 def approach(scene: Scene, name: str) -> tuple[str, str]:
     """Pose expressions above an object or surface and at it."""
-    spot = f"{name}_pose" if name in scene.objects else f"{name}_approach"
+    graspable = name in scene.objects or name in scene.fixtures
+    spot = f"{name}_pose" if graspable else f"{name}_approach"
     return f"{spot} + z_offset", spot
 
 

@@ -22,7 +22,7 @@ from palpate.planning.request.grounding import Grounded, ground
 from palpate.planning.request.item import GRIPPER
 from palpate.planning.symbolic.errand import Errand, errand
 from palpate.planning.symbolic.passes import Efforts, efforts
-from palpate.planning.symbolic.places import BALANCE
+from palpate.planning.symbolic.places import BALANCE, approach
 from palpate.planning.symbolic.search import Backchainer
 from palpate.quantities.catalogue import catalogue
 from palpate.quantities.within import Within
@@ -274,7 +274,7 @@ def unusable(scene: Scene, name: str) -> str:
     unfit = does_not_fit(scene, name)
     if unfit:
         return unfit
-    symbol = f"{name}_pose" if name in scene.objects else f"{name}_approach"
+    _, symbol = approach(scene, name)
     try:
         pose = scene.symbols.resolve(symbol)
     except InputError:

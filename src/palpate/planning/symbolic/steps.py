@@ -113,7 +113,7 @@ def is_preferred(
     """
     if before.pose_world_tcp is None:
         return after.at == HOME_CONFIG
-    if "gripper" in primitive.claims:
+    if "arm" not in primitive.claims:
         if after.gripper != "closed":
             return releases_in_place(before)
         # The empty hand closes only above the top of an object, to probe it with its fingertips.

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
-from palpate.robots.commanded import Commanded, swing_path
+from palpate.robots.commanded import Arc, Commanded, swing_path
 from palpate.robots.description import RobotDescription
 from palpate.robots.franky.course import Course, joint_course, pose_course
 from palpate.robots.franky.drive import Drive, Row
@@ -143,6 +143,15 @@ class FrankyRobot(Commanded):
             begin = self._pose_motion(before, clock)
             path = swing_path(0.0, begin, about, angle, frequency, cycles)
             return pose_course(path, self._posture(before), self._base)
+
+        self._follow(course)
+
+    def turn_about(self, axis: Array, point: Array, angle: float, speed: float) -> None:
+
+        def course(before: Course | None, clock: float) -> Course:
+            begin, q = self._pose_motion(before, clock), self._readout.q
+            path, posture = self._arc_path(0.0, begin, Arc(axis, point, angle), speed, q)
+            return pose_course(path, posture.sample(posture.knots[-1:])[0], self._base)
 
         self._follow(course)
 

@@ -105,6 +105,9 @@ class Watched:
     def swing(self, about: Array, angle: float, frequency: float, cycles: int) -> None:
         self._robot.swing(about, angle, frequency, cycles)
 
+    def turn_about(self, axis: Array, point: Array, angle: float, speed: float) -> None:
+        self._robot.turn_about(axis, point, angle, speed)
+
     def open_gripper(self) -> None:
         self._robot.open_gripper()
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
-from palpate.robots.commanded import Commanded, swing_path
+from palpate.robots.commanded import Arc, Commanded, swing_path
 from palpate.robots.description import RobotDescription
 from palpate.robots.nominal import NominalArm, unexplained
 from palpate.robots.owner.arm import known, unmeasured
@@ -168,6 +168,11 @@ class MujocoRobot(Commanded):
         t, begin = self._world.t, self._pose_begin()
         path = swing_path(t, begin, about, angle, frequency, cycles)
         self._follow_pose(path, still(t, self._readout.q))
+
+    def turn_about(self, axis: Array, point: Array, angle: float, speed: float) -> None:
+        self._reflex = None
+        t, begin, q = self._world.t, self._pose_begin(), self._readout.q
+        self._follow_pose(*self._arc_path(t, begin, Arc(axis, point, angle), speed, q))
 
     def open_gripper(self) -> None:
         self._gripper.open(self._world.t)

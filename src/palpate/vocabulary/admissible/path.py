@@ -115,7 +115,12 @@ def straight_path(
 
 
 def _straight_path(solids: Solids, start: Pose, end: Pose, q: tuple[Array, Array]) -> ArmPath:
-    hand = hand_path(start, end, 0.0)
+    return arm_path(solids, hand_path(start, end, 0.0), q)
+
+
+def arm_path(solids: Solids, hand: ArmPath, q: tuple[Array, Array]) -> ArmPath:
+    """Path of the arm whose hand goes along `hand`, from joint angles `q[0]` to `q[1]`: interpolated
+    joint angles, corrected onto it by damped Newton steps."""
     shares = np.linspace(0.0, 1.0, hand.count)[:, None]
     bent = (1 - shares) * q[0] + shares * q[1]
     for _ in range(CORRECTIONS):

@@ -19,7 +19,7 @@ SHARES = (0.75, 0.5, 0.25, 0.1)
 
 def out_of_reach(state: SymbolicState, pose_world_tcp: Pose, name: str) -> list[Violation]:
     """Violation for the pose called `name` beyond the arm's reach; empty within it."""
-    if _reaches(state, pose_world_tcp):
+    if reaches(state, pose_world_tcp):
         return []
     problem = (
         f"{too_far(pose_world_tcp, name)}; {_nearer(state, name)}, or leave out what needs it "
@@ -28,7 +28,8 @@ def out_of_reach(state: SymbolicState, pose_world_tcp: Pose, name: str) -> list[
     return [Violation("unreachable", problem)]
 
 
-def _reaches(state: SymbolicState, pose_world_tcp: Pose) -> bool:
+def reaches(state: SymbolicState, pose_world_tcp: Pose) -> bool:
+    """True if the arm reaches a pose."""
     if state.reaches is not None:
         return state.reaches(pose_world_tcp)
     return solids(state.scene).reaches(pose_world_tcp)
@@ -41,7 +42,7 @@ def _nearer(state: SymbolicState, name: str) -> str:
     for share in SHARES:
         terms = tuple((round(share * factor, 2), offset) for factor, offset in expression.terms)
         smaller = PoseExpression(expression.name, terms)
-        if terms and _reaches(state, symbols.resolve(smaller, state.bound)):
+        if terms and reaches(state, symbols.resolve(smaller, state.bound)):
             return f"write MovePose '{smaller}', which is within reach"
     return "choose a pose nearer to the base"
 

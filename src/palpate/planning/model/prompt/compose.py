@@ -242,6 +242,7 @@ _SUBJECTS = {
     "gripper": "the held object or of `gripper`",
     "object": "an object",
     "surface": "a surface",
+    "fixture": "a drawer or door",
 }
 
 
