@@ -39,6 +39,8 @@ PLANK = (
     '<geom type="box" size=".025 .025 .025" mass="{mass}"/></body>'
 )
 """A plank over the edge of the table, which only the weight on it keeps from tipping."""
+HEAVY = PLANK.replace(".5 .2 .055", ".5 .2 .08").replace(".025 .025 .025", ".025 .025 .05")
+"""With a weight that, as believed from its volume, holds it."""
 BOARD = (
     CAN + '<body name="board" pos=".5 -.1 .1" euler="-30 0 0"><freejoint/>'
     '<geom type="box" size=".03 .005 .09" mass=".2"/></body>'
@@ -177,7 +179,7 @@ def test_a_model_corrects_what_the_rehearsal_of_its_plan_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("OPENAI_API_KEY", "sk-test-0123456789")
-    cell = scene(PLANK, "?")
+    cell = scene(HEAVY, "?")
     refusal = {"outcome": "cannot", "parameters": [], "explanation": "it holds up the plank"}
     with Loopback(Says(dump_plan(weighing(cell, "weight"))), Says(json.dumps(refusal))) as server:
         asked = Settings(

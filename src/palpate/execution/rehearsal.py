@@ -176,7 +176,8 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
         robot.advance(QUIET)
         robot.drain()
         if (moved := harm(witness).first) is not None:
-            return _unsettled(moved[1])
+            # Nothing stands as the scene has it with the values drawn: they are not the true ones.
+            return _unsettled(moved[1] if seed == 0 else None)
         done = run(
             plan,
             scene,
@@ -198,13 +199,13 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
     return _Attempt(done.actions, done.robot_seconds, peak, harmed, stop, look.foresight)
 
 
-def _unsettled(what: str) -> _Attempt:
-    """Outcome in a world in which something moves while the arm rests."""
-    why = (
+def _unsettled(what: str | None) -> _Attempt:
+    """Outcome in a world in which something moves while the arm rests; None: a harmless one."""
+    why = what and (
         f"{what} while the arm rests: the scene does not settle; state it as it stands, and give what rolls "
         'condim="6" and rolling friction, or lay it against something'
     )
-    return _Attempt(0, 0.0, 0.0, ("tree", why), None, Foresight())
+    return _Attempt(0, 0.0, 0.0, ("tree", why) if why else None, None, Foresight())
 
 
 def _is_harming(witness: Witness, named: Collection[str]) -> bool:
