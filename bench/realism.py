@@ -12,10 +12,11 @@ import numpy as np
 from bench.recorded import free_motion, real
 from palpate.geometry.pose import Array, Pose
 from palpate.logs.sampling import resampled
-from palpate.logs.statistics import GRAVITY, statistics
+from palpate.logs.statistics import statistics
 from palpate.robots.nominal import NominalArm, wrenches
 from palpate.robots.registry import load_description
 from palpate.trace.log import ArmLog
+from palpate.trace.samples import STANDARD_GRAVITY
 
 ROWS = {
     "white": ("white noise at rest", 1.0),
@@ -62,7 +63,9 @@ def table(recordings: Sequence[Path], noises: Sequence[str], seeds: int) -> str:
 
 def hand_force(log: ArmLog) -> Array:
     """Compute the standard deviations (3,), N, of mean forces at the TCP in free motion."""
-    nominal = NominalArm(load_description(), Pose.of([0, 0, 0]), np.array([0, 0, -GRAVITY]))
+    nominal = NominalArm(
+        load_description(), Pose.of([0, 0, 0]), np.array([0, 0, -STANDARD_GRAVITY])
+    )
     q, dq, tau = (resampled(log.t, values, RATE)[1] for values in (log.q, log.dq, log.tau))
     here = nominal.kinematics(q, dq, np.gradient(dq, 1 / RATE, axis=0))
     left = tau - here.gravity_torque - here.inertia_torque

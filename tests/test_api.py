@@ -55,7 +55,7 @@ def test_the_estimates_of_a_stored_trace_are_made_anew(done: pp.Run, folder: Pat
 def test_no_estimates_are_made_anew_without_a_trace_or_of_another_version(
     done: pp.Run, folder: Path, tmp_path: Path
 ) -> None:
-    with pytest.raises(pp.InputError, match="contrast, recording, single-shot"):
+    with pytest.raises(pp.InputError, match="contrast, recording, rests-and-passes, single-shot"):
         done.estimate({"mass": "guess"})
     copy = tmp_path / "copy"
     shutil.copytree(folder, copy)
@@ -133,12 +133,13 @@ def test_what_was_drawn_does_not_look_measured(tmp_path: Path) -> None:
     assert (result["simulated"], result["truth"]) == (True, "drawn from priors")
     assert "drawn from priors" in result["parameters"][0]["method"]
     assert "drawn from priors" in (tmp_path / "run" / "twin.xml").read_text("utf-8")
-    assert "made up" in (tmp_path / "run" / "report.html").read_text("utf-8")
+    assert "drawn from priors (seed 1)" in (tmp_path / "run" / "report.html").read_text("utf-8")
 
 
 def test_what_a_world_says_is_no_draw(done: pp.Run, folder: Path) -> None:
     assert not done.drawn
     assert "drawn" not in (folder / "twin.xml").read_text("utf-8")
+    assert "made up" not in (folder / "report.html").read_text("utf-8")
 
 
 def test_a_scene_comes_from_a_file_too(tmp_path: Path) -> None:

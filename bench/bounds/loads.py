@@ -11,7 +11,7 @@ import numpy as np
 from bench.bounds.blocks import Blocks, Column, blocks, covariance
 from bench.bounds.errors import Hanging, deviation, errors
 from palpate.estimation.load.blocks import apart, lifted
-from palpate.estimation.load.segments import load_rows
+from palpate.estimation.load.in_hand import load_rows
 from palpate.estimation.motion import Mask, runs
 from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription

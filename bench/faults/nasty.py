@@ -1,28 +1,44 @@
-"""Plans written by hand to do harm, at least one against every rule of the check, and small scenes for
-them: a floor, a table with its top at z = 0, and a few things, the arm at the origin.
+"""Plans written by hand, and small scenes for them: a table with its top at z = 0 and a few things, the
+arm at the origin.
 
-Each plan must be refused, or be harmless when it is executed.
+`nasty.toml` has at least one plan against every rule of the check, `physics.toml` plans whose harm is
+physics': leaning, rolling, sagging, slipping things, and worlds that are not as believed. Each of them must
+be refused by the check or by the rehearsal, or be harmless when it is executed. The plans of `sensible.toml`
+must pass both.
 """
 
 from __future__ import annotations
 
+import re
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from bench.campaign.ledger import Row, judged_run
 from bench.harm.probe import probed_run
 from bench.variety import standing, tabletop
+from palpate.execution.rehearsal import rehearse
 from palpate.parameter import Parameter
 from palpate.planning.check.check import check
 from palpate.planning.plan import Node, Plan
 from palpate.scene.load import parse_scene
+from palpate.scene.poses import Poses
 from palpate.scene.scene import Scene
 
-FILE = Path(__file__).with_suffix(".toml")
+FOLDER = Path(__file__).parent
+KEYS = {"friction": 'friction="{} 0.005 0.0001"', "mass": 'mass="{}"', "slippery": 'priority="{}"'}
+"""Attributes of a thing in a line; of two frictions in contact MuJoCo takes the larger, but for "slippery"."""
+CENTIMETRES = Poses(
+    offsets={"cx": (0.01, 0.0, 0.0), "cy": (0.0, -0.01, 0.0), "cz": (0.0, 0.0, 0.01)}
+)
+"""Offsets by which steps are written: along the axes of a grasp, whose y is -y of the world where the hand points
+down and the fingers close along y."""
+AWAY = re.compile(r"(\w+)((?: -?[\d.]+){3}| up)")
+"""`THING X Y Z` and `THING up`."""
 Step = str | tuple["Step", ...]
 """A leaf in a word or two, or a composite's name and its children."""
 
@@ -36,7 +52,11 @@ PLAIN = {
     "height": Node("Pose2Height"),
     "plan": Node("Pose2Plan"),
     "velocity": Node("Force2Velocity"),
+    "fold": Node("FoldFingers"),
 }
+
+
+TURNS = {"tilt": ("Tilt", "about", "degrees"), "turn": ("Turn", "degrees"), "swing": ("Swing",)}
 
 
 def _fixed(name: str, at: str, size: str) -> str:
@@ -84,32 +104,84 @@ def small_scene(name: str) -> Scene:
     """A scene by name; with a `?` behind the name, on a table of unknown height."""
     plain = name.removesuffix("?")
     unknown = "?" if name.endswith("?") else "-0.02"
+    if plain in _lines():
+        return parse_scene(_text(plain, _lines()[plain], unknown), poses=CENTIMETRES)
     half = ".3 .3" if plain in _SMALL else ".38 .5"
     return parse_scene(tabletop(plain, _ALL[plain], unknown, half))
 
 
-SMALL_SCENES = tuple(_ALL)
+@cache
+def _lines() -> Mapping[str, Sequence[str]]:
+    """Scenes of the files, in lines."""
+    files = ("physics.toml", "sensible.toml")
+    return {name: lines for file in files for name, lines in _content(file)["scenes"].items()}
+
+
+@cache
+def _content(file: str) -> Mapping[str, Any]:
+    return tomllib.loads((FOLDER / file).read_text(encoding="utf-8"))
+
+
+def _text(name: str, lines: Sequence[str], table: str) -> str:
+    """MJCF of a scene in lines: things, MJCF, `half X Y` of the table, or `table Z` of its middle."""
+    half, things, ends = ".38 .5", "", ""
+    for line in lines:
+        word, _, rest = line.partition(" ")
+        if word == "half":
+            half = rest
+        elif word == "table":
+            table = rest
+        elif line.startswith("<equality>"):
+            ends += line
+        else:
+            things += line if line.startswith("<") else _thing(line)
+    text = tabletop(name, things, table, half)
+    return text.replace("</mujoco>", f"{ends}</mujoco>")
+
+
+def _thing(line: str) -> str:
+    """MJCF of `NAME SHAPE SIZE @ X Y Z [ROLL PITCH YAW] [KEY=VALUE]`, fixed with a "!" before it."""
+    head, _, tail = line.partition(" @ ")
+    name, shape, *size = head.split()
+    words = tail.split()
+    place = [word for word in words if "=" not in word]
+    given = {"friction": "0.7"} | dict(word.split("=") for word in words[len(place) :])
+    more = " ".join(KEYS[key].format(value) for key, value in given.items())
+    return (
+        f'<body name="{name.lstrip("!")}" pos="{" ".join(place[:3])}" euler="{" ".join(place[3:] or "000")}">'
+        f"{'' if name.startswith('!') else '<freejoint/>'}"
+        f'<geom type="{shape}" size="{" ".join(size)}" {more}/></body>'
+    )
+
+
+SMALL_SCENES = (*_ALL, *_lines())
 
 
 @dataclass(frozen=True, slots=True)
-class Nasty:
+class Written:
     """A plan written by hand.
 
     Attributes:
-        intention: the harm that it is meant to do, in a line.
+        intention: the harm that it is meant to do, or its purpose, in a line.
         scene: name of a small scene.
         measures: the parameters that it promises.
         requested: the parameters of the request, None without one.
-        explanation: of a plan without steps.
+        explanation: names what is handled without being measured.
+        world: scene that is the hidden world; the plan's own by default.
+        unseen: things of the world that the plan's scene does not show.
+        kind: of the campaign.
     """
 
     name: str
-    intention: str
     scene: str
     steps: tuple[Step, ...] | None
+    intention: str = ""
     measures: tuple[str, ...] = ()
     requested: tuple[str, ...] | None = None
     explanation: str = "written by hand"
+    world: str = ""
+    unseen: tuple[str, ...] = ()
+    kind: str = "nasty"
 
     @property
     def plan(self) -> Plan:
@@ -122,7 +194,7 @@ class Nasty:
         return None if self.requested is None else tuple(map(Parameter, self.requested))
 
     def blank(self) -> Row:
-        return Row.named("nasty", self.name, self.intention)
+        return Row.named(self.kind, self.name, self.intention)
 
 
 def _nodes(steps: Sequence[Step]) -> tuple[Node, ...]:
@@ -143,14 +215,35 @@ def _node(step: Step) -> Node:
         return Node("MoveJoints", (("joints", tuple(map(float, rest.split()))),))
     if word == "raw":
         return Node(rest)
-    return Node("MovePose", (("pose", step),))
+    if word in TURNS:
+        kind, *names = TURNS[word]
+        values = [float(one) if one[-1].isdigit() else one for one in rest.split()]
+        return Node(kind, tuple(zip(names, values, strict=True)))
+    return Node("MovePose", (("pose", _pose(step)),))
+
+
+def _pose(step: str) -> str:
+    """The pose expression of a motion: as it is written, a thing, or from there by centimetres."""
+    away = AWAY.fullmatch(step)
+    if away is None:
+        return f"{step}_pose" if step.isidentifier() and "_" not in step else step
+    if away[2] == " up":
+        return f"{away[1]}_pose + z_offset"
+    parts = [
+        f" + {n}*{axis}"
+        for n, axis in zip(away[2].split(), ("cx", "cy", "cz"), strict=True)
+        if float(n)
+    ]
+    return f"{away[1]}_pose{''.join(parts)}"
 
 
 START: tuple[Step, ...] = ("home", "open")
 
 
-def _grasp(name: str) -> tuple[Step, ...]:
-    return (*START, f"{name}_pose + z_offset", f"{name}_pose", "close")
+def _grasp(where: str) -> tuple[Step, ...]:
+    """Take the thing, at its grasp pose or beside it."""
+    place = _pose(where)
+    return (*START, f"{place} + z_offset", place, "close")
 
 
 def _leave(name: str) -> tuple[Step, ...]:
@@ -161,23 +254,49 @@ def _weigh(name: str) -> tuple[Step, ...]:
     return (*_grasp(name), f"{name}_pose + z_offset", "forces", "mass", *_leave(name))
 
 
-def _read() -> tuple[Nasty, ...]:
-    document = tomllib.loads(FILE.read_text(encoding="utf-8"))
-    return tuple(_entry(**entry) for entry in document["plan"])
+def _read(*files: str, **usual: Any) -> tuple[Written, ...]:
+    found = chain(*(_content(file)["plan"] for file in files))
+    return tuple(_entry(**usual | entry) for one in found for entry in _each(**one))
+
+
+def _each(each: Sequence[str] = (), **entry: Any) -> Iterator[dict[str, Any]]:
+    """An entry for `each` scene and thing, whose names stand for the {} in it."""
+    if not each:
+        yield entry
+    for scene, thing in map(str.split, each):
+        steps = [step.replace("{}", thing) for step in entry["steps"]]
+        yield entry | {"name": entry["name"].format(thing, scene), "scene": scene, "steps": steps}
 
 
 def _entry(
-    name: str,
-    intention: str,
-    scene: str,
     steps: Sequence[Any] | None = None,
-    measures: Sequence[str] = (),
+    creep: tuple[str, str, int] | None = None,
+    then: Sequence[str] = (),
     requested: Sequence[str] | None = None,
-    explanation: str = "written by hand",
-) -> Nasty:
+    **others: Any,
+) -> Written:
     tree = None if steps is None else _steps(steps)
+    if creep is not None and tree is not None:
+        tree = (*tree, *_crept(*creep), *_steps(then))
     asked = None if requested is None else tuple(requested)
-    return Nasty(name, intention, scene, tree, tuple(measures), asked, explanation)
+    lists = {key: tuple(others.pop(key, ())) for key in ("measures", "unseen")}
+    written = Written(steps=tree, requested=asked, **lists, **others)
+    if written.measures or written.explanation != "written by hand":
+        return written
+    taken = [
+        step.split()[1] for step in steps or () if isinstance(step, str) and step.startswith(TAKING)
+    ]
+    return replace(written, explanation=" ".join(("written by hand, for the", *taken[:1])))
+
+
+def _crept(start: str, way: str, count: int) -> Sequence[str]:
+    """Many small motions: from `start`, each by so many centimetres."""
+    name, *first = start.split()
+    places = (
+        [float(a) + i * float(b) for a, b in zip(first, way.split(), strict=True)]
+        for i in range(count)
+    )
+    return [" ".join((name, *(f"{one:.2f}" for one in place))) for place in places]
 
 
 def _steps(written: Sequence[Any]) -> tuple[Step, ...]:
@@ -193,24 +312,36 @@ def _steps(written: Sequence[Any]) -> tuple[Step, ...]:
     return tuple(found)
 
 
+def _lift(name: str) -> tuple[Step, ...]:
+    return (*_grasp(name), f"{name}_pose + z_offset", *_leave(name))
+
+
+TAKING = ("grasp ", "lift ", "weigh ")
 USUAL: dict[str, Callable[[str], tuple[Step, ...]]] = {
     "start": lambda _: START,
     "grasp": _grasp,
     "leave": _leave,
     "weigh": _weigh,
+    "lift": _lift,
 }
 """Usual sequences by their word."""
-NASTY = _read()
+NASTY, PHYSICS = _read("nasty.toml"), _read("physics.toml", kind="physics")
+SENSIBLE = _read("sensible.toml", kind="sensible")
 
 
-def judge(case: Nasty, blank: Row) -> Row:
-    """Check a nasty plan, and execute it if the check accepts it."""
+def judge(case: Written, blank: Row) -> Row:
+    """Check and rehearse a plan, and execute it in its world if both accept it."""
     scene, plan = small_scene(case.scene), case.plan
     findings = check(plan, scene, requested=case.asked)
+    if not findings and plan.tree is not None:
+        rehearsed = rehearse(plan, scene).finding
+        findings = [] if rehearsed is None else [rehearsed]
     if findings:
-        said = tuple(f"{f.rule}: {f.message}"[:300] for f in findings)
+        said = tuple(f"{f.rule}: {f.path}: {f.message}"[:300] for f in findings)
         rules = sorted({f.rule for f in findings})
-        return replace(blank, outcome="refused", said=said, figures={"rules": rules})
+        beyond = said if case.kind == "sensible" else ()
+        return replace(blank, outcome="refused", said=said, beyond=beyond, figures={"rules": rules})
     if plan.tree is None:
         return replace(blank, outcome="nothing to do")
-    return judged_run(blank, probed_run(plan, scene, None, "lab", 0))
+    world = small_scene(case.world) if case.world else None
+    return judged_run(blank, probed_run(plan, scene, world, "lab", 0, unseen=case.unseen))

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from palpate.estimation.coloured import coloured
+from palpate.estimation.coloured import Residual, Spans, learned, with_residual
 from palpate.estimation.regression import Cause, SignalNoise, fit
 
 ROWS, SIGNALS, TRIALS = 80, 2, 60
 TIME = 0.1 * np.arange(ROWS)
 APART = np.abs(TIME[:, None] - TIME)
+STILL = np.zeros((ROWS, SIGNALS))
+SPANS = Spans(TIME, np.zeros(ROWS), STILL, STILL)
 WHITE = 0.02
 """N m of a row."""
 
@@ -23,8 +25,7 @@ def fitted(y: np.ndarray, learn: bool):
     causes = [Cause("load", load, np.array([1e3])), Cause("zero", zeros, np.full(SIGNALS, 10.0))]
     noise = SignalNoise([WHITE * np.eye(ROWS)] * SIGNALS, 40.0)
     if learn:
-        kernels = np.array([np.exp(-APART / time) for time in (0.03, 0.3, 1.0, 4.0, 30.0)])
-        noise = coloured(causes, noise, y, [kernels] * SIGNALS)
+        noise = with_residual(noise, learned(causes, noise, y, SPANS), SPANS)
     mean, covariance = fit(causes, noise, y)["load"]
     return float(mean[0]), float(np.sqrt(covariance[0, 0]))
 
@@ -56,3 +57,27 @@ def test_white_noise_widens_nothing():
     _, narrow = scores(0.0, 1.0, learn=False)
     assert np.mean(stds) < 1.1 * np.mean(narrow)
     assert np.sqrt(np.mean(z**2)) < 1.3
+
+
+def test_a_mean_over_a_long_stretch_errs_less_and_one_at_rest_does_not():
+    # Half of the variance is that of gears, over the path alone.
+    sizes = np.zeros((1, len(SPANS.kernels(0))))
+    sizes[0, [0, -1]] = 0.5
+    residual = Residual(sizes, np.array([10.0]))
+
+    def variance(lasts: float, turns: float) -> float:
+        one = np.ones(1)
+        spans = Spans(one, lasts * one, np.zeros((1, 1)), turns * np.ones((1, 1)))
+        return float(residual.covariance(spans, 0)[0, 0])
+
+    assert variance(0.0, 0.0) == pytest.approx(1.0)
+    assert variance(5.0, 0.0) == pytest.approx(0.5, abs=0.01)
+    assert variance(5.0, 5.0) < 0.05
+
+
+def test_a_known_residual_says_how_sure_its_size_is():
+    residual = Residual(np.full((SIGNALS, len(SPANS.kernels(0))), 0.01), np.full(SIGNALS, 8.0))
+    alone = residual.freedom_beside(np.full(SIGNALS, 1e-9), 100.0, SPANS)
+    beside = residual.freedom_beside(np.full(SIGNALS, 1e3), 100.0, SPANS)
+    assert alone == pytest.approx(8.0)
+    assert beside == pytest.approx(100.0, rel=0.01)

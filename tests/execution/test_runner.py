@@ -3,7 +3,9 @@ from __future__ import annotations
 import os
 import signal
 import threading
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from py_trees.common import Status
 
@@ -140,20 +142,74 @@ def test_object_that_yields_as_it_is_put_down_is_pressed_again(
     assert ("open_gripper" in commands(robot)) == (times == 1)
 
 
-def test_without_support_below_the_object_stays_in_the_fingers(
-    plan, node, scene, robot, words, carrying
-):
-    def table_gone(r):
-        if r.state.pose_world_tcp.position[2] > 0.18:
-            r.support_z = -1.0
+def once_lifted(support_z):
+    """The support stands elsewhere by the time that the cup is lifted."""
 
-    robot.on_advance = table_gone
-    done = run(plan(*carrying, node("Go", z=0.2), node("Refuse")), scene, robot, words=words)
+    def moved(r):
+        if r.state.gripping and r.state.pose_world_tcp.position[2] > 0.18:
+            r.support_z = support_z
+
+    return moved
+
+
+@pytest.mark.parametrize("height", [0.2, TABLE + 0.002])
+def test_without_support_below_the_object_stays_in_the_fingers(
+    plan, node, scene, robot, words, carrying, height
+):
+    """Also where it was lifted, and is nearly at its place again."""
+    robot.on_advance = once_lifted(-1.0)
+    steps = [*carrying, node("Go", z=0.2), node("Go", z=height), node("Refuse")]
+    done = run(plan(*steps), scene, robot, words=words)
     assert "open_gripper" not in commands(robot)
     assert commands(robot)[-1] == "hold"
     assert done.final_state.holding == "cup"
     assert done.stopped_by == "Refuse(): it refuses; the fingers still hold 'cup'"
     assert "no support within" in done.trace.leaves[-1].message
+    assert robot.state.pose_world_tcp.position[2] > TABLE - 0.02, "it is not sought any further"
+
+
+@pytest.mark.parametrize(("higher", "put_down"), [(-0.01, True), (0.015, True), (0.03, False)])
+def test_only_what_is_met_where_the_support_is_believed_is_one(
+    plan, node, scene, robot, words, carrying, higher, put_down
+):
+    """A believed pose is 20 mm off at most: what is met higher up is something else."""
+    robot.on_advance = once_lifted(TABLE + higher)
+    done = run(plan(*carrying, node("Go", z=0.2), node("Refuse")), scene, robot, words=words)
+    assert ("open_gripper" in commands(robot)) == put_down
+    assert ("mm above its support" in done.trace.leaves[-1].message) == (not put_down)
+
+
+def test_a_support_bears_more_than_the_weight_before_the_fingers_open(
+    plan, node, scene, robot, words, carrying
+):
+    """Some newtons, which tell a support from a touch, and no more than that."""
+    pressed = []
+
+    def press(r):
+        if r.state.gripping:
+            pressed.append(-float(r.state.wrench[2]))
+
+    robot.on_advance = press
+    robot.set_reflex(robot.limits.reflexes.free)
+    run(plan(*carrying, node("Go", z=0.2), node("Refuse")), scene, robot, words=words)
+    assert 4.5 < pressed[-1] < 10.0
+    assert robot.thresholds == robot.limits.reflexes.contact, "pressing is part of it"
+
+
+def test_an_arm_that_presses_on_something_is_relieved_step_by_step(plan, node, scene, robot, words):
+    """`hold` alone keeps the force of the set-point that is ahead of the arm."""
+
+    def obstacle(r):
+        if r.state.t > 0.5:
+            left = 100.0 * 0.5 ** commands(r).count("move_joints")
+            r.put(wrench=np.array([left, 0.0, 0.0, 0.0, 0.0, 0.0]))
+
+    robot.on_advance = obstacle
+    done = run(plan(node("Go", z=0.1)), scene, robot, words=words)
+    assert "exceeds the limit of 40 N" in done.stopped_by
+    eased = [(call, what) for call, what in robot.calls if call == "move_joints"]
+    assert len(eased) == 2, "until no more than 25 N are left"
+    assert eased[-1][1] == pytest.approx(robot.state.q), "to where it stands"
 
 
 def test_a_lost_object_is_not_searched_for(plan, node, scene, robot, words, carrying):
@@ -297,6 +353,22 @@ def test_an_observer_sees_every_tick_and_keeps_final_statuses(plan, node, scene,
     assert views[0][1][0] is Status.RUNNING
     assert views[-1][1] == [Status.SUCCESS, Status.FAILURE, Status.INVALID]
     assert views[-1][2] == "Refuse(): it refuses"
+
+
+@pytest.mark.parametrize("error", [OSError("the disk is full"), SystemExit("no terminal")])
+def test_who_watches_and_who_writes_cannot_stop_the_arm_and_is_left_out_after_a_failure(
+    plan, node, scene, robot, words, error
+):
+    calls = []
+
+    def fail(*what):
+        calls.append(len(what))
+        raise error if len(what) == 1 else OSError("the disk is full")
+
+    watcher = SimpleNamespace(on_tick=fail)
+    done = run(plan(node("Go", z=0.28)), scene, robot, words=words, observer=watcher, keep=fail)
+    assert done.status == "complete"
+    assert sorted(calls) == [1, 2]
 
 
 def test_the_same_run_twice_is_the_same(plan, node, scene, robot, words):

@@ -103,6 +103,7 @@ def test_a_slippery_object_is_noticed_when_it_is_lost():
     assert "slip" in str(done.stopped_by)
     assert done.final_state.holding is None
     assert done.held == Held("cup", "lost")
+    assert "cup" not in done.final_state.moved, "the best guess is where it stood"
     assert str(done.stopped_by).endswith("is not in the fingers any more: see where it is")
     assert displacement(robot) < 0.01
 

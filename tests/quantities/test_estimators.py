@@ -77,7 +77,13 @@ def test_an_estimator_of_ones_own_is_chosen_by_name(weighing, noises, bodies, in
     assert found.values[0] == pytest.approx(0.254, rel=0.02)
     assert found.method == "Median of 151 samples, bottle."
 
-    assert known_estimators().names("mass") == ("contrast", "single-shot", "recording", "mine")
+    assert known_estimators().names("mass") == (
+        "contrast",
+        "rests-and-passes",
+        "single-shot",
+        "recording",
+        "mine",
+    )
     (default,) = estimate_all([MASS], trace, bodies)
     assert "mass = (F_z loaded − F_z empty) / g" in default.method
 
@@ -104,7 +110,7 @@ def test_the_papers_single_shot_leaves_the_arms_bias_in_and_says_so(weighing, no
     [
         (
             {"mass": "other"},
-            "unknown estimator of mass 'other'; valid: contrast, recording, single-shot",
+            "unknown estimator of mass 'other'; valid: contrast, recording, rests-and-passes, single-shot",
         ),
         ({"weight": "contrast"}, "unknown estimator of weight 'contrast'; valid: none"),
     ],

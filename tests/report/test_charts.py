@@ -65,9 +65,12 @@ def test_stiffness_is_the_slope_over_the_depth(bench, noises) -> None:
         b.go("mat_approach", (0.5, y, 0.32))
         b.descend(lambda z: max(0.0, 0.28 - z) * 1000.0, "mat")
     found = estimate_stiffness(b.trace(), Parameter("mat", "stiffness"), None)
-    for chart in shown(found, (1000.0,)):
-        assert named(chart, "the truth")
-        assert named(chart, "its 95 % interval")
+    low, high = found.intervals[0] / 1000.0
+    for chart in shown(found, (990.0,)):
+        truth, band = named(chart, "the truth"), named(chart, "its 95 % interval")
+        ends = [values(one["y"])[-1] / values(one["x"])[-1] for one in (truth, band)]
+        assert ends == pytest.approx([0.99, high], rel=1e-3), "N/mm"
+        assert high - low > 0.01
         assert len(values(named(chart, "measured")["x"])) > 50
         depth, force = (values(named(chart, "measured")[axis]) for axis in "xy")
         pressed = depth > 0.0

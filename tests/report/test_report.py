@@ -20,8 +20,11 @@ from palpate.execution.stop import Held
 from palpate.parameter import Parameter
 from palpate.pictures.renderer import png
 from palpate.planning.plan import Node, Plan
+from palpate.report.cards import parameter_groups
+from palpate.report.changes import change
 from palpate.report.data import Measured, ParameterRow, ReportData
 from palpate.report.page import write_report
+from palpate.report.tree import branches, first_failure
 from palpate.trace.recording import Context, LeafRun, Recording
 
 HOSTILE = '</script><script>alert(1)</script><img src="http://evil.example/x" onerror=alert(1)>'
@@ -108,6 +111,7 @@ def test_all_sections_are_there(data: ReportData, tmp_path: Path) -> None:
         "31.0 s",
         "lab",
         "single-shot 0.262 ± 0.020 kg",
+        "? → 0.2541 kg",
         "mujoco",
         "MoveUntilContact(-z)",
         data.plan.explanation,
@@ -204,6 +208,7 @@ def test_a_bare_run_still_has_a_page(status: str, tmp_path: Path) -> None:
     page = page_of(bare, tmp_path)
     assert "Heat cannot be felt." in page.text
     assert "All quantities that the scene does not state" in page.text
+    assert ("The arm did not move." in page.text) == (status == "rejected")
     assert page.all("img") == page.all("video") == []
     assert "Forces and motion" not in page.text
     assert (tmp_path / "report.html").stat().st_size < 100_000
@@ -235,8 +240,10 @@ def test_an_aborted_run_says_why_and_shows_the_stop(data: ReportData, tmp_path: 
         "Next steps",
         "what the hand met",
         "--on-failure skip",
+        "4 of 16",
     ):
         assert words in page.text, words
+    assert "Keep what was measured" not in page.text
     assert "#failed" in [a["href"] for a in page.all("a")]
     (leaf,) = [a for a in page.all("span") if a.get("id") == "failed"]
     assert "unexpected contact of 21 N" in leaf["title"]
@@ -265,8 +272,14 @@ def test_the_headline_says_what_became_of_what_was_held(
     page = page_of(stopped, tmp_path)
     assert headline in page.text
     assert "Next steps" in page.text
-    if held is not None and held.became == "held":
-        assert "open the fingers, and put it back where the scene has it" in page.text
+    advice = {
+        "held": "Support 'cup', open the fingers",
+        "lost": "Find 'cup'",
+        "put down": "'cup' was put down",
+    }
+    if held is not None and held.object is not None:
+        assert advice[held.became] in page.text
+    assert "Keep what was measured before the stop: bottle.mass, table.height." in page.text
 
 
 def test_what_disagrees_is_said_beside_the_value(data: ReportData, tmp_path: Path) -> None:
@@ -277,6 +290,8 @@ def test_what_disagrees_is_said_beside_the_value(data: ReportData, tmp_path: Pat
     assert "contradicted" in page.text
     assert "Something pulls on <it>." in page.text
     assert f"{len(others)} of {len(data.measured)} unknowns measured." in page.text
+    page = page_of(replace(data, status="failed", measured=(mass,)), tmp_path)
+    assert "1 of 2 unknowns measured." in page.text, "the plan is for two"
 
 
 def test_a_real_robot_has_no_truth(data: ReportData, tmp_path: Path) -> None:
@@ -287,11 +302,19 @@ def test_a_real_robot_has_no_truth(data: ReportData, tmp_path: Path) -> None:
     assert "0.76503" in page.text
 
 
-def test_a_truth_off_the_scale_stays_on_the_bar(data: ReportData, tmp_path: Path) -> None:
-    page = page_of(replace(data, measured=(replace(data.measured[0], truth=(2.0,)),)), tmp_path)
-    marker = page.all("u")[0]["style"]
-    assert marker == "left:100.0%"
+@pytest.mark.parametrize(
+    ("truth", "at", "error"), [(2.0, "100.0%", "−87 %"), (0.1, "0.0%", "+1.5e+02 %")]
+)
+def test_a_truth_off_the_scale_stays_on_the_bar(
+    data: ReportData, truth: float, at: str, error: str, tmp_path: Path
+) -> None:
+    page = page_of(replace(data, measured=(replace(data.measured[0], truth=(truth,)),)), tmp_path)
+    (marker,) = page.all("u")
+    assert marker["style"] == f"left:{at}"
     assert "outside the interval" in page.text
+    assert error in page.text, "of the truth"
+    interval = next(bar["style"] for bar in page.all("i") if "left" in bar.get("style", ""))
+    assert interval == "left:40.0%;width:20.0%", "it stays visible"
 
 
 def test_a_diff_is_coloured_within_the_line(data: ReportData, tmp_path: Path) -> None:
@@ -348,14 +371,13 @@ def test_pictures_that_look_alike_are_said_to(data: ReportData, tmp_path: Path) 
 
 
 def test_many_estimates_stand_sorted_above_their_cards(data: ReportData, tmp_path: Path) -> None:
-    mass = data.measured[1]
     several: list[Measured] = []
     for i, value in enumerate((0.2, 0.5, 0.1, 0.4)):
         found = Estimate.normal(Parameter(f"can{i}", "mass"), "kg", value, 0.001, "Weighed.")
         several.append(Measured(found, (value + 0.001,)))
     assert "on one scale" not in page_of(replace(data, measured=tuple(several)), tmp_path).text
     lost = Measured(not_identified(Parameter("lost", "mass"), "kg", "It was never lifted."))
-    page = page_of(replace(data, measured=(*several, lost, mass)), tmp_path)
+    page = page_of(replace(data, measured=(*several, lost)), tmp_path)
     assert "on one scale" in page.text
     first = [text for text in page.texts if re.fullmatch(r"can\d|lost", text)][:5]
     assert first == ["can1", "can3", "can0", "can2", "lost"]
@@ -369,7 +391,8 @@ def test_a_simulated_run_says_so_and_how_to_do_it_again(data: ReportData, tmp_pa
     assert "Simulated" in page.texts
     made_up = page_of(replace(data, simulated=True, drawn=True), tmp_path)
     assert "Simulated, and made up" in made_up.texts
-    assert "Simulated" not in page_of(data, tmp_path).texts
+    assert "Simulated" not in page_of(replace(data, request="a\u202eb"), tmp_path).texts
+    assert "\u202e" not in (tmp_path / "report.html").read_text("utf-8"), "turns the way of writing"
 
 
 def source_of(data: ReportData, folder: Path) -> str:
@@ -396,3 +419,52 @@ def test_a_twin_without_a_measured_value_is_the_scene_as_it_was_given(
     page = page_of(replace(complete(data), twin_diff="", after=picture()), tmp_path)
     assert "Nothing was measured: the twin is that scene." in page.text
     assert "The user's MJCF, unchanged." in page.text
+
+
+def leaf_of(path: str, status: str) -> LeafRun:
+    return LeafRun(path, "MeasureForces", "MeasureForces()", 0.0, 1.0, status, "")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("statuses", "fate", "culprit"),
+    [
+        (("SUCCESS", "SUCCESS"), "success", None),
+        (("SUCCESS",), "waiting", None),
+        (("INVALID", "FAILURE"), "failure", "tree.children[1]"),
+        (("SUCCESS", "INVALID"), "stopped", "tree.children[1]"),
+    ],
+)
+def test_the_fate_of_a_composite_is_that_of_the_child_that_decides(
+    data: ReportData, statuses: tuple[str, ...], fate: str, culprit: str | None
+) -> None:
+    """Of two leaves beside each other the failed one stops the other, whichever comes first."""
+    assert data.trace is not None
+    sensing = Node("MeasureForces")
+    plan = Plan((), Node("Parallel", (), (sensing, Node("MeasureForces", name="other"))), "")
+    runs = [leaf_of(f"tree.children[{i}]", status) for i, status in enumerate(statuses)]
+    tree = branches(plan, replace(data.trace, leaves=tuple(runs)))
+    assert tree is not None
+    assert tree.fate == fate
+    failed = first_failure(tree)
+    assert (None if failed is None else f"tree.children[{tree.children.index(failed)}]") == culprit
+
+
+@pytest.mark.parametrize(
+    ("brightness", "visible"), [(95, False), (105, False), (130, True), (70, True)]
+)
+def test_a_change_is_seen_beyond_the_noise_of_pictures(brightness: int, visible: bool) -> None:
+    one, other = (png(np.full((8, 8, 3), level, np.uint8)) for level in (100, brightness))
+    found = change(one, other)
+    assert found is not None
+    assert (found.visible, found.share) == (visible, float(visible))
+
+
+def test_what_is_only_believed_is_shown_in_the_table_like_what_was_measured(
+    data: ReportData,
+) -> None:
+    mass, height = data.measured
+    believed = replace(height, estimate=replace(height.estimate, verdict="prior-dominated"))
+    lost = Measured(not_identified(mass.estimate.parameter, "kg", "It was never lifted."))
+    groups = parameter_groups(data.parameters, (lost, believed))
+    shown = {row.quantity: row.value for rows in groups.values() for row in rows}
+    assert (shown["mass"], shown["height"]) == ("?", "? → 0.76503 m")

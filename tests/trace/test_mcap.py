@@ -104,17 +104,25 @@ def test_other_files_are_refused(content: bytes, tmp_path: Path) -> None:
     max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None
 )
 @given(data=st.data())
-def test_damaged_bytes_are_refused_or_harmless(
+def test_what_is_read_of_damaged_bytes_is_what_was_written(
     data: st.DataObject, trace: Trace, tmp_path: Path
 ) -> None:
-    path = tmp_path / "trace.mcap"
-    write_mcap(path, trace.until(0.1))
+    path, written = tmp_path / "trace.mcap", trace.until(0.1)
+    write_mcap(path, written)
     content = bytearray(path.read_bytes())
     position = data.draw(st.integers(0, len(content) - 1))
     content[position] ^= data.draw(st.integers(1, 255))
     path.write_bytes(content)
     with contextlib.suppress(InputError):
-        assert len(read_mcap(path).samples) <= 11
+        assert_same(read_mcap(path), written)
+
+
+def test_a_figure_outside_of_all_chunks_is_under_a_checksum(trace: Trace, tmp_path: Path) -> None:
+    path = tmp_path / "trace.mcap"
+    write_mcap(path, trace.until(0.1))
+    path.write_bytes(path.read_bytes().replace(b'"tip_offset":0.009', b'"tip_offset":0.008'))
+    with pytest.raises(InputError, match="crc"):
+        read_mcap(path)
 
 
 def test_a_trace_from_before_joints_were_named_is_an_fr3s() -> None:

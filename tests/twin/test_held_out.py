@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 
 import palpate as pp
+from palpate.estimation.agreement import FitTest
 from palpate.estimation.estimate import Estimate
 from palpate.parameter import Parameter
 from palpate.report.held_out import predictions
@@ -15,7 +16,7 @@ from palpate.runs.held_out import held_out_from, held_out_json
 from palpate.scene.load import parse_scene
 from palpate.trace.samples import Trace
 from palpate.twin.held_out.judge import held_out, with_tests
-from palpate.twin.held_out.judged import BALANCE, WEIGHT, Motion
+from palpate.twin.held_out.judged import BALANCE, TORQUES, WEIGHT, Motion
 
 TEXT = """<mujoco><worldbody>
   <site name="robot_base"/>
@@ -83,6 +84,17 @@ def test_a_mass_that_is_a_tenth_off_is_found(run: pp.Run) -> None:
     assert not wrong.agrees
     assert next(test.name for test in wrong.tests if not test.passed) == WEIGHT
     assert wrong.weight == pytest.approx(-0.1 * MASS, abs=4 * wrong.weight_std)
+
+
+@pytest.mark.parametrize(("name", "agrees"), [(WEIGHT, False), (BALANCE, False), (TORQUES, True)])
+def test_weight_and_balance_decide_and_what_the_arm_adds_does_not(
+    run: pp.Run, name: str, agrees: bool
+) -> None:
+    assert run.held_out is not None
+    failed = FitTest(name, 90.0, 4.0, "It is not as predicted.")
+    motion = replace(run.held_out.motions[0], tests=(failed,))
+    assert motion.agrees == agrees
+    assert motion.disagreement.startswith("It is not as predicted.")
 
 
 def test_a_centre_of_mass_that_is_30_mm_off_is_found(run: pp.Run) -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from palpate.geometry.pose import Pose
-from palpate.vocabulary.touch import DRIFT_MOST, FreeAir
+from palpate.vocabulary.touch import CREEPING, DRIFT_MOST, FreeAir, settle
 
 DOWN = np.array([0.0, 0.0, -1.0])
 SPEED, TICK = 0.012, 0.02
@@ -63,3 +64,15 @@ def test_a_contact_is_none_however_soft(stiffness) -> None:
 def test_contact_as_an_arm_sets_out_is_no_free_air() -> None:
     air, _ = descended(lambda travelled: 2000.0 * max(0.0, travelled - 5e-4), seconds=0.5)
     assert air <= 0.5
+
+
+def test_an_arm_whose_elbow_still_creeps_has_not_settled() -> None:
+    """Its TCP rests long before the joints of a folded arm do."""
+    state = SimpleNamespace(t=0.0, twist=np.zeros(6), dq=np.zeros(7))
+    resting = 0.0
+    for _ in settle(SimpleNamespace(robot=SimpleNamespace(state=state)), dwell=0.1):
+        state.t += TICK
+        state.dq[0] = 0.2 * np.exp(-5.0 * state.t)  # critically damped, nearly
+        resting += TICK if state.dq[0] < CREEPING else 0.0
+    assert state.t > np.log(0.2 / CREEPING) / 5.0
+    assert resting >= 0.1

@@ -20,18 +20,19 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import mujoco
 import numpy as np
 
 from palpate.calibration.stated import Stated
 from palpate.errors import InputError
 from palpate.estimation import tuning
-from palpate.estimation.agreement import FitTest, chi_squared
+from palpate.estimation.agreement import KNOWN, FitTest, chi_squared
+from palpate.estimation.arm.causes import Bodies
+from palpate.estimation.load.chain import regressor
 from palpate.estimation.load.equations import equations
-from palpate.estimation.load.fit import fit_load, load_model
+from palpate.estimation.load.fit import GAIN, LoadModel, fit_load, load_model
 from palpate.estimation.load.observation import gain_root, observe
 from palpate.estimation.load.segments import weighings
-from palpate.estimation.regression import Model
+from palpate.estimation.regression import Cause, Posterior, SignalNoise, fit
 from palpate.geometry.pose import Array, Pose
 from palpate.parameter import Parameter
 from palpate.planning.plan import Node
@@ -110,32 +111,31 @@ def weighed(trace: Trace, parameter: Parameter, known: Stated) -> GainBelief:
     require([*load.tests, same], "the weight")
     rows = [equations(weighing, gravity) for weighing in found]
     grasps = tuple(time for weighing in found for time in weighing.grasps)
-    force, std = known.value * gravity, known.std * gravity
     about = np.zeros(1 + 2 * len(grasps))
-    about[0] = force
-    mean, covariance = solve_at_force(load_model(rows, grasps, about, hand), force, std)
+    about[0] = known.value * gravity
+    force, std = known.value * gravity, known.std * gravity
+    posterior = fit_at_force(load_model(rows, grasps, about, hand), force, std)
     # The columns of the gains are the load's own torques, whose moments are unknown at first.
     for _ in range(tuning.LOAD_ITERATIONS):
-        about = np.concatenate([[force], mean[1 : len(about)]])
-        mean, covariance = solve_at_force(load_model(rows, grasps, about, hand), force, std)
+        about = np.concatenate([[force], posterior.mean[1 : len(about)]])
+        posterior = fit_at_force(load_model(rows, grasps, about, hand), force, std)
+    mean, covariance = posterior[GAIN]
     root = gain_root(hand, JOINTS)
-    spread: Array = root @ covariance[-JOINTS:, -JOINTS:] @ root.T
-    return GainBelief(root @ mean[-JOINTS:], spread)
+    return GainBelief(root @ mean, root @ covariance @ root.T)
 
 
-def solve_at_force(model: Model, force: float, std: float) -> tuple[Array, Array]:
-    """Mean and covariance of the coefficients of a load model with a known vertical `force` ± `std`, N. The
-    first coefficient is the deviation from that force."""
-    prior = model.prior.copy()
-    prior[0] = std
-    residual = model.y - model.design[:, 0] * force
+def fit_at_force(model: LoadModel, force: float, std: float) -> Posterior:
+    """Posterior of a load model with a known vertical `force` ± `std`, N. The first unknown is the deviation from
+    that force."""
+    (load, *others), noise, y, scales = model
+    known = replace(load, prior=np.array([std, *load.prior[1:]]))
     # Noise estimated from `freedom` blocks: standard deviation of Student's t.
-    wider = math.sqrt(max(1.0, model.freedom / max(model.freedom - 2.0, 1.0)))
+    wider = math.sqrt(max(1.0, noise.freedom / max(noise.freedom - 2.0, 1.0)))
     # Without the hyperprior of the gains' scale: every fit that reads robot.yaml applies it again. Applied
     # here, too, an unloaded joint would be known worse after a calibration than before.
-    hyperpriors = tuple(one for one in model.hyperpriors if one.columns[0] < len(prior) - JOINTS)
-    scaled = replace(model, design=model.design / wider, y=residual / wider, prior=prior)
-    return replace(scaled, hyperpriors=hyperpriors).solve()
+    kept = [scale for scale in scales if GAIN not in scale.causes]
+    noise = SignalNoise([wider * root for root in noise.roots], noise.freedom)
+    return fit([known, *others], noise, y - force * load.columns[:, 0], kept)
 
 
 def own_weight_tree(arm: RobotDescription) -> Node:
@@ -175,43 +175,38 @@ def weighed_itself(trace: Trace, arm: RobotDescription) -> GainBelief:
     noise = np.diag(own) + stuck @ stuck.transpose(0, 2, 1)
     gains, others = own_weight_columns(trace, arm, q)
     # The scatter is fitted with wide gains, so that a wrong prior of them does not pass for scatter.
-    wide = np.concatenate([WIDE * gains, others], axis=2)
+    wide = own_causes(WIDE * gains, others)
     noise = noise * scatter(wide, observed, noise)
-    mean, covariance, *_ = solve(wide, observed, noise)
-    require_own_weight(WIDE * mean[:JOINTS], WIDE**2 * covariance[:JOINTS, :JOINTS], root @ root.T)
-    mean, covariance, *_ = solve(np.concatenate([gains @ root, others], axis=2), observed, noise)
-    return GainBelief(root @ mean[:JOINTS], root @ covariance[:JOINTS, :JOINTS] @ root.T)
+    mean, covariance = own_fit(wide, observed, noise)[GAIN]
+    require_own_weight(WIDE * mean, WIDE**2 * covariance, root @ root.T)
+    mean, covariance = own_fit(own_causes(gains @ root, others), observed, noise)[GAIN]
+    return GainBelief(root @ mean, root @ covariance @ root.T)
 
 
-def scatter(columns: Array, observed: Array, noise: Array) -> Array:
+def own_causes(gains: Array, others: Array) -> list[Cause]:
+    """Causes of the own-weight equations by their columns (n, 7, p), in units of their prior deviations."""
+    found: list[Cause] = []
+    for name, columns in ((GAIN, gains), ("links and zeros", others)):
+        count = int(columns.shape[2])
+        found.append(Cause(name, columns.reshape(-1, count), np.ones(count)))
+    return found
+
+
+def own_fit(causes: Sequence[Cause], observed: Array, noise: Array) -> Posterior:
+    """Fit torques `observed` (n, 7) with the covariance `noise` (n, 7, 7) at each rest."""
+    roots: list[Array] = [*np.linalg.cholesky(noise).astype(np.float64)]
+    return fit(causes, SignalNoise(roots, KNOWN), observed.ravel())
+
+
+def scatter(causes: Sequence[Cause], observed: Array, noise: Array) -> Array:
     """(7, 7) factors that make the `noise` (n, 7, 7) of each joint as large as the fit's residuals."""
     size = np.ones(JOINTS)
     for _ in range(ROUNDS):
-        *_, left, leverage = solve(columns, observed, noise * np.outer(size, size))
-        freedom = np.maximum(len(observed) - leverage, 1.0)
-        size = size * np.sqrt((left**2).sum(axis=0) / freedom)
+        found = own_fit(causes, observed, noise * np.outer(size, size))
+        left = (found.residual**2).reshape(observed.shape).sum(axis=0)
+        freedom = (1.0 - found.leverage).reshape(observed.shape).sum(axis=0)
+        size = size * np.sqrt(left / np.maximum(freedom, 1.0))
     return np.outer(size, size)
-
-
-def solve(columns: Array, observed: Array, noise: Array) -> tuple[Array, Array, Array, Array]:
-    """Solve observed = columns x + noise for x with a standard normal prior.
-
-    Args:
-        columns: (n, 7, p), effect of each unknown, in units of its prior deviation.
-        observed: (n, 7) N m.
-        noise: (n, 7, 7) covariance, N² m².
-
-    Returns:
-        Mean (p,) and covariance (p, p) of x, whitened residuals (n, 7), leverage of each joint (7,).
-    """
-    roots: Array = np.linalg.cholesky(noise).astype(np.float64)
-    white: Array = np.linalg.solve(roots, columns).astype(np.float64)
-    seen = np.linalg.solve(roots, observed[:, :, None]).astype(np.float64)[:, :, 0]
-    information: Array = np.einsum("nip,niq->pq", white, white) + np.eye(white.shape[2])
-    covariance: Array = np.linalg.inv(information).astype(np.float64)
-    mean = covariance @ np.einsum("nip,ni->p", white, seen)
-    leverage = np.einsum("nip,pq,niq->i", white, covariance, white)
-    return mean, covariance, seen - white @ mean, leverage
 
 
 def require_own_weight(mean: Array, covariance: Array, believed: Array) -> None:
@@ -244,37 +239,16 @@ def own_weight_columns(trace: Trace, arm: RobotDescription, q: Array) -> tuple[A
 
 def link_columns(arm: RobotDescription, gravity: float, q: Array) -> Array:
     """(n, 7, 4 k) N m: change of the torques that hold the arm at `q` (n, 7), by one standard deviation of
-    the mass of each of k links and of its centre along three axes."""
-    down = -gravity * UP
-    model = arm.spec(down).compile()
-    data = mujoco.MjData(model)
-    joints = [model.joint(name) for name in arm.joints]
-    bodies = [*(int(model.jnt_bodyid[joint.id]) for joint in joints), model.body(arm.hand.body).id]
-    dofs = [int(joint.dofadr[0]) for joint in joints]
-    relative, shift = arm.sensors.link_mass, arm.sensors.link_com
-
-    def of_link(body: int) -> Array:
-        """(7, 4) of one link in the present configuration."""
-        mass, link = float(model.body_mass[body]), data.body(body)
-        along, about = np.empty((3, model.nv)), np.empty((3, model.nv))
-        mujoco.mj_jacBody(model, data, along, about, body)
-
-        def hold(point: Array) -> Array:
-            """(7,) N m that hold a kilogram at a point of the link: -Jᵀ g."""
-            jacobian = along + np.cross(about.T, point - link.xpos).T
-            return -jacobian[:, dofs].T @ down
-
-        here = hold(link.xipos)
-        columns = [relative * mass * here]
-        # A Jacobian is linear in its point: a step of 1 m gives the exact derivative.
-        for axis in link.xmat.reshape(3, 3).T:
-            columns.append(shift * mass * (hold(link.xipos + axis) - here))
-        return np.column_stack(columns)
-
-    out: list[Array] = []
-    for angles in q:
-        data.qpos[[int(joint.qposadr[0]) for joint in joints]] = angles
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        out.append(np.column_stack([of_link(body) for body in bodies]))
-    return np.array(out)
+    the mass of each of k links, hand included, and of its centre along three axes."""
+    chain, sensors, still = arm.nominal.chain, arm.sensors, np.zeros_like(q)
+    assert chain is not None
+    bodies = Bodies.of(chain, sensors.link_mass, sensors.link_com, arm.limits.payload)
+    heavier = 1.0 if arm.end_effector is None else arm.end_effector.mass / bodies.hand[0]
+    # Torques of a unit of mass and first moment of each link.
+    held = regressor(chain, q, still, still, -gravity * UP)[..., :4]
+    columns: list[Array] = []
+    for joint, body in [*enumerate(bodies.links), (JOINTS - 1, heavier * bodies.hand)]:
+        shifts = sensors.link_com * body[0] * np.eye(4)[:, 1:]
+        sizes = np.column_stack([sensors.link_mass * body[:4], shifts])
+        columns.append(held[:, :, joint] @ sizes)
+    return np.concatenate(columns, axis=2)

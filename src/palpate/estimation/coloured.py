@@ -16,39 +16,117 @@ by how much likelier they make the rows, so that a recording of a perfect arm is
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.estimation import tuning
 from palpate.estimation.regression import Cause, SignalNoise
 from palpate.geometry.pose import Array
 
 
-def coloured(
-    causes: Sequence[Cause], noise: SignalNoise, y: Array, kernels: Sequence[Array]
-) -> SignalNoise:
-    """Noise with a coloured residual of each signal, learned from its rows of `y` (n,); `kernels` (c, k, k): of each
-    signal the processes that may be in it, at unit variance."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Spans:
+    """Stretches of motion of which k rows are means.
+
+    Attributes:
+        t, lasts: (k,) s, their middles and lengths.
+        path, turns: (k, m) rad that each joint has turned until then, and within each.
+    """
+
+    t: Array
+    lasts: Array
+    path: Array
+    turns: Array
+
+    @classmethod
+    def of(cls, t: Array, path: Array, parts: Sequence[NDArray[np.intp] | slice]) -> Spans:
+        """Stretches of samples at `t` (n,) with the `path` (n, m) of the joints, by their rows."""
+        return cls(
+            np.array([t[rows].mean() for rows in parts]),
+            np.array([np.ptp(t[rows]) for rows in parts]),
+            np.array([path[rows].mean(axis=0) for rows in parts]),
+            np.array([np.ptp(path[rows], axis=0) for rows in parts]),
+        )
+
+    @classmethod
+    def joined(cls, parts: Sequence[Spans]) -> Spans:
+        """All stretches, one after the other."""
+        return cls(
+            *(np.concatenate([getattr(one, name) for one in parts]) for name in cls.__slots__)
+        )
+
+    def kernels(self, joint: int) -> Array:
+        """(c, k, k) covariances of the processes in a joint, at unit variance of a moment."""
+        apart = np.abs(self.t[:, None] - self.t)
+        found = [_kernel(apart, self.lasts, time) for time in tuning.COLOUR_TIMES]
+        apart = np.abs(self.path[:, None, joint] - self.path[:, joint])
+        found += [_kernel(apart, self.turns[:, joint], far) for far in tuning.COLOUR_PATHS]
+        return np.array(found)
+
+
+def _kernel(apart: Array, within: Array, length: float) -> Array:
+    """exp(-d / l) between rows `apart` (k, k), less what averages out `within` (k,) each."""
+    left = 1.0 / np.sqrt(1.0 + within / (2.0 * length))
+    return np.exp(-apart / length) * np.outer(left, left)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Residual:
+    """Coloured residual of m joints: `variances` (m, c) N² m² of its processes, with `freedom` (m,) degrees of freedom
+    of their size."""
+
+    variances: Array
+    freedom: Array
+
+    def covariance(self, spans: Spans, joint: int) -> Array:
+        """(k, k) N² m² of a joint's means over `spans`."""
+        return _mixed(self.variances[joint], spans.kernels(joint))
+
+    def freedom_beside(self, variance: Array, freedom: float, spans: Spans) -> float:
+        """Degrees of freedom of both, beside a noise of the means with `variance` (m,) and its `freedom` (Welch and
+        Satterthwaite; GUM, annex G.4)."""
+        joints = range(len(self.variances))
+        left = np.array([np.diag(self.covariance(spans, joint)).mean() for joint in joints])
+        share = left / (left + variance)
+        return float(np.mean(1.0 / (share**2 / self.freedom + (1.0 - share) ** 2 / freedom)))
+
+    @property
+    def total(self) -> Array:
+        """(m,) N² m² of a moment."""
+        return self.variances.sum(axis=1)
+
+
+def learned(causes: Sequence[Cause], noise: SignalNoise, y: Array, spans: Spans) -> Residual:
+    """Coloured residual of each signal that `causes` and `noise` leave of its rows of `y` (m k,)."""
     design = np.concatenate([cause.columns for cause in causes], axis=1)
     # Diffuse, but not so much that nothing is left of the digits.
     prior = np.minimum(np.concatenate([cause.prior for cause in causes]), tuning.DIFFUSE)
     ends = np.cumsum([len(root) for root in noise.roots])[:-1]
-    parts = zip(
-        noise.roots, np.split(design * prior, ends), np.split(y, ends), kernels, strict=True
-    )
-    roots: list[Array] = []
+    parts = zip(noise.roots, np.split(design * prior, ends), np.split(y, ends), strict=True)
+    variances: list[Array] = []
     freedom: list[float] = []
-    for root, columns, rows, own in parts:
+    for joint, (root, columns, rows) in enumerate(parts):
         used = columns[:, np.abs(columns).max(axis=0) > 0.0]
-        sensors = root @ root.T
-        more, sure = _likeliest(sensors + used @ used.T, rows, own)
-        roots.append(np.linalg.cholesky(sensors + more).astype(np.float64))
-        freedom.append(min(sure, noise.freedom))
-    return SignalNoise(roots, float(np.mean(freedom)))
+        own, sure = _likeliest(root @ root.T + used @ used.T, rows, spans.kernels(joint))
+        variances.append(own)
+        freedom.append(sure)
+    return Residual(np.array(variances), np.array(freedom))
+
+
+def with_residual(noise: SignalNoise, residual: Residual, spans: Spans) -> SignalNoise:
+    """Noise with a coloured residual in each signal."""
+    roots: list[Array] = []
+    for joint, root in enumerate(noise.roots):
+        both = root @ root.T + residual.covariance(spans, joint)
+        roots.append(np.linalg.cholesky(both).astype(np.float64))
+    own = np.array([np.mean(np.sum(root**2, axis=1)) for root in noise.roots])
+    return SignalNoise(roots, residual.freedom_beside(own, noise.freedom, spans))
 
 
 def _likeliest(known: Array, rows: Array, kernels: Array) -> tuple[Array, float]:
-    """Covariance of the likeliest processes beside a `known` one, and the degrees of freedom of its size."""
+    """Variances of the likeliest processes beside a `known` covariance, and the degrees of freedom of their size."""
     before, _ = _inverse(known, rows)
     variances = np.full(len(kernels), tuning.COLOUR_START**2)
     more = _mixed(variances, kernels)
@@ -65,7 +143,7 @@ def _likeliest(known: Array, rows: Array, kernels: Array) -> tuple[Array, float]
     # Twice the information on the logarithm of its size.
     shown = precision @ more
     freedom = max(float(np.sum(shown * shown.T)), tuning.COLOUR_FREEDOM) / max(counts, 1e-3)
-    return counts * more, freedom
+    return counts * variances, freedom
 
 
 def _mixed(variances: Array, kernels: Array) -> Array:

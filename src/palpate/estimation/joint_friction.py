@@ -16,6 +16,8 @@ with the Dahl state s of the joint. This is the tau_f of w = (J^T)^+ (tau - tau_
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from palpate.estimation import tuning
@@ -35,39 +37,48 @@ def slip_states(samples: Samples) -> Array:
     The friction of a joint is a sum of them (the generalised Maxwell slip model: Al-Bender, Lampaert and Swevers,
     IEEE Transactions on Automatic Control 50, 2005): over which way it turns round is learned with its level.
     """
-    return np.concatenate([dahl_states(samples.q, one) for one in tuning.SLIPS], axis=2)
+    return dahl_states(samples.q, tuning.SLIPS)
 
 
-def dahl_states(q: Array, presliding: float = tuning.PRESLIDING) -> Array:
-    """(n, m, 2) Dahl states for joint angles `q` (n, m), rad: direction of the last motion, -1 to 1, between
-    them while the joint reverses; and the remaining share of the friction at the start, 1 to 0."""
+def dahl_states(q: Array, presliding: Sequence[float] = (tuning.PRESLIDING,)) -> Array:
+    """(n, m, 2 p) Dahl states for joint angles `q` (n, m), rad, at each presliding distance: direction of the last
+    motion, -1 to 1, between them while the joint reverses; and the remaining share of the friction at the start,
+    1 to 0."""
     # Means over some rows, the last over what remains.
     starts = np.arange(0, len(q), tuning.RUBBING_ROWS)
     counts = np.diff(np.append(starts, len(q)))
     blocks = np.add.reduceat(q, starts, axis=0) / counts[:, None]
     steps = np.apply_along_axis(_steps, 0, blocks)
-    keep = np.exp(-np.abs(steps) / presliding)
-    added = np.copysign(1.0 - keep, steps)
-    states = np.empty((*steps.shape, 2))
-    states[..., LEFT] = np.multiply.accumulate(keep, axis=0)
-    state = np.zeros(q.shape[1])
-    for row, (share, more) in enumerate(zip(keep, added, strict=True)):
-        state = share * state + more
-        states[row, :, TURNED] = state
+    states = np.stack(dahl(steps, np.array(presliding)), axis=-1).reshape(*steps.shape, -1)
     return states[np.arange(len(q)) // tuning.RUBBING_ROWS]
+
+
+def dahl(steps: Array, presliding: Array) -> tuple[Array, Array]:
+    """Friction of unit level by Dahl's model, at p presliding distances: (n, m, p) that of joints which begin
+    relaxed, and what is left of the friction at the start.
+
+    Args:
+        steps: (n, m) rad by which each joint turned.
+        presliding: (p,), or (m, p) of each joint, rad: per rad a joint closes 1 / presliding of the way to its level.
+    """
+    keep = np.exp(-np.abs(steps)[:, :, None] / presliding)
+    turned = np.copysign(1.0 - keep, steps[:, :, None])
+    for row in range(1, len(steps)):
+        turned[row] += keep[row] * turned[row - 1]
+    return turned, np.multiply.accumulate(keep, axis=0)
 
 
 def _steps(q: Array) -> Array:
     """(k,) rad that a joint at angles `q` (k,) turned at each, beyond the play of its encoder."""
-    most, play = tuning.ENCODER_PLAY, float(q[0])
-    found: list[float] = []
-    # Python floats: numpy scalars in a loop take ten times as long.
-    for angle in q.tolist():
-        step = angle - play
-        step -= min(max(step, -most), most)
-        play += step
-        found.append(step)
-    return np.array(found)
+    # The play moves to clip(play, q - most, q + most). Two such clips in a row are one: so all up to each row,
+    # twice as many at a time.
+    most, reach = tuning.ENCODER_PLAY, 1
+    low, high = q - most, q + most
+    while reach < len(q):
+        bounds = low[reach:], high[reach:]
+        low[reach:], high[reach:] = np.clip(low[:-reach], *bounds), np.clip(high[:-reach], *bounds)
+        reach *= 2
+    return np.diff(np.clip(q[0], low, high), prepend=q[0])
 
 
 def joint_ways(samples: Samples, empty: Mask, height: float) -> Array:

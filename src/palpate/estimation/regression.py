@@ -10,7 +10,7 @@ Machine Learning, sections 3.3 and 3.5; Hoeting et al., Statistical Science 14, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Literal, NamedTuple, Protocol
@@ -45,11 +45,11 @@ class Cause:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scale:
-    """Hyperprior of the causes named: their prior deviations are `factors` times as large, with prior
-    probability `chance` each."""
+    """Hyperprior of the causes named: their prior deviations are `factors` times as large (a number for all
+    unknowns, or an array), with prior probability `chance` each."""
 
     causes: tuple[str, ...]
-    factors: Sequence[float]
+    factors: Sequence[float | Array]
     chance: Sequence[float]
 
 
@@ -138,8 +138,22 @@ def whitened(root: Array, rows: Array) -> Array:
     return dtrtrs(root.T, rows, lower=False, trans=True)[0]
 
 
-def fit(causes: Sequence[Cause], noise: Noise, y: Array, scales: Sequence[Scale] = ()) -> Posterior:
-    """Fit the unknowns of all `causes` to rows `y` (n,)."""
+def fit(
+    causes: Sequence[Cause],
+    noise: Noise,
+    y: Array,
+    scales: Sequence[Scale] = (),
+    first: int | None = None,
+) -> Posterior:
+    """Fit the unknowns of all `causes` to rows `y` (n,); of their covariance only the `first` rows, if given."""
+    model = whitened_model(causes, noise, y, scales)
+    return Posterior(tuple(causes), noise, model, *model.solve(first))
+
+
+def whitened_model(
+    causes: Sequence[Cause], noise: Noise, y: Array, scales: Sequence[Scale]
+) -> Model:
+    """Model of rows `y` (n,) in units of the noise."""
     design = noise.white(np.concatenate([cause.columns for cause in causes], axis=1))
     prior = np.concatenate([cause.prior for cause in causes])
     places, every = placed(causes), np.arange(len(prior), dtype=np.intp)
@@ -147,8 +161,7 @@ def fit(causes: Sequence[Cause], noise: Noise, y: Array, scales: Sequence[Scale]
     for scale in scales:
         which = np.concatenate([every[places[name]] for name in scale.causes])
         hyperpriors.append(ScaleHyperprior(which, scale.factors, scale.chance))
-    model = Model(design, noise.white(y), prior, noise.freedom, tuple(hyperpriors))
-    return Posterior(tuple(causes), noise, model, *model.solve())
+    return Model(design, noise.white(y), prior, noise.freedom, tuple(hyperpriors))
 
 
 def placed(causes: Sequence[Cause]) -> dict[str, slice]:
@@ -166,7 +179,8 @@ class Posterior:
         causes, noise: of the fit.
         model: whitened.
         mean: (p,) of all unknowns, cause after cause.
-        covariance: (p, p) of them.
+        covariance: (p, p) of them, or its first rows.
+        density: log probability density of the whitened rows.
     """
 
     causes: tuple[Cause, ...]
@@ -174,6 +188,7 @@ class Posterior:
     model: Model
     mean: Array
     covariance: Array
+    density: float
 
     def __getitem__(self, name: str) -> tuple[Array, Array]:
         """Mean (k,) and covariance (k, k) of the unknowns of a cause."""
@@ -186,9 +201,14 @@ class Posterior:
         return self.model.y - self.model.design @ self.mean
 
     @property
+    def leverage(self) -> Array:
+        """(n,) part of each row's noise that the fit follows."""
+        return ((self.model.design @ self.covariance) * self.model.design).sum(axis=1)
+
+    @property
     def evidence(self) -> float:
         """Log probability density of the rows, but for a constant of their number."""
-        return self.model.evidence - self.noise.volume
+        return self.density - self.noise.volume
 
     @property
     def freedom(self) -> float:
@@ -199,28 +219,40 @@ class Posterior:
         """Errors of the unknowns of `name` in common with other runs: the effects of one standard deviation of
         each unknown that the arm or the scene brings along."""
         places = placed(self.causes)
-        # With prior deviations P of the coefficients x, the error is -covariance P^-2 x.
-        effects = -self.covariance[places[name]] / self.model.prior
         found: list[Shared] = []
         for cause in self.causes:
             if cause.of is None:
                 continue
             numbered = tuple(f"{cause.name} {i + 1}" for i in range(len(cause.prior)))
             labels = cause.labels or numbered
-            for label, effect in zip(
-                labels, effects[:, places[cause.name]].T.tolist(), strict=True
-            ):
+            effects = self.effects(cause.name)[places[name]].T.tolist()
+            for label, effect in zip(labels, effects, strict=True):
                 found.append(Shared(label, cause.of, tuple(effect)))
         return tuple(found)
 
-    def test(self, cause: Cause, tolerated: Array, finding: str) -> FitTest:
-        """Test for a further cause, of whose unknowns `tolerated` (k,) are no matter (1 sigma)."""
+    def effects(self, name: str) -> Array:
+        """(p, k) effects on all unknowns, or the first, of one prior deviation of each unknown of a cause."""
+        here = placed(self.causes)[name]
+        # With prior deviations P of the coefficients x, the error is -covariance P^-2 x.
+        return -self.covariance[:, here] / self.model.prior[here]
+
+    def test(
+        self, cause: Cause, tolerated: Array, finding: str | Callable[[Array], str]
+    ) -> FitTest:
+        """Wald test for a further cause, of whose unknowns `tolerated` (k,) are no matter (1 sigma); `finding` says
+        what disagrees, by the mean (k + p,) of its unknowns and of all others."""
         count = len(cause.prior)
         wider = self.model.extended(self.noise.white(cause.columns), cause.prior)
-        mean, covariance = wider.solve(count)
+        mean, covariance, _ = wider.solve(count)
         spread = covariance[:, :count] + np.diag(tolerated**2)
         statistic = float(mean[:count] @ np.linalg.solve(spread, mean[:count]))
-        return chi_squared(cause.name, statistic, count, finding, self.freedom)
+        text = finding if isinstance(finding, str) else finding(mean)
+        return chi_squared(cause.name, statistic, count, text, self.freedom)
+
+    def each_alone(self, columns: Array, prior: float) -> tuple[Array, Array]:
+        """Posterior means and variances (k,) of further unknowns with `columns` (n, k), each beside the others
+        alone."""
+        return self.model.each_alone(self.noise.white(columns), prior)
 
 
 class _Solved(NamedTuple):
@@ -262,13 +294,15 @@ class Model:
     freedom: float
     hyperpriors: tuple[ScaleHyperprior, ...]
 
-    def solve(self, first: int | None = None) -> tuple[Array, Array]:
+    def solve(self, first: int | None = None) -> tuple[Array, Array, float]:
         """Posterior mean (p,) and covariance (first, p), all p rows by default, averaged over the hyperpriors
-        (Bayesian model averaging: Hoeting et al., Statistical Science 14, 1999)."""
+        (Bayesian model averaging: Hoeting et al., Statistical Science 14, 1999), and the logarithm of the
+        probability density of `y`, but for a constant."""
         count = len(self.prior) if first is None else first
         every = self._every()
         evidence = np.array([each.evidence for each in every])
         weights = np.exp(evidence - evidence.max())
+        density = float(evidence.max() + np.log(weights.sum()) - 0.5 * self.y @ self.y)
         weights /= weights.sum()
         counted = np.flatnonzero(weights > tuning.COUNTED)
         weights = weights[counted] / weights[counted].sum()
@@ -278,21 +312,31 @@ class Model:
         covariance: Array = (means - mean)[:, :count].T @ (weights[:, None] * (means - mean))
         for weight, each in zip(weights, solved, strict=True):
             covariance += weight * each.covariance(count)
-        return mean, covariance
-
-    @property
-    def evidence(self) -> float:
-        """Logarithm of the probability density of `y`, but for a constant."""
-        found = np.array([each.evidence for each in self._every()])
-        likeliest = float(found.max())
-        together = likeliest + float(np.log(np.exp(found - likeliest).sum()))
-        return together - 0.5 * float(self.y @ self.y)
+        return mean, covariance, density
 
     def _every(self) -> Sequence[_Solved]:
-        """Posteriors for each combination of the hyperpriors' factors."""
+        """Posteriors for each combination of those of the hyperpriors' factors that count."""
         projected, gram = self.design.T @ self.y, self.design.T @ self.design
-        choices = product(*(range(len(each.factors)) for each in self.hyperpriors))
-        return [self._solve(choice, projected, gram) for choice in choices]
+        known: dict[tuple[int, ...], _Solved] = {}
+
+        def solved(choice: tuple[int, ...]) -> _Solved:
+            if choice not in known:
+                known[choice] = self._solve(choice, projected, gram)
+            return known[choice]
+
+        # The likeliest factor of one hyperprior after the other, and those that are not far less likely beside it.
+        best = tuple(int(np.argmax(each.chance)) for each in self.hyperpriors)
+        counted: list[list[int]] = [[] for _ in self.hyperpriors]
+        for place in [*range(len(best))] * tuning.FACTOR_ROUNDS:
+            ways = [
+                (*best[:place], factor, *best[place + 1 :])
+                for factor in range(len(self.hyperpriors[place].factors))
+            ]
+            evidence = np.array([solved(way).evidence for way in ways])
+            least = evidence.max() + np.log(tuning.COUNTED)
+            counted[place] = np.flatnonzero(evidence > least).tolist()
+            best = ways[int(np.argmax(evidence))]
+        return [solved(choice) for choice in product(*counted)]
 
     def _solve(self, choice: tuple[int, ...], projected: Array, gram: Array) -> _Solved:
         """Posterior with the chosen scale factors. Its evidence is the log probability of the

@@ -1,7 +1,14 @@
-"""Log-Cholesky parameters of a rigid body: every value is a physically consistent body.
+"""Inertial parameters of rigid bodies, ten each.
 
-A body's mass m, first moment h and second moment S make its pseudo-inertia [[S, h], [h', m]], which is
-positive definite for every physically consistent body, and only for those. It is U U' with
+The wrench that moves a body is linear in its mass m, kg, its first moment h = m c, kg m, and its inertia I, xx yy zz
+xy xz yz, kg m², about the origin of its frame (C. Atkeson, C. An and J. Hollerbach, Estimation of inertial parameters
+of manipulator loads and links, IJRR 5, 1986): with acceleration a of the origin less gravity, and turning at ω
+
+    f = m a + (ω̇× + ω×ω×) h            n = h × a + I ω̇ + ω × I ω
+
+Log-Cholesky parameters are ten numbers of which every value is a physically consistent body. A body's mass m, first
+moment h and second moment S make its pseudo-inertia [[S, h], [h', m]], which is positive definite for every physically
+consistent body, and only for those. It is U U' with
 
     U = exp(a) [[exp(d1), s12, s13, t1], [0, exp(d2), s23, t2], [0, 0, exp(d3), t3], [0, 0, 0, 1]]
 
@@ -12,10 +19,14 @@ the centre of mass, and d the logarithm of the root mean square distance of the 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
-from palpate.geometry.pose import Array, Pose, components
+from palpate.geometry.pose import Array, Pose, components, tensor_of
+from palpate.trace.recording import Link
 
+PARAMETERS = 10
 MASS, RADIUS, SKEW, CENTRE = 0, slice(1, 4), slice(4, 7), slice(7, 10)
 """Places of a, d, s (12, 13, 23) and t in the ten."""
 
@@ -55,3 +66,70 @@ def about_centre(theta: Array) -> Array:
     central = theta.copy()
     central[CENTRE] = 0.0
     return linear(pseudo_inertia(central))[4:]
+
+
+def wrench_columns(pulled: Array, turn: Array, spun: Array) -> Array:
+    """(n, 6, 10) force and moment about the origin of a body's frame, in its axes, per unit of each parameter;
+    acceleration of the origin less gravity, rate and its change (n, 3), in the same axes."""
+    found = np.zeros((len(turn), 6, PARAMETERS))
+    across = _cross(turn)
+    found[:, :3, 0] = pulled
+    found[:, :3, 1:4] = _cross(spun) + across @ across
+    found[:, 3:, 1:4] = -_cross(pulled)
+    found[:, 3:, 4:] = _momentum(spun) + across @ _momentum(turn)
+    return found
+
+
+def _cross(vectors: Array) -> Array:
+    """(n, 3, 3) v × ·."""
+    found = np.zeros((len(vectors), 3, 3))
+    found[:, (2, 0, 1), (1, 2, 0)] = vectors
+    found[:, (1, 2, 0), (2, 0, 1)] = -vectors
+    return found
+
+
+def _momentum(vectors: Array) -> Array:
+    """(n, 3, 6) I v by each component of I."""
+    found = np.zeros((len(vectors), 3, 6))
+    found[:, (0, 1, 2), (0, 1, 2)] = vectors
+    found[:, (0, 1), (3, 3)] = vectors[:, (1, 0)]
+    found[:, (0, 2), (4, 4)] = vectors[:, (2, 0)]
+    found[:, (1, 2), (5, 5)] = vectors[:, (2, 1)]
+    return found
+
+
+def parameters(links: Iterable[Link], anchor: Array) -> Array:
+    """(10,) parameters of links that move as one, about an anchor (3,), m, at joint angles 0."""
+    found = np.zeros(PARAMETERS)
+    for link in links:
+        own = [link.mass, 0.0, 0.0, 0.0, *link.inertia]
+        found += placed_at(np.array(link.com) - anchor) @ own
+    return found
+
+
+def placed_at(centre: Array) -> Array:
+    """(10, 10) parameters by mass, first moment about `centre` (3,), m, and inertia about it (to first order in
+    that first moment)."""
+    found = np.eye(PARAMETERS)
+    found[1:4, 0] = centre
+    found[4:, 0] = components(centre @ centre * np.eye(3) - np.outer(centre, centre))
+    for axis, unit in enumerate(np.eye(3)):
+        both = np.outer(centre, unit)
+        found[4:, 1 + axis] = components(2.0 * centre[axis] * np.eye(3) - both - both.T)
+    return found
+
+
+def inertia_about_centre(found: Array) -> Array:
+    """(3, 3) kg m², inertia about the centre of mass of parameters (10,)."""
+    centre = found[1:4] / found[0]
+    away = centre @ centre * np.eye(3) - np.outer(centre, centre)
+    return tensor_of(found[4:].tolist()) - found[0] * away
+
+
+def in_axes(axes: Array) -> Array:
+    """(10, 10) parameters in a frame by those in one whose `axes` are the columns (3, 3)."""
+    found = np.eye(PARAMETERS)
+    found[1:4, 1:4] = axes
+    for place, unit in enumerate(np.eye(6).tolist()):
+        found[4:, 4 + place] = components(axes @ tensor_of(unit) @ axes.T)
+    return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
@@ -35,6 +35,12 @@ TICK_PERIOD = 0.02  # s of robot time between two ticks
 MAX_ROBOT_SECONDS = 1800.0  # s of robot time that a whole run may take
 STOP_SECONDS = 2.0  # s of robot time for the arm to come to rest after `hold`
 EASINGS = 8  # Largest number of reductions of a pressing force; each leaves a fraction of it
+MEANWHILE: Mapping[str, str] = {"mass": "rests-and-passes"}
+"""Estimators of the conversions on the way, by quantity; others are the defaults. What is reported is estimated
+when all is recorded."""
+NOISELESS: Mapping[str, str] = {"mass": "single-shot"}
+"""Estimators that do for a robot without noise, by quantity: the forces of its arm have no bias, from which the
+default finds a load in a contrast that takes as long as the motion."""
 STOP_NODE = "stop"
 """`LeafRun.node` of the runner's own leaves in a controlled stop; no plan has such a node."""
 
@@ -116,6 +122,7 @@ def run(
     max_robot_seconds: float = MAX_ROBOT_SECONDS,
     words: Vocabulary | None = None,
     keep: Keep | None = None,
+    choice: Mapping[str, str] = MEANWHILE,
     settled: Settled = as_believed,
 ) -> Execution:
     """Run a checked plan to its end, or to a controlled stop.
@@ -126,7 +133,8 @@ def run(
     putting down and holds immediately. All recordings are returned in every case. `settled` corrects the
     symbolic state after the motion of the leaf at a path (`palpate.execution.foresight`).
 
-    The robot is left holding its position; the caller closes it.
+    The robot is left holding its position; the caller closes it. `choice` names estimators of the
+    conversions on the way, as `quantities.estimators.estimate_all`.
 
     Raises:
         InputError: the plan has no tree, or one that cannot be built; nothing has moved then.
@@ -134,7 +142,9 @@ def run(
     if plan.tree is None:
         raise InputError(f"the plan has no tree to run: {plan.explanation}")
     watched = Watched(robot, scene.arm)
-    blackboard = Blackboard(watched, SymbolicState(scene), Recorder(watched), settled=settled)
+    blackboard = Blackboard(
+        watched, SymbolicState(scene), Recorder(watched), choice=choice, settled=settled
+    )
     root = build(plan.tree, words or vocabulary(), blackboard)
     began = time.perf_counter()
     with interrupts() as signals, signals.deferred():

@@ -167,19 +167,21 @@ def clipped(polygon: Array, by: Array) -> Array:
     """(m, 2) corners of the intersection of two polygons (Sutherland and Hodgman)."""
     if len(by) < 3:
         return np.zeros((0, 2))
-    left = polygon
-    for start, end in zip(by, np.roll(by, -1, axis=0), strict=True):
+    corners: list[list[float]] = by.tolist()
+    left: list[list[float]] = polygon.tolist()
+    for (x0, y0), (x1, y1) in zip(corners, [*corners[1:], corners[0]], strict=True):
         # Each side of `by` cuts off what lies to its right.
-        inside = _cross(end - start, left - start)
-        before, came_from = np.roll(left, 1, axis=0), np.roll(inside, 1)
-        kept: list[Array] = []
-        for corner, there, last, here in zip(left, inside, before, came_from, strict=True):
+        inside = [(x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) for x, y in left]
+        kept: list[list[float]] = []
+        for i, ((x, y), there) in enumerate(zip(left, inside, strict=True)):
+            (from_x, from_y), here = left[i - 1], inside[i - 1]
             if here * there < 0:
-                kept.append(last + here / (here - there) * (corner - last))
+                share = here / (here - there)
+                kept.append([from_x + share * (x - from_x), from_y + share * (y - from_y)])
             if there >= 0:
-                kept.append(corner)
-        left = np.array(kept).reshape(-1, 2)
-    return left
+                kept.append([x, y])
+        left = kept
+    return np.array(left).reshape(-1, 2)
 
 
 def depth(polygon: Array, point: Array) -> float:

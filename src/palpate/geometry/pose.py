@@ -24,7 +24,8 @@ ROUNDING = 1e-9
 
 def digits(values: Array) -> bytes:
     """Numbers rounded to a millionth, as a key for caches."""
-    return values.round(6).tobytes()
+    # Zero has two signs, and one key.
+    return (values.round(6) + 0.0).tobytes()
 
 
 @dataclass(frozen=True, eq=False)

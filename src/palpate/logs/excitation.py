@@ -15,8 +15,7 @@ import mujoco
 import numpy as np
 
 from palpate.errors import InputError
-from palpate.estimation.carried.fit import load_columns
-from palpate.estimation.load.chain import tool_kinematics
+from palpate.estimation.load.chain import load_torques, tool_kinematics
 from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription
 from palpate.trace.samples import STANDARD_GRAVITY
@@ -165,19 +164,15 @@ class _Search:
         return None
 
     def _judged(self, found: Excitation) -> Excitation | None:
-        q, dq, _ = found.sample(self._t)
+        q, dq, ddq = found.sample(self._t)
         chain = self._arm.nominal.chain
         assert chain is not None
-        tcp, tool, jacobian = tool_kinematics(chain, q)
+        tcp, _, _ = tool_kinematics(chain, q)
         limits = self._arm.limits
         low = np.maximum(limits.workspace_min, [-np.inf, -np.inf, ABOVE])
         if bool((tcp < low).any() or (tcp > limits.workspace_max).any()):
             return None
-        twist = np.einsum("nij,nj->ni", jacobian, dq)
-        rates = np.gradient(twist, self._t, axis=0)
-        load = np.einsum(
-            "nij,nik->njk", jacobian, load_columns(twist, rates, tool, STANDARD_GRAVITY)
-        )
+        load = load_torques(chain, q, dq, ddq, np.array([0.0, 0.0, -STANDARD_GRAVITY]))
         left: list[Array] = []
         for joint in range(7):
             # Offset, Coulomb's and viscous friction of the joint explain part of its torque.

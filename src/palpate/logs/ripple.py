@@ -6,11 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 
+from palpate.estimation.load.chain import own_motion
 from palpate.geometry.pose import Array
 from palpate.logs.figure import SURE, Figure
 from palpate.logs.sampling import banded, resampled
-from palpate.robots.nominal import NominalArm
+from palpate.logs.slow_torque import DOWN
 from palpate.trace.log import ArmLog
+from palpate.trace.recording import Chain
 
 RATE = 250.0  # Hz, to which a recording is resampled
 LEAST = 100.0  # Hz, slowest recording that shows ripple
@@ -27,7 +29,7 @@ ABOUT = 9.0  # cycles, within which a harmonic is looked for
 NEAR = (40.0, 120.0)  # orders between which they lie from it
 
 
-def ripple(log: ArmLog, nominal: NominalArm) -> dict[str, Figure]:
+def ripple(log: ArmLog, chain: Chain) -> dict[str, Figure]:
     """Measure ripple of torques and encoders, and the shaking that M ddq explains."""
     names = ("ripple", "second", "cycles", "encoder_ripple", "shaking", "shaking_left")
     rate = min(RATE, 1.0 / float(np.median(np.diff(log.t))))
@@ -35,19 +37,15 @@ def ripple(log: ArmLog, nominal: NominalArm) -> dict[str, Figure]:
         return {name: Figure.unseen() for name in names}
     q, dq, tau = (resampled(log.t, values, rate)[1] for values in (log.q, log.dq, log.tau))
     ddq = np.gradient(banded(dq, rate, None, min(SMOOTH, rate / 3)), 1.0 / rate, axis=0)
-    here = nominal.kinematics(q, dq, ddq)
+    still = np.zeros_like(q)
+    held, moved = own_motion(chain, q, still, still, DOWN), own_motion(chain, q, dq, ddq)
     seconds = len(q) / rate
-    torque, drawn = (
-        banded(x, rate, *SHAKING) for x in (tau - here.gravity_torque, here.inertia_torque)
-    )
+    torque, drawn = (banded(x, rate, *SHAKING) for x in (tau - held, moved))
     shaking, left = (
         Figure.about(x.std(0), x.std(0) / np.sqrt(2 * seconds)) for x in (torque, torque - drawn)
     )
     smooth = banded(dq, rate, None, ABOVE)
-    quick = [
-        x - banded(x, rate, None, ABOVE)
-        for x in (tau - here.gravity_torque, tau - here.gravity_torque - here.inertia_torque, dq)
-    ]
+    quick = [x - banded(x, rate, None, ABOVE) for x in (tau - held, tau - held - moved, dq)]
     joints = [_joint(q[:, j], smooth[:, j], *(x[:, j] for x in quick)) for j in range(7)]
     found = [Figure(*np.array([joint[i] for joint in joints]).T) for i in range(4)]
     return dict(zip(names, [*found, shaking, left], strict=True))

@@ -7,12 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.geometry.pose import Array, Pose
+from palpate.estimation.joint_friction import dahl
+from palpate.estimation.load.chain import load_torques, own_motion
+from palpate.geometry.pose import Array
 from palpate.logs.figure import SURE, Figure
 from palpate.logs.sampling import banded, resampled
-from palpate.robots.nominal import Kinematics, NominalArm
 from palpate.trace.log import ArmLog
+from palpate.trace.recording import Chain
+from palpate.trace.samples import STANDARD_GRAVITY
 
+DOWN: Array = np.array([0.0, 0.0, -STANDARD_GRAVITY])
 SLOW = 5.0  # Hz: the torques are fitted below
 RATE = 100.0  # Hz of the fit
 TURNS = 0.01  # rad that a joint must go either way to show its friction
@@ -22,7 +26,6 @@ WIDE = 1.0  # rad, range of a joint that shows how its friction varies over a tu
 STRETCH = 1.0  # s: stretches of a residual that count as independent of each other
 LOAD: Array = np.array([0.3, 0.03, 0.03, 0.03])
 """Standard deviations of a load beyond the nominal hand: kg, kg m along each axis of the hand."""
-GRAVITY = 9.81
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,23 +81,24 @@ def _solved(design: Array, y: Array, size: Array, ridge: Array) -> tuple[Array, 
     return inverse @ (x.T @ (y / size).ravel()), inverse
 
 
-def slow_torque(log: ArmLog, nominal: NominalArm) -> dict[str, Figure]:
+def slow_torque(log: ArmLog, chain: Chain) -> dict[str, Figure]:
     """Measure offset, Coulomb friction, presliding, drift, and what they leave."""
     rate = min(RATE, 1.0 / float(np.median(np.diff(log.t))))
     (t, q), dq = resampled(log.t, log.q, rate), resampled(log.t, log.dq, rate)[1]
     tau = resampled(log.t, log.tau, rate)[1]
     dq = banded(dq, rate, None, SLOW)
-    here = nominal.kinematics(q, dq, np.gradient(dq, 1.0 / rate, axis=0))
-    y = banded(tau - here.gravity_torque - here.inertia_torque, rate, None, SLOW)
-    load = banded(load_columns(here, dq, rate), rate, None, SLOW)
-    curves = banded(dahl(q, PRESLIDING), rate, None, SLOW)
+    motion = q, dq, np.gradient(dq, 1.0 / rate, axis=0), DOWN
+    y = banded(tau - own_motion(chain, *motion), rate, None, SLOW)
+    load = banded(load_torques(chain, *motion)[:, :, :4], rate, None, SLOW)
+    steps = np.diff(q, axis=0, prepend=q[:1])
+    curves = banded(dahl(steps, PRESLIDING)[0], rate, None, SLOW)
     moved = np.diff(q, axis=0)
     turns = np.minimum(moved.clip(0).sum(0), -moved.clip(None, 0).sum(0)) > TURNS
     level, presliding = np.ones_like(y), Figure.unseen()
     fit, rubbing = Fit.of(y, [level], load, t), np.zeros_like(y)
     for _ in range(3):
         told = np.where(np.isnan(presliding.value), USUAL, presliding.value)
-        rubbing = banded(dahl(q, told[:, None])[:, :, 0], rate, None, SLOW) * turns
+        rubbing = banded(dahl(steps, told[:, None])[0][:, :, 0], rate, None, SLOW) * turns
         fit = Fit.of(y, [level, rubbing], load, t)
         free = y - load @ fit.load
         misfits = np.array([misfit(free[:, j], curves[:, j]) for j in range(7)])
@@ -113,36 +117,6 @@ def slow_torque(log: ArmLog, nominal: NominalArm) -> dict[str, Figure]:
         "residual": Figure.about(rms, rms / np.sqrt(2.0 * fit.independent)),
         "drift": Figure.about(drift.value[1], drift.std[1]),
     }
-
-
-def dahl(q: Array, presliding: Array) -> Array:
-    """Compute Dahl's friction of unit level, (n, 7, g), along `q` (n, 7) at presliding distances (g,),
-    or one of each joint (7, g)."""
-    steps = np.diff(q, axis=0, prepend=q[:1])[:, :, None]
-    keep, direction = np.exp(-np.abs(steps) / presliding), np.sign(steps)
-    out, state = np.empty(keep.shape), np.zeros(keep.shape[1:])
-    for i in range(len(q)):
-        state = direction[i] + (state - direction[i]) * keep[i]
-        out[i] = state
-    return out
-
-
-def load_columns(here: Kinematics, dq: Array, rate: float) -> Array:
-    """Compute the joint torques (n, 7, 4) of a load on the hand: of a kilogram at the TCP, and of a
-    first moment of 1 kg m along each of its axes."""
-    twist = np.einsum("nij,nj->ni", here.jacobian, dq)
-    change = np.gradient(twist, 1.0 / rate, axis=0)
-    omega, alpha = twist[:, 3:], change[:, 3:]
-    pull = change[:, :3] + np.array([0.0, 0.0, GRAVITY])
-    out = np.empty((len(dq), 7, 4))
-    out[:, :, 0] = np.einsum("nji,nj->ni", here.jacobian[:, :3], pull)
-    axes = np.array([Pose(row[:3], row[3:]).rotation for row in here.pose_world_tcp])
-    for k in range(3):
-        arm = axes[:, :, k]
-        force = np.cross(alpha, arm) + np.cross(omega, np.cross(omega, arm))
-        wrench = np.concatenate([force, np.cross(arm, pull)], axis=1)
-        out[:, :, k + 1] = np.einsum("nji,nj->ni", here.jacobian, wrench)
-    return out
 
 
 def misfit(y: Array, curves: Array) -> Array:

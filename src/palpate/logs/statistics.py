@@ -11,12 +11,11 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from palpate.errors import InputError
-from palpate.geometry.pose import Array, Pose
+from palpate.geometry.pose import Array
 from palpate.logs.figure import Figure
 from palpate.logs.ripple import ripple
-from palpate.logs.slow_torque import GRAVITY, slow_torque
+from palpate.logs.slow_torque import slow_torque
 from palpate.robots.description import RobotDescription
-from palpate.robots.nominal import NominalArm
 from palpate.trace.log import ArmLog
 
 SHORTEST = 5.0  # s of recording
@@ -62,12 +61,13 @@ def statistics(log: ArmLog, arm: RobotDescription) -> LogStatistics:
         raise InputError(
             f"{log.source}: give at least {SHORTEST:g} s of free motion; a minute is better"
         )
-    nominal = NominalArm(arm, Pose.of([0.0, 0.0, 0.0]), np.array([0.0, 0.0, -GRAVITY]))
+    chain = arm.nominal.chain
+    assert chain is not None
     return LogStatistics(
         white=white(log),
         quantisation=quantisation(log.tau),
-        **slow_torque(log, nominal),
-        **ripple(log, nominal),
+        **slow_torque(log, chain),
+        **ripple(log, chain),
     )
 
 

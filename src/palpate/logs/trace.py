@@ -9,8 +9,9 @@ from typing import Literal
 import numpy as np
 
 from palpate.errors import InputError
-from palpate.estimation.carried.fit import load_columns
-from palpate.geometry.pose import Array, Pose, rotations
+from palpate.estimation.load.chain import regressor
+from palpate.estimation.rigid import parameters
+from palpate.geometry.pose import Array, Pose
 from palpate.parameter import Parameter
 from palpate.robots.description import RobotDescription
 from palpate.robots.model import carries
@@ -164,16 +165,11 @@ def samples_of(
     if share != 1.0:
         chain = arm.nominal.chain
         assert chain is not None
-        tool = np.array(chain.tool)
-        known = np.zeros(10)
-        for place in hand_links(arm):
-            link = chain.links[place]
-            lever = tool.T @ (np.array(link.com) - np.array(chain.tcp))
-            known[:4] += link.mass * np.array([1.0, *lever])
-        still = np.zeros((len(log), 6))
-        axes = rotations(seen.pose_world_tcp[:, 3:])
-        weight = load_columns(still, still, axes, gravity) @ known
-        external += (1.0 - share) * np.einsum("nij,ni->nj", seen.jacobian, weight)
+        anchor = np.array(chain.anchors[-1])
+        known = parameters([chain.links[place] for place in hand_links(arm)], anchor)
+        still, pull = np.zeros_like(log.q), base.rotation.T @ [0.0, 0.0, -gravity]
+        weight = regressor(chain, log.q, still, still, pull)[:, :, -1] @ known
+        external += (1.0 - share) * weight
     twist = np.einsum("nij,nj->ni", seen.jacobian, log.dq)
     return Samples(
         t=log.t,

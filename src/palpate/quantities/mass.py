@@ -73,6 +73,7 @@ class Mass(Quantity):
     )
     estimators: ClassVar = {
         "contrast": "palpate.quantities.mass:estimate_mass",
+        "rests-and-passes": "palpate.quantities.mass:estimate_by_rests_and_passes",
         "single-shot": "palpate.quantities.mass:estimate_single_shot",
         "recording": "palpate.estimation.carried.estimates:estimate_mass",
     }
@@ -168,10 +169,19 @@ def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
     Raises:
         ValueError: the recording holds no samples or no held object.
     """
+    return _contrast(trace, parameter, by_all_motion=True)
+
+
+def estimate_by_rests_and_passes(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
+    """As `estimate_mass`, without the other motion in free air: less precise, in half the time."""
+    return _contrast(trace, parameter, by_all_motion=False)
+
+
+def _contrast(trace: Trace, parameter: Parameter, by_all_motion: bool) -> Estimate:
     recording = trace.converted(parameter)
     if recording is None:
         return not_measured(parameter, UNIT)
-    weight = weigh(trace, recording)
+    weight = weigh(trace, recording, by_all_motion)
     parts = {"single-shot": single_shot(trace, recording), **alone(trace, weight.weighings)}
     method = contrast_method(weight.segments)
     if weight.whole is not None:

@@ -45,15 +45,19 @@ def inverse_kinematics(
     return None if found is None else np.array(found)
 
 
-def reachable(arm: RobotDescription, pose_world_tcp: Pose, pose_world_base: Pose) -> bool:
-    """Test if the arm can bring its TCP to a pose."""
-    return inverse_kinematics(arm, pose_world_tcp, pose_world_base) is not None
+def too_far(arm: RobotDescription, pose_base_tcp: Pose) -> bool:
+    """Test if the wrist would be farther from the shoulder than all links between them in one line: a
+    quick test, false for many poses out of reach."""
+    links = _links(arm)
+    reach = np.linalg.norm(pose_base_tcp.apply(links.wrist) - links.shoulder)
+    return not reach <= links.stretched
 
 
-def within_joint_limits(arm: RobotDescription, q: Array) -> bool:
-    """Test if joint angles (7,), rad, are finite and within the safety predicate's joint range."""
+def within_joint_limits(arm: RobotDescription, q: Array, margin: float = JOINT_MARGIN) -> bool:
+    """Test if joint angles (7,), rad, are finite and within the joint range less a margin, by default
+    that of the safety predicate."""
     low, high = arm.limits.q_min, arm.limits.q_max
-    return bool(((q >= low + JOINT_MARGIN) & (q <= high - JOINT_MARGIN)).all())
+    return bool(((q >= low + margin) & (q <= high - margin)).all())
 
 
 @cache
@@ -126,9 +130,8 @@ _solver = cache(_Solver)
 def _solve(
     arm: RobotDescription, key: tuple[float, ...], seed: tuple[float, ...] | None
 ) -> tuple[float, ...] | None:
-    pose, links = Pose.of(key[:3], key[3:]), _links(arm)
-    # Out of reach if the wrist is farther from the shoulder than all links between them in one line.
-    if np.linalg.norm(pose.apply(links.wrist) - links.shoulder) > links.stretched:
+    pose = Pose.of(key[:3], key[3:])
+    if too_far(arm, pose):
         return None
     solver = _solver(arm)
     with solver.lock:

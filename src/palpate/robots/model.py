@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -163,6 +164,11 @@ def at_home(model: mujoco.MjModel, joints: Sequence[str], home: Array) -> mujoco
 def prepared(arm: RobotDescription) -> mujoco.MjSpec:
     """Return an editable copy of the arm: base at the origin, no actuators, no surroundings; its
     shapes collide with the world's, and with each other except for `neighbours`."""
+    return _prepared(arm).copy()
+
+
+@lru_cache(8)
+def _prepared(arm: RobotDescription) -> mujoco.MjSpec:
     spec = mujoco.MjSpec.from_file(str(arm.mjcf))
     option = spec.option
     option.timestep, option.impratio = 0.001, 20.0  # a grasped object does not creep with these

@@ -140,19 +140,19 @@ class NominalArm:
         """
         ahead = self._pose_world_base.local(goal.position)
         posture = posture + np.arctan2(ahead[1], ahead[0]) * np.eye(7)[0]
-        q = posture
+        q, damping = posture, SEARCH_DAMPING * np.eye(6)
         for _ in range(SEARCH_STEPS):
-            jacobian, turn = self.jacobian(q), np.empty(3)
-            mujoco.mju_rotVecQuat(
-                turn, rotation_vector(self._quaternion, goal.quaternion), self._quaternion
-            )
-            error = np.concatenate([goal.position - self._position, turn])
-            inverse = np.linalg.solve(
-                jacobian @ jacobian.T + SEARCH_DAMPING * np.eye(6), jacobian
-            ).T
+            jacobian, error, scaled = self.jacobian(q), np.empty(6), np.empty(6)
+            error[:3] = goal.position - self._position
+            turn = rotation_vector(self._quaternion, goal.quaternion)
+            mujoco.mju_rotVecQuat(error[3:], turn, self._quaternion)
             away = SEARCH_RATE * (posture - q)
-            step = inverse @ (error - jacobian @ away) + away
-            q = q + np.clip(step, -0.2, 0.2)
+            # Damped least squares, J^T (J J^T + λ I)^-1, beside the way to the posture.
+            square = jacobian @ jacobian.T + damping
+            mujoco.mju_cholFactor(square, 0.0)
+            mujoco.mju_cholSolve(scaled, square, error - jacobian @ away)
+            step = jacobian.T @ scaled + away
+            q = q + step.clip(-0.2, 0.2)
             if np.abs(step).max() < SEARCH_DONE:
                 break
         return q

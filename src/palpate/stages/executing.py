@@ -70,6 +70,7 @@ def perform(
     within: Within | None = None,
     keep: Keep | None = None,
     real: bool = False,
+    noiseless: bool = False,
     settled: Settled = as_believed,
 ) -> Execution:
     """Run the tree on the robot, and close the robot in any case.
@@ -83,14 +84,18 @@ def perform(
         within: half widths of 95 % intervals; a measurement with a wider one is repeated.
         keep: writes samples to disk meanwhile.
         real: the robot is a real one.
+        noiseless: the robot is a simulated one without noise.
         settled: corrects the symbolic state after a leaf of the plan, by where things ended in its
             rehearsal.
     """
     from palpate.execution.recovery import recover
     from palpate.execution.repetition import repeat
+    from palpate.execution.runner import NOISELESS
     from palpate.execution.runner import run as run_tree
 
     attempt = partial(run_tree, observer=callbacks.observer, keep=keep)
+    if noiseless:
+        attempt = partial(attempt, choice=NOISELESS)
     try:
         first = attempt(plan, scene, robot, settled=settled)
         done = recover(

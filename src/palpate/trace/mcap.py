@@ -88,7 +88,8 @@ def write_mcap(path: Path, trace: Trace, shown: Sequence[topics.Message] = ()) -
     schemas: dict[str, int] = {}
     channels: dict[str, int] = {}
     with path.open("wb") as file:
-        writer = Writer(file)
+        # The metadata record is in no chunk, and so under no checksum but that of all data.
+        writer = Writer(file, enable_data_crcs=True)
         writer.start(profile="ros2", library=f"palpate {__version__}")
         writer.add_metadata(METADATA, {"version": __version__, "trace": dumped(record)})
         for time, topic, datatype, data in messages(trace, shown):

@@ -201,14 +201,14 @@ class Trace:
         )
 
 
-K = TypeVar("K", Samples, Trace)
+K = TypeVar("K")
 P = ParamSpec("P")
 T = TypeVar("T")
 
 
 def once(find: Callable[Concatenate[K, P], T]) -> Callable[Concatenate[K, P], T]:
-    """Cache the results of `find`, a function of samples or a trace and of hashable arguments, as long as
-    these samples live. A cached array is shared by all callers and therefore read-only."""
+    """Cache the results of `find`, a function of samples, a trace or the like and of hashable arguments, as long as
+    these live. A cached array is shared by all callers and therefore read-only."""
     known: WeakKeyDictionary[Any, dict[Hashable, T]] = WeakKeyDictionary()
 
     @wraps(find)

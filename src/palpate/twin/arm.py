@@ -13,7 +13,7 @@ from palpate.errors import InputError
 from palpate.estimation import tuning
 from palpate.estimation.arm.causes import Bodies
 from palpate.estimation.arm.dynamics import ArmDynamics, Figure
-from palpate.estimation.arm.regressor import inertia_about_centre, parameters
+from palpate.estimation.rigid import inertia_about_centre, parameters
 from palpate.geometry.pose import Array, components
 from palpate.mjcf.document import Document, Element, elements
 from palpate.mjcf.edits import Change, Edit, Insert, number

@@ -10,7 +10,7 @@ it runs. There is no second declaration of a primitive.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from inspect import cleandoc
 from typing import ClassVar, Literal
@@ -119,6 +119,7 @@ class Blackboard:
             in place and back: joint friction.
         failed: a leaf has failed, and no other may move.
         bound: place and source, in words, of every pose bound in this run and not reported yet.
+        choice: names of the conversions' estimators by quantity; others are the defaults.
         settled: returns the state after the motion of the leaf at a path, corrected by where things really
             end, and fails the leaf where they did not.
     """
@@ -132,6 +133,7 @@ class Blackboard:
     unrepeated: float = 0.0
     failed: bool = False
     bound: dict[str, str] = field(default_factory=dict[str, str])
+    choice: Mapping[str, str] = field(default_factory=dict[str, str])
     settled: Settled = as_believed
 
     @property

@@ -18,10 +18,11 @@ from palpate.scene.raised import is_open
 from palpate.trace.samples import STANDARD_GRAVITY
 from palpate.vocabulary.admissible.clearance import box_hits
 from palpate.vocabulary.admissible.collision_geometry import hand_sweep, opening
+from palpate.vocabulary.admissible.path import hand_path
 from palpate.vocabulary.admissible.profile import POSE_ERROR
 from palpate.vocabulary.admissible.solids import SIDES, solids
 from palpate.vocabulary.admissible.support import TIPPING, above, footing
-from palpate.vocabulary.admissible.sweep import FINEST, Hit, hand_path
+from palpate.vocabulary.admissible.sweep import FINEST, Hit
 from palpate.vocabulary.admissible.unknown_heights import is_unmeasured
 from palpate.vocabulary.base import ARM, Blackboard, LeafFailure, Primitive, Steps, Surroundings
 from palpate.vocabulary.state import SymbolicState
@@ -246,7 +247,7 @@ def touch(state: SymbolicState, direction: Array, travel: float) -> tuple[Hit, P
 
     def compute() -> tuple[Hit, Pose] | None:
         end = start.translated(travel * direction)
-        swept = hand_sweep(state, hand_path(start, end, opening(state), FINEST))
+        swept = hand_sweep(state, hand_path(start, end, opening(state), FINEST), TOUCHES)
         first = swept.first(np.full(len(swept.pairs), TOUCHES))
         if first is None:
             return None

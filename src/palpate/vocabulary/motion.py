@@ -267,7 +267,7 @@ def _at_rest(state: SymbolicState, at: str | None, target: Pose) -> SymbolicStat
         there,
         lifted=lifted,
         activity="still" if lifted else "contact",
-        moved={**state.moved, state.holding: pose_world_object},
+        moved=state.placing(state.holding, pose_world_object),
     )
 
 

@@ -112,7 +112,7 @@ class _Conversion(ConversionPrimitive):
         )
         trace = recorder.snapshot()
         trace = replace(trace, conversions=(*trace.conversions, conversion))
-        (found,) = estimate_all([parameter], trace, blackboard.scene.bodies)
+        (found,) = estimate_all([parameter], trace, blackboard.scene.bodies, blackboard.choice)
         if found.verdict == "not identified":
             raise LeafFailure(f"{parameter} is not identified: {found.method}")
         recorder.conversions.append(conversion)

@@ -111,6 +111,13 @@ class SymbolicState:
         """Believed pose of an object or surface."""
         return self.moved.get(name) or self.scene.body(name).pose_world
 
+    def placing(self, name: str, pose: Pose) -> Mapping[str, Pose]:
+        """`moved` with an object at a pose; without it where the scene has it there."""
+        moved = {**self.moved, name: pose}
+        if pose.digits == self.scene.body(name).pose_world.digits:
+            del moved[name]
+        return moved
+
     def raised(self, surface: str, top: float) -> SymbolicState:
         """State with the top of a surface at world z `top`, m, and all that stands on it with it."""
         rises = risen(self.scene, surface, top, self.pose_of)
@@ -153,6 +160,15 @@ class SymbolicState:
         """Key of the moved objects and their poses."""
         return tuple((name, pose.digits) for name, pose in sorted(self.moved.items()))
 
+    def others(self, name: str | None) -> tuple[tuple[str, bytes], ...]:
+        """`placed` without the object `name`."""
+        return tuple(entry for entry in self.placed if entry[0] != name)
+
+    def without(self, name: str | None) -> SymbolicState:
+        """State with the object `name` where the scene has it, and nothing in the hand."""
+        moved = {other: pose for other, pose in self.moved.items() if other != name}
+        return replace(self, moved=moved, holding=None, pose_tcp_object=None)
+
     @property
     def arrangement(self) -> tuple[object, ...]:
         """Key of the arrangement of arm, hand and objects."""
@@ -166,6 +182,24 @@ class SymbolicState:
             *self.placed,
         )
 
+    def beside(self, start: Array, end: Array, margin: float) -> list[Body]:
+        """Bodies, but the held object, that may be within `margin` m of the line between two points
+        (3,), world, seen from above, in document order: a quick bound, by circles about them."""
+
+        def compute() -> tuple[list[Body], Array, Array]:
+            bodies = [one for one in self.scene.bodies.values() if one.name != self.holding]
+            spots = np.array([self.pose_of(body.name).position[:2] for body in bodies])
+            return bodies, spots.reshape(-1, 2), np.array([body.reach for body in bodies])
+
+        key = ("spots", self.holding, *self.others(self.holding))
+        bodies, spots, reaches = solids(self.scene).cached(key, compute)
+        along, apart = (end - start)[:2], spots - start[:2]
+        # The nearest point of the line.
+        share = np.clip(apart @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
+        apart = apart - share[:, None] * along
+        near = np.hypot(apart[:, 0], apart[:, 1]) <= reaches + margin
+        return [bodies[i] for i in np.flatnonzero(near).tolist()]
+
     def object_at(self, pose_world_tcp: Pose | None) -> Body | None:
         """Object that closing the fingers at a pose would grasp: the one between the pads nearest
         to their middle; None for an unknown pose."""
@@ -174,8 +208,15 @@ class SymbolicState:
         pose = pose_world_tcp
 
         def compute() -> Body | None:
-            grips = [(body, self.grip_of(body, pose)) for body in self.scene.objects.values()]
-            between = [(abs(held.aside), body) for body, held in grips if held is not None]
+            near = self.beside(pose.position, pose.position, self.scene.arm.hand.opening)
+            names = {self.holding, *(body.name for body in near)}
+            grips = [
+                (body, self.grip_of(body, pose))
+                for body in self.scene.objects.values()
+                if body.name in names
+            ]
+            # Of two in one place, which is a fault of a plan, the first of the scene.
+            between = [(round(abs(held.aside), 6), body) for body, held in grips if held]
             return min(between, key=lambda one: one[0], default=(0.0, None))[1]
 
         return solids(self.scene).cached(("between", pose.digits, *self.placed), compute)
@@ -183,11 +224,8 @@ class SymbolicState:
     def grip_of(self, body: Body, pose_world_tcp: Pose) -> Grip | None:
         """Contact of the pads with an object at this pose of the TCP; None where it is not between
         them."""
-        pose = self.pose_of(body.name)
-        x, y, _ = (pose_world_tcp.position - pose.position).tolist()
-        if not body.is_near(x, y, self.scene.arm.hand.opening):
-            return None
-        return grip(solids(self.scene), body.name, pose_world_tcp.inverse() @ pose)
+        pose_tcp_object = pose_world_tcp.inverse() @ self.pose_of(body.name)
+        return grip(solids(self.scene), body.name, pose_tcp_object)
 
     def surface_below(self, pose_world_tcp: Pose | None) -> Body | None:
         """First believed contact of a guarded descent from a pose, a surface or an object's top; None
@@ -196,7 +234,7 @@ class SymbolicState:
             return None
         x, y, z = pose_world_tcp.position.tolist()
         met, highest = None, -np.inf
-        for body in self.scene.bodies.values():
+        for body in self.beside(pose_world_tcp.position, pose_world_tcp.position, 0.0):
             if body.name == self.holding or not body.covers(x, y, self.pose_of(body.name)):
                 continue
             top = self.top_of(body)
@@ -274,11 +312,12 @@ def merged(now: SymbolicState, base: SymbolicState, after: SymbolicState) -> Sym
 
 
 def _joined(now: Any, old: Any, new: Any) -> Any:
-    # Collections only grow (buffers, logs, conversions): keep what others added meanwhile.
+    # Keep what others added meanwhile to buffers, logs, conversions and moved objects.
     if isinstance(new, Mapping):
         entries = cast(Mapping[str, object], new)
         added = {key: value for key, value in entries.items() if old.get(key) is not value}
-        return {**now, **added}
+        kept = {key: value for key, value in now.items() if key in entries or key not in old}
+        return {**kept, **added}
     if isinstance(new, frozenset):
         return now | new
     if isinstance(new, tuple):

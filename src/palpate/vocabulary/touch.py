@@ -17,6 +17,10 @@ from palpate.robots.robot import Robot
 from palpate.vocabulary.base import Blackboard, LeafFailure
 
 SETTLED_SPEED = 0.003  # m/s
+CREEPING = 0.01
+"""rad/s: the elbow of an arm with a faster joint still moves, though the TCP rests. Friction turns round with
+it, and where the arm is folded near its base, that changes the sensed force by newtons. At rest an FR3 reports
+up to 0.004 rad/s (a recording at 1 kHz)."""
 DWELL = 0.3
 """s at rest until a motion counts as settled where the wrench is compared with an earlier one; windows
 at rest also feed the estimators."""
@@ -122,15 +126,16 @@ def median_wrench(blackboard: Blackboard) -> Generator[None, None, Array]:
 
 
 def settle(blackboard: Blackboard, dwell: float = DWELL) -> Generator[None]:
-    """Wait until the arm has been at rest for `dwell` s.
+    """Wait until the arm, its elbow too, has been at rest for `dwell` s.
 
     Raises:
         LeafFailure: it does not come to rest.
     """
     start = since = blackboard.robot.state.t
     while blackboard.robot.state.t - since < dwell:
-        if np.linalg.norm(blackboard.robot.state.twist[:3]) > SETTLED_SPEED:
-            since = blackboard.robot.state.t
+        state = blackboard.robot.state
+        if np.linalg.norm(state.twist[:3]) > SETTLED_SPEED or np.abs(state.dq).max() > CREEPING:
+            since = state.t
         if blackboard.robot.state.t - start > SETTLE_LIMIT + dwell:
             raise LeafFailure(f"the arm does not settle within {SETTLE_LIMIT:g} s")
         yield

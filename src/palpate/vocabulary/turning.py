@@ -17,7 +17,6 @@ from pydantic import Field
 
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.accuracy import rubbing
-from palpate.robots.kinematics import reachable
 from palpate.robots.safety import Expectation
 from palpate.robots.sheet import Pace
 from palpate.robots.trajectory import SWING_PEAK, turned
@@ -98,12 +97,12 @@ class _Turning(Primitive):
         if found or here is None:
             return found
         for pose in self._ends(state):
-            if not reachable(state.scene.arm, pose, state.scene.pose_world_base):
+            if not solids(state.scene).reaches(pose):
                 problem = f"the arm cannot turn the hand as far at '{state.at}'"
                 return [Violation("unreachable", problem)]
             there = replace(state, pose_world_tcp=pose, joints=None)
             if state.holding is not None and held is not None:
-                there = replace(there, moved={**state.moved, state.holding: pose @ held})
+                there = replace(there, moved=state.placing(state.holding, pose @ held))
             found += motion.violations(state, there, may_tilt=True)
             # Turning is no guarded motion: it keeps the error of believed poses from everything.
             if near_spans(state, here, pose, POSE_ERROR):

@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.arm.motion import Motion
-from palpate.estimation.arm.regressor import (
-    PARAMETERS,
-    inertia_about_centre,
-    parameters,
-    placed_at,
-    regressor,
-)
 from palpate.estimation.arm.spectrum import frequencies, transformed
+from palpate.estimation.load.chain import regressor
+from palpate.estimation.rigid import PARAMETERS, inertia_about_centre, parameters, placed_at
 from palpate.geometry.pose import Array
-from palpate.robots.description import RobotDescription
+from palpate.trace.recording import Chain
 from palpate.trace.samples import STANDARD_GRAVITY
 
 LINKS, COULOMB = "links", "coulomb"
-GRAVITY = np.array([0.0, 0.0, -STANDARD_GRAVITY])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,10 +40,9 @@ class Bodies:
     load: float
 
     @classmethod
-    def of(cls, arm: RobotDescription) -> Bodies:
-        """Inertial parameters of an arm's description."""
-        chain = arm.nominal.chain
-        assert chain is not None
+    def of(cls, chain: Chain, link_mass: float, link_com: float, load: float) -> Bodies:
+        """Inertial parameters of an arm, whose links' masses are wrong by `link_mass` of them and centres by
+        `link_com`, m (1 sigma), and which may carry `load`, kg."""
         anchors = np.array(chain.anchors)
         own = [next(link for link in chain.links if link.joint == i) for i in range(len(anchors))]
         links = np.array([parameters([o], a) for o, a in zip(own, anchors, strict=True)])
@@ -60,11 +53,11 @@ class Bodies:
         hand = parameters([link for link in beside if link is not own[-1]], anchors[-1])
         errors = np.empty_like(links)
         for error, link in zip(errors, links, strict=True):
-            error[0] = arm.sensors.link_mass * link[0]
-            error[1:4] = arm.sensors.link_com * link[0]
+            error[0] = link_mass * link[0]
+            error[1:4] = link_com * link[0]
             error[4:] = tuning.LINK_INERTIA * np.trace(inertia_about_centre(link)) / 3.0
         reach = hand[1:4] / hand[0] if hand[0] > 0.0 else links[-1, 1:4] / links[-1, 0]
-        return cls(links, hand, errors, anchors, reach, arm.limits.payload)
+        return cls(links, hand, errors, anchors, reach, load)
 
     def link_frame(self, joint: int) -> Array:
         """(10, 10) parameters by the errors' mass, first moment and inertia."""
@@ -74,6 +67,25 @@ class Bodies:
         """(10,) standard deviations of mass, first moment and inertia about `reach` of an unknown hand."""
         size = tuning.HAND_REACH
         return self.load * np.array([1.0, *[size] * 3, *[size**2] * 3, *[size**2 / 2.0] * 3])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Setup:
+    """An arm where it stands.
+
+    Attributes:
+        chain: its kinematics.
+        bodies: as described.
+        home: (7,) rad, usual angles.
+        gravity: (3,) m/s², in the axes of the base.
+        held: its torques lack what holds it up as described.
+    """
+
+    chain: Chain
+    bodies: Bodies
+    home: Array
+    gravity: Array
+    held: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,9 +107,9 @@ class Rows:
     samples: int
 
     @classmethod
-    def of(cls, motions: Sequence[Motion], arm: RobotDescription, bodies: Bodies) -> Rows:
+    def of(cls, motions: Sequence[Motion], setup: Setup) -> Rows:
         """Rows of stretches of a recording."""
-        return cls.joined([_stretch(motion, arm, bodies) for motion in motions])
+        return cls.joined([_stretch(motion, setup) for motion in motions])
 
     @classmethod
     def joined(cls, parts: Sequence[Rows]) -> Rows:
@@ -114,6 +126,11 @@ class Rows:
             samples=sum(part.samples for part in parts),
         )
 
+    def bearing(self, torque: Array) -> Rows:
+        """Rows in which the sensors' gains act on a further `torque` (7 k,), too."""
+        gain = self.columns["gain"] + each(torque.reshape(self.tau.shape))
+        return replace(self, columns={**self.columns, "gain": gain})
+
     def of_bodies(self, bodies: Bodies) -> Array:
         """(k, 7, 7, 10) columns of mass, first moment and inertia about each link's centre."""
         by_link = self.columns[LINKS].reshape(*self.tau.shape, -1, PARAMETERS)
@@ -121,13 +138,12 @@ class Rows:
         return np.einsum("kjlp,lpx->kjlx", by_link, frames)
 
 
-def _stretch(motion: Motion, arm: RobotDescription, bodies: Bodies) -> Rows:
+def _stretch(motion: Motion, setup: Setup) -> Rows:
     """Compute the rows of one stretch."""
-    chain = arm.nominal.chain
-    assert chain is not None
-    step = float(motion.t[1] - motion.t[0])
+    chain, bodies, home = setup.chain, setup.bodies, setup.home
+    step = motion.step
     q, dq = motion.q, motion.dq
-    links = regressor(chain, q, dq, motion.ddq, GRAVITY)
+    links = regressor(chain, q, dq, motion.ddq, setup.gravity)
     weight = bodies.links.copy()
     weight[-1] += bodies.hand
 
@@ -136,20 +152,20 @@ def _stretch(motion: Motion, arm: RobotDescription, bodies: Bodies) -> Rows:
         return np.einsum("njlp,lp->nj", regressor(chain, angles, still, still, gravity), weight)
 
     felt = np.einsum("njlp,lp->nj", links, weight)
-    loads = np.abs(felt) - np.abs(held(arm.home[None], GRAVITY))
+    loads = np.abs(felt) - np.abs(held(home[None], setup.gravity))
     columns = {
         LINKS: links.reshape(len(q), 7, -1),
         **_frictions(motion, loads),
         "offset": each(np.ones_like(q)),
         "viscous": each(dq),
         "armature": each(motion.ddq),
-        "cable": each(q - arm.home),
+        "cable": each(q - home),
         "gain": each(felt),
         "lean": np.stack([held(q, aside) for aside in STANDARD_GRAVITY * np.eye(3)[:2]], axis=2),
         "delay": np.gradient(felt, step, axis=0)[:, :, None],
     }
     external = motion.tau_ext
-    tau = transformed(motion.tau, step)
+    tau = transformed(motion.tau + held(q, setup.gravity) if setup.held else motion.tau, step)
     return Rows(
         tau=tau,
         tau_ext=None if external is None else transformed(external, step),

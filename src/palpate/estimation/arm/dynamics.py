@@ -9,7 +9,7 @@ import numpy as np
 
 from palpate.errors import InputError
 from palpate.estimation import tuning
-from palpate.estimation.arm.causes import COULOMB, Bodies, Rows
+from palpate.estimation.arm.causes import COULOMB, Bodies, Rows, Setup
 from palpate.estimation.arm.fit import (
     DETAILS,
     FRICTION,
@@ -21,10 +21,12 @@ from palpate.estimation.arm.fit import (
     fitted,
 )
 from palpate.estimation.arm.motion import Motion, stretches
-from palpate.estimation.arm.regressor import placed_at
+from palpate.estimation.load.observation import gain_root
+from palpate.estimation.rigid import placed_at
 from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription
 from palpate.trace.log import ArmLog
+from palpate.trace.samples import STANDARD_GRAVITY
 
 FIGURES = ("coulomb", "viscous", "armature", "offset")
 
@@ -152,17 +154,20 @@ def identify(log: ArmLog, arm: RobotDescription, hand: float | None = None) -> A
     Raises:
         InputError: too short, or no joint moves.
     """
-    bodies = Bodies.of(arm)
+    chain, accuracy = arm.nominal.chain, arm.sensors
+    assert chain is not None
+    bodies = Bodies.of(chain, accuracy.link_mass, accuracy.link_com, arm.limits.payload)
+    setup = Setup(chain, bodies, arm.home, np.array([0.0, 0.0, -STANDARD_GRAVITY]))
     most = arm.limits.payload + float(bodies.hand[0])
     if hand is not None and not 0.0 <= hand <= most:
         raise InputError(
             f"a hand of {hand:g} kg is not between 0 and {most:.2f} kg, hand and payload"
         )
     first, rest = stretches(log)
-    learnt, held_out = (Rows.of(motions, arm, bodies) for motions in (first, rest))
+    learnt, held_out = (Rows.of(motions, setup) for motions in (first, rest))
     known = None if hand is None else bodies.hand * (hand / max(float(bodies.hand[0]), 1e-9))
-    assumed = Assumed(bodies, known, arm.nominal.torque_gain / np.sqrt(3.0))
-    given = Assumed(bodies, bodies.hand if known is None else known, assumed.gain)
+    assumed = Assumed(bodies, known, gain_root(arm.nominal, len(arm.joints)))
+    given = Assumed(bodies, bodies.hand if known is None else known, assumed.gains)
     every = (*FRICTION, *DETAILS, *PARTS, *((HAND,) if known is None else ()))
     left = {"described": given.described(held_out, given.hand)}
     left["friction"] = fitted(learnt, given, FRICTION).predicted(held_out)

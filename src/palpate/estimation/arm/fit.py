@@ -9,12 +9,12 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.arm.causes import COULOMB, LINKS, Bodies, Rows
-from palpate.estimation.arm.regressor import PARAMETERS, placed_at
 from palpate.estimation.arm.spectrum import Residual, SpectralNoise
 from palpate.estimation.regression import Cause, Posterior, Scale, fit
+from palpate.estimation.rigid import PARAMETERS, placed_at
 from palpate.geometry.pose import Array
 
-HAND = "hand"
+HAND, GAIN = "hand", "gain"
 WEIGHT, INERTIA = "weight", "inertia"
 PARTS = {WEIGHT: slice(0, 4), INERTIA: slice(4, PARAMETERS)}
 """Of the links: masses and first moments, which gravity shows, and inertias."""
@@ -26,7 +26,7 @@ DETAILS = (
     "stribeck",
     "armature",
     "cable",
-    "gain",
+    GAIN,
     "lean",
     "delay",
 )
@@ -45,6 +45,15 @@ PRIORS = {
     "delay": tuning.DELAY_PRIOR,
 }
 """Standard deviation of each unknown of a cause, about 0 ..."""
+LABELS = {
+    GAIN: tuple(f"gain of joint {joint}" for joint in range(1, 8)),
+    WEIGHT: tuple(
+        f"link {kind} at joint {joint}"
+        for joint in range(1, 8)
+        for kind in ("mass", *(f"centre along {axis}" for axis in "xyz"))
+    ),
+}
+"""Names of unknowns whose errors other runs of the arm share."""
 RELATIVE = ("presliding", "uneven", "stribeck")
 """... of these times the joint's friction."""
 
@@ -56,12 +65,12 @@ class Assumed:
     Attributes:
         bodies: as described.
         hand: (10,) known parameters of all that the last joint carries; None: to be found.
-        gain: relative error (1 sigma) of the torque sensors.
+        gains: (7, 7) effects of one standard deviation of each cause on the relative errors of the torque sensors.
     """
 
     bodies: Bodies
     hand: Array | None
-    gain: float
+    gains: Array
 
     def described(self, rows: Rows, hand: Array | None) -> Array:
         """(k, 7) torques of the described links and of a hand."""
@@ -81,12 +90,16 @@ class Assumed:
         elif name == HAND:
             columns = rows.columns[LINKS][:, :, -PARAMETERS:] @ placed_at(self.bodies.reach)
             prior = self.bodies.hand_prior()
+        elif name == GAIN:
+            columns, prior = rows.columns[GAIN] @ self.gains, np.ones(len(self.gains))
         else:
             columns = rows.columns[name]
-            prior = np.full(columns.shape[2], self.gain if name == "gain" else PRIORS[name])
+            prior = np.full(columns.shape[2], PRIORS[name])
         if name in RELATIVE:
             prior *= np.tile(level, len(prior) // len(level))
-        return Cause(name, columns.reshape(rows.tau.size, -1), prior)
+        shared = LABELS.get(name)
+        of = None if shared is None else "arm"
+        return Cause(name, columns.reshape(rows.tau.size, -1), prior, of, shared or ())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,23 +124,36 @@ class Fitted:
         return self.assumed.described(rows, self.assumed.hand) + np.reshape(caused, rows.tau.shape)
 
 
-def fitted(rows: Rows, assumed: Assumed, names: Sequence[str]) -> Fitted:
-    """Fit causes to rows; in rounds, as the residual's size by frequency is learnt from what the last round left."""
+def fitted(
+    rows: Rows,
+    assumed: Assumed,
+    names: Sequence[str],
+    loads: Sequence[Cause] = (),
+    others: Sequence[Cause] = (),
+    learned: Sequence[Scale] = (),
+) -> Fitted:
+    """Fit causes to rows, among them further `loads`, on which the sensors' gains act, and `others`, with further
+    scales to be `learned`; in rounds, as the residual's size by frequency is learnt from what the last round left."""
     y = rows.tau - assumed.described(rows, assumed.hand)
     shape, std = Residual(rows.frequency), np.full(y.shape, tuning.FIRST_RESIDUAL)
-    scales = [Scale((WEIGHT,), tuning.LINK_FACTORS, tuning.LIKELY_LINKS)] if WEIGHT in names else []
-    level = np.full(y.shape[1], tuning.USUAL_FRICTION)
+    scales = [*learned]
+    if WEIGHT in names:
+        scales.append(Scale((WEIGHT,), tuning.LINK_FACTORS, tuning.LIKELY_LINKS))
+    level, felt = np.full(y.shape[1], tuning.USUAL_FRICTION), rows
 
     def solved() -> Posterior:
         noise = SpectralNoise(std.ravel(), float(y.size))
-        return fit(assumed.causes(rows, names, level), noise, y.ravel(), scales)
+        causes = [*loads, *others, *assumed.causes(felt, names, level)]
+        return fit(causes, noise, y.ravel(), scales)
 
     for _ in range(tuning.NOISE_ROUNDS):
         posterior = solved()
-        design = posterior.model.design
-        known = ((design @ posterior.covariance) * design).sum(axis=1).reshape(y.shape)
+        known = posterior.leverage.reshape(y.shape)
         left = posterior.residual.reshape(y.shape) * std
         pairs = zip(left.T, known.T, strict=True)
         std = np.stack([shape.std(*pair) for pair in pairs], axis=1)
         level = np.abs(posterior[COULOMB][0]) + tuning.SMALLEST_RESIDUAL
+        felt = rows.bearing(
+            sum((one.columns @ posterior[one.name][0] for one in loads), np.zeros(y.size))
+        )
     return Fitted(assumed, solved(), level)

@@ -10,6 +10,7 @@ import numpy as np
 
 from palpate.errors import InputError
 from palpate.estimation import tuning
+from palpate.estimation.joint_friction import dahl
 from palpate.geometry.pose import Array
 from palpate.trace.log import ArmLog
 
@@ -39,6 +40,16 @@ class Motion:
         return len(self.t)
 
     @property
+    def step(self) -> float:
+        """Time from row to row, s."""
+        return float(self.t[1] - self.t[0])
+
+    @property
+    def rows(self) -> int:
+        """Coefficients of each joint up to `tuning.BAND`."""
+        return min(len(self), int(2.0 * tuning.BAND * self.step * len(self)))
+
+    @property
     def slip(self) -> Array:
         """(n, 7) rad/s by which the velocities differ from the slope of the angles: uneven clocks."""
         return self.dq - _slope(self.t, self.q)
@@ -63,13 +74,7 @@ def stretches(log: ArmLog) -> tuple[list[Motion], list[Motion]]:
             f"{log.source} has a row every {step:.3g} s: log the arm at {1.0 / tuning.SLOWEST:g} Hz at least, "
             "better at 1 kHz"
         )
-    gaps: list[int] = (np.flatnonzero(steps > tuning.LOG_GAP) + 1).tolist()
-    edges = [0, *gaps, len(log)]
-    whole = [
-        _uniform(log, first, last)
-        for first, last in pairwise(edges)
-        if log.t[last - 1] - log.t[first] > tuning.SHORTEST_STRETCH
-    ]
+    whole = list(uniform_runs(log))
     seconds = sum(float(motion.t[-1] - motion.t[0]) + 2.0 * tuning.EDGE for motion in whole)
     if seconds < tuning.SHORTEST_LOG:
         raise InputError(
@@ -81,19 +86,29 @@ def stretches(log: ArmLog) -> tuple[list[Motion], list[Motion]]:
     held_out: list[Motion] = []
     for motion in whole:
         middle = int((motion.t < split).sum())
-        learnt += _cut(motion, 0, middle)
-        held_out += _cut(motion, middle, len(motion))
+        learnt += cut(motion, 0, middle)
+        held_out += cut(motion, middle, len(motion))
     if not (learnt and held_out):
         raise InputError(f"{log.source} has gaps around its middle: cut it to a part without any")
     return learnt, held_out
 
 
-def _cut(motion: Motion, first: int, last: int) -> Iterator[Motion]:
-    """Yield equal stretches of rows, none longer than `tuning.STRETCH`."""
+def uniform_runs(log: ArmLog) -> Iterator[Motion]:
+    """Yield the runs of a recording without gaps, but for short ones."""
+    gaps: list[int] = (np.flatnonzero(np.diff(log.t) > tuning.LOG_GAP) + 1).tolist()
+    for first, last in pairwise([0, *gaps, len(log)]):
+        if log.t[last - 1] - log.t[first] > tuning.SHORTEST_STRETCH:
+            yield _uniform(log, first, last)
+
+
+def cut(
+    motion: Motion, first: int, last: int, shortest: float = tuning.SHORTEST_STRETCH
+) -> Iterator[Motion]:
+    """Yield equal stretches of rows, none longer than `tuning.STRETCH`; none of less than `shortest` s."""
     if last - first < 2:
         return
     seconds = float(motion.t[last - 1] - motion.t[first])
-    if seconds < tuning.SHORTEST_STRETCH:
+    if seconds < shortest:
         return
     edges = (
         np.linspace(first, last, int(np.ceil(seconds / tuning.STRETCH)) + 1).astype(int).tolist()
@@ -116,7 +131,8 @@ def _uniform(log: ArmLog, first: int, last: int) -> Motion:
     q = even(log.q)
     smooth, clock = _low_pass(q, step)[::every], times[::every]
     dq = _low_pass(even(log.dq), step)[::every]
-    dahl, strained = dahl_states(smooth)
+    moved = np.diff(smooth, axis=0, prepend=smooth[:1])
+    friction, strained = dahl(moved, np.array(tuning.PRESLIDINGS))
     found = Motion(
         t=clock,
         q=smooth,
@@ -124,7 +140,7 @@ def _uniform(log: ArmLog, first: int, last: int) -> Motion:
         ddq=_slope(clock, dq),
         tau=_low_pass(even(log.tau), step)[::every],
         tau_ext=None if log.tau_ext is None else _low_pass(even(log.tau_ext), step)[::every],
-        dahl=dahl,
+        dahl=friction,
         strained=strained,
     )
     # A filter does not know what came before and after.
@@ -147,16 +163,3 @@ def _slope(t: Array, signal: Array) -> Array:
     from scipy.interpolate import CubicSpline
 
     return np.asarray(CubicSpline(t, signal)(t, 1), dtype=np.float64)
-
-
-def dahl_states(q: Array) -> tuple[Array, Array]:
-    """(n, 7, p) Dahl friction of unit level along angles `q` (n, 7), rad, that begins at 0, and what is left of one
-    at the start, for each of `tuning.PRESLIDINGS`: per rad a joint closes 1 / presliding of the way to its level
-    (P. Dahl, AIAA Journal 14, 1976)."""
-    moved = np.diff(q, axis=0, prepend=q[:1])[:, :, None]
-    gone = np.abs(moved) / np.array(tuning.PRESLIDINGS)
-    keep = np.exp(-gone)
-    dahl = np.sign(moved) * (1.0 - keep)
-    for row in range(1, len(q)):
-        dahl[row] += keep[row] * dahl[row - 1]
-    return dahl, np.exp(-np.cumsum(gone, axis=0))

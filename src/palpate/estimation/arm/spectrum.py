@@ -70,10 +70,12 @@ class Residual:
         return np.concatenate([shares + shape for shape in falling])
 
     def std(self, left: Array, known: Array) -> Array:
-        """(k,) standard deviations by the likeliest shape, by the residual (k,) N m; of each coefficient a part
+        """(k,) standard deviations averaged over the shapes, by the residual (k,) N m; of each coefficient a part
         `known` (k,) is not in it, as the fit followed it (restricted likelihood)."""
         freedom = np.maximum(1.0 - known, 0.02)
         scale = (left**2 / self.shapes).sum(axis=1) / freedom.sum()
         cost = np.log(scale) * freedom.sum() + np.log(self.shapes) @ freedom
-        best = int(np.argmin(cost))
-        return np.sqrt(scale[best] * self.shapes[best]) + tuning.SMALLEST_RESIDUAL
+        # Each by how likely it is: which corner holds at low frequencies only few coefficients tell.
+        likely = np.exp(-0.5 * (cost - cost.min()))
+        power = (likely * scale) @ self.shapes / likely.sum()
+        return np.sqrt(power) + tuning.SMALLEST_RESIDUAL

@@ -100,9 +100,7 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
     found = _carried(trace)
     if found is None or not _is_felt(found):
         return _nothing(parameter, "kg·m²")
-    wider = np.repeat((1.0, tuning.CARRIED_WIDER), (4, 6))
-    covariance = found.covariance * np.outer(wider, wider)
-    pose, theta, statistic = _in_hand(trace), *consistent(found.value, covariance)
+    pose, theta, statistic = _in_hand(trace), *consistent(found.value, found.covariance)
 
     def central(value: Array) -> Array:
         c = value[1:4] / value[0]
@@ -111,7 +109,7 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
         return np.array(components(pose.rotation.T @ tensor @ pose.rotation))
 
     slopes = _slopes(central, found.value)
-    stds = np.sqrt(np.diag(slopes @ covariance @ slopes.T))
+    stds = np.sqrt(np.diag(slopes @ found.covariance @ slopes.T))
     pseudo = pseudo_inertia(theta)
     # The nearest body may be a sheet or a rod without thickness, which MuJoCo takes for none.
     pseudo[:3, :3] += pseudo[3, 3] * tuning.THINNEST**2 * np.eye(3)
@@ -209,9 +207,8 @@ def _shared(found: Carried, slopes: Array, name: str = LOAD) -> tuple[Shared, ..
 
 
 def _seconds(found: Carried) -> str:
-    count, step = len(found.seen.t), float(np.median(np.diff(found.seen.t)))
-    hung = int(np.count_nonzero(found.hanging[:count]))
-    return f"{hung * step:.1f} s of motion, against {(count - hung) * step:.1f} s of the empty hand"
+    hung, empty = found.seconds(True), found.seconds(False)
+    return f"{hung:.1f} s of motion, against {empty:.1f} s of the empty hand"
 
 
 def _halves(trace: Trace) -> list[tuple[float, float]]:
@@ -230,10 +227,11 @@ def _same_in_all_parts(trace: Trace, found: Carried) -> tuple[FitTest, ...]:
     """Test for other masses in parts of the recording."""
     parts = [found.part(start, end) for start, end in _halves(trace)][1:]
     # The empty hand, too, is as empty in all parts as in its first.
-    empty = found.seen.t[~found.hanging[: len(found.seen.t)]]
-    if len(empty) and float(np.ptp(empty)) > 2.0 * tuning.CARRIED_HALF:
+    if found.seconds(False) > 2.0 * tuning.CARRIED_HALF:
+        pairs = zip(found.motions, found.hanging, strict=True)
+        empty = np.concatenate([motion.t for motion, hung in pairs if not hung])
         edges = np.quantile(empty, np.linspace(0.0, 1.0, EMPTY_PARTS + 1)).tolist()
-        parts += [found.part(*edge) * ~found.hanging for edge in pairwise(edges)][1:]
+        parts += [found.part(*edge, hanging=False) for edge in pairwise(edges)][1:]
     if not parts:
         return ()
     cause = Cause("mass in all parts", np.column_stack(parts), np.full(len(parts), 1.0))
@@ -253,9 +251,8 @@ def _mass_view(trace: Trace, found: Carried) -> FitView:
         count = int(np.clip((one.end - one.start) / 0.5, 1, share))
         stops = np.linspace(one.start, one.end, count + 1).tolist()
         edges += pairwise(stops)
-    noise, model = found.posterior.noise, found.posterior.model
     parts = np.column_stack([found.part(start, end) for start, end in edges])
-    mean, variance = model.each_alone(noise.white(parts), 1.0)
+    mean, variance = found.posterior.each_alone(parts, 1.0)
     x, mass = np.array(edges).mean(axis=1), float(found.value[0])
     return FitView(
         name="Mass by part of the recording.",

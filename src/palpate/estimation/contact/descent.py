@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from palpate.estimation import tuning
 from palpate.estimation.joint_friction import joint_friction_force
-from palpate.estimation.load.segments import load_rows
+from palpate.estimation.load.in_hand import load_rows
 from palpate.estimation.motion import Mask, tip_height
 from palpate.geometry.pose import Array, rotations
 from palpate.parameter import Parameter

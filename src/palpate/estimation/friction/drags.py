@@ -15,10 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
+from palpate.estimation.coloured import Residual
 from palpate.estimation.joint_friction import joint_friction, joint_ways
+from palpate.estimation.load.blocks import turned
+from palpate.estimation.load.causes import of_empty_hand
+from palpate.estimation.load.in_hand import load_rows
 from palpate.estimation.load.noise import Noise, block_noise
 from palpate.estimation.load.observation import WrenchObservation
-from palpate.estimation.load.segments import LoadRows, load_rows
 from palpate.estimation.motion import Mask, acceleration, at_rest, row_at, runs, smoothed, steady
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Samples, Trace
@@ -35,6 +38,7 @@ class Hanging:
         friction: (7,) N m in each joint, from free motions.
         unsure: its standard deviation.
         noise: of each signal, at rest or in slow motion through free air.
+        left: what the model of the arm leaves with an empty hand, as far as it was recorded.
     """
 
     force: Array
@@ -43,6 +47,7 @@ class Hanging:
     friction: Array
     unsure: Array
     noise: Noise
+    left: Residual | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +66,7 @@ class Drag:
         q: (n, 7) rad.
         torque: (n, 7) N m, without the gravity of the arm.
         turned: (n, 7) direction of the last motion of each joint: -1 to 1, between them as it reverses.
+        path: (n, 7) rad that each joint has turned.
         cruising: the motion is commanded at its full speed.
         moving: the hand follows it.
         begins: row of the command to set out; before, the object rests on its support.
@@ -82,6 +88,7 @@ class Drag:
     q: Array
     torque: Array
     turned: Array
+    path: Array
     cruising: Mask
     moving: Mask
     begins: int
@@ -238,14 +245,14 @@ def detrended(y: Array) -> Array:
 
 def steady_drags(trace: Trace, name: str, observed: WrenchObservation) -> list[Drag]:
     """Drags of the object `name` with enough steady sliding; those with chatter only where all chatter."""
-    drags = _drags(trace, load_rows(trace, name), observed)
+    drags = _drags(trace, name, observed)
     found = [drag for drag in drags if drag.steady.sum() >= tuning.STEADY_ROWS]
     return [drag for drag in found if drag.roughness < tuning.ROUGH] or found
 
 
-def _drags(trace: Trace, load: LoadRows, observed: WrenchObservation) -> Iterator[Drag]:
+def _drags(trace: Trace, name: str, observed: WrenchObservation) -> Iterator[Drag]:
     """Drags of the loaded hand, commanded horizontally at the height of the grasp."""
-    samples = trace.samples
+    samples, load = trace.samples, load_rows(trace, name)
     if not load.grasps:
         return
     height = samples.pose_world_tcp[:, 2]
@@ -266,6 +273,7 @@ def _drags(trace: Trace, load: LoadRows, observed: WrenchObservation) -> Iterato
         ways[hanging].mean(axis=0),
         *joint_friction(samples, ways, load.empty, floor + tuning.HANGING),
         noise,
+        of_empty_hand(trace, name),
     )
     step = np.gradient(samples.target_world_tcp[:, :3], samples.t, axis=0)
     horizontal = np.linalg.norm(step[:, :2], axis=1)
@@ -356,6 +364,7 @@ def _drag(
         q=samples.q[rows],
         torque=samples.tau_ext[rows],
         turned=ways[rows],
+        path=turned(samples)[rows],
         cruising=commanded > tuning.CRUISE * float(np.median(commanded)),
         moving=samples.twist[rows, :2] @ way > tuning.FOLLOWING * commanded,
         begins=0,

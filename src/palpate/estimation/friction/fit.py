@@ -20,10 +20,11 @@ from functools import cached_property
 import numpy as np
 
 from palpate.estimation import tuning
+from palpate.estimation.coloured import Spans
 from palpate.estimation.estimate import Shared, rounded
 from palpate.estimation.friction.columns import MU, Columns, columns
 from palpate.estimation.friction.drags import Drag
-from palpate.estimation.load.biases import flicker
+from palpate.estimation.load.noise import flicker
 from palpate.estimation.load.observation import WrenchObservation
 from palpate.estimation.motion import Mask
 from palpate.estimation.view import FitView, constant, unit_slopes
@@ -232,14 +233,18 @@ def fit_sliding(drags: Sequence[Drag], observed: WrenchObservation, hand: Hand) 
     # The weights did not include a white variance of the misfit in every block.
     gain = found.covariance @ design.T
     wider = found.covariance + tuning.CORRELATED_BLOCKS * excess * (gain @ gain.T)
+    # Blocks that err alike count as one: the square of the trace of their covariance over the trace of its square.
+    alike = forces.root @ forces.root.T / np.sqrt(np.outer(allowed, allowed))
+    independent = float(np.trace(alike) ** 2 / np.sum(alike**2))
+    freedom = max(1, round(min(independent, len(squares) / tuning.CORRELATED_BLOCKS)))
     return Sliding(
         unknowns,
         forces,
         replace(found, covariance=wider),
         uneven,
         misfit=float(np.sqrt(max(0.0, float(np.mean(squares - forces.noise))))),
-        disagreement=float((squares / allowed).sum()) / tuning.CORRELATED_BLOCKS,
-        freedom=max(1, round(len(squares) / tuning.CORRELATED_BLOCKS)),
+        disagreement=freedom * float(np.mean(squares / allowed)),
+        freedom=freedom,
     )
 
 
@@ -271,17 +276,24 @@ def _forces(drags: Sequence[Drag], unknowns: Columns, mu: float) -> Forces:
     force: list[float] = []
     design: list[Array] = []
     noise: list[float] = []
-    times: list[float] = []
-    wander: list[Array] = []
-    for drag, own, levers in zip(drags, unknowns.of, unknowns.levers, strict=True):
+    levers: list[Array] = []
+    spans: list[Spans] = []
+    for drag, own, lever in zip(drags, unknowns.of, unknowns.levers, strict=True):
         pressed = mu**2 * drag.pressing[1]
         for block in drag.blocks:
             force.append(float(drag.tangential[block].mean()))
             design.append(own[block].mean(axis=0))
             noise.append(drag.noise / len(block) + pressed + tuning.SLIDING_NOISE**2)
-            times.append(float(drag.t[block].mean()))
-            wander.append(levers * np.sqrt(drag.hanging.noise.flicker))
-    apart = np.abs(np.subtract.outer(times, times))
-    slow = np.array(wander) @ np.array(wander).T * flicker(apart)
-    root = np.linalg.cholesky(np.diag(noise) + slow).astype(np.float64)
-    return Forces(np.array(force), np.array(design), np.array(noise), root)
+            levers.append(lever)
+        spans.append(Spans.of(drag.t, drag.path, drag.blocks))
+    every, each, hanging = Spans.joined(spans), np.array(levers), drags[0].hanging
+    slow = (each * hanging.noise.flicker) @ each.T * flicker(np.abs(every.t[:, None] - every.t))
+    left = np.zeros_like(slow)
+    if hanging.left is not None:
+        # What the model of the arm leaves in each joint, in each block and in the reference.
+        for joint, there in enumerate(each.T):
+            own = hanging.left.covariance(every, joint) + hanging.left.total[joint]
+            left += np.outer(there, there) * own
+    variance = np.array(noise)
+    root = np.linalg.cholesky(np.diag(variance) + slow + left).astype(np.float64)
+    return Forces(np.array(force), np.array(design), variance + np.diag(left), root)

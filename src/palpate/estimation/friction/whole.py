@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from palpate.estimation import tuning
+from palpate.estimation.coloured import learned, with_residual
 from palpate.estimation.estimate import Shared
 from palpate.estimation.friction.columns import (
     AXES,
@@ -42,7 +43,6 @@ from palpate.estimation.load.causes import (
     of_load,
     of_turning,
     scales,
-    with_residual,
 )
 from palpate.estimation.load.observation import WrenchObservation
 from palpate.estimation.motion import row_at
@@ -133,7 +133,8 @@ def fit_whole(
     support = np.column_stack([by_signal(one) for one in _of_support(seen, pressed, about)])
     sensors, y = free_noise(seen, drags[0].hanging.noise), by_signal(seen.observed)
     pressing = Cause("support", support, np.full(int(support.shape[1]), np.inf))
-    noise = Projected.of(with_residual([*causes, pressing], sensors, seen), support)
+    left = learned([*causes, pressing], sensors, y, seen.spans)
+    noise = Projected.of(with_residual(sensors, left, seen.spans), support)
     found = fit(causes, noise, y, [*scales(causes), *_SCALES])
     (more,), ((variance,),) = found["friction"]
     steps, _ = found[STEP]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from palpate.estimation import tuning
+from palpate.estimation.load.noise import flicker
 from palpate.estimation.load.segments import Weighing
 from palpate.geometry.pose import Array
 
@@ -23,6 +24,7 @@ def covariance(weighing: Weighing, maps: Array, apart: float) -> Array:
     # Ornstein-Uhlenbeck process.
     drift = tuning.DRIFT**2 * np.exp(-between / tuning.DRIFT_TIME)
     moved = inertia_covariance(weighing)
+    spans = weighing.spans
     out = np.zeros((signals * bins, signals * bins))
     for i, scale in enumerate(weighing.scale.tolist()):
         block = scale**2 * (bias + drift) + weighing.noise.flicker[i] * flicker(between)
@@ -31,6 +33,8 @@ def covariance(weighing: Weighing, maps: Array, apart: float) -> Array:
         shown = [float(segment.observed[:, i].mean()) for segment in found if not segment.loaded]
         block += (float(np.mean(shown)) if shown else 0.0) ** 2
         block += moved[i]
+        if weighing.left is not None:
+            block += weighing.left.covariance(spans, i)
         block += np.diag(variance[:, i] + (tuning.FLOOR * scale) ** 2)
         out[i * bins : (i + 1) * bins, i * bins : (i + 1) * bins] = block
     return out
@@ -95,14 +99,3 @@ def inertia_covariance(weighing: Weighing) -> Array:
         block = tuning.INERTIA_SHARE**2 * np.outer(taken, taken)
         out.append(block + np.diag((tuning.UNSTEADY_SHARE * taken) ** 2))
     return np.array(out)
-
-
-def flicker(apart: Array) -> Array:
-    """(n, n) covariance of noise of density 1/f, at times `apart`, s: a sum of processes with time constants
-    evenly spaced in their logarithm (Riley, as in `estimation.load.noise`, section 3.3)."""
-    times = tuning.FLICKER_TIMES
-    step = float(np.log(times[1] / times[0]))
-    out = np.zeros_like(apart)
-    for time in times:
-        out += step * np.exp(-apart / time)
-    return out

@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
+from palpate.estimation.coloured import Spans
 from palpate.estimation.joint_friction import slip_states
+from palpate.estimation.load.in_hand import LoadRows, load_rows
 from palpate.estimation.load.observation import WrenchObservation
-from palpate.estimation.load.segments import LoadRows, load_rows
 from palpate.estimation.motion import Mask, acceleration, at_rest, row_at, runs, smoothed_with_rate
+from palpate.estimation.rigid import wrench_columns
 from palpate.geometry.pose import Array, rotations
 from palpate.trace.recording import RECORDED
 from palpate.trace.samples import Samples, Trace
@@ -25,7 +27,7 @@ Rows = NDArray[np.intp]
 """Of a trace's samples."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Blocks:
     """Means of k blocks of time, each so short that nothing moves far.
 
@@ -74,6 +76,12 @@ class Blocks:
         return np.einsum("kji,ki->kj", self.maps[:, :, 3:], moment)
 
     @property
+    def spans(self) -> Spans:
+        """Stretches of which the blocks are means."""
+        lasts = np.full(len(self.t), float(np.median(np.diff(self.t))) + tuning.FOLLOWED)
+        return Spans(self.t, lasts, self.path, np.abs(self.dq) * lasts[:, None])
+
+    @property
     def grasps(self) -> tuple[float, ...]:
         """s, when the hand had closed on what hung on it."""
         found: list[float] = self.grasp[self.pull[:, 2] > 0.0].tolist()
@@ -86,11 +94,10 @@ def blocks(
     name: str,
     groups: Sequence[Rows],
     surely: bool = False,
-    over: float = tuning.FOLLOWED,
 ) -> Blocks:
     """Block means over the rows of each group, in which the hand is empty or holds `name`, of signals smoothed
-    over `over` s."""
-    samples, load = trace.samples, load_rows(trace, name)
+    over `FOLLOWED`."""
+    samples, load, over = trace.samples, load_rows(trace, name), tuning.FOLLOWED
     rows, t = np.concatenate(groups), samples.t
     count = np.array([len(group) for group in groups])
     place = np.repeat(np.arange(len(groups)), count)
@@ -120,6 +127,8 @@ def blocks(
     swung = np.einsum("ki,kj->kij", rate, rate) - (rate**2).sum(axis=1)[:, None, None] * np.eye(3)
     swung = swung + np.cross(spin[:, None, :], np.eye(3)).swapaxes(1, 2)
     tool = rotations(samples.pose_world_tcp[middle, 3:])
+    own = (np.einsum("kji,kj->ki", tool, one) for one in (np.zeros_like(rate), rate, spin))
+    turning = tool @ wrench_columns(*own)[:, 3:, 4:]
     return Blocks(
         rows=count.astype(float),
         t=mean(t),
@@ -133,23 +142,11 @@ def blocks(
         acceleration=mean(gaining),
         pull=mean(pull),
         swung=swung / trace.gravity,
-        turning=mean(hangs.astype(float))[:, None, None] * inertial_moment(tool, rate, spin),
+        turning=mean(hangs.astype(float))[:, None, None] * turning,
         grasp=np.array(grasp),
         dahl=mean(slip_states(samples)),
         resting=np.array(resting, dtype=float).reshape(-1, len(groups)).T,
     )
-
-
-def inertial_moment(tool: Array, rate: Array, spin: Array) -> Array:
-    """(k, 3, 6) moments I α + ω × I ω, in the world, of unit inertias in the axes `tool` (k, 3, 3) of the hand,
-    turning at `rate` (k, 3) with its change `spin` (k, 3)."""
-    own, change = (np.einsum("kji,kj->ki", tool, one) for one in (rate, spin))
-    columns: list[Array] = []
-    for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
-        unit = np.zeros((3, 3))
-        unit[i, j] = unit[j, i] = 1.0
-        columns.append(change @ unit + np.cross(own, own @ unit))
-    return np.einsum("kij,kjc->kic", tool, np.stack(columns, axis=2))
 
 
 def turned(samples: Samples) -> Array:

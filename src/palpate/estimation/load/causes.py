@@ -8,15 +8,16 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from palpate.estimation import tuning
-from palpate.estimation.coloured import coloured
-from palpate.estimation.load.biases import flicker
-from palpate.estimation.load.blocks import Blocks
-from palpate.estimation.load.chain import Hinge, hinges
-from palpate.estimation.load.noise import Noise
-from palpate.estimation.load.observation import WrenchObservation, gain_root
+from palpate.estimation.coloured import Residual, learned
+from palpate.estimation.load.blocks import Blocks, blocks, free_rows
+from palpate.estimation.load.chain import link_parameters, regressor
+from palpate.estimation.load.in_hand import load_rows
+from palpate.estimation.load.noise import Noise, block_noise, flicker
+from palpate.estimation.load.observation import WrenchObservation, gain_root, observe
+from palpate.estimation.motion import acceleration, at_rest, runs
 from palpate.estimation.regression import Cause, Scale, SignalNoise
 from palpate.geometry.pose import Array
-from palpate.trace.samples import Trace
+from palpate.trace.samples import Trace, once
 
 WEIGHT, LEVER, LINK, INERTIA, REST, GAIN = "weight", "lever", "link", "inertia", "rest", "gain"
 SLIPS = "joint friction over another way"
@@ -63,7 +64,7 @@ def of_arm(
     """Error causes of the arm itself, where its hand lifts `lifted` (k,) N and the load has the torques
     `borne` (m k,) N m."""
     hand, signals = trace.hand, int(seen.observed.shape[1])
-    weight, links, lean = link_errors(observed, seen.q, trace.gravity)
+    weight, links, lean = link_errors(seen, observed, trace.gravity)
     yield from links
     pulled = seen.maps[:, :, :2] * lifted[:, None, None]
     yield cause("lean", [*(lean + pulled.transpose(2, 0, 1))], tuning.TILT)
@@ -103,60 +104,52 @@ def scales(causes: Sequence[Cause]) -> list[Scale]:
     return found
 
 
+@once
 def link_errors(
-    observed: WrenchObservation, q: Array, gravity: float
+    seen: Blocks, observed: WrenchObservation, gravity: float
 ) -> tuple[Array, list[Cause], Array]:
     """Gravity torques of the arm's links, N m (k, m); effects on them of errors in the mass and the centre of
     what moves with each joint; and (2, k, m) per radian of tilt of gravity along world x or y."""
-    assert observed.chain is not None
-    joints = hinges(observed.chain, q)
+    chain, q = observed.chain, seen.q
+    still = np.zeros((3 * len(q), q.shape[1]))
+    assert chain is not None
+    # Torques of a unit of mass and first moment of each link, for gravity along each axis of the world.
+    pulls = np.repeat(-gravity * observed.turn, len(q), axis=0)
+    columns = regressor(chain, np.tile(q, (3, 1)), still, still, pulls)[..., :4]
+    held = columns.reshape(3, len(q), *columns.shape[1:])
     holds = np.zeros((3, *q.shape))
     errors: list[Cause] = []
-    for i, joint in enumerate(joints):
-        parts = [link for link in observed.chain.links if link.joint == i]
-        mass = sum(part.mass for part in parts)
+    for i in range(len(chain.axes)):
+        mass, *moment = link_parameters(chain, i)[:4].tolist()
         if not mass:
             continue
-        com = sum((part.mass * np.array(part.com) for part in parts), np.zeros(3)) / mass
-        centre = joint.frame @ com + joint.origin
-        borne = gravity * torques_of_force(joints[: i + 1], q.shape, observed.turn, centre)
-        holds += mass * borne
-        columns = [borne[2]]
-        for axis in range(3):
-            # A shift of the centre along this axis of the link.
-            moved = np.zeros(q.shape)
-            for j, before in enumerate(joints[: i + 1]):
-                lever = np.cross(before.axis, joint.frame[:, :, axis])
-                moved[:, j] = lever @ observed.turn[2]
-            columns.append(mass * gravity * moved)
+        holds += [each[:, :, i] @ [mass, *moment] for each in held]
+        # A mass at the centre, and a shift of the centre along each axis of the link.
+        units = np.column_stack([[1.0, *np.array(moment) / mass], mass * np.eye(4)[:, 1:]])
         prior = np.array([tuning.LINK_MASS * mass, *[tuning.LINK_CENTRE] * 3])
         kinds = ("mass", *(f"centre along {letter}" for letter in "xyz"))
         labels = tuple(f"{LINK} {kind} at joint {i + 1}" for kind in kinds)
-        shown = np.column_stack([by_signal(column) for column in columns])
+        shown = by_signal(held[2][:, :, i] @ units)
         errors.append(Cause(f"{LINK} at joint {i + 1}", shown, prior, "arm", labels))
     return holds[2], errors, holds[:2]
 
 
-def torques_of_force(
-    before: Sequence[Hinge], shape: tuple[int, ...], turn: Array, place: Array
-) -> Array:
-    """(3, k, m) torques of the joints `before` a place (k, 3) per newton there along each world axis; `turn`:
-    axes of the base in the world."""
-    torque = np.zeros((3, *shape))
-    for j, joint in enumerate(before):
-        torque[:, :, j] = turn @ np.cross(joint.axis, place - joint.anchor).T
-    return torque
-
-
-def with_residual(causes: Sequence[Cause], noise: SignalNoise, seen: Blocks) -> SignalNoise:
-    """Noise with the coloured residual that `causes` leave of the blocks."""
-    between = np.abs(seen.t[:, None] - seen.t)
-    slow = [np.exp(-between / time) for time in tuning.COLOUR_TIMES]
-    kernels: list[Array] = []
-    for way in seen.path.T:
-        apart = np.abs(way[:, None] - way)
-        kernels.append(np.array([*slow, *(np.exp(-apart / far) for far in tuning.COLOUR_PATHS)]))
-    return coloured(causes, noise, by_signal(seen.observed), kernels)
+@once
+def of_empty_hand(trace: Trace, name: str) -> Residual | None:
+    """Coloured residual that the model of the arm leaves where its hand is empty, around the time in which it holds
+    `name`: no force on a load is in it. None where links are unknown or hardly any such motion was recorded."""
+    observed, load = observe(trace), load_rows(trace, name)
+    free = free_rows(trace, name) if observed.knows_links else []
+    empty = [rows for rows in free if load.empty[rows].all()]
+    if len(empty) < tuning.EMPTY_BLOCKS:
+        return None
+    seen, samples = blocks(trace, observed, name, empty), trace.samples
+    windows = list(runs(at_rest(samples) & load.empty))
+    rising = acceleration(samples, tuning.SPEED_SHORT)[:, 2]
+    noise = free_noise(seen, block_noise(observed.signals, samples.t, rising, windows))
+    y = by_signal(seen.observed)
+    causes = list(of_arm(trace, observed, seen, np.zeros(len(seen.t)), np.zeros(len(y))))
+    return learned(causes, noise, y, seen.spans)
 
 
 def free_noise(seen: Blocks, noise: Noise) -> SignalNoise:

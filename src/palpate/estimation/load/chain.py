@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.geometry.pose import Array, tensor_of
+from palpate.estimation.rigid import (
+    PARAMETERS,
+    in_axes,
+    parameters,
+    placed_at,
+    wrench_columns,
+)
+from palpate.geometry.pose import Array
 from palpate.trace.recording import Chain
 
 
@@ -61,64 +69,72 @@ def tool_kinematics(chain: Chain, q: Array) -> tuple[Array, Array, Array]:
     return tcp, last.frame @ np.array(chain.tool), np.stack(columns, axis=2)
 
 
-def own_motion(chain: Chain, q: Array, dq: Array, ddq: Array) -> Array:
-    """(n, m) N m that move the links of `chain` at joint angles `q` (n, m), rad, rates `dq`, rad/s, and
-    accelerations `ddq`, rad/s², without gravity.
+def regressor(chain: Chain, q: Array, dq: Array, ddq: Array, gravity: Array) -> Array:
+    """(n, m, m, 10) joint torques by a unit of each parameter (`estimation.rigid`) of each joint's link, about its
+    anchor, in axes that are those of the base at angles 0.
 
-    Newton's and Euler's equations from the base out and back again (Featherstone, Rigid Body Dynamics
-    Algorithms, 2008, section 5.3), in the axes of the base; velocities and forces are those at the origin
-    of the base.
+    Args:
+        q, dq, ddq: (n, m) rad, rad/s, rad/s².
+        gravity: (3,) m/s², or (n, 3), in the axes of the base.
     """
-    count = len(q)
-    turn, slide, turned, slid = np.zeros((4, count, 3))
-    asides: list[tuple[Array, Array]] = []
-    moved: list[tuple[Array, Array]] = []
-    for joint, hinge in enumerate(hinges(chain, q)):
-        axis = hinge.axis
-        # Velocity at the origin by a unit rate of the joint.
-        aside = np.cross(hinge.anchor, axis)
-        rate, change = dq[:, joint, None], ddq[:, joint, None]
-        slid = slid + aside * change + (np.cross(turn, aside) + np.cross(slide, axis)) * rate
-        turned = turned + axis * change + np.cross(turn, axis) * rate
-        turn, slide = turn + axis * rate, slide + aside * rate
-        asides.append((axis, aside))
-        pose = hinge.frame, hinge.origin
-        moved.append(inertial_wrench(chain, joint, pose, (turn, slide), (turned, slid)))
-    out, force, moment = np.zeros(q.shape), np.zeros((count, 3)), np.zeros((count, 3))
-    for joint in reversed(range(len(asides))):
-        force, moment = force + moved[joint][0], moment + moved[joint][1]
-        axis, aside = asides[joint]
-        out[:, joint] = (axis * moment + aside * force).sum(axis=1)
-    return out
+    found = np.zeros((*q.shape, q.shape[1], PARAMETERS))
+    for link, (motions, wrench) in enumerate(link_wrenches(chain, q, dq, ddq, gravity)):
+        found[:, : link + 1, link] = motions @ wrench
+    return found
 
 
-def inertial_wrench(
-    chain: Chain,
-    joint: int,
-    pose: tuple[Array, Array],
-    speed: tuple[Array, Array],
-    change: tuple[Array, Array],
-) -> tuple[Array, Array]:
-    """Force and moment about the origin, (n, 3) each, that move the links behind a joint."""
-    rotation, shift = pose
-    turn, slide = speed
-    turned, slid = change
-    force, moment = np.zeros_like(turn), np.zeros_like(turn)
-    for link in chain.links:
-        if link.joint != joint:
-            continue
-        com = rotation @ np.array(link.com) + shift
-        passing = slide + np.cross(turn, com)
-        pull = link.mass * (slid + np.cross(turned, com) + np.cross(turn, passing))
-        tensor = tensor_of(link.inertia)
-        spin = tensor_product(rotation, tensor, turn)
-        force += pull
-        own = tensor_product(rotation, tensor, turned)
-        moment += np.cross(com, pull) + own + np.cross(turn, spin)
-    return force, moment
+def own_motion(
+    chain: Chain, q: Array, dq: Array, ddq: Array, gravity: Array | None = None
+) -> Array:
+    """(n, m) N m that move the links of `chain`, without gravity by default; arguments as in `regressor`."""
+    found = np.zeros(q.shape)
+    pull = np.zeros(3) if gravity is None else gravity
+    for link, (motions, wrench) in enumerate(link_wrenches(chain, q, dq, ddq, pull)):
+        borne = wrench @ link_parameters(chain, link)
+        found[:, : link + 1] += (motions @ borne[:, :, None])[:, :, 0]
+    return found
 
 
-def tensor_product(axes: Array, tensor: Array, vectors: Array) -> Array:
-    """(n, 3) R I R^T v."""
-    inside = np.einsum("nji,nj->ni", axes, vectors) @ tensor
-    return np.einsum("nij,nj->ni", axes, inside)
+def load_torques(chain: Chain, q: Array, dq: Array, ddq: Array, gravity: Array) -> Array:
+    """(n, m, 10) joint torques of a load on the hand, by a unit of each of its parameters about the TCP, in the axes
+    of the tool; arguments as in `regressor`."""
+    *_, (motions, wrench) = link_wrenches(chain, q, dq, ddq, gravity)
+    return motions @ wrench @ tool_parameters(chain)
+
+
+def tool_parameters(chain: Chain) -> Array:
+    """(10, 10) parameters of the last joint's link by those about the TCP, in the axes of the tool."""
+    place = placed_at(np.array(chain.tcp) - chain.anchors[-1])
+    return place @ in_axes(np.array(chain.tool))
+
+
+def link_parameters(chain: Chain, joint: int) -> Array:
+    """(10,) parameters of all links that move with a joint, about its anchor."""
+    links = (link for link in chain.links if link.joint == joint)
+    return parameters(links, np.array(chain.anchors[joint]))
+
+
+def link_wrenches(
+    chain: Chain, q: Array, dq: Array, ddq: Array, gravity: Array
+) -> Iterator[tuple[Array, Array]]:
+    """Of each joint's link, in its own axes about its anchor: (n, j, 6) the twists of the joints up to it, and
+    (n, 6, 10) the wrench that moves it, per unit of each of its parameters; from the base out (Khalil and Dombre,
+    Modeling, Identification and Control of Robots, 2002, chapters 9 and 12)."""
+    turn, spun, place = np.zeros((3, len(q), 3))
+    pulled = np.broadcast_to(-gravity, (len(q), 3))
+    turned = hinges(chain, q)
+    axes, anchors = (
+        np.array([getattr(one, name) for one in turned]) for name in ("axis", "anchor")
+    )
+    for link, hinge in enumerate(turned):
+        arm = hinge.anchor - place
+        pulled = pulled + np.cross(spun, arm) + np.cross(turn, np.cross(turn, arm))
+        rate, change = dq[:, link, None], ddq[:, link, None]
+        spun = spun + hinge.axis * change + np.cross(turn, hinge.axis) * rate
+        turn, place = turn + hinge.axis * rate, hinge.anchor
+        before = slice(link + 1)
+        asides = np.cross(axes[before], hinge.anchor - anchors[before])
+        motions = np.stack([asides, axes[before]])
+        local = np.einsum("nji,cbnj->nbci", hinge.frame, motions).reshape(len(q), link + 1, 6)
+        own = (np.einsum("nji,nj->ni", hinge.frame, each) for each in (pulled, turn, spun))
+        yield local, wrench_columns(*own)

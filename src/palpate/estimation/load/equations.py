@@ -13,7 +13,6 @@ from palpate.estimation import tuning
 from palpate.estimation.load.biases import covariance
 from palpate.estimation.load.segments import Weighing
 from palpate.estimation.motion import Mask
-from palpate.estimation.regression import whitened
 from palpate.geometry.pose import Array
 
 FORCE_Z, TORQUE_X, TORQUE_Y, TORQUE_Z = 2, 3, 4, 5
@@ -81,15 +80,6 @@ class Rows:
     signal: NDArray[np.intp]
     freedom: float
 
-    @property
-    def volume(self) -> float:
-        """Logarithm of the volume that a unit of all rows becomes by whitening, negative."""
-        return float(np.log(np.diag(self.root)).sum())
-
-    def white(self, columns: Array) -> Array:
-        """(n, p) in rows of unit variance."""
-        return whitened(self.root, columns)
-
 
 def equations(weighing: Weighing, gravity: float, apart: float = 1.0) -> Rows:
     """Equations of a weighing; `apart` is the share of the bias that each kind of segment has of its own
@@ -131,7 +121,7 @@ def equations(weighing: Weighing, gravity: float, apart: float = 1.0) -> Rows:
         stiction=residual_stiction(weighing, maps),
         since=np.array(steps).reshape(-1, signals * len(start)).T,
         signal=np.repeat(np.arange(signals), len(path)),
-        freedom=weighing.noise.freedom,
+        freedom=weighing.freedom,
     )
 
 

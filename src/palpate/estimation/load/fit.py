@@ -57,9 +57,21 @@ from palpate.estimation.load.equations import (
 from palpate.estimation.load.misspecification import tests_of
 from palpate.estimation.load.observation import gain_root
 from palpate.estimation.load.segments import Weighing
-from palpate.estimation.regression import Model, ScaleHyperprior
+from palpate.estimation.regression import (
+    Cause,
+    Posterior,
+    Scale,
+    SignalNoise,
+    fit,
+    whitened_model,
+)
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
+
+AT_HAND, OFFSETS, GAIN = ("rests", "passes", "rests and passes"), "offsets", "gain"
+"""Names of causes: residual stiction, and gains of the sensors."""
+LoadModel = tuple[list[Cause], SignalNoise, Array, list[Scale]]
+"""Causes, noise, signals and prior scales."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,22 +82,25 @@ class Load:
         grasps: s, when.
         value: (1 + 2n,) F in N, then M_x and M_y about the TCP in each grasp in N m, world axes.
         covariance: (1 + 2n, 1 + 2n) of it, with all that the grasps have in common.
-        freedom: degrees of freedom of the noise in that.
         tests: of what else might act on it.
         gains: (1 + 2n, signals) what one standard deviation of each signal's gain does to `value`; of
             gains that were measured together, of as many causes that are independent.
-        weighings, rows, model: what was fitted.
+        weighings, rows, posterior: what was fitted.
     """
 
     grasps: tuple[float, ...]
     value: Array
     covariance: Array
-    freedom: float
     tests: tuple[FitTest, ...]
     gains: Array
     weighings: Sequence[Weighing]
     rows: Sequence[Rows]
-    model: Model
+    posterior: Posterior
+
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom of the noise."""
+        return self.posterior.freedom
 
     @property
     def agrees(self) -> bool:
@@ -129,12 +144,10 @@ def fit_load(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
 def foreseen(weighing: Weighing, weight: float, gravity: float, hand: Hand) -> float:
     """Predict the variance of F, N², for a load of `weight` N from planned rests and passes, whose signals are
     not used: the agreement of the passes follows from typical draws of the noise."""
-    rows = [equations(weighing, gravity)]
-    grasps = tuple(weighing.grasps)
-    about = np.zeros(1 + 2 * len(grasps))
+    rows, about = [equations(weighing, gravity)], np.zeros(1 + 2 * len(weighing.grasps))
     about[0] = weight
-    model, random = load_model(rows, grasps, about, hand), np.random.default_rng(0)
-    found = 0.0
+    model = whitened_model(*load_model(rows, tuple(weighing.grasps), about, hand))
+    random, found = np.random.default_rng(0), 0.0
     for _ in range(tuning.FORESEEN_DRAWS):
         typical = replace(model, y=random.standard_normal(len(model.y)))
         found += float(typical.solve(1)[1][0, 0]) / tuning.FORESEEN_DRAWS
@@ -143,56 +156,50 @@ def foreseen(weighing: Weighing, weight: float, gravity: float, hand: Hand) -> f
 
 def untested(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> tuple[float, float]:
     """F and its standard deviation, N, as in `fit_load`, without the tests of misspecification."""
-    _, _, mean, covariance = _solved(weighings, gravity, hand)
-    return float(mean[0]), float(np.sqrt(covariance[0, 0]))
+    _, found = _solved(weighings, gravity, hand)
+    return float(found.mean[0]), float(np.sqrt(found.covariance[0, 0]))
 
 
 def _fit(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
-    rows, model, mean, covariance = _solved(weighings, gravity, hand)
+    rows, found = _solved(weighings, gravity, hand)
     grasps = _grasps(weighings)
+    tests = tests_of(rows, grasps, found, hand.force_repeatability)
     count = 1 + 2 * len(grasps)
-    tests = tests_of(rows, grasps, model, float(mean[0]), hand.force_repeatability)
-    # With prior deviations P of the coefficients x, the error is -covariance P^-2 x.
-    gains = -(covariance / model.prior)[:, -(int(rows[0].signal.max()) + 1) :]
-    fitted = mean[:count], covariance[:, :count], model.freedom
-    return Load(grasps, *fitted, tests, gains, weighings, rows, model)
+    value = found.mean[:count], found.covariance[:, :count]
+    return Load(grasps, *value, tests, found.effects(GAIN), weighings, rows, found)
 
 
 def _solved(
     weighings: Sequence[Weighing], gravity: float, hand: Hand
-) -> tuple[Sequence[Rows], Model, Array, Array]:
-    """Equations, their model linearised at the solution, mean of its coefficients, and the first rows of their
-    covariance, those of `Load`."""
+) -> tuple[Sequence[Rows], Posterior]:
+    """Equations, and their posterior, linearised at the solution."""
     grasps = _grasps(weighings)
     count = 1 + 2 * len(grasps)
     rows = [equations(weighing, gravity, tuning.KINDS_APART[0]) for weighing in weighings]
     # Effects of gains and tilts are in proportion to the load, which is unknown at first.
-    mean, covariance = load_model(rows, grasps, np.zeros(count), hand).solve(count)
-    rows, model = likeliest_model(weighings, gravity, mean[:count], hand)
+    about = fit(*load_model(rows, grasps, np.zeros(count), hand), count).mean[:count]
+    rows, found = likeliest(weighings, gravity, about, hand)
     for _ in range(tuning.LOAD_ITERATIONS):
-        model = load_model(rows, grasps, mean[:count], hand)
-        mean, covariance = model.solve(count)
-    return rows, model, mean, covariance
+        found = fit(*load_model(rows, grasps, about, hand), count)
+        about = found.mean[:count]
+    return rows, found
 
 
-def likeliest_model(
+def likeliest(
     weighings: Sequence[Weighing], gravity: float, about: Array, hand: Hand
-) -> tuple[Sequence[Rows], Model]:
-    """Equations and model with the biases of the kinds of segments as far apart as they may be, or less where
+) -> tuple[Sequence[Rows], Posterior]:
+    """Equations and posterior with the biases of the kinds of segments as far apart as they may be, or less where
     the evidence for that is very strong and the load is then known better."""
-    ways: list[tuple[Sequence[Rows], Model]] = []
-    evidence: list[float] = []
+    ways: list[tuple[Sequence[Rows], Posterior]] = []
     for apart in tuning.KINDS_APART:
         rows = [equations(weighing, gravity, apart) for weighing in weighings]
-        model = load_model(rows, _grasps(weighings), about, hand)
-        ways.append((rows, model))
-        # Of the signals: that of the whitened rows plus the log determinant of the whitening.
-        evidence.append(model.evidence - sum(row.volume for row in rows))
+        ways.append((rows, fit(*load_model(rows, _grasps(weighings), about, hand), 1)))
+    evidence = [found.evidence for _, found in ways]
     best = int(np.argmax(evidence))
     if evidence[best] <= evidence[0] + tuning.VERY_STRONG:
         return ways[0]
     # A bias that changes sign with the direction could pass for residual stiction of each approach.
-    apart, alike = (model.solve(1)[1][0, 0] for _, model in (ways[0], ways[best]))
+    apart, alike = (found.covariance[0, 0] for _, found in (ways[0], ways[best]))
     return ways[best] if alike < apart else ways[0]
 
 
@@ -201,49 +208,51 @@ def _grasps(weighings: Sequence[Weighing]) -> tuple[float, ...]:
     return tuple(dict.fromkeys(time for weighing in weighings for time in weighing.grasps))
 
 
-def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand: Hand) -> Model:
-    """Linear model of F, the moments in each grasp, tilt of gravity, residual stiction of rests and passes,
-    friction of the joints, and gains; linearised at `about` (F, then the moments)."""
-    signals, count = int(rows[0].signal.max()) + 1, 1 + 2 * len(grasps)
+def load_model(
+    rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand: Hand
+) -> LoadModel:
+    """Causes, noise, signals and prior scales of weighings, for `regression.fit`: F and the moments in each grasp,
+    tilt of gravity, residual stiction of rests and passes, friction of the joints, and gains; linearised at `about`
+    (F, then the moments)."""
+    signals = int(rows[0].signal.max()) + 1
     gains = gain_root(hand, signals)
-    left = [each_its_own([row.stiction.columns[i] for row in rows]) for i in range(4)]
-    at_hand, offsets = sum(blocks[0].shape[1] for blocks in left[:3]), left[3][0].shape[1]
-    deviations = np.concatenate(
-        [
-            np.full(count, tuning.LOAD_PRIOR),
-            np.full(len(LEANING), tuning.TILT * abs(float(about[0])) + tuning.FLOOR),
-            np.full(at_hand + offsets, hand.force_repeatability + tuning.FLOOR),
-            np.full(rows[0].dahl.shape[1], tuning.JOINT_LEVEL / len(tuning.SLIPS) ** 0.5),
-            np.ones(signals),
-        ]
+    vertical = [
+        np.column_stack([row.wrench[:, FORCE_Z], in_each(row, grasps, (TORQUE_X, TORQUE_Y))])
+        for row in rows
+    ]
+    tilted = [tilted_weight(row, grasps, about) for row in rows]
+    tilt = tuning.TILT * abs(float(about[0])) + tuning.FLOOR
+    pairs = zip(rows, vertical, strict=True)
+    borne = [(columns @ about)[:, None] * gains[row.signal] for row, columns in pairs]
+    friction, left = (
+        tuning.JOINT_LEVEL / len(tuning.SLIPS) ** 0.5,
+        hand.force_repeatability + tuning.FLOOR,
     )
-    designs: list[Array] = []
-    for row, *left_in in zip(rows, *left, strict=True):
-        vertical = np.column_stack(
-            [row.wrench[:, FORCE_Z], in_each(row, grasps, (TORQUE_X, TORQUE_Y))]
-        )
-        borne = (vertical @ about)[:, None] * gains[row.signal]
-        design = [vertical, tilted_weight(row, grasps, about), *left_in, row.dahl, borne]
-        designs.append(row.white(np.column_stack(design)))
+    stiction = zip(
+        (*AT_HAND, OFFSETS), zip(*(row.stiction.columns for row in rows), strict=True), strict=True
+    )
+    parts: list[tuple[str, Sequence[Array], float]] = [
+        ("load", vertical, tuning.LOAD_PRIOR),
+        ("tilt", tilted, tilt),
+        *((name, each_its_own(blocks), left) for name, blocks in stiction),
+        ("joint friction", [row.dahl for row in rows], friction),
+        (GAIN, borne, 1.0),
+    ]
+    causes: list[Cause] = []
+    for name, blocks, prior in parts:
+        columns = np.concatenate(blocks)
+        causes.append(Cause(name, columns, np.full(int(columns.shape[1]), prior)))
     shares = tuning.LEFT_SHARES
     even = [1.0 / len(shares)] * len(shares)
-    first = count + len(LEANING)
-    every = np.arange(len(deviations), dtype=np.intp)
-    stuck = every[first : first + at_hand + offsets]
     # Shares of the datasheet's figure: left by this arm at all; of that, left in motion.
-    hyperpriors = (
-        ScaleHyperprior(stuck, shares, even),
-        ScaleHyperprior(stuck[:at_hand], stiction_scales(rows), even),
-        ScaleHyperprior(stuck[at_hand:], shares, even),
-        ScaleHyperprior(every[-signals:], *tuning.GAINS_OFF),
-    )
-    return Model(
-        np.concatenate(designs),
-        y=np.concatenate([row.white(row.observed) for row in rows]),
-        prior=deviations,
-        freedom=min(row.freedom for row in rows),
-        hyperpriors=hyperpriors,
-    )
+    scales = [
+        Scale((*AT_HAND, OFFSETS), shares, even),
+        Scale(AT_HAND, stiction_scales(rows), even),
+        Scale((OFFSETS,), shares, even),
+        Scale((GAIN,), *tuning.GAINS_OFF),
+    ]
+    noise = SignalNoise([row.root for row in rows], min(row.freedom for row in rows))
+    return causes, noise, np.concatenate([row.observed for row in rows]), scales
 
 
 def stiction_scales(rows: Sequence[Rows]) -> Sequence[Array]:

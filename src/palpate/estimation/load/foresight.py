@@ -9,6 +9,7 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import KNOWN
+from palpate.estimation.coloured import Spans
 from palpate.estimation.load.fit import foreseen
 from palpate.estimation.load.noise import Noise
 from palpate.estimation.load.observation import WrenchObservation
@@ -81,13 +82,17 @@ class Lift:
         q = self.q[0] + share[:, None] * (self.q[1] - self.q[0])
         maps = self.observed.maps(q)
         count = len(self.white)
+        t = start + gone * self.length / speed
+        turns = np.abs(self.q[1] - self.q[0])
+        path = (start * speed / self.length + gone)[:, None] * turns
+        every = np.ones((tuning.BINS, 1))
         return Segment(
             kind,
             loaded,
             grasp,
             start=start,
             end=start + self.length / speed,
-            t=start + gone * self.length / speed,
+            t=t,
             path=share * self.length,
             acceleration=np.zeros(tuning.BINS),
             speed2=np.full(tuning.BINS, speed**2),
@@ -97,4 +102,5 @@ class Lift:
             motion=np.zeros((tuning.BINS, 0)),
             dahl=np.zeros((tuning.BINS, 0, 0)),
             turned=np.zeros(tuning.BINS),
+            spans=Spans(t, part * every[:, 0], path, every * turns / tuning.BINS),
         )

@@ -15,35 +15,36 @@ from palpate.estimation.load.equations import (
     each_its_own,
     in_each,
 )
-from palpate.estimation.regression import Model
+from palpate.estimation.regression import Cause, Posterior
 from palpate.geometry.pose import Array
 
 
 def tests_of(
-    rows: Sequence[Rows], grasps: Sequence[float], model: Model, force: float, left: float
+    rows: Sequence[Rows], grasps: Sequence[float], found: Posterior, left: float
 ) -> tuple[FitTest, ...]:
-    """Test each extended model, for a load of `force` N with `left` N (1 sigma) of residual stiction."""
+    """Test each extended model, for a load with `left` N (1 sigma) of residual stiction."""
     # Tolerated: the uncertainty of kinematics and friction, in proportion to the load.
+    force = float(found.mean[0])
     rub = float(np.hypot(tuning.RUB_SMALL, tuning.RUB_SHARE * force))
     pull = float(np.hypot(tuning.PULL_SMALL, tuning.PULL_SHARE * force))
-    found = [sideways_test(rows, grasps, model, rub), *vertical_tests(rows, model, rub, pull, left)]
+    tests = [sideways_test(rows, grasps, found, rub), *vertical_tests(rows, found, rub, pull, left)]
     if len(grasps) > 1:
-        found.append(weighings_test(rows, grasps, model, rub))
-    return tuple(found)
+        tests.append(weighings_test(rows, grasps, found, rub))
+    return tuple(tests)
 
 
 def vertical_tests(
-    rows: Sequence[Rows], model: Model, rub: float, pull: float, left: float
+    rows: Sequence[Rows], posterior: Posterior, rub: float, pull: float, left: float
 ) -> list[FitTest]:
     """Test for vertical forces, one at a time: in proportion to the height, changing sign with the direction,
     at rest only, and a step. `rub` N, `pull` N/m and `left` N (1 sigma) are tolerated."""
     stuck = float(np.hypot(rub, left))
     since = each_its_own([row.since for row in rows])
-    white: list[Array] = []
+    columns: list[Array] = []
     for row, later in zip(rows, since, strict=True):
         on_load = np.column_stack([row.height, row.way, row.rest])
-        white.append(row.white(np.hstack([row.wrench[:, [FORCE_Z]] * on_load, later])))
-    forces, variances = model.each_alone(np.concatenate(white), tuning.LOAD_PRIOR)
+        columns.append(np.hstack([row.wrench[:, [FORCE_Z]] * on_load, later]))
+    forces, variances = posterior.each_alone(np.concatenate(columns), tuning.LOAD_PRIOR)
     kinds = [
         ("along the lift", pull),
         ("up against down", rub),
@@ -59,7 +60,7 @@ def vertical_tests(
         separable = variance < (tuning.TELLING * tuning.LOAD_PRIOR) ** 2
         if separable and (name not in found or statistic > found[name].statistic):
             # The tolerated part is known exactly (Welch and Satterthwaite; GUM, annex G.4).
-            freedom = model.freedom * (1.0 + small**2 / variance) ** 2
+            freedom = posterior.freedom * (1.0 + small**2 / variance) ** 2
             found[name] = chi_squared(name, statistic, 1, _finding(name, force), freedom)
     return list(found.values())
 
@@ -85,34 +86,36 @@ def _finding(name: str, force: float) -> str:
 
 
 def sideways_test(
-    rows: Sequence[Rows], grasps: Sequence[float], model: Model, small: float
+    rows: Sequence[Rows], grasps: Sequence[float], posterior: Posterior, small: float
 ) -> FitTest:
     """Test for a sideways force, or a moment about the vertical, in any grasp; `small` N (1 sigma)
     is tolerated."""
-    columns = [row.white(in_each(row, grasps, SIDEWAYS)) for row in rows]
     count = len(SIDEWAYS) * len(grasps)
-    mean, covariance = model.extended(np.concatenate(columns), tuning.LOAD_PRIOR).solve(count)
-    force = mean[:count]
-    allowed = np.tile((small, small, small * tuning.TORQUE_LEVER), len(grasps))
-    spread = covariance[:, :count] + np.diag(allowed**2)
-    statistic = float(force @ np.linalg.solve(spread, force))
-    most = float(np.linalg.norm(force.reshape(-1, len(SIDEWAYS))[:, :2], axis=1).max())
-    finding = (
-        f"It is pushed or pulled sideways with {most:.2g} N, as nothing is that hangs free: "
-        "something besides the hand holds it."
-    )
-    return chi_squared("sideways", statistic, count, finding, model.freedom)
+
+    def finding(mean: Array) -> str:
+        forces = mean[:count].reshape(-1, len(SIDEWAYS))[:, :2]
+        most = float(np.linalg.norm(forces, axis=1).max())
+        return (
+            f"It is pushed or pulled sideways with {most:.2g} N, as nothing is that hangs free: "
+            "something besides the hand holds it."
+        )
+
+    columns = np.concatenate([in_each(row, grasps, SIDEWAYS) for row in rows])
+    tolerated = np.tile((small, small, small * tuning.TORQUE_LEVER), len(grasps))
+    cause = Cause("sideways", columns, np.full(count, tuning.LOAD_PRIOR))
+    return posterior.test(cause, tolerated, finding)
 
 
 def weighings_test(
-    rows: Sequence[Rows], grasps: Sequence[float], model: Model, small: float
+    rows: Sequence[Rows], grasps: Sequence[float], posterior: Posterior, small: float
 ) -> FitTest:
     """Test for the same force in every grasp."""
-    columns = [row.white(in_each(row, grasps[1:], (FORCE_Z,))) for row in rows]
     count = len(grasps) - 1
-    mean, covariance = model.extended(np.concatenate(columns), tuning.LOAD_PRIOR).solve(count)
-    more, spread = mean[:count], covariance[:, :count] + small**2 * np.eye(count)
-    statistic = float(more @ np.linalg.solve(spread, more))
-    forces = ", ".join(f"{mean[count] + part:.3g}" for part in [0.0, *more.tolist()])
-    finding = f"The weighings disagree: {forces} N."
-    return chi_squared("weighing against weighing", statistic, count, finding, model.freedom)
+
+    def finding(mean: Array) -> str:
+        forces = ", ".join(f"{mean[count] + part:.3g}" for part in [0.0, *mean[:count].tolist()])
+        return f"The weighings disagree: {forces} N."
+
+    columns = np.concatenate([in_each(row, grasps[1:], (FORCE_Z,)) for row in rows])
+    cause = Cause("weighing against weighing", columns, np.full(count, tuning.LOAD_PRIOR))
+    return posterior.test(cause, np.full(count, small), finding)

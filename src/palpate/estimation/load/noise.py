@@ -138,3 +138,14 @@ def second_differences(signals: Array, size: int) -> Array:
     count = len(signals) // size
     blocks = signals[: count * size].reshape(count, size, signals.shape[1])
     return np.diff(blocks.mean(axis=1), n=2, axis=0)
+
+
+def flicker(apart: Array) -> Array:
+    """(n, n) covariance of noise of density 1/f, at times `apart`, s: a sum of processes with time constants
+    evenly spaced in their logarithm (Riley, as above, section 3.3)."""
+    times = tuning.FLICKER_TIMES
+    step = float(np.log(times[1] / times[0]))
+    out = np.zeros_like(apart)
+    for time in times:
+        out += step * np.exp(-apart / time)
+    return out

@@ -18,8 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
+from palpate.estimation.coloured import Residual, Spans
 from palpate.estimation.joint_friction import slip_states
-from palpate.estimation.load.noise import Noise, Rows, block_noise
+from palpate.estimation.load.blocks import turned
+from palpate.estimation.load.causes import of_empty_hand
+from palpate.estimation.load.in_hand import LoadRows, load_rows
+from palpate.estimation.load.noise import Noise, Rows, block_noise, flicker
 from palpate.estimation.load.observation import WrenchObservation, observe
 from palpate.estimation.motion import (
     Mask,
@@ -41,34 +45,6 @@ TURN = "turn"
 """Prefix of the kinds of turns."""
 LEVER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
 """Matrix from the lever of a weight to its moment about the TCP per newton, world axes."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LoadRows:
-    """Rows of a trace with the object in the hand and with an empty hand; rows while the fingers move are
-    in neither. `grasps`: s, when the content of the hand changed to or from the object."""
-
-    loaded: Mask
-    empty: Mask
-    grasps: tuple[float, ...]
-
-
-def load_rows(trace: Trace, name: str | None) -> LoadRows:
-    """Rows in which `name` was held, from the symbolic contexts of the leaves."""
-    t = trace.samples.t
-    loaded, empty = np.zeros(len(t), dtype=bool), np.ones(len(t), dtype=bool)
-    held: str | None = None
-    grasps: list[float] = []
-    for leaf in sorted(trace.leaves, key=lambda run: run.end):
-        if leaf.context is None or leaf.context.holding == held:
-            continue
-        if name in (held, leaf.context.holding):
-            grasps.append(leaf.end if leaf.context.holding else leaf.start)
-        held = leaf.context.holding
-        loaded[t >= leaf.start] = empty[t >= leaf.start] = False
-        loaded[t > leaf.end] = held == name and held is not None
-        empty[t > leaf.end] = held is None
-    return LoadRows(loaded, empty, tuple(grasps))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -164,6 +140,7 @@ class Segment:
             the signals are not joint torques.
         turned: (k,) rad, rotation of the hand about the vertical since the load was measured; the load and
             the moments in `maps` turn with it.
+        spans: stretches of motion of which the bins are means.
     """
 
     kind: str
@@ -181,6 +158,7 @@ class Segment:
     motion: Array
     dahl: Array
     turned: Array
+    spans: Spans
 
     @property
     def at_rest(self) -> bool:
@@ -208,11 +186,27 @@ class Weighing:
         segments: rests and passes with the load and without.
         noise: of the signals.
         scale: (m,) of the signals, see `estimation.load.observation`.
+        left: what the model of the arm leaves with an empty hand, as far as it was recorded.
     """
 
     segments: Sequence[Segment]
     noise: Noise
     scale: Array
+    left: Residual | None = None
+
+    @property
+    def spans(self) -> Spans:
+        """Stretches of all bins, segment after segment."""
+        return Spans.joined([segment.spans for segment in self.segments])
+
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom of the noise, with what the model of the arm leaves."""
+        if self.left is None:
+            return self.noise.freedom
+        white = np.concatenate([segment.variance for segment in self.segments]).mean(axis=0)
+        slow = self.noise.flicker * float(flicker(np.zeros(1))[0])
+        return self.left.freedom_beside(white + slow, self.noise.freedom, self.spans)
 
     @property
     def grasps(self) -> Sequence[float]:
@@ -243,14 +237,15 @@ def weighing(trace: Trace, recording: Recording) -> Weighing:
     if not any(segment.loaded for segment in found):
         # The object was recorded in motion only.
         found = [signals.segment(cut, [cut.rows]) for cut in rests]
-    return Weighing(found, signals.noise, signals.observed.scale)
+    left = of_empty_hand(trace, recording.context.holding or "")
+    return Weighing(found, signals.noise, signals.observed.scale, left)
 
 
 def compared(trace: Trace, name: str, cuts: Sequence[Cut]) -> Weighing:
     """Weighing of the load `name` from given cuts at one place, compared within each kind."""
     signals = _Signals.of(trace, load_rows(trace, name), None, cuts)
     found = [signals.segment(cut, [cut.rows]) for cut in cuts]
-    return Weighing(found, signals.noise, signals.observed.scale)
+    return Weighing(found, signals.noise, signals.observed.scale, of_empty_hand(trace, name))
 
 
 def weighings(trace: Trace, recording: Recording) -> Sequence[Weighing]:
@@ -297,6 +292,7 @@ class _Signals:
     progress: Array
     grasps: tuple[float, ...]
     dahl: Array
+    path: Array
 
     @classmethod
     def of(cls, trace: Trace, load: LoadRows, path: Path | None, cuts: Iterable[Cut]) -> _Signals:
@@ -330,6 +326,7 @@ class _Signals:
             progress=path.progress(samples) if path is not None else np.zeros(len(samples)),
             grasps=load.grasps,
             dahl=slip_states(samples) if joints else np.zeros((len(samples), 0, 0)),
+            path=turned(samples),
         )
 
     def segment(self, cut: Cut, bins: Sequence[Rows]) -> Segment:
@@ -355,6 +352,7 @@ class _Signals:
             motion=means(self.motion),
             dahl=means(self.dahl),
             turned=np.zeros(len(bins)),
+            spans=Spans.of(self.samples.t, self.path, bins),
         )
 
 

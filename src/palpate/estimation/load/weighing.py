@@ -70,16 +70,16 @@ class Weight:
         return [segment for weighing in self.weighings for segment in weighing.segments]
 
 
-def weigh(trace: Trace, recording: Recording) -> Weight:
+def weigh(trace: Trace, recording: Recording, by_all_motion: bool = True) -> Weight:
     """The load's vertical force over g, against the same rests and passes without the object, from
-    every weighing of what was held during `recording`.
+    every weighing of what was held during `recording`; and `by_all_motion` in free air around them.
 
     Raises:
         ValueError: the recording holds no samples or no held object.
     """
     found = weighings(trace, recording)
     load = fit_load(found, trace.gravity, trace.hand)
-    whole = whole_of(trace, recording, found, load)
+    whole = whole_of(trace, recording, found, load) if by_all_motion else None
     force, std = (load.force, load.force_std) if whole is None else (whole.force, whole.std)
     gains = load.gains[:1] if whole is None else whole.gains[:1]
     shared = shared_gains(gains / trace.gravity)
@@ -186,10 +186,10 @@ def weighing_view(load: Load, gravity: float) -> FitView:
         owner = np.tile(np.repeat(np.arange(len(count)), count), len(borne) // sum(count))
         loaded = [i for i, segment in enumerate(weighing.segments) if segment.loaded]
         own = np.array([borne * (owner == i) for i in loaded]).T
-        columns.append(row.white(own))
+        columns.append(own)
         parts += [weighing.segments[i] for i in loaded]
     wide = np.concatenate(each_its_own(columns))
-    mean, variance = load.model.each_alone(wide, tuning.LOAD_PRIOR)
+    mean, variance = load.posterior.each_alone(wide, tuning.LOAD_PRIOR)
     return _view(
         np.array([(part.start + part.end) / 2.0 for part in parts]),
         load.force,
@@ -210,12 +210,12 @@ def whole_view(whole: Whole, gravity: float) -> FitView:
     shares = np.column_stack(
         [by_signal(np.tile(part[:, None], signals).astype(float)) for part in parts]
     )
-    columns = whole.posterior.noise.white(borne[:, None] * shares)
+    columns = borne[:, None] * shares
     resting = seen.resting.sum(axis=1)
     return _view(
         np.array([float(seen.t[part].mean()) for part in parts]),
         whole.force,
-        whole.posterior.model.each_alone(columns, tuning.LOAD_PRIOR),
+        whole.posterior.each_alone(columns, tuning.LOAD_PRIOR),
         [KINDS["rest"] if float(resting[part].mean()) > 0.5 else "in motion" for part in parts],
         gravity,
         "Each half second in which the object hung free, fitted with a mass of its own",

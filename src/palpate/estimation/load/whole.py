@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.estimation.coloured import learned, with_residual
 from palpate.estimation.load.blocks import Blocks, blocks, free_rows
 from palpate.estimation.load.causes import (
     GAIN,
@@ -25,11 +26,10 @@ from palpate.estimation.load.causes import (
     of_load,
     of_turning,
     scales,
-    with_residual,
 )
 from palpate.estimation.load.noise import Noise
 from palpate.estimation.load.observation import WrenchObservation, observe
-from palpate.estimation.regression import Cause, Posterior, SignalNoise, fit, placed
+from palpate.estimation.regression import Cause, Posterior, SignalNoise, fit
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Trace
 
@@ -112,19 +112,15 @@ def _fitted(
     sensors = free_noise(seen, noise)
     about = _posterior(trace, observed, seen, sensors, load, about).mean[:count]
     found = _posterior(trace, observed, seen, sensors, load, about)
-    found = _posterior(
-        trace, observed, seen, with_residual(found.causes, sensors, seen), load, about
-    )
-    effects = -found.covariance[:count] / found.model.prior
+    left = learned(found.causes, sensors, by_signal(seen.observed), seen.spans)
+    found = _posterior(trace, observed, seen, with_residual(sensors, left, seen.spans), load, about)
     links: dict[str, Array] = {}
     for cause in found.causes:
         if cause.name.startswith(LINK):
-            here = placed(found.causes)[cause.name]
-            links |= zip(cause.labels, effects[:, here].T, strict=True)
-    left = found.residual
-    misfit = float(left @ left) / len(left)
+            links |= zip(cause.labels, found.effects(cause.name)[:count].T, strict=True)
+    misfit = float(np.mean(found.residual**2))
     value, square = found.mean[:count], found.covariance[:count, :count]
-    gains = effects[:, placed(found.causes)[GAIN]]
+    gains = found.effects(GAIN)[:count]
     return Whole(seen.grasps, value, square, gains, links, misfit, seen, found)
 
 

@@ -100,40 +100,6 @@ inertia std ×0.8–1.2."""
 
 # A load that was carried through a recording.
 
-CARRIED_MOST = 400
-"""blocks at most; more of them cost time, and say no more. Sensitive: no."""
-
-CARRIED_SMOOTH = 0.1
-"""s over which signals are averaged: between 8 and 30 Hz the torques of real arms do not follow their accelerations.
-Sensitive: mass std ×0.9–1.4."""
-
-CARRIED_LENGTHS = (0.3, 1.0, 4.0, 30.0)
-"""s over which what is left of a joint's torque stays alike: from a reversal to a motion. Sensitive: hardly."""
-
-CARRIED_PRESLIDING = (5e-4, 8e-3)
-"""rad over which friction may turn round beside `PRESLIDING`: 1 to 4 mrad are seen on real arms. Sensitive: inertia std
-×0.8–1.3."""
-
-CARRIED_INERTIA = 0.1
-"""part (1 sigma) of what moves a link that a model of it is off. Sensitive: inertia std ×0.8–1.2."""
-
-CARRIED_PLACE = 0.2
-"""rad over which what depends on a joint's angle stays alike. Sensitive: hardly."""
-
-CARRIED_POSTURE = 0.5
-"""rad over which what depends on the arm's configuration does. Sensitive: hardly."""
-
-CARRIED_WIDER = 2.0
-"""times the fitted standard deviation of an inertia that it is stated with: of simulated arms errors are 2.0 to 2.5 as
-large as fitted, as what disturbs all joints at once counts as independent; of two real arms 1.0.
-Sensitive: inertia std."""
-
-CARRIED_NOISE = 0.05
-"""N m (1 sigma) of each component of the noise, from which the recording's own is sought. Sensitive: no."""
-
-CARRIED_ROUNDS = 8
-"""rounds of that; each brings a variance nearer to its likeliest. Sensitive: std ×1.0–1.1 from 5 on."""
-
 CARRIED_PRIOR = (30.0, 10.0, 1.0)
 """kg, kg m and kg m² (1 sigma) of a load: nothing is known of it. Sensitive: no."""
 
@@ -158,3 +124,12 @@ CARRIED_LEAST = 0.005
 
 THINNEST = 2e-3
 """m: radius of gyration along any axis that every load has. Sensitive: no."""
+
+CARRIED_SHORTEST = 0.5
+"""s: shorter stretches with or without a load are left out. Sensitive: no."""
+
+RESTARTED = 5.0
+"""s without a row after which the sensors may have been zeroed anew: another recording ... Sensitive: no."""
+
+LIKELY_RESTART = (0.7, 0.3)
+"""... and how likely they were not, and were. Chosen, without a source. Sensitive: no at 0.9."""

@@ -186,6 +186,9 @@ GAINS_OFF = ((1.0, 3.0), (0.95, 0.05))
 """factors on the datasheet's uncertainty of gains, with prior probabilities: one arm in twenty is no longer as it
 was delivered. Sensitive: no."""
 
+FACTOR_ROUNDS = 2
+"""rounds over all hyperpriors, in which the likeliest factor of each is sought. Sensitive: no."""
+
 PULL_SMALL = 0.05
 """N/m (1 sigma): tolerated growth of a force with the height. Sensitive: no."""
 
@@ -283,7 +286,7 @@ without a source. Sensitive: mass std ×1.08 where they always count."""
 COLOUR_TIMES = (0.03, 0.3, 1.0, 4.0, 30.0)
 """s over which what a model leaves stays alike: from one block to a run. Sensitive: hardly."""
 
-COLOUR_PATHS = (0.01, 0.1)
+COLOUR_PATHS = (0.003, 0.01, 0.1)
 """rad over which it does as the joint turns: of gears' ripple and of a lift. Sensitive: no."""
 
 COLOUR_START = 0.02
@@ -301,3 +304,6 @@ COLOUR_FREEDOM = 4.0
 
 DIFFUSE = 30.0
 """N, N m (1 sigma) of an unknown with no prior, as the size of a residual is learned. Sensitive: no."""
+
+EMPTY_BLOCKS = 20
+"""blocks, 2 s, of motion with an empty hand from which they show what the model of the arm leaves. Sensitive: no."""

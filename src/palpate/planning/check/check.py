@@ -15,14 +15,12 @@ from palpate.planning.check.case import Case, Finding
 from palpate.planning.check.regions import unpassable_regions
 from palpate.planning.check.rules import CATALOGUE
 from palpate.planning.check.static_rules import Fault
-from palpate.planning.check.walk import Reach, Walk
+from palpate.planning.check.walk import MAX_FINDINGS, Reach, Walk
 from palpate.planning.plan import Plan
 from palpate.scene.scene import Scene
 from palpate.vocabulary.registry import Vocabulary, vocabulary
 
 __all__ = ["MAX_FINDINGS", "PLAN_RULES", "RULES", "WALK_RULES", "Finding", "check"]
-
-MAX_FINDINGS = 50
 
 PLAN_RULES: Mapping[str, Callable[[Case], Iterable[Fault]]] = {
     "unknown-parameter": static_rules.unknown_parameter,
@@ -94,8 +92,8 @@ def check(
     if scene is not None:
         walk = Walk.over(case, reachable)
         found += walk.findings
-        found += unpassable_regions(case, walk, reachable)
-        for id, judged in WALK_RULES.items():
+        found += () if walk.full else unpassable_regions(case, walk, reachable)
+        for id, judged in WALK_RULES.items() if not walk.full else ():
             if not (walk.unread and id in COMPLETE_RULES):
                 found += [Finding.of(path, id, message) for path, message in judged(case, walk)]
     return tuple(dict.fromkeys(found))[:MAX_FINDINGS]

@@ -19,6 +19,9 @@ from palpate.vocabulary.violation import PRECONDITION, Violation
 
 Reach = Callable[[Pose], bool]
 
+MAX_FINDINGS = 50
+"""Findings that are reported; what comes after them is not judged."""
+
 CONSEQUENCES = (PRECONDITION, "gripper-state", "unknown-start")
 """Rules not reported after a motion to an unknown pose: they would follow from it."""
 PATH_RULES = ("blocked", "collision", "self-collision", "sideways")
@@ -96,6 +99,11 @@ class Walk:
         walk = cls(case, SymbolicState(case.scene, reaches=reachable, bound=bound or {}))
         walk._walk("tree", case.plan.tree)
         return walk
+
+    @property
+    def full(self) -> bool:
+        """True if no further finding would be reported."""
+        return len(self.findings) >= MAX_FINDINGS and len(set(self.findings)) >= MAX_FINDINGS
 
     @property
     def leaves(self) -> Mapping[str, Primitive]:
@@ -203,6 +211,8 @@ class Walk:
     def _judge(self, path: str, before: SymbolicState) -> set[str]:
         """Add the findings on a leaf in a state, with remedies; return the ids of all broken rules."""
         primitive = self.leaves[path]
+        if self.full:
+            return set()
         if self._astray and "arm" in primitive.claims:
             found = primitive.requires(before)  # no path leads from an unreachable pose
         else:

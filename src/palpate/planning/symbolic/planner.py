@@ -26,11 +26,11 @@ from palpate.planning.symbolic.places import BALANCE
 from palpate.planning.symbolic.search import Backchainer
 from palpate.quantities.catalogue import catalogue
 from palpate.quantities.within import Within
-from palpate.robots.kinematics import reachable
 from palpate.scene.raised import TEMPORARY, is_open, risen
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.grasp import does_not_fit, too_heavy
 from palpate.vocabulary.admissible.reach import too_far
+from palpate.vocabulary.admissible.solids import solids
 from palpate.vocabulary.registry import Vocabulary, acquisition, vocabulary
 
 SUITE = {"surface": ("height",), "object": ("mass", "friction")}
@@ -279,7 +279,7 @@ def unusable(scene: Scene, name: str) -> str:
         pose = scene.symbols.resolve(symbol)
     except InputError:
         return f"there is no free spot within reach on '{name}' to touch it; give '{symbol}' in poses.yaml"
-    if not reachable(scene.arm, pose, scene.pose_world_base):
+    if not solids(scene).reaches(pose):
         return too_far(pose, name)
     return too_heavy(scene, scene.bodies[name])
 

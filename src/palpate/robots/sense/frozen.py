@@ -46,6 +46,7 @@ class Constancy:
         self._since = np.zeros(ends[-1])
         self._changes = np.zeros((LEARNT, ends[-1]))
         self._goes_on = np.ones(ends[-1], dtype=np.bool_)  # columns that changed with the last row
+        self._goes_on_all = True
         self._row = 0
         self._last: Array | None = None
         # Joints and equilibrium at each signal's last change.
@@ -86,16 +87,18 @@ class Constancy:
     def _take(self, t: Array, values: Array, q: Array, target: Array) -> None:
         """Process at most `LEARNT` rows."""
         assert self._last is not None
-        before = np.concatenate([self._last, values[:-1]])
-        changed, steps = values != before, np.abs(values - before)
-        into = (self._row + np.arange(len(t))) % LEARNT
+        before = np.concatenate([self._last, values[:-1]]) if len(t) > 1 else self._last
+        steps = np.abs(values - before)
         self._last, self._q, self._target = values[-1:], q[-1], target[-1]
-        self._row += len(t)
-        if changed.all() and self._goes_on.all():
-            self._changes[into] = steps
+        row, self._row = self._row % LEARNT, self._row + len(t)
+        if steps.min() > 0.0 and self._goes_on_all:
+            end = row + len(t)
+            self._changes[row:end] = steps[: LEARNT - row]
+            self._changes[: max(0, end - LEARNT)] = steps[LEARNT - row :]
             self._since[:] = t[-1]
             self._marks = dict.fromkeys(self.names, (q[-1], target[-1]))
             return
+        changed, into = values != before, (row + np.arange(len(t))) % LEARNT
         # A column that stands keeps its noise; one that changes after it stood may rest, and its
         # noise is learnt again.
         resumed = latest_row(changed & ~np.concatenate([self._goes_on[None], changed[:-1]]))
@@ -103,6 +106,7 @@ class Constancy:
         known = changed & (np.arange(len(changed))[:, None] >= resumed)
         self._changes[into] = np.where(known, steps, self._changes[into])
         self._goes_on = changed[-1]
+        self._goes_on_all = bool(self._goes_on.all())
         latest = latest_row(changed)
         went_on = latest >= 0
         self._since[went_on] = t[latest[went_on]]

@@ -32,7 +32,7 @@ An object that is pressed and rubbed may slip and stick: changes up to the large
 `RUBBED` need no confirmation either."""
 RUBBED = 0.3
 """s, time constant with which the largest contact is forgotten; stick-slip repeats within 0.1 s."""
-SHAKEN: Array = np.array([20.0, 5.0])
+SHAKEN = 20.0, 5.0
 """N, N m per rad/s of the joints' speed (norm) by which ripple of the gears shakes a contact from one
 state to the next: recordings of an FR3 in a soft loop jump by 11 N (95 %) in 20 ms at 0.6 rad/s."""
 LOAD = 0.25  # of a joint's torque limit: the same for its torque
@@ -111,7 +111,7 @@ class Spikes:
     state shows is held back, and counted."""
 
     def __init__(self, limits: Limits) -> None:
-        self._scale = np.concatenate([np.full(3, FORCE), np.full(3, TORQUE), LOAD * limits.tau_max])
+        self._scale = LOAD * limits.tau_max
         self._believed: RobotState | None = None
         self._doubted: RobotState | None = None
         self._times: deque[float] = deque(maxlen=MOST)
@@ -152,12 +152,11 @@ class Spikes:
     def _apart(self, state: RobotState, other: RobotState) -> float:
         """Compute the distance of two states' forces, in units of the change that needs no
         confirmation."""
-        scale = self._scale.copy()
-        shaken = SHAKEN * norm(state.dq)
-        scale[:3] = max(FORCE, self._pressed, shaken[0])
-        scale[3:6] = max(TORQUE, self._twisted, shaken[1])
-        forces, others = (np.concatenate([s.contact, s.tau]) for s in (state, other))
-        return float(np.abs((forces - others) / scale).max())
+        speed, force = norm(state.dq), np.abs(state.contact - other.contact)
+        force[:3] /= max(FORCE, self._pressed, SHAKEN[0] * speed)
+        force[3:] /= max(TORQUE, self._twisted, SHAKEN[1] * speed)
+        torque = np.abs(state.tau - other.tau) / self._scale
+        return float(np.concatenate([force, torque]).max())  # not a number, if any is none
 
 
 def norm(v: Array) -> float:

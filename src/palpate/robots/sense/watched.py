@@ -203,9 +203,12 @@ class Watch:
     def _empty_hand(self, state: RobotState) -> Fault | None:
         """Check the wrench of an empty hand at rest at home, in free air."""
         moves = state.moving or state.gripper_moving or state.gripping or state.reflex
-        away = float(np.abs(state.q - self._arm.home).max())
-        slow = away < AT_HOME and float(np.abs(state.dq).max()) < SLOW
-        if moves or state.width < self._arm.hand.opening - 0.005 or not slow:
+        if (
+            moves
+            or state.width < self._arm.hand.opening - 0.005
+            or float(np.abs(state.q - self._arm.home).max()) >= AT_HOME
+            or float(np.abs(state.dq).max()) >= SLOW
+        ):
             self._contacts.clear()
             self._rested = state.t
             return None

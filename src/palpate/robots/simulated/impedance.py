@@ -102,6 +102,10 @@ class Gains:
         """Map `stiffness` or `damping` to the joints, (7, 7): J^T K J for the TCP's springs."""
         return jacobian.T @ (each[:, None] * jacobian) if self.cartesian else np.diag(each)
 
+    def on(self, rows: Array, each: Array, jacobian: Array) -> Array:
+        """Map rows of joint angles or rates (n, 7) through `stiffness` or `damping` to torques (n, 7)."""
+        return ((rows @ jacobian.T) * each) @ jacobian if self.cartesian else rows * each
+
     def lead(self, rate: Array, acceleration: Array) -> Array:
         """Compute the lead (n, 6 or 7) of the springs' set-points for a motion without lag.
 

@@ -15,7 +15,7 @@ from palpate.robots.simulated.impedance import Gains
 from palpate.robots.simulated.noise.disturbances import Motion
 from palpate.robots.simulated.noise.line import Stamps
 from palpate.robots.simulated.noise.sensors import Encoders, Sensors
-from palpate.robots.simulated.timing import DAMPING_DELAY, PERIOD, SPRING_DELAY
+from palpate.robots.simulated.timing import DAMPING_DELAY, LONGEST_RUN, PERIOD, SPRING_DELAY
 from palpate.robots.simulated.world import Steps
 from palpate.trace.samples import Samples
 
@@ -23,6 +23,10 @@ OBSERVER_TIME = 0.01  # s, time constant of the momentum observer, two log perio
 LOAD_TIME = 0.2  # s, time constant with which a vertical force is taken for a load
 
 _KEPT = math.exp(-PERIOD / OBSERVER_TIME)
+# Response of the observer to the residual of each period of a run, and what is left of its state before.
+_AGES = np.subtract.outer(np.arange(LONGEST_RUN), np.arange(LONGEST_RUN))
+_RESPONSE: Array = (1.0 - _KEPT) * np.tril(_KEPT ** np.maximum(_AGES, 0))
+_FADE: Array = _KEPT ** np.arange(1.0, LONGEST_RUN + 1)[:, None]
 
 
 class ReportedMotion(NamedTuple):
@@ -222,12 +226,9 @@ class Readout:
         DLR-III Lightweight Manipulator Arm", IROS 2006. There the momentum is integrated so that no
         acceleration is needed; over one period, its gain is the mean acceleration's.
         """
-        out = (1.0 - _KEPT) * residual
-        before = self._external
-        for row in out:
-            row += _KEPT * before
-            before = row
-        self._external = before
+        n = len(residual)
+        out = _RESPONSE[:n, :n] @ residual + _FADE[:n] * self._external
+        self._external = out[-1]
         return out
 
     def _link_torque(self, steps: Steps, gained: Array, gains: Gains) -> Array:
@@ -239,7 +240,7 @@ class Readout:
         Springs act in every physics step with the arm's position then: on average, `SPRING_DELAY`
         before.
         """
-        late = gains.at_joints(gains.damping, self.jacobian) * DAMPING_DELAY
-        early = gains.at_joints(gains.stiffness, self.jacobian) * SPRING_DELAY
         speed = steps.dq - gained / 2.0
-        return steps.torque + speed @ early - (gained @ late + gained * self._armature) / PERIOD
+        early = gains.on(speed, gains.stiffness * SPRING_DELAY, self.jacobian)
+        late = gains.on(gained, gains.damping * DAMPING_DELAY, self.jacobian)
+        return steps.torque + early - (late + gained * self._armature) / PERIOD

@@ -3,9 +3,11 @@ correction for the true arm."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
@@ -20,6 +22,7 @@ BLEND = 0.5
 """Share of a new deviation that is applied in a run of cycles. Where joints or pads give way, the
 deviation follows the force and the force the set-point: all of it together would swing up where
 they are softer than the controller's springs."""
+CONJUGATE: Array = np.array([1.0, -1.0, -1.0, -1.0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,7 +130,9 @@ class Correction:
             out[:3] = -self._encoders.pose_error
             return out
         true, reported = self._world.true_tcp(), readout.pose_world_tcp
-        self._turn = (true @ reported.inverse()).quaternion
+        turn = np.empty(4)
+        mujoco.mju_mulQuat(turn, true.quaternion, CONJUGATE * reported.quaternion)
+        self._turn = turn / math.sqrt(turn.dot(turn))
         self.torque = readout.gravity_torque - self._world.compensation
         out[:3], out[3:] = true.position - reported.position, -readout.angle_error
         return out

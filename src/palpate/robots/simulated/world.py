@@ -26,7 +26,9 @@ from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, PERIOD, SUBSTEPS
 
 FRAME_PERIOD = 1.0 / 30.0  # s between camera frames
 LEVEL = 0.01  # rad, largest inclination of gravity
-ASLEEP = 1e-5  # m/s: slower objects rest, and take no time until something that moves touches them
+ASLEEP = 1e-4
+"""m/s: slower objects rest, and take no time until something that moves touches them. A cylinder on its end
+goes on trembling at some 5e-5 m/s for ever, by the rounding of its contacts."""
 PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 MOTOR, PUSH = PREFIX + "motor{}", PREFIX + "push"  # names of sensors
 SENSED = 10  # values of these: motor torques, and the force of the hand
@@ -88,6 +90,8 @@ class World:
         self._q, self._v = run_of(joints[0].qposadr[0], 7), run_of(joints[0].dofadr[0], 7)
         finger = self.model.joint(PREFIX + arm.hand.fingers[0])
         self._finger_q, self._finger_v = run_of(finger.qposadr[0], 2), run_of(finger.dofadr[0], 2)
+        self._tcp = int(self.model.site(PREFIX + arm.tcp).id)
+        self._hand = int(self.model.body(PREFIX + arm.hand.body).id)
         self._drive = int(self.model.actuator(PREFIX + DRIVE).id)
         self._fingers_control = int(self.model.actuator_ctrladr[self._drive])
         self._data.qpos[self._q], self._data.qpos[self._finger_q] = arm.home, arm.hand.opening / 2
@@ -286,8 +290,7 @@ class World:
         data = self._seen
         data.qpos[:] = self._data.qpos
         mujoco.mj_kinematics(self.model, data)
-        tcp, hand = data.site(PREFIX + self._arm.tcp), data.body(PREFIX + self._arm.hand.body)
-        return Pose(tcp.xpos.copy(), hand.xquat.copy())
+        return Pose(data.site_xpos[self._tcp].copy(), data.xquat[self._hand].copy())
 
     def _film(self, qpos: Array) -> None:
         """Keep the configurations (at ends of log periods) that are nearest to the camera's frames."""

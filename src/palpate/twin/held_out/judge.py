@@ -11,7 +11,8 @@ import numpy as np
 
 from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.estimate import Estimate
-from palpate.estimation.load.segments import load_rows, weighing
+from palpate.estimation.load.in_hand import load_rows
+from palpate.estimation.load.segments import weighing
 from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
 from palpate.quantities.catalogue import catalogue

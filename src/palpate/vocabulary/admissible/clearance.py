@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
 from palpate.scene.scene import Scene
+from palpate.vocabulary.admissible.solids import solids
 from palpate.vocabulary.state import SymbolicState
 
 SPACING = 0.02  # m between two samples of a motion
 STEEP = 0.010  # m of horizontal travel below which a motion is vertical
+SAME_TURN = 1e-6  # rad up to which two orientations are one
 TOUCH = 0.002  # m of overlap up to which boxes only touch
 ABOVE = 0.005  # m above an object's top from which fingertips are clear of it
 
@@ -74,8 +76,21 @@ def box_hits(
 ) -> list[str]:
     """Objects that the hand, or the held object, would run into on the TCP's straight motion from
     `start` to `end` (world), in document order; the hand keeps `margin` m."""
-    left_out = {*ignoring, state.holding}
-    names = [name for name in _nearby(state, start, end) if name not in left_out]
+    ends = (start.digits, end.digits)
+    # There and back is one volume, unless the tool turns on the way.
+    ends = tuple(sorted(ends)) if start.angle_to(end) < SAME_TURN else ends
+    load = state.pose_tcp_object and state.pose_tcp_object.digits
+    key = ("boxes", *ends, frozenset(ignoring), margin, state.holding, load)
+    key = (*key, *state.others(state.holding))
+    return solids(state.scene).cached(
+        key, lambda: _box_hits(state, start, end, {*ignoring, state.holding}, margin)
+    )
+
+
+def _box_hits(
+    state: SymbolicState, start: Pose, end: Pose, ignoring: Collection[str | None], margin: float
+) -> list[str]:
+    names = [name for name in _nearby(state, start, end) if name not in ignoring]
     if not names:
         return []
     travel = float(np.linalg.norm(end.position - start.position))
@@ -95,20 +110,13 @@ def _nearby(state: SymbolicState, start: Pose, end: Pose) -> Iterator[str]:
     """Objects near enough to a motion to be hit at all, by bounding spheres."""
     held = 2 * state.scene.body(state.holding).reach if state.holding else 0.0
     hand = state.scene.arm.hand
-    (x0, y0, z0), (x1, y1, z1) = start.position.tolist(), end.position.tolist()
     points_down = end.rotation[2, 2] < -0.99
-    lowest = min(z0, z1) - held - (hand.depth if points_down else hand.breadth + hand.height)
-    dx, dy = x1 - x0, y1 - y0
-    length = dx * dx + dy * dy
-    for name, body in state.scene.objects.items():
-        x, y, z = state.pose_of(name).position.tolist()
-        if z + body.reach < lowest:
-            continue
-        # The nearest point of the motion, seen from above.
-        share = ((x - x0) * dx + (y - y0) * dy) / length if length > 1e-12 else 0.0
-        share = min(1.0, max(0.0, share))
-        if body.is_near(x - x0 - share * dx, y - y0 - share * dy, hand.breadth + held):
-            yield name
+    depth = hand.depth if points_down else hand.breadth + hand.height
+    lowest = min(float(start.position[2]), float(end.position[2])) - held - depth
+    for body in state.beside(start.position, end.position, hand.breadth + held):
+        top = float(state.pose_of(body.name).position[2]) + body.reach
+        if body.role == "object" and top >= lowest:
+            yield body.name
 
 
 def _hand(state: SymbolicState, positions: Array, rotation: Array) -> Boxes:

@@ -16,26 +16,19 @@ import numpy as np
 from palpate.errors import InputError
 from palpate.geometry.pose import Array
 from palpate.scene.raised import GUESS
+from palpate.vocabulary.admissible.arrangement import HIGHER, Part
 from palpate.vocabulary.admissible.clearance import is_vertical, straddled
 from palpate.vocabulary.admissible.collision_geometry import (
-    HIGHER,
     LINK,
     LOAD,
     arm_sweep,
     hand_sweep,
     opening,
 )
+from palpate.vocabulary.admissible.path import ArmPath, finger_path, joint_path, straight_path
 from palpate.vocabulary.admissible.solids import SIDES, solids
 from palpate.vocabulary.admissible.support import SETTLES, footing
-from palpate.vocabulary.admissible.sweep import (
-    ArmPath,
-    Hit,
-    Part,
-    Sweep,
-    finger_path,
-    joint_path,
-    straight_path,
-)
+from palpate.vocabulary.admissible.sweep import Hit, Sweep
 from palpate.vocabulary.admissible.unknown_heights import (
     higher,
     is_unmeasured,
@@ -105,7 +98,7 @@ def _finger_hits(state: SymbolicState, end: float, around: str | None) -> Iterat
         return
     free = replace(state, holding=None, pose_tcp_object=None)
     path = finger_path(state.pose_world_tcp, opening(state), end)
-    swept = hand_sweep(free, path).within(GUESS)
+    swept = hand_sweep(free, path, _largest(free))
     allowed = Allowed(frozenset({around or ""}), frozenset(), around)
     for hit in islice(swept.hits(_margins(free, swept, allowed)), SHOWN):
         yield Violation(
@@ -136,7 +129,7 @@ def _hits(
         path = _path(before, after, width)
         if path is None:
             return
-        swept = arm_sweep(before, path, rises).within(GUESS)
+        swept = arm_sweep(before, path, _largest(before), rises)
         hits = sorted(swept.hits(_margins(before, swept, allowed)), key=lambda hit: hit.distance)
         for hit in hits:
             pair = (hit.part.owner, hit.other.owner)
@@ -171,13 +164,16 @@ def _path(before: SymbolicState, after: SymbolicState, width: float) -> ArmPath 
     return straight_path(shapes, start, end, (q, bent), width)
 
 
+def _largest(state: SymbolicState) -> float:
+    """The largest margin, m, that any pair of parts can have."""
+    unknown = any(is_unmeasured(state, name) for name in state.scene.surfaces)
+    return GUESS if unknown else ARM
+
+
 def _margins(state: SymbolicState, swept: Sweep, allowed: Allowed) -> Array:
     """(p,) m, margin of each pair of parts."""
-    margins: list[float] = []
-    for pair in swept.pairs:
-        part, other = (swept.parts[int(number)] for number in pair)
-        margins.append(_margin(state, part, other, allowed))
-    return np.array(margins, dtype=np.float64)
+    parts = map(swept.of, range(len(swept.pairs)))
+    return np.array([_margin(state, *pair, allowed) for pair in parts])
 
 
 def _margin(state: SymbolicState, part: Part, other: Part, allowed: Allowed) -> float:

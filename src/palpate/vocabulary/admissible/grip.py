@@ -66,15 +66,15 @@ def _travel(shapes: Solids, side: str, name: str, pose_tcp_object: Pose) -> floa
     pads, parts = shapes.pads[side], shapes.objects[name]
     opening = shapes.scene.arm.hand.opening
     there = parts.at(pose_tcp_object.position[None], pose_tcp_object.rotation[None])
-    travel = 0.0
+    closed, travel = pads.at(np.zeros((1, 3)), np.eye(3)[None]), 0.0
     # Sphere tracing: a pad may advance by its distance to the object without passing it.
     for _ in range(APPROACHES):
-        here = np.array([[0.0, SIDES[side] * (opening / 2 - travel), 0.0]])
-        at = Frames.joined([pads.at(here, np.eye(3)[None]), there])
+        aside = np.array([0.0, SIDES[side] * (opening / 2 - travel), 0.0])
+        closing = Frames(closed.positions + aside, closed.rotations)
         apart = np.inf
         for i, pad in enumerate(pads.geoms):
-            for j, part in enumerate(parts.geoms, start=len(pads.geoms)):
-                apart = min(apart, shapes.distance(pad, part, at, i, j))
+            for j, part in enumerate(parts.geoms):
+                apart = min(apart, shapes.distance(pad, closing, i, part, there, j))
         if apart < MEETS:
             return travel
         travel += apart

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
-from palpate.robots.kinematics import reachable, within_joint_limits
+from palpate.robots.kinematics import within_joint_limits
 from palpate.scene.scene import Scene
 from palpate.scene.symbols import PoseExpression
 from palpate.vocabulary.admissible.collision_geometry import LINK, arm_sweep
+from palpate.vocabulary.admissible.path import joint_path
 from palpate.vocabulary.admissible.solids import solids
-from palpate.vocabulary.admissible.sweep import joint_path
 from palpate.vocabulary.state import HOME_CONFIG, SymbolicState
 from palpate.vocabulary.violation import Violation
 
@@ -31,7 +31,7 @@ def out_of_reach(state: SymbolicState, pose_world_tcp: Pose, name: str) -> list[
 def _reaches(state: SymbolicState, pose_world_tcp: Pose) -> bool:
     if state.reaches is not None:
         return state.reaches(pose_world_tcp)
-    return reachable(state.scene.arm, pose_world_tcp, state.scene.pose_world_base)
+    return solids(state.scene).reaches(pose_world_tcp)
 
 
 def _nearer(state: SymbolicState, name: str) -> str:
@@ -71,7 +71,7 @@ def require_room(scene: Scene) -> None:
     """
     home = scene.symbols.joints(HOME_CONFIG)
     still = joint_path(solids(scene), home, home, width=0.0)
-    overlaps = arm_sweep(SymbolicState(scene), still).within(0.0).overlaps()
+    overlaps = arm_sweep(SymbolicState(scene), still, 0.0).overlaps()
     # The base may overlap its support.
     allowed = {scene.arm.base}
     found = [hit for hit in overlaps if hit.other.kind != LINK and hit.other.owner not in allowed]

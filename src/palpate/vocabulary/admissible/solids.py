@@ -20,7 +20,14 @@ from palpate.mjcf.compile import compile_model
 from palpate.mjcf.inertial import whole
 from palpate.mjcf.shapes import hull_edges, hull_points
 from palpate.robots.description import RobotDescription
-from palpate.robots.kinematics import inverse_kinematics
+from palpate.robots.kinematics import (
+    ANGLE_TOLERANCE,
+    LIMIT_MARGIN,
+    POSITION_TOLERANCE,
+    inverse_kinematics,
+    too_far,
+    within_joint_limits,
+)
 from palpate.robots.model import PREFIX
 from palpate.robots.nominal import NominalArm
 from palpate.robots.sheet import Box
@@ -36,6 +43,7 @@ FAR = 10.0  # m: upper bound of every distance asked for
 REACHED = 0.002
 """m between a pose and the TCP of a configuration, up to which the configuration reaches it."""
 CACHED_SCENES = 32
+RECENT_RESULTS = 16  # Largest number of large results that are kept
 CACHED_RESULTS = 20_000  # Largest number of cached results of one scene
 
 T = TypeVar("T")
@@ -72,8 +80,8 @@ class ShapeGroup:
     def at(self, positions: Array, rotations: Array) -> Frames:
         """Place the carrier at `positions` (n, 3) and `rotations` (n, 3, 3)."""
         return Frames(
-            positions[:, None] + np.einsum("nij,kj->nki", rotations, self.positions),
-            np.einsum("nij,kjl->nkil", rotations, self.rotations),
+            positions[:, None] + self.positions @ rotations.transpose(0, 2, 1),
+            rotations[:, None] @ self.rotations,
         )
 
 
@@ -130,6 +138,7 @@ class Solids:
     _segment: Array = field(default_factory=lambda: np.zeros(6))
     _configurations: dict[bytes, Array | None] = field(default_factory=dict[bytes, "Array | None"])
     _results: dict[object, object] = field(default_factory=dict[object, object])
+    _recent: dict[object, object] = field(default_factory=dict[object, object])
 
     @cached_property
     def arm(self) -> NominalArm:
@@ -172,7 +181,7 @@ class Solids:
         for shape in self.fixed:
             up = np.array([0.0, 0.0, scene.rises.get(self.owners[shape.geom], 0.0)])
             fixed.append(shape._replace(position=shape.position + up))
-        return replace(self, scene=scene, fixed=ShapeGroup.of(fixed), _results={})
+        return replace(self, scene=scene, fixed=ShapeGroup.of(fixed), _results={}, _recent={})
 
     def centre_of_mass(self, name: str) -> Array:
         """(3,) m, believed centre of mass of an object, in its frame."""
@@ -190,6 +199,14 @@ class Solids:
             self._results[key] = compute()
         return cast("T", self._results[key])
 
+    def recent(self, key: object, compute: Callable[[], T]) -> T:
+        """As `cached`, for large results that are asked for again soon."""
+        if key not in self._recent:
+            if len(self._recent) >= RECENT_RESULTS:
+                self._recent.pop(next(iter(self._recent)))
+            self._recent[key] = compute()
+        return cast("T", self._recent[key])
+
     def configuration(self, pose_world_tcp: Pose) -> Array | None:
         """(7,) rad, joint angles to which the controller takes the arm at a pose; None out of reach."""
         key = pose_world_tcp.digits
@@ -200,6 +217,26 @@ class Solids:
                 q = inverse_kinematics(self.scene.arm, pose_world_tcp, self.scene.pose_world_base)
             self._configurations[key] = q
         return self._configurations[key]
+
+    def reaches(self, pose_world_tcp: Pose) -> bool:
+        """True if the arm can bring its TCP to a pose within its joint limits: as the controller takes
+        it there or, if that ends elsewhere, as a search finds it."""
+
+        def compute() -> bool:
+            arm, base = self.scene.arm, self.scene.pose_world_base
+            if too_far(arm, base.inverse() @ pose_world_tcp):
+                return False
+            q = self.configuration(pose_world_tcp)
+            if q is None:
+                return False
+            there = Pose.of(*np.split(self.arm.poses(q[None])[0], [3]))
+            near = there.distance_to(pose_world_tcp) < POSITION_TOLERANCE
+            near &= there.angle_to(pose_world_tcp) < ANGLE_TOLERANCE
+            if near and within_joint_limits(arm, q, LIMIT_MARGIN):
+                return True
+            return inverse_kinematics(arm, pose_world_tcp, base) is not None
+
+        return self.cached(("reaches", pose_world_tcp.digits), compute)
 
     def links_at(self, q: Array) -> Frames:
         """Poses of the arm's moving shapes, in the order of `links`, at configurations (n, 7), rad."""
@@ -215,24 +252,25 @@ class Solids:
             rotations[i] = self._data.geom_xmat[geoms].reshape(-1, 3, 3)
         return Frames(positions, rotations)
 
-    def distance(self, first: int, second: int, at: Frames, i: int, j: int) -> float:
-        """Distance, m, between two geoms whose poses are shapes `i` and `j` of the first moment of
-        `at`; negative where they overlap."""
+    def distance(
+        self, first: int, here: Frames, i: int, second: int, there: Frames, j: int
+    ) -> float:
+        """Distance, m, between two geoms at the poses of shapes `i` and `j` at the first moment of
+        `here` and of `there`; negative where they overlap."""
         data = self._data
-        data.geom_xpos[first], data.geom_xpos[second] = at.positions[0, i], at.positions[0, j]
-        data.geom_xmat[first] = at.rotations[0, i].ravel()
-        data.geom_xmat[second] = at.rotations[0, j].ravel()
+        data.geom_xpos[first], data.geom_xpos[second] = here.positions[0, i], there.positions[0, j]
+        data.geom_xmat[first] = here.rotations[0, i].ravel()
+        data.geom_xmat[second] = there.rotations[0, j].ravel()
         return mujoco.mj_geomDistance(self.model, data, first, second, FAR, self._segment)
 
     def between(self) -> Array:
         """(3,) m, midpoint of the shortest segment between the two geoms of the last `distance`."""
         return (self._segment[:3] + self._segment[3:]) / 2
 
-    def convex(self, shape: Shape, pose: Pose) -> Convex:
-        """A shape in the world with its carrier at a pose."""
-        points = hull_points(self.model, shape.geom) @ shape.rotation.T + shape.position
-        edges = hull_edges(int(self.model.geom_type[shape.geom]), len(points))
-        return Convex(points @ pose.rotation.T + pose.position, edges)
+    def convex(self, geom: int, position: Array, rotation: Array) -> Convex:
+        """A shape at a position (3,) and rotation (3, 3) in the world."""
+        points = hull_points(self.model, geom) @ rotation.T + position
+        return Convex(points, hull_edges(int(self.model.geom_type[geom]), len(points)))
 
 
 @lru_cache(CACHED_SCENES)

@@ -14,9 +14,10 @@ from functools import cached_property
 import numpy as np
 
 from palpate.errors import InputError
-from palpate.geometry.outline import clipped, depth, hull, rim, slab
-from palpate.geometry.pose import Array, Pose
-from palpate.vocabulary.admissible.solids import ORIGIN, Solids, solids
+from palpate.geometry.outline import Convex, clipped, depth, hull, rim, slab
+from palpate.geometry.pose import Array, Pose, digits
+from palpate.vocabulary.admissible.arrangement import Arrangement, arrangement
+from palpate.vocabulary.admissible.solids import Solids, solids
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.violation import PRECONDITION, Violation
 
@@ -38,11 +39,13 @@ MIN_SLIDE = 0.03  # m: a shorter slide is not much more than the grip's and the 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Top:
-    """Upper face of a shape: its owner, (k, 2) corners counterclockwise, and height, world z, m."""
+    """Upper face of a shape: its owner, (k, 2) corners counterclockwise, and height, world z, m; `foot`
+    is the world z of the shape's lowest point."""
 
     owner: str
     outline: Array
     height: float
+    foot: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,38 +87,54 @@ class Footing:
 
 def footing(state: SymbolicState, name: str, pose_world_object: Pose) -> Footing:
     """Footing of an object at a pose, among everything else that is not held."""
-    shapes = solids(state.scene)
-    placed = [entry for entry in state.placed if entry[0] != name]
-    key = ("footing", name, pose_world_object.digits, state.holding, *placed)
-    return shapes.cached(key, lambda: _footing(shapes, state, name, pose_world_object))
+    key = ("footing", name, pose_world_object.digits, state.holding, *state.others(name))
+    return solids(state.scene).cached(key, lambda: _footing(state, name, pose_world_object))
 
 
-def _footing(shapes: Solids, state: SymbolicState, name: str, pose: Pose) -> Footing:
-    parts = [shapes.convex(shape, pose) for shape in shapes.objects[name]]
-    points = np.concatenate([part.points for part in parts])
-    bottom = float(points[:, 2].min())
-    face = hull(np.concatenate([slab(part, bottom, bottom + FACE) for part in parts]))
-    outline = hull(rim(points[:, :2]))
-    low, high = outline.min(axis=0), outline.max(axis=0)
+def _footing(state: SymbolicState, name: str, pose: Pose) -> Footing:
+    shapes, around = solids(state.scene), arrangement(state, {})
+    key = ("stand", name, digits(pose.quaternion))
+    stand = shapes.cached(key, lambda: _stand(shapes, name, pose.quaternion))
+    bottom = stand.bottom + float(pose.position[2])
+    outline, face = stand.outline + pose.position[:2], stand.face + pose.position[:2]
+    low, high = np.full((1, 3), -np.inf), np.full((1, 3), bottom + SUNK)
+    low[0, :2], high[0, :2] = outline.min(axis=0), outline.max(axis=0)
     tops: list[Top] = []
-    others = [(shapes.owners[shape.geom], shape, ORIGIN) for shape in shapes.fixed]
-    for other in state.scene.objects:
-        if other not in (name, state.holding):
-            place = state.pose_of(other)
-            others += [(other, shape, place) for shape in shapes.objects[other]]
-    for owner, shape, place in others:
-        reach = float(shapes.radii[shape.geom]) or np.inf
-        middle = place.apply(shape.position)[:2]
-        if (middle + reach < low).any() or (middle - reach > high).any():
+    for i in np.flatnonzero(around.near(low, high)[0]).tolist():
+        if around.parts[i].owner == name:
             continue
-        part = shapes.convex(shape, place)
-        foot, height = float(part.points[:, 2].min()), float(part.points[:, 2].max())
-        if height > bottom + SUNK and foot > bottom:
+        top = _top(shapes, around, i)
+        if top.height > bottom + SUNK and top.foot > bottom:
             continue
-        top = Top(owner, hull(slab(part, height - FACE, height)), height)
         if len(clipped(outline, top.outline)) > 2:
             tops.append(top)
     return Footing(bottom, outline, face, tuple(tops))
+
+
+def _stand(shapes: Solids, name: str, quaternion: Array) -> Footing:
+    """Outline and lower face of an object whose frame is at the origin, turned, above nothing."""
+    pose = Pose(np.zeros(3), quaternion)
+    parts: list[Convex] = []
+    for geom, position, rotation in shapes.objects[name]:
+        parts.append(shapes.convex(geom, pose.apply(position), pose.rotation @ rotation))
+    points = np.concatenate([part.points for part in parts])
+    bottom = float(points[:, 2].min())
+    face = hull(np.concatenate([slab(part, bottom, bottom + FACE) for part in parts]))
+    return Footing(bottom, hull(rim(points[:, :2])), face, ())
+
+
+def _top(shapes: Solids, around: Arrangement, i: int) -> Top:
+    """Upper face of a shape that stands still."""
+    part, there = around.parts[i], around.frames
+    position, rotation = there.positions[0, i], there.rotations[0, i]
+
+    def compute() -> Top:
+        shape = shapes.convex(part.geom, position, rotation)
+        foot, height = float(shape.points[:, 2].min()), float(shape.points[:, 2].max())
+        return Top(part.owner, hull(slab(shape, height - FACE, height)), height, foot)
+
+    key = ("top", part.geom, position.tobytes(), rotation.tobytes())
+    return shapes.cached(key, compute)
 
 
 def clear_of_support(state: SymbolicState, name: str, pose_world_object: Pose) -> bool:
@@ -161,10 +180,9 @@ def riders(state: SymbolicState, name: str) -> list[str]:
     """Objects that stand on object `name` and move with it."""
     at, free = state.pose_of(name), replace(state, holding=None)
     body, found = state.scene.body(name), list[str]()
-    for other in state.scene.objects.values():
+    for other in state.beside(at.position, at.position, body.reach):
         pose = state.pose_of(other.name)
-        x, y, _ = (pose.position - at.position).tolist()
-        if other.name in (name, state.holding) or not body.is_near(x, y, other.reach):
+        if other.name == name or other.role != "object":
             continue
         if other.bottom_z(pose) < body.bottom_z(at):
             continue
@@ -200,7 +218,7 @@ def _is_balanced(state: SymbolicState, name: str, pose: Pose, there: Footing) ->
 
 def _unstable_carrier(state: SymbolicState, name: str, pose: Pose, there: Footing) -> str | None:
     """Reason why a carrier would tip with the object on top; None if all would stay."""
-    placed = replace(state, moved={**state.moved, name: pose})
+    placed = replace(state, moved=state.placing(name, pose))
     for owner in there.owners:
         if owner not in state.scene.objects:
             continue

@@ -19,6 +19,7 @@ thresholds."""
 WALK_TIME = 300.0
 """s: a random walk has no stationary size; it spreads as a drift of that size and this time
 constant does in the beginning, and never turns back."""
+AHEAD = 20  # log periods of 1/f noise that are drawn together
 PER_DECADE = 3  # relaxations that make up 1/f noise: their sum is within 3 % of it
 
 
@@ -61,13 +62,15 @@ class Gauges:
         """Sum the lags (n, 7), N m, of play operators of all widths: a Prandtl-Ishlinskii model,
         whose loops are as wide as the swing since the last reversal is long (P. Krejci,
         "Hysteresis, Convexity and Dissipation in Hyperbolic Equations", 1996)."""
-        if self._plays is None:
-            self._plays = np.broadcast_to(torque[0], self._half.shape).copy()
-        lag = np.empty_like(torque)
-        for i, now in enumerate(torque):
-            np.clip(self._plays, now - self._half, now + self._half, out=self._plays)
-            lag[i] = (now - self._plays).sum(0)
-        return lag
+        before = self._plays
+        if before is None:
+            before = np.broadcast_to(torque[0], self._half.shape)
+        low, high = torque[:, None] - self._half, torque[:, None] + self._half
+        plays = np.empty_like(low)
+        for i in range(len(torque)):
+            before = np.minimum(np.maximum(before, low[i]), high[i], out=plays[i])
+        self._plays = before
+        return (torque[:, None] - plays).sum(1)
 
 
 class Relaxation:
@@ -107,20 +110,28 @@ class FlickerNoise:
         count = max(2, math.ceil(PER_DECADE * math.log10(high / low)) + 1)
         corners = np.geomspace(low, high, count)
         size = flicker.level * math.sqrt(math.log(corners[1] / corners[0]))
-        self._keep = np.exp(-2 * np.pi * corners * period)[:, None]
-        self._kick = np.sqrt(1 - self._keep**2) * size
+        keep = np.exp(-2 * np.pi * corners * period)[:, None]
+        self._kick = np.sqrt(1 - keep**2) * size
         self._random, self._parts = random, size * random.standard_normal((count, JOINTS))
+        # Response of each part to each kick of the rows ahead, and what is left of it now.
+        ages = np.subtract.outer(np.arange(AHEAD), np.arange(AHEAD))
+        self._response = np.tril(keep[:, None] ** np.maximum(ages, 0))
+        self._fade = keep[:, None] ** np.arange(1.0, AHEAD + 1)[:, None]
+        self._ahead: Array = np.empty((0, JOINTS))
 
     def after(self, periods: int) -> Array:
         """Advance by some log periods and return the noise (periods, 7), N m."""
-        drawn = self._random.standard_normal((periods, *self._parts.shape))
-        drawn *= self._kick
-        out = np.empty((periods, JOINTS))
-        for i in range(periods):
-            self._parts *= self._keep
-            self._parts += drawn[i]
-            out[i] = self._parts.sum(0)
+        while len(self._ahead) < periods:
+            self._ahead = np.concatenate([self._ahead, self._more()])
+        out, self._ahead = self._ahead[:periods], self._ahead[periods:]
         return out
+
+    def _more(self) -> Array:
+        """Draw the noise (AHEAD, 7) of the rows ahead: no motion changes it."""
+        drawn = self._random.standard_normal((AHEAD, *self._parts.shape)) * self._kick
+        parts = self._response @ drawn.transpose(1, 0, 2) + self._fade * self._parts[:, None]
+        self._parts = parts[:, -1]
+        return parts.sum(0)
 
 
 class Wander:

@@ -34,6 +34,7 @@ class Line:
         self._gaps = Gaps(acquisition, streams) if acquisition.dropped.rate else None
         self._strays = bool(self._outliers.rate and self._outliers.size.any())
         self._coarse = bool(torque.quantisation.any())
+        self._all_coarse = bool(torque.quantisation.all())
         others = torque.filter or torque.delay or self._repeated
         self._single = self._coarse or self._strays or bool(others or self._gaps)
         self._bounded = bool(np.isfinite(torque.range).any())
@@ -57,9 +58,7 @@ class Line:
         samples += self._torque.white * self._white.standard_normal(samples.shape)
         samples = self._delay(self._filter(samples))
         if self._coarse:
-            step = self._torque.quantisation
-            fine = np.where(step > 0, step, 1.0)
-            samples = np.where(step > 0, np.round(samples / fine) * fine, samples)
+            samples = self._quantised(samples)
         samples = self._saturated(samples)
         if self._strays:
             self._add_outliers(samples)
@@ -70,6 +69,10 @@ class Line:
         if self._gaps is None:
             return blocks.mean(axis=1), None
         arrived = self._gaps.arrived(len(samples)).reshape(-1, BLOCK)
+        if arrived.all():
+            mean = blocks.mean(axis=1)
+            self._held = mean[-1]
+            return mean, None
         count = arrived.sum(axis=1)
         mean = (blocks * arrived[:, :, None]).sum(axis=1) / np.maximum(count, 1)[:, None]
         for row in np.flatnonzero(count == 0):
@@ -77,10 +80,19 @@ class Line:
         self._held = mean[-1]
         return mean, count > 0
 
+    def _quantised(self, samples: Array) -> Array:
+        """Round to whole steps, where there are any."""
+        step = self._torque.quantisation
+        if self._all_coarse:
+            return np.round(samples / step) * step
+        fine = np.where(step > 0, step, 1.0)
+        return np.where(step > 0, np.round(samples / fine) * fine, samples)
+
     def _saturated(self, samples: Array) -> Array:
         if not self._bounded:
             return samples
-        return np.clip(samples, -self._torque.range, self._torque.range)
+        # np.clip takes three times as long.
+        return np.minimum(np.maximum(samples, -self._torque.range), self._torque.range)
 
     def _filter(self, samples: Array) -> Array:
         """Apply a first-order low pass, started at the first sample."""
@@ -118,6 +130,9 @@ class Line:
         if not self._repeated:
             return samples
         fresh = self._again.random(len(samples)) >= self._repeated
+        if fresh.all():
+            self._last = samples[-1:]
+            return samples
         rows = np.where(fresh, np.arange(len(samples)), -1)
         np.maximum.accumulate(rows, out=rows)
         before = self._last if len(self._last) else samples[:1]

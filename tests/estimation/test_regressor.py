@@ -7,12 +7,8 @@ import numpy as np
 import pytest
 from moving_arm import inverse
 
-from palpate.estimation.arm.regressor import (
-    inertia_about_centre,
-    parameters,
-    placed_at,
-    regressor,
-)
+from palpate.estimation.load.chain import regressor
+from palpate.estimation.rigid import inertia_about_centre, parameters, placed_at
 from palpate.geometry.pose import components
 from palpate.robots.registry import load_description
 from palpate.trace.recording import Link
