@@ -108,7 +108,8 @@ def test_a_thing_that_ends_elsewhere_than_believed_is_a_finding() -> None:
     ]
     predicted = rehearse(sequence(steps), cell)
     assert "'can' ends (+0, -8, +0) mm" in str(predicted.failure)
-    assert predicted.path == "tree.children[5]"
+    assert "displaced in CloseGripper()" in str(predicted.failure)
+    assert predicted.path == "tree.children[4]"
 
 
 def test_a_load_that_the_hand_lowers_beside_its_support_is_not_falling() -> None:

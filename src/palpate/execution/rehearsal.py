@@ -194,7 +194,7 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
     harmed = None if first is None else _at(done, *first)
     stop = None if done.stopped_by is None else _at(done, np.inf, done.stopped_by)
     if harmed is None and stop is None and not seed:
-        harmed = _displaced(done, witness, scene)
+        harmed = _displaced(done, witness, scene, look.foresight)
     force = np.linalg.norm(done.trace.samples.wrench[:, :3], axis=1)
     peak = float(force.max(initial=0.0))
     return _Attempt(done.actions, done.robot_seconds, peak, harmed, stop, look.foresight)
@@ -234,21 +234,20 @@ def _at(done: Execution, t: float, text: str) -> tuple[str, str]:
     return leaf.node, said
 
 
-def _displaced(done: Execution, witness: Witness, scene: Scene) -> tuple[str, str] | None:
-    """The first object that is not restored, with the leaf that let it go."""
+def _displaced(
+    done: Execution, witness: Witness, scene: Scene, seen: Foresight
+) -> tuple[str, str] | None:
+    """The first object that is not restored, with the leaf in which it was displaced most."""
     for name, pose in zip(witness.objects, witness.looks[-1].poses, strict=True):
         if name not in scene.objects or name == done.final_state.holding:
             continue
         apart = pose[:3] - scene.body(name).pose_world.position
         if float(np.linalg.norm(apart)) > RESTORED_POSITION:
-            held = [
-                leaf for leaf in done.trace.leaves if leaf.context and leaf.context.holding == name
-            ]
-            after = held[-1].end + 1e-6 if held else np.inf
             x, y, z = (round(1e3 * away) for away in apart.tolist())
-            text = (
-                f"'{name}' ends ({x:+d}, {y:+d}, {z:+d}) mm from where it was found; grasp it at its "
-                "middle, and set it down so that it stays there"
+            path = seen.displaced_most(name)
+            where = {leaf.node: f", displaced in {leaf.label}" for leaf in done.trace.leaves}
+            return path, (
+                f"'{name}' ends ({x:+d}, {y:+d}, {z:+d}) mm from where it was found"
+                f"{where.get(path, '')}; grasp it at its middle, and set it down so that it stays there"
             )
-            return _at(done, after, text)
     return None
