@@ -193,3 +193,19 @@ def test_changes_of_another_leaf_meanwhile_stay():
     now = replace(base, gripper="open")
     after = replace(base, at="home", pose_world_tcp=Pose.of((0, 0, 0)))
     assert (merged(now, base, after).gripper, merged(now, base, after).at) == ("open", "home")
+
+
+def test_a_reflex_fails_the_motion_in_which_it_comes_and_no_later_one(words, blackboard, robot):
+    leaf = make(words, blackboard, "Go", z=0.1)
+    tick(leaf, robot, 3)
+    robot.put(reflex="the arm stopped itself")
+    assert tick(leaf, robot) is Status.FAILURE
+    assert leaf.feedback_message == "the arm stopped itself"
+    blackboard.failed = False
+    assert tick(make(words, blackboard, "Go", z=0.28), robot, 3) is Status.RUNNING
+
+
+def test_nothing_begins_to_move_after_a_failure(words, blackboard, robot):
+    assert tick(make(words, blackboard, "Refuse"), robot, 3) is Status.FAILURE
+    assert tick(make(words, blackboard, "Go", z=0.28), robot, 3) is Status.RUNNING
+    assert robot.calls == []

@@ -3,6 +3,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,7 @@ from py_trees.common import Status
 
 from palpate.errors import InputError
 from palpate.execution.leaf import PrimitiveLeaf
+from palpate.execution.recovery import resumable
 from palpate.execution.runner import run
 from palpate.planning.plan import Plan
 from palpate.vocabulary.sensing import FORCE_WINDOW
@@ -193,7 +195,7 @@ def test_a_support_bears_more_than_the_weight_before_the_fingers_open(
     robot.set_reflex(robot.limits.reflexes.free)
     run(plan(*carrying, node("Go", z=0.2), node("Refuse")), scene, robot, words=words)
     assert 4.5 < pressed[-1] < 10.0
-    assert robot.thresholds == robot.limits.reflexes.contact, "pressing is part of it"
+    assert robot.thresholds.force == robot.limits.reflexes.contact.force, "pressing is part of it"
 
 
 def test_an_arm_that_presses_on_something_is_relieved_step_by_step(plan, node, scene, robot, words):
@@ -369,6 +371,22 @@ def test_who_watches_and_who_writes_cannot_stop_the_arm_and_is_left_out_after_a_
     done = run(plan(node("Go", z=0.28)), scene, robot, words=words, observer=watcher, keep=fail)
     assert done.status == "complete"
     assert sorted(calls) == [1, 2]
+
+
+def test_only_a_stop_that_nobody_wanted_with_empty_fingers_may_be_continued(
+    plan, node, scene, robot, words
+):
+    done = run(plan(node("Refuse")), scene, robot, words=words)
+    assert resumable(done, robot)
+    holding = replace(done.final_state, holding="cup")
+    changes = (
+        {"asked": True},
+        {"fault": "nan"},
+        {"status": "complete"},
+        {"final_state": holding},
+    )
+    for change in changes:
+        assert not resumable(replace(done, **change), robot), change
 
 
 def test_the_same_run_twice_is_the_same(plan, node, scene, robot, words):

@@ -119,6 +119,7 @@ def test_an_unknown_obstacle_stops_the_arm_and_is_not_pressed_on(wall):
     done, robot = execute(more=f'<body {wall} type="box"/></body>')
     assert "MovePose(cup_pose + z_offset): " in str(done.stopped_by)
     assert re.search("contact|external force|stopped itself", str(done.stopped_by))
+    assert (done.reflex is not None) == ("stopped itself" in str(done.stopped_by))
     assert np.linalg.norm(robot.state.wrench[:3]) < robot.limits.free_force
     assert np.abs(robot.state.dq).max() < 0.05
     assert displacement(robot) < 0.001

@@ -242,7 +242,7 @@ def test_the_lean_prompt_has_the_papers_modules_and_no_recipe() -> None:
         "60 mm",
     ):
         assert recipe not in lean
-    assert len(lean) < 0.8 * len(system_prompt(vocabulary()))
+    assert len(lean) < 0.82 * len(system_prompt(vocabulary()))
 
 
 def test_an_unknown_prompt_style_lists_the_valid_ones() -> None:

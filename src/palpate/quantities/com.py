@@ -132,7 +132,7 @@ class CentreOfMassInSpace(CentreOfMass):
         CentreOfMass.evidence[0],
         *held_and_empty(FORCES, "Tilt", "tilting", "in free air"),
     )
-    how = f"{evidence[0].how}, and in a Parallel with Tilt, held in free air and empty"
+    how = "as com, and in a Parallel with Tilt, held in free air and empty"
     stands_for = "com"
     entire = True
 

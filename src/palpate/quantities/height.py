@@ -271,10 +271,7 @@ class Tilt(Quantity):
         "it": ("inclinazione",),
     }
     size = 2
-    how = (
-        "MoveUntilContact -z over three free spots at least 50 mm apart and not in line, each with "
-        "MeasureGripperPose"
-    )
+    how = "as stiffness, at three free spots at least 50 mm apart and not in line"
     evidence = (replace(TOUCH, how=how, count=3),)
     derived = True
     estimators: ClassVar = {"plane": "palpate.quantities.height:estimate_tilt"}

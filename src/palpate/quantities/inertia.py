@@ -52,7 +52,7 @@ class Inertia(Quantity):
         ),
         *held_and_empty(FORCES, "Swing", "swinging", "there"),
     )
-    how = f"{evidence[0].how}, and in a Parallel with Swing, held there and with the empty hand"
+    how = f"{evidence[0].how}, and in a Parallel with Swing, held and empty"
     derived = True
     estimators: ClassVar = {
         "swings": "palpate.quantities.inertia:estimate_inertia",

@@ -79,7 +79,7 @@ class Size(Quantity):
         ),
         Evidence(
             POSE,
-            "MeasureGripperPose while it is held at `<object>_across`, a quarter turn on, where "
+            "likewise while it is held at `<object>_across`, a quarter turn on, where "
             "that fits the hand",
             holding=True,
             place="across",

@@ -83,6 +83,7 @@ class ContactDamping(Quantity):
         "fr": ("amortissement",),
         "it": ("smorzamento",),
     }
+    how = "as stiffness"
     evidence = (TOUCH,)
     derived = True
     estimators: ClassVar = {"spring": "palpate.quantities.stiffness:estimate_damping"}
@@ -125,6 +126,7 @@ class Restitution(Quantity):
         "fr": ("restitution", "coefficient de restitution", "rebond"),
         "it": ("restituzione", "coefficiente di restituzione", "rimbalzo"),
     }
+    how = "as stiffness"
     evidence = (TOUCH,)
     derived = True
     estimators: ClassVar = {"spring": "palpate.quantities.stiffness:estimate_restitution"}

@@ -20,8 +20,12 @@ def transformed(signal: Array, step: float) -> Array:
     """(k, 7, …) coefficients of a signal (n, 7, …) at `step` s, up to the band's end."""
     from scipy.fft import dct
 
-    count = min(len(signal), int(2.0 * tuning.BAND * step * len(signal)))
-    return dct(signal, axis=0, norm="ortho")[:count]
+    return dct(signal, axis=0, norm="ortho")[: kept(len(signal), step)]
+
+
+def kept(rows: int, step: float) -> int:
+    """Number of coefficients up to the band's end, of so many rows at `step` s."""
+    return min(rows, int(2.0 * tuning.BAND * step * rows))
 
 
 def frequencies(count: int, rows: int, step: float) -> Array:

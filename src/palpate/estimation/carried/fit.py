@@ -16,7 +16,7 @@ from palpate.estimation import tuning
 from palpate.estimation.arm.causes import Bodies, Rows, Setup
 from palpate.estimation.arm.fit import DETAILS, FRICTION, PARTS, Assumed, fitted
 from palpate.estimation.arm.motion import Motion, cut, uniform_runs
-from palpate.estimation.arm.spectrum import transformed
+from palpate.estimation.arm.spectrum import kept, transformed
 from palpate.estimation.load.chain import load_torques
 from palpate.estimation.load.in_hand import load_rows
 from palpate.estimation.load.observation import gain_root, observe
@@ -81,32 +81,37 @@ def carried(trace: Trace, name: str) -> Carried | None:
     chain = observed.chain
     if chain is None or not chain.links or not rows.loaded.any():
         return None
-    bodies = Bodies.of(chain, tuning.LINK_MASS, tuning.LINK_CENTRE, 0.0)
-    gravity = -trace.gravity * observed.turn[2]
-    setup = Setup(chain, bodies, trace.samples.q[0], gravity, held=True)
-    samples = trace.samples
+    samples, gravity = trace.samples, -trace.gravity * observed.turn[2]
     log = ArmLog(samples.t, samples.q, samples.dq, observed.signals, None, "")
-    found = [(motion, True) for motion in _stretches(trace, log, rows.loaded)]
+    found = [(motion, True) for motion in _stretches(log, rows.loaded)]
     if not found:
         return None
-    found += [(motion, False) for motion in _stretches(trace, log, rows.empty)]
+    found += [(motion, False) for motion in _stretches(log, rows.empty)]
     motions, hanging = [motion for motion, _ in found], np.array([hung for _, hung in found])
-    seen = Rows.of(motions, setup)
     torques = [load_torques(chain, one.q, one.dq, one.ddq, gravity) for one in motions]
-    parts = [transformed(torque, one.step) for torque, one in zip(torques, motions, strict=True)]
-    every = np.concatenate(parts).reshape(-1, PARAMETERS)
-    borne = [hung * part for hung, part in zip(hanging, parts, strict=True)]
-    loads = [
-        Cause(LOAD, np.concatenate(borne).reshape(-1, PARAMETERS), _prior(tuning.CARRIED_PRIOR))
-    ]
-    if trace.converted(Parameter(HAND, "mass")) is not None:
-        loads.append(Cause(HAND, every, _prior(tuning.HAND_PRIOR)))
-    assumed = Assumed(bodies, bodies.hand, gain_root(trace.hand, len(chain.axes)))
+    bodies = Bodies.of(chain, tuning.LINK_MASS, tuning.LINK_CENTRE, 0.0)
+    seen = Rows.of(motions, Setup(chain, bodies, samples.q[0], gravity, held=True))
+    loads = list(_loads(trace, motions, hanging, torques))
     begun = list(_restarts(seen, log, motions))
-    scales = [Scale((one.name,), (0.0, 1.0), tuning.LIKELY_RESTART) for one in begun]
-    fit = fitted(seen, assumed, (*FRICTION, *DETAILS, *PARTS), loads, begun, scales)
-    value, covariance = fit.posterior[LOAD]
-    return Carried(value, covariance, motions, hanging, torques, fit.posterior)
+    alike = Scale(tuple(one.name for one in begun), (0.0, 1.0), tuning.LIKELY_RESTART)
+    names, learned = (*FRICTION, *DETAILS, *PARTS), [alike] if begun else []
+    assumed = Assumed(bodies, bodies.hand, gain_root(trace.hand, len(chain.axes)))
+    posterior = fitted(seen, assumed, names, loads, begun, learned).posterior
+    value, covariance = posterior[LOAD]
+    return Carried(value, covariance, motions, hanging, torques, posterior)
+
+
+def _loads(
+    trace: Trace, motions: Sequence[Motion], hanging: Mask, torques: Sequence[Array]
+) -> Iterator[Cause]:
+    """The load in the stretches in which it hung, and in a recording that stands for its mass the hand in all."""
+    parts = [transformed(torque, one.step) for torque, one in zip(torques, motions, strict=True)]
+    borne = [hung * part for hung, part in zip(hanging, parts, strict=True)]
+    columns = np.concatenate(borne).reshape(-1, PARAMETERS)
+    yield Cause(LOAD, columns, _prior(tuning.CARRIED_PRIOR))
+    if trace.converted(Parameter(HAND, "mass")) is not None:
+        every = np.concatenate(parts).reshape(-1, PARAMETERS)
+        yield Cause(HAND, every, _prior(tuning.HAND_PRIOR))
 
 
 def _prior(sizes: tuple[float, float, float]) -> Array:
@@ -115,7 +120,7 @@ def _prior(sizes: tuple[float, float, float]) -> Array:
 
 def _restarts(seen: Rows, log: ArmLog, motions: Sequence[Motion]) -> Iterator[Cause]:
     """Zeros of the sensors, and friction at the start, that are others after each long gap."""
-    later = np.concatenate([np.full(one.rows, one.t[0]) for one in motions])
+    later = np.concatenate([np.full(kept(len(one), one.step), one.t[0]) for one in motions])
     own = np.concatenate([seen.columns["offset"], seen.columns["strained"]], axis=2)
     for i in np.flatnonzero(np.diff(log.t) > tuning.RESTARTED).tolist():
         columns = own * (later > log.t[i])[:, None, None]
@@ -123,8 +128,8 @@ def _restarts(seen: Rows, log: ArmLog, motions: Sequence[Motion]) -> Iterator[Ca
         yield Cause(f"start at {log.t[i + 1]:g} s", columns.reshape(-1, len(prior)), prior)
 
 
-def _stretches(trace: Trace, log: ArmLog, rows: Mask) -> Iterator[Motion]:
-    """Stretches of a trace in `rows` (n,)."""
+def _stretches(log: ArmLog, rows: Mask) -> Iterator[Motion]:
+    """Stretches of a recording in `rows` (n,)."""
     for motion in uniform_runs(log):
         nearest = np.searchsorted(log.t, motion.t).clip(0, len(log.t) - 1)
         used = rows[nearest]

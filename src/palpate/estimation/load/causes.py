@@ -82,7 +82,9 @@ def of_arm(
     for name, own, prior in of_joints:
         columns = [one * joint for one in own.transpose(2, 0, 1) for joint in np.eye(signals)]
         yield cause(name, columns, prior)
-    rests = [rest[:, None] * seen.maps[:, :, axis] for rest in seen.resting.T for axis in range(3)]
+    # Of all rests of the trace, those of these blocks: hundreds of unknowns would take cubed time for nothing.
+    here = [rest[:, None, None] * seen.maps[:, :, :3] for rest in seen.resting.T if rest.any()]
+    rests = [rest[:, :, axis] for rest in here for axis in range(3)]
     if rests:
         yield cause(REST, rests, hand.force_repeatability + tuning.FLOOR)
     shown = by_signal(weight - weight[0]) + borne

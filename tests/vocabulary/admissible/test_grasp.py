@@ -1,0 +1,60 @@
+"""What the hand may close on: near the middle of the fingers, near its balance, not too heavy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from palpate.geometry.pose import Pose
+from palpate.scene.load import parse_scene
+from palpate.vocabulary.admissible.grasp import ungraspable
+from palpate.vocabulary.admissible.motion import violations
+from palpate.vocabulary.state import SymbolicState
+
+ROD = """<mujoco><worldbody><site name="robot_base"/>
+  <body name="table" pos="0.5 0 -0.02"><geom type="box" size=".4 .5 .02"/></body>
+  <body name="rod" pos="0.5 0 0.012"><freejoint/>
+    <geom type="box" size=".1 .012 .012" mass="{mass}"/></body>
+</worldbody></mujoco>"""
+
+
+def at_rod(x: float, y: float, mass: float = 1.5) -> SymbolicState:
+    """Open fingers at the rod's grasp pose, moved by x and y in m."""
+    scene = parse_scene(ROD.format(mass=mass))
+    pose = scene.symbols.resolve("rod_pose").translated((x, y, 0.0))
+    return replace(SymbolicState(scene), gripper="open", pose_world_tcp=pose)
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "mass", "rules"),
+    [
+        (0.0, 0.0, 1.5, []),
+        (0.0, 0.008, 1.5, []),
+        (0.0, 0.015, 1.5, ["gripper-state"]),
+        (0.02, 0.0, 1.5, []),
+        (0.07, 0.0, 1.5, ["twist"]),
+        (0.07, 0.0, 0.3, []),
+        (0.0, 0.0, 3.5, ["payload"]),
+    ],
+)
+def test_fingers_close_in_the_middle_of_a_thing_that_they_can_bear(
+    x: float, y: float, mass: float, rules: list[str]
+) -> None:
+    state = at_rod(x, y, mass)
+    assert [found.rule for found in ungraspable(state, state.scene.body("rod"))] == rules
+
+
+@pytest.mark.parametrize(("roll", "rules"), [(0.1, []), (0.5, ["tilted"])])
+def test_what_is_held_stays_upright(roll: float, rules: list[str]) -> None:
+    open_state = at_rod(0.0, 0.0)
+    tcp = open_state.tcp
+    held = tcp.inverse() @ open_state.pose_of("rod")
+    high = tcp.translated((0.0, 0.0, 0.3))
+    before = replace(open_state, gripper="closed", holding="rod", pose_tcp_object=held, lifted=True)
+    states: list[SymbolicState] = []
+    for turn in (0.0, roll):
+        pose = high @ Pose.of((0.0, 0.0, 0.0), (np.cos(turn / 2), np.sin(turn / 2), 0.0, 0.0))
+        states.append(replace(before, pose_world_tcp=pose, moved={"rod": pose @ held}))
+    assert [found.rule for found in violations(*states)] == rules
