@@ -71,7 +71,8 @@ def test_a_moment_within_the_lever_of_the_force_is_the_hands() -> None:
     links = Links(torque=2.0, lever=0.1)
     assert links.met(2.9, 10.0) is None
     assert links.met(3.1, 10.0) == (
-        "a link met something: its joints bear 3.1 N m that no force on the hand explains, more than 3.0 N m"
+        "unexpected contact: a link met something: its joints bear 3.1 N m that no "
+        "force on the hand explains, more than 3.0 N m"
     )
 
 

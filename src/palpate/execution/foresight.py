@@ -12,6 +12,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from palpate.geometry.pose import Pose
 from palpate.robots.simulated.world import World
 from palpate.vocabulary.base import Blackboard, LeafFailure
@@ -71,6 +73,15 @@ class Foresight:
             f"'{name}' pulls with {load.weight:.1f} N, and with {least:.1f} to {most:.1f} N then: state about "
             "what it weighs, or see what hangs on it"
         )
+
+    def displaced_most(self, name: str) -> str:
+        """Path of the leaf that displaced an object most, the tree without one."""
+        ways = {
+            path: float(np.linalg.norm(shifts[name].position))
+            for path, shifts in self.shifts.items()
+            if name in shifts
+        }
+        return max(ways, key=ways.__getitem__, default="tree")
 
     def among(self, *others: Foresight) -> Foresight:
         """The same, with the weights of other worlds."""
@@ -135,4 +146,5 @@ def moved_by(state: SymbolicState, shifts: Mapping[str, Pose]) -> SymbolicState:
             moved[name] = state.pose_of(name) @ shift
         elif in_hand is not None:
             in_hand = in_hand @ shift
+            moved[name] = state.tcp @ in_hand
     return replace(state, moved=moved, pose_tcp_object=in_hand)

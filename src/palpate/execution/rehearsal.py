@@ -176,7 +176,8 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
         robot.advance(QUIET)
         robot.drain()
         if (moved := harm(witness).first) is not None:
-            return _unsettled(moved[1])
+            # Nothing stands as the scene has it with the values drawn: they are not the true ones.
+            return _unsettled(moved[1] if seed == 0 else None)
         done = run(
             plan,
             scene,
@@ -193,19 +194,19 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
     harmed = None if first is None else _at(done, *first)
     stop = None if done.stopped_by is None else _at(done, np.inf, done.stopped_by)
     if harmed is None and stop is None and not seed:
-        harmed = _displaced(done, witness, scene)
+        harmed = _displaced(done, witness, scene, look.foresight)
     force = np.linalg.norm(done.trace.samples.wrench[:, :3], axis=1)
     peak = float(force.max(initial=0.0))
     return _Attempt(done.actions, done.robot_seconds, peak, harmed, stop, look.foresight)
 
 
-def _unsettled(what: str) -> _Attempt:
-    """Outcome in a world in which something moves while the arm rests."""
-    why = (
+def _unsettled(what: str | None) -> _Attempt:
+    """Outcome in a world in which something moves while the arm rests; None: a harmless one."""
+    why = what and (
         f"{what} while the arm rests: the scene does not settle; state it as it stands, and give what rolls "
         'condim="6" and rolling friction, or lay it against something'
     )
-    return _Attempt(0, 0.0, 0.0, ("tree", why), None, Foresight())
+    return _Attempt(0, 0.0, 0.0, ("tree", why) if why else None, None, Foresight())
 
 
 def _is_harming(witness: Witness, named: Collection[str]) -> bool:
@@ -233,21 +234,20 @@ def _at(done: Execution, t: float, text: str) -> tuple[str, str]:
     return leaf.node, said
 
 
-def _displaced(done: Execution, witness: Witness, scene: Scene) -> tuple[str, str] | None:
-    """The first object that is not restored, with the leaf that let it go."""
+def _displaced(
+    done: Execution, witness: Witness, scene: Scene, seen: Foresight
+) -> tuple[str, str] | None:
+    """The first object that is not restored, with the leaf in which it was displaced most."""
     for name, pose in zip(witness.objects, witness.looks[-1].poses, strict=True):
         if name not in scene.objects or name == done.final_state.holding:
             continue
         apart = pose[:3] - scene.body(name).pose_world.position
         if float(np.linalg.norm(apart)) > RESTORED_POSITION:
-            held = [
-                leaf for leaf in done.trace.leaves if leaf.context and leaf.context.holding == name
-            ]
-            after = held[-1].end + 1e-6 if held else np.inf
             x, y, z = (round(1e3 * away) for away in apart.tolist())
-            text = (
-                f"'{name}' ends ({x:+d}, {y:+d}, {z:+d}) mm from where it was found; grasp it at its "
-                "middle, and set it down so that it stays there"
+            path = seen.displaced_most(name)
+            where = {leaf.node: f", displaced in {leaf.label}" for leaf in done.trace.leaves}
+            return path, (
+                f"'{name}' ends ({x:+d}, {y:+d}, {z:+d}) mm from where it was found"
+                f"{where.get(path, '')}; grasp it at its middle, and set it down so that it stays there"
             )
-            return _at(done, after, text)
     return None

@@ -26,8 +26,8 @@ class Links:
         if unexplained <= most:
             return None
         return (
-            f"a link met something: its joints bear {unexplained:.1f} N m that no force on the hand "
-            f"explains, more than {most:.1f} N m"
+            f"unexpected contact: a link met something: its joints bear {unexplained:.1f} N m that no "
+            f"force on the hand explains, more than {most:.1f} N m"
         )
 
 

@@ -146,5 +146,4 @@ class Guard:
         reason, links = self._thresholds.fired(torque @ self._to_wrench), self._thresholds.links
         if reason is not None or links is None:
             return reason
-        met = links.met(*unexplained(self._jacobian, torque))
-        return met and f"the arm stopped itself: {met}"
+        return links.met(*unexplained(self._jacobian, torque))
