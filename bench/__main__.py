@@ -62,8 +62,8 @@ def faults(
         str,
         typer.Option(
             "--kind",
-            help="plans, nasty, runtime, signals, poses, obstacles, cautious, light, inputs "
-            "or schema.",
+            help="plans, nasty, physics, sensible, runtime, signals, poses, obstacles, cautious, light, "
+            "inputs or schema.",
         ),
     ],
     count: Annotated[int | None, typer.Option("--count", min=1, help="Number of cases.")] = None,

@@ -41,6 +41,7 @@ LONG = (
     "tests/vocabulary/test_turning.py::test_a_centre_of_mass_is_found_along_gravity",
     "tests/test_api.py::test_where_the_scenes_file_is_gone_the_measurement_is_still_there",
     "tests/test_api.py::test_the_same_seed_gives_the_same_run",
+    "tests/scenarios/test_rehearsals.py::*",
     "tests/scenarios/test_catalogue.py::test_a_scenario_ends_as_it_should[[]fifteen_objects]",
     "tests/scenarios/test_catalogue.py::test_a_scenario_ends_as_it_should[[]clutter]",
     "tests/scenarios/test_catalogue.py::test_a_scenario_ends_as_it_should[[]from_picture]",

@@ -133,7 +133,7 @@ def test_what_was_drawn_does_not_look_measured(tmp_path: Path) -> None:
     assert (result["simulated"], result["truth"]) == (True, "drawn from priors")
     assert "drawn from priors" in result["parameters"][0]["method"]
     assert "drawn from priors" in (tmp_path / "run" / "twin.xml").read_text("utf-8")
-    assert "made up" in (tmp_path / "run" / "report.html").read_text("utf-8")
+    assert "drawn from priors (seed 1)" in (tmp_path / "run" / "report.html").read_text("utf-8")
 
 
 def test_what_a_world_says_is_no_draw(done: pp.Run, folder: Path) -> None:

@@ -52,6 +52,7 @@ KINDS: dict[str, Kind] = {
     "accepted": Kind(plans.execute_plan, given=warmed_up),
     "bypass": Kind(plans.execute_plan, given=warmed_up),
     "nasty": Kind(nasty.judge, nasty.NASTY),
+    "physics": Kind(nasty.judge, nasty.PHYSICS),
     "sensible": Kind(nasty.judge, nasty.SENSIBLE),
     "runtime": Kind(runtime.strike, runtime.CASES),
     "signals": Kind(

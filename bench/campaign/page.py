@@ -15,6 +15,8 @@ TITLES = {
     "accepted": "Corrupted plans that the check accepts, executed",
     "bypass": "Corrupted plans that the check refuses, executed without it",
     "nasty": "Plans written by hand",
+    "physics": "Plans written by hand whose harm is physics'",
+    "sensible": "Sensible plans written by hand, to be accepted",
     "runtime": "Faults during a run",
     "signals": "Signals",
     "poses": "Poses up to 20 mm off",

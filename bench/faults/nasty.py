@@ -325,7 +325,7 @@ USUAL: dict[str, Callable[[str], tuple[Step, ...]]] = {
     "lift": _lift,
 }
 """Usual sequences by their word."""
-NASTY = _read("nasty.toml", "physics.toml")
+NASTY, PHYSICS = _read("nasty.toml"), _read("physics.toml", kind="physics")
 SENSIBLE = _read("sensible.toml", kind="sensible")
 
 

@@ -53,6 +53,7 @@ PRINTED = {
         r"lifts [\d.]+ kg, 12 actions\n<mug\.mass = ",
     ),
     "10_own_estimator": (r"truth: +0\.\d+", r"palpate: +<mug\.mass", r"bare mean: <mug\.mass"),
+    "11_soft_mat": (r"<mat\.stiffness = \d+", r"gives way by .* as measured", r"solref=\"-\d+"),
     "12_prove": (r"mug +topple +[\d.]+ N +[+-][\d.]+ N +[+-]0\.0\d\d N",),
 }
 

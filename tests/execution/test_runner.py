@@ -3,6 +3,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -352,6 +353,22 @@ def test_an_observer_sees_every_tick_and_keeps_final_statuses(plan, node, scene,
     assert views[0][1][0] is Status.RUNNING
     assert views[-1][1] == [Status.SUCCESS, Status.FAILURE, Status.INVALID]
     assert views[-1][2] == "Refuse(): it refuses"
+
+
+@pytest.mark.parametrize("error", [OSError("the disk is full"), SystemExit("no terminal")])
+def test_who_watches_and_who_writes_cannot_stop_the_arm_and_is_left_out_after_a_failure(
+    plan, node, scene, robot, words, error
+):
+    calls = []
+
+    def fail(*what):
+        calls.append(len(what))
+        raise error if len(what) == 1 else OSError("the disk is full")
+
+    watcher = SimpleNamespace(on_tick=fail)
+    done = run(plan(node("Go", z=0.28)), scene, robot, words=words, observer=watcher, keep=fail)
+    assert done.status == "complete"
+    assert sorted(calls) == [1, 2]
 
 
 def test_the_same_run_twice_is_the_same(plan, node, scene, robot, words):

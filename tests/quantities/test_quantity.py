@@ -46,7 +46,7 @@ def test_an_unknown_quantity_lists_the_valid_ones() -> None:
     assert catalogue().named("mass").unit == "kg"
     with pytest.raises(
         InputError,
-        match=r"unknown quantity 'weight'; did you mean 'mass'\? valid: com, com_3d, friction, height",
+        match=r"unknown quantity 'weight'; did you mean 'mass'\? valid: com, com_3d, contact_damping, friction",
     ):
         catalogue().named("weight")
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import palpate as pp
 from palpate.cells.simulated import simulated_cell
 from palpate.errors import InputError
 from palpate.execution.runner import run
@@ -11,7 +12,7 @@ from palpate.planning.request.grounding import ground
 from palpate.planning.symbolic.planner import SymbolicPlanner
 from palpate.quantities.estimators import estimate_all
 from palpate.quantities.size import Size, estimate_size
-from palpate.scene.load import parse_scene
+from palpate.scene.load import load_scene, parse_scene
 from palpate.twin.inject import inject
 
 SIZE = Parameter("crate", "size")
@@ -230,3 +231,29 @@ def test_an_unknown_extent_among_several_shapes_is_refused():
     part = '<geom type="box" size=".01 .01 ?" pos="0 0 .07"/>'
     with pytest.raises(InputError, match="cannot be measured"):
         parse_scene(D.replace('size=".03 .025 .06"/>', f'size=".03 .025 .06"/>{part}'))
+
+
+MARKED = """<mujoco><worldbody><site name="robot_base"/>
+  <body name="table" pos="0.5 0 0.1"><geom type="box" size=".3 .3 .05"/></body>
+  <body name="box" pos="0.5 0 0.2"><freejoint/><geom type="box" size="{} .03 .05"{}/></body>
+</worldbody></mujoco>"""
+
+
+def test_a_width_that_a_grasp_tells_on_the_way_corrects_a_size_that_is_unsure(tmp_path):
+    """Only the mass is asked for; a size that nobody marked as unsure stays as it is stated."""
+    scene, world = tmp_path / "scene.xml", tmp_path / "world.xml"
+    scene.write_text(MARKED.format(".03", ""))
+    text = MARKED.format(".03", ' mass=".3"').replace(".03 .03 .05", ".029 .029 .05")
+    world.write_text(text)
+    poses = "objects: {box: {pos: [0.5, 0, 0.2], std: 0.003}}"
+    (tmp_path / "poses.yaml").write_text(poses)
+    plan = pp.load(scene, poses=tmp_path / "poses.yaml").plan(measure="box.mass")
+    run = plan.run(world=world, seed=4, fast=True)
+    assert run["box.mass"].verdict == "identified"
+    sizes = parse_scene(run.twin.xml).body("box").size
+    felt = np.abs(sizes - 0.058).argmin()
+    assert sizes[felt] == pytest.approx(0.058, abs=3e-4)
+    assert felt < 2
+    assert sizes[1 - felt] == pytest.approx(0.06)
+    assert any("felt on the way" in note for note in run.twin.notes)
+    assert load_scene(scene).body("box").seen is False

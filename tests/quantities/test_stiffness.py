@@ -5,10 +5,16 @@ import pytest
 from recordings import HAND
 
 import palpate as pp
+from palpate.estimation.contact.rebound import damping_ratio, restitution
+from palpate.mjcf.contacts import FINGERTIPS
 from palpate.parameter import Parameter
 from palpate.quantities.stiffness import estimate_stiffness
+from palpate.robots.registry import load_description
+from palpate.scene.load import parse_scene
+from palpate.twin.inject import inject
+from palpate.twin.pressed import rest_depth
 
-STIFFNESS = Parameter("mat", "stiffness")
+STIFFNESS, DAMPING = Parameter("mat", "stiffness"), Parameter("mat", "contact_damping")
 TOP = 0.28
 
 
@@ -129,18 +135,69 @@ COVER = """<body gravcomp="1" pos="0 0 0.006"><joint type="slide" axis="0 0 1" s
 
 
 def test_stiffness_of_a_mat_from_the_sentence_to_the_twin(tmp_path):
-    """From the sentence to `<custom>`, on an arm whose hidden mat rests on a spring."""
-    world = tmp_path / "world.xml"
-    world.write_text(SCENE.format(low=' pos="0 0 -0.012"', cover=COVER.format(800, 20)))
+    """From the sentence to a twin that gives way as measured, on an arm whose hidden mat rests on a spring; the
+    same arm feels the same in the twin."""
+    world, twin = tmp_path / "world.xml", tmp_path / "twin.xml"
+    world.write_text(SCENE.format(low=' pos="0 0 -0.032"', cover=COVER.format(800, 40)))
     scene = pp.load(SCENE.format(low="", cover=""))
-    plan = scene.plan("how soft is the mat?")
-    assert plan.parameters == (STIFFNESS,)
+    assert scene.plan("how soft is the mat?").parameters == (STIFFNESS,)
+    plan = scene.plan("the damping of the mat")
+    assert set(plan.parameters) == {STIFFNESS, DAMPING}
     assert plan.findings == ()
     run = plan.run(world=world, seed=1, fast=True)
-    found = run["mat.stiffness"]
-    assert found.verdict == "identified"
+    found, damping = run["mat.stiffness"], run["mat.contact_damping"]
+    assert found.verdict == damping.verdict == "identified"
     assert found.values[0] == pytest.approx(800, rel=0.03)
-    assert "palpate_mat_stiffness" in run.twin.xml
+    assert damping.ci95[0] < 40 < damping.ci95[1]
+    (note,) = run.twin.notes
+    assert "as measured" in note
+    twin.write_text(run.twin.xml)
+    again = plan.run(world=twin, seed=2, fast=True)
+    for parameter, (truth,) in again.truth.items():
+        assert truth == pytest.approx(run[parameter].value, rel=1e-2)
+        assert again[parameter].value == pytest.approx(truth, abs=3.0 * again[parameter].std)
+
+
+@pytest.mark.parametrize(("is_known", "verdict"), [(True, "identified"), (False, "not identified")])
+def test_a_hard_mat_is_told_from_a_table_where_its_top_is_known(bench, noises, is_known, verdict):
+    """30 kN/m met at a stated height is the mat's; at an unknown one, a table below something too soft to feel."""
+    b = bench(noises["lab"])
+    b.go("mat_approach", (0.5, 0.0, 0.32))
+    b.descend(spring(30_000), "mat")
+    z = "0.27" if is_known else "?"
+    text = f"""<mujoco><worldbody><site name="robot_base"/><body name="mat" pos="0.5 0 {z}">
+      <geom type="box" size=".15 .15 .01"/></body></worldbody></mujoco>"""
+    found = estimate_stiffness(b.trace(), STIFFNESS, parse_scene(text).body("mat"))
+    assert found.verdict == verdict
+    if is_known:
+        assert found.ci95[0] < 30_000 < found.ci95[1]
+
+
+@pytest.mark.parametrize("option", ["", '<option cone="elliptic" solver="PGS" timestep="0.004"/>'])
+@pytest.mark.parametrize("friction", [0.4, 1.3])
+def test_a_softened_surface_gives_way_in_every_solver_and_cone(option, friction):
+    text = f"""<mujoco>{option}<worldbody><site name="robot_base"/><body name="mat" pos="0.5 0 0.27">
+      <geom type="box" size=".15 .15 .01" friction="{friction}"/></body></worldbody></mujoco>"""
+    for stiffness in (500.0, 50_000.0):
+        written = inject(text, {STIFFNESS: (stiffness,)})
+        twin = parse_scene(written)
+        assert twin.body("mat").known["stiffness"] == pytest.approx((stiffness,), rel=1e-3)
+        assert rest_depth(twin, "mat", 6.0, stiffness) == pytest.approx(6.0 / stiffness, rel=5e-3)
+
+
+def test_damping_without_a_stiffness_is_not_in_the_twin():
+    text = SCENE.format(low="", cover="")
+    with pytest.raises(pp.InputError, match="together with a stiffness"):
+        inject(text, {DAMPING: (30.0,)})
+
+
+@pytest.mark.parametrize("arm", ["fr3", "iiwa14"])
+def test_fingertips_count_in_a_contact_as_their_models_do(arm):
+    """16 points, four of each of two boxes a finger that end at the tips."""
+    description = load_description(arm)
+    model = description.spec().compile()
+    finger = model.jnt_bodyid[model.joint(description.hand.fingers[0]).id]
+    assert 16 / model.body_invweight0[finger, 0] == pytest.approx(FINGERTIPS, rel=0.01)
 
 
 @pytest.mark.parametrize(
@@ -163,3 +220,32 @@ def test_a_mat_that_hardly_bears_is_not_taken_for_the_surface_below(
     else:
         assert found.verdict == "not identified"
         assert "stiffer than" in found.method
+
+
+@pytest.mark.parametrize("zeta", [0.05, 0.4, 0.9, 1.0, 1.3])
+def test_restitution_is_that_of_a_spring_and_a_damper(zeta):
+    """Against the motion in small steps, until the force is zero."""
+    x, v, dt = 0.0, -1.0, 1e-4
+    while True:
+        force = -x - 2.0 * zeta * v
+        if force < 0.0 < v:
+            break
+        v += force * dt
+        x += v * dt
+    assert restitution(zeta) == pytest.approx(v, rel=1e-2)
+
+
+def test_restitution_of_a_mat_that_is_told_and_of_a_table_that_is_not(tmp_path):
+    plan = pp.load(SCENE.format(low="", cover="")).plan(measure="mat.restitution")
+    world = tmp_path / "world.xml"
+    soft = ' solref="-150 -15" solimp="0.05 0.05 0.001" solmix="1000000"'
+    for low, verdict in ((soft, "identified"), ("", "not identified")):
+        world.write_text(SCENE.format(low=low, cover=""))
+        found = plan.run(world=world, seed=5, fast=True)["mat.restitution"]
+        assert found.verdict == verdict
+        if found.has_value:
+            per_unit = FINGERTIPS / 0.95
+            truth = restitution(damping_ratio(150 * per_unit, 15 * per_unit))
+            assert found.ci95[0] < truth < found.ci95[1]
+        else:
+            assert "too fast" in found.method

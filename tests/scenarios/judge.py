@@ -18,8 +18,14 @@ from palpate.studies.planners.judgement import objection
 from palpate.twin.export.export import FORMATS, export_twin, require_format
 from palpate.twin.twin import build_twin
 
-TOLERANCE = {"height": 0.0005, "friction": 0.02, "com": 0.003}
-"""At `--noise lab`: m, -, m (horizontally: no torque tells the height of a centre of mass)."""
+TOLERANCE = {
+    "height": 0.0005,
+    "friction": 0.02,
+    "com": 0.003,
+    "stiffness": 60.0,
+    "contact_damping": 40.0,
+}
+"""At `--noise lab`: m, -, m (horizontally: no torque tells the height of a centre of mass), N/m, N s/m."""
 MASS = 0.02
 """Relative."""
 LIGHT = 0.004

@@ -8,10 +8,11 @@ import pytest
 
 from palpate.estimation.agreement import FitTest
 from palpate.estimation.estimate import Estimate, Part, not_identified
+from palpate.mjcf.contacts import pair_friction
 from palpate.parameter import Parameter
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
-from palpate.trace.recording import Hand
+from palpate.trace.recording import Context, Hand, Recording
 from palpate.trace.samples import Samples, Trace
 from palpate.twin.twin import Twin, build_twin
 
@@ -119,3 +120,16 @@ def test_a_quantity_of_the_gripper_is_noted_and_not_written() -> None:
     assert note.startswith("gripper.velocity is not in the twin")
     assert "velocity" not in twin.xml
     assert twin.scene is not None
+
+
+@pytest.mark.parametrize(("value", "is_said"), [(0.502, True), (0.3, False)])
+def test_the_pair_of_a_friction_acts_and_is_said_where_the_support_may_decide(
+    value: float, is_said: bool
+) -> None:
+    """On a table of 0.5: 0.3 acts although MuJoCo takes the larger; 0.502 may be the table's."""
+    text = SCENE.format(pos="0.5 0 0.05").replace('friction="0.6"', 'friction="0.5"')
+    slid = Recording("gripper_forces", 0.0, 1.0, Context("sliding", holding="cup", support="table"))
+    found = replace(estimate(Parameter("cup", "friction"), value), evidence=(slid,))
+    twin = build(parse_scene(text), found)
+    assert any("pair with table" in note for note in twin.notes) == is_said
+    assert pair_friction(parse_scene(twin.xml).resolved.description.bodies["cup"]) == value

@@ -11,7 +11,7 @@ from palpate.parameter import Parameter
 from palpate.trace.recording import Context
 from palpate.trace.samples import FORCES
 from palpate.vocabulary.admissible.grip import BITE
-from palpate.vocabulary.state import RESTORED_POSITION, SymbolicState
+from palpate.vocabulary.state import RESTORED_POSITION, SymbolicState, merged
 
 
 def test_the_context_is_the_present_state(start: SymbolicState) -> None:
@@ -51,6 +51,15 @@ def test_an_object_is_looked_for_where_it_was_put(start: SymbolicState) -> None:
     body = state.object_at(Pose.top_down((0.3, 0.3, 0.05), 0.0))
     assert body is not None
     assert body.name == "cup"
+
+
+def test_an_object_that_is_put_back_is_moved_no_longer(start: SymbolicState) -> None:
+    away = replace(start, moved=start.placing("cup", Pose.of((0.3, 0.3, 0.05))))
+    assert list(away.moved) == ["cup"]
+    back = replace(away, moved=away.placing("cup", start.pose_of("cup")))
+    assert back == start
+    # Also where its motion ends beside others, each of which adds its changes.
+    assert merged(replace(away, contact="table"), away, back).moved == {}
 
 
 def test_descent_meets_the_highest_body_below_that_is_not_held(

@@ -239,6 +239,7 @@ class MjModel:
     jnt_limited: _Ints
     jnt_pos: _Doubles
     dof_armature: _Doubles
+    dof_damping: _Doubles
     dof_frictionloss: _Doubles
     geom_type: _Ints
     geom_contype: _Ints
@@ -252,6 +253,8 @@ class MjModel:
     eq_objtype: _Ints
     eq_active0: NDArray[np.bool_]
     geom_priority: _Ints
+    geom_solref: _Doubles
+    geom_solimp: _Doubles
     geom_condim: _Ints
     pair_dim: _Ints
     pair_geom1: _Ints
@@ -359,6 +362,8 @@ class MjData:
     qfrc_constraint: _Doubles
     qacc: _Doubles
     cvel: _Doubles
+    efc_aref: _Doubles
+    efc_D: _Doubles
     xpos: _Doubles
     xquat: _Doubles
     xmat: _Doubles
@@ -421,6 +426,8 @@ class MjsGeom(_SpecElement):
     condim: int
     priority: int
     group: int
+    mass: float
+    solmix: float
     friction: _Vector
     solref: _Doubles
     solimp: _Doubles
@@ -535,6 +542,7 @@ class MjsBody(_SpecElement):
     explicitinertial: bool
     fullinertia: _Doubles
     gravcomp: float
+    def add_freejoint(self) -> MjsJoint: ...
     @property
     def ialt(self) -> _SpecOrientation: ...
     def add_body(

@@ -10,6 +10,7 @@ run itself, go by it.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,7 +20,7 @@ from palpate.beside import Beside
 from palpate.cells.simulated import draw_truth
 from palpate.errors import InputError
 from palpate.execution.foresight import Foresight, Look
-from palpate.execution.harm.harm import FALLING, harm
+from palpate.execution.harm.harm import FALLING, MOVED, harm
 from palpate.execution.harm.witness import LOOK, Witness
 from palpate.execution.runner import NOISELESS, STOP_NODE, Execution, run
 from palpate.interrupt import interrupts
@@ -38,8 +39,8 @@ DRAWS = 2
 """Worlds drawn from the priors of what the scene leaves open, beside the believed one."""
 LONGEST = 600.0
 """s of robot time of a rehearsal; a longer plan is one for several runs."""
-SETTLING = 0.5
-"""s of a run in which the arm is far from everything: what moves then, moves without it."""
+QUIET = 2.0
+"""s that the arm rests at first, which no count of the run includes: what moves then, moves by itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,12 +171,17 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
     truth = draw_truth(scene, seed) if seed else {}
     robot = MujocoRobot(scene.spec(truth), scene.pose_world_base, as_measured(scene.arm))
     witness, look = Witness.of(robot.world), Look(robot.world)
+    named = named_objects(plan, scene)
     try:
+        robot.advance(QUIET)
+        robot.drain()
+        if (moved := harm(witness).first) is not None:
+            return _unsettled(moved[1])
         done = run(
             plan,
             scene,
             robot,
-            stop_requested=lambda: _is_falling(witness),
+            stop_requested=lambda: _is_harming(witness, named),
             max_robot_seconds=LONGEST,
             choice=NOISELESS,
             settled=look.settled,
@@ -183,10 +189,8 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
         robot.advance(AFTERWARDS)
     finally:
         robot.close()
-    first = harm(witness, named_objects(plan, scene)).first
+    first = harm(witness, named).first
     harmed = None if first is None else _at(done, *first)
-    if first is not None and first[0] < SETTLING:
-        harmed = "tree", f"{first[1]} before the arm reaches anything: the scene does not settle"
     stop = None if done.stopped_by is None else _at(done, np.inf, done.stopped_by)
     if harmed is None and stop is None and not seed:
         harmed = _displaced(done, witness, scene)
@@ -195,14 +199,27 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
     return _Attempt(done.actions, done.robot_seconds, peak, harmed, stop, look.foresight)
 
 
-def _is_falling(witness: Witness) -> bool:
-    """Test if something falls that the hand does not hold: the rest of the rehearsal shows nothing new."""
+def _unsettled(what: str) -> _Attempt:
+    """Outcome in a world in which something moves while the arm rests."""
+    why = (
+        f"{what} while the arm rests: the scene does not settle; state it as it stands, and give what rolls "
+        'condim="6" and rolling friction, or lay it against something'
+    )
+    return _Attempt(0, 0.0, 0.0, ("tree", why), None, Foresight())
+
+
+def _is_harming(witness: Witness, named: Collection[str]) -> bool:
+    """Test if something falls that the hand does not hold, or has moved that the plan does not name: the
+    rest of the rehearsal shows nothing new."""
     if len(witness.looks) < 2:
         return False
-    before, now = witness.looks[-2:]
+    first, before, now = witness.looks[0], *witness.looks[-2:]
     sunk = before.poses[:, 2] - now.poses[:, 2]
     loose = np.arange(len(sunk)) != now.held
-    return bool((sunk[loose] > FALLING * LOOK * witness.period).any())
+    strange = np.array([name not in named for name in witness.objects], dtype=bool)
+    moved = np.linalg.norm(now.poses[:, :3] - first.poses[:, :3], axis=1)
+    falls = sunk[loose] > FALLING * LOOK * witness.period
+    return bool(falls.any() or (moved[strange] > MOVED).any())
 
 
 def _at(done: Execution, t: float, text: str) -> tuple[str, str]:
@@ -211,7 +228,7 @@ def _at(done: Execution, t: float, text: str) -> tuple[str, str]:
     if not leaves:
         return "tree", text
     leaf = leaves[-1]
-    when = f" after {t:.1f} s" if np.isfinite(t) else ""
+    when = f" after {t - QUIET:.1f} s" if np.isfinite(t) else ""
     said = text if text.startswith(leaf.label) else f"{text}{when}, in {leaf.label}"
     return leaf.node, said
 

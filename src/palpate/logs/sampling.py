@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from palpate.geometry.pose import Array
 
@@ -22,6 +21,8 @@ def resampled(t: Array, values: Array, rate: float) -> tuple[Array, Array]:
 
 def banded(values: Array, rate: float, low: float | None, high: float) -> Array:
     """Filter a signal (n, ...), `rate` Hz, without lag to the band from `low` to `high` Hz."""
+    from scipy.signal import butter, sosfiltfilt  # takes longer to load than most plans to make
+
     below = sosfiltfilt(butter(4, high, fs=rate, output="sos"), values, axis=0)
     return (
         below

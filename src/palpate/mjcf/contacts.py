@@ -2,16 +2,29 @@
 `<pair>`, constraints, and forces other than weight.
 
 MuJoCo takes friction and `condim` from a `<pair>` of the two geoms, else from the geom of higher
-`priority`, else the larger of both (documentation, "Computation", contact).
+`priority`, else the larger of both (documentation, "Computation", contact). Softness goes the same way, but
+that of two geoms of one priority is mixed: of negative `solref` the smaller numbers count, of `solimp` the
+mean weighted by `solmix`.
+
+A contact with solref = (-k, -b) and a constant impedance solimp = (d, d, …) is a spring and a damper with a
+little inertia ("Solver parameters"): per contact point
+
+    f = (k depth - b v - d a) / ((1 - d) w)
+
+with w the inverse mass of the two bodies, as MuJoCo rates it (`body_invweight0`). So its stiffness in N/m grows
+with the mass of what presses and the number of points at which it touches.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.mjcf.body import BodyDescription
+from palpate.mjcf.edits import Edit, number
 from palpate.mjcf.inertial import mass_of
 from palpate.mjcf.shapes import RESTING
 
@@ -23,6 +36,22 @@ LIFTING = 0.1
 """m/s, usual speed of a carried object."""
 FRICTIONAL = 3
 """Least `condim` of a contact with friction."""
+FINGERTIPS = 5.37
+"""kg as which MuJoCo rates both fingertips of palpate's arms in a contact: 16 points, the corners of two boxes a
+finger, of 2.98 /kg each. A test compares it with their models."""
+RUBBER = 1.0
+"""Sliding friction of the fingertips: with a pyramidal cone the stiffness depends on it."""
+IMPEDANCE = 0.1
+"""d of soft contacts. Small, so that the contact adds no inertia; not smaller, as the step of the simulation has to
+be shorter than 2 / sqrt(n k / (1 - d + n d)) for n points."""
+DECIDES = "1000000"
+"""`solmix` of soft contacts, by which their impedance counts against that of others (1)."""
+SOLIMP = "0.9 0.95 0.001 0.5 2"
+"""MuJoCo's default."""
+BALL = 0.01
+"""m: radius of the ball that presses in place of the fingertips."""
+PRESSED = 1e-3
+"""m of depth at which a contact's force is computed."""
 
 
 def highest_priority(body: BodyDescription) -> int:
@@ -68,6 +97,11 @@ def pair_friction(body: BodyDescription) -> float | None:
     return None
 
 
+def surface_friction(surface: BodyDescription) -> float:
+    """Sliding friction that a surface states, of the geom that carries."""
+    return float(surface.shapes.model.geom_friction[surface.shapes.geom_ids[surface.carrier], 0])
+
+
 def friction_of_geoms(model: mujoco.MjModel, geom: int, other: int) -> float:
     """Sliding friction between two geoms: of their `<pair>`, their priority, or the larger one."""
     pairs = np.sort(np.column_stack([model.pair_geom1, model.pair_geom2]), axis=1)
@@ -78,6 +112,79 @@ def friction_of_geoms(model: mujoco.MjModel, geom: int, other: int) -> float:
     if first == second:
         return float(model.geom_friction[[geom, other], 0].max())
     return float(model.geom_friction[geom if first > second else other, 0])
+
+
+def spring_of(body: BodyDescription) -> tuple[float, float] | None:
+    """Stiffness, N/m, and damping, N s/m, of a surface under the fingertips; None where its contact is no
+    linear spring: no direct `solref`, or an impedance that changes with the depth."""
+    model, geom = body.shapes.model, body.shapes.geom_ids[body.carrier]
+    (stiffness, damping), (least, most) = model.geom_solref[geom], model.geom_solimp[geom][:2]
+    if stiffness >= 0.0 or not np.isclose(least, most):
+        return None
+    scale = fingertip_mass(body) / (1.0 - float(most))
+    return float(-stiffness) * scale, max(float(-damping), 0.0) * scale
+
+
+def softened(body: BodyDescription, stiffness: float, std: float | None) -> Iterator[Edit]:
+    """Changes that make a surface a spring of `stiffness`, N/m, under the fingertips, critically damped as by
+    MuJoCo's default; `std` decides how many digits are written.
+
+    Without `priority`, so that friction is that of the pair as before.
+    """
+    per_unit = (1.0 - IMPEDANCE) / fingertip_mass(body)
+    own, digits = stiffness * per_unit, None if std is None else std * per_unit
+    numbers = {0: f"-{number(own, digits)}", 1: f"-{2.0 * own**0.5:.4g}"}
+    for geom in body.elements.colliding:
+        yield Edit(geom, "solref", numbers, "0 0")
+        yield Edit(geom, "solimp", {0: str(IMPEDANCE), 1: str(IMPEDANCE)}, SOLIMP)
+        yield Edit(geom, "solmix", {0: DECIDES}, "1")
+
+
+def damped(body: BodyDescription, damping: float, std: float | None) -> Iterator[Edit]:
+    """Changes that give a softened surface a damping under the fingertips, N s/m."""
+    per_unit = (1.0 - IMPEDANCE) / fingertip_mass(body)
+    digits = None if std is None else std * per_unit
+    for geom in body.elements.colliding:
+        yield Edit(geom, "solref", {1: f"-{number(damping * per_unit, digits)}"}, "0 0")
+
+
+def what_hardens(body: BodyDescription) -> str:
+    """Name the statement that decides the softness of all contacts; empty if there is none."""
+    if body.shapes.model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
+        return "<option> overrides the softness of every contact"
+    return ""
+
+
+def fingertip_mass(body: BodyDescription) -> float:
+    """Mass, kg, as which the fingertips count in a contact with a surface: `FINGERTIPS`, but for a pyramidal
+    cone, whose edges bear 2 / (mu² (1 + mu²)) of it with friction mu.
+
+    By MuJoCo itself: the force at rest, aref / R of every row, of a ball of that mass on a plate with the surface's
+    contact parameters.
+    """
+    model, geom = body.shapes.model, body.shapes.geom_ids[body.carrier]
+    spec = mujoco.MjSpec()
+    spec.option.cone, spec.option.impratio = model.opt.cone, model.opt.impratio
+    box = mujoco.mjtGeom.mjGEOM_BOX
+    plate = spec.worldbody.add_geom(type=box, size=(1.0, 1.0, 1.0), pos=(0.0, 0.0, -1.0))
+    plate.friction, plate.condim = model.geom_friction[geom], int(model.geom_condim[geom])
+    plate.priority, plate.solmix = int(model.geom_priority[geom]), float(DECIDES)
+    plate.solref[:], plate.solimp[:2] = (-1.0, 0.0), IMPEDANCE
+    add_ball(spec, (0.0, 0.0, BALL - PRESSED))
+    compiled = spec.compile()
+    data = mujoco.MjData(compiled)
+    mujoco.mj_forward(compiled, data)
+    return float(data.efc_aref @ data.efc_D) / PRESSED * (1.0 - IMPEDANCE)
+
+
+def add_ball(world: mujoco.MjSpec, at: tuple[float, float, float]) -> mujoco.MjsBody:
+    """Add a free ball that touches as the fingertips do: their mass as MuJoCo rates it, and rubber."""
+    body = world.worldbody.add_body(pos=at)
+    body.gravcomp = 1.0
+    body.add_freejoint()
+    geom = body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=(BALL, 0.0, 0.0))
+    geom.mass, geom.friction = FINGERTIPS, (RUBBER, 0.005, 0.0001)
+    return body
 
 
 def tied_to(body: BodyDescription) -> str:

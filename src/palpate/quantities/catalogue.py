@@ -17,7 +17,7 @@ from palpate.quantities.motion import Momentum, Velocity
 from palpate.quantities.position import Position
 from palpate.quantities.quantity import Piece, Quantity
 from palpate.quantities.size import Size
-from palpate.quantities.stiffness import Stiffness
+from palpate.quantities.stiffness import ContactDamping, Restitution, Stiffness
 from palpate.trace.recording import Context
 
 GROUP = "palpate.quantities"
@@ -33,6 +33,8 @@ OWN: tuple[type[Quantity], ...] = (
     Velocity,
     Momentum,
     Stiffness,
+    ContactDamping,
+    Restitution,
     Size,
     Tilt,
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from palpate.errors import InputError
 from palpate.estimation import tuning
 from palpate.estimation.contact.descent import probes
-from palpate.estimation.contact.touch import plane_of, touch_views, touches_of
+from palpate.estimation.contact.grips import Extent, widths, widths_at_grasps
+from palpate.estimation.contact.touch import Touch, plane_of, touch_views, touches_of
 from palpate.estimation.estimate import Estimate, not_identified
-from palpate.estimation.motion import mean_pose
 from palpate.estimation.view import FitView, closing_samples, constant, unit_slopes
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body, BodyDescription
@@ -35,8 +35,6 @@ LEAST = 0.005
 """m: least height of the middle of an object above its support."""
 OFF = 0.1
 """Largest relative deviation of a hidden extent from the believed one."""
-ROUND = frozenset(("cylinder", "sphere", "capsule"))
-"""Shapes of the same width in all horizontal directions."""
 AXES = "xyz"
 RADII: Mapping[str, tuple[tuple[int, ...], ...]] = {
     "box": ((0,), (1,), (2,)),
@@ -150,14 +148,6 @@ class Size(Quantity):
             yield from scaled(body, geom, scale, anchor, std)
 
 
-class Extent(NamedTuple):
-    """Measured extent along an axis of the object, m, with its standard deviation."""
-
-    axis: int
-    value: float
-    std: float
-
-
 def estimate_size(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
     """Extents of an object from the finger opening at its grasps, and from a touch of its top.
 
@@ -174,6 +164,28 @@ def estimate_size(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
     if body is None or not (held or touches):
         return not_identified(parameter, UNIT, f"No recording is evidence of the size of '{name}'.")
     found = list(widths(trace, held, body))
+    return size_of(trace, parameter, body, found, held, touches)
+
+
+def size_on_the_way(trace: Trace, body: Body) -> Estimate | None:
+    """Extents of an object whose size nobody asked for, from the grasps and touches that other measurements took;
+    None where nothing tells them."""
+    parameter = Parameter(body.name, "size")
+    found = list(widths_at_grasps(trace, body))
+    touches = touches_of(trace, probes(trace, parameter))
+    made = size_of(trace, parameter, body, found, (), touches)
+    return made if made.identified else None
+
+
+def size_of(
+    trace: Trace,
+    parameter: Parameter,
+    body: Body,
+    found: list[Extent],
+    held: Sequence[Recording],
+    touches: Sequence[Touch],
+) -> Estimate:
+    """The size of an object from its extents at grasps, and from touches of its top."""
     top_views: tuple[FitView, ...] = ()
     upright = np.abs(body.pose_world.rotation[2]) > tuning.ALIGNED
     if touches and upright.any():
@@ -182,7 +194,7 @@ def estimate_size(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
         found.append(Extent(int(upright.argmax()), top.height - below[0], std))
         top_views = touch_views(touches, top, upright.astype(float))
     if not found:
-        why = f"'{name}' was touched only at an angle to its own axes, along which its size is stated."
+        why = f"'{body.name}' was touched only at an angle to its own axes, along which its size is stated."
         return not_identified(parameter, UNIT, why, tuple(held))
     value, std = body.size.copy(), tuning.EXTENT_PRIOR * body.size
     for axis in range(3):
@@ -237,38 +249,6 @@ def width_views(trace: Trace, held: Sequence[Recording], value: Array) -> Iterat
             groups="between the fingers",
             slopes=unit_slopes(samples.t, axis, 3, 1e3),
         )
-
-
-def widths(trace: Trace, held: Sequence[Recording], body: Body) -> Iterator[Extent]:
-    """Widths from grasps that closed along an axis of the object, or around a round one."""
-    for recording in held:
-        closing = mean_pose(trace.of(recording)).rotation[:, 1]
-        width, std = width_at(trace, recording)
-        along = np.abs(body.pose_world.rotation.T @ closing)
-        level = np.abs(body.pose_world.rotation[2]) < 1.0 - tuning.ALIGNED
-        axes = np.flatnonzero(along > tuning.ALIGNED)
-        if body.words & ROUND and level.sum() == 2:
-            axes = np.flatnonzero(level)
-        for axis in axes.tolist():
-            yield Extent(axis, width, std)
-
-
-def width_at(trace: Trace, recording: Recording) -> tuple[float, float]:
-    """Width of an object at a grasp, m, with its standard deviation: the finger opening at first contact,
-    extrapolated from the squeeze between that and the firm grasp."""
-    held = float(np.median(trace.of(recording).width))
-    before = [leaf for leaf in trace.leaf_runs("CloseGripper") if leaf.end <= recording.start]
-    if not before:
-        return held, tuning.OPENING_HELD
-    samples = trace.samples.between(before[-1].start, before[-1].end)
-    resting = np.abs(np.gradient(samples.width, samples.t)) < tuning.FINGERS_REST
-    met = samples.width[resting & (samples.width < held + tuning.GRASP_YIELDS)]
-    if not len(met):
-        return held, tuning.OPENING_HELD
-    squeezed = max(float(np.quantile(met, tuning.FIRST_MET)) - held, 0.0)
-    share = tuning.FIRST_SQUEEZE
-    width = held + (1.0 + share) * squeezed
-    return width, float(np.hypot(tuning.OPENING, share * squeezed))
 
 
 def support(trace: Trace, body: Body) -> tuple[float, float]:

@@ -1,8 +1,13 @@
-"""Stiffness of a compliant surface: a mat, a cloth, a cushion."""
+"""Stiffness, damping and restitution of a compliant surface: a mat, a cloth, a cushion.
+
+In the file they are the `solref` of its geoms, with a constant impedance (`mjcf.contacts`), for what presses as the
+fingertips do. MuJoCo rates a contact by the mass of what presses and by its number of points; a stiffness in N/m that
+holds for everything is not representable.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -10,21 +15,27 @@ import numpy as np
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.contact.descent import probes
-from palpate.estimation.contact.spring import Spring, spring_view
+from palpate.estimation.contact.rebound import damping_ratio, restitution
+from palpate.estimation.contact.spring import Spring, damping_view, spring_view
 from palpate.estimation.contact.touch import Touch, touches_of
 from palpate.estimation.estimate import Z95, Estimate, Part, Shared, not_identified
-from palpate.mjcf.body import Body
+from palpate.mjcf.body import Body, BodyDescription
+from palpate.mjcf.contacts import damped, softened, spring_of, what_hardens
+from palpate.mjcf.edits import Edit
 from palpate.parameter import Parameter
 from palpate.quantities.height import TOUCH
-from palpate.quantities.quantity import Quantity
+from palpate.quantities.quantity import Quantity, Status
+from palpate.trace.recording import Hand
 from palpate.trace.samples import Trace
 
-UNIT = "N/m"
+UNIT, DAMPING_UNIT, RESTITUTION_UNIT = "N/m", "N·s/m", "1"
+WIDEST = 0.5
+"""Width of an interval of the restitution, between 0 and 1, from which on it says nothing."""
 
 
 class Stiffness(Quantity):
-    """Force over depth of what both fingertips press on. MuJoCo has no number for it; the twin has
-    it in `<custom>`."""
+    """Force over depth of what both fingertips press on; in the file the `solref` of its geoms, as it acts under
+    the fingertips."""
 
     id = "stiffness"
     unit = UNIT
@@ -39,6 +50,84 @@ class Stiffness(Quantity):
     evidence = (TOUCH,)
     derived = True
     estimators: ClassVar = {"spring": "palpate.quantities.stiffness:estimate_stiffness"}
+
+    def status(self, body: BodyDescription) -> Status:
+        """Known where a direct `solref` makes its contact a linear spring."""
+        return "not applicable" if spring_of(body) is None else "known"
+
+    def known(self, body: BodyDescription) -> tuple[float, ...]:
+        spring = spring_of(body)
+        assert spring is not None
+        return spring[:1]
+
+    def write(
+        self, body: BodyDescription, value: tuple[float, ...], std: float | None
+    ) -> Iterator[Edit]:
+        yield from softened(body, value[0], std)
+
+    def overruled(self, body: BodyDescription) -> str:
+        return what_hardens(body)
+
+
+class ContactDamping(Quantity):
+    """Damping of a compliant surface under both fingertips: force over the speed at which they sink in."""
+
+    id = "contact_damping"
+    unit = DAMPING_UNIT
+    subject = "surface"
+    label = "contact damping"
+    words: ClassVar = {
+        "en": ("contact damping", "damping", "dissipation"),
+        "de": ("kontaktdämpfung", "dämpfung"),
+        "es": ("amortiguamiento", "amortiguación"),
+        "fr": ("amortissement",),
+        "it": ("smorzamento",),
+    }
+    evidence = (TOUCH,)
+    derived = True
+    estimators: ClassVar = {"spring": "palpate.quantities.stiffness:estimate_damping"}
+
+    def needs(self, body: Body, bodies: Mapping[str, Body]) -> Iterator[Parameter]:
+        """Its stiffness, without which it acts on nothing."""
+        if "stiffness" not in body.known:
+            yield Parameter(body.name, "stiffness")
+
+    def status(self, body: BodyDescription) -> Status:
+        return "not applicable" if spring_of(body) is None else "known"
+
+    def known(self, body: BodyDescription) -> tuple[float, ...]:
+        spring = spring_of(body)
+        assert spring is not None
+        return spring[1:]
+
+    def write(
+        self, body: BodyDescription, value: tuple[float, ...], std: float | None
+    ) -> Iterator[Edit]:
+        yield from damped(body, value[0], std)
+
+    def overruled(self, body: BodyDescription) -> str:
+        if spring_of(body) is None:
+            return "it acts together with a stiffness alone, which was not measured"
+        return what_hardens(body)
+
+
+class Restitution(Quantity):
+    """Share of its speed with which a body of 1 kg that falls on a surface returns, from the stiffness and the
+    damping of a press. MuJoCo has no number for it that holds for every mass; the twin has it in `<custom>`."""
+
+    id = "restitution"
+    unit = RESTITUTION_UNIT
+    subject = "surface"
+    words: ClassVar = {
+        "en": ("restitution", "bounciness", "coefficient of restitution", "bouncy"),
+        "de": ("restitution", "restitutionskoeffizient", "stoßzahl", "sprungkraft"),
+        "es": ("restitución", "coeficiente de restitución"),
+        "fr": ("restitution", "coefficient de restitution", "rebond"),
+        "it": ("restituzione", "coefficiente di restituzione", "rimbalzo"),
+    }
+    evidence = (TOUCH,)
+    derived = True
+    estimators: ClassVar = {"spring": "palpate.quantities.stiffness:estimate_restitution"}
 
 
 def estimate_stiffness(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
@@ -63,8 +152,12 @@ def estimate_stiffness(trace: Trace, parameter: Parameter, body: Body | None) ->
     mean = float(np.average(compliances, weights=weights))
     std = float(np.hypot(weights.sum() ** -0.5, common))
     most = max(spring.at_most(2.0) for spring in found)
-    if most < tuning.RIGID or mean < std / tuning.RESOLVED:
-        stiffer = 1.0 / (most if most < tuning.RIGID else max(mean, 0.0) + Z95 * std)
+    # What is as stiff as a table is one, below something soft, unless it was met at the surface's own top.
+    is_table = most < tuning.RIGID and not all(
+        met_at_top(touch, body, trace.hand) for touch in touches
+    )
+    if is_table or mean < std / tuning.RESOLVED:
+        stiffer = 1.0 / (most if is_table else max(mean, 0.0) + Z95 * std)
         rounded = f"{float(f'{stiffer:.2g}'):.0f}"  # two digits
         reason = (
             f"What stopped the fingertips on {parameter.object} is stiffer than {rounded} N/m, as "
@@ -85,7 +178,10 @@ def estimate_stiffness(trace: Trace, parameter: Parameter, body: Body | None) ->
         method=f"Slope of the force over the fingertips' depth as both pressed on it{times}, with the arm's "
         "inertia and friction and what the surface dissipates taken out.",
         evidence=recordings,
-        parts={"first contact": Part(first, first_std, "m")},
+        parts={
+            "first contact": Part(first, first_std, "m"),
+            "depth": Part(min(s.deepest for s in found), trace.hand.pose_repeatability, "m"),
+        },
         tests=tuple(spring_tests(found, touches, misfit)),
         # Error propagation of k = 1/c.
         shared=(Shared("what the fingertips give way", "arm", (common / mean**2,)),),
@@ -94,6 +190,14 @@ def estimate_stiffness(trace: Trace, parameter: Parameter, body: Body | None) ->
             for touch in touches
         ),
     )
+
+
+def met_at_top(touch: Touch, body: Body | None, hand: Hand) -> bool:
+    """True if the fingertips were stopped where the scene states the top of the surface: nothing soft, felt or too
+    soft to be felt, is above what stopped them."""
+    if body is None or "height" in body.missing or touch.pressed_through:
+        return False
+    return body.top_z() - touch.first < tuning.SOFT + 2.0 * hand.tip_offset_std
 
 
 def spring_tests(
@@ -118,3 +222,90 @@ def spring_tests(
     if len(found) > 1:
         finding = "It is not equally stiff at all the places that were touched."
         yield chi_squared("touch against touch", misfit, len(found) - 1, finding)
+
+
+def estimate_damping(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
+    """Damping of a surface from every guarded descent on it: the force that comes with the speed and not with the
+    depth.
+
+    Raises:
+        ValueError: a recording holds no samples, or no guarded descent comes before it.
+    """
+    spring = estimate_stiffness(trace, Parameter(parameter.object, "stiffness"), body)
+    if not spring.has_value:
+        return not_identified(parameter, DAMPING_UNIT, spring.method, spring.evidence)
+    touches = touches_of(trace, spring.evidence)
+    value, std = mean_damping([touch.spring for touch in touches])
+    if value < std / tuning.RESOLVED:
+        most = f"{float(f'{max(value, 0.0) + Z95 * std:.2g}'):g}"
+        reason = (
+            f"What {parameter.object} dissipates is less than {most} N·s/m: too little to be told from the arm's "
+            "friction and inertia at the speed of a touch."
+        )
+        return not_identified(parameter, DAMPING_UNIT, reason, spring.evidence)
+    return Estimate.normal(
+        parameter,
+        DAMPING_UNIT,
+        value,
+        std,
+        "Force that comes with the speed of the fingertips as they sink in, and not with their depth, with the arm's "
+        "inertia and friction taken out.",
+        spring.evidence,
+        least=0.0,
+        tests=spring.tests,
+        views=tuple(damping_view(t.spring, value, t.recording.start) for t in touches),
+    )
+
+
+def mean_damping(found: Sequence[Spring]) -> tuple[float, float]:
+    """Weighted mean of the dampings of several touches, N s/m, with its standard deviation."""
+    stds = np.array([spring.damping_std for spring in found])
+    value = np.average([spring.damping for spring in found], weights=stds**-2.0)
+    # Free air wanders alike in all descents of an arm: a mean halves it at most.
+    return float(value), max(float(np.sum(stds**-2.0)) ** -0.5, float(stds.min()) / 2.0)
+
+
+def estimate_restitution(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
+    """Coefficient of restitution of a body of 1 kg from the stiffness and the damping of the surface.
+
+    Raises:
+        ValueError: a recording holds no samples, or no guarded descent comes before it.
+    """
+    spring = estimate_stiffness(trace, Parameter(parameter.object, "stiffness"), body)
+    if not spring.has_value:
+        reason = (
+            f"{spring.method} A body is thrown back by it within a few milliseconds, too fast for the arm's samples, "
+            "and the fingertips give way more than it does."
+        )
+        return not_identified(parameter, RESTITUTION_UNIT, reason, spring.evidence)
+    touches = touches_of(trace, spring.evidence)
+    damping, std = mean_damping([touch.spring for touch in touches])
+    stiffness = float(spring.values[0])
+    # zeta = d / (2 sqrt(k m)): the relative error of k counts half.
+    doubt = Z95 * float(np.hypot(std, damping * float(spring.stds[0]) / stiffness / 2.0))
+    least, most = (
+        restitution(damping_ratio(stiffness, max(one, 0.0)))
+        for one in (damping + doubt, damping - doubt)
+    )
+    if most - least > WIDEST:
+        reason = (
+            f"A body of 1 kg returns from {parameter.object} with {least:.2f} to {most:.2f} of its speed: what it "
+            "dissipates is not told well enough from the arm's friction and inertia."
+        )
+        return not_identified(parameter, RESTITUTION_UNIT, reason, spring.evidence)
+    value = restitution(damping_ratio(stiffness, max(damping, 0.0)))
+    step = restitution(damping_ratio(stiffness, max(damping, 0.0) + std)) - value
+    return Estimate(
+        parameter,
+        RESTITUTION_UNIT,
+        values=np.array([value]),
+        stds=np.array([(most - least) / (2.0 * Z95)]),
+        intervals=np.array([(least, most)]),
+        method="Share of its speed with which a body of 1 kg that touches as the fingertips do would return, from the "
+        "stiffness and the damping of a slow press, if they hold at the speed of a fall.",
+        evidence=spring.evidence,
+        tests=spring.tests,
+        views=tuple(
+            damping_view(t.spring, damping, t.recording.start, std / step) for t in touches
+        ),
+    )

@@ -15,7 +15,7 @@ from palpate.quantities.catalogue import Catalogue, catalogue
 from palpate.robots.description import RobotDescription
 from palpate.robots.registry import load_description
 from palpate.scene.named_poses import derive_symbols
-from palpate.scene.poses import PoseEntry, Poses, parse_poses, read_poses
+from palpate.scene.poses import ObjectEntry, Poses, parse_poses, read_poses
 from palpate.scene.raised import level, raised
 from palpate.scene.resolve import resolve
 from palpate.scene.scene import Scene
@@ -82,7 +82,7 @@ def scene_from_text(
     objects = dict(known.objects)
     for name, pose in (elsewhere or {}).items():
         entry = {"pos": pose.position.tolist(), "quat": pose.quaternion.tolist()}
-        objects[name] = PoseEntry.model_validate(entry)
+        objects[name] = ObjectEntry.model_validate(entry)
     poses = known.model_copy(update={"objects": objects})
     return _scene(document, like.path, poses, like.arm, like.catalogue)
 

@@ -1,6 +1,7 @@
 """`poses.yaml`: poses from a pose estimator or a person. Angles in rad, lengths in m.
 
 objects: {bottle: {pos: [0.5, 0.1, 0.8], yaw: 0.3}}       # pose of the body frame in the world
+         {box: {pos: [0.4, 0, 0.8], source: picture, std: 0.003}}  # from a picture, to 3 mm, as its size is
 places: {shelf_approach: {pos: [0.4, 0.2, 0.6]}}          # pose of the TCP; top-down unless quat is
     given
 joints: {home_config: [0, -0.785, 0, -2.356, 0, 1.571, 0.785]}
@@ -15,7 +16,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -79,6 +80,20 @@ class PoseEntry(_Strict):
         return self.body_pose()
 
 
+class ObjectEntry(PoseEntry):
+    """Pose of an object or a surface, and where it comes from."""
+
+    source: Literal["picture", "stated"] = "stated"
+    """`picture`: pose and size are from one, and unsure; what the fingers feel on the way corrects the size."""
+    std: Annotated[float, Field(gt=0.0, le=0.1)] | None = None
+    """m (1 sigma), how far its pose and size may be off; stating it marks them unsure, too."""
+
+    @property
+    def is_unsure(self) -> bool:
+        """True if its size may be corrected by what is felt on the way."""
+        return self.source == "picture" or self.std is not None
+
+
 class CameraEntry(_Strict):
     """A pinhole camera looking along its own -z, as in MuJoCo."""
 
@@ -98,7 +113,7 @@ Offset = Number | Vector
 class Poses(_Strict):
     """The content of a `poses.yaml`."""
 
-    objects: dict[Name, PoseEntry] = {}
+    objects: dict[Name, ObjectEntry] = {}
     """Poses of the objects' frames in the world; they overrule the MJCF."""
     places: dict[Name, PoseEntry] = {}
     """Poses of the TCP, by names that plans may use; it points down unless euler or quat is given."""
@@ -153,7 +168,7 @@ _POSE = (
     "a pose: pos: [x, y, z] in m, and at most one of yaw (rad), euler (rad) and quat (w, x, y, z)"
 )
 _FORMS = {
-    "objects": _POSE,
+    "objects": f"{_POSE}; source: picture or stated, and std in m, where it is unsure",
     "places": _POSE,
     "grasps": _POSE,
     "joints": "seven angles in rad",

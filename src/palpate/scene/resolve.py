@@ -27,7 +27,7 @@ from palpate.scene.describe import Description, describe
 from palpate.scene.poses import Poses
 from palpate.scene.words import thing_words
 
-SHAPELESS = frozenset({"mass", "density", "friction", "priority"})
+SHAPELESS = frozenset({"mass", "density", "friction", "priority", "solref", "solimp", "solmix"})
 """Attributes of geoms that do not change the scene's geometry."""
 
 Bodies = Mapping[str, BodyDescription]
@@ -121,6 +121,7 @@ class ResolvedScene:
                 others[status].add(quantity.id)
         centre, size = body.box()
         is_object = body.role == "object"
+        entry = self.poses.objects.get(body.name)
         words = thing_words(
             body.name,
             body.elements.element if is_object else body.carrier,
@@ -138,7 +139,8 @@ class ResolvedScene:
             known=known,
             missing=frozenset(others["missing"]),
             assumed=frozenset(others["assumed"]),
-            accuracy=self.poses.accuracy,
+            accuracy=self.poses.accuracy if entry is None or entry.std is None else entry.std,
+            seen=entry is not None and entry.is_unsure,
         )
 
 

@@ -11,12 +11,15 @@ from typing import TYPE_CHECKING
 from palpate.beside import Beside
 from palpate.callbacks import SILENT, RunCallbacks
 from palpate.cells.cell import Cell
+from palpate.estimation.estimate import Estimate
 from palpate.execution.build import part_of
 from palpate.interrupt import interrupts
 from palpate.planning.plan import Plan
+from palpate.quantities.size import size_on_the_way
 from palpate.runs.run import Run
 from palpate.scene.scene import Scene
 from palpate.stages.executing import perform
+from palpate.trace.soundness import sound
 from palpate.twin.twin import build_twin as build
 from palpate.twin.twin import touch
 from palpate.twin.validate import compared_until
@@ -36,8 +39,20 @@ def build_twin(made: Run, callbacks: RunCallbacks = SILENT) -> Run:
     scene = made.scene
     if made.seen and made.final_state is not None:
         scene = made.final_state.scene
-    twin = build(scene, made.estimates)
+    twin = build(scene, made.estimates, on_the_way=sizes_on_the_way(made, scene))
     return replace(made, scene=scene, finished=twin)
+
+
+def sizes_on_the_way(made: Run, scene: Scene) -> list[Estimate]:
+    """Sizes that nobody asked for, of objects of `scene` whose own are from a picture or marked unsure, from the
+    grasps and touches of the run."""
+    trace = made.trace_if_any
+    asked = {parameter.object for parameter in made.plan.parameters if parameter.quantity == "size"}
+    if trace is None:
+        return []
+    unsure = [body for body in scene.objects.values() if body.seen and body.name not in asked]
+    found = [size_on_the_way(sound(trace), body) for body in unsure]
+    return [size for size in found if size is not None]
 
 
 @contextmanager

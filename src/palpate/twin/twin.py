@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,6 +13,7 @@ from palpate.display import table
 from palpate.errors import InputError, PalpateError
 from palpate.estimation.estimate import Estimate
 from palpate.geometry.pose import Pose
+from palpate.mjcf.contacts import surface_friction
 from palpate.mjcf.document import Document, Texts
 from palpate.parameter import Parameter
 from palpate.scene.load import scene_from_text
@@ -21,6 +22,7 @@ from palpate.scene.scene import Scene
 from palpate.trace.samples import Trace
 from palpate.twin.files import in_one, write_files
 from palpate.twin.inject import complete
+from palpate.twin.pressed import press_notes
 from palpate.twin.validate import Replay, Replayed, Validation, touched, validate
 
 if TYPE_CHECKING:
@@ -102,10 +104,12 @@ def build_twin(
     estimates: Sequence[Estimate],
     trace: Trace | None = None,
     replay: Replay | None = None,
+    on_the_way: Sequence[Estimate] = (),
 ) -> Twin:
     """Inject the measured values, then check that the result comes to rest and, with a `trace` and a
-    `replay`, that it behaves as recorded, if any value was measured."""
-    written = held_by_twin(estimates)
+    `replay`, that it behaves as recorded, if any value was measured. Values that nobody asked for and that were
+    felt `on_the_way` are written, too, with a remark."""
+    written = [*held_by_twin(estimates), *on_the_way]
     made = complete(scene, written, {estimate.parameter for estimate in estimates})
     notes: list[str] = []
     for estimate in estimates:
@@ -114,6 +118,8 @@ def build_twin(
         if estimate.verdict == "prior-dominated":
             dominated = "prior-dominated: what was believed before says as much"
             notes.append(f"{estimate.parameter} is {dominated}")
+    notes += pair_notes(scene, written)
+    notes += [felt_note(scene, estimate) for estimate in on_the_way]
     notes += made.notes
     document = scene.resolved.document
     one = in_one(document, made.texts)
@@ -130,9 +136,39 @@ def build_twin(
     try:
         read = scene_from_text(made.texts, scene, measured_places(scene, written))
         validation = validate(read, scene, trace, replay if written else None)
+        notes += press_notes(read, written)
     except PalpateError as error:
         return replace(twin, notes=(*notes, f"the twin was not simulated: {error}"))
-    return replace(twin, validation=validation, scene=read)
+    return replace(twin, notes=tuple(notes), validation=validation, scene=read)
+
+
+def pair_notes(scene: Scene, estimates: Sequence[Estimate]) -> Iterator[str]:
+    """A remark on each friction that is also the one of what the object was slid on: the larger of the two acts in
+    MuJoCo, so that the object's own may be smaller."""
+    for estimate in estimates:
+        if estimate.parameter.quantity != "friction":
+            continue
+        supports = {recording.context.support or "" for recording in estimate.evidence}
+        ((low, high),) = estimate.intervals.tolist()
+        for name in sorted(supports & set(scene.surfaces)):
+            stated = surface_friction(scene.resolved.description.bodies[name])
+            if low <= stated <= high:
+                yield (
+                    f"{estimate.parameter} is that of the pair with {name}, which the twin has; {name} itself is "
+                    f"stated to have {stated:g}, and where the larger of two decides, as in MuJoCo, "
+                    f"{estimate.parameter.object}'s own may be smaller"
+                )
+
+
+def felt_note(scene: Scene, felt: Estimate) -> str:
+    """Remark on a size that was felt on the way, against the scene's."""
+    before = scene.body(felt.parameter.object).size
+    told = [i for i in range(len(felt.values)) if i not in felt.unseen]
+    parts = [
+        f"{1e3 * felt.values[i]:.1f} ± {1e3 * felt.stds[i]:.1f} mm along {'xyz'[i]} for {1e3 * before[i]:.1f}"
+        for i in told
+    ]
+    return f"{felt.parameter} was felt on the way: {', '.join(parts)}; the twin holds it"
 
 
 def touch(

@@ -18,10 +18,11 @@ from palpate.scene.raised import is_open
 from palpate.trace.samples import STANDARD_GRAVITY
 from palpate.vocabulary.admissible.clearance import box_hits
 from palpate.vocabulary.admissible.collision_geometry import hand_sweep, opening
+from palpate.vocabulary.admissible.path import hand_path
 from palpate.vocabulary.admissible.profile import POSE_ERROR
 from palpate.vocabulary.admissible.solids import SIDES, solids
 from palpate.vocabulary.admissible.support import TIPPING, above, footing
-from palpate.vocabulary.admissible.sweep import FINEST, Hit, hand_path
+from palpate.vocabulary.admissible.sweep import FINEST, Hit
 from palpate.vocabulary.admissible.unknown_heights import is_unmeasured
 from palpate.vocabulary.base import ARM, Blackboard, LeafFailure, Primitive, Steps, Surroundings
 from palpate.vocabulary.state import SymbolicState

@@ -70,6 +70,21 @@ def test_a_nasty_plan_is_refused_with_its_rule_or_judged() -> None:
     assert "--case 'no such action'" in refused.command
 
 
+def test_a_plan_whose_harm_is_physics_is_refused_by_the_rehearsal() -> None:
+    """The check sees two things beside each other; that they are joined, physics knows."""
+    (pair,) = [case for case in nasty.PHYSICS if case.name == "one of a pair"]
+    refused = judged(pair, nasty.judge)
+    assert (refused.outcome, refused.figures["rules"]) == ("refused", ["rehearsal"])
+    assert "two moved by" in refused.said[0]
+    assert "MovePose(one_pose + z_offset)" in refused.said[0]
+
+
+def test_sensible_plans_pass_the_check() -> None:
+    assert len({case.name for case in nasty.SENSIBLE}) == len(nasty.SENSIBLE) >= 60
+    for case in nasty.SENSIBLE:
+        assert not check(case.plan, small_scene(case.scene), requested=case.asked), case.name
+
+
 class Sound:
     """Stands for a simulated robot in which nothing happens."""
 

@@ -9,8 +9,9 @@ from workbench import BOTTLE, bench
 from palpate.geometry.pose import Pose
 from palpate.vocabulary.admissible.collision_geometry import arm_sweep, near_spans
 from palpate.vocabulary.admissible.grip import grip
+from palpate.vocabulary.admissible.path import straight_path
 from palpate.vocabulary.admissible.solids import solids
-from palpate.vocabulary.admissible.sweep import straight_path
+from palpate.vocabulary.admissible.sweep import Sweep
 from palpate.vocabulary.state import SymbolicState
 
 BESIDE_NOTHING = '<site name="middle"/>'
@@ -19,13 +20,20 @@ GRASP = OPEN.scene.symbols.resolve("bottle_pose")
 ABOVE = GRASP.translated((0, 0, 0.20))
 
 
-def met(state: SymbolicState, start: Pose, end: Pose, margin: float = 0.002) -> set[str]:
-    """Owners of what is hit on the straight way, the arm bent as its controller would."""
+def swept(state: SymbolicState, start: Pose, end: Pose, growth: float) -> Sweep:
+    """The straight way, the arm bent as its controller would."""
     shapes = solids(state.scene)
     q = (shapes.configuration(start), shapes.configuration(end))
     width = shapes.scene.arm.hand.opening
-    swept = arm_sweep(state, straight_path(shapes, start, end, q, width), margin)
-    return {hit.other.owner for hit in swept.hits(np.full(len(swept.pairs), margin))}
+    return arm_sweep(state, straight_path(shapes, start, end, q, width), growth)
+
+
+def met(
+    state: SymbolicState, start: Pose, end: Pose, margin: float = 0.002, growth: float = 0.002
+) -> set[str]:
+    """Owners of what is hit on the straight way."""
+    found = swept(state, start, end, growth)
+    return {hit.other.owner for hit in found.hits(np.full(len(found.pairs), margin))}
 
 
 def test_only_the_last_part_of_a_descent_is_near_the_object() -> None:
@@ -63,6 +71,22 @@ def test_an_object_in_the_hand_is_near_what_it_stands_on() -> None:
 def test_a_finger_that_comes_down_on_a_top_hits_it(across: float, expected: set[str]) -> None:
     shift = across * GRASP.rotation[:, 1]
     assert met(OPEN, ABOVE.translated(shift), GRASP.translated(shift)) == expected
+
+
+@pytest.mark.parametrize("across", [0.0, 0.02, 0.047])
+def test_the_way_back_comes_as_near_at_the_same_places(across: float) -> None:
+    shift = across * GRASP.rotation[:, 1]
+    above, grasp = ABOVE.translated(shift), GRASP.translated(shift)
+    there, back = swept(OPEN, above, grasp, 0.02), swept(OPEN, grasp, above, 0.02)
+    np.testing.assert_array_equal(back.near(0.02), there.near(0.02)[::-1])
+    assert there.near(0.02).any()
+    assert not there.near(0.02).all()
+
+
+@pytest.mark.parametrize("growth", [0.05, 10.0])
+def test_what_is_ruled_out_by_boxes_would_not_be_hit(growth: float) -> None:
+    start, end = ABOVE.translated((0, 0.047, 0)), GRASP.translated((0.1, 0.2, -0.13))
+    assert met(OPEN, start, end, growth=growth) == met(OPEN, start, end)
 
 
 def test_the_arm_itself_is_swept_and_not_only_the_hand() -> None:

@@ -125,18 +125,26 @@ class Fitted:
 
 
 def fitted(
-    rows: Rows, assumed: Assumed, names: Sequence[str], loads: Sequence[Cause] = ()
+    rows: Rows,
+    assumed: Assumed,
+    names: Sequence[str],
+    loads: Sequence[Cause] = (),
+    others: Sequence[Cause] = (),
+    learned: Sequence[Scale] = (),
 ) -> Fitted:
-    """Fit causes to rows, among them further `loads`; in rounds, as the residual's size by frequency is learnt from
-    what the last round left."""
+    """Fit causes to rows, among them further `loads`, on which the sensors' gains act, and `others`, with further
+    scales to be `learned`; in rounds, as the residual's size by frequency is learnt from what the last round left."""
     y = rows.tau - assumed.described(rows, assumed.hand)
     shape, std = Residual(rows.frequency), np.full(y.shape, tuning.FIRST_RESIDUAL)
-    scales = [Scale((WEIGHT,), tuning.LINK_FACTORS, tuning.LIKELY_LINKS)] if WEIGHT in names else []
+    scales = [*learned]
+    if WEIGHT in names:
+        scales.append(Scale((WEIGHT,), tuning.LINK_FACTORS, tuning.LIKELY_LINKS))
     level, felt = np.full(y.shape[1], tuning.USUAL_FRICTION), rows
 
     def solved() -> Posterior:
         noise = SpectralNoise(std.ravel(), float(y.size))
-        return fit([*loads, *assumed.causes(felt, names, level)], noise, y.ravel(), scales)
+        causes = [*loads, *others, *assumed.causes(felt, names, level)]
+        return fit(causes, noise, y.ravel(), scales)
 
     for _ in range(tuning.NOISE_ROUNDS):
         posterior = solved()

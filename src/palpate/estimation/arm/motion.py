@@ -45,6 +45,11 @@ class Motion:
         return float(self.t[1] - self.t[0])
 
     @property
+    def rows(self) -> int:
+        """Coefficients of each joint up to `tuning.BAND`."""
+        return min(len(self), int(2.0 * tuning.BAND * self.step * len(self)))
+
+    @property
     def slip(self) -> Array:
         """(n, 7) rad/s by which the velocities differ from the slope of the angles: uneven clocks."""
         return self.dq - _slope(self.t, self.q)

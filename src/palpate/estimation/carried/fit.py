@@ -21,7 +21,7 @@ from palpate.estimation.load.chain import load_torques
 from palpate.estimation.load.in_hand import load_rows
 from palpate.estimation.load.observation import gain_root, observe
 from palpate.estimation.motion import Mask
-from palpate.estimation.regression import Cause, Posterior
+from palpate.estimation.regression import Cause, Posterior, Scale
 from palpate.estimation.rigid import PARAMETERS
 from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
@@ -102,13 +102,25 @@ def carried(trace: Trace, name: str) -> Carried | None:
     if trace.converted(Parameter(HAND, "mass")) is not None:
         loads.append(Cause(HAND, every, _prior(tuning.HAND_PRIOR)))
     assumed = Assumed(bodies, bodies.hand, gain_root(trace.hand, len(chain.axes)))
-    fit = fitted(seen, assumed, (*FRICTION, *DETAILS, *PARTS), loads)
+    begun = list(_restarts(seen, log, motions))
+    scales = [Scale((one.name,), (0.0, 1.0), tuning.LIKELY_RESTART) for one in begun]
+    fit = fitted(seen, assumed, (*FRICTION, *DETAILS, *PARTS), loads, begun, scales)
     value, covariance = fit.posterior[LOAD]
     return Carried(value, covariance, motions, hanging, torques, fit.posterior)
 
 
 def _prior(sizes: tuple[float, float, float]) -> Array:
     return np.repeat(sizes, (1, 3, 6))
+
+
+def _restarts(seen: Rows, log: ArmLog, motions: Sequence[Motion]) -> Iterator[Cause]:
+    """Zeros of the sensors, and friction at the start, that are others after each long gap."""
+    later = np.concatenate([np.full(one.rows, one.t[0]) for one in motions])
+    own = np.concatenate([seen.columns["offset"], seen.columns["strained"]], axis=2)
+    for i in np.flatnonzero(np.diff(log.t) > tuning.RESTARTED).tolist():
+        columns = own * (later > log.t[i])[:, None, None]
+        prior = np.full(int(own.shape[2]), tuning.OFFSET_PRIOR)
+        yield Cause(f"start at {log.t[i + 1]:g} s", columns.reshape(-1, len(prior)), prior)
 
 
 def _stretches(trace: Trace, log: ArmLog, rows: Mask) -> Iterator[Motion]:

@@ -15,6 +15,7 @@ is measured. The compliance between the encoders and the end of the pads does, a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -53,9 +54,12 @@ class Spring:
         compliance: m/N, of the surface alone, with its standard deviation.
         held, held_std: m/N, the same at rest: depth of the held tip below the onset of the force, over the
             force.
+        damping: N s/m, of the surface; below zero by noise alone.
+        damping_std: its standard deviation.
         first: m, tip height of the first contact.
         depth, bearing: (n,) m below `first` and N in each row used; of the force, the spring's part, without
             what inertia, friction and damping make of it.
+        sinking, drag: (n,) m/s at which the tip sinks in, and N of the force in each row used that comes with it.
         hardening: largest relative growth of the stiffness from some depth on, with its standard deviation.
     """
 
@@ -63,11 +67,20 @@ class Spring:
     compliance_std: float
     held: float
     held_std: float
+    damping: float
+    damping_std: float
     first: float
     depth: Array
     bearing: Array
+    sinking: Array
+    drag: Array
     hardening: float
     hardening_std: float
+
+    @property
+    def deepest(self) -> float:
+        """m of depth, of all that presses, up to which the spring was fitted."""
+        return float(self.depth.max())
 
     @property
     def unevenness(self) -> float:
@@ -94,15 +107,18 @@ class Spring:
         return max(curve, self.held - sigmas * self.held_std)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class _Curve:
-    """Rows of a descent, with the columns of the model that do not depend on z0.
+    """A descent, with the columns of the model that do not depend on z0.
+
+    Acceleration is noisy, so every row is a mean over `CURVE_ROWS`, on both sides of the equation: the jump of force
+    and acceleration as a surface that dissipates is met is one still.
 
     Attributes:
-        z: (n,) m.
-        force: (n,) N.
+        z, force: (n,) m, N.
         speed, acceleration: (n,) m/s, m/s².
         resting: (n,) 0 to 1.
+        rows: (n,) rows of the descent that count.
         noise: N, of a row.
         prior: (5,) prior standard deviations of f0, k, m, d, s.
         believed: (5,) prior means.
@@ -113,16 +129,28 @@ class _Curve:
     speed: Array
     acceleration: Array
     resting: Array
+    rows: Mask
     noise: float
     prior: Array
     believed: Array
 
+    @cached_property
+    def felt(self) -> Array:
+        """(m,) N, the rows of `force` that count."""
+        return self.mean(self.force)
+
     def design(self, first: float) -> Array:
-        """(n, 5) force per unit of f0, k, m, d and s."""
+        """(m, 5) force per unit of f0, k, m, d and s."""
         depth = np.maximum(first - self.z, 0.0)
         drag = -self.speed * (depth > 0.0)
-        columns = (np.ones(len(self.z)), depth, -self.acceleration, drag, self.resting)
-        return np.column_stack(columns)
+        columns = (depth, -self.acceleration, drag, self.resting)
+        return np.column_stack([np.ones(int(self.rows.sum())), *map(self.mean, columns)])
+
+    def mean(self, column: Array) -> Array:
+        """(m,) means over neighbours of a column (n,), where the rows count."""
+        ends = np.pad(column, tuning.CURVE_ROWS // 2, mode="edge")
+        window = np.full(tuning.CURVE_ROWS, 1.0 / tuning.CURVE_ROWS)
+        return np.convolve(ends, window, mode="valid")[self.rows]
 
     def solve(self, first: float) -> tuple[Array, float]:
         """Solve for the other unknowns (5,) at a height of the first contact; returns the sum of squares, too."""
@@ -133,30 +161,35 @@ class _Curve:
         design[:, DAMPING] = 0.0  # a surface dissipates, it does not drive the hand
         return self._least_squares(design)
 
-    def bearing(self, found: Array, first: float) -> Array:
-        """(n,) N of the force that the spring bears, for the unknowns `found` (5,)."""
+    def part(self, one: int, found: Array, first: float) -> Array:
+        """(m,) N of the force that one of the unknowns `found` (5,) makes, with what the model leaves."""
         others = found.copy()
-        others[STIFFNESS] = 0.0
-        return self.force - self.design(first) @ others
+        others[one] = 0.0
+        return self.felt - self.design(first) @ others
 
     def _least_squares(self, design: Array) -> tuple[Array, float]:
         precision = np.diag(self.prior**-2.0)
         normal = design.T @ design / self.noise**2 + precision
-        right = design.T @ self.force / self.noise**2 + precision @ self.believed
+        right = design.T @ self.felt / self.noise**2 + precision @ self.believed
         found = np.linalg.solve(normal, right).astype(np.float64)
-        misfit = (self.force - design @ found) / self.noise
+        misfit = (self.felt - design @ found) / self.noise
         off = (found - self.believed) / self.prior
         return found, float(misfit @ misfit + off @ off)
 
-    def variance(self, found: Array, first: float) -> float:
-        """Variance of k, with z0 unknown as well."""
+    def variances(self, found: Array, first: float) -> Array:
+        """(6,) variances of f0, k, m, d, s and z0."""
         design = self.design(first)
         edge = found[STIFFNESS] * (design[:, STIFFNESS] > 0.0)
         full = np.column_stack([design, edge]) / self.noise
         precision = np.diag([*self.prior**-2.0, 0.0])
         # Neighbouring rows are correlated.
         normal = full.T @ full / tuning.ALIKE + precision
-        return float(np.linalg.inv(normal)[STIFFNESS, STIFFNESS])
+        return np.diag(np.linalg.inv(normal)).astype(np.float64)
+
+    def damping(self, first: float) -> float:
+        """Damping d without regard to its sign, N s/m."""
+        found, _ = self._least_squares(self.design(first))
+        return float(found[DAMPING])
 
 
 def fit_spring(descent: Descent, onset: Onset, hand: Hand) -> Spring:
@@ -170,7 +203,8 @@ def fit_spring(descent: Descent, onset: Onset, hand: Hand) -> Spring:
     first = _first(descent, onset, curve)
     found, _ = curve.solve(first)
     stiffness = max(float(found[STIFFNESS]), tuning.WEAKEST)
-    relative = np.sqrt(curve.variance(found, first)) / stiffness
+    variances = curve.variances(found, first)
+    relative = np.sqrt(variances[STIFFNESS]) / stiffness
     gain = tuning.GAIN_RATIO * hand.torque_gain
     total = 1.0 / stiffness
     # The trend of free air may differ on the way through, and joint friction is another force in another
@@ -191,15 +225,28 @@ def fit_spring(descent: Descent, onset: Onset, hand: Hand) -> Spring:
     wander = descent.wander[2] / (stiffness * float(curve.design(first)[:, STIFFNESS].max()))
     shares = total * np.array([relative, gain, slope, wander, uneven])
     std = np.linalg.norm([*shares, hand.tip_compliance_std])
+    # What the force in free air wanders by as the tip sinks in is taken for damping.
+    sinking = max(float(-np.median(curve.speed[curve.z > first])), tuning.RESTING_SPEED)
+    damping = curve.damping(first)
+    drags = (
+        np.sqrt(variances[DAMPING]),
+        descent.wander[2] / sinking,
+        tuning.APART_IN_TIME * stiffness,
+        np.hypot(tuning.DAMPED, tuning.GAIN_RATIO * hand.torque_gain) * damping,
+    )
     at_rest = np.array([onset.first_std, descent.friction * onset.secant]) / descent.full
     return Spring(
         total - hand.tip_compliance,
         float(std),
         onset.secant - hand.tip_compliance,
         float(np.linalg.norm([*at_rest, hand.tip_compliance_std])),
+        damping,
+        float(np.linalg.norm(drags)),
         first,
-        first - curve.z,
-        curve.bearing(found, first),
+        first - curve.mean(curve.z),
+        curve.part(STIFFNESS, found, first),
+        curve.design(first)[:, DAMPING],
+        curve.part(DAMPING, found, first),
         hardening,
         hardening_std,
     )
@@ -229,6 +276,24 @@ def spring_view(spring: Spring, compliance: float, tips: float, start: float) ->
     )
 
 
+def damping_view(spring: Spring, damping: float, start: float, slope: float = 1.0) -> FitView:
+    """Press that began at `start`, s, against the estimated `damping` of the surface, N s/m; `slope`: change of
+    that with the component of the estimate."""
+    pressing = spring.depth > 0.0
+    sinking = spring.sinking[pressing]
+    return FitView(
+        name=f"The press at {start:.1f} s.",
+        note=f"The fingertips sank in with {1e3 * float(sinking.max(initial=0.0)):.1f} mm/s and came to rest; this "
+        f"press alone shows {spring.damping:.0f} N·s/m. The spring and the arm's inertia and friction are taken "
+        "out of the force.",
+        axes=("speed of the fingertips (mm/s)", "force that comes with it (N)"),
+        x=1e3 * sinking,
+        measured=spring.drag[pressing],
+        predicted=damping * sinking,
+        slopes=(slope * sinking)[:, None],
+    )
+
+
 def _hardening(curve: _Curve, found: Array, first: float, wander: float) -> tuple[float, float]:
     """Relative growth of the stiffness from the depth at which it explains most of the residuals, and its
     standard deviation: an F-test of one more slope (Hudson 1966), in means over some rows.
@@ -244,7 +309,7 @@ def _hardening(curve: _Curve, found: Array, first: float, wander: float) -> tupl
     beliefs = np.diag(np.append(chance / curve.prior, 0.0))
     known = np.vstack([block_means(np.column_stack([design, edge])), beliefs])
     nothing = np.zeros(len(beliefs))
-    left = orthogonal_part(known, np.append(block_means(curve.force - design @ found), nothing))
+    left = orthogonal_part(known, np.append(block_means(curve.felt - design @ found), nothing))
     pressing = block_means(depth) > 0.0
     best, most = (0.0, np.inf), 0.0
     for share in np.linspace(0.1, 0.9, tuning.HINGES):
@@ -272,19 +337,19 @@ def _curve(descent: Descent, onset: Onset, hand: Hand) -> _Curve:
     noise = float(np.hypot(descent.noise, hand.force_resolution))
     samples, rows = descent.samples, _rows(descent, onset, noise)
     speed = samples.twist[:, 2]
-    window = np.full(tuning.CURVE_ROWS, 1.0 / tuning.CURVE_ROWS)
-    acceleration = np.convolve(np.gradient(speed, samples.t), window, mode="same")
+    acceleration = np.gradient(speed, samples.t)
     contact = np.arange(len(samples)) > descent.onset
     resting = contact * np.clip(1.0 - np.abs(speed) / tuning.RESTING_SPEED, 0.0, 1.0)
     apparent, spread = tuning.ARM_MASS
     stick = float(np.hypot(hand.force_repeatability, descent.set_out[2]))
     dissipated = 2.0 * (tuning.DISSIPATING_MASS / max(onset.secant, tuning.UNSEEN)) ** 0.5
     return _Curve(
-        descent.z[rows],
-        (descent.force - descent.joint_friction)[rows],
-        speed[rows],
-        acceleration[rows],
-        resting[rows],
+        descent.z,
+        descent.force - descent.joint_friction,
+        speed,
+        acceleration,
+        resting,
+        rows,
         noise=noise,
         prior=np.array([tuning.FORCE_BIAS, tuning.STIFFEST, spread, dissipated, stick]),
         believed=np.array([0.0, 0.0, apparent, 0.0, 0.0]),

@@ -141,6 +141,11 @@ class Touch:
         return self.compliance * self.rise / risen
 
     @property
+    def pressed_through(self) -> bool:
+        """Something soft was met above what stopped the tip."""
+        return self.bottomed is not None or self.knee > 0.0
+
+    @property
     def gives_way(self) -> bool:
         """The surface is not known to be rigid."""
         return self.at_most > tuning.RIGID

@@ -114,6 +114,16 @@ ALIKE = 3.0
 """rows of a descent per independent one: the torque sensors' signal wanders, and the model leaves the arm's swing
 out. Sensitive: stiffness std ×0.8–1.3."""
 
+APART_IN_TIME = 2e-3
+"""s (1 sigma) by which force and motion of a sample are apart: filters, and half a log period. A spring's force that
+comes late is damping. Sensitive: damping std above 3 kN/m."""
+
+DAMPED = 0.05
+"""part (1 sigma) of a damping: pads and their contact give way in series with the surface. Sensitive: hardly."""
+
+FALLING_MASS = 1.0
+"""kg of the body whose rebound is stated. Sensitive: no, by definition."""
+
 WILD = 6.0
 """standard deviations of the noise off its running median from which a sample is left out. Sensitive: no."""
 
@@ -193,6 +203,9 @@ them give way by so much under 50 N. Sensitive: no, where it is seen as they clo
 FIRST_SQUEEZE = 0.25
 """part of what gives way as the fingers take hold (with 50 N or so) that had given way as they met the object (with
 10 N); its 1 sigma as well. Sensitive: size 0.5 σ."""
+
+GRASPED = 0.05
+"""s at the end of a grasp in which the fingers rest on what they hold. Sensitive: no."""
 
 FIRST_MET = 0.9
 """quantile of the openings at which the fingers rested that is the first one: they rest twice for 0.1 s or more.

@@ -127,3 +127,9 @@ THINNEST = 2e-3
 
 CARRIED_SHORTEST = 0.5
 """s: shorter stretches with or without a load are left out. Sensitive: no."""
+
+RESTARTED = 5.0
+"""s without a row after which the sensors may have been zeroed anew: another recording ... Sensitive: no."""
+
+LIKELY_RESTART = (0.7, 0.3)
+"""... and how likely they were not, and were. Chosen, without a source. Sensitive: no at 0.9."""

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from palpate.execution.harm.touch import SHOWN, UNSEEN, Figures, Touch, touches
 from palpate.execution.harm.witness import LOOK, Mask, Witness
 from palpate.geometry.pose import Array
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 TIPPED = np.deg2rad(15)
 """rad: largest allowed tilt from the first attitude."""
@@ -45,6 +48,8 @@ class Track:
     """
 
     def __init__(self, witness: Witness, index: int) -> None:
+        from scipy.spatial.transform import Rotation  # takes longer to load than most plans to make
+
         self.name = witness.objects[index]
         looks = witness.looks
         poses = np.array([look.poses[index] for look in looks])

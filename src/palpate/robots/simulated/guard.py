@@ -12,7 +12,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dposv
 
 from palpate.geometry.pose import Array
 from palpate.robots.nominal import RIDGE, force_of, unexplained
@@ -95,6 +94,8 @@ class Guard:
             deviation: (n, 7) N m of each cycle: sensed less commanded torques, and less Coriolis and
                 centrifugal torques.
         """
+        from scipy.linalg.lapack import dposv  # not for a plan that nothing executes
+
         self._to_wrench = dposv(jacobian @ jacobian.T + RIDGE, jacobian)[1].T
         self._jacobian, self._to_momentum = jacobian, inertia / TIMESTEP
         self._to_rest = np.eye(7) - force_of(jacobian).T @ jacobian[:3]

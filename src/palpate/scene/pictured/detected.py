@@ -35,7 +35,7 @@ from palpate.scene.pictured.objects import (
 )
 from palpate.scene.pictured.sharpen import sharpened
 from palpate.scene.places import APPROACH
-from palpate.scene.poses import PoseEntry, Poses
+from palpate.scene.poses import ObjectEntry, Poses
 from palpate.scene.scene import Scene
 from palpate.scene.symbols import (
     DEFAULT_OFFSETS,
@@ -165,9 +165,9 @@ class DetectedScene:
         """Content of `poses.yaml` for the built scene, without names that are not in it."""
         names = {shape.thing.name for shape in (*slabs, *things)}
         given = self.template.poses
-        tops: dict[str, PoseEntry] = {}
+        tops: dict[str, ObjectEntry] = {}
         for slab in slabs:
-            tops[slab.thing.name] = PoseEntry(pos=(slab.x, slab.y, levels[slab.thing.name]))
+            tops[slab.thing.name] = ObjectEntry(pos=(slab.x, slab.y, levels[slab.thing.name]))
         grasps = {name: entry for name, entry in given.grasps.items() if name in names}
         offsets = dict(given.offsets)
         for name, value in given.offsets.items():

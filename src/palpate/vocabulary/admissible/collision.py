@@ -25,16 +25,10 @@ from palpate.vocabulary.admissible.collision_geometry import (
     hand_sweep,
     opening,
 )
+from palpate.vocabulary.admissible.path import ArmPath, finger_path, joint_path, straight_path
 from palpate.vocabulary.admissible.solids import SIDES, solids
 from palpate.vocabulary.admissible.support import SETTLES, footing
-from palpate.vocabulary.admissible.sweep import (
-    ArmPath,
-    Hit,
-    Sweep,
-    finger_path,
-    joint_path,
-    straight_path,
-)
+from palpate.vocabulary.admissible.sweep import Hit, Sweep
 from palpate.vocabulary.admissible.unknown_heights import (
     higher,
     is_unmeasured,

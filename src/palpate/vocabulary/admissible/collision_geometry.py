@@ -10,8 +10,9 @@ import numpy as np
 from palpate.geometry.pose import Array, Pose
 from palpate.vocabulary.admissible.arrangement import Part, arrangement
 from palpate.vocabulary.admissible.grip import grip
+from palpate.vocabulary.admissible.path import ArmPath, hand_path
 from palpate.vocabulary.admissible.solids import SIDES, Frames, Shape, ShapeGroup, Solids, solids
-from palpate.vocabulary.admissible.sweep import ArmPath, Pairs, Sweep, hand_path
+from palpate.vocabulary.admissible.sweep import Pairs, Sweep
 from palpate.vocabulary.state import SymbolicState
 
 HAND = "hand"

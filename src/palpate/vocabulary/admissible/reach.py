@@ -8,8 +8,8 @@ from palpate.robots.kinematics import within_joint_limits
 from palpate.scene.scene import Scene
 from palpate.scene.symbols import PoseExpression
 from palpate.vocabulary.admissible.collision_geometry import LINK, arm_sweep
+from palpate.vocabulary.admissible.path import joint_path
 from palpate.vocabulary.admissible.solids import solids
-from palpate.vocabulary.admissible.sweep import joint_path
 from palpate.vocabulary.state import HOME_CONFIG, SymbolicState
 from palpate.vocabulary.violation import Violation
 

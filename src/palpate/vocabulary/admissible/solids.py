@@ -43,7 +43,7 @@ FAR = 10.0  # m: upper bound of every distance asked for
 REACHED = 0.002
 """m between a pose and the TCP of a configuration, up to which the configuration reaches it."""
 CACHED_SCENES = 32
-RECENT_RESULTS = 64  # Largest number of large results that are kept
+RECENT_RESULTS = 16  # Largest number of large results that are kept
 CACHED_RESULTS = 20_000  # Largest number of cached results of one scene
 
 T = TypeVar("T")
