@@ -78,8 +78,10 @@ def at_rest(samples: Samples) -> Mask:
     # Time of the last change of the command before each row, and of the next after it.
     last_change = np.maximum.accumulate(np.where(changed, t, -np.inf))
     next_change = np.minimum.accumulate(np.where(changed, t, np.inf)[::-1])[::-1]
-    slow = np.linalg.norm(samples.twist[:, :3], axis=1) < tuning.STILL_SPEED
-    slow &= np.linalg.norm(samples.twist[:, 3:], axis=1) < tuning.STILL_TURN
+    # The velocity that an arm at rest reports is noise of its encoders, of a real one 0.6 mm/s.
+    twist, _ = smoothed_with_rate(samples.twist, t, tuning.SPEED_SMOOTH)
+    slow = np.linalg.norm(twist[:, :3], axis=1) < tuning.STILL_SPEED
+    slow &= np.linalg.norm(twist[:, 3:], axis=1) < tuning.STILL_TURN
     return (t - last_change > tuning.SETTLE) & (next_change - t > tuning.START) & slow
 
 
