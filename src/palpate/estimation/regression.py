@@ -315,28 +315,10 @@ class Model:
         return mean, covariance, density
 
     def _every(self) -> Sequence[_Solved]:
-        """Posteriors for each combination of those of the hyperpriors' factors that count."""
+        """Posteriors for each combination of the hyperpriors' factors."""
         projected, gram = self.design.T @ self.y, self.design.T @ self.design
-        known: dict[tuple[int, ...], _Solved] = {}
-
-        def solved(choice: tuple[int, ...]) -> _Solved:
-            if choice not in known:
-                known[choice] = self._solve(choice, projected, gram)
-            return known[choice]
-
-        # The likeliest factor of one hyperprior after the other, and those that are not far less likely beside it.
-        best = tuple(int(np.argmax(each.chance)) for each in self.hyperpriors)
-        counted: list[list[int]] = [[] for _ in self.hyperpriors]
-        for place in [*range(len(best))] * tuning.FACTOR_ROUNDS:
-            ways = [
-                (*best[:place], factor, *best[place + 1 :])
-                for factor in range(len(self.hyperpriors[place].factors))
-            ]
-            evidence = np.array([solved(way).evidence for way in ways])
-            least = evidence.max() + np.log(tuning.COUNTED)
-            counted[place] = np.flatnonzero(evidence > least).tolist()
-            best = ways[int(np.argmax(evidence))]
-        return [solved(choice) for choice in product(*counted)]
+        choices = product(*(range(len(each.factors)) for each in self.hyperpriors))
+        return [self._solve(choice, projected, gram) for choice in choices]
 
     def _solve(self, choice: tuple[int, ...], projected: Array, gram: Array) -> _Solved:
         """Posterior with the chosen scale factors. Its evidence is the log probability of the

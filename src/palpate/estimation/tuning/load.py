@@ -186,9 +186,6 @@ GAINS_OFF = ((1.0, 3.0), (0.95, 0.05))
 """factors on the datasheet's uncertainty of gains, with prior probabilities: one arm in twenty is no longer as it
 was delivered. Sensitive: no."""
 
-FACTOR_ROUNDS = 2
-"""rounds over all hyperpriors, in which the likeliest factor of each is sought. Sensitive: no."""
-
 PULL_SMALL = 0.05
 """N/m (1 sigma): tolerated growth of a force with the height. Sensitive: no."""
 
