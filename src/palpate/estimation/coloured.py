@@ -121,7 +121,7 @@ def with_residual(noise: SignalNoise, residual: Residual, spans: Spans) -> Signa
     for joint, root in enumerate(noise.roots):
         both = root @ root.T + residual.covariance(spans, joint)
         roots.append(np.linalg.cholesky(both).astype(np.float64))
-    own = np.array([float(np.sum(root**2)) / len(root) for root in noise.roots])
+    own = np.array([float((root * root).sum()) / len(root) for root in noise.roots])
     return SignalNoise(roots, residual.freedom_beside(own, noise.freedom, spans))
 
 

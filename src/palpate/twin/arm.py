@@ -70,7 +70,9 @@ def _links(found: ArmDynamics, document: Document) -> Iterator[Change]:
     data: Any = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
-    bodies = Bodies.of(arm)
+    chain, known = arm.nominal.chain, arm.sensors
+    assert chain is not None
+    bodies = Bodies.of(chain, known.link_mass, known.link_com, arm.limits.payload)
     changed = [
         (int(model.jnt_bodyid[model.joint(name).id]), joint, found.parameters[joint] - described)
         for joint, (name, described) in enumerate(zip(arm.joints, bodies.links, strict=True))
