@@ -11,6 +11,7 @@ from palpate.scenarios.catalogue import scenario
 NAMES = (
     "bottle_and_table",
     "clutter",
+    "drawer",
     "friction",
     "hammer",
     "hidden_geometry",

@@ -218,6 +218,7 @@ class MjModel:
     body_parentid: _Ints
     body_rootid: _Ints
     body_weldid: _Ints
+    body_dofnum: _Ints
     body_jntnum: _Ints
     body_jntadr: _Ints
     body_dofadr: _Ints

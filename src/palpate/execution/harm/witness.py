@@ -128,6 +128,12 @@ class Witness:
         number = {body: i for i, body in enumerate(free)}
         roots: list[int] = model.body_rootid[model.geom_bodyid].tolist()
         self._object = np.array([number.get(root, -1) for root in roots], dtype=np.int32)
+        # Drawers and doors are gripped, too, but no objects: they are numbered after these.
+        moving: list[int] = model.body_weldid[model.geom_bodyid].tolist()
+        self._graspable = [
+            number.get(root, len(free) + body if body and model.body_dofnum[body] else -1)
+            for root, body in zip(roots, moving, strict=True)
+        ]
         self._robot = np.array([_is_robot(model, b) for b in model.geom_bodyid])
         self._mine = self._robot.copy()
         self._object_of, self._robot_geoms = self._object.tolist(), _set(self._robot)
@@ -172,8 +178,8 @@ class Witness:
         fingers: list[tuple[int, int, int]] = []
         for i in mine:
             side, other = self._sides(pairs[i])
-            finger, thing = self._finger.get(side), self._object_of[other]
-            if finger is not None and thing >= 0:
+            finger, thing = self._finger.get(side), self._graspable[other]
+            if finger is not None and thing >= 0 and other not in self._robot_geoms:
                 fingers.append((i, finger, thing))
         touched = np.zeros(len(self.objects) + 1, dtype=bool)
         touched[self._object.take(geoms)] = True
@@ -226,8 +232,9 @@ class Witness:
         for thing, sides in found.items():
             if len(sides) < 2:
                 continue
-            self._gripped[thing] = self.steps
-            self._hold(thing)
+            if thing < len(self.objects):
+                self._gripped[thing] = self.steps
+                self._hold(thing)
             grips.update(i for contacts in sides.values() for i in contacts)
         return grips
 
