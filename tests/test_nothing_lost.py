@@ -33,7 +33,7 @@ def plan() -> api.Plan:
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """The twin is not touched in simulation, which takes longer than all the rest: it fails."""
 
-    def broken(*_: object) -> None:
+    def broken(*_: object, **__: object) -> None:
         raise RuntimeError("no twin today")
 
     monkeypatch.setattr(building, "build", broken)
@@ -204,7 +204,7 @@ def test_every_estimate_is_on_disk_when_it_is_made(
 ) -> None:
     seen: list[tuple[str, str, int]] = []
 
-    def look(*_: object) -> None:
+    def look(*_: object, **__: object) -> None:
         found = result(tmp_path / "run")
         seen.append((found["status"], found["stage"], len(found["parameters"])))
         raise KeyboardInterrupt
@@ -215,7 +215,7 @@ def test_every_estimate_is_on_disk_when_it_is_made(
     assert run.status == "aborted"
     assert run.interrupted == "interrupted while building the twin"
 
-    monkeypatch.setattr(building, "build", lambda *_: None)
+    monkeypatch.setattr(building, "build", lambda *_, **__: None)
     again = api.finish(tmp_path / "run")
     assert (again.status, again.interrupted) == ("complete", None)
     assert again["mug.mass"].values == run["mug.mass"].values

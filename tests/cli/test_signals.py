@@ -30,10 +30,10 @@ from test_nothing_lost import Bench
 
 built = building.build
 
-def build(*inputs):
+def build(*inputs, **named):
     # the signal comes while it is built, however busy the machine is
     time.sleep(20)
-    return built(*inputs)
+    return built(*inputs, **named)
 
 if "SLOW_TWIN" in os.environ:
     building.build = build

@@ -57,7 +57,7 @@ PRINTED = {
     "12_prove": (r"mug +topple +[\d.]+ N +[+-][\d.]+ N +[+-]0\.0\d\d N",),
     "13_drawer": (
         r"<drawer\.frictionloss = [\d.]+ ± [\d.]+ N, 95 % \[[\d., ]+\], identified, simulated>",
-        r"<drawer\.damping = [\d.]+ ± [\d.]+ N s/m, 95 % \[[\d., ]+\], identified, simulated>",
+        r"<drawer\.damping = [\d.]+ ± [\d.]+ N·s/m, 95 % \[[\d., ]+\], identified, simulated>",
         r'damping="[\d.]+" frictionloss="[\d.]+"',
     ),
 }

@@ -40,5 +40,5 @@ def test_the_work_of_a_wrench_is_its_force_along_the_joint(joint: Joint) -> None
 
 
 def test_units_and_room() -> None:
-    assert (SLIDE.unit(), SLIDE.unit("N s"), HINGE.unit("N s")) == ("m", "N s/m", "N m s/rad")
+    assert (SLIDE.unit(), SLIDE.unit("N·s"), HINGE.unit("N·s")) == ("m", "N·s/m", "N·m·s/rad")
     assert (SLIDE.room(1.0), SLIDE.room(-1.0)) == pytest.approx((0.15, 0.05))

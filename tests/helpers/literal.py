@@ -116,10 +116,16 @@ class Reader:
             if quantity not in self.quantities:
                 raise Unread(f"no quantity {quantity}")
         log, grasp = self.leaf("MeasureForces"), f"{name}_pose"
-        if "height" in wanted:
+        if wanted & {"height", "stiffness", "contact_damping"}:
             there = move(self.pose(f"{name}_approach"))
             probe = [self.leaf("MoveUntilContact", axis="-z"), self.leaf("MeasureGripperPose")]
-            return [there, *probe, self.leaf("Pose2Height"), dict(there)]
+            read = [self.leaf("Pose2Height")] if "height" in wanted else []
+            return [there, *probe, *read, dict(there)]
+        if wanted & {"frictionloss", "damping"}:
+            passes = {"type": "MoveHandle", "passes": 2}
+            logged = {"type": "Parallel", "children": [passes, dict(log)]}
+            above = move(self.pose(grasp, z_offset=1.0))
+            return [move(self.pose(grasp)), logged, above, dict(logged)]
         weighed = [dict(log), *([self.leaf("Force2Mass")] if "mass" in wanted else [])]
         if "com" in wanted:
             steps: list[Node] = []

@@ -17,7 +17,7 @@ from .judge import assert_acquired, assert_near_truth, assert_restored, executed
 SYMBOLIC = [
     name
     for name in scenarios()
-    if (s := scenario(name)).planner == "symbolic" and s.status == "complete"
+    if (s := scenario(name)).planner == "symbolic" and s.status == "complete" and "model" in s.plans
 ]
 LONG = "fifteen_objects"
 """What its plan does is executed once, as the planner wrote it; a model's is checked."""

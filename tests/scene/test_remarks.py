@@ -36,7 +36,7 @@ def test_elements_removed_with_the_robot_are_remarked() -> None:
 
 
 def test_bodies_that_are_neither_object_nor_surface_are_remarked() -> None:
-    door = '<body name="door"><joint/><geom size=".1"/></body>'
+    door = '<body name="door"><joint axis="0 1 0"/><joint/><geom size=".1"/></body>'
     lines = read('<site name="robot_base"/>' + door)
     assert "'door'" in lines[0]
     assert lines[1:] == (
@@ -46,7 +46,7 @@ def test_bodies_that_are_neither_object_nor_surface_are_remarked() -> None:
 
 
 def test_a_body_that_is_no_robot_can_be_named_as_one() -> None:
-    door = '<body name="door"><joint/><geom size=".1"/></body>'
+    door = '<body name="door"><joint axis="0 1 0"/><joint/><geom size=".1"/></body>'
     site = '<site name="robot_base"/>'
     assert "--robot-body NAME" in read(site + door)[0]
     named = parse_scene(

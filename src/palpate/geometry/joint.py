@@ -42,9 +42,9 @@ class Joint:
         return self.high - self.position if sign > 0.0 else self.position - self.low
 
     def unit(self, per: str = "") -> str:
-        """Unit of its position, `m` or `rad`; of a force or moment `per` that, `N s/m` or `N m s/rad`."""
+        """Unit of its position, `m` or `rad`; of a force or moment `per` that, `N·s/m` or `N·m·s/rad`."""
         own = "m" if self.is_slide else "rad"
-        return f"{per if self.is_slide else per.replace('N', 'N m')}/{own}" if per else own
+        return f"{per if self.is_slide else per.replace('N', 'N·m')}/{own}" if per else own
 
     def motion(self, travel: float) -> Pose:
         """Rigid motion (world) of all that it guides, by `travel`, m or rad."""

@@ -58,6 +58,8 @@ def press_notes(twin: Scene, estimates: Sequence[Estimate]) -> Iterator[str]:
         if "stiffness" not in twin.body(name).known:
             continue
         presses = press(twin, estimate)
+        if not presses:
+            continue
         forces = ", ".join(f"{one.force:.2g}" for one in presses)
         depths = ", ".join(f"{1e3 * one.depth:.3g}" for one in presses)
         text = f"{name} pressed as by the fingertips with {forces} N gives way by {depths} mm in the twin"
@@ -73,7 +75,10 @@ def press_notes(twin: Scene, estimates: Sequence[Estimate]) -> Iterator[str]:
 
 
 def press(twin: Scene, estimate: Estimate) -> tuple[Press, ...]:
-    """Press the surface of a stiffness `estimate`, N/m, to parts of the depth to which it was measured."""
+    """Press the surface of a stiffness `estimate`, N/m, to parts of the depth to which it was measured; of an
+    estimate that states none, nothing is pressed."""
+    if "depth" not in estimate.parts:
+        return ()
     ((low, high),) = estimate.intervals.tolist()
     stiffness, deepest = float(estimate.values[0]), estimate.parts["depth"].value
     found: list[Press] = []

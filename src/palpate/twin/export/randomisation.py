@@ -79,7 +79,9 @@ def ranges(estimates: Sequence[Estimate]) -> dict[str, Any]:
 def covariance(estimates: Sequence[Estimate]) -> Array:
     """(n, n) covariance of all components: C_ij = sum over shared causes k of e_ki e_kj, beside the
     variances. Causes are those of `Estimate.shared`, as the gain of a joint."""
-    stds = np.concatenate([np.empty(0), *(estimate.stds for estimate in estimates)])
+    if not estimates:
+        return np.zeros((0, 0))
+    stds = np.concatenate([estimate.stds for estimate in estimates])
     causes: dict[str, Array] = {}
     first = 0
     for estimate in estimates:
