@@ -24,8 +24,11 @@ TOLERANCE = {
     "com": 0.003,
     "stiffness": 60.0,
     "contact_damping": 40.0,
+    "frictionloss": 0.2,
+    "damping": 1.5,
 }
-"""At `--noise lab`: m, -, m (horizontally: no torque tells the height of a centre of mass), N/m, N s/m."""
+"""At `--noise lab`: m, -, m (horizontally: no torque tells the height of a centre of mass), N/m, N·s/m; of a joint N or
+N·m, and N·s/m or N·m·s/rad."""
 MASS = 0.02
 """Relative."""
 LIGHT = 0.004
