@@ -1,4 +1,4 @@
-"""What a twin is good for: tasks planned with the scene as given and with the twin, carried out in the true world."""
+"""What a twin is good for: tasks planned with the scene as given and with the twin, carried out with the truth."""
 
 from pathlib import Path
 

@@ -16,6 +16,7 @@ from palpate.geometry.pose import Pose
 from palpate.planning.plan import Node, Plan, dump_plan
 from palpate.runs.run import Run
 from palpate.scene.load import parse_scene
+from palpate.scene.poses import Poses
 from palpate.settings import Settings
 from palpate.stages.planning import rehearse
 
@@ -67,6 +68,14 @@ def test_what_was_rehearsed_is_read_again(tmp_path: Path) -> None:
 )
 def test_another_scene_was_not_rehearsed(tmp_path: Path, old: str, new: str) -> None:
     assert kept_rehearsal(kept(tmp_path), PLAN, parse_scene(TEXT.replace(old, new))) is None
+
+
+def test_a_plan_whose_names_mean_other_places_was_not_rehearsed(tmp_path: Path) -> None:
+    for poses in (
+        Poses(offsets={"aside": (0.05, 0.0, 0.0)}),
+        Poses(offsets={"aside": (0.2, 0.0, 0.0)}),
+    ):
+        assert kept_rehearsal(kept(tmp_path), PLAN, parse_scene(TEXT, poses=poses)) is None
 
 
 def test_another_plan_was_not_rehearsed(tmp_path: Path) -> None:

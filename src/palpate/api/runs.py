@@ -72,7 +72,7 @@ class Run(InnerRun):
 
     def prove(self) -> Proof:
         """Plan a push, a topple and a throw of each measured object with the prior and with the twin, and tell
-        how far from their goals they end in the true world, else in worlds drawn from the twin's intervals.
+        how far from their goals they end with the true values, else with values drawn from the twin's intervals.
 
         A saved run keeps it in `proof.json` and shows it in its report.
 

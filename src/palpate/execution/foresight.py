@@ -1,4 +1,4 @@
-"""What a rehearsal saw after each leaf: where things really end, and what the fingers hold.
+"""Foresight: poses of objects, and widths and weights in the fingers, after each leaf of a rehearsal.
 
 Effects of primitives are geometry alone. In physics closing fingers centre an object, a dragged one lags
 behind, a released one settles. The rehearsal compares the believed poses with the simulated ones after each
@@ -31,7 +31,7 @@ OTHER_WEIGHT, UNSURE = 3.0, 3.0
 
 @dataclass(frozen=True, slots=True)
 class Foresight:
-    """What was seen in a rehearsal.
+    """Observations of a rehearsal.
 
     Attributes:
         shifts: by path of a leaf and name of an object, the pose of the simulated object in the frame of the
@@ -103,7 +103,7 @@ class Look:
 
     @property
     def foresight(self) -> Foresight:
-        """What was seen so far."""
+        """Observations so far."""
         weights = {name: (weight, weight) for name, weight in self._world.weights().items()}
         return Foresight(self._shifts, self._widths, weights)
 

@@ -1,7 +1,8 @@
 """A rehearsal in a run folder, so that the folder's plan is not rehearsed again.
 
 Only what the embedded arm does may rest on such a file, which anybody can write: before a real arm the plan is
-always rehearsed. The key is of plan, scene and arm as compiled, with their priors, and of palpate's version.
+always rehearsed. The key is of plan, scene and arm as compiled, with priors, named poses and offsets, and of
+palpate's version.
 """
 
 from __future__ import annotations
@@ -85,12 +86,14 @@ def kept_rehearsal(folder: Path, plan: Plan, scene: Scene) -> Rehearsal | None:
 
 
 def key(plan: Plan, scene: Scene) -> str:
-    """Hash of what a rehearsal depends on: plan, scene and arm as compiled, priors, version."""
+    """Hash of what a rehearsal depends on: plan, scene and arm as compiled, priors, names of poses.yaml,
+    version."""
     compiled = _binary(solids(scene).model)
     document: dict[str, Any] = plan_json(plan)
     priors = sorted((str(name), repr(prior)) for name, prior in scene.resolved.priors.items())
     said = [__version__, document["parameters"], document["tree"], priors]
     said += [sorted(map(str, scene.missing)), repr(scene.pose_world_base), _arm(scene)]
+    said.append(_names(scene))
     return hashlib.sha256(json.dumps(said).encode() + compiled.tobytes()).hexdigest()
 
 
@@ -106,6 +109,21 @@ def _arm(scene: Scene) -> str:
     """The arm's figures beside its compiled model."""
     arm = scene.arm
     return repr((arm.name, arm.pace, arm.stiffness, arm.limits.reflexes, arm.nominal))
+
+
+def _names(scene: Scene) -> list[dict[str, Any]]:
+    """Poses, joint configurations and offsets that a plan may name; poses.yaml states some of them."""
+    symbols = scene.symbols
+    poses = {name: pose.vector.tolist() for name, pose in symbols.poses.items()}
+    joints, offsets = (
+        {name: vector.tolist() for name, vector in named.items()}
+        for named in (symbols.configurations, symbols.offsets)
+    )
+    own = {
+        name: {offset: vector.tolist() for offset, vector in named.items()}
+        for name, named in symbols.own_offsets.items()
+    }
+    return [poses, joints, offsets, own]
 
 
 def _pose(row: Row) -> Pose:

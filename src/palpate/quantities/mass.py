@@ -173,7 +173,8 @@ def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
 
 
 def estimate_by_rests_and_passes(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """As `estimate_mass`, without the other motion in free air: less precise, in half the time."""
+    """Mass from rests and passes alone, without the other motion in free air: less precise than
+    `estimate_mass`, in half the time."""
     return _contrast(trace, parameter, by_all_motion=False)
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from palpate.errors import InputError
-from palpate.estimation.estimate import Estimate, rounded
+from palpate.estimation.estimate import Estimate, axes_of, rounded
 from palpate.mjcf.defaults import INHERITED, unknowns_replaced
 from palpate.mjcf.document import Element, Texts, elements, has_unknown, tokens
 from palpate.mjcf.edits import Change, Edit, number
@@ -126,6 +126,11 @@ def complete(
     return Completed(texts, tuple(notes), unwritten)
 
 
+def part_names(quantity: str, size: int) -> list[str]:
+    """Names of a quantity's components as parts of another's estimate: `mass`, or `com x` and so on."""
+    return [f"{quantity} {axis}".strip() for axis in axes_of(size)]
+
+
 def as_stated(parameter: Parameter, quantities: Catalogue) -> Parameter:
     """The parameter by the quantity that the file states: a `com_3d` is a `com`."""
     quantity = quantities.get(parameter.quantity)
@@ -147,8 +152,8 @@ def values_to_write(
         body = scene.bodies.get(estimate.parameter.object)
         for name in sorted(body.missing) if body is not None else ():
             parameter, size = Parameter(estimate.parameter.object, name), scene.catalogue[name].size
-            # Of a vector all components are needed: `com x` and so on.
-            names = [name] if size == 1 else [f"{name} {axis}" for axis in "xyz"[:size]]
+            # Of a vector all components are needed.
+            names = part_names(name, size)
             parts = [estimate.parts[part] for part in names if part in estimate.parts]
             if len(parts) < size or parameter in values or parameter in asked:
                 continue

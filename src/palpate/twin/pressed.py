@@ -30,7 +30,7 @@ BALL_BODY = "palpate_ball"
 
 @dataclass(frozen=True, slots=True)
 class Press:
-    """One press of the twin.
+    """Press of the twin's surface by one force.
 
     Attributes:
         force: N.

@@ -39,6 +39,28 @@ def finish_fingers(blackboard: Blackboard) -> Generator[None]:
         yield
 
 
+def grip(
+    blackboard: Blackboard, missing: str, force: float | None = None
+) -> Generator[None, None, float]:
+    """Close the fingers with a force, N, or the full one, and wait until they have settled.
+
+    Returns:
+        m between the fingers at rest.
+
+    Raises:
+        LeafFailure: they met no resistance; `missing` says what is not there.
+    """
+    robot = blackboard.robot
+    robot.close_gripper(force)
+    yield from finish_fingers(blackboard)
+    start = robot.state.t
+    while robot.state.t - start < GRIP_SETTLE:
+        yield
+    if not robot.state.gripping:
+        raise LeafFailure(f"the fingers met no resistance: {missing}")
+    return robot.state.width
+
+
 def _open(blackboard: Blackboard) -> Generator[None]:
     blackboard.robot.open_gripper()
     yield from finish_fingers(blackboard)
@@ -154,18 +176,8 @@ class CloseGripper(Primitive):
 
     def _close(self, blackboard: Blackboard, force: float | None) -> Generator[None, None, float]:
         """Close with a force, N, or the full one; m between the fingers at rest."""
-        robot = blackboard.robot
-        robot.close_gripper(force)
-        yield from finish_fingers(blackboard)
-        start = robot.state.t
-        while robot.state.t - start < GRIP_SETTLE:
-            yield
-        if not robot.state.gripping:
-            raise LeafFailure(
-                "the fingers met no resistance: nothing is between them"
-                f"{_pictured(blackboard.state)}"
-            )
-        return robot.state.width
+        missing = f"nothing is between them{_pictured(blackboard.state)}"
+        return (yield from grip(blackboard, missing, force))
 
 
 def _pictured(state: SymbolicState) -> str:

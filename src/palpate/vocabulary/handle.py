@@ -24,7 +24,7 @@ from palpate.vocabulary.base import (
     Steps,
     Surroundings,
 )
-from palpate.vocabulary.gripper import GRIP_SETTLE, finish_fingers
+from palpate.vocabulary.gripper import finish_fingers, grip
 from palpate.vocabulary.load import Load
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.touch import BRIEF, DWELL, WrenchFilter, median_wrench, settle
@@ -191,15 +191,7 @@ def _take_hold(blackboard: Blackboard, name: str, held: bool) -> Generator[None]
     blackboard.set_reflex(robot.limits.reflexes.contact)
     if not held:
         return
-    robot.close_gripper()
-    yield from finish_fingers(blackboard)
-    start = robot.state.t
-    while robot.state.t - start < GRIP_SETTLE:
-        yield
-    if not robot.state.gripping:
-        raise LeafFailure(
-            f"the fingers met no resistance: the handle of '{name}' is not where it is believed"
-        )
+    yield from grip(blackboard, f"the handle of '{name}' is not where it is believed")
     yield from settle(blackboard, BRIEF)
 
 

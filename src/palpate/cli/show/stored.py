@@ -117,7 +117,7 @@ def show_proof(proof: Proof, as_json: bool) -> None:
     for line in proof.left_out:
         out.prose(f"[yellow]left out[/] {escape(line)}")
     judges = {
-        "truth": "Carried out in the true world of the simulation.",
+        "truth": "Carried out in the scene with the true values of the simulation.",
         "draws": "The truth is not known: carried out in worlds drawn from the twin's intervals.",
     }
     out.prose(judges[proof.judge])

@@ -1,8 +1,8 @@
-"""Proof of a twin: what is planned with it, with its priors and with its intervals lands how far from the goal.
+"""Proof of a twin: distances from the goal of tasks that were planned in the prior and in the twin.
 
-Each task is planned in the prior (the scene as given) and in the twin, and carried out in the truth of a simulated
-world; where there is no truth, in worlds drawn from the twin's intervals. What the twin's plan reaches in those
-draws is how far it promises to land.
+Each task is planned in the prior (the scene as given) and in the twin, and carried out in the scene with the true
+values of a simulated world; where they are not known, in scenes drawn from the twin's intervals. The distances that
+the twin's plan reaches in those draws are its promise.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ import numpy as np
 
 from palpate.display import table, text_table
 from palpate.errors import InputError
-from palpate.estimation.estimate import Estimate, axes_of
+from palpate.estimation.estimate import Estimate
 from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
 from palpate.scene.scene import Scene
-from palpate.twin.inject import as_stated, values_to_write
+from palpate.twin.inject import as_stated, part_names, values_to_write
 from palpate.twin.tasks.tasks import TASKS, WAYS, Task
 from palpate.twin.tasks.trial import Trial, Values, trial_of
 from palpate.twin.twin import held_by_twin
@@ -67,7 +67,7 @@ class Proved:
 
     @property
     def depends(self) -> bool:
-        """What was measured matters: the plans of prior and twin differ."""
+        """True where the plans of prior and twin differ: a measured value acts on the task."""
         return not np.allclose(self.prior, self.twin, rtol=0, atol=SAME * abs(self.goal))
 
     def cells(self) -> tuple[str, ...]:
@@ -107,7 +107,7 @@ def typical(errors: Sequence[float]) -> float:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Proof:
-    """What a twin is good for.
+    """Tasks planned with a twin, and how near to their goals they end.
 
     Attributes:
         rows: one for each object and task that can be done.
@@ -150,7 +150,7 @@ def prove(
     if not objects:
         raise InputError("there is nothing to prove: no object was measured, nor what it stands on")
     true = {**values, **{named(parameter): value for parameter, value in truth.items()}}
-    spread, rng = deviations(stated, values), np.random.default_rng(seed)
+    spread, rng = spread_of(stated, values), np.random.default_rng(seed)
     rows: list[Proved] = []
     left_out: list[str] = []
     for name in objects:
@@ -211,12 +211,11 @@ def _acts_on(scene: Scene, name: str, values: Values) -> bool:
     return any(parameter.object in carriers | {name} for parameter in values)
 
 
-def deviations(estimates: Sequence[Estimate], values: Values) -> dict[Parameter, Array]:
+def spread_of(estimates: Sequence[Estimate], values: Values) -> dict[Parameter, Array]:
     """(n,) standard deviations of each written value, which may be a part of another's estimate."""
     found = {each.parameter: each.stds for each in estimates}
     for parameter in values.keys() - found.keys():
-        axes = axes_of(len(values[parameter]))
-        names = [f"{parameter.quantity} {axis}".strip() for axis in axes]
+        names = part_names(parameter.quantity, len(values[parameter]))
         parts = next(
             each.parts
             for each in estimates

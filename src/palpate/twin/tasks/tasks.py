@@ -55,13 +55,23 @@ class Task(ABC):
     unit: ClassVar[Unit]
     goal: ClassVar[float]
 
-    @abstractmethod
     def plan(self, world: Trial) -> float | None:
-        """Action that reaches the goal in a world; None if there is none."""
+        """Action that ends at the goal in a world; None if the object tips over on the way to it, or cannot
+        be moved."""
+        action = smallest(
+            lambda action: self.reached(world, action) >= self.goal, *self.tried(world)
+        )
+        if action is None or abs(self.reached(world, action) - self.goal) > NEAR * self.goal:
+            return None
+        return action
+
+    def tried(self, world: Trial) -> tuple[float, float]:
+        """First and largest action that a plan tries in a world; of a force by the object's weight, N."""
+        return 0.1 * world.weight, STRONGEST * world.weight
 
     @abstractmethod
     def reached(self, world: Trial, action: float) -> float:
-        """What an action reaches in a world, in `unit`; not finite where the task fails otherwise."""
+        """Result of an action in a world, in `unit`; not finite where the task fails otherwise."""
 
 
 class Slide(Task):
@@ -71,10 +81,6 @@ class Slide(Task):
     says = "a push of 0.2 s near its foot shall slide it 100 mm"
     unit = "m"
     goal = 0.1
-
-    def plan(self, world: Trial) -> float | None:
-        """See `Task`."""
-        return to_mark(self, world, 0.1 * world.weight, STRONGEST * world.weight)
 
     def reached(self, world: Trial, action: float) -> float:
         """Distance along the way; infinite for an object that tips over or falls off."""
@@ -98,9 +104,10 @@ class SpringPush(Task):
     damping = 28.0
     speed = 0.1
 
-    def plan(self, world: Trial) -> float | None:
-        """See `Task`."""
-        return to_mark(self, world, self.goal / 2, 4 * self.goal)
+    def tried(self, world: Trial) -> tuple[float, float]:
+        """Distances of the arm, m."""
+        del world
+        return self.goal / 2, 4 * self.goal
 
     def reached(self, world: Trial, action: float) -> float:
         """Distance along the way; infinite for an object that tips over or falls off."""
@@ -132,7 +139,7 @@ class Topple(Task):
             return smallest(partial(self._tips, world), 0.1 * world.weight, 5 * world.weight)
 
     def reached(self, world: Trial, action: float) -> float:
-        """How much the force exceeds the threshold of a world."""
+        """Force in excess of the threshold of a world, N."""
         threshold = self.plan(world)
         return np.inf if threshold is None else action - threshold
 
@@ -153,10 +160,6 @@ class Throw(Task):
     says = "a force of 50 ms upwards at 45° shall throw it 500 mm, through free air to the floor"
     unit = "m"
     goal = 0.5
-
-    def plan(self, world: Trial) -> float | None:
-        """See `Task`."""
-        return to_mark(self, world, 0.1 * world.weight, STRONGEST * world.weight)
 
     def reached(self, world: Trial, action: float) -> float:
         """Distance of its centre of mass along the way, at z = 0 or where its foot was below that."""
@@ -186,14 +189,6 @@ def slid(world: Trial, done: mujoco.MjData, way: Array) -> float:
     moved = world.moved(done)
     stands = world.tilt(done) < UPRIGHT and abs(moved[2]) < 0.01
     return float(moved @ way) if stands else np.inf
-
-
-def to_mark(task: Task, world: Trial, first: float, most: float) -> float | None:
-    """Action that ends at the goal; None if the object tips over on the way to it, or cannot be moved."""
-    action = smallest(lambda action: task.reached(world, action) >= task.goal, first, most)
-    if action is None or abs(task.reached(world, action) - task.goal) > NEAR * task.goal:
-        return None
-    return action
 
 
 def smallest(suffices: Callable[[float], bool], first: float, most: float) -> float | None:
