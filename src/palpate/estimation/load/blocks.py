@@ -189,7 +189,7 @@ def _settled_or_away(samples: Samples) -> Mask:
     settled = resting.copy()
     for rows in runs(resting):
         settled[rows] &= t[rows] - t[rows.start] > tuning.WHOLE_SETTLED
-    speed = np.linalg.norm(smoothed_with_rate(samples.dq, t, tuning.SPEED_SHORT)[0], axis=1)
+    speed = np.linalg.norm(smoothed_with_rate(samples.dq, t, tuning.FOLLOWED)[0], axis=1)
     slow = speed < tuning.WHOLE_SLOW
     gone = np.cumsum(speed * np.gradient(t))
     since = gone - np.maximum.accumulate(np.where(slow, gone, -np.inf))

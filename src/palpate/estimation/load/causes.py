@@ -147,7 +147,7 @@ def of_empty_hand(trace: Trace, name: str) -> Residual | None:
         return None
     seen, samples = blocks(trace, observed, name, empty), trace.samples
     windows = list(runs(at_rest(samples) & load.empty))
-    rising = acceleration(samples, tuning.SPEED_SHORT)[:, 2]
+    rising = acceleration(samples, tuning.FOLLOWED)[:, 2]
     noise = free_noise(seen, block_noise(observed.signals, samples.t, rising, windows))
     y = by_signal(seen.observed)
     causes = list(of_arm(trace, observed, seen, np.zeros(len(seen.t)), np.zeros(len(y))))

@@ -49,7 +49,7 @@ class WrenchObservation:
         turned = np.concatenate([self.turn @ jacobian[:, :3], self.turn @ jacobian[:, 3:]], axis=1)
         return turned.transpose(0, 2, 1)
 
-    def own_motion(self, samples: Samples, rows: Mask, over: float = tuning.SPEED_SHORT) -> Array:
+    def own_motion(self, samples: Samples, rows: Mask, over: float = tuning.FOLLOWED) -> Array:
         """(n, m) N m that moved the arm's own links, in `rows` (n,), else 0, at rates averaged over `over` s; (n, 0)
         where the links are unknown."""
         if self.chain is None or not self.chain.links or len(samples) < 2:

@@ -298,15 +298,15 @@ class _Signals:
     def of(cls, trace: Trace, load: LoadRows, path: Path | None, cuts: Iterable[Cut]) -> _Signals:
         """Signals of a trace; the torques that move the arm's links only in the rows of `cuts`."""
         samples, t = trace.samples, trace.samples.t
-        observed, rising = observe(trace), acceleration(samples, tuning.SPEED_SHORT)[:, 2]
+        observed, rising = observe(trace), acceleration(samples, tuning.FOLLOWED)[:, 2]
         used = np.zeros(len(samples), dtype=bool)
         for cut in cuts:
             used[cut.rows] = True
-        motion = observed.own_motion(samples, used, tuning.SPEED_SHORT)
+        motion = observed.own_motion(samples, used, tuning.FOLLOWED)
         net = observed.signals
         if motion.shape[1]:
             # Averaged like the motion, so that faster changes do not show as a difference.
-            net = smoothed_with_rate(observed.signals, t, tuning.SPEED_SHORT)[0] - motion
+            net = smoothed_with_rate(observed.signals, t, tuning.FOLLOWED)[0] - motion
         moves = np.linalg.norm(samples.twist[:, :3], axis=1) > tuning.PASS_SPEED
         calm = (at_rest(samples) | (steady(samples) & moves)) & (load.loaded | load.empty)
         slides = [one for one in trace.recordings if one.context.activity == "sliding"]
