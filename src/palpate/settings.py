@@ -13,6 +13,7 @@ from palpate import __version__
 from palpate.errors import InputError, unknown_name
 from palpate.option import Option
 from palpate.planning.model.settings import ModelSettings
+from palpate.robots.simulated.noise import DEFAULT_LEVEL, LEVELS
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
@@ -128,12 +129,12 @@ class Settings:
     noise: Annotated[
         str,
         Option(
-            "Noise model of the robot: none | lab | datasheet | hardware | measured | FILE.yaml",
+            f"Noise model of the robot: {' | '.join(LEVELS)} | FILE.yaml",
             "NAME|FILE",
             "Robot",
-            choices=("none", "lab", "datasheet", "hardware", "measured"),
+            choices=LEVELS,
         ),
-    ] = "lab"
+    ] = DEFAULT_LEVEL
     seed: Annotated[int, Option("Seed of everything random.", "N", "Robot")] = 0
     rehearse: Annotated[
         bool | None,

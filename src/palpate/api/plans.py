@@ -18,6 +18,7 @@ from palpate.planning.check.check import Finding
 from palpate.planning.plan import Plan as InnerPlan
 from palpate.planning.planner import Planner
 from palpate.robots.owner.arm import own_arm
+from palpate.robots.simulated.noise import DEFAULT_LEVEL
 from palpate.runs.run import Run as InnerRun
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene as InnerScene
@@ -61,7 +62,7 @@ class Plan(InnerPlan):
         *,
         world: str | Path | InnerScene | None = None,
         robot: str | None = None,
-        noise: str = "lab",
+        noise: str = DEFAULT_LEVEL,
         seed: int = 0,
         on_failure: OnFailure = "stop",
         rehearse: bool | None = None,

@@ -21,6 +21,7 @@ from palpate.pictures.annotate import closer_png
 from palpate.pictures.film import Footage
 from palpate.pictures.moments import render_workspace
 from palpate.pictures.renderer import extent, gl_available
+from palpate.robots.simulated.noise import DEFAULT_LEVEL
 from palpate.scene.load import load_scene
 from palpate.scene.scene import Scene
 
@@ -64,7 +65,7 @@ class SimulatedCell:
         default_factory=dict[Parameter, tuple[float, ...]]
     )
     description: str = "simulated world"
-    noise: str = "lab"
+    noise: str = DEFAULT_LEVEL
     seed: int = 0
     scene: Scene | None = None
     visit: int = 0
@@ -170,7 +171,7 @@ def simulated_cell(
     scene: Scene | None,
     world: Path | Scene | None = None,
     *,
-    noise: str = "lab",
+    noise: str = DEFAULT_LEVEL,
     seed: int = 0,
     tolerance: float = SIZE_TOLERANCE,
     seen: bool = False,

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from html import escape
 
 from palpate.report.plots import MARK, NORM, Figure, figure_page
+from palpate.robots.simulated.noise import DEFAULT_LEVEL
 from palpate.scenarios.catalogue import scenario, scenarios
 from palpate.studies.accuracy import SeedRun, run_seed
 
@@ -55,7 +56,7 @@ def comparable() -> list[str]:
     ]
 
 
-def efficiency(names: Iterable[str], noise: str = "lab", seed: int = 0) -> list[Comparison]:
+def efficiency(names: Iterable[str], noise: str = DEFAULT_LEVEL, seed: int = 0) -> list[Comparison]:
     """Run both planners on each scenario."""
     found: list[Comparison] = []
     for name in names:

@@ -15,6 +15,7 @@ from palpate.planning.model.settings import ModelSettings
 from palpate.planning.plan import Plan
 from palpate.planning.planner import Observant, PlannerSettings
 from palpate.planning.registry import planners
+from palpate.robots.simulated.noise import DEFAULT_LEVEL
 from palpate.runs.run import Run
 from palpate.scenarios.catalogue import Scenario, scenario
 from palpate.scene.poses import Poses, read_poses
@@ -40,7 +41,7 @@ class Conditions:
     """
 
     images: tuple[Path, ...] = ()
-    noise: str = "lab"
+    noise: str = DEFAULT_LEVEL
     model_settings: ModelSettings = field(default_factory=lambda: ModelSettings(rounds=0))
     beside: Path | None = None
 

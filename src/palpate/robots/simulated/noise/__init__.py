@@ -1,0 +1,5 @@
+"""Noise of the simulated arm: levels that come with palpate, and the one that is used where nobody names one."""
+
+LEVELS = ("none", "lab", "datasheet", "hardware", "measured")
+DEFAULT_LEVEL = "measured"
+"""What recordings of real arms show."""

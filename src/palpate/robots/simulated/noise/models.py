@@ -23,10 +23,10 @@ from palpate.files.read import read_text
 from palpate.robots.description import RobotDescription
 from palpate.robots.registry import load_description
 from palpate.robots.sheet import merged
+from palpate.robots.simulated.noise import LEVELS
 from palpate.robots.simulated.noise.model import NoiseModel
 
 GROUP = "palpate.noise"
-OWN = ("none", "lab", "datasheet", "hardware", "measured")
 MAX_BYTES = 100_000  # largest noise model
 MOST_BASES = 8  # longest chain of files that extend each other
 
@@ -46,7 +46,7 @@ class NoiseModels:
     @property
     def names(self) -> tuple[str, ...]:
         """Names that `--noise` takes in place of a file."""
-        return (*OWN, *self.brought)
+        return (*LEVELS, *self.brought)
 
     def load(self, name_or_path: str, arm: RobotDescription | None = None) -> NoiseModel:
         """Load the model of `--noise NAME|FILE.yaml` for an arm, by default the FR3.
@@ -57,7 +57,7 @@ class NoiseModels:
         if name_or_path in self.brought:
             return self.brought[name_or_path]
         arm = arm or load_description()
-        if name_or_path in OWN:
+        if name_or_path in LEVELS:
             content = own_content(name_or_path, arm)
         elif means_file(name_or_path):
             content = file_content(Path(name_or_path), arm)
@@ -98,12 +98,12 @@ def file_content(path: Path, arm: RobotDescription, chain: tuple[Path, ...] = ()
     content = merged({"name": path.stem}, content_of(path))
     below = content.pop("extends", None) or "none"
     if not isinstance(below, str):
-        raise InputError(f"{path}: 'extends': give {', '.join(OWN)}, or another FILE.yaml")
-    if below in OWN:
+        raise InputError(f"{path}: 'extends': give {', '.join(LEVELS)}, or another FILE.yaml")
+    if below in LEVELS:
         return merged(own_content(below, arm), content)
     other = path.parent / below
     if not other.exists():
-        raise unknown_name("noise", below, OWN, f"It is named by 'extends' in {path}.")
+        raise unknown_name("noise", below, LEVELS, f"It is named by 'extends' in {path}.")
     return merged(file_content(other, arm, (*chain, path.resolve())), content)
 
 
@@ -163,6 +163,6 @@ def noise_models() -> NoiseModels:
     found: dict[str, NoiseModel] = {}
     for module in extensions(GROUP):
         for thing in public(module):
-            if isinstance(thing, NoiseModel) and thing.name not in OWN:
+            if isinstance(thing, NoiseModel) and thing.name not in LEVELS:
                 found.setdefault(thing.name, thing)
     return NoiseModels(found)
