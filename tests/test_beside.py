@@ -1,4 +1,4 @@
-"""Work in a process of its own, beside this one."""
+"""Work in a process of its own, beside this one; what it leaves behind when it is ended."""
 
 from __future__ import annotations
 
@@ -34,6 +34,19 @@ start = time.perf_counter()
 with Beside(lambda: time.sleep(60)):
     pass
 assert time.perf_counter() - start < 30
+begun, left = os.pipe(), os.pipe()
+def tidy():
+    try:
+        os.write(begun[1], b"b")
+        time.sleep(60)
+    finally:
+        os.write(left[1], b"l")
+with Beside(tidy):
+    os.read(begun[0], 1)
+os.set_blocking(left[0], False)
+assert os.read(left[0], 1) == b"l"
+with Beside(os.getpid, copied=False) as beside:
+    assert beside.result() == os.getpid()
 """
 
 

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
+GRACE = 2.0  # s in which a copy that is ended can remove what it wrote
+
 
 class Beside(Generic[T]):
     """Result of `work`, computed by a forked copy of this process. A context manager; leaving it ends
@@ -24,12 +26,12 @@ class Beside(Generic[T]):
     Without a copy, or if it fails, `result()` does the work in this process.
     """
 
-    def __init__(self, work: Callable[[], T]) -> None:
-        """Begin the work."""
+    def __init__(self, work: Callable[[], T], copied: bool = True) -> None:
+        """Begin the work; with `copied` False it waits for `result()`."""
         self._work = work
         self._copy: ForkProcess | None = None
         self._receiver: Connection | None = None
-        if can_copy():
+        if copied and can_copy():
             self._begin()
 
     def result(self) -> T:
@@ -43,6 +45,8 @@ class Beside(Generic[T]):
     def close(self) -> None:
         """End the copy."""
         if self._copy is not None and self._receiver is not None:
+            self._copy.terminate()
+            self._copy.join(GRACE)
             self._copy.kill()
             self._copy.join()
             self._receiver.close()
@@ -77,4 +81,10 @@ def _work_and_send(sender: Connection, work: Callable[[], T]) -> None:
     # Ctrl-C ends the run in the original process, which then ends the copy.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(BaseException):
+        signal.signal(signal.SIGTERM, _leave)
         sender.send(work())
+
+
+def _leave(*_: object) -> None:
+    """End the copy through its `finally` blocks."""
+    raise SystemExit
