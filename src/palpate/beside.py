@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import sys
 import threading
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, suppress
+from functools import partial
+from multiprocessing import parent_process
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
     from multiprocessing.context import ForkProcess
 
+K = TypeVar("K")
 T = TypeVar("T")
 
 GRACE = 2.0  # s in which a copy that is ended can remove what it wrote
@@ -68,12 +72,32 @@ class Beside(Generic[T]):
         self.close()
 
 
+def shared_out(work: Callable[[K], T], items: Sequence[K]) -> Iterator[T]:
+    """Iterate over the results of `work` on each of `items`, in order: this process does the first of
+    them, and for each further processor a copy does as many."""
+    count = len(os.sched_getaffinity(0)) if can_copy() else 1
+    share = math.ceil(len(items) / count)
+    with ExitStack() as stack:
+        copies = [
+            stack.enter_context(Beside(partial(_each, work, items[first : first + share])))
+            for first in range(share, len(items), share or 1)
+        ]
+        for item in items[:share]:
+            yield work(item)
+        for copy in copies:
+            yield from copy.result()
+
+
+def _each(work: Callable[[K], T], items: Sequence[K]) -> list[T]:
+    return [work(item) for item in items]
+
+
 def can_copy() -> bool:
-    """Test that forking is safe and useful: a second processor, and no other thread, whose locks the
-    copy would wait for forever."""
+    """Test that forking is safe and useful: a second processor, which no sibling of this process uses,
+    and no other thread, whose locks the copy would wait for forever."""
     if sys.platform != "linux" or threading.active_count() > 1:
         return False
-    return len(os.sched_getaffinity(0)) > 1
+    return len(os.sched_getaffinity(0)) > 1 and parent_process() is None
 
 
 def _work_and_send(sender: Connection, work: Callable[[], T]) -> None:

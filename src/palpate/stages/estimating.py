@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
+from palpate.beside import shared_out
 from palpate.callbacks import SILENT, RunCallbacks
 from palpate.cells.cell import Cell
 from palpate.errors import InputError, PalpateError
 from palpate.estimation.estimate import Estimate
+from palpate.parameter import Parameter
 from palpate.quantities.estimators import estimate_all, failed
 from palpate.runs.run import Run
 from palpate.scene.raised import as_measured
@@ -37,14 +40,7 @@ def estimates(made: Run, cell: Cell | None, callbacks: RunCallbacks = SILENT) ->
     # Keep the trace, so that it is read from its file once and not for every estimate.
     made = replace(made, estimates=(), held_out=None, recorded=trace)
     scene = made.scene if trace is None else as_measured(made.scene, trace)
-    for parameter in made.plan.parameters:
-        if trace is None:
-            found = failed(parameter, "Nothing was recorded.")
-        else:
-            try:
-                found = _annotated(made, estimate_all([parameter], trace, scene.bodies)[0])
-            except PalpateError as error:
-                found = failed(parameter, f"There is no estimator: {error}.")
+    for found in shared_out(partial(_estimated, made, scene), made.plan.parameters):
         made = replace(made, estimates=(*made.estimates, found))
         yield made
     callbacks.progress("validating the estimates on held-out motions")
@@ -53,6 +49,17 @@ def estimates(made: Run, cell: Cell | None, callbacks: RunCallbacks = SILENT) ->
     # The truth is asked for when the estimates are final, never before.
     if cell is not None:
         yield replace(made, truth=truths(made, cell))
+
+
+def _estimated(made: Run, scene: Scene, parameter: Parameter) -> Estimate:
+    """The estimate of a parameter, with the surfaces of `scene` as measured."""
+    trace = made.trace_if_any
+    if trace is None:
+        return failed(parameter, "Nothing was recorded.")
+    try:
+        return _annotated(made, estimate_all([parameter], trace, scene.bodies)[0])
+    except PalpateError as error:
+        return failed(parameter, f"There is no estimator: {error}.")
 
 
 def reestimate(made: Run, choice: Mapping[str, str] | None = None) -> Run:
