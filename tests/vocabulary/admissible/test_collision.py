@@ -11,7 +11,10 @@ import palpate as pp
 from palpate.geometry.pose import Pose
 from palpate.planning.plan import Node
 from palpate.vocabulary.admissible.collision import collisions
+from palpate.vocabulary.admissible.collision_geometry import LINK, arm_sweep
+from palpate.vocabulary.admissible.path import straight_path
 from palpate.vocabulary.admissible.profile import spans
+from palpate.vocabulary.admissible.solids import solids
 from palpate.vocabulary.admissible.support import footing
 from palpate.vocabulary.motion import MovePose
 from palpate.vocabulary.state import SymbolicState
@@ -183,6 +186,28 @@ def test_what_is_too_near_at_first_may_stay_as_near_and_not_come_nearer() -> Non
     assert not passing((0.5, near), (0.52, near), other)
     assert not passing((0.5, near), (0.5, 0.1), other)
     assert passing((0.5, near), (0.5, near - 0.003), other)
+
+
+def test_links_keep_5_mm_from_everything() -> None:
+    """A wall beside the elbow, above the hand, towards which the elbow goes."""
+    wall = '<body name="wall" pos="0.3 {} 1.0"><geom type="box" size=".5 .05 .35"/></body>'
+    start, end = (Pose.top_down((0.5, y, 0.4), 0.0) for y in (-0.2, 0.0))
+    shapes = solids(bench())
+    q = shapes.configuration(start), shapes.configuration(end)
+    back = straight_path(shapes, end, start, (q[1], q[0]), 0.08)
+
+    def state(y: float) -> SymbolicState:
+        return SymbolicState(bench(wall.format(y)), pose_world_tcp=start, gripper="open")
+
+    touching, free = 0.0, 0.4
+    while free - touching > 1e-4:
+        middle = (touching + free) / 2
+        hits = arm_sweep(state(middle), back, 0.01).overlaps()
+        into = any(hit.part.kind == LINK and hit.other.owner == "wall" for hit in hits)
+        touching, free = (middle, free) if into else (touching, middle)
+    for gap, found in ((0.004, True), (0.006, False)):
+        before = state(free + gap)
+        assert bool(collisions(before, replace(before, pose_world_tcp=end))) == found
 
 
 def test_what_is_thinner_than_the_steps_of_a_way_is_met() -> None:
