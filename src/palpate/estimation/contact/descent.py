@@ -13,6 +13,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
+from palpate.estimation.contact.ripple import ripple_force
 from palpate.estimation.joint_friction import joint_friction_force
 from palpate.estimation.load.in_hand import load_rows
 from palpate.estimation.motion import Mask, tip_height
@@ -129,10 +130,17 @@ def descent_before(trace: Trace, recording: Recording) -> Descent | None:
         raise ValueError("the recording of the pose holds no samples")
     z = tip_height(samples, trace.hand)
     down = -samples.wrench[:, 2]
+    on_the_way = samples.t <= leaf.end
+    first = int(np.searchsorted(trace.samples.t, leaf.start))
+    rows = slice(first, first + len(samples))
     smooth = running_median(down)
     met = fit_free_air(samples, z, smooth, trace.hand)
+    ripple = ripple_force(trace, rows, on_the_way & steady(samples) & (z > met.height))
+    if ripple.any():
+        down = down - ripple
+        smooth = running_median(down)
+        met = fit_free_air(samples, z, smooth, trace.hand)
     free_air = met.free_air(z)
-    on_the_way = samples.t <= leaf.end
     calm = on_the_way & steady(samples) & (z > met.height)
     free = calm if calm.any() else on_the_way & (z >= met.height)
     noise = robust_std((down - free_air)[free])
@@ -148,8 +156,6 @@ def descent_before(trace: Trace, recording: Recording) -> Descent | None:
     wander = block_means(samples.wrench[free]).std(axis=0)
     wander[2] = robust_std(block_means((down - free_air)[free]))
     force = (down - free_air, smooth - free_air)
-    first = int(np.searchsorted(trace.samples.t, leaf.start))
-    rows = slice(first, first + len(samples))
     height = float(samples.pose_world_tcp[onset, 2])
     own = joint_friction_force(trace, rows, free, load_rows(trace, None).empty, height)
     return Descent(samples, leaf, z, *force, noise, onset, pressed, set_out, wander, met.slope, own)
