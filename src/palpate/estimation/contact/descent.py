@@ -224,13 +224,16 @@ def fit_free_air(samples: Samples, z: Array, smooth: Array, hand: Hand) -> Chang
     weight = np.where(steady(samples), 1.0, tuning.SWINGING)
     stopped = change_point(z, smooth, weight, rows)
     bearing = smooth - stopped.free_air(z)
-    late = np.flatnonzero(bearing[rows] >= tuning.LATE_FORCE * bearing[-1])
+    # At rest, friction of the joints may hide most of the force.
+    full = max(float(bearing[-1]), tuning.AT_REST_SHARE * float(bearing[rows].max()))
+    late = np.flatnonzero(bearing[rows] >= tuning.LATE_FORCE * full)
     before = rows[: int(late[0]) + 1] if len(late) else rows
     soft = change_point(z, smooth, weight, before)
     bears = soft.stiffness * (soft.height - stopped.height)
     calm = (weight == 1.0) & (z > soft.height)
-    known = np.count_nonzero(calm) >= tuning.FREE_ROWS
-    wander = robust_std((smooth - soft.free_air(z))[calm]) if known else np.inf
+    if np.count_nonzero(calm) < tuning.FREE_ROWS:
+        return stopped
+    wander = robust_std((smooth - soft.free_air(z))[calm])
     doubt = 2.0 * hand.force_accuracy
     if soft.stiffness > tuning.STEEP:
         doubt = min(doubt, tuning.WRONG_BY * wander)
