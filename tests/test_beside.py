@@ -1,4 +1,4 @@
-"""Work in a process of its own, beside this one."""
+"""Work in a process of its own, beside this one; what it leaves behind when it is ended."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import time
 
 import pytest
 
-from palpate.beside import Beside, can_copy
+from palpate.beside import Beside, can_copy, shared_out
 
 ALONE = """
 import os, signal, sys, time
-from palpate.beside import Beside
+from palpate.beside import Beside, shared_out
 def work():
     os.kill(os.getpid(), signal.SIGINT)
     return os.getpid(), list(range(100_000))
@@ -34,6 +34,31 @@ start = time.perf_counter()
 with Beside(lambda: time.sleep(60)):
     pass
 assert time.perf_counter() - start < 30
+begun, left = os.pipe(), os.pipe()
+def tidy():
+    try:
+        os.write(begun[1], b"b")
+        time.sleep(60)
+    finally:
+        os.write(left[1], b"l")
+with Beside(tidy):
+    os.read(begun[0], 1)
+os.set_blocking(left[0], False)
+assert os.read(left[0], 1) == b"l"
+with Beside(os.getpid, copied=False) as beside:
+    assert beside.result() == os.getpid()
+done = list(shared_out(lambda i: (i, os.getpid()), range(7)))
+assert [i for i, _ in done] == list(range(7)) and done[0][1] == os.getpid()
+assert len({who for _, who in done}) == min(7, len(os.sched_getaffinity(0)))
+assert list(shared_out(str, ())) == []
+with Beside(lambda: {who for _, who in shared_out(lambda i: (i, os.getpid()), range(7))}) as beside:
+    assert len(beside.result()) == 1, "a copy is not copied again"
+try:
+    list(shared_out(lambda i: 1 // (6 - i), range(7)))
+except ZeroDivisionError:
+    pass
+else:
+    raise SystemExit("it did not fail")
 """
 
 
@@ -56,6 +81,7 @@ def test_a_process_with_threads_is_not_copied() -> None:
         assert not can_copy()
         with Beside(lambda: (os.getpid(), time.sleep(0))) as beside:
             assert beside.result()[0] == os.getpid()
+        assert set(shared_out(lambda _: os.getpid(), range(7))) == {os.getpid()}
     finally:
         stop.set()
         thread.join()

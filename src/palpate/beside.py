@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import sys
 import threading
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, suppress
+from functools import partial
+from multiprocessing import parent_process
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
     from multiprocessing.context import ForkProcess
 
+K = TypeVar("K")
 T = TypeVar("T")
+
+GRACE = 2.0  # s in which a copy that is ended can remove what it wrote
 
 
 class Beside(Generic[T]):
@@ -24,12 +30,12 @@ class Beside(Generic[T]):
     Without a copy, or if it fails, `result()` does the work in this process.
     """
 
-    def __init__(self, work: Callable[[], T]) -> None:
-        """Begin the work."""
+    def __init__(self, work: Callable[[], T], copied: bool = True) -> None:
+        """Begin the work; with `copied` False it waits for `result()`."""
         self._work = work
         self._copy: ForkProcess | None = None
         self._receiver: Connection | None = None
-        if can_copy():
+        if copied and can_copy():
             self._begin()
 
     def result(self) -> T:
@@ -43,6 +49,8 @@ class Beside(Generic[T]):
     def close(self) -> None:
         """End the copy."""
         if self._copy is not None and self._receiver is not None:
+            self._copy.terminate()
+            self._copy.join(GRACE)
             self._copy.kill()
             self._copy.join()
             self._receiver.close()
@@ -64,12 +72,32 @@ class Beside(Generic[T]):
         self.close()
 
 
+def shared_out(work: Callable[[K], T], items: Sequence[K]) -> Iterator[T]:
+    """Iterate over the results of `work` on each of `items`, in order: this process does the first of
+    them, and for each further processor a copy does as many."""
+    count = len(os.sched_getaffinity(0)) if can_copy() else 1
+    share = math.ceil(len(items) / count)
+    with ExitStack() as stack:
+        copies = [
+            stack.enter_context(Beside(partial(_each, work, items[first : first + share])))
+            for first in range(share, len(items), share or 1)
+        ]
+        for item in items[:share]:
+            yield work(item)
+        for copy in copies:
+            yield from copy.result()
+
+
+def _each(work: Callable[[K], T], items: Sequence[K]) -> list[T]:
+    return [work(item) for item in items]
+
+
 def can_copy() -> bool:
-    """Test that forking is safe and useful: a second processor, and no other thread, whose locks the
-    copy would wait for forever."""
+    """Test that forking is safe and useful: a second processor, which no sibling of this process uses,
+    and no other thread, whose locks the copy would wait for forever."""
     if sys.platform != "linux" or threading.active_count() > 1:
         return False
-    return len(os.sched_getaffinity(0)) > 1
+    return len(os.sched_getaffinity(0)) > 1 and parent_process() is None
 
 
 def _work_and_send(sender: Connection, work: Callable[[], T]) -> None:
@@ -77,4 +105,10 @@ def _work_and_send(sender: Connection, work: Callable[[], T]) -> None:
     # Ctrl-C ends the run in the original process, which then ends the copy.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(BaseException):
+        signal.signal(signal.SIGTERM, _leave)
         sender.send(work())
+
+
+def _leave(*_: object) -> None:
+    """End the copy through its `finally` blocks."""
+    raise SystemExit

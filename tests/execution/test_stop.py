@@ -9,10 +9,11 @@ import pytest
 from faulty import Faulty
 
 from palpate.execution.runner import run
-from palpate.execution.stop import Held
+from palpate.execution.stop import Held, unproven
 from palpate.planning.plan import Node, Plan
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.scene.load import parse_scene
+from palpate.vocabulary.state import SymbolicState
 
 CELL = """<mujoco><worldbody>
 <body name="table" pos="0.5 0 0.05"><geom type="box" size="0.3 0.4 0.05"/></body>
@@ -20,6 +21,10 @@ CELL = """<mujoco><worldbody>
 </worldbody></mujoco>"""
 
 SCENE = parse_scene(CELL.format(cup='friction="0.6 0.005 0.0001"', more=""))
+
+
+STACK = """<body name="plate" pos="0.5 -0.2 0.11"><freejoint/><geom type="box" size="0.1 0.06 0.01"/></body>
+<body name="can" pos="0.52 -0.2 0.16"><freejoint/><geom type="cylinder" size="0.03 0.04"/></body>"""
 
 
 def leaf(kind, **args):
@@ -206,3 +211,11 @@ def test_robot_without_a_state_ends_running_leaves_and_holds():
     assert (done.stopped_by, done.held) == ("OSError: no answer", None)
     assert [leaf.status for leaf in done.trace.leaves] == ["SUCCESS", "INVALID"]
     assert held
+
+
+def test_a_thing_is_put_on_another_only_where_it_stood_on_it() -> None:
+    state = SymbolicState(parse_scene(CELL.format(cup="", more=STACK)))
+    found = state.pose_of("can")
+    assert unproven(state, "can", found) is None
+    assert unproven(state, "can", found.translated((-0.04, 0, 0))) == "'plate' might tip under it"
+    assert unproven(state, "can", found.translated((0, 0.2, -0.02))) is None

@@ -1,10 +1,9 @@
-"""Films: their frames, captions and speed; made on a thread of their own, and cancelled."""
+"""Films: their frames, captions and speed."""
 
 from __future__ import annotations
 
-import threading
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import imageio.v3 as iio
 import mujoco
@@ -17,9 +16,9 @@ from palpate.pictures.film import (
     LONGEST,
     SPEED,
     Film,
-    Filming,
     Footage,
     film,
+    film_of,
     frames_of,
     mp4,
 )
@@ -37,78 +36,14 @@ BALL = mujoco.MjModel.from_xml_string("""<mujoco><worldbody>
 </worldbody></mujoco>""")
 
 
-@pytest.fixture
-def with_gl(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(films, "gl_available", lambda: (True, "egl"))
+def test_a_film_says_whether_a_camera_saw_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(films, "film", lambda *_: Film(b"mp4", 1.0))
+    seen, replayed = film_of(FOOTAGE, None), film_of(replace(FOOTAGE, believed=True), None)
+    assert (seen, replayed) == (Film(b"mp4", 1.0), Film(b"mp4", 1.0, believed=True))
 
 
-@pytest.mark.usefixtures("with_gl")
-def test_a_film_is_made_on_another_thread(monkeypatch: pytest.MonkeyPatch) -> None:
-    def quick(*_: Any, **__: Any) -> Film:
-        return Film(threading.current_thread().name.encode(), 1.0)
-
-    monkeypatch.setattr(films, "film", quick)
-    with Filming(FOOTAGE, None) as made:
-        found = made.film()
-    assert found is not None
-    assert found.mp4.startswith(b"film")
-
-
-@pytest.mark.usefixtures("with_gl")
-def test_other_work_follows_the_film_and_is_cancelled_with_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    done: list[str] = []
-
-    def endless(*_: Any, cancelled: Any, **__: Any) -> None:
-        while not cancelled() and len(done) < 1:
-            pass
-
-    monkeypatch.setattr(films, "film", endless)
-    with Filming(FOOTAGE, None) as made:
-        after = made.next(lambda: done.append("pictures"))
-        done.append("film")
-        after.result()
-    assert done == ["film", "pictures"]
-    done.clear()
-    with Filming(FOOTAGE, None) as made:
-        never = made.next(lambda: done.append("pictures"))
-    assert never.cancelled()
-    assert done == []
-
-
-@pytest.mark.usefixtures("with_gl")
-def test_an_encoding_error_is_raised_where_the_film_is_wanted(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def broken(*_: Any, **__: Any) -> None:
-        raise OSError("no encoder")
-
-    monkeypatch.setattr(films, "film", broken)
-    with Filming(FOOTAGE, None) as made, pytest.raises(OSError, match="no encoder"):
-        made.film()
-
-
-@pytest.mark.usefixtures("with_gl")
-def test_a_film_is_cancelled_when_its_context_ends(monkeypatch: pytest.MonkeyPatch) -> None:
-    begun, ended = threading.Event(), threading.Event()
-
-    def endless(*_: Any, cancelled: Any, **__: Any) -> None:
-        begun.set()
-        while not cancelled():
-            pass
-        ended.set()
-
-    monkeypatch.setattr(films, "film", endless)
-    with Filming(FOOTAGE, None):
-        assert begun.wait(10)
-    assert ended.is_set()
-
-
-def test_there_is_no_film_without_opengl(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(films, "gl_available", lambda: (False, "none"))
-    with Filming(FOOTAGE, None) as made:
-        assert made.film() is None
+def test_there_is_no_film_without_frames() -> None:
+    assert film_of(replace(FOOTAGE, frames=()), None) is None
 
 
 @needs_gl

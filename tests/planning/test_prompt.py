@@ -140,7 +140,6 @@ def test_the_prompt_states_every_rule_of_the_check(style: Style) -> None:
 NUMBERS = [
     ("short-slide", support, "MIN_SLIDE"),
     ("precondition", contact, "PROBE_TRAVEL"),
-    ("precondition", contact, "SIDE_FORCE"),
     ("precondition", state, "SINKING"),
     ("precondition", support, "LIFTED"),
     ("gripper-state", grasp, "PUSHED"),

@@ -152,6 +152,21 @@ def test_one_torque_sensor_of_seven_stands() -> None:
     assert "in column 3" in str(watched.fault)
 
 
+def test_signals_that_are_sound_are_not_tested_for_freezing_but_filtered() -> None:
+    """A simulated robot without noise is believed as a real one, and judged by its forces."""
+    for sound in (False, True):
+        watched = Watched(Faulty(arm("lab"), 1.2, **stuck(*FORCES)), ARM, sound)
+        list(ticked(watched, 1.2 + IN_TIME))
+        assert (watched.fault is None) == sound
+    for change, found in (
+        (biased(12.0), "a force out of nothing"),
+        ({"state": alternating}, "spikes"),
+    ):
+        watched = Watched(Faulty(arm(), 0.4, **change), ARM, sound=True)
+        list(ticked(watched, 2.0))
+        assert found in str(watched.fault)
+
+
 def test_a_spike_of_one_state_is_filtered_and_no_fault() -> None:
     def once(first: RobotState, now: RobotState) -> RobotState:
         if now.t > first.t:

@@ -135,7 +135,7 @@ def _likeliest(known: Array, rows: Array, kernels: Array) -> tuple[Array, float]
         weighted = precision @ rows
         # Each by its share in what is left, over what it is expected to leave.
         share = kernels @ weighted @ weighted
-        expected = np.einsum("ij,cij->c", precision, kernels)
+        expected = kernels.reshape(len(kernels), -1) @ precision.ravel()
         variances = variances * np.sqrt(share / np.maximum(expected, 1e-300))
         more = _mixed(variances, kernels)
     after, precision = _inverse(known + more, rows)
@@ -147,7 +147,7 @@ def _likeliest(known: Array, rows: Array, kernels: Array) -> tuple[Array, float]
 
 
 def _mixed(variances: Array, kernels: Array) -> Array:
-    return np.einsum("c,cij->ij", variances, kernels)
+    return (variances @ kernels.reshape(len(kernels), -1)).reshape(kernels.shape[1:])
 
 
 def _inverse(covariance: Array, rows: Array) -> tuple[float, Array]:

@@ -89,15 +89,21 @@ def joint_ways(samples: Samples, empty: Mask, height: float) -> Array:
     free, known = _free_motion(samples, states[:, :, usual], empty, height)
     if free.sum() < tuning.FREE_MOTION:
         return states[:, :, usual]
+    # Least squares of all joints and states at once: each state beside what is orthogonal to `known`.
+    axes, sizes, _ = np.linalg.svd(known, full_matrices=False)
+    axes = axes[:, sizes > len(known) * np.finfo(float).eps * sizes[0]]
+
+    def beyond(columns: Array) -> Array:
+        return columns - axes @ (axes.T @ columns)
+
     found: list[Array] = []
-    for way, tau in zip(states.transpose(1, 0, 2), samples.tau_ext[free].T, strict=True):
-        left: list[float] = []
-        for one in way[free].T:
-            design = np.column_stack([one, known])
-            rest: Array = tau - design @ (np.linalg.pinv(design) @ tau)
-            left.append(float(rest @ rest) / len(tau) + tuning.FLOOR**2)
+    torques = beyond(samples.tau_ext[free])
+    for way, tau in zip(states.transpose(1, 0, 2), torques.T, strict=True):
+        ways = beyond(way[free])
+        explained = (tau @ ways) ** 2 / np.maximum((ways**2).sum(axis=0), tuning.FLOOR**2)
+        left = (tau @ tau - explained) / len(tau) + tuning.FLOOR**2
         # Likelihood with an unknown variance, of as many rows as are independent.
-        likely = (np.array(left) / min(left)) ** (-0.5 * len(tau) / tuning.CORRELATED_ROWS)
+        likely = (left / left.min()) ** (-0.5 * len(tau) / tuning.CORRELATED_ROWS)
         found.append(way @ (likely / likely.sum()))
     return np.array(found).T
 

@@ -22,7 +22,7 @@ from palpate.errors import InputError
 from palpate.execution.foresight import Foresight, Look
 from palpate.execution.harm.harm import FALLING, MOVED, harm
 from palpate.execution.harm.witness import LOOK, Witness
-from palpate.execution.runner import NOISELESS, STOP_NODE, Execution, run
+from palpate.execution.runner import STOP_NODE, Execution, run
 from palpate.interrupt import interrupts
 from palpate.planning.check.case import Finding
 from palpate.planning.plan import Plan
@@ -184,7 +184,7 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
             robot,
             stop_requested=lambda: _is_harming(witness, named),
             max_robot_seconds=LONGEST,
-            choice=NOISELESS,
+            noiseless=True,
             settled=look.settled,
         )
         robot.advance(AFTERWARDS)

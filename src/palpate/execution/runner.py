@@ -122,7 +122,7 @@ def run(
     max_robot_seconds: float = MAX_ROBOT_SECONDS,
     words: Vocabulary | None = None,
     keep: Keep | None = None,
-    choice: Mapping[str, str] = MEANWHILE,
+    noiseless: bool = False,
     settled: Settled = as_believed,
 ) -> Execution:
     """Run a checked plan to its end, or to a controlled stop.
@@ -133,15 +133,16 @@ def run(
     putting down and holds immediately. All recordings are returned in every case. `settled` corrects the
     symbolic state after the motion of the leaf at a path (`palpate.execution.foresight`).
 
-    The robot is left holding its position; the caller closes it. `choice` names estimators of the
-    conversions on the way, as `quantities.estimators.estimate_all`.
+    The robot is left holding its position; the caller closes it. One that is `noiseless` is a simulated
+    one, whose signals neither freeze nor get lost.
 
     Raises:
         InputError: the plan has no tree, or one that cannot be built; nothing has moved then.
     """
     if plan.tree is None:
         raise InputError(f"the plan has no tree to run: {plan.explanation}")
-    watched = Watched(robot, scene.arm)
+    watched = Watched(robot, scene.arm, sound=noiseless)
+    choice = NOISELESS if noiseless else MEANWHILE
     blackboard = Blackboard(
         watched, SymbolicState(scene), Recorder(watched), choice=choice, settled=settled
     )

@@ -16,7 +16,7 @@ import numpy as np
 from palpate.geometry.pose import Pose
 from palpate.robots.safety import Expectation
 from palpate.vocabulary.admissible.profile import GUARDED_SPEED, POSE_ERROR
-from palpate.vocabulary.admissible.support import footing, stable
+from palpate.vocabulary.admissible.support import footing, is_as_found, stable
 from palpate.vocabulary.base import ARM, GRIPPER, Blackboard, LeafFailure, Primitive, Steps
 from palpate.vocabulary.gripper import finish_fingers
 from palpate.vocabulary.guarding import DOWN
@@ -109,7 +109,7 @@ class PutDown(Primitive):
         # It would stand straight below.
         gap = footing(state, name, held).gap
         place = held.translated((0.0, 0.0, -gap)) if np.isfinite(gap) else held
-        if reason := stable(state, name, place):
+        if reason := unproven(state, name, place):
             raise LeafFailure(f"'{name}' cannot be put down here, {reason}: {STAYS}")
         height = 0.0
         if state.grasp is not None:
@@ -141,6 +141,16 @@ class PutDown(Primitive):
             if (yield from is_borne(blackboard)):
                 return
         raise LeafFailure(f"nothing bears '{name}' for long: {STAYS}")
+
+
+def unproven(state: SymbolicState, name: str, place: Pose) -> str | None:
+    """Reason why an object might not stay at a place: another object below, on which it did not stand
+    before, may tip under it; None where it would stay."""
+    if not is_as_found(state, name, place):
+        for owner in footing(state, name, place).owners:
+            if owner in state.scene.objects:
+                return f"'{owner}' might tip under it"
+    return stable(state, name, place)
 
 
 def is_borne(blackboard: Blackboard) -> Generator[None, None, bool]:

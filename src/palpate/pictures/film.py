@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import tempfile
-import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import chain, takewhile
+from itertools import chain
 from pathlib import Path
-from typing import TypeVar
 
 import mujoco
 import numpy as np
@@ -18,7 +15,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from palpate.geometry.pose import Array
 from palpate.pictures.moments import in_view, moving_bodies
-from palpate.pictures.renderer import Painter, Pixels, extent, gl_available
+from palpate.pictures.renderer import Painter, Pixels, extent
 from palpate.pictures.stage import staged
 from palpate.trace.samples import Trace
 
@@ -32,8 +29,6 @@ QUALITY = 27
 """x264's constant rate factor: about 100 kB for 10 s at 640 x 400."""
 SAMPLES = 12
 """Configurations of which the camera has the work in view."""
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,42 +61,16 @@ class Film:
     believed: bool = False
 
 
-class Filming:
-    """Makes the film of a footage on a separate thread; drawing and encoding run outside of Python's lock.
-    A context manager, which cancels unfinished work when it is left."""
+def film_of(footage: Footage, trace: Trace | None) -> Film | None:
+    """Make the film of a footage; None without frames.
 
-    def __init__(self, footage: Footage, trace: Trace | None) -> None:
-        self._cancelled = threading.Event()
-        self._thread = ThreadPoolExecutor(1, "film")
-        self._film = self._thread.submit(self._make, footage, trace)
-
-    def film(self) -> Film | None:
-        """Wait for the film; None without frames or OpenGL.
-
-        Raises:
-            RuntimeError: OpenGL failed.
-            OSError: it cannot be encoded.
-        """
-        return self._film.result()
-
-    def next(self, work: Callable[[], T]) -> Future[T]:
-        """Do `work` on the same thread after the film."""
-        return self._thread.submit(work)
-
-    def _make(self, footage: Footage, trace: Trace | None) -> Film | None:
-        if not gl_available()[0]:
-            return None
-        t, qpos = frames_of(footage.frames)
-        drawn = footage.drawn(soft=False)
-        made = film(footage.model, t, qpos, trace, drawn, cancelled=self._cancelled.is_set)
-        return None if made is None else replace(made, believed=footage.believed)
-
-    def __enter__(self) -> Filming:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._cancelled.set()
-        self._thread.shutdown(cancel_futures=True)
+    Raises:
+        RuntimeError: no usable OpenGL.
+        OSError: it cannot be encoded.
+    """
+    t, qpos = frames_of(footage.frames)
+    made = film(footage.model, t, qpos, trace, footage.drawn(soft=False))
+    return None if made is None else replace(made, believed=footage.believed)
 
 
 def frames_of(stored: Sequence[tuple[float, Array]]) -> tuple[Array, Array]:
@@ -120,10 +89,9 @@ def film(
     qpos: Array,
     trace: Trace | None = None,
     drawn: mujoco.MjModel | None = None,
-    cancelled: Callable[[], bool] = lambda: False,
 ) -> Film | None:
     """The run as a film, from stored frames: times `t` (n,) in s and configurations `qpos` (n, nq).
-    None without frames, and when it is `cancelled`. `drawn`: the model for pictures.
+    None without frames. `drawn`: the model for pictures.
 
     With a trace, each frame states the running leaves and the measured force.
 
@@ -144,9 +112,8 @@ def film(
         mujoco.mj_kinematics(model, data)
         corners.append(extent(model, data, moving))
     points = in_view(model, np.concatenate(corners))
-    frames = _frames(drawn or model, t[rows], qpos[rows], trace, points)
-    encoded = mp4(takewhile(lambda _: not cancelled(), frames), FPS)
-    return Film(encoded, speed) if encoded and not cancelled() else None
+    encoded = mp4(_frames(drawn or model, t[rows], qpos[rows], trace, points), FPS)
+    return None if encoded is None else Film(encoded, speed)
 
 
 def _frames(

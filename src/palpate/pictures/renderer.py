@@ -156,7 +156,12 @@ class Painter:
 
     Raises:
         RuntimeError: no usable OpenGL (ask `gl_available` first).
+
+    Attributes:
+        used: of the class: this process has drawn.
     """
+
+    used = False
 
     def __init__(
         self, model: mujoco.MjModel, width: int, height: int, *, draft: bool = False
@@ -175,6 +180,7 @@ class Painter:
         model.vis.headlight.ambient[:] = np.maximum(model.vis.headlight.ambient, AMBIENT)
         self.model = model
         self.aspect = width / height
+        Painter.used = True
         self._renderer = mujoco.Renderer(model, height, width)
 
     def paint(self, data: mujoco.MjData, camera: mujoco.MjvCamera | str) -> Pixels:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from palpate.beside import Beside
 from palpate.pictures.dress import looks_in
-from palpate.pictures.film import Film, Filming, film_speed, frames_of
+from palpate.pictures.film import Film, film_of, film_speed, frames_of
 from palpate.pictures.moments import render_before_after, render_moment, render_scene
-from palpate.pictures.renderer import gl_available, png
+from palpate.pictures.renderer import Painter, gl_available, png
 from palpate.report.data import report_data
 from palpate.report.page import write_report
 from palpate.runs.folder import replacing
@@ -20,9 +20,7 @@ from palpate.runs.keeper import shortfall
 from palpate.scene.camera import load_image
 
 if TYPE_CHECKING:
-    from palpate.pictures.film import Footage
     from palpate.runs.run import Run
-    from palpate.trace.samples import Trace
 
 IMAGES, STILLS = "images", ("workspace.png", "before.png", "after.png")
 """A run's pictures: their folder, and their names in it."""
@@ -86,13 +84,16 @@ def take_stills(run: Run, taken: Pictures) -> Pictures:
     return Pictures(workspace, *pair, taken.film)
 
 
-def take_film(run: Run, taken: Pictures, filming: Filming | None = None) -> Pictures:
-    """Add the film to `taken`, if the cell's camera has footage: from `filming` in progress, else
-    rendered now."""
-    if run.footage is None or run.settings.fast:
-        return taken
-    with filming or Filming(run.footage, run.trace_if_any) as made:
-        return replace(taken, film=made.film())
+def take_film(run: Run) -> Film | None:
+    """Make the film, if the cell's camera has footage; None without OpenGL.
+
+    Raises:
+        RuntimeError: OpenGL failed.
+        OSError: it cannot be encoded.
+    """
+    if run.footage is None or run.settings.fast or not gl_available()[0]:
+        return None
+    return film_of(run.footage, run.trace_if_any)
 
 
 def write_images(pictures: Pictures, folder: Path) -> None:
@@ -110,17 +111,22 @@ def write_images(pictures: Pictures, folder: Path) -> None:
 
 
 class Darkroom:
-    """Film and pictures of a run, rendered on a thread of their own while other stages run. A context
-    manager; what is not finished on leaving is cancelled."""
+    """Film and pictures of a run, made by copies of this process while other stages run. A context
+    manager; what is not finished on leaving is given up.
 
-    def __init__(self, footage: Footage, trace: Trace | None) -> None:
+    A process that has drawn is not copied: the driver's threads are not in the copy.
+    """
+
+    def __init__(self, run: Run) -> None:
         """Begin with the film."""
-        self.filming = Filming(footage, trace)
-        self._stills: Future[Pictures] | None = None
+        # The trial of the backends is this process's child, so it is awaited here.
+        self._copied = gl_available()[0] and not Painter.used
+        self.film = Beside(lambda: take_film(run), self._copied)
+        self._stills: Beside[Pictures] | None = None
 
     def begin_stills(self, run: Run) -> None:
-        """Queue the pictures of a run whose twin is built, after the film."""
-        self._stills = self.filming.next(lambda: take_stills(run, Pictures()))
+        """Begin the pictures of a run whose twin is built."""
+        self._stills = Beside(lambda: take_stills(run, Pictures()), self._copied)
 
     def stills(self, run: Run, taken: Pictures) -> Pictures:
         """Wait for the pictures.
@@ -133,8 +139,10 @@ class Darkroom:
     def __enter__(self) -> Darkroom:
         return self
 
-    def __exit__(self, *raised: Any) -> None:
-        self.filming.__exit__(*raised)
+    def __exit__(self, *_: object) -> None:
+        self.film.close()
+        if self._stills is not None:
+            self._stills.close()
 
 
 def write_all(
@@ -158,7 +166,8 @@ def write_all(
     with collecting_shortfalls("the pictures were not made", missing):
         pictures = (darkroom.stills if darkroom else take_stills)(run, pictures)
     with collecting_shortfalls("the film was not made", missing):
-        pictures = take_film(run, pictures, darkroom.filming if darkroom else None)
+        made = darkroom.film.result() if darkroom else take_film(run)
+        pictures = pictures if made is None else replace(pictures, film=made)
     with collecting_shortfalls("the pictures were not written", missing):
         write_images(pictures, folder)
     with (

@@ -160,6 +160,7 @@ def read_description(folder: Path, name: str, known: Mapping[str, Path]) -> Robo
         joints=sheet.joints,
         fingers=sheet.hand.fingers,
         chain=chain(model, sheet),
+        ripple_cycles=sheet.ripple_cycles,
         **dict(sheet.accuracy),
     )
     return RobotDescription(

@@ -216,6 +216,8 @@ class Sheet(Section):
     home: Seven  # rad, tool down
     velocity: Seven  # rad/s
     torque: Seven | None = None  # N m; None: the MJCF's `actuatorfrcrange`
+    # Times a turn at which the gear of each joint ripples; None: unknown
+    ripple_cycles: Annotated[tuple[Size, ...], Field(min_length=7, max_length=7)] | None = None
     payload: Size  # kg
     workspace: Workspace
     reach: Reach
@@ -230,7 +232,17 @@ class Sheet(Section):
     hardware: Hardware | None = None  # None: a real arm is as the simulated one
 
 
-OWN = {"label", "mjcf", "joints", "home", "velocity", "torque", "payload", "workspace"}
+OWN = {
+    "label",
+    "mjcf",
+    "joints",
+    "home",
+    "velocity",
+    "torque",
+    "ripple_cycles",
+    "payload",
+    "workspace",
+}
 INHERITED = [key for key in Sheet.model_fields if key not in OWN]  # where a file has `like: NAME`
 
 

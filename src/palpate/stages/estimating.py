@@ -5,16 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
+from palpate.beside import shared_out
 from palpate.callbacks import SILENT, RunCallbacks
 from palpate.cells.cell import Cell
 from palpate.errors import InputError, PalpateError
 from palpate.estimation.estimate import Estimate
+from palpate.parameter import Parameter
 from palpate.quantities.estimators import estimate_all, failed
 from palpate.runs.run import Run
 from palpate.scene.raised import as_measured
+from palpate.scene.scene import Scene
 from palpate.stages.workplace import truths
 from palpate.twin.held_out.judge import held_out, with_tests
 from palpate.twin.held_out.judged import HeldOut
@@ -35,23 +39,27 @@ def estimates(made: Run, cell: Cell | None, callbacks: RunCallbacks = SILENT) ->
     trace = made.trace_if_any
     # Keep the trace, so that it is read from its file once and not for every estimate.
     made = replace(made, estimates=(), held_out=None, recorded=trace)
-    bodies = made.scene.bodies if trace is None else as_measured(made.scene, trace).bodies
-    for parameter in made.plan.parameters:
-        if trace is None:
-            found = failed(parameter, "Nothing was recorded.")
-        else:
-            try:
-                found = _annotated(made, estimate_all([parameter], trace, bodies)[0])
-            except PalpateError as error:
-                found = failed(parameter, f"There is no estimator: {error}.")
+    scene = made.scene if trace is None else as_measured(made.scene, trace)
+    for found in shared_out(partial(_estimated, made, scene), made.plan.parameters):
         made = replace(made, estimates=(*made.estimates, found))
         yield made
     callbacks.progress("validating the estimates on held-out motions")
-    made = _validated(made)
+    made = _validated(made, scene)
     yield made
     # The truth is asked for when the estimates are final, never before.
     if cell is not None:
         yield replace(made, truth=truths(made, cell))
+
+
+def _estimated(made: Run, scene: Scene, parameter: Parameter) -> Estimate:
+    """The estimate of a parameter, with the surfaces of `scene` as measured."""
+    trace = made.trace_if_any
+    if trace is None:
+        return failed(parameter, "Nothing was recorded.")
+    try:
+        return _annotated(made, estimate_all([parameter], trace, scene.bodies)[0])
+    except PalpateError as error:
+        return failed(parameter, f"There is no estimator: {error}.")
 
 
 def reestimate(made: Run, choice: Mapping[str, str] | None = None) -> Run:
@@ -76,12 +84,12 @@ def reestimate(made: Run, choice: Mapping[str, str] | None = None) -> Run:
         raise InputError(
             f"the run's scene, '{file}', is missing: put it back there to make estimates again"
         )
-    bodies = as_measured(made.scene, trace).bodies
+    scene = as_measured(made.scene, trace)
     recorded = [one.parameter for one in made.estimates] if made.is_recorded else ()
-    found = estimate_all(recorded or made.plan.parameters, trace, bodies, choice or {})
+    found = estimate_all(recorded or made.plan.parameters, trace, scene.bodies, choice or {})
     annotated = tuple(_annotated(made, estimate) for estimate in found)
     again = replace(made, recorded=trace, estimates=annotated, held_out=None, finished=None)
-    return _validated(again, choice)
+    return _validated(again, scene, choice)
 
 
 def with_views(made: Run) -> Run:
@@ -112,14 +120,14 @@ def _annotated(made: Run, estimate: Estimate) -> Estimate:
     return replace(estimate, method=f"{estimate.method} {MADE_UP}".lstrip())
 
 
-def _validated(made: Run, choice: Mapping[str, str] | None = None) -> Run:
+def _validated(made: Run, scene: Scene, choice: Mapping[str, str] | None = None) -> Run:
     """Test the estimates on held-out motions: each is left out, the rest is fitted again by the
-    estimators that `choice` names, and the left-out recording is predicted."""
+    estimators that `choice` names, and the left-out recording is predicted. `scene`: as measured."""
     trace = made.trace_if_any
     if trace is None:
         return made
     try:
-        held = held_out(as_measured(made.scene, trace), trace, made.estimates, choice)
+        held = held_out(scene, trace, made.estimates, choice)
     except Exception as error:
         reason = f"nothing was held out: {type(error).__name__}: {error}"
         return replace(made, held_out=HeldOut((), (reason,)))

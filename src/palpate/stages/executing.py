@@ -90,12 +90,9 @@ def perform(
     """
     from palpate.execution.recovery import recover
     from palpate.execution.repetition import repeat
-    from palpate.execution.runner import NOISELESS
     from palpate.execution.runner import run as run_tree
 
-    attempt = partial(run_tree, observer=callbacks.observer, keep=keep)
-    if noiseless:
-        attempt = partial(attempt, choice=NOISELESS)
+    attempt = partial(run_tree, observer=callbacks.observer, keep=keep, noiseless=noiseless)
     try:
         first = attempt(plan, scene, robot, settled=settled)
         done = recover(

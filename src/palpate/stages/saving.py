@@ -44,14 +44,14 @@ def await_film(made: Run) -> None:
 
 @contextmanager
 def darkroom_for(made: Run) -> Generator[Darkroom | None]:
-    """Render the film of the execution, and later the pictures, on a thread of their own. Yield None
+    """Render the film of the execution, and later the pictures, in processes of their own. Yield None
     for a run that is not saved, was not filmed, or is in a hurry (`fast`)."""
     if made.folder is None or made.footage is None or made.settings.fast:
         yield None
         return
     from palpate.report.writing import Darkroom
 
-    with Darkroom(made.footage, made.trace_if_any) as darkroom:
+    with Darkroom(made) as darkroom:
         yield darkroom
 
 

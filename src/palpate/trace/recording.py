@@ -154,6 +154,7 @@ class Hand:
         gain_covariance: (7, 7), of the joints' relative gain errors after calibration; None where only
             `torque_gain` is known.
         chain: kinematics of the arm; None in an older trace.
+        ripple_cycles: number of times a turn at which the gear of each joint ripples; None where it is unknown.
         joints, fingers: names, as logged; an older trace has none and is from an FR3.
     """
 
@@ -170,3 +171,4 @@ class Hand:
     tip_compliance_std: float = 1e-6
     gain_covariance: tuple[tuple[float, ...], ...] | None = None
     chain: Chain | None = None
+    ripple_cycles: tuple[float, ...] | None = None

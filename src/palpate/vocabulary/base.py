@@ -242,8 +242,13 @@ class Primitive(BaseModel):
         return after
 
     def expectation(self, state: SymbolicState) -> Expectation:
-        """Expected forces while this runs; any others violate the safety predicate."""
-        return Expectation(holding=state.holding is not None)
+        """Expected forces while this runs; any others violate the safety predicate. By default those of a hand that
+        goes on holding and touching what it does."""
+        held = state.holding is not None
+        works = state.activity in ("working", "limit")
+        touching = works or state.activity in ("contact", "sliding")
+        # Who works a handle takes hold of it meanwhile, and sees to its slipping.
+        return Expectation(holding=held, grasped=held and not works, contact=touching)
 
     def unsafe(self, blackboard: Blackboard) -> str | None:
         """Safety predicate, evaluated every tick: the reason of its violation, or None."""

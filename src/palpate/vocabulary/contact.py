@@ -10,18 +10,16 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from palpate.geometry.outline import depth
 from palpate.geometry.pose import Array, Pose, digits
 from palpate.robots.robot import Robot, RobotState
 from palpate.robots.safety import Expectation
 from palpate.scene.raised import is_open
-from palpate.trace.samples import STANDARD_GRAVITY
 from palpate.vocabulary.admissible.clearance import box_hits
 from palpate.vocabulary.admissible.collision_geometry import hand_sweep, opening
 from palpate.vocabulary.admissible.path import hand_path
 from palpate.vocabulary.admissible.profile import POSE_ERROR
 from palpate.vocabulary.admissible.solids import SIDES, solids
-from palpate.vocabulary.admissible.support import TIPPING, above, footing
+from palpate.vocabulary.admissible.support import above
 from palpate.vocabulary.admissible.sweep import FINEST, Hit
 from palpate.vocabulary.admissible.unknown_heights import is_unmeasured
 from palpate.vocabulary.base import ARM, Blackboard, LeafFailure, Primitive, Steps, Surroundings
@@ -70,12 +68,7 @@ friction."""
 CONTACT_TORQUE = 3.0  # N m, likewise
 PROBE_TRAVEL = 0.30  # m
 
-LIGHTEST = 50.0
-"""kg/m^3 of an object's box, the least plausible for an unknown mass: a thin plastic bottle."""
-SLIPPERIEST = 0.2  # Friction between an object and its support, the least plausible
-
 TOUCHES = 0.0003  # m of distance up to which parts are in contact
-LEVEL = 0.5  # z component of a direction below which a probe is sideways
 
 AXES: dict[str, tuple[float, float, float]] = {
     "+x": (1, 0, 0),
@@ -137,13 +130,6 @@ class MoveUntilContact(Primitive):
                 f"MovePose '{above(state, state.grasp)}', MovePose '{state.grasp}', OpenGripper, "
                 f"MovePose '{above(state, state.grasp)}', MovePose '{state.at}'"
             )
-        for name in self._beside(state):
-            bears = withstands(state, name, float(state.pose_world_tcp.position[2]))
-            if bears < SIDE_FORCE:
-                return (
-                    f"'{name}' may tip or slide at {bears:.1f} N, before a touch is felt for certain "
-                    f"({SIDE_FORCE:g} N); probe it from above with -z, or grasp it to learn where it is"
-                )
         return None
 
     def _beside(self, state: SymbolicState) -> list[str]:
@@ -275,28 +261,6 @@ def untouchable(state: SymbolicState, direction: Array, travel: float) -> Iterat
             f"'{name}' would be met by the {hit.part.owner} and not by the fingertips; probe "
             "from a pose above the middle of what is to be touched, clear of everything else",
         )
-    elif name in state.scene.objects and abs(direction[2]) > LEVEL:
-        there = footing(state, name, state.pose_of(name))
-        if depth(there.support, np.array(hit.where[:2])) < TIPPING:
-            yield Violation(
-                "unsupported",
-                f"pressing on '{name}' there would tip it over; touch it above the middle of what "
-                f"it stands on; first: MovePose '{name}_top', FoldFingers",
-            )
-
-
-def withstands(state: SymbolicState, name: str, z: float) -> float:
-    """Force, N, that object `name` certainly withstands sideways at height `z` (world, m), before it
-    tips over an edge of its footprint or slides.
-
-    m g min(mu, b / h), with half the width b of the footprint and the height h of the touch above it;
-    an unknown mass m is the least plausible.
-    """
-    body, pose = state.scene.body(name), state.pose_of(name)
-    mass = body.known.get("mass", (LIGHTEST * float(np.prod(body.size)),))[0]
-    half = float(body.size.min()) / 2
-    height = max(min(z, body.top_z(pose)) - body.bottom_z(pose), 1e-3)
-    return mass * STANDARD_GRAVITY * min(SLIPPERIEST, half / height)
 
 
 class _Contact:

@@ -13,7 +13,6 @@ from palpate.quantities.mass import Mass
 from palpate.quantities.motion import Momentum, Velocity
 from palpate.quantities.position import Position
 from palpate.quantities.quantity import Quantity
-from palpate.robots.safety import Expectation
 from palpate.trace.recording import Conversion, Recording
 from palpate.trace.samples import FORCES, POSE
 from palpate.vocabulary.admissible.support import above
@@ -35,14 +34,6 @@ class _Sensing(Primitive):
     group: ClassVar = "sensing"
     timeout: ClassVar[float] = 300.0  # Longer than any motion beside it
     window: ClassVar[float]
-
-    def expectation(self, state: SymbolicState) -> Expectation:
-        held = state.holding is not None
-        works = state.activity in ("working", "limit")
-        touching = works or state.activity in ("contact", "sliding")
-        # Who works a handle takes hold of it meanwhile, and sees to its slipping.
-        grasped = held and not works
-        return Expectation(holding=held, grasped=grasped, contact=touching)
 
     def effects(self, state: SymbolicState) -> SymbolicState:
         return state.wrote(self.writes) if self.writes else state

@@ -70,13 +70,23 @@ def test_a_nasty_plan_is_refused_with_its_rule_or_judged() -> None:
     assert "--case 'no such action'" in refused.command
 
 
-def test_a_plan_whose_harm_is_physics_is_refused_by_the_rehearsal() -> None:
-    """The check sees two things beside each other; that they are joined, physics knows."""
-    (pair,) = [case for case in nasty.PHYSICS if case.name == "one of a pair"]
-    refused = judged(pair, nasty.judge)
+@pytest.mark.parametrize(
+    ("name", "harm", "leaf"),
+    [
+        # The check sees two things beside each other; that they are joined, physics knows.
+        ("one of a pair", "two moved by", "MovePose(one_pose + z_offset)"),
+        ("weight at the far end", "ruler tipped", "MovePose(jar_pose + z_offset)"),
+        ("probes a pole from the side", "pole tipped", "MoveUntilContact(-x)"),
+    ],
+)
+def test_a_plan_whose_harm_is_physics_is_refused_by_the_rehearsal(
+    name: str, harm: str, leaf: str
+) -> None:
+    (case,) = [case for case in nasty.PHYSICS if case.name == name]
+    refused = judged(case, nasty.judge)
     assert (refused.outcome, refused.figures["rules"]) == ("refused", ["rehearsal"])
-    assert "two moved by" in refused.said[0]
-    assert "MovePose(one_pose + z_offset)" in refused.said[0]
+    assert harm in refused.said[0]
+    assert leaf in refused.said[0]
 
 
 def test_sensible_plans_pass_the_check() -> None:

@@ -191,6 +191,28 @@ def test_what_tips_is_seen_and_a_turn_about_the_vertical_is_none() -> None:
     assert judged(stands).beyond == ()
 
 
+STEEP = '</worldbody><option gravity="1.7 0 -9.6"/><worldbody>'
+"""A floor that leans by 10°."""
+
+
+@pytest.mark.parametrize(
+    ("shape", "tips"),
+    [
+        ('pos="0 0 .02"><geom size=".02"', False),
+        ('pos="0 0 .02" euler="90 0 0"><geom type="cylinder" size=".02 .05"', False),
+        ('pos="0 0 .02"><geom type="capsule" size=".02 .05" euler="90 0 0"', False),
+        ('pos="0 0 .1"><geom type="cylinder" size=".01 .1"', True),
+        ('pos="0 0 .04"><geom type="capsule" size=".02 .02"', True),
+        ('pos="0 0 .1"><geom type="box" size=".01 .01 .1"', True),
+    ],
+)
+def test_what_rolls_moves_and_does_not_tip(shape: str, tips: bool) -> None:
+    thing = f'<body name="thing" {shape} friction="1.5"/><freejoint/></body>'
+    found = judged(watched(thing + STEEP, 0.5))
+    assert ("thing tipped" in found.beyond) == tips
+    assert "thing moved" in " ".join(found.beyond)
+
+
 GRIPPER = """
 <body name="robot/hand" pos="0 0 .1" gravcomp="1">
   <joint name="lift" type="slide" axis="0 0 1" damping="50"/><geom pos="0 0 .1" size=".02" mass="1"/>

@@ -11,7 +11,10 @@ import palpate as pp
 from palpate.geometry.pose import Pose
 from palpate.planning.plan import Node
 from palpate.vocabulary.admissible.collision import collisions
+from palpate.vocabulary.admissible.collision_geometry import LINK, arm_sweep
+from palpate.vocabulary.admissible.path import straight_path
 from palpate.vocabulary.admissible.profile import spans
+from palpate.vocabulary.admissible.solids import solids
 from palpate.vocabulary.admissible.support import footing
 from palpate.vocabulary.motion import MovePose
 from palpate.vocabulary.state import SymbolicState
@@ -135,3 +138,78 @@ def test_a_desk_that_is_78_mm_lower_than_believed_is_measured_and_left(tmp_path)
     run = plan.run(world=world, noise="none", seed=0, rehearse=False, fast=True)
     assert (run.status, run.execution.stopped_by) == ("complete", None)
     assert abs(run["desk.height"].values[0] - (0.1 - DEEPER)) < 0.001
+
+
+BOX = '<body name="{}" pos="{} {} .05">{}<geom type="box" size="{} .02 .05"/></body>'
+FREE = "<freejoint/>"
+LOW = 0.13
+"""m: height of the held box's frame, as high as a standing one's top: they meet over 20 mm, below the hand."""
+
+
+def passing(
+    start: tuple[float, float], end: tuple[float, float], other: str, half: float = 0.02
+) -> tuple[object, ...]:
+    """Collisions of a box of half a length in x, held at its top, on a straight way past `other`."""
+    scene = bench(BOX.format("held", 0.5, -0.3, FREE, half), other)
+
+    def there(x: float, y: float) -> SymbolicState:
+        pose = Pose.of((x, y, LOW), (1, 0, 0, 0))
+        hand = Pose.top_down((x, y, LOW + 0.04), 0.0)
+        return SymbolicState(
+            scene,
+            pose_world_tcp=hand,
+            gripper="closed",
+            holding="held",
+            pose_tcp_object=hand.inverse() @ pose,
+            lifted=True,
+            moved={"held": pose},
+        )
+
+    return collisions(there(*start), there(*end))
+
+
+@pytest.mark.parametrize(
+    ("joint", "gap", "hit"),
+    [(FREE, 1.2e-3, True), (FREE, 1.8e-3, False), ("", 2.7e-3, True), ("", 3.3e-3, False)],
+)
+def test_a_load_keeps_1_5_mm_from_objects_and_3_mm_from_what_is_fixed(
+    joint: str, gap: float, hit: bool
+) -> None:
+    aside = 0.04 + gap
+    found = passing((0.4, aside), (0.6, aside), BOX.format("other", 0.5, 0.0, joint, 0.02))
+    assert bool(found) == hit
+
+
+def test_what_is_too_near_at_first_may_stay_as_near_and_not_come_nearer() -> None:
+    other = BOX.format("other", 0.5, 0.0, FREE, 0.02)
+    near = 0.04 + 5e-4
+    assert not passing((0.5, near), (0.52, near), other)
+    assert not passing((0.5, near), (0.5, 0.1), other)
+    assert passing((0.5, near), (0.5, near - 0.003), other)
+
+
+def test_links_keep_5_mm_from_everything() -> None:
+    """A wall beside the elbow, above the hand, towards which the elbow goes."""
+    wall = '<body name="wall" pos="0.3 {} 1.0"><geom type="box" size=".5 .05 .35"/></body>'
+    start, end = (Pose.top_down((0.5, y, 0.4), 0.0) for y in (-0.2, 0.0))
+    shapes = solids(bench())
+    q = shapes.configuration(start), shapes.configuration(end)
+    back = straight_path(shapes, end, start, (q[1], q[0]), 0.08)
+
+    def state(y: float) -> SymbolicState:
+        return SymbolicState(bench(wall.format(y)), pose_world_tcp=start, gripper="open")
+
+    touching, free = 0.0, 0.4
+    while free - touching > 1e-4:
+        middle = (touching + free) / 2
+        hits = arm_sweep(state(middle), back, 0.01).overlaps()
+        into = any(hit.part.kind == LINK and hit.other.owner == "wall" for hit in hits)
+        touching, free = (middle, free) if into else (touching, middle)
+    for gap, found in ((0.004, True), (0.006, False)):
+        before = state(free + gap)
+        assert bool(collisions(before, replace(before, pose_world_tcp=end))) == found
+
+
+def test_what_is_thinner_than_the_steps_of_a_way_is_met() -> None:
+    for x in (0.50, 0.505, 0.51, 0.515):
+        assert passing((0.4, 0.0), (0.6, 0.0), BOX.format("pin", x, 0.0, FREE, 0.002), half=0.002)

@@ -10,7 +10,9 @@ import pytest
 from palpate.geometry.pose import Pose
 from palpate.scene.load import parse_scene
 from palpate.vocabulary.admissible.grasp import ungraspable
+from palpate.vocabulary.admissible.grip import grip
 from palpate.vocabulary.admissible.motion import violations
+from palpate.vocabulary.admissible.solids import solids
 from palpate.vocabulary.state import SymbolicState
 
 ROD = """<mujoco><worldbody><site name="robot_base"/>
@@ -44,6 +46,15 @@ def test_fingers_close_in_the_middle_of_a_thing_that_they_can_bear(
 ) -> None:
     state = at_rod(x, y, mass)
     assert [found.rule for found in ungraspable(state, state.scene.body("rod"))] == rules
+
+
+@pytest.mark.parametrize(("bite", "holds"), [(0.003, False), (0.006, True)])
+def test_pads_hold_no_less_than_4_mm_of_an_end(bite: float, holds: bool) -> None:
+    shapes = solids(at_rod(0.0, 0.0).scene)
+    pad = shapes.pads["left finger"].geoms[0]
+    state = at_rod(0.1 + float(shapes.model.geom_size[pad, 0]) - bite, 0.0)
+    held = grip(solids(state.scene), "rod", state.tcp.inverse() @ state.pose_of("rod"))
+    assert (held is not None) == holds
 
 
 @pytest.mark.parametrize(("roll", "rules"), [(0.1, []), (0.5, ["tilted"])])

@@ -13,6 +13,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
+from palpate.estimation.contact.ripple import ripple_force
 from palpate.estimation.joint_friction import joint_friction_force
 from palpate.estimation.load.in_hand import load_rows
 from palpate.estimation.motion import Mask, tip_height
@@ -129,10 +130,17 @@ def descent_before(trace: Trace, recording: Recording) -> Descent | None:
         raise ValueError("the recording of the pose holds no samples")
     z = tip_height(samples, trace.hand)
     down = -samples.wrench[:, 2]
+    on_the_way = samples.t <= leaf.end
+    first = int(np.searchsorted(trace.samples.t, leaf.start))
+    rows = slice(first, first + len(samples))
     smooth = running_median(down)
     met = fit_free_air(samples, z, smooth, trace.hand)
+    ripple = ripple_force(trace, rows, on_the_way & steady(samples) & (z > met.height))
+    if ripple.any():
+        down = down - ripple
+        smooth = running_median(down)
+        met = fit_free_air(samples, z, smooth, trace.hand)
     free_air = met.free_air(z)
-    on_the_way = samples.t <= leaf.end
     calm = on_the_way & steady(samples) & (z > met.height)
     free = calm if calm.any() else on_the_way & (z >= met.height)
     noise = robust_std((down - free_air)[free])
@@ -148,8 +156,6 @@ def descent_before(trace: Trace, recording: Recording) -> Descent | None:
     wander = block_means(samples.wrench[free]).std(axis=0)
     wander[2] = robust_std(block_means((down - free_air)[free]))
     force = (down - free_air, smooth - free_air)
-    first = int(np.searchsorted(trace.samples.t, leaf.start))
-    rows = slice(first, first + len(samples))
     height = float(samples.pose_world_tcp[onset, 2])
     own = joint_friction_force(trace, rows, free, load_rows(trace, None).empty, height)
     return Descent(samples, leaf, z, *force, noise, onset, pressed, set_out, wander, met.slope, own)
@@ -218,13 +224,16 @@ def fit_free_air(samples: Samples, z: Array, smooth: Array, hand: Hand) -> Chang
     weight = np.where(steady(samples), 1.0, tuning.SWINGING)
     stopped = change_point(z, smooth, weight, rows)
     bearing = smooth - stopped.free_air(z)
-    late = np.flatnonzero(bearing[rows] >= tuning.LATE_FORCE * bearing[-1])
+    # At rest, friction of the joints may hide most of the force.
+    full = max(float(bearing[-1]), tuning.AT_REST_SHARE * float(bearing[rows].max()))
+    late = np.flatnonzero(bearing[rows] >= tuning.LATE_FORCE * full)
     before = rows[: int(late[0]) + 1] if len(late) else rows
     soft = change_point(z, smooth, weight, before)
     bears = soft.stiffness * (soft.height - stopped.height)
     calm = (weight == 1.0) & (z > soft.height)
-    known = np.count_nonzero(calm) >= tuning.FREE_ROWS
-    wander = robust_std((smooth - soft.free_air(z))[calm]) if known else np.inf
+    if np.count_nonzero(calm) < tuning.FREE_ROWS:
+        return stopped
+    wander = robust_std((smooth - soft.free_air(z))[calm])
     doubt = 2.0 * hand.force_accuracy
     if soft.stiffness > tuning.STEEP:
         doubt = min(doubt, tuning.WRONG_BY * wander)

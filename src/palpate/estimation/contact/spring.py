@@ -232,6 +232,9 @@ def fit_spring(descent: Descent, onset: Onset, hand: Hand) -> Spring:
         np.sqrt(variances[DAMPING]),
         descent.wander[2] / sinking,
         tuning.APART_IN_TIME * stiffness,
+        reversing / sinking,
+        tuning.FRICTION_SLOWS * abs(float(descent.set_out[2])) / sinking,
+        tuning.ENCODER_WAVE * hand.pose_repeatability * stiffness / sinking,
         np.hypot(tuning.DAMPED, tuning.GAIN_RATIO * hand.torque_gain) * damping,
     )
     at_rest = np.array([onset.first_std, descent.friction * onset.secant]) / descent.full

@@ -17,7 +17,7 @@ from palpate.estimation.motion import Mask, acceleration, at_rest, row_at, runs,
 from palpate.estimation.rigid import wrench_columns
 from palpate.geometry.pose import Array, rotations
 from palpate.trace.recording import RECORDED
-from palpate.trace.samples import Samples, Trace
+from palpate.trace.samples import Samples, Trace, once
 
 TOUCHING = ("contact", "sliding")
 
@@ -149,6 +149,7 @@ def blocks(
     )
 
 
+@once
 def turned(samples: Samples) -> Array:
     """(n, m) rad that each joint has turned, to and fro alike, beyond the noise of its encoder."""
     rate = smoothed_with_rate(samples.dq, samples.t, tuning.SPEED_SMOOTH)[0]
@@ -182,6 +183,7 @@ def _hangs(trace: Trace, load: LoadRows, surely: bool) -> Mask:
     return load.loaded & apart(trace) & lifted(trace, load, above)
 
 
+@once
 def _settled_or_away(samples: Samples) -> Mask:
     """Rows at rests without their beginnings, or after the arm has moved away from a rest: the residual
     stiction of a rest builds up as the arm settles and decays as it leaves."""
@@ -196,6 +198,7 @@ def _settled_or_away(samples: Samples) -> Mask:
     return settled | (~slow & (since > tuning.WHOLE_SHAKEN))
 
 
+@once
 def apart(trace: Trace) -> Mask:
     """Rows in free air: the hand is away from the place where a leaf began or ended in contact, and no leaf
     that begins and ends in contact runs."""
@@ -205,7 +208,7 @@ def apart(trace: Trace) -> Mask:
     leaves = sorted(trace.leaves, key=lambda run: run.end)
     for leaf, until in zip(leaves, [*(other.start for other in leaves[1:]), np.inf], strict=True):
         touches = leaf.context is not None and leaf.context.activity in TOUCHING
-        rows = (t >= leaf.start) & (t < max(until, leaf.end))
+        rows = slice(*np.searchsorted(t, [leaf.start, max(until, leaf.end)]).tolist())
         if touched and touches:
             found[rows] = False
         elif touched or touches:

@@ -58,6 +58,11 @@ LATE_FORCE = 0.6
 """part of the pressing force from which the last stretch of the loading curve reaches to all of it: reached before
 the arm is told to stop, whose swing would disturb it. Sensitive: hardly."""
 
+AT_REST_SHARE = 0.75
+"""part of the largest force of a press that at least counts as its force at rest: joint friction, which relaxes as the
+arm stops, may hide the rest. Sensitive: of 100 tables at `measured` four were taken for something soft 60 to 150 mm
+above without it, one at 0.5."""
+
 LATER_FORCE = 0.66
 """the same below something soft, which may bear as much. Sensitive: cloths of some 400 N/m, foams in layers."""
 
@@ -114,12 +119,22 @@ ALIKE = 3.0
 """rows of a descent per independent one: the torque sensors' signal wanders, and the model leaves the arm's swing
 out. Sensitive: stiffness std ×0.8–1.3."""
 
-APART_IN_TIME = 2e-3
-"""s (1 sigma) by which force and motion of a sample are apart: filters, and half a log period. A spring's force that
-comes late is damping. Sensitive: damping std above 3 kN/m."""
+APART_IN_TIME = 2.6e-3
+"""s (1 sigma) by which force and motion of a sample are apart: a cycle of 1 ms, and a filter of 100 Hz, 1.6 ms. A
+spring's force that comes late is damping. Sensitive: damping std above 3 kN/m."""
 
-DAMPED = 0.05
-"""part (1 sigma) of a damping: pads and their contact give way in series with the surface. Sensitive: hardly."""
+FRICTION_SLOWS = 0.15
+"""part (1 sigma) of the friction that joints show as the arm sets out, by which it is another as they slow down in a
+press: static over dynamic friction is 1.1, and friction changes with the place by 0.1 to 0.25 (noise models `hardware`,
+`measured`). Sensitive: damping std ×1.1–2.0 of arms whose joints rub."""
+
+ENCODER_WAVE = 0.4
+"""part of a pose's repeatability by which encoders ripple within a press (1 sigma): a spring's force that is as much
+off. Sensitive: damping std above 2 kN/m ×1.2–2.0."""
+
+DAMPED = 0.1
+"""part (1 sigma) of a damping: pads and their contact give way in series with the surface, and a pyramidal cone gives
+up to a quarter less. Sensitive: damping std ×1.0–1.3."""
 
 FALLING_MASS = 1.0
 """kg of the body whose rebound is stated. Sensitive: no, by definition."""

@@ -40,7 +40,7 @@ class Track:
         name: of the object.
         fell: s, time of a fall out of the hand or off its support; None without one.
         has_left: it ends lower than it stood, and is not held.
-        tilt: rad, largest while it was not held.
+        tilt: rad, largest while it was not held; a ball, or a log about its axis, rolls and does not tilt.
         moved: m from its first position, largest.
         pushed: m from where it was released, largest while it was not held.
         turned: rad in the hand, largest.
@@ -57,7 +57,7 @@ class Track:
         touched = np.array([look.touched[index] for look in looks])
         at, attitude = poses[:, :3], Rotation.from_quat(poses[:, 3:], scalar_first=True)
         period = LOOK * witness.period
-        tilt = np.where(held, 0.0, _tilt(attitude))
+        tilt = np.where(held, 0.0, _tilt(attitude, witness.axes[index]))
         self.tilt, self.tipped_at = float(tilt.max()), _first(tilt > TIPPED, period)
         fell = _fell(at[:, 2], held, touched, period)
         self.fell = None if fell is None else fell * period
@@ -75,9 +75,13 @@ def tracks(witness: Witness) -> list[Track]:
     return [Track(witness, index) for index in range(len(witness.objects))]
 
 
-def _tilt(attitude: Rotation) -> Array:
-    """Tilt from the first attitude, (n,) rad; a rotation about the vertical is none."""
+def _tilt(attitude: Rotation, axis: Array | None) -> Array:
+    """Tilt from the first attitude, (n,) rad; a rotation about the vertical, or about an `axis` of
+    revolution (3,), is none."""
     vertical = attitude.inv().apply(UP)
+    if axis is not None:
+        rise = np.arcsin(np.clip(vertical @ axis, -1, 1))
+        return np.abs(rise - rise[0])
     return np.arccos(np.clip(vertical @ vertical[0], -1, 1))
 
 

@@ -33,6 +33,9 @@ FACING = 0.5
 """Cosine between a push and the opposing normal, above which a contact supports against it."""
 SHOVED = 25.0
 """N: least horizontal force for which it is tested whether the object can give way."""
+BALL = int(mujoco.mjtGeom.mjGEOM_SPHERE)
+REVOLVED = (int(mujoco.mjtGeom.mjGEOM_CYLINDER), int(mujoco.mjtGeom.mjGEOM_CAPSULE))
+"""Types of geoms of revolution about their z axis."""
 
 Ints = NDArray[np.int32]
 Mask = NDArray[np.bool_]
@@ -112,6 +115,8 @@ class Witness:
         objects: names of the free bodies.
         masses: of these, kg.
         forces: by pair.
+        axes: (3,) axis of revolution of each object in its own frame, about which it may roll: zero for
+            a ball, None for other shapes.
         looks: every 5 ms, the first one before any motion.
     """
 
@@ -125,6 +130,7 @@ class Witness:
         free = [b for b in range(1, model.nbody) if _is_free(model, b)]
         self.objects = tuple(model.body(b).name for b in free)
         self.masses = tuple(float(model.body_subtreemass[b]) for b in free)
+        self.axes = tuple(_axis(model, b) for b in free)
         number = {body: i for i, body in enumerate(free)}
         roots: list[int] = model.body_rootid[model.geom_bodyid].tolist()
         self._object = np.array([number.get(root, -1) for root in roots], dtype=np.int32)
@@ -321,6 +327,19 @@ def _is_robot(model: mujoco.MjModel, body: int) -> bool:
 def _is_free(model: mujoco.MjModel, body: int) -> bool:
     first = int(model.body_jntadr[body])
     return first >= 0 and model.jnt_type[first] == mujoco.mjtJoint.mjJNT_FREE
+
+
+def _axis(model: mujoco.MjModel, body: int) -> Array | None:
+    """Axis of revolution (3,) of a body with a single colliding geom, in the body's frame."""
+    solid = (model.geom_contype | model.geom_conaffinity) > 0
+    geoms = np.flatnonzero(solid & (model.body_rootid[model.geom_bodyid] == body)).tolist()
+    kinds = {int(model.geom_type[geom]) for geom in geoms}
+    if len(geoms) != 1 or model.geom_bodyid[geoms[0]] != body or not kinds <= {BALL, *REVOLVED}:
+        return None
+    axis, quaternion = np.zeros(3), model.geom_quat[geoms[0]]
+    if BALL not in kinds:
+        mujoco.mju_rotVecQuat(axis, np.array([0.0, 0.0, 1.0]), quaternion)
+    return axis
 
 
 def _set(mask: Mask) -> set[int]:

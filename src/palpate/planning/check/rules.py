@@ -24,7 +24,7 @@ from palpate.vocabulary.admissible.support import (
     TIPPING,
     UPRIGHT,
 )
-from palpate.vocabulary.contact import PROBE_TRAVEL, SIDE_FORCE
+from palpate.vocabulary.contact import PROBE_TRAVEL
 from palpate.vocabulary.state import RESTORED_POSITION, SINKING
 from palpate.vocabulary.violation import PRECONDITION
 
@@ -92,19 +92,20 @@ _ACTIONS = {
     "twist": "A held object hangs near enough to its centre of mass not to twist in the grip.",
     PRECONDITION: "What else a primitive requires holds. MoveUntilContact: from a pose, with empty fingers, "
     f"something to touch within {1e3 * PROBE_TRAVEL:.0f} mm and its top no more than {mm(SINKING)} above the "
-    f"fingertips, no contact yet; sideways only against what withstands {SIDE_FORCE:g} N. MoveJoints: with nothing "
+    f"fingertips, no contact yet. MoveJoints: with nothing "
     "in the hand that stands on its support. A conversion: the log shows its quantity; held still for a weight means "
     f"lifted by more than {mm(LIFTED)}.",
     "sideways": "What stands between the open fingers is entered straight from above and left straight up or along "
     f"its length, less than {mm(STEEP)} aside, never by MoveJoints.",
-    "blocked": f"The hand, and what it holds, keeps {mm(BESIDE)} from every other object on its whole way.",
+    "blocked": f"The hand, and what it holds, keeps {mm(BESIDE)} from every other object on its whole way; "
+    "what stands on it is carried away first.",
     "collision": f"They keep {mm(ENTERED)} from what they pass between the fingers, {mm(FIXED)} from all that is "
     f"fixed (up to {mm(GUESSED)} above a surface of unknown height, which is only probed), the arm's links "
     f"{mm(ARM)} from everything; Tilt, Turn and Swing turn {mm(POSE_ERROR)} clear, in free air.",
     "self-collision": f"The arm keeps {mm(ARM)} from itself.",
     "unsupported": f"What is let go of stands within {mm(AS_FOUND)} of where it stood, or upright to "
     f"{np.degrees(UPRIGHT):.3g}° with its centre of mass {mm(TIPPING)} inside what carries it (unknown: all of it, "
-    f"{mm(EDGE)}); what is slid stays so, too; nothing stands on what is moved.",
+    f"{mm(EDGE)}); what is slid stays so, too.",
     "tilted": f"What is held stays upright to {np.degrees(HELD_UPRIGHT):.3g}°, but for Tilt and Swing.",
     "short-slide": "A slide that is felt for friction is level, along the support, and "
     f"{mm(MIN_SLIDE)} or longer.",

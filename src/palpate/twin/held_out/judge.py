@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from palpate.beside import shared_out
 from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.estimate import Estimate
 from palpate.estimation.load.in_hand import load_rows
@@ -59,8 +60,9 @@ def held_out(
     motions: list[Motion] = []
     notes: list[str] = []
     lifted = (recording.context.holding for recording in held_still(evidence))
-    for name in dict.fromkeys(name for name in lifted if name is not None):  # each once, in order
-        judged = judge(scene, evidence, estimates, name, choice)
+    names = list(dict.fromkeys(name for name in lifted if name is not None))  # each once, in order
+    every = shared_out(lambda name: judge(scene, evidence, estimates, name, choice), names)
+    for name, judged in zip(names, every, strict=True):
         if isinstance(judged, str):
             notes.append(f"{name}: {judged}")
         else:

@@ -45,6 +45,8 @@ FIXED = 0.003  # m between hand or load and anything static: derived grasps leav
 ARM = 0.005  # m between the arm's links and everything, each other included
 SHOWS = 0.002  # m of a measured rise from which a message mentions it
 SHOWN = 3  # Largest number of hits reported of one motion
+ANYTHING = ""
+"""Whatever a probe from the side touches: it ends at the first contact, of which no name is kept."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +57,7 @@ class Allowed:
         between: objects between the open fingers at its start or its end.
         carriers: carriers of the load at its end. The fingers are as high above them as where they
             took the load.
-        touched: the body that a probe touches.
+        touched: the body that a probe touches with the fingers, or `ANYTHING`.
         left: the surface that a probe touched, which the hand leaves by the way it came.
     """
 
@@ -73,7 +75,7 @@ class Allowed:
             return cls(frozenset(), frozenset(carriers), None)
         poses = (before.pose_world_tcp, after.pose_world_tcp)
         between = frozenset(name for pose in poses if (name := straddled(before, pose)))
-        touched = after.contact if after.activity == "contact" else None
+        touched = (after.contact or ANYTHING) if after.activity == "contact" else None
         left = before.contact if _goes_back(before, after) else None
         return cls(between, frozenset(), touched, left)
 
@@ -182,7 +184,7 @@ def _margin(state: SymbolicState, part: Part, other: Part, allowed: Allowed) -> 
         return -np.inf  # the hand was just there
     if part.kind == LINK or other.kind == LINK:
         return ARM
-    if name == allowed.touched and part.kind in SIDES:
+    if allowed.touched in (name, ANYTHING) and part.kind in SIDES:
         return -np.inf
     if part.kind == LOAD and name in allowed.carriers:
         return -SETTLES

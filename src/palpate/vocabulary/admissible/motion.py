@@ -21,7 +21,7 @@ import numpy as np
 from palpate.geometry.pose import Pose
 from palpate.vocabulary.admissible.clearance import STEEP, box_hits, is_vertical, straddled
 from palpate.vocabulary.admissible.collision import carry_away, collisions
-from palpate.vocabulary.admissible.support import dragged_off, leaning, riders
+from palpate.vocabulary.admissible.support import dragged_off, leaning
 from palpate.vocabulary.state import HOME_CONFIG, SAME_POSE, SymbolicState
 from palpate.vocabulary.violation import Violation
 
@@ -133,7 +133,7 @@ def _pushed(how: str, name: str, place: str | None) -> Violation:
 
 
 def _carried(before: SymbolicState, after: SymbolicState, may_tilt: bool) -> Iterator[Violation]:
-    """Violations of moving the held object: it tilts, or something falls."""
+    """Violations of moving the held object: it tilts, or is dragged off."""
     held = before.holding
     if held is None:
         return
@@ -150,9 +150,4 @@ def _carried(before: SymbolicState, after: SymbolicState, may_tilt: bool) -> Ite
             "unsupported",
             f"'{held}' would be dragged off what it stands on: {lost}; lift it to carry it, or "
             "slide it level",
-        )
-    for name in riders(before, held):
-        yield Violation(
-            "unsupported",
-            f"'{name}' stands on '{held}' and would fall; {carry_away(name)}",
         )

@@ -8,7 +8,7 @@ the face is its support polygon; the object is stable with its centre of mass ov
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -150,7 +150,7 @@ def stable(state: SymbolicState, name: str, pose_world_object: Pose) -> str | No
     uncertainty where the file leaves it to the shapes. An unknown one may be anywhere: then the
     object's whole outline must be over its carriers.
     """
-    if _is_as_found(state, name, pose_world_object):
+    if is_as_found(state, name, pose_world_object):
         return None
     lean = leaning(state, name, pose_world_object)
     if lean > UPRIGHT:
@@ -165,7 +165,7 @@ def stable(state: SymbolicState, name: str, pose_world_object: Pose) -> str | No
     outlines = [top.outline for top in there.carriers]
     inside = (max(depth(outline, corner) for outline in outlines) for corner in there.outline)
     if all(edge >= EDGE for edge in inside) or _is_balanced(state, name, pose_world_object, there):
-        return _unstable_carrier(state, name, pose_world_object, there)
+        return None
     carriers = " and ".join(f"'{owner}'" for owner in there.owners)
     return f"it would tip over the edge of {carriers}"
 
@@ -176,22 +176,7 @@ def leaning(state: SymbolicState, name: str, pose_world_object: Pose) -> float:
     return float(np.arccos(np.clip(pose_world_object.rotation[2] @ up, -1.0, 1.0)))
 
 
-def riders(state: SymbolicState, name: str) -> list[str]:
-    """Objects that stand on object `name` and move with it."""
-    at, free = state.pose_of(name), replace(state, holding=None)
-    body, found = state.scene.body(name), list[str]()
-    for other in state.beside(at.position, at.position, body.reach):
-        pose = state.pose_of(other.name)
-        if other.name == name or other.role != "object":
-            continue
-        if other.bottom_z(pose) < body.bottom_z(at):
-            continue
-        if name in footing(free, other.name, pose).owners:
-            found.append(other.name)
-    return found
-
-
-def _is_as_found(state: SymbolicState, name: str, pose: Pose) -> bool:
+def is_as_found(state: SymbolicState, name: str, pose: Pose) -> bool:
     """True if an object stands where the scene has it, on its carriers there."""
     found = state.scene.body(name).pose_world
     if pose.distance_to(found) > AS_FOUND or pose.angle_to(found) > UPRIGHT:
@@ -199,7 +184,7 @@ def _is_as_found(state: SymbolicState, name: str, pose: Pose) -> bool:
     for owner in footing(SymbolicState(state.scene), name, found).owners:
         if owner == state.holding:
             return False
-        if owner in state.moved and not _is_as_found(state, owner, state.moved[owner]):
+        if owner in state.moved and not is_as_found(state, owner, state.moved[owner]):
             return False
     return True
 
@@ -214,19 +199,6 @@ def _is_balanced(state: SymbolicState, name: str, pose: Pose, there: Footing) ->
     middle = pose.apply(solids(state.scene).centre_of_mass(name))
     extent = np.abs(pose.rotation[:2]) @ body.size
     return depth(there.support, middle[:2]) >= TIPPING + float(OFF_CENTRE * extent.max())
-
-
-def _unstable_carrier(state: SymbolicState, name: str, pose: Pose, there: Footing) -> str | None:
-    """Reason why a carrier would tip with the object on top; None if all would stay."""
-    placed = replace(state, moved=state.placing(name, pose))
-    for owner in there.owners:
-        if owner not in state.scene.objects:
-            continue
-        # The load acts within the support polygon of the object on top.
-        below = footing(placed, owner, state.pose_of(owner)).support
-        if not all(depth(below, corner) >= 0 for corner in there.support):
-            return f"'{owner}' would tip under it"
-    return None
 
 
 def slides(before: SymbolicState, after: SymbolicState) -> bool:
