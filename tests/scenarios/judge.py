@@ -44,7 +44,9 @@ SETTLED = 30
 def executed(scenario: Scenario, plan: str | None = None) -> Run:
     """A run at `--noise lab`, by the scenario's planner or by one of its recorded plans."""
     settings = (
-        scenario.settings(planner=f"replay:{plan}") if plan else scenario.settings()
+        scenario.settings(planner=f"replay:{plan}", noise="lab")
+        if plan
+        else scenario.settings(noise="lab")
     ).checked()
     return pipeline.measure(pipeline.plan(settings, pipeline.load(settings)))
 
