@@ -83,6 +83,7 @@ MINUTES = (
     "tests/cli/test_models.py::test_the_answer_of_any_chat_is_checked_and_executed",
     "tests/cli/test_models.py::test_a_conversation_is_replayed_without_network",
     "tests/robots/franky/test_over_the_wire.py::test_an_obstacle_is_carried_aside_and_back",
+    "tests/robots/franky/test_over_the_wire.py::test_a_door_is_moved_on_its_arc_and_left_where_it_was",
     "tests/robots/franky/test_command_line.py::test_from_rehearsal_to_report_with_a_person_who_lets_it_move",
     "tests/robots/franky/test_faults.py::test_after_a_user_stop_nothing_is_put_down_and_nobody_goes_on",
     "tests/robots/franky/test_faults.py::test_lost_cycles_end_nothing",

@@ -9,6 +9,7 @@ import pytest
 from loopback import Loopback, Says
 
 from palpate import pipeline
+from palpate.execution import rehearsal
 from palpate.execution.rehearsal import Rehearsal, rehearse
 from palpate.parameter import Parameter
 from palpate.planning.model.settings import ModelSettings
@@ -90,6 +91,20 @@ def test_a_scene_that_does_not_settle_is_said_to_be_so() -> None:
     predicted = rehearse(weighing(cell, "can"), cell)
     assert predicted.path == "tree"
     assert "the scene does not settle" in str(predicted.failure)
+
+
+def test_too_long_a_plan_is_one_finding_after_the_longest_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(rehearsal, "LONGEST", 4.0)
+    cell = scene(CAN)
+    up_and_down = [
+        ("MovePose", "pose", f"can_pose + {n}*z_offset") for _ in range(150) for n in (1, 2)
+    ]
+    predicted = rehearse(sequence([("MoveJoints", "joints", "home_config"), *up_and_down]), cell)
+    assert predicted.failure == "it takes more than 4 s; make several plans of it"
+    assert predicted.path == "tree"
+    assert predicted.robot_seconds < 7.0
 
 
 def test_a_thing_that_ends_elsewhere_than_believed_is_a_finding() -> None:

@@ -2,53 +2,39 @@
 
 from __future__ import annotations
 
-import os
-from dataclasses import replace
-from typing import cast
+from collections.abc import Callable
+from typing import Any, cast
 
 import pytest
 
-from palpate.beside import can_copy
+from palpate.beside import Beside
 from palpate.pictures.film import Film
 from palpate.report import writing
 from palpate.report.writing import Darkroom, Pictures
 from palpate.runs.run import Run
 
 
-def whose(pictures: bytes) -> int:
-    return int(pictures.decode())
+@pytest.mark.parametrize("drawn", [False, True])
+def test_a_process_that_has_drawn_makes_film_and_pictures_itself(
+    monkeypatch: pytest.MonkeyPatch, drawn: bool
+) -> None:
+    copies: list[bool] = []
 
+    class Noted(Beside[Any]):
+        """Work in this process, with a note of where it was wanted."""
 
-@pytest.fixture(autouse=True)
-def _signed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Films and pictures that state the process which made them."""
+        def __init__(self, work: Callable[[], Any], copied: bool = True) -> None:
+            copies.append(copied)
+            super().__init__(work, copied=False)
 
-    def mine() -> bytes:
-        return str(os.getpid()).encode()
-
+    monkeypatch.setattr(writing, "Beside", Noted)
     monkeypatch.setattr(writing, "gl_available", lambda: (True, "egl"))
-    monkeypatch.setattr(writing, "take_film", lambda _: Film(mine(), 1.0))
-    monkeypatch.setattr(writing, "take_stills", lambda _, taken: replace(taken, before=mine()))
-
-
-@pytest.mark.skipif(not can_copy(), reason="this process has threads, or there is one processor")
-def test_film_and_pictures_are_made_by_copies(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(writing.Painter, "used", False)
-    film, before = made()
-    assert len({film, before, os.getpid()}) == 3
-
-
-def test_a_process_that_has_drawn_makes_them_itself(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(writing.Painter, "used", True)
-    assert made() == (os.getpid(), os.getpid())
-
-
-def made() -> tuple[int, int]:
-    """Processes that make the film and the pictures."""
+    monkeypatch.setattr(writing.Painter, "used", drawn)
+    monkeypatch.setattr(writing, "take_film", lambda _: Film(b"film", 1.0))
+    monkeypatch.setattr(writing, "take_stills", lambda _, __: Pictures(before=b"before"))
     run = cast("Run", None)
     with Darkroom(run) as darkroom:
         darkroom.begin_stills(run)
-        film, stills = darkroom.film.result(), darkroom.stills(run, Pictures())
-    assert film is not None
-    assert stills.before is not None
-    return whose(film.mp4), whose(stills.before)
+        assert darkroom.film.result() == Film(b"film", 1.0)
+        assert darkroom.stills(run, Pictures()).before == b"before"
+    assert copies == [not drawn, not drawn]

@@ -193,6 +193,8 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
     first = harm(witness, named).first
     harmed = None if first is None else _at(done, *first)
     stop = None if done.stopped_by is None else _at(done, np.inf, done.stopped_by)
+    if done.robot_seconds >= LONGEST:
+        stop = "tree", f"it takes more than {LONGEST:g} s; make several plans of it"
     if harmed is None and stop is None and not seed:
         harmed = _displaced(done, witness, scene, look.foresight)
     force = np.linalg.norm(done.trace.samples.wrench[:, :3], axis=1)

@@ -131,13 +131,18 @@ class BodyDescription:
     @property
     def handle(self) -> tuple[Element, ...]:
         """Geoms by which a fixture is grasped: those called a handle, else all that collide."""
+        return self.named_handle or self.elements.colliding
+
+    @property
+    def named_handle(self) -> tuple[Element, ...]:
+        """Colliding geoms of a fixture that are called a handle, or stand in a body of that name."""
         found: list[Element] = []
         for geom in self.elements.colliding:
             inner = list(geom.iterancestors("body"))
             inner = inner[: inner.index(self.elements.element)]
             if any(HANDLE.search(part.get("name") or "") for part in (geom, *inner)):
                 found.append(geom)
-        return tuple(found) or self.elements.colliding
+        return tuple(found)
 
     def box(self) -> tuple[Array, Array]:
         """Centre and full extents (3,) of the box around it in its own frame, m."""

@@ -184,7 +184,8 @@ def derive_symbols(
         configurations=configurations(entries, arm.home),
         offsets=vectors(DEFAULT_OFFSETS) | common,
         own_offsets=own,
-        ungraspable=_ungraspable(geometry, grasps | held, entries),
+        ungraspable=_ungraspable(geometry, grasps | held, entries)
+        | _unnamed(resolved, held, entries),
     )
 
 
@@ -268,6 +269,20 @@ def _ungraspable(geometry: Geometry, grasps: Mapping[str, Grasp], entries: Poses
         if "position" in geometry.bodies[name].missing and name not in entries.objects:
             reasons[name] = "nobody knows where it is; give its pose in poses.yaml"
     return reasons
+
+
+def _unnamed(resolved: ResolvedScene, held: Mapping[str, Grasp], entries: Poses) -> dict[str, str]:
+    """Fixtures that the hand cannot grasp and that have no geom called a handle, with the reason."""
+    why = (
+        "; none of its colliding geoms is called a handle (handle, knob, grip, latch, lever), so that all of them "
+        "were tried: name one, or give a grasp in poses.yaml"
+    )
+    bodies = resolved.description.bodies
+    return {
+        name: grasp.problem + why
+        for name, grasp in held.items()
+        if grasp.problem and name not in entries.grasps and not bodies[name].named_handle
+    }
 
 
 def free_place(geometry: Geometry, name: str, poses: Mapping[str, Pose]) -> Pose | None:

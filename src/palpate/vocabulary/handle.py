@@ -24,6 +24,7 @@ from palpate.vocabulary.base import (
     Steps,
     Surroundings,
 )
+from palpate.vocabulary.contact import PROBE_SPEED
 from palpate.vocabulary.gripper import finish_fingers, grip
 from palpate.vocabulary.load import Load
 from palpate.vocabulary.state import SymbolicState
@@ -141,7 +142,7 @@ class FindLimits(_Working):
         met: list[str] = []
         for way in ways:
             yield from _run_up(blackboard, way)
-            if not (yield from _pass(blackboard, way, 1.0, SPEEDS[0], True, to_limit=True)):
+            if not (yield from _pass(blackboard, way, 1.0, PROBE_SPEED, True, to_limit=True)):
                 raise LeafFailure(
                     f"'{name}' meets no limit within {1e3 * way.length:.0f} mm, as far as the arm can move it"
                 )

@@ -117,3 +117,15 @@ def test_an_obstacle_is_carried_aside_and_back() -> None:
             pytest.approx(pose[:3], abs=5e-3) for pose in before
         ]
         assert bench.ask("counts")["lost"] == 0
+
+
+def test_a_door_is_moved_on_its_arc_and_left_where_it_was() -> None:
+    with served(**files("drawer/door"), seed=1, fastest=1.0) as bench:
+        before = bench.ask("pose", body="door")
+        wired = ran("drawer/door", bench)
+        assert wired.run.status == "complete"
+        for name in ("door.damping", "door.frictionloss"):
+            low, high = wired.run[name].intervals[0]
+            assert low < bench.ask("truth", name=name)[0] < high
+        assert bench.ask("pose", body="door") == pytest.approx(before, abs=5e-3)
+        assert bench.ask("counts")["lost"] == 0

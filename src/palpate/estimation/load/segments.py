@@ -303,10 +303,10 @@ class _Signals:
         for cut in cuts:
             used[cut.rows] = True
         motion = observed.own_motion(samples, used, tuning.FOLLOWED)
-        net = observed.signals
+        # Averaged like the motion, so that faster changes do not show as a difference.
+        net = smoothed_with_rate(observed.signals, t, tuning.FOLLOWED)[0]
         if motion.shape[1]:
-            # Averaged like the motion, so that faster changes do not show as a difference.
-            net = smoothed_with_rate(observed.signals, t, tuning.FOLLOWED)[0] - motion
+            net = net - motion
         moves = np.linalg.norm(samples.twist[:, :3], axis=1) > tuning.PASS_SPEED
         calm = (at_rest(samples) | (steady(samples) & moves)) & (load.loaded | load.empty)
         slides = [one for one in trace.recordings if one.context.activity == "sliding"]

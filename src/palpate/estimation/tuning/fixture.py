@@ -75,6 +75,11 @@ LIMIT_FOOT = 2e-4
 """m (1 sigma): by which pads and rails give way before a limit bears; in the simulation 0.1 to 0.2 mm.
 Sensitive: at `lab` it is most of a limit's deviation."""
 
+LIMIT_SCALE = 0.8
+"""part (1 sigma) of the angle by which an arm may be out that its way to a limit is too long or short: at `measured`,
+of 0.22 m, 0.5 mm (root mean square of eight arms).
+Sensitive: limit std ×1.0–2.5 at `measured`, not at `lab`."""
+
 LIMIT_SOFT = 0.05
 """part (1 sigma) of the way from limit to standstill by which a stop's loading curve may be no straight line.
 Sensitive: not tried."""
