@@ -269,12 +269,7 @@ MOTIONS = [
         "unsupported",
         [*W[:8], "MovePose above_edge", "MovePose edge", W[9], "MovePose above_edge", W[11]],
     ),
-    Fault("the lower one of a stack", "unsupported", weigh("under"), ("under.mass",), (STACK,)),
-    Fault(
-        "a probe of a rim",
-        "unsupported",
-        inserted(11, "MovePose above_rim", "MoveUntilContact -z", "MovePose above_rim"),
-    ),
+    Fault("the lower one of a stack", "blocked", weigh("under"), ("under.mass",), (STACK,)),
     Fault("laid over", "tilted", inserted(8, "MovePose leaning")),
     Fault("a short slide", "short-slide", SLIDING, ("bottle.mass", "bottle.friction"), (SMOOTH,)),
     Fault(

@@ -144,7 +144,7 @@ def test_stiffness_of_a_mat_from_the_sentence_to_the_twin(tmp_path):
     plan = scene.plan("the damping of the mat")
     assert set(plan.parameters) == {STIFFNESS, DAMPING}
     assert plan.findings == ()
-    run = plan.run(world=world, seed=1, fast=True)
+    run = plan.run(world=world, noise="lab", seed=1, fast=True)
     found, damping = run["mat.stiffness"], run["mat.contact_damping"]
     assert found.verdict == damping.verdict == "identified"
     assert found.values[0] == pytest.approx(800, rel=0.03)
@@ -152,7 +152,7 @@ def test_stiffness_of_a_mat_from_the_sentence_to_the_twin(tmp_path):
     (note,) = run.twin.notes
     assert "as measured" in note
     twin.write_text(run.twin.xml)
-    again = plan.run(world=twin, seed=2, fast=True)
+    again = plan.run(world=twin, noise="lab", seed=2, fast=True)
     for parameter, (truth,) in again.truth.items():
         assert truth == pytest.approx(run[parameter].value, rel=1e-2)
         assert again[parameter].value == pytest.approx(truth, abs=3.0 * again[parameter].std)

@@ -46,11 +46,11 @@ def test_a_finished_run_says_noise_and_seed_and_where_its_files_are_from_there(
     settings = Settings(scene=tmp_path / "desk.xml", planner=f"replay:{tmp_path / 'plan.json'}")
     said = " ".join(reproducing(settings, tmp_path / "runs" / "desk"))
     assert said == (
-        "palpate run --scene ../../desk.xml --planner replay:../../plan.json --noise lab --seed 0"
+        "palpate run --scene ../../desk.xml --planner replay:../../plan.json --noise measured --seed 0"
     )
 
 
 def test_a_scenario_goes_by_its_name() -> None:
     settings = scenario("mishaps/slip").settings(seed=7)
     said = " ".join(reproducing(settings))
-    assert said == "palpate demo mishaps/slip --planner symbolic --seed 7 --noise lab"
+    assert said == "palpate demo mishaps/slip --planner symbolic --seed 7 --noise measured"

@@ -103,7 +103,12 @@ def test_a_complete_run(tmp_path: Path) -> None:
             "residual_template": {"force_N": None, "position_m": None, "note": "stopped"},
         },
     }
-    assert found["provenance"] == {"palpate": __version__, "seed": 7, "noise": "lab", "world": None}
+    assert found["provenance"] == {
+        "palpate": __version__,
+        "seed": 7,
+        "noise": "measured",
+        "world": None,
+    }
     assert found["files"] == {
         name: str(tmp_path / "run" / file)
         for name, file in (

@@ -19,9 +19,9 @@ from palpate.errors import InputError
 from palpate.geometry.pose import Pose
 from palpate.robots.owner.arm import informed
 from palpate.robots.registry import load_description
-from palpate.robots.simulated.noise import models
+from palpate.robots.simulated.noise import LEVELS, models
 from palpate.robots.simulated.noise.model import Drawn, NoiseModel
-from palpate.robots.simulated.noise.models import OWN, noise_models
+from palpate.robots.simulated.noise.models import noise_models
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.settings import Settings, request_json
 
@@ -214,7 +214,7 @@ def test_other_arms_have_their_own_figures() -> None:
     assert hardware.torque.range == pytest.approx(iiwa.limits.tau_max)
 
 
-@pytest.mark.parametrize("name", OWN)
+@pytest.mark.parametrize("name", LEVELS)
 def test_every_figure_has_a_source_or_says_that_there_is_none(name: str) -> None:
     text = (Path(models.__file__).parent / f"{name}.yaml").read_text()
     figures = [
@@ -394,7 +394,7 @@ def test_a_noise_model_of_ones_own_is_one_file_and_an_entry_point(
     monkeypatch.syspath_prepend(tmp_path)
     noise_models.cache_clear()
     try:
-        assert noise_models().names == (*OWN, "worn")
+        assert noise_models().names == (*LEVELS, "worn")
         assert not noise_models().load("none").torque.white.any(), "ours stays ours"
         noisy = MujocoRobot(empty(), Pose.of([0, 0, 0]), ARM, noise="worn")
         noisy.advance(0.5)
