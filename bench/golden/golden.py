@@ -29,7 +29,7 @@ from itertools import product
 from pathlib import Path
 
 TABLE = Path(__file__).with_name("table.json")
-NOISE = ("none", "lab", "datasheet")
+NOISE = ("none", "lab", "measured")
 SEEDS = (0, 1, 2)
 SLOW = {"fifteen_objects"}
 SENTENCES = re.compile(r'(name="palpate[^"]*method[^"]*" data=)"[^"]*"')
