@@ -77,7 +77,7 @@ Sensitive: at `lab` it is most of a limit's deviation."""
 
 LIMIT_SCALE = 0.8
 """part (1 sigma) of the angle by which an arm may be out that its way to a limit is too long or short: at `measured`,
-of 0.22 m, 0.5 mm (root mean square of eight arms).
+of 0.22 m, 0.6 mm (root mean square of seven arms).
 Sensitive: limit std ×1.0–2.5 at `measured`, not at `lab`."""
 
 LIMIT_SOFT = 0.05
