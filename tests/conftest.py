@@ -105,6 +105,11 @@ MINUTES = (
     "tests/examples/test_programs.py::test_a_program_runs_and_prints_what_it_promises[[]1[02]*",
     "tests/quantities/test_friction.py::test_the_arms_own_friction_does_not_reach_the_estimate*",
     "tests/robots/test_arms.py::test_a_second_arm_measures_the_same*",
+    "tests/scenarios/test_catalogue.py::test_a_scenario_ends_as_it_should[[]clutter]",
+    "tests/scenarios/test_catalogue.py::test_a_scenario_ends_as_it_should[[]from_picture]",
+    "tests/scenarios/test_catalogue.py::test_a_scenario_ends_as_it_should[[]synthetic_and_real*]",
+    "tests/live/test_page.py::test_a_run_is_watched_and_played_again",
+    "tests/test_api.py::test_the_same_seed_gives_the_same_run",
 )
 """Of these, the longest: `make test-ci` leaves them out, to stay under a quarter of an hour."""
 
