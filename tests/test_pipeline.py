@@ -38,7 +38,7 @@ FILES = {
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("demo") / "run"
     subprocess.run(
-        [sys.executable, "-m", "palpate.cli.main", "demo", "--out", str(path)],
+        [sys.executable, "-m", "palpate.cli.main", "demo", "--noise", "lab", "--out", str(path)],
         check=True,
         capture_output=True,
     )
@@ -56,9 +56,9 @@ def test_result_is_the_contract(folder: Path) -> None:
     mass, height = found["bottle", "mass"], found["table", "height"]
     assert mass["unit"] == "kg"
     assert mass["verdict"] == "identified"
-    assert abs(mass["value"] - 0.254) < 0.03
+    assert abs(mass["value"] - 0.254) < 0.006
     assert mass["ci95"][0] < 0.254 < mass["ci95"][1]
-    assert abs(height["value"] - 0.765) < 0.005
+    assert abs(height["value"] - 0.765) < 0.0005
     assert result["plan"]["planner"] == "symbolic"
     assert result["execution"]["stopped_by"] is None
     assert Path(result["files"]["twin"]).read_text(encoding="utf-8").startswith("<!--")
@@ -77,13 +77,13 @@ def test_twin_is_the_users_file_with_the_gap_closed(folder: Path) -> None:
     # What stands on the measured table stands on it.
     assert twin.body("bottle").bottom_z() == pytest.approx(twin.body("table").top_z(), abs=1e-5)
     assert twin.missing == ()
-    assert twin.body("bottle").known["mass"][0] == pytest.approx(0.254, abs=0.03)
+    assert twin.body("bottle").known["mass"][0] == pytest.approx(0.254, abs=0.006)
 
 
 def test_twin_gives_the_touch_back(folder: Path) -> None:
     marks = json.loads((folder / "result.json").read_text(encoding="utf-8"))["twin"]["validation"]
     assert marks["settled"]
-    assert marks["residual_twin"]["position_m"] < 0.0005 < marks["residual_template"]["position_m"]
+    assert marks["residual_twin"]["position_m"] < 0.0002 < marks["residual_template"]["position_m"]
     assert marks["residual_twin"]["force_N"] < marks["residual_template"]["force_N"]
 
 

@@ -2,4 +2,4 @@
 
 LEVELS = ("none", "lab", "datasheet", "hardware", "measured")
 DEFAULT_LEVEL = "measured"
-"""What recordings of real arms show."""
+"""Level of recorded real arms."""
