@@ -29,6 +29,11 @@ if TYPE_CHECKING:
 
     from palpate.trace.samples import Trace
 
+REPLAY_PERIOD = 0.04
+"""s between two ticks of an execution that is compared only in the means of its recordings: as long as the simulated
+arm goes on without new feed-forward torques. Residuals move by less than 6 mN and 0.3 micrometres (bottle,
+hammer, drawer), in a fifth less time than at 0.02 s."""
+
 
 def build_twin(made: Run, callbacks: RunCallbacks = SILENT) -> Run:
     """Write the estimates into the scene's MJCF. A scene detected in a picture is taken as the
@@ -116,4 +121,4 @@ def _replay(scene: Scene, plan: Plan, world: MjSpec) -> Trace:
 
     robot = MujocoRobot(world, scene.pose_world_base, as_measured(scene.arm))
     with interrupts() as signals, signals.raised():
-        return perform(plan, scene, robot, noiseless=True).trace
+        return perform(plan, scene, robot, noiseless=True, tick_period=REPLAY_PERIOD).trace

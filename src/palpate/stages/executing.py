@@ -72,6 +72,7 @@ def perform(
     real: bool = False,
     noiseless: bool = False,
     settled: Settled = as_believed,
+    tick_period: float | None = None,
 ) -> Execution:
     """Run the tree on the robot, and close the robot in any case.
 
@@ -87,12 +88,20 @@ def perform(
         noiseless: the robot is a simulated one without noise.
         settled: corrects the symbolic state after a leaf of the plan, by where things ended in its
             rehearsal.
+        tick_period: s of robot time between two ticks; the runner's by default.
     """
     from palpate.execution.recovery import recover
     from palpate.execution.repetition import repeat
+    from palpate.execution.runner import TICK_PERIOD
     from palpate.execution.runner import run as run_tree
 
-    attempt = partial(run_tree, observer=callbacks.observer, keep=keep, noiseless=noiseless)
+    attempt = partial(
+        run_tree,
+        observer=callbacks.observer,
+        keep=keep,
+        noiseless=noiseless,
+        tick_period=tick_period or TICK_PERIOD,
+    )
     try:
         first = attempt(plan, scene, robot, settled=settled)
         done = recover(
