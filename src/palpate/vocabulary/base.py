@@ -203,7 +203,7 @@ class Primitive(BaseModel):
         if any(violation.rule == "unreachable" for violation in found):
             return found
         try:
-            after = self.effects(state)
+            after = state.after(self)
         except InputError:
             return found
         return [*found, *motion.violations(state, after, may_tilt=self.tilts)]

@@ -106,7 +106,7 @@ class MovePose(Primitive):
         """True if this would drag the held object along its support."""
         if state.holding is None or state.lifted:
             return False
-        return slides(state, self.effects(state))
+        return slides(state, state.after(self))
 
     def during(self, state: SymbolicState) -> SymbolicState:
         activity = "sliding" if self.slides(state) else "moving"

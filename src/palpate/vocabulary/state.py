@@ -78,6 +78,24 @@ class SymbolicState:
     converted: frozenset[Parameter] = frozenset()
     reaches: Callable[[Pose], bool] | None = None
     bound: Mapping[str, float] = field(default_factory=dict[str, float])
+    _next: dict[int, tuple[Primitive, SymbolicState]] = field(
+        default_factory=dict[int, "tuple[Primitive, SymbolicState]"],
+        init=False,
+        repr=False,
+        compare=False,
+    )
+
+    def after(self, primitive: Primitive) -> SymbolicState:
+        """State after SUCCESS of a primitive: its `effects`, computed once.
+
+        Raises:
+            InputError: it goes to an unknown pose.
+        """
+        # The primitive is kept with the result, so that its id stays its own.
+        found = self._next.get(id(primitive))
+        if found is None:
+            found = self._next[id(primitive)] = (primitive, primitive.effects(self))
+        return found[1]
 
     def standing(self, q: Array, pose_world_tcp: Pose) -> SymbolicState:
         """State with the arm where it reports to be, at `q` (7,), rad, if that was unknown."""
@@ -304,7 +322,7 @@ def merged(now: SymbolicState, base: SymbolicState, after: SymbolicState) -> Sym
     if after is base:
         return now
     changes: dict[str, Any] = {}
-    for name in (one.name for one in fields(SymbolicState)):
+    for name in (one.name for one in fields(SymbolicState) if one.init):
         old, new = getattr(base, name), getattr(after, name)
         if new is not old:
             changes[name] = _joined(getattr(now, name), old, new)

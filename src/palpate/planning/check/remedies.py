@@ -123,7 +123,7 @@ def alternative_slide(before: SymbolicState) -> str:
         slide = MovePose(pose=str(pose))
         if slide.violations(before):
             continue
-        after = slide.effects(before)
+        after = before.after(slide)
         if slides(before, after):
             assert before.pose_world_tcp is not None
             assert after.pose_world_tcp is not None

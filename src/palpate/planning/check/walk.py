@@ -172,8 +172,8 @@ class Walk:
                 first = before
                 for other in moving:
                     if other != where:
-                        first = self.leaves[other].effects(first)
-                ends = [primitive.effects(state) for state in (before, first)]
+                        first = first.after(self.leaves[other])
+                ends = [state.after(primitive) for state in (before, first)]
             except InputError:
                 continue
             firsts[where] = first
@@ -199,7 +199,7 @@ class Walk:
         if "gripper" in primitive.claims:
             self._empty = "gripper-state" in broken and not before.holding
         try:
-            after = primitive.effects(before)
+            after = before.after(primitive)
         except InputError:
             self._lost = True
             return replace(before, pose_world_tcp=None, at=None)

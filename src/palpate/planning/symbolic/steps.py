@@ -69,16 +69,14 @@ class Step:
         """
         moving, sensing = self.moving, self.sensing
         branches = [sensing] if sensing else []
-        meanwhile = during(moving, state)
-        return parallel(
-            state, meanwhile, moving, branches, lambda leaf, before: leaf.effects(before)
-        )
+        meanwhile = during(moving, state) if sensing else state
+        return parallel(state, meanwhile, moving, branches, lambda leaf, before: before.after(leaf))
 
     def applied(self, state: SymbolicState) -> SymbolicState | None:
         """The state after it; None where it breaks a precondition, or is not preferred."""
         moving, sensing = self.moving, self.sensing
         try:
-            meanwhile = during(moving, state)
+            meanwhile = during(moving, state) if sensing else state
             if any(primitive.violations(meanwhile) for primitive in sensing):
                 return None
             after = self.effect(state)

@@ -174,8 +174,16 @@ def _largest(state: SymbolicState) -> float:
 
 def _margins(state: SymbolicState, swept: Sweep, allowed: Allowed) -> Array:
     """(p,) m, margin of each pair of parts."""
-    parts = map(swept.of, range(len(swept.pairs)))
-    return np.array([_margin(state, *pair, allowed) for pair in parts])
+    # Most pairs are of the same few kinds of parts, and of the same bodies.
+    known: dict[tuple[str, str, str], float] = {}
+    margins = np.empty(len(swept.pairs))
+    for pair in range(len(margins)):
+        part, other = swept.of(pair)
+        key = (part.kind, other.kind, other.owner)
+        if key not in known:
+            known[key] = _margin(state, part, other, allowed)
+        margins[pair] = known[key]
+    return margins
 
 
 def _margin(state: SymbolicState, part: Part, other: Part, allowed: Allowed) -> float:
