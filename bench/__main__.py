@@ -149,6 +149,32 @@ def variety(
 
 
 @command(app)
+def fixtures(
+    names: Names = None,
+    *,
+    out: Annotated[Path, typer.Option("--out", help="File of rows; resumed.")],
+    noise: Noises = ["measured"],  # noqa: B006 - typer's default of an option that may be repeated
+    seed: Seed = 0,
+    seeds: Seeds = 40,
+    spring: Annotated[
+        bool, typer.Option("--spring", help="Joints with an unknown spring.")
+    ] = False,
+    traces: Annotated[
+        Path | None, typer.Option("--traces", help="Folder of traces; estimated again if there.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Joints of hidden drawers and doors of other mass, friction, damping, place and solver."""
+    from bench.fixtures import Case, groups, study
+    from bench.show import show_fixtures
+
+    chosen = names or ["drawer", "drawer/door"]
+    seeded = range(seed, seed + seeds)
+    cases = [Case(each, level, i, spring) for each in chosen for level in noise for i in seeded]
+    show_fixtures(groups(study(cases, out, traces=traces)), as_json)
+
+
+@command(app)
 def bounds(
     names: Names = None,
     *,

@@ -14,6 +14,7 @@ from bench.bounds.efficiency import OverBound
 from bench.campaign import ledger
 from bench.campaign.page import counts
 from bench.deceptions.page import Coverage, by_world, coverage, worst
+from bench.fixtures import Group
 from bench.mishaps import Ending
 from palpate.cli.console import out, print_json
 from palpate.cli.show.layout import Column, print_rows
@@ -55,6 +56,31 @@ BOUNDS = (
     Column("RMSE / bound", right=True),
     Column("95 % interval", right=True),
 )
+
+
+FIXTURES = (
+    Column("scenario"),
+    Column("noise"),
+    Column("quantity"),
+    Column("complete", right=True),
+    Column("identified, hold", right=True),
+    Column("rms z", right=True),
+    Column("median std", right=True),
+    Column("peak N", right=True),
+)
+
+
+def show_fixtures(rows: Sequence[Group], as_json: bool) -> None:
+    """Coverage and width of the intervals of fixtures' joints."""
+    if as_json:
+        print_json({"rows": [asdict(row) for row in rows]})
+        return
+    cells: list[list[str]] = []
+    for row in rows:
+        counts = [f"{row.complete}/{row.worlds}", f"{row.identified}, {row.held}"]
+        figures = [f"{row.z:.2f}", f"{100.0 * row.width:.1f} %", f"{row.peak:.0f}"]
+        cells.append([row.scenario, row.noise, row.quantity, *counts, *figures])
+    print_rows(FIXTURES, cells)
 
 
 def show_bounds(rows: Sequence[OverBound], as_json: bool) -> None:

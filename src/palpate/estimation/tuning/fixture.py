@@ -12,6 +12,11 @@ HANDLE_SETS_OUT = 0.003
 """m from where a pass began, in which the friction of joints, pads and rails turns round and no block counts.
 Sensitive: not tried; shorter, and friction that still turns round counts as dry friction."""
 
+HANDLE_ONSET = (0.004, 0.015, 0.019, 0.023, 0.028, 0.034, 0.041, 0.05)
+"""m/s of the handle from which dry friction is full: MuJoCo's is from about 0.001 m/s times its size over the moving
+mass (N/kg) on, and grease does the same. Sensitive: with the first alone, the friction of a door of 0.6 kg came out
+40 % low, contradicted."""
+
 HANDLE_FORCE = 50.0
 """N (1 sigma): prior of forces at a handle: dry friction, the pull of gravity or of a spring. Says nothing.
 Sensitive: no, it is wider than any handle's force."""
