@@ -7,8 +7,8 @@ from py_trees.common import Status
 from standin import TICK, tick
 
 from palpate.errors import InputError
-from palpate.execution.build import build, leaves, part_of
-from palpate.planning.plan import Node, Plan
+from palpate.execution.build import build, leaves
+from palpate.planning.plan import Node, Plan, part_of
 
 
 def run(root, robot):

@@ -1,9 +1,8 @@
-"""Py_trees tree of a plan, and a part of a plan by its leaves."""
+"""Py_trees tree of a plan."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
-from dataclasses import replace
+from collections.abc import Iterator
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy
@@ -12,7 +11,7 @@ from pydantic import ValidationError
 
 from palpate.errors import InputError
 from palpate.execution.leaf import PrimitiveLeaf
-from palpate.planning.plan import Node, Plan
+from palpate.planning.plan import Node
 from palpate.vocabulary.base import Blackboard
 from palpate.vocabulary.registry import Vocabulary
 
@@ -54,20 +53,3 @@ def build(node: Node, words: Vocabulary, blackboard: Blackboard, path: str = "tr
 def leaves(root: Behaviour) -> Iterator[PrimitiveLeaf]:
     """All leaves below and including `root`, in the order of ticks."""
     return (node for node in root.iterate() if isinstance(node, PrimitiveLeaf))
-
-
-def part_of(plan: Plan, leaves: Collection[str]) -> Plan:
-    """The plan with only the leaves of the given paths (`tree.children[3]`), in their order; the
-    branches of a Parallel stay together. Without any leaf it has no tree."""
-    if plan.tree is None:
-        return plan
-    return replace(plan, tree=_part(plan.tree, leaves, "tree"))
-
-
-def _part(node: Node, leaves: Collection[str], path: str) -> Node | None:
-    if node.type != "Sequence":
-        wanted = any(found in leaves for found, _ in node.walk(path))
-        return node if wanted else None
-    parts = [_part(child, leaves, f"{path}.children[{i}]") for i, child in enumerate(node.children)]
-    kept = tuple(part for part in parts if part is not None)
-    return replace(node, children=kept) if kept else None

@@ -9,8 +9,8 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from textwrap import shorten
 from typing import Any, Literal, NoReturn, TypeVar, cast, get_args
 
@@ -357,3 +357,20 @@ def _listed(fields: Mapping[str, object]) -> str:
 
 def _fail(path: str, problem: str) -> NoReturn:
     raise InputError(f"plan: {path[:120]} {problem}")
+
+
+def part_of(plan: Plan, leaves: Collection[str]) -> Plan:
+    """The plan with only the leaves of the given paths (`tree.children[3]`), in their order; the
+    branches of a Parallel stay together. Without any leaf it has no tree."""
+    if plan.tree is None:
+        return plan
+    return replace(plan, tree=_part(plan.tree, leaves, "tree"))
+
+
+def _part(node: Node, leaves: Collection[str], path: str) -> Node | None:
+    if node.type != "Sequence":
+        wanted = any(found in leaves for found, _ in node.walk(path))
+        return node if wanted else None
+    parts = [_part(child, leaves, f"{path}.children[{i}]") for i, child in enumerate(node.children)]
+    kept = tuple(part for part in parts if part is not None)
+    return replace(node, children=kept) if kept else None

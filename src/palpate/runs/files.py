@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from palpate.execution.rehearsed import keep_rehearsal
 from palpate.runs.folder import replacing, write_json, write_text
 from palpate.runs.result import CYCLES, has_scene_of_its_own, plan_text, result_json
 from palpate.runs.run import TRACE, Run
@@ -35,6 +34,8 @@ def write_plan(run: Run, folder: Path) -> None:
 
         write_text(folder / "tree.xml", tree_xml(run.plan, vocabulary()))
     if run.rehearsal is not None:
+        from palpate.execution.rehearsed import keep_rehearsal  # loads the simulated arm
+
         keep_rehearsal(folder, run.plan, run.scene, run.rehearsal)
     _write_scene(run, folder)
 

@@ -13,7 +13,6 @@ import numpy as np
 from palpate import __version__
 from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate, Part, Shared
-from palpate.execution.rehearsal import Rehearsal
 from palpate.execution.stop import Held
 from palpate.geometry.pose import Array
 from palpate.mjcf.document import read_text
@@ -35,6 +34,7 @@ from palpate.twin.twin import Twin, read_twin
 from palpate.twin.validate import Residual, Validation
 
 if TYPE_CHECKING:
+    from palpate.execution.rehearsal import Rehearsal
     from palpate.settings import Settings
 
 NOTHING = "<mujoco><worldbody/></mujoco>"
@@ -147,6 +147,8 @@ def _conversation(file: Path) -> Conversation | None:
 def _rehearsal(document: dict[str, Any] | None) -> Rehearsal | None:
     if document is None:
         return None
+    from palpate.execution.rehearsal import Rehearsal  # loads the simulated arm
+
     return Rehearsal(**document)
 
 

@@ -12,9 +12,8 @@ from palpate.beside import Beside
 from palpate.callbacks import SILENT, RunCallbacks
 from palpate.cells.cell import Cell
 from palpate.estimation.estimate import Estimate
-from palpate.execution.build import part_of
 from palpate.interrupt import interrupts
-from palpate.planning.plan import Plan
+from palpate.planning.plan import Plan, part_of
 from palpate.quantities.size import size_on_the_way
 from palpate.runs.run import Run
 from palpate.scene.scene import Scene
