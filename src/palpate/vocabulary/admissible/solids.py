@@ -100,12 +100,6 @@ class Frames:
             np.concatenate([part.rotations for part in parts], axis=1),
         )
 
-    def repeated(self, moments: int) -> Frames:
-        """Repeat a single moment."""
-        return Frames(
-            np.repeat(self.positions, moments, axis=0), np.repeat(self.rotations, moments, axis=0)
-        )
-
     def at(self, moment: int) -> Frames:
         """Select one moment."""
         one = slice(moment, moment + 1)
@@ -177,11 +171,9 @@ class Solids:
 
     def raised(self, scene: Scene) -> Solids:
         """Shapes of the same scene with some surfaces at other heights."""
-        fixed: list[Shape] = []
-        for shape in self.fixed:
-            up = np.array([0.0, 0.0, scene.rises.get(self.owners[shape.geom], 0.0)])
-            fixed.append(shape._replace(position=shape.position + up))
-        return replace(self, scene=scene, fixed=ShapeGroup.of(fixed), _results={}, _recent={})
+        rises = [scene.rises.get(self.owners[geom], 0.0) for geom in self.fixed.geoms]
+        fixed = replace(self.fixed, positions=self.fixed.positions + np.outer(rises, (0, 0, 1)))
+        return replace(self, scene=scene, fixed=fixed, _results={}, _recent={})
 
     def centre_of_mass(self, name: str) -> Array:
         """(3,) m, believed centre of mass of an object, in its frame."""
@@ -240,8 +232,7 @@ class Solids:
 
     def links_at(self, q: Array) -> Frames:
         """Poses of the arm's moving shapes, in the order of `links`, at configurations (n, 7), rad."""
-        names = [PREFIX + name for name in self.scene.arm.joints]
-        joints = [int(self.model.joint(name).qposadr[0]) for name in names]
+        joints = [self.model.joint(PREFIX + name).qposadr[0] for name in self.scene.arm.joints]
         geoms = list(self.links)
         positions = np.empty((len(q), len(geoms), 3))
         rotations = np.empty((len(q), len(geoms), 3, 3))
@@ -322,7 +313,7 @@ def _stems(arm: RobotDescription) -> Iterator[tuple[str, Box]]:
             yield (LEFT if y > 0 else RIGHT), box
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class _Compiled:
     """A compiled scene with an arm in it, at its zero configuration."""
 
@@ -339,19 +330,15 @@ class _Compiled:
         return found
 
     def fixed(self) -> ShapeGroup:
-        moved = {self.model.body(PREFIX + self.scene.arm.links[1]).id}
-        moved |= {self.model.body(name).id for name in self.scene.objects}
-        geoms = [geom for geom in self.solid() if moved.isdisjoint(self.ancestry(geom))]
-        return self.shapes(ORIGIN, geoms)
+        moving = [PREFIX + self.scene.arm.links[1], *self.scene.objects]
+        moved = {geom for name in moving for geom in self.below(self.model.body(name).id)}
+        return self.shapes(ORIGIN, [geom for geom in self.solid if geom not in moved])
 
     def hand(self) -> ShapeGroup:
         fingers = {geom for name in self.scene.arm.hand.fingers for geom in self.of_finger(name)}
-        geoms: list[int] = []
-        for geom in self.below(self.model.body(PREFIX + self.scene.arm.hand.body).id):
-            is_stem = self.model.geom(geom).name.startswith(PREFIX + STEM)
-            if geom not in fingers and not is_stem:
-                geoms.append(geom)
-        return self.shapes(self.tool(), geoms)
+        geoms = self.below(self.model.body(PREFIX + self.scene.arm.hand.body).id)
+        stems = {geom for geom in geoms if self.model.geom(geom).name.startswith(PREFIX + STEM)}
+        return self.shapes(self.tool(), [g for g in geoms if g not in fingers | stems])
 
     def fingers(self) -> dict[str, ShapeGroup]:
         tool, found = self.tool(), dict[str, ShapeGroup]()
@@ -371,13 +358,15 @@ class _Compiled:
         found: dict[int, int] = {}
         for joint, name in enumerate(self.scene.arm.links[1:], start=1):
             body = self.model.body(PREFIX + name).id
-            found |= {g: joint for g in self.solid() if self.model.geom_bodyid[g] == body}
+            found |= {g: joint for g in self.solid if self.model.geom_bodyid[g] == body}
         return found
 
     def owner(self, geom: int) -> str:
         """Object or surface of a geom, else the nearest name of the geom or its bodies."""
-        names = [self.model.geom(geom).name]
-        names += [self.model.body(body).name for body in self.ancestry(geom)]
+        names, body = [self.model.geom(geom).name], int(self.model.geom_bodyid[geom])
+        while body:
+            names.append(self.model.body(body).name)
+            body = int(self.model.body_parentid[body])
         of_scene = [name for name in names if name in self.scene.bodies]
         called = [name.removeprefix(PREFIX) for name in names if name]
         return (*of_scene, *called, "something fixed")[0]
@@ -395,20 +384,17 @@ class _Compiled:
             found.append(Shape(geom, frame.local(self.data.geom_xpos[geom]), rotation))
         return ShapeGroup.of(found)
 
+    @cached_property
     def solid(self) -> list[int]:
         """Geoms that collide."""
         return np.flatnonzero(self.model.geom_contype | self.model.geom_conaffinity).tolist()
 
     def below(self, body: int) -> list[int]:
         """Colliding geoms of a body and of its descendants."""
-        return [geom for geom in self.solid() if body in self.ancestry(geom)]
+        # MuJoCo numbers bodies depth first: the descendants of a body follow it.
+        after = np.flatnonzero(self.model.body_parentid[body + 1 :] < body)
+        end = body + 1 + int(after[0]) if len(after) else self.model.nbody
+        return [geom for geom in self.solid if body <= self.model.geom_bodyid[geom] < end]
 
     def of_finger(self, joint: str) -> list[int]:
         return self.below(int(self.model.jnt_bodyid[self.model.joint(PREFIX + joint).id]))
-
-    def ancestry(self, geom: int) -> Iterator[int]:
-        """Body of a geom, its parent, and so on; without the world."""
-        body = int(self.model.geom_bodyid[geom])
-        while body:
-            yield body
-            body = int(self.model.body_parentid[body])
