@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -43,6 +44,18 @@ def test_success_applies_the_effects_and_records_the_life(words, blackboard, rob
     assert run.start == pytest.approx(TICK)
     assert run.end == pytest.approx(run.start + 0.2, abs=2 * TICK)
     assert run.context == Context("still", at="z = 0.28")
+
+
+def test_a_hand_that_leaves_what_it_presses_on_is_not_stopped_by_that(words, blackboard, robot):
+    free = robot.limits.free_force
+    robot.force = np.array([0.0, 0.0, -free - 1.0, 0.0, 0.0, 0.0])
+    for activity, ends in (("still", Status.FAILURE), ("contact", Status.RUNNING)):
+        blackboard.state, blackboard.failed = replace(blackboard.state, activity=activity), False
+        leaf = make(words, blackboard, "Go", z=0.28)
+        assert tick(leaf, robot) is ends, leaf.feedback_message
+    robot.force = np.array([0.0, 0.0, free + 1.0, 0.0, 0.0, 0.0])
+    assert tick(leaf, robot) is Status.FAILURE, "what it meets besides"
+    assert "unexpected contact" in leaf.feedback_message
 
 
 def test_a_precondition_fails_before_anything_moves(words, blackboard, robot):

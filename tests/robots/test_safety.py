@@ -38,6 +38,7 @@ POSE = Pose.top_down((0.5, 0.0, 0.3), 0.0)
 FREE = Expectation()
 HOLDING = Expectation(holding=True, grasped=True)
 CONTACT = Expectation(contact=True)
+LEAVING = Expectation(pressed=(0.0, 3.0, -24.0))
 WEIGHT = LIMITS.payload * 9.81
 
 
@@ -132,6 +133,10 @@ def test_the_workspace_box_belongs_to_the_base():
             r"unexpected contact: 26.0 N (26.00, 0.00, 0.00) where at most 25 N is explained",
         ),
         (FREE, (0, 0, 28.0), "unexpected contact"),
+        (LEAVING, (0, 4, -26.0), None),
+        (LEAVING, (0, 0, 26.0), "unexpected contact"),
+        (LEAVING, (26.0, 0, 0), "unexpected contact"),
+        (LEAVING, (0, 0, -41.0), "exceeds the limit of 40 N"),
         (HOLDING, (0, 0, WEIGHT), None),
         (HOLDING, (0, 0, WEIGHT + 13), None),
         (HOLDING, (0, 0, WEIGHT + 15), "more than the payload of 3 kg"),

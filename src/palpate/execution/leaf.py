@@ -124,6 +124,8 @@ class PrimitiveLeaf(Behaviour):
         for resource in claims:
             blackboard.owner[resource] = self
         blackboard.motions += bool(claims)
+        if "arm" in claims:
+            blackboard.set_out()
         during = blackboard.state = self.primitive.during(before)
         try:
             message = yield from self._checked()

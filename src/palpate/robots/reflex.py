@@ -40,6 +40,10 @@ class Reflex:
     load: float = 0.0  # N of weight on the hand, straight down, allowed in addition
     sideways: float = math.inf  # N, of the horizontal force alone
     links: Links | None = None  # of contacts of the arm's links; None: not looked for
+    pressed: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """N, world axes, on a hand that sets out from a contact, at rest there. The joints' friction keeps some of it
+    on the way. What the hand meets then adds to the change as the contact ends, so that a force beyond `force`
+    is that in itself and in its change."""
 
     @property
     def least(self) -> float:
@@ -52,7 +56,7 @@ class Reflex:
         x, y, z, turn_x, turn_y, turn_z = contact.tolist()
         force = math.hypot(x, y, z - min(max(z, 0.0), self.load))
         sideways, torque = math.hypot(x, y), math.hypot(turn_x, turn_y, turn_z)
-        if force > self.force:
+        if force > self.force and math.dist((x, y, z), self.pressed) > self.force:
             excess = f"{force:.1f} N, more than {self.force:g} N"
         elif sideways > self.sideways:
             excess = f"{sideways:.1f} N sideways, more than {self.sideways:.0f} N"

@@ -24,6 +24,8 @@ class Expectation:
     holding: bool = False  # an object is on the hand: vertical force up to the payload is normal
     contact: bool = False  # contact is the purpose: force up to the limit is normal
     grasped: bool = False  # the fingers must hold an object; losing it is a slip
+    pressed: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """N, as in `Reflex`: a force is unexplained by itself and by its change from this one."""
 
 
 def violation(
@@ -149,7 +151,7 @@ def _forces(state: RobotState, limits: Limits, expected: Expectation, gravity: f
         explained = max(explained, limits.reflexes.carrying.force)
     if expected.contact:
         explained = limits.force_max
-    if size > explained:
+    if size > explained and math.dist(state.contact[:3], expected.pressed) > explained:
         return (
             f"unexpected contact: {size:.1f} N {_vector(force)} where at most "
             f"{explained:g} N is explained"

@@ -115,6 +115,8 @@ class Blackboard:
         motions: number of running motion leaves.
         owner: leaf that claims each resource; another leaf with the same claim fails.
         load: measured load on the fingers.
+        pressed: (3,) N on the hand, world axes, as the running motion set out from a contact; zeros from
+            free air.
         unrepeated: N m, change of the moment about the closing direction by turning the empty hand
             in place and back: joint friction.
         failed: a leaf has failed, and no other may move.
@@ -130,6 +132,7 @@ class Blackboard:
     motions: int = 0
     owner: dict[Resource, object] = field(default_factory=dict[Resource, object])
     load: Load = NOTHING
+    pressed: tuple[float, float, float] = (0.0, 0.0, 0.0)
     unrepeated: float = 0.0
     failed: bool = False
     bound: dict[str, str] = field(default_factory=dict[str, str])
@@ -152,9 +155,14 @@ class Blackboard:
             lever = max(lever, apart + body.reach)
         return Links(unexplained_torque(self.scene.arm), lever)
 
+    def set_out(self) -> None:
+        """Note what a hand in contact presses with, before a motion that leaves it."""
+        x, y, z = self.robot.state.contact[:3].tolist()
+        self.pressed = (x, y, z) if self.state.activity == "contact" else (0.0, 0.0, 0.0)
+
     def set_reflex(self, thresholds: Reflex) -> None:
         """Set the thresholds at which the robot stops itself, those of its links' contacts with them."""
-        self.robot.set_reflex(replace(thresholds, links=self.links))
+        self.robot.set_reflex(replace(thresholds, links=self.links, pressed=self.pressed))
 
 
 class Primitive(BaseModel):
@@ -252,7 +260,7 @@ class Primitive(BaseModel):
 
     def unsafe(self, blackboard: Blackboard) -> str | None:
         """Safety predicate, evaluated every tick: the reason of its violation, or None."""
-        expected = self.expectation(blackboard.state)
+        expected = replace(self.expectation(blackboard.state), pressed=blackboard.pressed)
         return self.slipping(blackboard) or violation(
             blackboard.robot.state,
             blackboard.robot.limits,

@@ -164,7 +164,13 @@ def test_other_thresholds_begin_where_the_course_is(led: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    "reflex", [FREE, replace(FREE, load=30.0), Reflex(25.0, 10.0, load=15.0, sideways=9.0)]
+    "reflex",
+    [
+        FREE,
+        replace(FREE, load=30.0),
+        replace(FREE, pressed=(2.0, -3.0, -11.0)),
+        Reflex(25.0, 10.0, load=15.0, sideways=9.0),
+    ],
 )
 def test_the_loop_s_reaction_is_the_reflex_s(led: Any, reflex: Reflex) -> None:
     """At 1 kHz in franky, of force alone; the same thresholds as everywhere else."""

@@ -61,7 +61,7 @@ class Drive:
 
     def __init__(self, arm: Any, stiffness: Stiffness, pose_world_base: Pose) -> None:
         self._arm, self._stiffness = arm, stiffness
-        self._up = pose_world_base.rotation[2]
+        self._turn = pose_world_base.rotation
         self.lock = threading.RLock()
         self.log: deque[Row] = deque(maxlen=KEPT)
         self.reacted: Reacted | None = None
@@ -156,7 +156,7 @@ class Drive:
         """Stop within the next cycle once the thresholds are exceeded; see `Reflex.fired`. franky's
         conditions cannot measure torques: the control box's own thresholds do."""
         module = franky()
-        f, up = module.Measure, self._up
+        f, up = module.Measure, self._turn[2]
         size = f.FORCE_X**2.0 + f.FORCE_Y**2.0 + f.FORCE_Z**2.0
         lift = f.FORCE_X * float(up[0]) + f.FORCE_Y * float(up[1]) + f.FORCE_Z * float(up[2])
         most, load = reflex.force**2, reflex.load
@@ -166,6 +166,10 @@ class Drive:
         too_much = too_much | ((size - lift**2.0 > min(most, reflex.sideways**2)) & (lift > 0.0))
         if np.isfinite(reflex.sideways):
             too_much = too_much | (size - lift**2.0 > reflex.sideways**2)
+        if any(reflex.pressed):
+            x, y, z = (self._turn.T @ reflex.pressed).tolist()
+            changed = (f.FORCE_X - x) ** 2.0 + (f.FORCE_Y - y) ** 2.0 + (f.FORCE_Z - z) ** 2.0
+            too_much = too_much & (changed > most)
         reaction = module.TorqueReaction(too_much, module.TorqueStopMotion())
 
         def reacted(state: Any, *_: Any) -> None:
