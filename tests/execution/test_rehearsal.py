@@ -10,7 +10,7 @@ from loopback import Loopback, Says
 
 from palpate import pipeline
 from palpate.execution import rehearsal
-from palpate.execution.rehearsal import Rehearsal, rehearse
+from palpate.execution.rehearsal import Pace, Rehearsal, rehearse
 from palpate.parameter import Parameter
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.plan import Node, Plan, dump_plan
@@ -105,6 +105,32 @@ def test_too_long_a_plan_is_one_finding_after_the_longest_time(
     assert predicted.failure == "it takes more than 4 s; make several plans of it"
     assert predicted.path == "tree"
     assert predicted.robot_seconds < 7.0
+
+
+def test_a_plan_whose_first_motions_foretell_too_long_a_run_is_refused_early(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(rehearsal, "LONGEST", 30.0)
+    goes = [("MovePose", "pose", f"can_pose + {n}*z_offset") for n in (1, 2)]
+    predicted = rehearse(
+        sequence([("MoveJoints", "joints", "home_config"), *60 * goes]), scene(CAN)
+    )
+    assert predicted.failure == "it takes more than 30 s; make several plans of it"
+    assert predicted.actions < 8
+
+
+def test_a_plan_is_as_long_as_its_motions_of_each_kind() -> None:
+    turns = ["MeasureForces", "CloseGripper", "OpenGripper"]
+    pace = Pace(sequence(150 * turns), 2.0)
+    for turn in range(5):
+        assert not pace.is_too_slow, "five of a kind are needed"
+        pace.ended(f"tree.children[{3 * turn + 1}]", 2.0 + 6.1 * (turn + 1))
+    assert pace.is_too_slow
+    quick = Pace(sequence(140 * turns), 2.0)
+    quick.ended("stop", 2.0)
+    for turn in range(20):
+        quick.ended(f"tree.children[{3 * turn + 1}]", 2.0 + 6.1 * (turn + 1))
+    assert not quick.is_too_slow, "854 s, fewer than half as many again as may be"
 
 
 def test_a_thing_that_ends_elsewhere_than_believed_is_a_finding() -> None:

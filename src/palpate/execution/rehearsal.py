@@ -10,6 +10,7 @@ run itself, go by it.
 
 from __future__ import annotations
 
+from collections import Counter, defaultdict
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any
@@ -30,7 +31,8 @@ from palpate.robots.owner.arm import as_measured
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.solids import solids
-from palpate.vocabulary.state import RESTORED_POSITION
+from palpate.vocabulary.base import Blackboard
+from palpate.vocabulary.state import RESTORED_POSITION, SymbolicState
 
 AFTERWARDS = 1.0
 """s that the world is watched after the end of a run: an object released in the last moment falls, or
@@ -39,6 +41,9 @@ DRAWS = 2
 """Worlds drawn from the priors of what the scene leaves open, beside the believed one."""
 LONGEST = 600.0
 """s of robot time of a rehearsal; a longer plan is one for several runs."""
+LONGER = 1.5
+"""Factor by which a plan that is stopped early must exceed it, as predicted from its first motions ..."""
+ALIKE = 5  # ... of each kind, as many as this: one kind's durations vary by less than that factor
 QUIET = 2.0
 """s that the arm rests at first, which no count of the run includes: what moves then, moves by itself."""
 
@@ -110,6 +115,30 @@ class _Attempt:
     foresight: Foresight
 
 
+class Pace:
+    """Prediction of the robot time of a whole plan from its motions so far, with what is sensed between them."""
+
+    def __init__(self, plan: Plan, start: float) -> None:
+        nodes = plan.tree.walk() if plan.tree is not None else ()
+        self._kinds = {path: node.type for path, node in nodes}
+        self._count = Counter(self._kinds.values())
+        self._took: defaultdict[str, list[float]] = defaultdict(list)
+        self._last = start
+
+    def ended(self, path: str, t: float) -> None:
+        """Note that the motion at a path ended at `t`, s; one of a controlled stop is none of the plan's."""
+        if path in self._kinds:
+            self._took[self._kinds[path]].append(t - self._last)
+        self._last = t
+
+    @property
+    def is_too_slow(self) -> bool:
+        """True if the plan certainly takes longer than `LONGEST`."""
+        known = {kind: took for kind, took in self._took.items() if len(took) >= ALIKE}
+        seconds = sum(self._count[kind] * float(np.mean(took)) for kind, took in known.items())
+        return seconds > LONGER * LONGEST
+
+
 def rehearse(plan: Plan, scene: Scene, draws: int = DRAWS) -> Rehearsal:
     """Execute the plan with perfect sensors in the believed world, and in `draws` others; once for each
     plan and scene.
@@ -171,7 +200,12 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
     truth = draw_truth(scene, seed) if seed else {}
     robot = MujocoRobot(scene.spec(truth), scene.pose_world_base, as_measured(scene.arm))
     witness, look = Witness.of(robot.world), Look(robot.world)
-    named = named_objects(plan, scene)
+    named, pace = named_objects(plan, scene), Pace(plan, QUIET)
+
+    def settled(path: str, blackboard: Blackboard) -> SymbolicState:
+        pace.ended(path, blackboard.robot.state.t)
+        return look.settled(path, blackboard)
+
     try:
         robot.advance(QUIET)
         robot.drain()
@@ -182,10 +216,10 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
             plan,
             scene,
             robot,
-            stop_requested=lambda: _is_harming(witness, named),
+            stop_requested=lambda: pace.is_too_slow or _is_harming(witness, named),
             max_robot_seconds=LONGEST,
             noiseless=True,
-            settled=look.settled,
+            settled=settled,
         )
         robot.advance(AFTERWARDS)
     finally:
@@ -193,7 +227,7 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
     first = harm(witness, named).first
     harmed = None if first is None else _at(done, *first)
     stop = None if done.stopped_by is None else _at(done, np.inf, done.stopped_by)
-    if done.robot_seconds >= LONGEST:
+    if pace.is_too_slow or done.robot_seconds >= LONGEST:
         stop = "tree", f"it takes more than {LONGEST:g} s; make several plans of it"
     if harmed is None and stop is None and not seed:
         harmed = _displaced(done, witness, scene, look.foresight)
