@@ -367,7 +367,7 @@ def test_a_notebook_shows_small_tables_and_nothing_of_the_users_as_html(done: pp
 
 
 def test_every_public_name_is_there_and_has_a_docstring() -> None:
-    assert 20 <= len(pp.__all__) <= 28
+    assert 20 <= len(pp.__all__) <= 29
     for name in pp.__all__:
         assert getattr(pp, name).__doc__, name
     assert set(pp.__all__) <= set(dir(pp))

@@ -11,6 +11,7 @@ nothing.
 - `run` does all at once; `load` reads a scene, `Scene.plan` a plan for it, `Plan.run` executes it;
   `open` reads a finished `Run` back from its folder, `fuse` makes one `Fusion` of several,
   `compare` says how far they are apart.
+- `see` finds objects by tags in a camera's picture, and makes their poses.
 - `estimate` reads a recording of an arm, and tells what it carried; `dynamics` identifies its friction,
   links and hand, `noise` the errors of its signals.
 - `Estimate`, `Parameter`, `Trace` and `Twin` are what a run is made of.
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from palpate.api import noise as noise
     from palpate.api import open as open
     from palpate.api import run as run
+    from palpate.api import see as see
     from palpate.cells.cell import Cell as Cell
     from palpate.cells.simulated import SimulatedCell as SimulatedCell
     from palpate.errors import ExecutionAborted as ExecutionAborted
@@ -84,6 +86,7 @@ __all__ = [
     "noise",
     "open",
     "run",
+    "see",
 ]
 
 _HOMES = {
@@ -115,6 +118,7 @@ _HOMES = {
     "noise": "api",
     "open": "api",
     "run": "api",
+    "see": "api",
 }
 """The module that defines each public name."""
 

@@ -131,6 +131,23 @@ def write_poses(path: Path, taught: Lesson) -> None:
         raise InputError(f"cannot write '{path}': {error.strerror}") from error
 
 
+def tag_sheet(path: Path, numbers: str, side: float) -> int:
+    """Write a PDF of tags, `0-11` or `3,7,9`, of a `side` in m to print; return its pages.
+
+    Raises:
+        InputError: no such tags, a side that cannot be, or the file exists or cannot be written.
+    """
+    from palpate.seeing.sheet import write_sheet
+
+    chosen: list[int] = []
+    for part in numbers.split(","):
+        first, _, last = part.strip().partition("-")
+        if not first.isdecimal() or not (last or first).isdecimal() or len(part) > 9:
+            raise InputError(f"numbers= takes tags such as 0-11 or 3,7,9, not '{numbers[:40]}'")
+        chosen += range(int(first), int(last or first) + 1)
+    return write_sheet(path, chosen, side)
+
+
 def write_excitation(arm: str, path: Path) -> list[str]:
     """Write a motion of an arm that excites a load into a new file, and return what to record with it.
 

@@ -198,8 +198,18 @@ class _MjModelNumericViews(_Named):
 class _MjModelSensorViews:
     adr: _Ints
 
+class _MjModelCameraViews(_Named):
+    id: int
+    fovy: _Doubles
+
+class _MjStatistic:
+    extent: float
+
 class MjModel:
     opt: MjOption
+    stat: _MjStatistic
+    cam_fovy: _Doubles
+    site_size: _Doubles
     vis: MjVisual
 
     nq: int
@@ -318,6 +328,7 @@ class MjModel:
     @overload
     def geom(self, name: str = "") -> _MjModelGeomViews: ...
     def sensor(self, name: str) -> _MjModelSensorViews: ...
+    def camera(self, name: str) -> _MjModelCameraViews: ...
     @overload
     def actuator(self, id: _Int, /) -> _MjModelActuatorViews: ...
     @overload
@@ -376,6 +387,8 @@ class MjData:
     geom_xmat: _Doubles
     site_xpos: _Doubles
     site_xmat: _Doubles
+    cam_xpos: _Doubles
+    cam_xmat: _Doubles
 
     def __init__(self, model: MjModel, /) -> None: ...
     @property
@@ -475,7 +488,9 @@ class MjsPair(_SpecElement):
     solref: _Doubles
     solimp: _Doubles
 
-class MjsSite(_SpecElement): ...
+class MjsSite(_SpecElement):
+    size: _Doubles
+    parent: MjsBody
 
 class MjsLight(_SpecElement):
     dir: _Doubles
@@ -633,6 +648,8 @@ class MjSpec:
     modelname: str
     meshdir: str
     @property
+    def sites(self) -> list[MjsSite]: ...
+    @property
     def cameras(self) -> list[MjsCamera]: ...
     @property
     def skins(self) -> list[MjsSkin]: ...
@@ -749,6 +766,7 @@ class MjSpec:
         builtin: _Int | None = None,
         rgb1: _Vector | None = None,
         rgb2: _Vector | None = None,
+        nchannel: _Int | None = None,
         width: _Int | None = None,
         height: _Int | None = None,
     ) -> MjsTexture: ...

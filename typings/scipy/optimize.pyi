@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 class OptimizeResult:
     x: NDArray[np.float64]
     fun: NDArray[np.float64]
+    jac: NDArray[np.float64]
     cost: float
     success: bool
     message: str
@@ -19,5 +20,6 @@ def least_squares(
     bounds: tuple[ArrayLike, ArrayLike] = ...,
     x_scale: ArrayLike = 1.0,
     loss: str = "linear",
+    f_scale: float = 1.0,
     max_nfev: int | None = None,
 ) -> OptimizeResult: ...

@@ -17,6 +17,7 @@ from palpate.api.plans import Plan
 from palpate.api.recordings import estimate
 from palpate.api.runs import Fusion, Run, compare, finish, fuse, open
 from palpate.api.scenes import Scene, load, load_settings
+from palpate.api.seeing import see
 
 __all__ = [
     "Fusion",
@@ -35,4 +36,5 @@ __all__ = [
     "plan_settings",
     "run",
     "run_settings",
+    "see",
 ]

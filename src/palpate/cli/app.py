@@ -9,7 +9,7 @@ import typer
 
 from palpate import __version__
 from palpate.cli.command import command
-from palpate.cli.commands import arms, estimates, plans, running, scenes, stored
+from palpate.cli.commands import arms, estimates, plans, running, scenes, seeing, stored
 from palpate.cli.study import app as studies
 
 COMMANDS: dict[str, Callable[..., None]] = {
@@ -18,6 +18,8 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "run": running.run,
     "init": scenes.init,
     "gap": scenes.gap,
+    "see": seeing.see,
+    "tags": seeing.tags,
     "plan": plans.plan,
     "prompt": plans.prompt,
     "check": plans.check,

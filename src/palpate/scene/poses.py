@@ -2,6 +2,7 @@
 
 objects: {bottle: {pos: [0.5, 0.1, 0.8], yaw: 0.3}}       # pose of the body frame in the world
          {box: {pos: [0.4, 0, 0.8], source: picture, std: 0.003}}  # from a picture, to 3 mm, as its size is
+         {tin: {pos: [0.5, 0, 0.8], source: seen, covariance: [[...], ...]}}  # by a camera (palpate see)
 places: {shelf_approach: {pos: [0.4, 0.2, 0.6]}}          # pose of the TCP; top-down unless quat is
     given
 joints: {home_config: [0, -0.785, 0, -2.356, 0, 1.571, 0.785]}
@@ -14,11 +15,12 @@ camera: {pos: [...], quat: [...], fovy: 45, size: [640, 480]}
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from palpate.errors import InputError, unknown_name
 from palpate.files.plain_yaml import plain_yaml
@@ -35,6 +37,12 @@ Number = Annotated[float, Field(allow_inf_nan=False, ge=-100.0, le=100.0)]
 Vector = tuple[Number, Number, Number]
 Quaternion = tuple[Number, Number, Number, Number]
 Name = Annotated[str, Field(min_length=1, max_length=100)]
+_Row = tuple[Number, Number, Number, Number, Number, Number]
+Covariance = Annotated[
+    tuple[_Row, _Row, _Row, _Row, _Row, _Row],
+    AfterValidator(lambda rows: _require_covariance(rows)),
+]
+"""Of position, m, and small rotation, rad, along the world's axes."""
 
 
 _FORM = re.compile(r"constrained-|\[")
@@ -83,15 +91,32 @@ class PoseEntry(_Strict):
 class ObjectEntry(PoseEntry):
     """Pose of an object or a surface, and where it comes from."""
 
-    source: Literal["picture", "stated"] = "stated"
-    """`picture`: pose and size are from one, and unsure; what the fingers feel on the way corrects the size."""
+    source: Literal["picture", "stated", "seen"] = "stated"
+    """`picture`: pose and size are from one, and unsure; what the fingers feel on the way corrects the size.
+    `seen`: a camera measured the pose, and the size is the scene's."""
     std: Annotated[float, Field(gt=0.0, le=0.1)] | None = None
     """m (1 sigma), how far its pose and size may be off; stating it marks them unsure, too."""
+    covariance: Covariance | None = None
+    """Of its pose: position, m, and rotation, rad, along the world's axes, 6 lists of 6 numbers."""
+
+    @model_validator(mode="after")
+    def _one_accuracy(self) -> ObjectEntry:
+        if self.std is not None and self.covariance is not None:
+            raise ValueError("has both std and covariance")
+        return self
 
     @property
     def is_unsure(self) -> bool:
         """True if its size may be corrected by what is felt on the way."""
         return self.source == "picture" or self.std is not None
+
+    @property
+    def accuracy(self) -> float | None:
+        """Standard deviation of its position seen from above, m, the largest; None where not stated."""
+        if self.covariance is None:
+            return self.std
+        (xx, xy, *_), (_, yy, *_), *_ = self.covariance
+        return math.sqrt((xx + yy) / 2 + math.hypot((xx - yy) / 2, xy))
 
 
 class CameraEntry(_Strict):
@@ -168,7 +193,7 @@ _POSE = (
     "a pose: pos: [x, y, z] in m, and at most one of yaw (rad), euler (rad) and quat (w, x, y, z)"
 )
 _FORMS = {
-    "objects": f"{_POSE}; source: picture or stated, and std in m, where it is unsure",
+    "objects": f"{_POSE}; source: picture, stated or seen, and std in m, where it is unsure, or the pose's covariance",
     "places": _POSE,
     "grasps": _POSE,
     "joints": "seven angles in rad",
@@ -204,6 +229,16 @@ def _complaint(invalid: ValidationError) -> str:
         what = message.partition(", unable")[0]
     one = f"'{steps[0]}'" if steps[0] in _SINGLE else f"an entry of '{steps[0]}'"
     return f"{'.'.join(steps)} {what}; {one} is {_FORMS[steps[0]]}"
+
+
+def _require_covariance(rows: tuple[_Row, ...]) -> tuple[_Row, ...]:
+    import numpy as np
+
+    array = np.array(rows)
+    rounding = 1e-6 * float(np.abs(array).max())
+    if not np.allclose(array, array.T, atol=rounding) or np.linalg.eigvalsh(array)[0] < -rounding:
+        raise ValueError("is no covariance")
+    return rows
 
 
 def _from_euler(angles: Vector) -> Quaternion:

@@ -142,7 +142,7 @@ class ResolvedScene:
             known=known,
             missing=frozenset(others["missing"]),
             assumed=frozenset(others["assumed"]),
-            accuracy=self.poses.accuracy if entry is None or entry.std is None else entry.std,
+            accuracy=(entry.accuracy if entry is not None else None) or self.poses.accuracy,
             seen=entry is not None and entry.is_unsure,
             joint=body.joint,
         )

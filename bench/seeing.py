@@ -1,0 +1,109 @@
+"""Looks at tags: are errors as large as their covariance says, and how large are they?
+
+    python -m bench.seeing [LOOKS] [PICTURES]
+
+Drawn looks have corners with noise, from a camera, a lens and things drawn from their priors; pictures are
+rendered by the simulated camera.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+
+import numpy as np
+
+from palpate.geometry.pose import Array, Pose
+from palpate.scene.load import parse_scene
+from palpate.seeing.lens import FACING, Lens, Mount
+from palpate.seeing.look import look, things_of
+from palpate.seeing.rendered import Imperfections, take
+from palpate.seeing.solve import GLUED, LEVEL, UPRIGHT, Problem, Solution, apart, moved, solve
+from palpate.seeing.tags import corners, tags_of
+
+SCENE = """<mujoco><worldbody>
+<camera name="over" pos="0.9 -0.5 1.1" xyaxes="0.6 0.8 0 -0.45 0.35 0.8" fovy="45"/>
+<body name="table" pos="0.5 0 {table}"><geom type="box" size=".4 .4 .02"/>
+  <site name="tag_0" pos="-.15 -.25 .02" size=".03"/><site name="tag_1" pos="-.15 .25 .02" size=".03"/>
+  <site name="tag_2" pos=".25 .25 .02" size=".03"/></body>
+<body name="box" pos="{place}" euler="0 0 {turn}"><freejoint/>
+  <geom type="box" size=".03 .03 .03" mass=".1"/><site name="tag_7" pos="0 0 .03" size=".02"/>
+  <site name="tag_8" pos="0 -.03 0" euler="90 0 0" size=".02"/></body>
+</worldbody></mujoco>"""
+GIVEN = parse_scene(SCENE.format(table="0.38", place="0.45 0.05 0.43", turn="0"))
+BOX = GIVEN.body("box").pose_world
+
+
+def drawn_look(
+    random: np.random.Generator, lens: Lens, mount: Mount, noise: float, known: bool = True
+) -> tuple[Solution, Pose]:
+    """A fit to corners drawn as the fit takes them to be, and where the box is."""
+    around = np.array([0.04, 0.04, LEVEL, UPRIGHT, UPRIGHT, 0.4]) * random.standard_normal(6)
+    truth = moved(BOX, around)
+    step = np.linalg.cholesky(mount.covariance) @ random.standard_normal(6)
+    camera = moved(mount.pose_world_camera @ FACING, step)
+    zoom = float(np.exp(lens.focal_std * random.standard_normal()))
+    tags, seen = tags_of(GIVEN), dict[int, Array]()
+    for number, tag in tags.items():
+        place = truth @ BOX.inverse() @ tag.pose_world if tag.body == "box" else tag.pose_world
+        glued = place.rotation[:, :2] @ (GLUED * random.standard_normal(2))
+        local = (corners(tag.half, place) + glued - camera.position) @ camera.rotation
+        seen[number] = lens.project(local, zoom) + noise * random.standard_normal((4, 2))
+    return solve(Problem(lens, seen, tags, things_of(GIVEN), mount if known else None)), truth
+
+
+def main(looks: int, pictures: int) -> None:
+    """Print the figures."""
+    told = take(GIVEN.spec(), "over", imperfections=Imperfections(focal=0, place=0, turn=0))
+    assert told.mount is not None
+    matrix, size, distortion = told.lens.matrix, told.lens.size, told.lens.distortion
+    for noise, focal, place, known in (
+        (0.2, 0.002, 0.002, True),
+        (2.0, 0.01, 0.005, True),
+        (0.2, 0.002, 0.002, False),
+    ):
+        random = np.random.default_rng(0)
+        lens = Lens(matrix, size, distortion, focal)
+        mount = Mount(told.mount.pose_world_camera, np.diag([place**2] * 3 + [place**2] * 3))
+        rows: list[tuple[Solution, Pose]] = []
+        for _ in range(looks):
+            rows.append(drawn_look(random, lens, mount, noise, known))
+        head = f"corners {noise:g} px, lens {focal:.1%}, camera {1e3 * place:g} mm"
+        _print(f"{head}, {'stated' if known else 'not stated'}", rows)
+    rendered: list[tuple[Solution, Pose]] = []
+    random, began = np.random.default_rng(1), time.process_time()
+    for seed in range(pictures):
+        x, y, turn = *random.uniform((0.42, -0.08), (0.58, 0.08)), random.uniform(-40, 40)
+        world = parse_scene(SCENE.format(table="0.38", place=f"{x} {y} 0.43", turn=turn))
+        picture = take(world.spec(), "over", seed=seed)
+        began = time.process_time()
+        rendered.append(
+            (
+                look(GIVEN, [picture.pixels], picture.lens, picture.mount),  # type: ignore[arg-type]
+                world.body("box").pose_world,
+            )
+        )
+    spent = time.process_time() - began
+    _print("rendered pictures", rendered)
+    print(f"the last look took {spent:.2f} s of a processor")
+
+
+def _print(head: str, rows: list[tuple[Solution, Pose]]) -> None:
+    off = np.array([apart(found.poses["box"], truth) for found, truth in rows])
+    spread = np.array([np.sqrt(np.diag(found.covariances["box"])) for found, _ in rows])
+    z = np.sqrt(np.mean((off / spread) ** 2, axis=0))
+    level = 1e3 * np.sqrt(np.mean(np.sum(off[:, :2] ** 2, axis=1)))
+    turn = np.degrees(np.sqrt(np.mean(off[:, 5] ** 2)))
+    whole = [
+        o @ np.linalg.solve(found.covariances["box"], o) / 6
+        for o, (found, _) in zip(off, rows, strict=True)
+    ]
+    print(
+        f"{head}: {len(rows)} looks, level {level:.2f} mm, turn {turn:.2f}° rms; z by axis", end=" "
+    )
+    print(" ".join(f"{one:.2f}" for one in z), f"together {np.sqrt(np.mean(whole)):.2f}")
+
+
+if __name__ == "__main__":
+    asked = [int(word) for word in sys.argv[1:3]]
+    main(*asked, *(200, 40)[len(asked) :])

@@ -1,0 +1,41 @@
+"""What a camera saw, as a table or as JSON."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from palpate.cli.console import err, figure_table, out, print_json, printing
+
+if TYPE_CHECKING:
+    from palpate.seeing.look import Seen
+
+
+def show_seen(seen: Seen, written: Path | None, as_json: bool) -> None:
+    """Print where every object was seen, and what was not."""
+    with printing():
+        if as_json:
+            rest = {"unseen": list(seen.unseen), "notes": list(seen.notes), "noise_px": seen.noise}
+            print_json(seen.content | rest)
+        else:
+            table = figure_table("object", "place (m)", "± (mm)", "turn ± (°)", no_wrap=True)
+            for name, pose in seen.poses.items():
+                place, turn = seen.std(name)
+                where = ", ".join(f"{part:.4f}" for part in pose.position.tolist())
+                table.add_row(name, where, f"{1e3 * place:.2f}", f"{math.degrees(turn):.2f}")
+            out.print(table)
+        for note in seen.notes:
+            err.print(note, markup=False)
+        if seen.unseen:
+            err.print(f"not seen: {', '.join(seen.unseen)}", markup=False)
+        if written is not None:
+            err.print(f"written to {written}", markup=False)
+
+
+def show_sheet(file: Path, pages: int) -> None:
+    """Say where the tags are."""
+    out.print(
+        f"{pages} page{'s' * (pages > 1)} written to {file}; print at 100 %, and measure the line of 100 mm",
+        markup=False,
+    )

@@ -1,0 +1,184 @@
+"""One look: from a picture to poses of the things in it, each with its covariance."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.display import table
+from palpate.errors import InputError
+from palpate.files.plain_yaml import yaml_text
+from palpate.geometry.pose import Array, Pose
+from palpate.scene.poses import parse_poses
+from palpate.scene.scene import Scene
+from palpate.seeing.lens import Lens, Mount
+from palpate.seeing.solve import Problem, Solution, Thing, solve
+from palpate.seeing.tags import Tag, tags_of
+from palpate.seeing.vision import detect
+
+LUMA = np.array([0.299, 0.587, 0.114])
+"""Shares of red, green and blue in grey (ITU-R BT.601)."""
+DIGITS = 6
+"""Decimals of m and of quaternions in poses.yaml."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Seen:
+    """What a look found.
+
+    Attributes:
+        poses: of the objects' frames in the world.
+        covariances: (6, 6) of position, m, and rotation, rad, along the world's axes.
+        unseen: objects of the scene that no tag showed.
+        notes: what did not fit, in words.
+        noise: pixels, 1 sigma of a corner's coordinate.
+    """
+
+    poses: dict[str, Pose]
+    covariances: dict[str, Array]
+    unseen: tuple[str, ...]
+    notes: tuple[str, ...]
+    noise: float
+
+    def __repr__(self) -> str:
+        return f"<Seen: {', '.join(self.poses) or 'nothing'}; noise {self.noise:.2f} px>"
+
+    def std(self, name: str) -> tuple[float, float]:
+        """Standard deviations of an object's place, the largest along a level axis, m, and of its turn
+        about the vertical, rad."""
+        covariance = self.covariances[name]
+        level = np.linalg.eigvalsh(covariance[:2, :2])[-1]
+        return float(np.sqrt(level)), float(np.sqrt(covariance[5, 5]))
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """Content of a poses.yaml."""
+        return {"objects": {name: self._entry(name) for name in self.poses}}
+
+    def save(self, path: str | Path) -> Path:
+        """Write a poses.yaml.
+
+        Raises:
+            InputError: it exists, or cannot be written.
+        """
+        path = Path(path)
+        text = yaml_text(self.content)
+        parse_poses(text, str(path))
+        try:
+            with path.open("x", encoding="utf-8") as file:
+                file.write(text)
+        except FileExistsError:
+            raise InputError(f"'{path}' exists already: choose another file") from None
+        except OSError as error:
+            raise InputError(f"cannot write '{path}': {error.strerror}") from None
+        return path
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (name, str(pose.position.round(4).tolist()), f"{1e3 * self.std(name)[0]:.2f}")
+            for name, pose in self.poses.items()
+        ]
+        return table(repr(self), ("object", "place, m", "±, mm"), rows)
+
+    def _entry(self, name: str) -> dict[str, Any]:
+        pose = self.poses[name]
+        rows = [[float(f"{part:.3e}") for part in row] for row in self.covariances[name].tolist()]
+        return {
+            "pos": pose.position.round(DIGITS).tolist(),
+            "quat": pose.quaternion.round(DIGITS).tolist(),
+            "source": "seen",
+            "covariance": rows,
+        }
+
+
+def look(
+    scene: Scene, pictures: list[NDArray[np.uint8]], lens: Lens, mount: Mount | None = None
+) -> Seen:
+    """Find the objects of a scene by their tags in pictures (height, width, 3) of one camera, which stands
+    still.
+
+    Raises:
+        InputError: no tags in scene or picture, a picture of another size, or nothing says where the camera
+            is.
+        Unavailable: OpenCV is not installed.
+    """
+    tags = tags_of(scene)
+    if not tags:
+        raise InputError(
+            'the scene states no tags: a tag is a site of its body, <site name="tag_12" pos="…" size="0.02"/>'
+        )
+    notes: list[str] = []
+    corners = _corners(pictures, lens, notes)
+    strange = sorted(number for number in corners if number not in tags)
+    if strange:
+        notes.append(f"tags that the scene does not state: {', '.join(map(str, strange))}")
+    seen = {number: where for number, where in corners.items() if number in tags}
+    if not seen:
+        raise InputError(
+            "none of the scene's tags is in the picture; the scene has "
+            f"{', '.join(f'tag {number}' for number in sorted(tags))}"
+        )
+    things = things_of(scene)
+    found = solve(Problem(lens, seen, tags, things, mount))
+    notes += _said(found, tags)
+    objects = [name for name in scene.objects if name in found.poses]
+    return Seen(
+        {name: found.poses[name] for name in objects},
+        {name: found.covariances[name] for name in objects},
+        tuple(name for name in scene.objects if name not in found.poses),
+        tuple(notes),
+        found.noise,
+    )
+
+
+def _corners(pictures: list[NDArray[np.uint8]], lens: Lens, notes: list[str]) -> dict[int, Array]:
+    """Corners (4, 2) of each tag, pixels: the median over the pictures that show it once."""
+    found: dict[int, list[Array]] = {}
+    twice: set[int] = set()
+    for picture in pictures:
+        height, width = picture.shape[:2]
+        if (width, height) != lens.size:
+            raise InputError(
+                f"the picture has {width} × {height} pixels and the lens {lens.size[0]} × {lens.size[1]}: give "
+                "the intrinsics of this camera, at this size"
+            )
+        detected = detect((picture @ LUMA).astype(np.uint8))
+        counted = Counter(number for number, _ in detected)
+        twice |= {number for number, count in counted.items() if count > 1}
+        for number, where in detected:
+            found.setdefault(number, []).append(where)
+    if twice:
+        notes.append(
+            f"tags that are there twice, and so not used: {', '.join(map(str, sorted(twice)))}"
+        )
+    return {
+        number: np.median(places, axis=0) for number, places in found.items() if number not in twice
+    }
+
+
+def things_of(scene: Scene) -> dict[str, Thing]:
+    """Objects, and the surfaces whose height is open."""
+    supports = {
+        name: surface.name for surface in scene.surfaces.values() for name in surface.carries
+    }
+    found = {
+        name: Thing(name, body.pose_at_rest, supports.get(name))
+        for name, body in scene.objects.items()
+    }
+    for name, surface in scene.surfaces.items():
+        if "height" in surface.missing:
+            found[name] = Thing(name, surface.pose_world, None, is_surface=True)
+    return found
+
+
+def _said(found: Solution, tags: Mapping[int, Tag]) -> list[str]:
+    said = [
+        f"tag {number} on '{tags[number].body}' does not fit the others" for number in found.refused
+    ]
+    return said + [f"'{name}' does not stand as the scene has it" for name in found.tilted]

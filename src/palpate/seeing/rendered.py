@@ -1,0 +1,179 @@
+"""The camera of a simulated world: its picture through a lens that distorts, is a little out of focus, and
+has a sensor with noise. What it tells of itself is a little wrong, as far as its own figures say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.errors import InputError, Unavailable, unknown_name
+from palpate.geometry.pose import Pose
+from palpate.pictures.renderer import Painter, forwarded, gl_available
+from palpate.pictures.stage import staged
+from palpate.scene.camera import Camera
+from palpate.seeing.lens import FOCAL_STD, Lens, Mount
+from palpate.seeing.tags import SITE
+from palpate.seeing.vision import MODULES, QUIET, blurred, remapped, tag_pixels, undistorted
+
+SIZE = (1280, 720)
+"""Width and height, pixels, of a usual depth camera's colour picture."""
+MARGIN = 1.3
+"""Size of the picture that is drawn, to have what a lens bends into view."""
+PAPER = 2e-4
+"""m: half the thickness of a printed tag."""
+NEAREST = 0.1
+"""m: what is nearer to the camera is not drawn."""
+FINE = 8
+"""Texture pixels along a tag's module."""
+
+
+@dataclass(frozen=True, slots=True)
+class Imperfections:
+    """Imperfections of a simulated camera.
+
+    Attributes:
+        distortion: k1, k2, p1, p2, k3, which are known.
+        blur: pixels, 1 sigma.
+        grain: grey levels of 255, 1 sigma.
+        focal: relative error of the focal length, 1 sigma.
+        place, turn: error of the camera's pose, m and rad about each axis, 1 sigma.
+    """
+
+    distortion: tuple[float, ...] = (-0.08, 0.03, 5e-4, -3e-4, 0.0)
+    blur: float = 0.6
+    grain: float = 2.0
+    focal: float = FOCAL_STD
+    place: float = 0.002
+    turn: float = 0.003
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Taken:
+    """A picture and what its camera tells.
+
+    Attributes:
+        pixels: (height, width, 3) RGB.
+        lens: as its owner has it.
+        mount: None where nobody knows where it is.
+    """
+
+    pixels: NDArray[np.uint8]
+    lens: Lens
+    mount: Mount | None
+
+
+def take(
+    world: mujoco.MjSpec,
+    name: str,
+    *,
+    size: tuple[int, int] = SIZE,
+    seed: int = 0,
+    imperfections: Imperfections | None = None,
+) -> Taken:
+    """Take a picture by a camera of a world, whose sites `tag_12` become printed tags.
+
+    Raises:
+        InputError: no such camera.
+        Unavailable: no OpenGL.
+    """
+    flaws = imperfections or Imperfections()
+    usable, reason = gl_available()
+    if not usable:
+        raise Unavailable(f"the world's camera cannot be drawn: {reason}")
+    cameras: list[mujoco.MjsCamera] = list(world.cameras)
+    names = [camera.name for camera in cameras if camera.name]
+    if not names:
+        raise InputError('the world has no camera: give it one, <camera name="workspace" …/>')
+    if name not in names:
+        raise unknown_name("camera of the world", name, names)
+    random = np.random.default_rng(seed)
+    model = staged(_with_tags(world), soft=False)
+    data = forwarded(model)
+    index = model.camera(name).id
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, data.cam_xmat[index])
+    stands = Pose.of(data.cam_xpos[index], quaternion)
+    camera = Camera(stands, float(np.deg2rad(model.cam_fovy[index])), *size)
+    told = Lens.of(camera)
+    true = Lens(told.matrix, size, np.array(flaws.distortion))
+    pixels = _through(_drawn(model, data, name, camera), true)
+    pixels = blurred(pixels, flaws.blur) if flaws.blur else pixels
+    noisy = pixels + flaws.grain * random.standard_normal(pixels.shape)
+    # What the owner believes of the camera: its figures with an error each.
+    zoom = 1 + flaws.focal * random.standard_normal()
+    matrix = told.matrix * np.array([[zoom, 1, 1], [1, zoom, 1], [1, 1, 1]])
+    lens = Lens(matrix, size, true.distortion, max(flaws.focal, 1e-6))
+    return Taken(np.clip(noisy, 0, 255).astype(np.uint8), lens, _misplaced(stands, flaws, random))
+
+
+def _misplaced(stands: Pose, flaws: Imperfections, random: np.random.Generator) -> Mount:
+    place, turn = flaws.place * random.standard_normal(3), flaws.turn * random.standard_normal(3)
+    away = Pose.of((0.0, 0.0, 0.0), (1.0, *(turn / 2)))
+    believed = Pose(stands.position + place, (away @ stands).quaternion)
+    floor = 1e-12
+    spread = [flaws.place**2 + floor] * 3 + [flaws.turn**2 + floor] * 3
+    return Mount(believed, np.diag(spread))
+
+
+def _drawn(
+    model: mujoco.MjModel, data: mujoco.MjData, name: str, camera: Camera
+) -> NDArray[np.uint8]:
+    """The pinhole's picture, larger by `MARGIN` on all sides."""
+    # A depth buffer reaches from near to far: what is nearer than paper is thin is the same to it.
+    model.vis.map.znear = NEAREST / model.stat.extent
+    width, height = (2 * round(MARGIN * side / 2) for side in (camera.width, camera.height))
+    model.camera(name).fovy[:] = np.degrees(2 * np.arctan(height / 2 / camera.focal))
+    with Painter(model, width, height) as painter:
+        return np.array(painter.paint(data, name))
+
+
+def _through(pixels: NDArray[np.uint8], lens: Lens) -> NDArray[np.uint8]:
+    """A pinhole's picture with the same focal length, seen through a lens that distorts."""
+    (width, height), (rows, columns, _) = lens.size, pixels.shape
+    grid = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(float)
+    there = undistorted(lens, grid.reshape(-1, 2)).reshape(height, width, 2)
+    return remapped(pixels, there + np.array([columns - width, rows - height]) / 2)
+
+
+def _with_tags(world: mujoco.MjSpec) -> mujoco.MjSpec:
+    """The world with a printed tag at each site named for one."""
+    spec = world.copy()
+    model = spec.compile()
+    sites: list[mujoco.MjsSite] = list(spec.sites)
+    for site in sites:
+        match = SITE.fullmatch(site.name)
+        if match is not None:
+            compiled = model.site(site.name)
+            _print(spec, site, int(match[1]), Pose.of(compiled.pos, compiled.quat))
+    return spec
+
+
+def _print(spec: mujoco.MjSpec, site: mujoco.MjsSite, number: int, frame: Pose) -> None:
+    name = f"palpate_{site.name}"
+    modules = np.pad(tag_pixels(number), QUIET, constant_values=255)
+    fine = np.kron(modules, np.ones((FINE, FINE), dtype=np.uint8))
+    texture = spec.add_texture(
+        name=name,
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        nchannel=3,
+        width=len(fine),
+        height=len(fine),
+    )
+    texture.data = np.repeat(fine[..., None], 3, axis=-1).tobytes()
+    material = spec.add_material(name=name, specular=0.0, shininess=0.0)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
+    half = float(site.size[0]) * (MODULES + 2 * QUIET) / MODULES
+    site.parent.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[half, half, PAPER],
+        pos=frame.position,
+        quat=frame.quaternion,
+        material=name,
+        contype=0,
+        conaffinity=0,
+        mass=0.0,
+    )

@@ -1,0 +1,340 @@
+"""Poses of camera and things by one least-squares fit of all tags' corners (bundle adjustment).
+
+Unknowns are the camera's pose, its focal length, the pose of every thing, the height of surfaces where the
+scene leaves it open, and by how much each tag is off its place on the paper's plane. Each has a prior where
+something is known of it: so the camera's own uncertainty is in that of the things, (JᵀΣ⁻¹J)⁻¹.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from palpate.errors import InputError
+from palpate.geometry.pose import Array, Pose
+from palpate.seeing.lens import FACING, Lens, Mount
+from palpate.seeing.tags import Tag, corners
+from palpate.seeing.vision import square_poses
+
+NOISE, BELIEVED = 0.3, 4.0
+"""Pixels, 1 sigma of a corner's coordinate before any is seen, and the residuals that this counts for;
+corners of rendered tags are off by 0.2."""
+FLOOR = 0.1
+"""Pixels: least noise that residuals may show."""
+GLUED = 3e-4
+"""m: error of a tag's place on a thing, along its sides, 1 sigma; a ruler has no better."""
+UPRIGHT, LEVEL = np.radians(0.5), 0.001
+"""rad and m: tilt and height of a thing that stands on a surface, against the scene's, 1 sigma."""
+OPEN = 0.3
+"""m: height of a surface that the scene leaves open, 1 sigma about what is believed."""
+LOOSE = np.radians(10.0)
+"""rad: tilt, 1 sigma, that decides between the two poses that a single square allows."""
+MOST_REFUSED = 4
+"""Tags and things, one after the other, that a look gives up."""
+OUTLIER = 4.5
+"""Standard deviations at which a thing does not stand as the scene has it, or a tag does not fit."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Thing:
+    """What is looked for.
+
+    Attributes:
+        name: of its body.
+        pose_world: where the scene has it.
+        support: the surface that it stands on in the scene, if any.
+        is_surface: its height alone is open.
+    """
+
+    name: str
+    pose_world: Pose
+    support: str | None = None
+    is_surface: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """What the fit found.
+
+    Attributes:
+        poses: pose of each thing in the world.
+        covariances: (6, 6) of position, m, and rotation, rad, along the world's axes.
+        pose_world_camera: in OpenCV's frame.
+        noise: pixels, 1 sigma of a corner's coordinate.
+        refused: tags that do not fit.
+        tilted: things that do not stand as the scene has them.
+    """
+
+    poses: Mapping[str, Pose]
+    covariances: Mapping[str, Array]
+    pose_world_camera: Pose
+    noise: float
+    refused: tuple[int, ...]
+    tilted: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """Everything that a look knows.
+
+    Attributes:
+        seen: corners (4, 2) of each tag in the picture, pixels.
+        tags: that the scene states.
+        things: by name; what is not in it stands where the scene has it.
+    """
+
+    lens: Lens
+    seen: Mapping[int, Array]
+    tags: Mapping[int, Tag]
+    things: Mapping[str, Thing]
+    mount: Mount | None
+
+    def without(self, numbers: Sequence[int], standing: Sequence[str]) -> Problem:
+        """The problem without some tags, and with things that stand on nothing known."""
+        seen = {number: where for number, where in self.seen.items() if number not in numbers}
+        things = {
+            name: Thing(name, thing.pose_world, None, thing.is_surface)
+            if name in standing
+            else thing
+            for name, thing in self.things.items()
+        }
+        return Problem(self.lens, seen, self.tags, things, self.mount)
+
+
+def solve(problem: Problem) -> Solution:
+    """Fit a picture.
+
+    Raises:
+        InputError: nothing says where the camera is.
+    """
+    refused: tuple[int, ...] = ()
+    tilted: tuple[str, ...] = ()
+    fit = _best(problem)
+    for _ in range(MOST_REFUSED):
+        odd, leaning = fit.outliers()
+        if not odd and not leaning:
+            break
+        refused, tilted = (*refused, *odd), (*tilted, *leaning)
+        problem = problem.without(odd, leaning)
+        fit = _best(problem)
+    return fit.solution(refused, tilted)
+
+
+def _best(problem: Problem) -> _Fit:
+    """The fit of the start that explains most, again with the noise that it shows."""
+    fit = min((_Fit(problem, start) for start in _starts(problem)), key=lambda fit: fit.cost)
+    fit.run()
+    return fit
+
+
+class _Fit:
+    """One fit, from one start."""
+
+    def __init__(self, problem: Problem, start: tuple[Pose, Mapping[str, Pose]]) -> None:
+        self.problem, (self.camera, self.start) = problem, start
+        self.numbers = list(problem.seen)
+        self.pixels = np.concatenate([problem.seen[number] for number in self.numbers])
+        # Camera 6, focal length 1, a thing 6 or its height, a tag 2.
+        self.slices: dict[str, slice] = {}
+        size = 7
+        for name in self.start:
+            width = 1 if problem.things[name].is_surface else 6
+            self.slices[name] = slice(size, size + width)
+            size += width
+        self.glue = slice(size, size + 2 * len(self.numbers))
+        self.noise = NOISE
+        self.at: Array = np.zeros(size + 2 * len(self.numbers))
+        # With the same noise as every other start's.
+        self.cost = self.run()
+
+    def run(self) -> float:
+        """Fit, then estimate the noise; return the loss, with the noise before."""
+        found = least_squares(
+            self.residuals, self.at, loss="soft_l1", f_scale=3.0, x_scale="jac", max_nfev=100
+        )
+        self.at, jacobian = found.x, found.jac
+        self.covariance: Array = np.asarray(
+            np.linalg.pinv(jacobian.T @ jacobian, hermitian=True), dtype=float
+        )
+        # Each corner leaves as much of its noise in the residuals as the fit has not followed.
+        rows = jacobian[: 2 * len(self.pixels)]
+        left = len(rows) - float(np.einsum("ij,jk,ik->", rows, self.covariance, rows))
+        squares = float(np.sum((self.noise * self.residuals(self.at)[: len(rows)]) ** 2))
+        # Half of the residuals are no larger than 0.67 of a normal deviation, whatever the largest are.
+        middle = self.noise * float(np.median(np.abs(self.residuals(self.at)[: len(rows)])))
+        self.typical = max(FLOOR, 1.4826 * middle * math.sqrt(len(rows) / max(left, 1.0)))
+        self.noise = max(FLOOR, math.sqrt((BELIEVED * NOISE**2 + squares) / (BELIEVED + left)))
+        return float(found.cost)
+
+    def pose(self, name: str, at: Array) -> Pose:
+        """Pose of a thing in the world."""
+        if name not in self.slices:
+            thing = self.problem.things.get(name)
+            return Pose.of(np.zeros(3)) if thing is None else thing.pose_world
+        step = at[self.slices[name]]
+        return moved(
+            self.start[name], np.array([0, 0, step[0], 0, 0, 0]) if len(step) == 1 else step
+        )
+
+    def residuals(self, at: Array) -> Array:
+        """All residuals, in standard deviations: 2 of each corner, then the priors'."""
+        problem, camera = self.problem, moved(self.camera, at[:6])
+        offsets = at[self.glue].reshape(-1, 2)
+        points: list[Array] = []
+        for number, offset in zip(self.numbers, offsets, strict=True):
+            tag = problem.tags[number]
+            place = tag.pose_world
+            if tag.body in self.slices:
+                local = problem.things[tag.body].pose_world.inverse() @ tag.pose_world
+                place = self.pose(tag.body, at) @ local
+            points.append(corners(tag.half, place) + place.rotation[:, :2] @ offset)
+        local = (np.concatenate(points) - camera.position) @ camera.rotation
+        local[:, 2] = np.maximum(local[:, 2], 1e-3)  # in front of the camera
+        off = (problem.lens.project(local, float(np.exp(at[6]))) - self.pixels) / self.noise
+        priors = [at[6:7] / problem.lens.focal_std, at[self.glue] / GLUED]
+        if problem.mount is not None:
+            priors.append(_mounted(problem.mount, camera))
+        for name in self.slices:
+            priors.append(self.standing(name, at))
+        return np.concatenate([off.ravel(), *priors])
+
+    def standing(self, name: str, at: Array) -> Array:
+        """Residuals of how a thing stands: tilt and height against the scene's; of an open surface its
+        height."""
+        thing = self.problem.things[name]
+        if thing.is_surface:
+            return at[self.slices[name]] / OPEN
+        if thing.support is None:
+            return np.zeros(0)
+        pose, below = self.pose(name, at), 0.0
+        if thing.support in self.slices:
+            surface = self.problem.things[thing.support].pose_world
+            below = float((self.pose(thing.support, at).position - surface.position)[2])
+        higher = float(pose.position[2] - thing.pose_world.position[2]) - below
+        return np.array([*_tilt(pose, thing.pose_world) / UPRIGHT, higher / LEVEL])
+
+    def outliers(self) -> tuple[list[int], list[str]]:
+        """Tags that do not fit, and things that do not stand as the scene has them."""
+        residuals = self.residuals(self.at)[: 2 * len(self.pixels)].reshape(-1, 8)
+        worst = np.abs(residuals).max(axis=1) * max(1.0, self.noise / self.typical)
+        first = int(worst.argmax())
+        odd = [self.numbers[first]] if worst[first] > OUTLIER and len(worst) > 1 else []
+        leaning = [
+            name
+            for name, thing in self.problem.things.items()
+            if name in self.slices
+            and thing.support is not None
+            and np.abs(self.standing(name, self.at)).max(initial=0.0) > OUTLIER
+        ]
+        return (odd, []) if odd else ([], leaning)
+
+    def solution(self, refused: tuple[int, ...], tilted: tuple[str, ...]) -> Solution:
+        """What was found."""
+        poses = {name: self.pose(name, self.at) for name in self.slices}
+        covariances: dict[str, Array] = {}
+        for name, part in self.slices.items():
+            block = self.covariance[part, part]
+            covariances[name] = block if len(block) == 6 else np.diag([0, 0, block[0, 0], 0, 0, 0])
+        camera = moved(self.camera, self.at[:6])
+        return Solution(poses, covariances, camera, float(self.noise), refused, tilted)
+
+
+def moved(pose: Pose, step: Array) -> Pose:
+    """A pose after a small motion (6,): m along, and rad about, the world's axes."""
+    angle = float(np.linalg.norm(step[3:]))
+    axis = step[3:] * (np.sin(angle / 2) / angle if angle > 1e-12 else 0.5)
+    turned = Pose.of(np.zeros(3), np.array([np.cos(angle / 2), *axis])) @ Pose(
+        np.zeros(3), pose.quaternion
+    )
+    return Pose(pose.position + step[:3], turned.quaternion)
+
+
+def apart(pose: Pose, other: Pose) -> Array:
+    """(6,) the small motion from one pose to another, as `moved` takes it."""
+    turn = (pose @ other.inverse()).quaternion
+    turn = turn if turn[0] >= 0 else -turn
+    length = float(np.linalg.norm(turn[1:]))
+    scale = 2 * np.arctan2(length, turn[0]) / length if length > 1e-12 else 2.0
+    return np.concatenate([pose.position - other.position, scale * turn[1:]])
+
+
+def _mounted(mount: Mount, camera: Pose) -> Array:
+    """(6,) residuals of the camera's pose against where it is believed to be."""
+    lower = np.linalg.cholesky(mount.covariance)
+    return np.asarray(
+        np.linalg.solve(lower, apart(camera, mount.pose_world_camera @ FACING)), dtype=float
+    )
+
+
+def _tilt(pose: Pose, reference: Pose) -> Array:
+    """(2,) rad by which a thing leans against how it stands in the scene."""
+    return np.asarray(reference.rotation @ pose.rotation[2])[:2]
+
+
+def _starts(problem: Problem) -> Iterator[tuple[Pose, Mapping[str, Pose]]]:
+    """Yield poses of camera and things to begin with.
+
+    Raises:
+        InputError: nothing says where the camera is.
+    """
+
+    def area(number: int) -> float:
+        return float(np.ptp(problem.seen[number], axis=0).prod())
+
+    loose = {name for name, thing in problem.things.items() if not thing.is_surface}
+    fixed = [number for number in problem.seen if problem.tags[number].body not in loose]
+    cameras: list[Pose] = []
+    if problem.mount is not None:
+        cameras = [problem.mount.pose_world_camera @ FACING]
+    elif fixed:
+        tag = problem.tags[max(fixed, key=area)]
+        views = square_poses(problem.lens, problem.seen[tag.number], tag.half)
+        cameras = [tag.pose_world @ view.inverse() for view in views]
+    if not cameras:
+        raise InputError(
+            "nothing says where the camera is: no tag in the picture is on what stands still in the scene. "
+            'State one, e.g. <site name="tag_0" pos="x y z" size="0.03"/> in the table\'s body, or the '
+            "camera's pose and covariance in its intrinsics file"
+        )
+    for camera in cameras:
+        found: dict[str, Pose] = {}
+        for name, thing in problem.things.items():
+            mine = [number for number in problem.seen if problem.tags[number].body == name]
+            if thing.is_surface:
+                found[name] = thing.pose_world
+            elif mine:
+                found[name] = min(
+                    (pose for number in mine for pose in _placed(problem, camera, thing, number)),
+                    key=_misfit(problem, camera, thing, mine),
+                )
+        yield camera, found
+
+
+def _placed(problem: Problem, camera: Pose, thing: Thing, number: int) -> Iterator[Pose]:
+    tag = problem.tags[number]
+    on = tag.pose_world.inverse() @ thing.pose_world
+    for view in square_poses(problem.lens, problem.seen[number], tag.half):
+        yield camera @ view @ on
+
+
+def _misfit(
+    problem: Problem, camera: Pose, thing: Thing, numbers: Sequence[int]
+) -> Callable[[Pose], float]:
+    """Function for how badly a pose of a thing explains its tags, with its tilt."""
+
+    def of(pose: Pose) -> float:
+        total = float(np.sum((_tilt(pose, thing.pose_world) / LOOSE) ** 2))
+        total += 100.0 * (pose.rotation[2] @ thing.pose_world.rotation[2] < 0)
+        for number in numbers:
+            tag = problem.tags[number]
+            place = pose @ thing.pose_world.inverse() @ tag.pose_world
+            local = (corners(tag.half, place) - camera.position) @ camera.rotation
+            off = problem.lens.project(local) - problem.seen[number]
+            total += float(np.sum((off / (3 * NOISE)) ** 2)) if (local[:, 2] > 0).all() else 1e9
+        return total
+
+    return of

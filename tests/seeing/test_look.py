@@ -1,0 +1,200 @@
+"""Poses from tags: a rendered look, the fit's covariance, what does not fit, and files."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import palpate as pp
+from palpate.errors import InputError
+from palpate.geometry.pose import Pose
+from palpate.pictures.renderer import gl_available
+from palpate.scene.load import parse_scene
+from palpate.scene.poses import parse_poses
+from palpate.scene.scene import Scene
+from palpate.seeing import look as looking
+from palpate.seeing.lens import FACING, Lens, Mount, pinhole, read_lens
+from palpate.seeing.sheet import DPI, _page, write_sheet
+from palpate.seeing.solve import (
+    GLUED,
+    LEVEL,
+    UPRIGHT,
+    Problem,
+    Solution,
+    apart,
+    moved,
+    solve,
+)
+from palpate.seeing.tags import corners, tags_of
+from palpate.seeing.vision import detect
+
+pytest.importorskip("cv2")
+
+XML = """<mujoco model="desk"><worldbody>
+<light pos="0 0 2"/><geom name="floor" type="plane" size="3 3 .1"/>
+<camera name="over" pos="0.9 -0.5 1.1" xyaxes="0.6 0.8 0 -0.45 0.35 0.8" fovy="45"/>
+<body name="table" pos="0.5 0 {z}"><geom type="box" size=".4 .4 .02"/>
+  <site name="tag_0" pos="-.15 -.25 .02" size=".03"/><site name="tag_1" pos="-.15 .25 .02" size=".03"/>
+  <site name="tag_2" pos=".25 .25 .02" size=".03"/></body>
+<body name="box" pos="{box}" euler="0 0 {turn}"><freejoint/>
+  <geom type="box" size=".03 .03 .03" mass=".1"/><site name="tag_7" pos="0 0 .03" size=".02"/>
+  <site name="tag_8" pos="0 -.03 0" euler="90 0 0" size=".02"/></body>
+</worldbody></mujoco>"""
+TOLD = {"z": "0.38", "box": "0.45 0.05 0.43", "turn": "0"}
+
+
+@cache
+def scene(**changes: str) -> Scene:
+    return parse_scene(XML.format(**(TOLD | changes)))
+
+
+LENS = Lens(pinhole(900.0, 639.5, 359.5), (1280, 720), np.array([-0.1, 0.02, 1e-3, 0, 0]), 0.005)
+
+
+def mount() -> Mount:
+    """A camera that looks at the table's middle."""
+    eye, target = np.array([0.95, -0.6, 1.1]), np.array([0.5, 0.0, 0.4])
+    back = (eye - target) / np.linalg.norm(eye - target)
+    right = np.cross([0, 0, 1.0], back)
+    right /= np.linalg.norm(right)
+    import mujoco
+
+    quaternion = np.empty(4)
+    axes = np.column_stack([right, np.cross(back, right), back])
+    mujoco.mju_mat2Quat(quaternion, axes.ravel())
+    spread = np.diag([0.005**2] * 3 + [0.005**2] * 3)
+    return Mount(Pose.of(eye, quaternion), spread)
+
+
+def trial(
+    random: np.random.Generator, noise: float, placed: Mount | None, *, shifted: int | None = None
+) -> tuple[Solution, Pose]:
+    """A fit to corners drawn as the fit takes them to be, and where the box truly is."""
+    believed, truth = mount(), scene().body("box").pose_world
+    turn = random.uniform(-0.5, 0.5)
+    truth = moved(truth, np.array([0.03, -0.04, 0, 0, 0, turn]))
+    scatter = np.array([0, 0, LEVEL, UPRIGHT, UPRIGHT, 0]) * random.standard_normal(6)
+    truth = moved(truth, scatter)
+    step = np.linalg.cholesky(believed.covariance) @ random.standard_normal(6)
+    camera = moved(believed.pose_world_camera @ FACING, step)
+    zoom = float(np.exp(LENS.focal_std * random.standard_normal()))
+    seen = {}
+    for number, tag in tags_of(scene()).items():
+        place = tag.pose_world
+        if tag.body == "box":
+            place = truth @ scene().body("box").pose_world.inverse() @ place
+        points = corners(tag.half, place)
+        points = points + place.rotation[:, :2] @ (GLUED * random.standard_normal(2))
+        local = (points - camera.position) @ camera.rotation
+        seen[number] = LENS.project(local, zoom) + noise * random.standard_normal((4, 2))
+        if number == shifted:
+            seen[number] = seen[number] + 25.0
+    things = looking.things_of(scene())
+    return solve(Problem(LENS, seen, tags_of(scene()), things, placed)), truth
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_errors_are_as_large_as_the_covariance_says(known: bool) -> None:
+    random = np.random.default_rng(1)
+    squares = []
+    for _ in range(8 if known else 4):
+        found, truth = trial(random, 1.0, mount() if known else None)
+        off = apart(found.poses["box"], truth)
+        squares.append(off @ np.linalg.solve(found.covariances["box"], off) / 6)
+    assert 0.7 < np.sqrt(np.mean(squares)) < 1.4
+
+
+def test_a_tag_that_is_elsewhere_is_refused() -> None:
+    found, truth = trial(np.random.default_rng(2), 0.2, mount(), shifted=1)
+    assert found.refused == (1,)
+    assert found.poses["box"].distance_to(truth) < 0.005
+
+
+@pytest.mark.skipif(not gl_available()[0], reason="no OpenGL")
+def test_a_simulated_camera_sees_where_a_box_is() -> None:
+    from palpate.seeing.rendered import take
+
+    world = scene(box="0.5 0 0.43", turn="20")
+    picture = take(world.spec(), "over", seed=3)
+    given = scene(z="?")  # a table of unknown height: the picture says it as well
+    found = looking.look(given, [picture.pixels], picture.lens, picture.mount)
+    off = apart(found.poses["box"], world.body("box").pose_world)
+    assert np.abs(off / np.sqrt(np.diag(found.covariances["box"]))).max() < 3.0
+    assert np.linalg.norm(off[:2]) < 0.003
+    assert abs(off[5]) < 0.01
+    assert not found.notes
+    assert not found.unseen
+    poses = parse_poses(_yaml(found))
+    body = parse_scene(given.text, poses=poses).body("box")
+    assert body.accuracy == pytest.approx(found.std("box")[0], rel=0.01)
+    assert not body.seen  # its size is the scene's
+
+
+def _yaml(found: looking.Seen) -> str:
+    from palpate.files.plain_yaml import yaml_text
+
+    return yaml_text(found.content)
+
+
+@pytest.mark.skipif(not gl_available()[0], reason="no OpenGL")
+def test_a_camera_without_a_place_or_a_name_is_said() -> None:
+    with pytest.raises(InputError, match="valid: over"):
+        pp.see(scene(), "world:under")
+    bare = parse_scene("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
+    with pytest.raises(InputError, match="no tags"):
+        looking.look(bare, [], LENS)
+
+
+def test_without_tags_that_stand_still_nothing_says_where_the_camera_is() -> None:
+    tags = tags_of(scene())
+    seen = {7: np.array([[600.0, 300], [650, 300], [650, 350], [600, 350]])}
+    with pytest.raises(InputError, match="where the camera is"):
+        solve(Problem(LENS, seen, tags, looking.things_of(scene()), None))
+
+
+def test_a_lens_is_read_in_both_forms(tmp_path: Path) -> None:
+    ours, ros = tmp_path / "ours.yaml", tmp_path / "ros.yaml"
+    ours.write_text("{fx: 900, fy: 901, cx: 640, cy: 360, size: [1280, 720], distortion: [-0.1]}")
+    ros.write_text(
+        "{image_width: 1280, image_height: 720, camera_name: x, distortion_model: plumb_bob,\n"
+        "camera_matrix: {rows: 3, cols: 3, data: [900, 0, 640, 0, 901, 360, 0, 0, 1]},\n"
+        "distortion_coefficients: {rows: 1, cols: 5, data: [-0.1, 0, 0, 0, 0]}}"
+    )
+    (mine, stands), (theirs, _) = read_lens(ours), read_lens(ros)
+    assert stands is None
+    assert mine.matrix == pytest.approx(theirs.matrix)
+    assert mine.distortion == pytest.approx(theirs.distortion)
+    ours.write_text("{fx: 900}")
+    with pytest.raises(InputError, match="'fy' is missing"):
+        read_lens(ours)
+
+
+def test_a_source_that_is_none_lists_the_choices(tmp_path: Path) -> None:
+    lens = tmp_path / "lens.yaml"
+    lens.write_text("{fx: 900, fy: 901, cx: 640, cy: 360, size: [1280, 720]}")
+    with pytest.raises(InputError, match="world:NAME"):
+        pp.see(scene(), "webcam", intrinsics=lens)
+    with pytest.raises(InputError, match="intrinsics"):
+        pp.see(scene(), "desk.png")
+
+
+def test_what_is_no_covariance_is_refused() -> None:
+    row = "[0, 0, 0, 0, 0, 0]"
+    bad = f"{{objects: {{box: {{pos: [0, 0, 0], covariance: [[-1, 0, 0, 0, 0, 0]{f', {row}' * 5}]}}}}}}"
+    with pytest.raises(InputError, match="covariance"):
+        parse_poses(bad)
+
+
+def test_a_sheet_has_its_tags_at_their_size(tmp_path: Path) -> None:
+    page = np.asarray(_page(range(6), 0.04, 3))
+    found = detect(page[::4, ::4].copy())
+    sides = [np.linalg.norm(where[1] - where[0]) * 4 / DPI * 0.0254 for _, where in found]
+    assert sorted(number for number, _ in found) == list(range(6))
+    assert sides == pytest.approx([0.04] * 6, abs=2e-4)
+    assert write_sheet(tmp_path / "tags.pdf", [1, 2], 0.05) == 1
+    assert (tmp_path / "tags.pdf").read_bytes().startswith(b"%PDF")
+    with pytest.raises(InputError, match="size="):
+        write_sheet(tmp_path / "more.pdf", [1], 0.3)
