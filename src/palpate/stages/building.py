@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 REPLAY_PERIOD = 0.04
 """s between two ticks of an execution that is compared only in the means of its recordings: as long as the simulated
 arm goes on without new feed-forward torques. Residuals move by less than 6 mN and 0.3 micrometres (bottle,
-hammer, drawer), in a fifth less time than at 0.02 s."""
+hammer, drawer), in a seventh to a fifth less time than at 0.02 s."""
 
 
 def build_twin(made: Run, callbacks: RunCallbacks = SILENT) -> Run:
