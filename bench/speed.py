@@ -3,6 +3,7 @@ machine does not change it."""
 
 from __future__ import annotations
 
+import os
 import resource
 import statistics
 import subprocess
@@ -29,6 +30,7 @@ from palpate.stages.executing import perform
 ROUNDS = 3
 COUNTS = (1, 5, 15, 40)
 """Objects on the table, for the growth with their number."""
+KILOBYTES = 1024  # of one MB: `ru_maxrss` is in kB
 SWAY = 2.0  # s of robot time in which the arm sways before them
 
 
@@ -49,6 +51,10 @@ def main() -> None:
         _line("palpate --help", f"{_median(lambda: _palpate('--help')):.2f} s", "≤ 0.4 s")
         cold = _median(lambda: _palpate("plan", "--scene", str(scenes[15])))
         _line("palpate plan, 15 objects, cold", f"{cold:.2f} s", "≤ 0.8 s")
+        for what, args in (("demo", ["demo"]), ("15 objects", ["run", "--scene", str(scenes[15])])):
+            seconds, peak = _whole(*args, "--seed", "0", "--out", str(Path(folder) / what))
+            _line(f"palpate {args[0]}, {what}", f"{seconds:.1f} s", "")
+            _line("  memory peak", f"{peak:.0f} MB", "")
 
 
 def closed_loop_ratio(noise: str) -> float:
@@ -125,13 +131,25 @@ def measuring_seconds(scene_file: Path) -> tuple[float, float]:
     return executed - start, time.process_time() - executed
 
 
-def _palpate(*args: str) -> None:
+def _palpate(*args: str, check: bool = True) -> None:
+    # As on a user's machine, modules are compiled once.
+    environment = os.environ | {"PYTHONDONTWRITEBYTECODE": ""}
     subprocess.run(
         [sys.executable, "-m", "palpate.cli.main", *args],
-        check=True,
+        check=check,
+        env=environment,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
+
+
+def _whole(*args: str) -> tuple[float, float]:
+    """Processor seconds of a whole run, its own processes included, and the memory peak, MB, of the
+    largest process that has run so far."""
+    start = _of_children()
+    _palpate(*args, check=False)  # a parameter may stay unidentified
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / KILOBYTES
+    return _of_children() - start, peak
 
 
 def _median(run: Callable[[], None]) -> float:
