@@ -13,7 +13,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from palpate import pipeline
@@ -38,8 +37,8 @@ SLIDE = {"frictionloss": (1.0, 8.0), "damping": (2.0, 20.0), "stiffness": (5.0, 
 """N, N s/m, N/m: ranges of a slide's joint, uniform."""
 LEVER = 0.35
 """m: a hinge has the same forces at its handle."""
-SOLVERS = (mujoco.mjtSolver.mjSOL_NEWTON, mujoco.mjtSolver.mjSOL_CG)
-CONES = (mujoco.mjtCone.mjCONE_ELLIPTIC, mujoco.mjtCone.mjCONE_PYRAMIDAL)
+SOLVERS, CONES = (2, 1), (1, 0)
+"""MuJoCo's Newton and CG; elliptic and pyramidal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +107,8 @@ class OtherSolver(SimulatedCell):
         robot = super().robot()
         random = np.random.default_rng([self.seed, STREAM, 1])
         option = robot.world.model.opt
-        option.solver, option.cone = random.choice(SOLVERS), random.choice(CONES)
+        for name, values in (("solver", SOLVERS), ("cone", CONES)):
+            setattr(option, name, int(random.choice(values)))
         return robot
 
 
