@@ -11,10 +11,13 @@ from loopback import Loopback, Says
 from palpate import pipeline
 from palpate.execution import rehearsal
 from palpate.execution.rehearsal import Pace, Rehearsal, rehearse
+from palpate.execution.runner import run
 from palpate.parameter import Parameter
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.plan import Node, Plan, dump_plan
 from palpate.planning.symbolic.planner import assemble
+from palpate.robots.owner.arm import as_measured
+from palpate.robots.simulated.robot import MujocoRobot
 from palpate.runs.run import Run
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
@@ -151,6 +154,19 @@ def test_a_thing_that_ends_elsewhere_than_believed_is_a_finding() -> None:
     assert "'can' ends (+0, -8, +0) mm" in str(predicted.failure)
     assert "displaced in CloseGripper()" in str(predicted.failure)
     assert predicted.path == "tree.children[4]"
+
+
+def test_a_run_stops_where_something_that_no_scene_shows_is_in_the_thing() -> None:
+    cell = scene(CAN)
+    stuck = '<geom type="box" pos="0 0 -.04" size=".01 .01 .01" mass="1.4"/></body>'
+    world = scene(CAN.replace("</body>", stuck))
+    plan = weighing(cell, "can")
+    robot = MujocoRobot(world.spec({}), world.pose_world_base, as_measured(world.arm))
+    foresight = rehearse(plan, cell, draws=0).foresight
+    done = run(plan, cell, robot, noiseless=True, settled=foresight.settled)
+    assert "MovePose(can_pose + z_offset): not as rehearsed: 'can' pulls" in str(done.stopped_by)
+    assert done.held is not None
+    assert done.held.became == "put down"
 
 
 def test_a_load_that_the_hand_lowers_beside_its_support_is_not_falling() -> None:
