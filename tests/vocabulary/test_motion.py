@@ -12,6 +12,7 @@ from performing import CELL, CUP, cell
 from pydantic import ValidationError
 from workbench import BAR, bench, plan, sequence, visit
 
+from palpate.cells.simulated import simulated_cell
 from palpate.estimation.estimate import Estimate, Verdict
 from palpate.execution.runner import run
 from palpate.geometry.pose import Pose, rotations
@@ -35,6 +36,9 @@ HOME = load_description().home
 
 LIFT, AT = ("MovePose", "cup_pose + z_offset"), ("MovePose", "cup_pose")
 TO_TABLE = ("MovePose", "table_approach")
+
+TABLE = """<mujoco><worldbody><site name="robot_base"/><body name="table" pos="0.62 0.09 {z}">
+<geom type="box" size=".15 .2 .02"/></body></worldbody></mujoco>"""
 
 
 def test_move_pose_names_what_it_cannot_read_or_reach(start, make) -> None:
@@ -357,3 +361,14 @@ def test_a_plan_goes_to_where_the_run_finds_the_bar_to_balance(bar):
     assert bar.body("bar").pose_world.local(tcp)[0] == pytest.approx(HEAVIER, abs=0.003)
     told = [leaf.label for leaf in done.trace.leaves if "as measured" in leaf.message]
     assert told == ["MovePose(bar_balance + z_offset)"]
+
+
+def test_a_stretched_arm_is_not_stopped_by_what_its_joints_rub():
+    text = TABLE.format(z="?")
+    scene, world = parse_scene(text), parse_scene(TABLE.format(z=0.38))
+    tree = sequence("MoveJoints home_config", "MovePose table_approach", "MoveJoints home_config")
+    robot = simulated_cell(scene, world, noise="measured", seed=2008).robot()
+    done = run(plan(tree), scene, robot)
+    assert done.stopped_by is None
+    felt = np.linalg.norm(done.trace.samples.wrench[:, :3], axis=1)
+    assert felt.max() > robot.limits.free_force, "it looks like a contact"

@@ -73,6 +73,17 @@ def unexplained_torque(arm: RobotDescription) -> float:
     return SURELY * float(np.sqrt(RUBBING**2 + rest @ rest + noise @ noise))
 
 
+def mistaken_force(arm: RobotDescription, q: Array) -> float:
+    """Compute the largest force on the TCP, N, that `unexplained_torque` looks like at joint angles `q` (7,), rad.
+
+    The force is (J J^T)^-1 J tau. A stretched arm has no lever on a force along it: a little friction
+    looks like a large one.
+    """
+    there = jacobian(arm, q)
+    forces = np.linalg.solve(there @ there.T + RIDGE, there)[:3]
+    return unexplained_torque(arm) * float(np.linalg.norm(forces, 2))
+
+
 def turned_round(arm: RobotDescription, pose_base_tcp: Pose) -> float:
     """Compute the largest change of the measured horizontal force at the TCP, N, when friction of
     `RUBBING` reverses: as the arm starts upwards after it came down."""

@@ -26,6 +26,9 @@ class Expectation:
     grasped: bool = False  # the fingers must hold an object; losing it is a slip
     pressed: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """N, as in `Reflex`: a force is unexplained by itself and by its change from this one."""
+    mistaken: float = (
+        0.0  # N, of a force that errors of the joints' torques look like where the arm moves
+    )
 
 
 def violation(
@@ -146,7 +149,7 @@ def _forces(state: RobotState, limits: Limits, expected: Expectation, gravity: f
         return f"external force {size:.1f} N exceeds the limit of {limits.force_max:.0f} N"
     if torque > limits.torque_max:
         return f"external torque {torque:.1f} N m exceeds the limit of {limits.torque_max:.0f} N m"
-    explained = limits.free_force  # N, by the current action
+    explained = max(limits.free_force, expected.mistaken)  # N, by the current action
     if expected.holding:
         explained = max(explained, limits.reflexes.carrying.force)
     if expected.contact:

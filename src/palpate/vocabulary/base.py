@@ -19,8 +19,9 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from palpate.errors import InputError
+from palpate.geometry.pose import Array
 from palpate.quantities.quantity import Quantity
-from palpate.robots.accuracy import unexplained_torque
+from palpate.robots.accuracy import mistaken_force, unexplained_torque
 from palpate.robots.reflex import Links, Reflex
 from palpate.robots.robot import Robot, RobotState
 from palpate.robots.safety import Expectation, violation
@@ -117,6 +118,8 @@ class Blackboard:
         load: measured load on the fingers.
         pressed: (3,) N on the hand, world axes, as the running motion set out from a contact; zeros from
             free air.
+        mistaken: N, of a force on the hand that errors of the joints' torques look like, at an end of the running
+            motion; no more than may be exceeded with an object in the fingers.
         unrepeated: N m, change of the moment about the closing direction by turning the empty hand
             in place and back: joint friction.
         failed: a leaf has failed, and no other may move.
@@ -133,6 +136,7 @@ class Blackboard:
     owner: dict[Resource, object] = field(default_factory=dict[Resource, object])
     load: Load = NOTHING
     pressed: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    mistaken: float = 0.0
     unrepeated: float = 0.0
     failed: bool = False
     bound: dict[str, str] = field(default_factory=dict[str, str])
@@ -160,9 +164,16 @@ class Blackboard:
         x, y, z = self.robot.state.contact[:3].tolist()
         self.pressed = (x, y, z) if self.state.activity == "contact" else (0.0, 0.0, 0.0)
 
-    def set_reflex(self, thresholds: Reflex) -> None:
-        """Set the thresholds at which the robot stops itself, those of its links' contacts with them."""
-        self.robot.set_reflex(replace(thresholds, links=self.links, pressed=self.pressed))
+    def set_reflex(self, thresholds: Reflex, goal: Array | None = None) -> None:
+        """Set the thresholds at which the robot stops itself, those of its links' contacts with them, for a motion
+        to joint angles `goal` (7,), rad. No force is a contact that errors of a stretched arm look like."""
+        ends = (self.robot.state.q, self.robot.state.q if goal is None else goal)
+        mistaken = max(mistaken_force(self.scene.arm, q) for q in ends)
+        self.mistaken = min(mistaken, self.robot.limits.reflexes.carrying.force)
+        force = max(thresholds.force, self.mistaken)
+        self.robot.set_reflex(
+            replace(thresholds, force=force, links=self.links, pressed=self.pressed)
+        )
 
 
 class Primitive(BaseModel):
@@ -260,7 +271,11 @@ class Primitive(BaseModel):
 
     def unsafe(self, blackboard: Blackboard) -> str | None:
         """Safety predicate, evaluated every tick: the reason of its violation, or None."""
-        expected = replace(self.expectation(blackboard.state), pressed=blackboard.pressed)
+        expected = replace(
+            self.expectation(blackboard.state),
+            pressed=blackboard.pressed,
+            mistaken=blackboard.mistaken,
+        )
         return self.slipping(blackboard) or violation(
             blackboard.robot.state,
             blackboard.robot.limits,

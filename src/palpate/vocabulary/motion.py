@@ -15,6 +15,7 @@ from palpate.parameter import Parameter
 from palpate.quantities.com import CentreOfMass
 from palpate.quantities.estimators import estimate_all
 from palpate.robots.accuracy import doubt
+from palpate.robots.pace import configuration
 from palpate.robots.safety import Expectation
 from palpate.scene.raised import beyond
 from palpate.vocabulary.admissible.profile import POSE_ERROR, spans, stretches
@@ -134,19 +135,20 @@ class MovePose(Primitive):
 
     def _go(self, blackboard: Blackboard, target: Pose) -> Steps:
         """Move span by span; an object that is set down may meet its support early."""
-        robot, state = blackboard.robot, blackboard.state
+        robot, state, scene = blackboard.robot, blackboard.state, blackboard.scene
         lifted = self.effects(state).lifted
         sets_down = state.holding is not None and not lifted
         dwell = DWELL
         way = list(spans(state, robot.state.target_world_tcp, target))
         left = sum(span.start.distance_to(span.end) for span in way)
-        fastest = min(blackboard.scene.arm.pace.speed, self.speed or np.inf)
-        robot.move_pose(target, fastest, stretches(way, blackboard.scene))
+        fastest = min(scene.arm.pace.speed, self.speed or np.inf)
+        robot.move_pose(target, fastest, stretches(way, scene))
         for span in way:
             left -= span.start.distance_to(span.end)
             left = left if span is not way[-1] else 0.0
             blackboard.set_reflex(
-                span_reflex(robot.limits.reflexes, span, state.holding, sets_down)
+                span_reflex(robot.limits.reflexes, span, state.holding, sets_down),
+                configuration(scene.arm, scene.pose_world_base.inverse() @ span.end),
             )
             if not span.guarded:
                 yield from follow_free(blackboard, span, left)
@@ -247,8 +249,11 @@ class MoveJoints(Primitive):
 
     def run(self, blackboard: Blackboard) -> Steps:
         robot, reflexes = blackboard.robot, blackboard.robot.limits.reflexes
-        blackboard.set_reflex(reflexes.carrying if blackboard.state.holding else reflexes.free)
-        robot.move_joints(self.target(blackboard.state))
+        goal = self.target(blackboard.state)
+        blackboard.set_reflex(
+            reflexes.carrying if blackboard.state.holding else reflexes.free, goal
+        )
+        robot.move_joints(goal)
         yield from finish(blackboard)
         yield from settle(blackboard, BRIEF)
         return "reached"
