@@ -86,7 +86,8 @@ def follow_guarded(
     while not _passed(blackboard, span, left):
         wrench = filtered.now()
         change = wrench - filtered.first
-        if sets_down and -blackboard.load.borne(wrench) > SET_DOWN:
+        # Friction of the joints may keep newtons in either reference; what presses shows in both.
+        if sets_down and min(-blackboard.load.borne(wrench), -change[2]) > SET_DOWN:
             robot.hold()
             return True
         met = change[:3] - _explained(blackboard, change, sets_down, span)

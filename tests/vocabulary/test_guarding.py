@@ -1,0 +1,50 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from standin import CELL, IN_HAND, TICK, StandIn
+
+from palpate.scene.load import parse_scene
+from palpate.vocabulary.admissible.profile import Span
+from palpate.vocabulary.base import Blackboard, Recorder
+from palpate.vocabulary.guarding import SET_DOWN, follow_guarded
+from palpate.vocabulary.load import Load
+from palpate.vocabulary.state import SymbolicState
+
+DOWN = np.array([0.0, 0.0, -0.05])
+
+
+def lowered(robot: StandIn, rest: float) -> bool:
+    """True if the cup in the fingers counts as set down before the end of its way down; the empty hand read
+    `rest`, N, before it took the cup."""
+    start = robot.state.pose_world_tcp
+    span = Span(start, start.translated(DOWN), guarded=True)
+    state = SymbolicState(parse_scene(CELL), holding="cup", pose_tcp_object=IN_HAND)
+    blackboard = Blackboard(robot, state, Recorder(robot))
+    blackboard.load = Load(empty=np.array([0.0, 0.0, rest, 0.0, 0.0, 0.0]))
+    robot.put(gripping=True)
+    robot.gripping_after = True
+    robot.move_pose(span.end, 0.02)
+    steps = follow_guarded(blackboard, span, 0.0, True, "cup_pose")
+    while True:
+        try:
+            next(steps)
+        except StopIteration as done:
+            return done.value
+        robot.advance(TICK)
+
+
+@pytest.mark.parametrize("rest", [0.0, 8.0])
+def test_friction_that_a_rest_kept_is_no_support(rest):
+    robot = StandIn()
+    robot.weight, robot.force = 0.3, np.array([0.0, 0.0, -2.5, 0.0, 0.0, 0.0])
+    assert not lowered(robot, rest)
+
+
+@pytest.mark.parametrize("rest", [-8.0, 0.0, 8.0])
+def test_a_support_that_is_met_early_ends_the_way_down(rest):
+    robot = StandIn()
+    robot.weight, robot.support_z = 0.3, robot.state.pose_world_tcp.position[2] - 0.02
+    assert lowered(robot, rest)
+    pressed = robot.weight - robot.state.wrench[2]
+    assert SET_DOWN < pressed < SET_DOWN + max(-rest, 0.0) + 4.0
