@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,8 @@ from palpate.geometry.pose import Array
 
 RANGES = "ranges.json"
 Range = tuple[float, float]
+ENTITY_PARTS = ("body_names", "geom_names", "joint_names")
+"""Parameters that select parts of an entity."""
 Term = tuple[str, dict[str, Any]]
 """Function of a library that changes something, and its parameters without the entity."""
 
@@ -40,6 +43,12 @@ def events() -> dict[str, EventTermCfg]:
 MJLAB = """from mjlab.envs.mdp import dr
 from mjlab.managers.event_manager import EventTermCfg
 from mjlab.managers.scene_entity_config import SceneEntityCfg"""
+MJLAB_JOINT = {
+    "frictionloss": "dr.joint_friction",
+    "damping": "dr.joint_damping",
+    "spring": "dr.joint_stiffness",
+}
+"""Functions of mjlab for the joint of a fixture, by quantity."""
 ISAACLAB = """import isaaclab.envs.mdp as mdp
 from isaaclab.managers import EventTermCfg, SceneEntityCfg"""
 
@@ -105,14 +114,23 @@ def mjlab_terms(estimate: Estimate) -> Iterator[Term]:
             alpha = _range(math.log(max(low / mass, 1e-6)) / 2, math.log(high / mass) / 2)
             yield "dr.pseudo_inertia", {"body_names": ".*", "alpha_range": alpha}
         case "friction":
-            bounds = {"ranges": _bounds(estimate), "operation": "abs"}
+            # One coefficient for all geoms: without `shared_random` each draws its own.
+            bounds = {"ranges": _bounds(estimate), "operation": "abs", "shared_random": True}
             yield "dr.geom_friction", {"geom_names": ".*", **bounds}
         case "com" | "com_3d":
             offsets = dict(enumerate(_offsets(estimate)))
             yield "dr.body_com_offset", {"body_names": ".*", "ranges": offsets, "operation": "add"}
         case "height":
             (offset,) = _offsets(estimate)
-            yield "dr.body_pos", {"body_names": ".*", "ranges": {2: offset}, "operation": "add"}
+            # Its name: mjlab puts what is fixed below a body of its own, which would move, too.
+            name = re.escape(estimate.parameter.object)
+            yield "dr.body_pos", {"body_names": name, "ranges": {2: offset}, "operation": "add"}
+        case "frictionloss" | "damping" | "spring" as quantity:
+            bounds = {"ranges": _bounds(estimate), "operation": "abs"}
+            yield MJLAB_JOINT[quantity], {"joint_names": ".*", **bounds}
+        case "range":
+            ends = {"ranges": _limits(estimate), "operation": "abs"}
+            yield "dr.joint_limits", {"joint_names": ".*", **ends}
         case _:
             return
 
@@ -138,6 +156,16 @@ def isaaclab_terms(estimate: Estimate) -> Iterator[Term]:
         case "com" | "com_3d":
             offsets = dict(zip("xyz", _offsets(estimate), strict=True))
             yield "mdp.randomize_rigid_body_com", {"body_names": ".*", "com_range": offsets}
+        case "range":
+            sides = ("lower", "upper")
+            ends = {
+                f"{sides[side]}_limit_distribution_params": limit
+                for side, limit in _limits(estimate).items()
+            }
+            yield (
+                "mdp.randomize_joint_parameters",
+                {"joint_names": ".*", **ends, "operation": "abs"},
+            )
         case _:
             return
 
@@ -154,13 +182,20 @@ def _offsets(estimate: Estimate) -> list[Range]:
     return [_range(low, high) for low, high in apart.tolist()]
 
 
+def _limits(estimate: Estimate) -> dict[int, Range]:
+    """Intervals of the limits of a joint that were measured, by side: 0 is the lower one."""
+    columns = zip(estimate.intervals.tolist(), estimate.stds, strict=True)
+    return {side: _range(*ends) for side, (ends, std) in enumerate(columns) if std > 0}
+
+
 def _module(
     imports: str, estimates: Sequence[Estimate], terms: Callable[[Estimate], Iterator[Term]]
 ) -> tuple[str, list[str]]:
     """Text of a module with the terms, and the parameters that have none."""
     lines: list[str] = []
     left: list[str] = []
-    for estimate in estimates:
+    # Mass first: `pseudo_inertia` puts the centre of mass back where the model has it.
+    for estimate in sorted(estimates, key=lambda one: one.parameter.quantity != "mass"):
         found = list(terms(estimate))
         if not found:
             left.append(str(estimate.parameter))
@@ -171,7 +206,7 @@ def _module(
 
 def _term(estimate: Estimate, function: str, parameters: dict[str, Any]) -> str:
     """An entry of the dictionary; names are literals, whatever they contain."""
-    which = next(name for name in ("body_names", "geom_names") if name in parameters)
+    which = next(name for name in ENTITY_PARTS if name in parameters)
     entity = f"SceneEntityCfg({estimate.parameter.object!r}, {which}={parameters.pop(which)!r})"
     others = "".join(f", {name!r}: {value!r}" for name, value in parameters.items())
     return (
