@@ -41,6 +41,7 @@ LONG = (
     "tests/live/test_page.py::*",
     "tests/test_tutorial.py::test_the_mug_is_measured_and_its_twin_is_read",
     "tests/cli/test_live.py::test_the_stop_button_stops_the_arm",
+    "tests/cli/test_look_first.py::test_a_box_15_mm_off_its_place_is_seen_and_weighed",
     "tests/vocabulary/test_turning.py::test_a_centre_of_mass_is_found_along_gravity",
     "tests/test_api.py::test_where_the_scenes_file_is_gone_the_measurement_is_still_there",
     "tests/test_api.py::test_the_same_seed_gives_the_same_run",

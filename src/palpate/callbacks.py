@@ -12,6 +12,7 @@ from palpate.execution.recovery import Resume, nobody
 if TYPE_CHECKING:
     from palpate.execution.runner import Observer
     from palpate.runs.run import Run
+    from palpate.seeing.look import Seen
 
 T = TypeVar("T")
 Progress = Callable[[str], None]
@@ -40,6 +41,11 @@ def unheard(_: Run) -> None:
     """Show the run to nobody before all is done."""
 
 
+def unquestioned(_: Seen) -> bool:
+    """Use what a camera saw without asking anybody."""
+    return True
+
+
 @dataclass(frozen=True, slots=True)
 class RunCallbacks:
     """Callbacks of a run: progress and confirmation. By default nothing is shown or asked.
@@ -47,6 +53,7 @@ class RunCallbacks:
     Attributes:
         observer: called at every tick of the execution.
         progress: called with the name of the stage that begins.
+        looked: called with what a camera saw, before anything is planned with it; True uses it.
         planned: called with the run before its plan for a real robot is rehearsed, to be read meanwhile.
         may_move: called with the run before a real robot moves; True lets it move.
         may_measure: called with a run whose plan is a proposal; True measures what it proposes.
@@ -61,6 +68,7 @@ class RunCallbacks:
     may_resume: Resume = nobody
     measured: Shown = unheard
     planned: Shown = unheard
+    looked: Callable[[Seen], bool] = unquestioned
 
     def unfailing(self) -> RunCallbacks:
         """The same, with failures of what only shows ignored, e.g. on a closed terminal."""

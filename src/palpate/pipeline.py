@@ -26,6 +26,7 @@ from palpate.stages import workplace
 from palpate.stages.building import build_twin, touch_twin, touched_beside
 from palpate.stages.estimating import estimate, estimates
 from palpate.stages.executing import execute
+from palpate.stages.looking import look, require_seen
 from palpate.stages.planning import confirm, load, plan, preflight, rehearse
 from palpate.stages.saving import (
     await_film,
@@ -52,11 +53,13 @@ __all__ = [
     "execute",
     "finish",
     "load",
+    "look",
     "measure",
     "plan",
     "preflight",
     "rehearse",
     "reopen",
+    "require_seen",
     "run",
     "save",
     "save_proof",
@@ -78,12 +81,12 @@ def run(settings: Settings, callbacks: RunCallbacks = SILENT) -> Run:
     check_writable(folder)
     with before_anything_moves("planning"):
         preflight(settings)
-        scene = load(settings)
+        scene, seen = look(settings, load(settings), callbacks)
         callbacks.progress("planning")
         made = plan(settings, scene)
         if made.plan.proposal and callbacks.may_measure(made):
             made = plan(settings.having(measure=made.plan.proposal), scene)
-        made = replace(made, begun=began)
+        made = replace(require_seen(made, seen), begun=began)
     return carry_out(made, callbacks, folder=folder)
 
 

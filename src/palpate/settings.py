@@ -37,11 +37,15 @@ def _names(given: Any) -> tuple[str, ...]:
     return (given,) if isinstance(given, str) else tuple(str(name) for name in given)
 
 
+WORLD_CAMERA = "world:"
+"""Beginning of a `camera` that is one of the simulated world."""
+
 FORMS: Mapping[str, Callable[[Any], Any]] = {
     "within": _widths,
     "measure": _names,
     "robot_body": _names,
     "arm": str,
+    "camera": lambda given: str(given) if isinstance(given, int) else given,
 }
 """Conversion of the forms in which users give a field, before its type is checked."""
 
@@ -67,6 +71,18 @@ class Settings:
     ] = ()
     poses: Annotated[
         Path | None, Option("poses.yaml: objects, places, offsets.", "FILE", "Scene")
+    ] = None
+    camera: Annotated[
+        str | None,
+        Option(
+            "Look first, and use the poses seen: picture or video, a camera's number, or world:NAME of --world.",
+            "SOURCE",
+            "Scene",
+        ),
+    ] = None
+    intrinsics: Annotated[
+        Path | None,
+        Option("YAML with the camera's lens: fx, fy, cx, cy, size, …", "FILE", "Scene"),
     ] = None
     root: Annotated[
         Path | None,
@@ -212,6 +228,7 @@ class Settings:
             raise InputError(
                 f"'{self.root}' is no folder: give root= the one the scene's files lie in"
             )
+        self._check_camera(at_hand)
         noise_models().load(self.noise)
         own_arm(self.arm, self.cautious, self.robot_config)
         self.model_settings.checked()
@@ -228,6 +245,20 @@ class Settings:
         if self.twin is not None and self.twin.exists():
             raise InputError(f"'{self.twin}' exists already: choose another twin=")
         return self
+
+    def _check_camera(self, at_hand: bool) -> None:
+        if self.camera is None:
+            if self.intrinsics is not None:
+                raise InputError("intrinsics= goes with camera=SOURCE, a look before the run")
+            return
+        if self.scene is None and not at_hand:
+            raise InputError(
+                "camera= looks for the objects of a scene by their tags: give scene=D.xml"
+            )
+        if self.camera.startswith(WORLD_CAMERA) and self.robot is not None:
+            raise InputError(
+                f"camera={self.camera} is a camera of the simulated world, and robot= a real one: give its camera"
+            )
 
     def described_arm(self) -> RobotDescription:
         """Return the arm as its owner knows it: its description, with the stiffness of a real one, or
@@ -288,7 +319,7 @@ def _check_request(request: str) -> None:
         )
 
 
-PATHS = ("scene", "root", "poses", "images", "world", "robot_config", "twin")
+PATHS = ("scene", "root", "poses", "images", "intrinsics", "world", "robot_config", "twin")
 """Fields that `request.json` holds as absolute paths: the run folder may be read from elsewhere."""
 
 
@@ -297,6 +328,8 @@ def request_json(settings: Settings) -> dict[str, Any]:
     from pydantic import TypeAdapter
 
     absolute: dict[str, Any] = {"noise": noise_source(settings.noise)}
+    if settings.camera is not None and Path(settings.camera).is_file():
+        absolute["camera"] = str(Path(settings.camera).absolute())
     for name in PATHS:
         value = getattr(settings, name)
         if isinstance(value, Path):

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from installed import install
 
+from palpate.cells.registry import drivers
 from palpate.cli.main import main
 
 TABLE = """<mujoco model="cell">
@@ -68,3 +70,29 @@ def scene(tmp_path: Path) -> Callable[..., Path]:
         return path
 
     return write
+
+
+GONE = """from palpate.cells.registry import Driver
+from palpate.errors import Unavailable
+
+
+def connect(url, scene):
+    if scene is not None:
+        raise Unavailable(f"{url} hung up")
+
+
+driver = Driver("bench", connect)
+"""
+"""A driver whose robot answers at first, and not any more when it is to move."""
+
+
+@pytest.fixture
+def driver(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """It is installed, as an installer leaves it."""
+    point = {"palpate.cells": "bench = bench_arm_driver"}
+    install(tmp_path, "bench_arm", point, {"bench_arm_driver": GONE})
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "bench_arm_driver", raising=False)
+    drivers.cache_clear()
+    yield
+    drivers.cache_clear()

@@ -6,17 +6,15 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from installed import install
 from loopback import Fails, Loopback, Request, Says
 from PIL import Image
 from plans import SCENE, weighing
 from plans import answer as weighed
 
-from palpate.cells.registry import drivers
 from palpate.planning.model import session as session_module
 from palpate.planning.model.prompt.compose import system_prompt
 from palpate.planning.model.settings import Budget, ModelSettings
@@ -289,32 +287,6 @@ def test_the_answer_of_any_chat_is_checked_and_executed(palpate: Palpate, tmp_pa
     cut = palpate("check", "answer.txt", "--scene", scene)
     assert cut.status == 2
     assert "the JSON" in cut.err
-
-
-GONE = """from palpate.cells.registry import Driver
-from palpate.errors import Unavailable
-
-
-def connect(url, scene):
-    if scene is not None:
-        raise Unavailable(f"{url} hung up")
-
-
-driver = Driver("bench", connect)
-"""
-"""A driver whose robot answers at first, and not any more when it is to move."""
-
-
-@pytest.fixture
-def driver(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """It is installed, as an installer leaves it."""
-    point = {"palpate.cells": "bench = bench_arm_driver"}
-    install(tmp_path, "bench_arm", point, {"bench_arm_driver": GONE})
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.delitem(sys.modules, "bench_arm_driver", raising=False)
-    drivers.cache_clear()
-    yield
-    drivers.cache_clear()
 
 
 @pytest.mark.usefixtures("driver")

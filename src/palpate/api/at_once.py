@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from palpate import pipeline
 from palpate.api.given import Widths, is_file, planner_name
-from palpate.api.plans import Plan, plan_of
+from palpate.api.plans import Plan, hidden_world, plan_of
 from palpate.api.runs import Run, run_of
 from palpate.api.scenes import Scene, load
 from palpate.callbacks import SILENT, Confirm, Progress, RunCallbacks, quiet
@@ -30,6 +30,8 @@ class Options(TypedDict, total=False):
     """The arguments of `load`, `Scene.plan` and `Plan.run` together."""
 
     poses: str | Path | None
+    camera: str | int | None
+    intrinsics: str | Path | None
     arm: str | Path
     cautious: bool
     robot_config: str | Path | None
@@ -70,7 +72,8 @@ def run(
         options: as `load`: `poses`, `arm`, `cautious`, `robot_config`, `root`, `robot_body`; as
             `Scene.plan`: `measure`, `images`, `remeasure`, `within`, `model_settings`; as `Plan.run`: `seed`,
             `noise`, `world`, `robot`, `cell`, `on_failure`, `rehearse`, `fast`, `out`, `confirm`,
-            `observer`, `progress`.
+            `observer`, `progress`; and `camera`, `intrinsics`, as `see`: a look first, whose poses take the place
+            of the scene's (`run.scene` has them, also as `confirm` is asked).
 
     Returns:
         The finished run, in memory; with `out=` also in a folder.
@@ -94,8 +97,11 @@ def run(
     asked = asked.checked(at_hand=found is not None)
     if options.get("cell") is None:
         pipeline.preflight(asked)
-    options.get("progress", quiet)("planning")
-    return plan_of(asked, found, planner).run(**of_run)
+    progress = options.get("progress", quiet)
+    world = hidden_world(options.get("world"), asked)
+    placed, seen = pipeline.look(asked, found, RunCallbacks(progress=progress), world)
+    progress("planning")
+    return plan_of(asked, placed, planner, seen).run(**of_run)
 
 
 def _those_of(verb: Callable[..., object], options: Mapping[str, Any]) -> dict[str, Any]:

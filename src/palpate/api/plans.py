@@ -28,6 +28,7 @@ from palpate.threads import single_threaded_blas
 
 if TYPE_CHECKING:
     from palpate.execution.runner import Observer
+    from palpate.seeing.look import Seen
 
 
 @dataclass(frozen=True, repr=False)
@@ -103,9 +104,7 @@ class Plan(InnerPlan):
             ExecutionAborted: not confirmed, or interrupted before anything moved.
         """
         begun = self.made
-        if is_text(world):
-            arm = own_arm(begun.settings.arm, begun.settings.cautious, None)
-            world = parse_scene(str(world), arm=arm)
+        world = hidden_world(world, begun.settings)
         if isinstance(world, InnerScene):
             from palpate.cells.simulated import simulated_cell
 
@@ -134,7 +133,26 @@ class Plan(InnerPlan):
         return table(repr(self), ("tree",), rows)
 
 
-def plan_of(asked: Settings, scene: InnerScene | None, planner: str | Planner) -> Plan:
-    """Ask the planner that the settings name, or one at hand, and check its plan."""
+def hidden_world(
+    world: str | Path | InnerScene | None, settings: Settings
+) -> Path | InnerScene | None:
+    """A simulated world as it was given, MJCF text read."""
+    if is_text(world):
+        return parse_scene(str(world), arm=own_arm(settings.arm, settings.cautious, None))
+    return Path(world) if isinstance(world, str) else world
+
+
+def plan_of(
+    asked: Settings,
+    scene: InnerScene | None,
+    planner: str | Planner,
+    seen: Seen | None = None,
+) -> Plan:
+    """Ask the planner that the settings name, or one at hand, and check its plan.
+
+    Raises:
+        InputError: it touches what was not among the `seen`, where a camera looked.
+    """
     made = pipeline.plan(asked, scene, None if isinstance(planner, str) else planner)
+    made = pipeline.require_seen(made, seen)
     return Plan(**contents_of(made.plan, InnerPlan), begun=made)

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from palpate.errors import InputError
 from palpate.robots.registry import DEFAULT
 from palpate.scene.scene import Scene
 from palpate.seeing.look import Seen
-
-WORLD = "world:"
-"""Beginning of the source that is a camera of the simulated world."""
 
 
 def see(
@@ -42,25 +38,8 @@ def see(
         Unavailable: OpenCV is not installed, or a camera does not answer.
     """
     from palpate.api.scenes import load
-    from palpate.seeing.look import look
-    from palpate.seeing.sources import pictures
+    from palpate.stages.looking import seen_from
 
     known = scene if isinstance(scene, Scene) else load(scene, poses, arm, root=root)
-    source = str(camera)
-    if not source.startswith(WORLD):
-        if world is not None:
-            raise InputError(
-                f"world= goes with camera={WORLD}NAME, a camera of the simulated world"
-            )
-        taken, lens, mount = pictures(source, None if intrinsics is None else Path(intrinsics))
-        return look(known, taken, lens, mount)
-    if intrinsics is not None:
-        raise InputError(
-            "a camera of the simulated world has its own intrinsics: leave out intrinsics="
-        )
-    from palpate.cells.simulated import simulated_cell
-    from palpate.seeing.rendered import take
-
-    cell = simulated_cell(known, None if world is None else Path(world), seed=seed)
-    picture = take(cell.world.spec(cell.drawn), source.removeprefix(WORLD), seed=seed)
-    return look(known, [picture.pixels], picture.lens, picture.mount)
+    lens, hidden = (None if file is None else Path(file) for file in (intrinsics, world))
+    return seen_from(known, str(camera), lens, hidden, seed)

@@ -103,6 +103,17 @@ def escape(text: str) -> str:
     return rich_escape(text)
 
 
+def confirmed(question: str, default: bool = False) -> bool:
+    """Ask at the terminal; no answer is a no."""
+    import typer
+
+    try:
+        return typer.confirm(question, default, err=True)
+    except typer.Abort:
+        err.print()
+        return False
+
+
 def figure_table(*headings: str, title: str | None = None, no_wrap: bool = False) -> Table:
     """Make a table without rules: names in the first column, right-aligned numbers in the others."""
     table = Table(title=title, title_justify="left", box=None, header_style="dim", pad_edge=False)

@@ -19,13 +19,14 @@ from palpate.quantities.catalogue import catalogue
 from palpate.robots.simulated.noise.models import noise_models
 from palpate.runs.answer import answer
 from palpate.runs.prove import read_proof
-from palpate.runs.reproduce import reproducing
+from palpate.runs.reproduce import as_looked, reproducing
 from palpate.trace.samples import Trace
 from palpate.twin.held_out.judged import HeldOut
 
 if TYPE_CHECKING:
     from palpate.report.writing import Pictures
     from palpate.runs.run import Run
+    from palpate.settings import Settings
     from palpate.twin.tasks.proof import Proof
     from palpate.twin.validate import Residual, Validation
 
@@ -148,7 +149,7 @@ def report_data(run: Run, pictures: Pictures, scratch: Path, place: Path) -> Rep
         simulated=run.simulated,
         drawn=run.drawn,
         total_seconds=run.total_seconds,
-        command="" if run.is_recorded else shlex.join(reproducing(settings, place.absolute())),
+        command="" if run.is_recorded else _repeating(settings, place.absolute()),
         answer=answer(run),
         warnings=tuple(run_warnings(run)),
     )
@@ -162,6 +163,11 @@ def report_data(run: Run, pictures: Pictures, scratch: Path, place: Path) -> Rep
     if film is not None:
         data = replace(data, video=film.mp4, video_speed=film.speed, video_believed=film.believed)
     return data
+
+
+def _repeating(settings: Settings, folder: Path) -> str:
+    """Command that repeats the run of a folder, from there."""
+    return shlex.join(reproducing(as_looked(settings, folder), folder))
 
 
 def stated_as(parameter: Parameter) -> Parameter:

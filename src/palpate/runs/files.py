@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from palpate.files.plain_yaml import yaml_text
 from palpate.runs.folder import replacing, write_json, write_text
+from palpate.runs.reproduce import POSES
 from palpate.runs.result import CYCLES, has_scene_of_its_own, plan_text, result_json
 from palpate.runs.run import TRACE, Run
 from palpate.runs.shown import shown
@@ -25,7 +27,8 @@ def write_files(run: Run, scratch: Path, folder: Path) -> None:
 
 
 def write_plan(run: Run, folder: Path) -> None:
-    """Write the files that exist before the execution: plan, conversation, tree, rehearsal, scene."""
+    """Write the files that exist before the execution: plan, conversation, tree, rehearsal, scene,
+    poses that a camera saw."""
     write_text(folder / "plan.json", plan_text(run))
     if run.conversation is not None:
         write_text(folder / "conversation.json", run.conversation.dump())
@@ -60,5 +63,8 @@ def write_twin(run: Run, folder: Path) -> None:
 
 
 def _write_scene(run: Run, folder: Path) -> None:
+    if run.settings.camera is not None:
+        kept = run.scene.resolved.poses.model_dump(mode="json", exclude_defaults=True)
+        write_text(folder / POSES, yaml_text(kept))
     if has_scene_of_its_own(run):
         write_text(folder / "scene.xml", run.scene.text)

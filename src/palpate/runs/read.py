@@ -23,6 +23,7 @@ from palpate.planning.recorded import load_proposal
 from palpate.robots.registry import load_description
 from palpate.runs.folder import read_json
 from palpate.runs.held_out import fit_test, held_out_from
+from palpate.runs.reproduce import as_looked
 from palpate.runs.run import Ending, Run
 from palpate.scene.load import load_scene, parse_scene, scene_from_text
 from palpate.scene.pictured.detected import DetectedScene, SceneBuilder
@@ -51,6 +52,7 @@ def read_run(folder: Path, settings: Settings) -> Run:
         InputError: a file is missing or is not of a run.
     """
     result = read_json(folder / "result.json")
+    settings = as_looked(settings, folder)
     try:
         return _run(folder, settings, result)
     except (KeyError, TypeError, ValueError, AttributeError) as error:

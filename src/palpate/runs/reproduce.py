@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -15,11 +16,18 @@ if TYPE_CHECKING:
 
 BUNDLED = Path(__file__).parents[1] / "scenarios"
 """Folder of the bundled scenarios, which have names."""
+POSES = "poses.yaml"
+"""File in a run folder of the poses that a camera saw."""
 SCENE = ("images", "poses", "root", "robot_body", "arm")
 MOTION = ("world", "robot", "robot_config", "cautious", "noise", "seed", "rehearse", "on_failure")
 PLANNING = ("planner", "remeasure", "within", "model_settings")
 ALWAYS = ("noise", "seed")
 """Options that are printed even with default values: another version may have other defaults."""
+
+
+def as_looked(settings: Settings, folder: Path) -> Settings:
+    """The settings of a run in `folder`, with the poses that its camera saw, which are kept there."""
+    return settings if settings.camera is None else replace(settings, poses=folder / POSES)
 
 
 def running(settings: Settings, start: Path | None = None) -> list[str]:

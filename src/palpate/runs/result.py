@@ -12,6 +12,7 @@ from palpate.estimation.estimate import Estimate, axes_of
 from palpate.planning.plan import dump_plan, proposal_json
 from palpate.runs.answer import answer
 from palpate.runs.held_out import held_out_json
+from palpate.runs.reproduce import POSES
 
 if TYPE_CHECKING:
     from palpate.runs.run import Run
@@ -192,6 +193,8 @@ def _files(run: Run, folder: Path | None) -> dict[str, str]:
         names["conversation"] = "conversation.json"
     if has_scene_of_its_own(run):
         names["scene"] = "scene.xml"
+    if run.settings.camera is not None:
+        names["poses"] = POSES
     if run.execution:
         names["trace"] = "trace.mcap"
     if run.black_box or (folder / CYCLES).exists():

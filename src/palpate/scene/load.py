@@ -77,14 +77,20 @@ def scene_from_text(
         InputError: as `load_scene`.
     """
     texts = Texts(text) if isinstance(text, str) else text
-    document = reparsed(texts, like.resolved.document)
-    known = like.resolved.poses
-    objects = dict(known.objects)
+    objects: dict[str, ObjectEntry] = {}
     for name, pose in (elsewhere or {}).items():
         entry = {"pos": pose.position.tolist(), "quat": pose.quaternion.tolist()}
         objects[name] = ObjectEntry.model_validate(entry)
-    poses = known.model_copy(update={"objects": objects})
-    return _scene(document, like.path, poses, like.arm, like.catalogue)
+    return _reread(texts, like, objects)
+
+
+def replaced(scene: Scene, objects: Mapping[str, ObjectEntry]) -> Scene:
+    """The scene with these entries of `objects` in its poses.yaml; the rest of the file stays.
+
+    Raises:
+        InputError: as `load_scene`.
+    """
+    return _reread(Texts(scene.text), scene, objects)
 
 
 def rearranged(scene: Scene, poses: Mapping[str, Pose]) -> Scene:
@@ -94,6 +100,13 @@ def rearranged(scene: Scene, poses: Mapping[str, Pose]) -> Scene:
     for surface in [name for name in scene.rises if name in scene.surfaces]:
         given = raised(given, surface, scene.body(surface).top_z())
     return given
+
+
+def _reread(texts: Texts, like: Scene, objects: Mapping[str, ObjectEntry]) -> Scene:
+    document = reparsed(texts, like.resolved.document)
+    known = like.resolved.poses
+    poses = known.model_copy(update={"objects": {**known.objects, **objects}})
+    return _scene(document, like.path, poses, like.arm, like.catalogue)
 
 
 def _scene(

@@ -15,7 +15,7 @@ from palpate.display import table
 from palpate.errors import InputError
 from palpate.files.plain_yaml import yaml_text
 from palpate.geometry.pose import Array, Pose
-from palpate.scene.poses import parse_poses
+from palpate.scene.poses import ObjectEntry, Poses, parse_poses
 from palpate.scene.scene import Scene
 from palpate.seeing.lens import Lens, Mount
 from palpate.seeing.solve import Problem, Solution, Thing, solve
@@ -60,6 +60,11 @@ class Seen:
     def content(self) -> dict[str, Any]:
         """Content of a poses.yaml."""
         return {"objects": {name: self._entry(name) for name in self.poses}}
+
+    @property
+    def entries(self) -> dict[str, ObjectEntry]:
+        """Entries of `objects` in a poses.yaml."""
+        return Poses.model_validate(self.content).objects
 
     def save(self, path: str | Path) -> Path:
         """Write a poses.yaml.

@@ -56,7 +56,18 @@ def run(
     scene: SceneArgument = None,
     *,
     given: Annotated[
-        Given, settings("request", "measure", "scene", "images", *SCENE, *PLANNER, *MOTION)
+        Given,
+        settings(
+            "request",
+            "measure",
+            "scene",
+            "images",
+            "camera",
+            "intrinsics",
+            *SCENE,
+            *PLANNER,
+            *MOTION,
+        ),
     ],
     watch: WatchOptions,
     as_json: AsJson = False,
@@ -100,6 +111,7 @@ def carry_out(asked: Settings, as_json: bool, watch: WatchOptions, yes: bool = F
         unless,
         warn_of_invented,
     )
+    from palpate.cli.show.seeing import confirm_seen
 
     with (
         interrupts() as signals,
@@ -121,6 +133,7 @@ def carry_out(asked: Settings, as_json: bool, watch: WatchOptions, yes: bool = F
                 may_resume=resuming(say),
                 measured=values,
                 planned=planned,
+                looked=confirm_seen(ask=asked.robot is not None and not yes),
             )
             done = run_settings(asked, callbacks)
         status = show_ended(done, as_json, values.shown)

@@ -9,6 +9,8 @@ import typer
 
 from palpate.cli.options import AsJson, Given, SceneArgument, one_scene, settings
 
+OF_LOOK = ("scene", "intrinsics", "poses", "root", "arm", "world", "seed")
+
 
 def see(
     scene: SceneArgument = None,
@@ -21,11 +23,7 @@ def see(
             help="Picture or video, a camera's number, or world:NAME of the simulated world.",
         ),
     ],
-    given: Annotated[Given, settings("scene", "poses", "root", "arm", "world", "seed")],
-    intrinsics: Annotated[
-        Path | None,
-        typer.Option("--intrinsics", help="YAML with the camera's lens: fx, fy, cx, cy, size, …"),
-    ] = None,
+    given: Annotated[Given, settings(*OF_LOOK)],
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="poses.yaml to write.")
     ] = None,
@@ -39,7 +37,7 @@ def see(
     asked = one_scene(scene, given)
     if "scene" not in asked:
         raise InputError("a look needs the scene whose objects it looks for: scene=D.xml")
-    seen = pp.see(asked.pop("scene"), camera, intrinsics=intrinsics, **asked)
+    seen = pp.see(asked.pop("scene"), camera, **asked)
     show_seen(seen, None if output is None else seen.save(output), as_json)
     raise typer.Exit(1 if seen.unseen else 0)
 

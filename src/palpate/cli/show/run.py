@@ -8,7 +8,7 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from palpate.cli.console import err, escape, out, print_json, printing, say
+from palpate.cli.console import confirmed, err, escape, out, print_json, printing, say
 from palpate.cli.exits import EXIT
 from palpate.cli.show.estimates import show_estimates
 from palpate.cli.show.plan import print_plan, show_notes, show_proposal, understood
@@ -111,7 +111,7 @@ def show_planned(run: Run) -> None:
 def confirm_plan(run: Run) -> bool:
     """Ask for permission to move; no answer is a no."""
     question = f"Let {visible(str(run.settings.robot))} move? (--yes skips this question)"
-    return _confirmed(question)
+    return confirmed(question)
 
 
 def confirm_proposal(run: Run) -> bool:
@@ -119,7 +119,7 @@ def confirm_proposal(run: Run) -> bool:
     if not sys.stdin.isatty():
         return False
     err.prose(escape(understood(run.plan)))
-    return _confirmed("Measure that?", default=True)
+    return confirmed("Measure that?", default=True)
 
 
 def confirm_resuming(why: str) -> bool:
@@ -127,7 +127,7 @@ def confirm_resuming(why: str) -> bool:
     if not sys.stdin.isatty():
         return False
     err.print(visible(why), markup=False)
-    return _confirmed("Have you seen what stopped it, and is the way clear? Let it go on?")
+    return confirmed("Have you seen what stopped it, and is the way clear? Let it go on?")
 
 
 def unless(yes: bool, ask: Confirm) -> Confirm:
@@ -147,17 +147,6 @@ def resuming(progress: Progress) -> Callable[[str], bool]:
         return confirm_resuming(why)
 
     return may_resume
-
-
-def _confirmed(question: str, default: bool = False) -> bool:
-    """Ask at the terminal; no answer is a no."""
-    import typer
-
-    try:
-        return typer.confirm(question, default, err=True)
-    except typer.Abort:
-        err.print()
-        return False
 
 
 def warn_of_invented(settings: Settings) -> None:

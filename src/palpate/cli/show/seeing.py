@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from palpate.cli.console import err, figure_table, out, print_json, printing
+from palpate.cli.console import confirmed, err, figure_table, out, print_json, printing
+from palpate.live.console import SafeConsole
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from palpate.seeing.look import Seen
 
 
@@ -19,18 +23,39 @@ def show_seen(seen: Seen, written: Path | None, as_json: bool) -> None:
             rest = {"unseen": list(seen.unseen), "notes": list(seen.notes), "noise_px": seen.noise}
             print_json(seen.content | rest)
         else:
-            table = figure_table("object", "place (m)", "± (mm)", "turn ± (°)", no_wrap=True)
-            for name, pose in seen.poses.items():
-                place, turn = seen.std(name)
-                where = ", ".join(f"{part:.4f}" for part in pose.position.tolist())
-                table.add_row(name, where, f"{1e3 * place:.2f}", f"{math.degrees(turn):.2f}")
-            out.print(table)
-        for note in seen.notes:
-            err.print(note, markup=False)
-        if seen.unseen:
-            err.print(f"not seen: {', '.join(seen.unseen)}", markup=False)
+            out.print(_poses(seen))
+        _remark(seen, err)
         if written is not None:
             err.print(f"written to {written}", markup=False)
+
+
+def confirm_seen(ask: bool) -> Callable[[Seen], bool]:
+    """Callback that shows what a camera saw before it is planned with, and asks where a real robot will move
+    by it; no answer is a no."""
+
+    def looked(seen: Seen) -> bool:
+        console = SafeConsole(stderr=True, highlight=False) if ask else err
+        console.print(_poses(seen))
+        _remark(seen, console)
+        return not ask or confirmed("Are they there? (--yes skips this question)")
+
+    return looked
+
+
+def _poses(seen: Seen) -> Table:
+    table = figure_table("object", "place (m)", "± (mm)", "turn ± (°)", no_wrap=True)
+    for name, pose in seen.poses.items():
+        place, turn = seen.std(name)
+        where = ", ".join(f"{part:.4f}" for part in pose.position.tolist())
+        table.add_row(name, where, f"{1e3 * place:.2f}", f"{math.degrees(turn):.2f}")
+    return table
+
+
+def _remark(seen: Seen, console: SafeConsole) -> None:
+    for note in seen.notes:
+        console.print(note, markup=False)
+    if seen.unseen:
+        console.print(f"not seen: {', '.join(seen.unseen)}", markup=False)
 
 
 def show_sheet(file: Path, pages: int) -> None:
