@@ -218,6 +218,8 @@ def test_from_a_sentence_a_picture_and_a_camera_to_complete_mjcf(
             *model_settings(server),
             "--out",
             "out",
+            "--noise",
+            "lab",
             "--fast",
             "--json",
         )
