@@ -142,7 +142,7 @@ def tag_sheet(path: Path, numbers: str, side: float) -> int:
     chosen: list[int] = []
     for part in numbers.split(","):
         first, _, last = part.strip().partition("-")
-        if not first.isdecimal() or not (last or first).isdecimal() or len(part) > 9:
+        if not first.isdecimal() or not (last or first).isdecimal() or len(part) > 8:
             raise InputError(f"numbers= takes tags such as 0-11 or 3,7,9, not '{numbers[:40]}'")
         chosen += range(int(first), int(last or first) + 1)
     return write_sheet(path, chosen, side)
