@@ -18,15 +18,9 @@ from palpate.robots.accuracy import doubt
 from palpate.robots.pace import configuration
 from palpate.robots.safety import Expectation
 from palpate.scene.raised import beyond
-from palpate.vocabulary.admissible.clearance import is_vertical
 from palpate.vocabulary.admissible.profile import POSE_ERROR, spans, stretches
 from palpate.vocabulary.admissible.reach import beyond_joint_limits, out_of_reach
-from palpate.vocabulary.admissible.support import (
-    clear_of_support,
-    met_early,
-    slides,
-    would_be_dragged,
-)
+from palpate.vocabulary.admissible.support import clear_of_support, slides, would_be_dragged
 from palpate.vocabulary.base import ARM, Blackboard, LeafFailure, Primitive, Steps, Surroundings
 from palpate.vocabulary.guarding import follow_free, follow_guarded, lower, slide, span_reflex
 from palpate.vocabulary.load import UNFELT
@@ -120,8 +114,7 @@ class MovePose(Primitive):
         return replace(state, activity=activity, contact=None)
 
     def effects(self, state: SymbolicState) -> SymbolicState:
-        target = self.target(state)
-        return _at_rest(state, self.pose, target.translated((0.0, 0.0, _early(state, target))))
+        return _at_rest(state, self.pose, self.target(state))
 
     def expectation(self, state: SymbolicState) -> Expectation:
         held = state.holding is not None
@@ -264,14 +257,6 @@ class MoveJoints(Primitive):
         yield from finish(blackboard)
         yield from settle(blackboard, BRIEF)
         return "reached"
-
-
-def _early(state: SymbolicState, target: Pose) -> float:
-    """m above `target` at which the guarded motion straight down ends, as what it sets down stands."""
-    start, name, held = state.pose_world_tcp, state.holding, state.pose_tcp_object
-    if start is None or name is None or held is None or not state.lifted:
-        return 0.0
-    return met_early(state, name, target @ held) if is_vertical(start, target) else 0.0
 
 
 def _at_rest(state: SymbolicState, at: str | None, target: Pose) -> SymbolicState:

@@ -9,12 +9,7 @@ import pytest
 from workbench import KNOWN, bench
 
 from palpate.geometry.pose import Pose
-from palpate.vocabulary.admissible.support import (
-    clear_of_support,
-    dragged_off,
-    met_early,
-    stable,
-)
+from palpate.vocabulary.admissible.support import clear_of_support, dragged_off, stable
 from palpate.vocabulary.state import SymbolicState
 
 EDGE_Y = 0.6
@@ -53,11 +48,6 @@ def test_object_in_the_air_or_pressed_down_does_not_stay() -> None:
     assert "fall by 0.040 m" in (stable(can, "can", at(0.5, 0.3, 0.10)) or "")
     assert "pressed" in (stable(can, "can", at(0.5, 0.3, 0.05)) or "")
     assert "pressed 0.035 m" in (stable(can, "can", at(0.5, 0.3, 0.025)) or "")
-
-
-@pytest.mark.parametrize(("y", "early"), [(0.3, 0.01), (0.592, 0.0), (0.7, 0.0)])
-def test_an_object_meets_its_support_early_only_where_it_stays(y: float, early: float) -> None:
-    assert met_early(state(KNOWN), "can", at(0.5, y, 0.05)) == pytest.approx(early)
 
 
 def test_leaning_object_does_not_stay() -> None:
