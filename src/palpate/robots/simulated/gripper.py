@@ -104,13 +104,6 @@ class Gripper:
             return np.minimum(self._from + way, self._goal)
         return np.maximum(self._from - way, self._goal)
 
-    def _commanded(self, t: float) -> float:
-        """Return the set-point of `setpoints` at time `t`."""
-        way = self._speed * (t - self._since)
-        if self._goal > self._from:
-            return min(self._from + way, self._goal)
-        return max(self._from - way, self._goal)
-
     def observe(self, t: float, fingers: Sequence[float], speeds: Sequence[float]) -> None:
         """Update the state from the fingers' distances from the middle, m, and their speeds, m/s.
 
@@ -120,7 +113,7 @@ class Gripper:
         """
         self.width = max(0.0, sum(fingers))
         middle, speed = sum(fingers) / 2, max(map(abs, speeds))
-        commanded = self._commanded(t)
+        commanded = float(np.max(self.setpoints(np.array([t]))))
         lead = LAG * (self.force / self._damping + speed)  # m, at this speed and full force
         pressed = commanded == self._goal or commanded < middle - lead
         self._from, self._since = min(max(commanded, middle - lead), middle + lead), t
@@ -131,7 +124,7 @@ class Gripper:
         self.moving = t - self._last_moved < STANDING
 
     def _start(self, t: float, goal: float, force: float) -> None:
-        self._from = self._commanded(t)
+        self._from = float(np.max(self.setpoints(np.array([t]))))
         self._since = self._last_moved = t
         self.force = min(force, self._strongest)
         self._goal, self.moving = goal, True

@@ -99,7 +99,7 @@ class Rests:
     def add(self, torque: Array, motion: Motion) -> None:
         """Add the sticking torque to the link-side torques (n, 7), N m, and update `pose_error`."""
         model, period = self._model, self._period
-        steps = np.sqrt(np.add.reduce(motion.dq * motion.dq, axis=1)) * period
+        steps = np.linalg.norm(motion.dq, axis=1) * period
         left = np.exp(-steps / model.release).tolist()
         builds = min(1.0, period / model.settling)
         stays = math.exp(-period / model.relaxation)

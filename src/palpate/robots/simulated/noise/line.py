@@ -67,10 +67,10 @@ class Line:
             self.kept = (*self.kept, samples)  # a state that may be restored
         blocks = samples.reshape(-1, BLOCK, JOINTS)
         if self._gaps is None:
-            return np.add.reduce(blocks, axis=1) / BLOCK, None
+            return blocks.mean(axis=1), None
         arrived = self._gaps.arrived(len(samples)).reshape(-1, BLOCK)
         if arrived.all():
-            mean = np.add.reduce(blocks, axis=1) / BLOCK
+            mean = blocks.mean(axis=1)
             self._held = mean[-1]
             return mean, None
         count = arrived.sum(axis=1)
@@ -177,7 +177,7 @@ class Stamps:
         if not self._jitter:
             return self.rate * t
         off = self._jitter * self._random.standard_normal(len(t))
-        return self.rate * t + np.minimum(np.maximum(off, -LATEST * PERIOD), LATEST * PERIOD)
+        return self.rate * t + np.clip(off, -LATEST * PERIOD, LATEST * PERIOD)
 
 
 @cache
