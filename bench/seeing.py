@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
 from palpate.scene.load import parse_scene
 from palpate.seeing.lens import FACING, Lens, Mount
-from palpate.seeing.look import look, things_of
+from palpate.seeing.look import Seen, look, things_of
 from palpate.seeing.rendered import Imperfections, take
 from palpate.seeing.solve import GLUED, LEVEL, UPRIGHT, Problem, Solution, apart, moved, solve
 from palpate.seeing.tags import corners, tags_of
@@ -70,25 +71,21 @@ def main(looks: int, pictures: int) -> None:
             rows.append(drawn_look(random, lens, mount, noise, known))
         head = f"corners {noise:g} px, lens {focal:.1%}, camera {1e3 * place:g} mm"
         _print(f"{head}, {'stated' if known else 'not stated'}", rows)
-    rendered: list[tuple[Solution, Pose]] = []
-    random, began = np.random.default_rng(1), time.process_time()
+    rendered: list[tuple[Seen | Solution, Pose]] = []
+    random, spent = np.random.default_rng(1), 0.0
     for seed in range(pictures):
         x, y, turn = *random.uniform((0.42, -0.08), (0.58, 0.08)), random.uniform(-40, 40)
         world = parse_scene(SCENE.format(table="0.38", place=f"{x} {y} 0.43", turn=turn))
         picture = take(world.spec(), "over", seed=seed)
         began = time.process_time()
-        rendered.append(
-            (
-                look(GIVEN, [picture.pixels], picture.lens, picture.mount),  # type: ignore[arg-type]
-                world.body("box").pose_world,
-            )
-        )
-    spent = time.process_time() - began
+        seen = look(GIVEN, [picture.pixels], picture.lens, picture.mount)
+        spent += time.process_time() - began
+        rendered.append((seen, world.body("box").pose_world))
     _print("rendered pictures", rendered)
-    print(f"the last look took {spent:.2f} s of a processor")
+    print(f"one look takes {spent / max(pictures, 1):.2f} s of a processor")
 
 
-def _print(head: str, rows: list[tuple[Solution, Pose]]) -> None:
+def _print(head: str, rows: Sequence[tuple[Seen | Solution, Pose]]) -> None:
     off = np.array([apart(found.poses["box"], truth) for found, truth in rows])
     spread = np.array([np.sqrt(np.diag(found.covariances["box"])) for found, _ in rows])
     z = np.sqrt(np.mean((off / spread) ** 2, axis=0))

@@ -14,6 +14,7 @@ from palpate.cells.teach import GuidedHand, Lesson
 from palpate.errors import InputError, Unavailable
 from palpate.files.plain_yaml import yaml_text
 from palpate.files.read import read_text
+from palpate.files.write import write_new
 from palpate.planning.check.check import check
 from palpate.planning.measure import in_words, named_parameters
 from palpate.planning.model.prompt.compose import Prompt, compose
@@ -124,11 +125,7 @@ def write_poses(path: Path, taught: Lesson) -> None:
     """
     text = yaml_text(taught.content)
     parse_poses(text, str(path))
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except OSError as error:
-        raise InputError(f"cannot write '{path}': {error.strerror}") from error
+    write_new(path, text)
 
 
 def tag_sheet(path: Path, numbers: str, side: float) -> int:

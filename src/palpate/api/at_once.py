@@ -98,8 +98,9 @@ def run(
     if options.get("cell") is None:
         pipeline.preflight(asked)
     progress = options.get("progress", quiet)
-    world = hidden_world(options.get("world"), asked)
-    placed, seen = pipeline.look(asked, found, RunCallbacks(progress=progress), world)
+    # Read once: the camera may look at the world in which the robot then moves.
+    of_run["world"] = hidden_world(options.get("world"), asked)
+    placed, seen = pipeline.look(asked, found, RunCallbacks(progress=progress), of_run["world"])
     progress("planning")
     return plan_of(asked, placed, planner, seen).run(**of_run)
 

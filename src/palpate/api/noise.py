@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from palpate.errors import InputError
+from palpate.files.write import write_new
 from palpate.logs.figure import Figure
 from palpate.logs.noise_model import noise_file, stated
 from palpate.logs.statistics import LogStatistics, statistics
@@ -67,13 +67,7 @@ class ArmNoise:
         """
         path = Path(path)
         text = noise_file(self.found, self.arm, path.stem, self.seconds)
-        try:
-            with path.open("x", encoding="utf-8") as file:
-                file.write(text)
-        except FileExistsError:
-            raise InputError(f"'{path}' exists already: choose another file") from None
-        except OSError as error:
-            raise InputError(f"cannot write '{path}': {error.strerror}") from None
+        write_new(path, text)
         return path
 
 

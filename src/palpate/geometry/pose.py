@@ -48,6 +48,13 @@ class Pose:
         return cls(np.array(position, dtype=float), q / norm)
 
     @classmethod
+    def turn(cls, rotation_vector: ArrayLike) -> Pose:
+        """Turn about the origin by a rotation vector (3,), rad."""
+        vector = np.asarray(rotation_vector, dtype=float)
+        half = float(np.linalg.norm(vector)) / 2
+        return cls.of((0.0, 0.0, 0.0), (np.cos(half), *(np.sinc(half / np.pi) / 2 * vector)))
+
+    @classmethod
     def top_down(cls, position: ArrayLike, yaw: float) -> Pose:
         """The tool pointing down (its z along world -z), closing direction (its y) turned by `yaw`
         rad.

@@ -79,16 +79,13 @@ def mistaken_force(arm: RobotDescription, q: Array) -> float:
     The force is (J J^T)^-1 J tau. A stretched arm has no lever on a force along it: a little friction
     looks like a large one.
     """
-    there = jacobian(arm, q)
-    forces = np.linalg.solve(there @ there.T + RIDGE, there)[:3]
-    return unexplained_torque(arm) * float(np.linalg.norm(forces, 2))
+    return unexplained_torque(arm) * float(np.linalg.norm(_unit_wrenches(arm, q)[:3], 2))
 
 
 def turned_round(arm: RobotDescription, pose_base_tcp: Pose) -> float:
     """Compute the largest change of the measured horizontal force at the TCP, N, when friction of
     `RUBBING` reverses: as the arm starts upwards after it came down."""
-    there = jacobian(arm, configuration(arm, pose_base_tcp))
-    level = np.linalg.solve(there @ there.T + RIDGE, there)[:2]
+    level = _unit_wrenches(arm, configuration(arm, pose_base_tcp))[:2]
     return REVERSED * RUBBING * float(np.linalg.norm(level, 2))
 
 
@@ -101,6 +98,10 @@ def _magnified(arm: RobotDescription, pose: tuple[float, ...]) -> float:
 
 def moments(arm: RobotDescription, q: Array) -> Array:
     """Compute the moments about the TCP (3, 7), in the base's axes, of unit torques of the joints."""
+    return _unit_wrenches(arm, q)[3:]
+
+
+def _unit_wrenches(arm: RobotDescription, q: Array) -> Array:
+    """Compute the wrenches at the TCP (6, 7), in the base's axes, of unit torques of the joints."""
     there = jacobian(arm, q)
-    wrenches: Array = np.linalg.solve(there @ there.T + RIDGE, there).astype(np.float64)
-    return wrenches[3:]
+    return np.linalg.solve(there @ there.T + RIDGE, there).astype(np.float64)

@@ -26,9 +26,8 @@ class Expectation:
     grasped: bool = False  # the fingers must hold an object; losing it is a slip
     pressed: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """N, as in `Reflex`: a force is unexplained by itself and by its change from this one."""
-    mistaken: float = (
-        0.0  # N, of a force that errors of the joints' torques look like where the arm moves
-    )
+    mistaken: float = 0.0
+    """N, of a force that errors of the joints' torques look like where the arm moves: no contact."""
 
 
 def violation(

@@ -69,7 +69,7 @@ class Lens:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mount:
-    """Where a camera is believed to be.
+    """Believed pose of a camera.
 
     Attributes:
         pose_world_camera: MuJoCo's camera frame.

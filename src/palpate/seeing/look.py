@@ -1,4 +1,4 @@
-"""One look: from a picture to poses of the things in it, each with its covariance."""
+"""Poses of objects from one picture of their tags, each with its covariance."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from palpate.display import table
 from palpate.errors import InputError
 from palpate.files.plain_yaml import yaml_text
+from palpate.files.write import write_new
 from palpate.geometry.pose import Array, Pose
 from palpate.scene.poses import ObjectEntry, Poses, parse_poses
 from palpate.scene.scene import Scene
@@ -30,7 +31,7 @@ DIGITS = 6
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Seen:
-    """What a look found.
+    """Poses of the objects that a camera saw.
 
     Attributes:
         poses: of the objects' frames in the world.
@@ -75,13 +76,7 @@ class Seen:
         path = Path(path)
         text = yaml_text(self.content)
         parse_poses(text, str(path))
-        try:
-            with path.open("x", encoding="utf-8") as file:
-                file.write(text)
-        except FileExistsError:
-            raise InputError(f"'{path}' exists already: choose another file") from None
-        except OSError as error:
-            raise InputError(f"cannot write '{path}': {error.strerror}") from None
+        write_new(path, text)
         return path
 
     def _repr_html_(self) -> str:

@@ -111,8 +111,7 @@ def take(
 
 def _misplaced(stands: Pose, flaws: Imperfections, random: np.random.Generator) -> Mount:
     place, turn = flaws.place * random.standard_normal(3), flaws.turn * random.standard_normal(3)
-    away = Pose.of((0.0, 0.0, 0.0), (1.0, *(turn / 2)))
-    believed = Pose(stands.position + place, (away @ stands).quaternion)
+    believed = Pose(stands.position + place, (Pose.turn(turn) @ stands).quaternion)
     floor = 1e-12
     spread = [flaws.place**2 + floor] * 3 + [flaws.turn**2 + floor] * 3
     return Mount(believed, np.diag(spread))

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
+from palpate.robots.trajectory import rotation_vector
 from palpate.seeing.lens import FACING, Lens, Mount
 from palpate.seeing.tags import Tag, corners
 from palpate.seeing.vision import square_poses
@@ -41,7 +42,7 @@ OUTLIER = 4.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Thing:
-    """What is looked for.
+    """A body whose pose, or height, is an unknown of the fit.
 
     Attributes:
         name: of its body.
@@ -58,7 +59,7 @@ class Thing:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """What the fit found.
+    """Poses and covariances by the fit, and what did not fit.
 
     Attributes:
         poses: pose of each thing in the world.
@@ -79,7 +80,7 @@ class Solution:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """Everything that a look knows.
+    """Corners in the picture, and what is known of lens, tags, things and camera.
 
     Attributes:
         seen: corners (4, 2) of each tag in the picture, pixels.
@@ -96,13 +97,8 @@ class Problem:
     def without(self, numbers: Sequence[int], standing: Sequence[str]) -> Problem:
         """The problem without some tags, and with things that stand on nothing known."""
         seen = {number: where for number, where in self.seen.items() if number not in numbers}
-        things = {
-            name: Thing(name, thing.pose_world, None, thing.is_surface)
-            if name in standing
-            else thing
-            for name, thing in self.things.items()
-        }
-        return Problem(self.lens, seen, self.tags, things, self.mount)
+        loose = {name: replace(self.things[name], support=None) for name in standing}
+        return replace(self, seen=seen, things={**self.things, **loose})
 
 
 def solve(problem: Problem) -> Solution:
@@ -132,7 +128,7 @@ def _best(problem: Problem) -> _Fit:
 
 
 class _Fit:
-    """One fit, from one start."""
+    """Least-squares fit from one starting point."""
 
     def __init__(self, problem: Problem, start: tuple[Pose, Mapping[str, Pose]]) -> None:
         self.problem, (self.camera, self.start) = problem, start
@@ -163,9 +159,10 @@ class _Fit:
         # Each corner leaves as much of its noise in the residuals as the fit has not followed.
         rows = jacobian[: 2 * len(self.pixels)]
         left = len(rows) - float(np.einsum("ij,jk,ik->", rows, self.covariance, rows))
-        squares = float(np.sum((self.noise * self.residuals(self.at)[: len(rows)]) ** 2))
+        pixels = self.noise * found.fun[: len(rows)]
+        squares = float(np.sum(pixels**2))
         # Half of the residuals are no larger than 0.67 of a normal deviation, whatever the largest are.
-        middle = self.noise * float(np.median(np.abs(self.residuals(self.at)[: len(rows)])))
+        middle = float(np.median(np.abs(pixels)))
         self.typical = max(FLOOR, 1.4826 * middle * math.sqrt(len(rows) / max(left, 1.0)))
         self.noise = max(FLOOR, math.sqrt((BELIEVED * NOISE**2 + squares) / (BELIEVED + left)))
         return float(found.cost)
@@ -233,7 +230,7 @@ class _Fit:
         return (odd, []) if odd else ([], leaning)
 
     def solution(self, refused: tuple[int, ...], tilted: tuple[str, ...]) -> Solution:
-        """What was found."""
+        """Poses, covariances and noise at the minimum."""
         poses = {name: self.pose(name, self.at) for name in self.slices}
         covariances: dict[str, Array] = {}
         for name, part in self.slices.items():
@@ -245,21 +242,13 @@ class _Fit:
 
 def moved(pose: Pose, step: Array) -> Pose:
     """A pose after a small motion (6,): m along, and rad about, the world's axes."""
-    angle = float(np.linalg.norm(step[3:]))
-    axis = step[3:] * (np.sin(angle / 2) / angle if angle > 1e-12 else 0.5)
-    turned = Pose.of(np.zeros(3), np.array([np.cos(angle / 2), *axis])) @ Pose(
-        np.zeros(3), pose.quaternion
-    )
-    return Pose(pose.position + step[:3], turned.quaternion)
+    return Pose(pose.position + step[:3], (Pose.turn(step[3:]) @ pose).quaternion)
 
 
 def apart(pose: Pose, other: Pose) -> Array:
-    """(6,) the small motion from one pose to another, as `moved` takes it."""
-    turn = (pose @ other.inverse()).quaternion
-    turn = turn if turn[0] >= 0 else -turn
-    length = float(np.linalg.norm(turn[1:]))
-    scale = 2 * np.arctan2(length, turn[0]) / length if length > 1e-12 else 2.0
-    return np.concatenate([pose.position - other.position, scale * turn[1:]])
+    """(6,) the small motion to one pose from another, as `moved` takes it."""
+    turn = other.rotation @ rotation_vector(other.quaternion, pose.quaternion)
+    return np.concatenate([pose.position - other.position, turn])
 
 
 def _mounted(mount: Mount, camera: Pose) -> Array:

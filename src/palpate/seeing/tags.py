@@ -18,12 +18,10 @@ import numpy as np
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
 from palpate.scene.scene import Scene
-from palpate.seeing.vision import TAGS
+from palpate.seeing.vision import CORNERS, TAGS
 
 SITE = re.compile(r"tag_(\d{1,3})")
 """Name of a tag's site."""
-CORNERS = np.array([[-1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, -1.0, 0.0]])
-"""(4, 3) corners of a tag in its site's frame, half sides, in the order in which they are detected."""
 SMALLEST, LARGEST = 0.002, 0.5
 """m: half sides of tags that are taken for ones; MJCF's default is 5 mm."""
 

@@ -22,6 +22,8 @@ MODULES = 8
 """Modules along a tag's black square."""
 QUIET = 1
 """Modules of white around it."""
+CORNERS = np.array([[-1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, -1.0, 0.0]])
+"""(4, 3) corners of a tag in its own frame, half sides, in the order in which they are detected."""
 WARM_UP = 5
 """Frames that a camera's exposure takes to settle."""
 
@@ -70,15 +72,14 @@ def square_poses(lens: Lens, corners: Array, half: float) -> list[Pose]:
     """The two poses of a square, `half` a side in m, in OpenCV's camera frame that explain its corners
     (4, 2), the better first (IPPE)."""
     cv2: Any = opencv()
-    square = half * np.array([[-1.0, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0]])
     answer: Any = cv2.solvePnPGeneric(
-        square, corners, lens.matrix, lens.distortion, flags=cv2.SOLVEPNP_IPPE_SQUARE
+        half * CORNERS, corners, lens.matrix, lens.distortion, flags=cv2.SOLVEPNP_IPPE_SQUARE
     )
     turns, places = (np.array(part, dtype=float).reshape(-1, 3) for part in answer[1:3])
     found: list[Pose] = []
     for turn, place in zip(turns, places, strict=True):
         if np.isfinite([turn, place]).all():
-            found.append(Pose.of(place, _quaternion(turn)))
+            found.append(Pose.of(place, Pose.turn(turn).quaternion))
     return found
 
 
@@ -128,9 +129,3 @@ def frames(source: int | str, count: int) -> Iterator[NDArray[np.uint8]]:
 
 def _dictionary(cv2: Any) -> Any:
     return cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-
-
-def _quaternion(turn: Array) -> Array:
-    angle = float(np.linalg.norm(turn))
-    axis = turn / angle if angle > 0 else np.zeros(3)
-    return np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])

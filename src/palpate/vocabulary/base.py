@@ -166,8 +166,9 @@ class Blackboard:
 
     def set_reflex(self, thresholds: Reflex, goal: Array | None = None) -> None:
         """Set the thresholds at which the robot stops itself, those of its links' contacts with them, for a motion
-        to joint angles `goal` (7,), rad. No force is a contact that errors of a stretched arm look like."""
-        ends = (self.robot.state.q, self.robot.state.q if goal is None else goal)
+        to joint angles `goal` (7,), rad. A force that errors of the joints' torques look like is no contact."""
+        here = self.robot.state.q
+        ends = (here,) if goal is None else (here, goal)
         mistaken = max(mistaken_force(self.scene.arm, q) for q in ends)
         self.mistaken = min(mistaken, self.robot.limits.reflexes.carrying.force)
         force = max(thresholds.force, self.mistaken)

@@ -1,4 +1,4 @@
-"""What a camera saw, as a table or as JSON."""
+"""Poses that a camera saw, as a table or as JSON."""
 
 from __future__ import annotations
 
