@@ -18,8 +18,9 @@ from palpate.geometry.pose import Array, Pose
 from palpate.scene.load import parse_scene
 from palpate.seeing.lens import FACING, Lens, Mount
 from palpate.seeing.look import Seen, look, things_of
+from palpate.seeing.problem import Problem
 from palpate.seeing.rendered import Imperfections, take
-from palpate.seeing.solve import GLUED, LEVEL, UPRIGHT, Problem, Solution, apart, moved, solve
+from palpate.seeing.solve import GLUED, LEVEL, UPRIGHT, Solution, apart, moved, solve
 from palpate.seeing.tags import corners, tags_of
 
 SCENE = """<mujoco><worldbody>
@@ -36,9 +37,15 @@ BOX = GIVEN.body("box").pose_world
 
 
 def drawn_look(
-    random: np.random.Generator, lens: Lens, mount: Mount, noise: float, known: bool = True
+    random: np.random.Generator,
+    lens: Lens,
+    mount: Mount,
+    noise: float,
+    known: bool = True,
+    shifted: int | None = None,
 ) -> tuple[Solution, Pose]:
-    """A fit to corners drawn as the fit takes them to be, and where the box is."""
+    """A fit to corners drawn as the fit takes them to be, of which those of one tag may be shifted, and
+    where the box is."""
     around = np.array([0.04, 0.04, LEVEL, UPRIGHT, UPRIGHT, 0.4]) * random.standard_normal(6)
     truth = moved(BOX, around)
     step = np.linalg.cholesky(mount.covariance) @ random.standard_normal(6)
@@ -50,6 +57,7 @@ def drawn_look(
         glued = place.rotation[:, :2] @ (GLUED * random.standard_normal(2))
         local = (corners(tag.half, place) + glued - camera.position) @ camera.rotation
         seen[number] = lens.project(local, zoom) + noise * random.standard_normal((4, 2))
+        seen[number] += 25.0 * (number == shifted)
     return solve(Problem(lens, seen, tags, things_of(GIVEN), mount if known else None)), truth
 
 

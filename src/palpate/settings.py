@@ -84,6 +84,14 @@ class Settings:
         Path | None,
         Option("YAML with the camera's lens: fx, fy, cx, cy, size, …", "FILE", "Scene"),
     ] = None
+    pose_estimator: Annotated[
+        str | None,
+        Option(
+            "A pose estimator to ask in the look: a command, or http://HOST:PORT/PATH.",
+            "COMMAND|URL",
+            "Scene",
+        ),
+    ] = None
     root: Annotated[
         Path | None,
         Option(
@@ -248,13 +256,12 @@ class Settings:
 
     def _check_camera(self, at_hand: bool) -> None:
         if self.camera is None:
-            if self.intrinsics is not None:
-                raise InputError("intrinsics= goes with camera=SOURCE, a look before the run")
+            for name in ("intrinsics", "pose_estimator"):
+                if getattr(self, name) is not None:
+                    raise InputError(f"{name}= goes with camera=SOURCE, a look before the run")
             return
         if self.scene is None and not at_hand:
-            raise InputError(
-                "camera= looks for the objects of a scene by their tags: give scene=D.xml"
-            )
+            raise InputError("camera= looks for the objects of a scene: give scene=D.xml")
         if self.camera.startswith(WORLD_CAMERA) and self.robot is not None:
             raise InputError(
                 f"camera={self.camera} is a camera of the simulated world, and robot= a real one: give its camera"

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import palpate as pp
+from bench.seeing import SCENE, drawn_look
 from palpate.errors import InputError
 from palpate.geometry.pose import Pose
 from palpate.pictures.renderer import gl_available
@@ -16,39 +17,21 @@ from palpate.scene.load import parse_scene
 from palpate.scene.poses import parse_poses
 from palpate.scene.scene import Scene
 from palpate.seeing import look as looking
-from palpate.seeing.lens import FACING, Lens, Mount, pinhole, read_lens
+from palpate.seeing.lens import Lens, Mount, pinhole, read_lens
+from palpate.seeing.problem import Problem
 from palpate.seeing.sheet import DPI, _page, write_sheet
-from palpate.seeing.solve import (
-    GLUED,
-    LEVEL,
-    UPRIGHT,
-    Problem,
-    Solution,
-    apart,
-    moved,
-    solve,
-)
-from palpate.seeing.tags import corners, tags_of
+from palpate.seeing.solve import apart, solve
+from palpate.seeing.tags import tags_of
 from palpate.seeing.vision import detect
 
 pytest.importorskip("cv2")
 
-XML = """<mujoco model="desk"><worldbody>
-<light pos="0 0 2"/><geom name="floor" type="plane" size="3 3 .1"/>
-<camera name="over" pos="0.9 -0.5 1.1" xyaxes="0.6 0.8 0 -0.45 0.35 0.8" fovy="45"/>
-<body name="table" pos="0.5 0 {z}"><geom type="box" size=".4 .4 .02"/>
-  <site name="tag_0" pos="-.15 -.25 .02" size=".03"/><site name="tag_1" pos="-.15 .25 .02" size=".03"/>
-  <site name="tag_2" pos=".25 .25 .02" size=".03"/></body>
-<body name="box" pos="{box}" euler="0 0 {turn}"><freejoint/>
-  <geom type="box" size=".03 .03 .03" mass=".1"/><site name="tag_7" pos="0 0 .03" size=".02"/>
-  <site name="tag_8" pos="0 -.03 0" euler="90 0 0" size=".02"/></body>
-</worldbody></mujoco>"""
-TOLD = {"z": "0.38", "box": "0.45 0.05 0.43", "turn": "0"}
+TOLD = {"table": "0.38", "place": "0.45 0.05 0.43", "turn": "0"}
 
 
 @cache
 def scene(**changes: str) -> Scene:
-    return parse_scene(XML.format(**(TOLD | changes)))
+    return parse_scene(SCENE.format(**(TOLD | changes)))
 
 
 LENS = Lens(pinhole(900.0, 639.5, 359.5), (1280, 720), np.array([-0.1, 0.02, 1e-3, 0, 0]), 0.005)
@@ -69,46 +52,19 @@ def mount() -> Mount:
     return Mount(Pose.of(eye, quaternion), spread)
 
 
-def trial(
-    random: np.random.Generator, noise: float, placed: Mount | None, *, shifted: int | None = None
-) -> tuple[Solution, Pose]:
-    """A fit to corners drawn as the fit takes them to be, and where the box truly is."""
-    believed, truth = mount(), scene().body("box").pose_world
-    turn = random.uniform(-0.5, 0.5)
-    truth = moved(truth, np.array([0.03, -0.04, 0, 0, 0, turn]))
-    scatter = np.array([0, 0, LEVEL, UPRIGHT, UPRIGHT, 0]) * random.standard_normal(6)
-    truth = moved(truth, scatter)
-    step = np.linalg.cholesky(believed.covariance) @ random.standard_normal(6)
-    camera = moved(believed.pose_world_camera @ FACING, step)
-    zoom = float(np.exp(LENS.focal_std * random.standard_normal()))
-    seen = {}
-    for number, tag in tags_of(scene()).items():
-        place = tag.pose_world
-        if tag.body == "box":
-            place = truth @ scene().body("box").pose_world.inverse() @ place
-        points = corners(tag.half, place)
-        points = points + place.rotation[:, :2] @ (GLUED * random.standard_normal(2))
-        local = (points - camera.position) @ camera.rotation
-        seen[number] = LENS.project(local, zoom) + noise * random.standard_normal((4, 2))
-        if number == shifted:
-            seen[number] = seen[number] + 25.0
-    things = looking.things_of(scene())
-    return solve(Problem(LENS, seen, tags_of(scene()), things, placed)), truth
-
-
 @pytest.mark.parametrize("known", [True, False])
 def test_errors_are_as_large_as_the_covariance_says(known: bool) -> None:
     random = np.random.default_rng(1)
     squares = []
     for _ in range(8 if known else 4):
-        found, truth = trial(random, 1.0, mount() if known else None)
+        found, truth = drawn_look(random, LENS, mount(), 1.0, known)
         off = apart(found.poses["box"], truth)
         squares.append(off @ np.linalg.solve(found.covariances["box"], off) / 6)
     assert 0.7 < np.sqrt(np.mean(squares)) < 1.4
 
 
 def test_a_tag_that_is_elsewhere_is_refused() -> None:
-    found, truth = trial(np.random.default_rng(2), 0.2, mount(), shifted=1)
+    found, truth = drawn_look(np.random.default_rng(2), LENS, mount(), 0.2, shifted=1)
     assert found.refused == (1,)
     assert found.poses["box"].distance_to(truth) < 0.005
 
@@ -117,9 +73,9 @@ def test_a_tag_that_is_elsewhere_is_refused() -> None:
 def test_a_simulated_camera_sees_where_a_box_is() -> None:
     from palpate.seeing.rendered import take
 
-    world = scene(box="0.5 0 0.43", turn="20")
+    world = scene(place="0.5 0 0.43", turn="20")
     picture = take(world.spec(), "over", seed=3)
-    given = scene(z="?")  # a table of unknown height: the picture says it as well
+    given = scene(table="?")  # a table of unknown height: the picture says it as well
     found = looking.look(given, [picture.pixels], picture.lens, picture.mount)
     off = apart(found.poses["box"], world.body("box").pose_world)
     assert np.abs(off / np.sqrt(np.diag(found.covariances["box"]))).max() < 3.0

@@ -32,6 +32,7 @@ class Options(TypedDict, total=False):
     poses: str | Path | None
     camera: str | int | None
     intrinsics: str | Path | None
+    pose_estimator: str | None
     arm: str | Path
     cautious: bool
     robot_config: str | Path | None
@@ -72,8 +73,8 @@ def run(
         options: as `load`: `poses`, `arm`, `cautious`, `robot_config`, `root`, `robot_body`; as
             `Scene.plan`: `measure`, `images`, `remeasure`, `within`, `model_settings`; as `Plan.run`: `seed`,
             `noise`, `world`, `robot`, `cell`, `on_failure`, `rehearse`, `fast`, `out`, `confirm`,
-            `observer`, `progress`; and `camera`, `intrinsics`, as `see`: a look first, whose poses take the place
-            of the scene's (`run.scene` has them, also as `confirm` is asked).
+            `observer`, `progress`; and `camera`, `intrinsics`, `pose_estimator`, as `see`: a look first, whose poses
+            take the place of the scene's (`run.scene` has them, also as `confirm` is asked).
 
     Returns:
         The finished run, in memory; with `out=` also in a folder.

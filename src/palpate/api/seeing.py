@@ -19,8 +19,9 @@ def see(
     arm: str | Path = DEFAULT,
     root: str | Path | None = None,
     seed: int = 0,
+    pose_estimator: str | None = None,
 ) -> Seen:
-    """Find a scene's objects by the tags on them, in one look of a camera.
+    """Find a scene's objects in one look of a camera: by the tags on them, by a pose estimator, or both.
 
     Args:
         scene: a file, MJCF text, or a scene at hand, with a site `tag_12` for every tag.
@@ -29,17 +30,18 @@ def see(
         world: MJCF of the simulated world; the scene itself without one.
         poses, arm, root: as `load` takes them, where the scene is read here.
         seed: of the simulated camera's errors.
+        pose_estimator: a command, or `http://HOST:PORT/PATH`, that is asked for the poses of the objects.
 
     Returns:
         The poses that were seen, with a covariance each; `save` writes them to a poses.yaml.
 
     Raises:
-        InputError: no such camera, no tags, or a file that cannot be used.
-        Unavailable: OpenCV is not installed, or a camera does not answer.
+        InputError: no such camera, nothing to see by, or a file or an answer that cannot be used.
+        Unavailable: OpenCV is not installed, or a camera or pose estimator does not answer.
     """
     from palpate.api.scenes import load
     from palpate.stages.looking import seen_from
 
     known = scene if isinstance(scene, Scene) else load(scene, poses, arm, root=root)
     lens, hidden = (None if file is None else Path(file) for file in (intrinsics, world))
-    return seen_from(known, str(camera), lens, hidden, seed)
+    return seen_from(known, str(camera), lens, hidden, seed, pose_estimator)

@@ -1,4 +1,4 @@
-"""Poses of objects from one picture of their tags, each with its covariance."""
+"""Poses of objects from one look of a camera, each with its covariance."""
 
 from __future__ import annotations
 
@@ -18,10 +18,12 @@ from palpate.files.write import write_new
 from palpate.geometry.pose import Array, Pose
 from palpate.scene.poses import ObjectEntry, Poses, parse_poses
 from palpate.scene.scene import Scene
+from palpate.seeing.estimator import estimated
 from palpate.seeing.lens import Lens, Mount
-from palpate.seeing.solve import Problem, Solution, Thing, solve
+from palpate.seeing.problem import Estimated, Problem, Thing
+from palpate.seeing.solve import Solution, solve
 from palpate.seeing.tags import Tag, tags_of
-from palpate.seeing.vision import detect
+from palpate.seeing.vision import detect, sharpness
 
 LUMA = np.array([0.299, 0.587, 0.114])
 """Shares of red, green and blue in grey (ITU-R BT.601)."""
@@ -36,7 +38,7 @@ class Seen:
     Attributes:
         poses: of the objects' frames in the world.
         covariances: (6, 6) of position, m, and rotation, rad, along the world's axes.
-        unseen: objects of the scene that no tag showed.
+        unseen: objects of the scene that were not found.
         notes: what did not fit, in words.
         noise: pixels, 1 sigma of a corner's coordinate.
     """
@@ -98,18 +100,22 @@ class Seen:
 
 
 def look(
-    scene: Scene, pictures: list[NDArray[np.uint8]], lens: Lens, mount: Mount | None = None
+    scene: Scene,
+    pictures: list[NDArray[np.uint8]],
+    lens: Lens,
+    mount: Mount | None = None,
+    estimator: str | None = None,
 ) -> Seen:
-    """Find the objects of a scene by their tags in pictures (height, width, 3) of one camera, which stands
-    still.
+    """Find the objects of a scene in pictures (height, width, 3) of one camera, which stands still: by
+    their tags, and by an `estimator` of poses, a command or a URL.
 
     Raises:
-        InputError: no tags in scene or picture, a picture of another size, or nothing says where the camera
-            is.
-        Unavailable: OpenCV is not installed.
+        InputError: no tags in scene or picture, a picture of another size, nothing says where the camera
+            is, or the estimator's answer is none.
+        Unavailable: OpenCV is not installed, or the estimator does not answer.
     """
     tags = tags_of(scene)
-    if not tags:
+    if not tags and estimator is None:
         raise InputError(
             'the scene states no tags: a tag is a site of its body, <site name="tag_12" pos="…" size="0.02"/>'
         )
@@ -119,13 +125,15 @@ def look(
     if strange:
         notes.append(f"tags that the scene does not state: {', '.join(map(str, strange))}")
     seen = {number: where for number, where in corners.items() if number in tags}
-    if not seen:
+    if not seen and estimator is None:
         raise InputError(
             "none of the scene's tags is in the picture; the scene has "
             f"{', '.join(f'tag {number}' for number in sorted(tags))}"
         )
-    things = things_of(scene)
-    found = solve(Problem(lens, seen, tags, things, mount))
+    estimates: dict[str, Estimated] = {}
+    if estimator is not None:
+        estimates = estimated(estimator, scene, max(pictures, key=sharpness), lens)
+    found = solve(Problem(lens, seen, tags, things_of(scene), mount, estimates))
     notes += _said(found, tags)
     objects = [name for name in scene.objects if name in found.poses]
     return Seen(
@@ -181,4 +189,5 @@ def _said(found: Solution, tags: Mapping[int, Tag]) -> list[str]:
     said = [
         f"tag {number} on '{tags[number].body}' does not fit the others" for number in found.refused
     ]
+    said += [f"the estimate of '{name}' contradicts its tags" for name in found.doubted]
     return said + [f"'{name}' does not stand as the scene has it" for name in found.tilted]

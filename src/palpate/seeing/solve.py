@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -17,8 +17,9 @@ from scipy.optimize import least_squares
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.trajectory import rotation_vector
-from palpate.seeing.lens import FACING, Lens, Mount
-from palpate.seeing.tags import Tag, corners
+from palpate.seeing.lens import FACING, Mount
+from palpate.seeing.problem import Estimated, Outliers, Problem, Thing
+from palpate.seeing.tags import corners
 from palpate.seeing.vision import square_poses
 
 NOISE, BELIEVED = 0.3, 4.0
@@ -41,23 +42,6 @@ OUTLIER = 4.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Thing:
-    """A body whose pose, or height, is an unknown of the fit.
-
-    Attributes:
-        name: of its body.
-        pose_world: where the scene has it.
-        support: the surface that it stands on in the scene, if any.
-        is_surface: its height alone is open.
-    """
-
-    name: str
-    pose_world: Pose
-    support: str | None = None
-    is_surface: bool = False
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Solution:
     """Poses and covariances by the fit, and what did not fit.
 
@@ -68,6 +52,7 @@ class Solution:
         noise: pixels, 1 sigma of a corner's coordinate.
         refused: tags that do not fit.
         tilted: things that do not stand as the scene has them.
+        doubted: things whose estimate their tags contradict.
     """
 
     poses: Mapping[str, Pose]
@@ -76,29 +61,7 @@ class Solution:
     noise: float
     refused: tuple[int, ...]
     tilted: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Problem:
-    """Corners in the picture, and what is known of lens, tags, things and camera.
-
-    Attributes:
-        seen: corners (4, 2) of each tag in the picture, pixels.
-        tags: that the scene states.
-        things: by name; what is not in it stands where the scene has it.
-    """
-
-    lens: Lens
-    seen: Mapping[int, Array]
-    tags: Mapping[int, Tag]
-    things: Mapping[str, Thing]
-    mount: Mount | None
-
-    def without(self, numbers: Sequence[int], standing: Sequence[str]) -> Problem:
-        """The problem without some tags, and with things that stand on nothing known."""
-        seen = {number: where for number, where in self.seen.items() if number not in numbers}
-        loose = {name: replace(self.things[name], support=None) for name in standing}
-        return replace(self, seen=seen, things={**self.things, **loose})
+    doubted: tuple[str, ...]
 
 
 def solve(problem: Problem) -> Solution:
@@ -107,17 +70,16 @@ def solve(problem: Problem) -> Solution:
     Raises:
         InputError: nothing says where the camera is.
     """
-    refused: tuple[int, ...] = ()
-    tilted: tuple[str, ...] = ()
+    given_up = Outliers()
     fit = _best(problem)
     for _ in range(MOST_REFUSED):
-        odd, leaning = fit.outliers()
-        if not odd and not leaning:
+        odd = fit.outliers()
+        if not odd:
             break
-        refused, tilted = (*refused, *odd), (*tilted, *leaning)
-        problem = problem.without(odd, leaning)
+        given_up += odd
+        problem = problem.without(odd)
         fit = _best(problem)
-    return fit.solution(refused, tilted)
+    return fit.solution(given_up)
 
 
 def _best(problem: Problem) -> _Fit:
@@ -133,7 +95,7 @@ class _Fit:
     def __init__(self, problem: Problem, start: tuple[Pose, Mapping[str, Pose]]) -> None:
         self.problem, (self.camera, self.start) = problem, start
         self.numbers = list(problem.seen)
-        self.pixels = np.concatenate([problem.seen[number] for number in self.numbers])
+        self.pixels = np.array(list(problem.seen.values())).reshape(-1, 2)
         # Camera 6, focal length 1, a thing 6 or its height, a tag 2.
         self.slices: dict[str, slice] = {}
         size = 7
@@ -162,7 +124,7 @@ class _Fit:
         pixels = self.noise * found.fun[: len(rows)]
         squares = float(np.sum(pixels**2))
         # Half of the residuals are no larger than 0.67 of a normal deviation, whatever the largest are.
-        middle = float(np.median(np.abs(pixels)))
+        middle = float(np.median(np.abs(pixels))) if len(pixels) else 0.0
         self.typical = max(FLOOR, 1.4826 * middle * math.sqrt(len(rows) / max(left, 1.0)))
         self.noise = max(FLOOR, math.sqrt((BELIEVED * NOISE**2 + squares) / (BELIEVED + left)))
         return float(found.cost)
@@ -184,19 +146,18 @@ class _Fit:
         points: list[Array] = []
         for number, offset in zip(self.numbers, offsets, strict=True):
             tag = problem.tags[number]
-            place = tag.pose_world
-            if tag.body in self.slices:
-                local = problem.things[tag.body].pose_world.inverse() @ tag.pose_world
-                place = self.pose(tag.body, at) @ local
+            stands = self.pose(tag.body, at) if tag.body in self.slices else None
+            place = problem.place(tag, stands)
             points.append(corners(tag.half, place) + place.rotation[:, :2] @ offset)
-        local = (np.concatenate(points) - camera.position) @ camera.rotation
-        local[:, 2] = np.maximum(local[:, 2], 1e-3)  # in front of the camera
-        off = (problem.lens.project(local, float(np.exp(at[6]))) - self.pixels) / self.noise
+        where = np.array(points).reshape(-1, 3)
+        off = (problem.pixels(camera, where, float(np.exp(at[6]))) - self.pixels) / self.noise
         priors = [at[6:7] / problem.lens.focal_std, at[self.glue] / GLUED]
         if problem.mount is not None:
             priors.append(_mounted(problem.mount, camera))
         for name in self.slices:
             priors.append(self.standing(name, at))
+            if name in problem.estimates:
+                priors.append(_differs(problem.estimates[name], camera, self.pose(name, at)))
         return np.concatenate([off.ravel(), *priors])
 
     def standing(self, name: str, at: Array) -> Array:
@@ -214,22 +175,33 @@ class _Fit:
         higher = float(pose.position[2] - thing.pose_world.position[2]) - below
         return np.array([*_tilt(pose, thing.pose_world) / UPRIGHT, higher / LEVEL])
 
-    def outliers(self) -> tuple[list[int], list[str]]:
-        """Tags that do not fit, and things that do not stand as the scene has them."""
+    def outliers(self) -> Outliers:
+        """What fits worst: a tag; else estimates of things with tags; else things that do not stand as the
+        scene has them."""
+        problem, camera = self.problem, moved(self.camera, self.at[:6])
         residuals = self.residuals(self.at)[: 2 * len(self.pixels)].reshape(-1, 8)
         worst = np.abs(residuals).max(axis=1) * max(1.0, self.noise / self.typical)
-        first = int(worst.argmax())
-        odd = [self.numbers[first]] if worst[first] > OUTLIER and len(worst) > 1 else []
+        if len(worst) > 1 and worst.max() > OUTLIER:
+            return Outliers(tags=(self.numbers[int(worst.argmax())],))
+        tagged = {problem.tags[number].body for number in self.numbers}
+        doubted = [
+            name
+            for name, one in problem.estimates.items()
+            if name in tagged
+            and np.abs(_differs(one, camera, self.pose(name, self.at))).max() > OUTLIER
+        ]
+        if doubted:
+            return Outliers(estimates=tuple(doubted))
         leaning = [
             name
-            for name, thing in self.problem.things.items()
+            for name, thing in problem.things.items()
             if name in self.slices
             and thing.support is not None
             and np.abs(self.standing(name, self.at)).max(initial=0.0) > OUTLIER
         ]
-        return (odd, []) if odd else ([], leaning)
+        return Outliers(leaning=tuple(leaning))
 
-    def solution(self, refused: tuple[int, ...], tilted: tuple[str, ...]) -> Solution:
+    def solution(self, given_up: Outliers) -> Solution:
         """Poses, covariances and noise at the minimum."""
         poses = {name: self.pose(name, self.at) for name in self.slices}
         covariances: dict[str, Array] = {}
@@ -237,7 +209,15 @@ class _Fit:
             block = self.covariance[part, part]
             covariances[name] = block if len(block) == 6 else np.diag([0, 0, block[0, 0], 0, 0, 0])
         camera = moved(self.camera, self.at[:6])
-        return Solution(poses, covariances, camera, float(self.noise), refused, tilted)
+        return Solution(
+            poses,
+            covariances,
+            camera,
+            float(self.noise),
+            given_up.tags,
+            given_up.leaning,
+            given_up.estimates,
+        )
 
 
 def moved(pose: Pose, step: Array) -> Pose:
@@ -253,10 +233,17 @@ def apart(pose: Pose, other: Pose) -> Array:
 
 def _mounted(mount: Mount, camera: Pose) -> Array:
     """(6,) residuals of the camera's pose against where it is believed to be."""
-    lower = np.linalg.cholesky(mount.covariance)
-    return np.asarray(
-        np.linalg.solve(lower, apart(camera, mount.pose_world_camera @ FACING)), dtype=float
-    )
+    return _whitened(mount.covariance, apart(camera, mount.pose_world_camera @ FACING))
+
+
+def _differs(estimate: Estimated, camera: Pose, pose: Pose) -> Array:
+    """(6,) residuals of a thing's pose in the world against its estimate."""
+    return _whitened(estimate.covariance, apart(camera.inverse() @ pose, estimate.pose_camera))
+
+
+def _whitened(covariance: Array, off: Array) -> Array:
+    """Deviations (n,) as independent standard deviations."""
+    return np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), off), dtype=float)
 
 
 def _tilt(pose: Pose, reference: Pose) -> Array:
@@ -295,11 +282,13 @@ def _starts(problem: Problem) -> Iterator[tuple[Pose, Mapping[str, Pose]]]:
             mine = [number for number in problem.seen if problem.tags[number].body == name]
             if thing.is_surface:
                 found[name] = thing.pose_world
-            elif mine:
-                found[name] = min(
-                    (pose for number in mine for pose in _placed(problem, camera, thing, number)),
-                    key=_misfit(problem, camera, thing, mine),
-                )
+            elif mine or name in problem.estimates:
+                poses = [
+                    pose for number in mine for pose in _placed(problem, camera, thing, number)
+                ]
+                if name in problem.estimates:
+                    poses.append(camera @ problem.estimates[name].pose_camera)
+                found[name] = min(poses, key=_misfit(problem, camera, thing, mine))
         yield camera, found
 
 
@@ -320,10 +309,8 @@ def _misfit(
         total += 100.0 * (pose.rotation[2] @ thing.pose_world.rotation[2] < 0)
         for number in numbers:
             tag = problem.tags[number]
-            place = pose @ thing.pose_world.inverse() @ tag.pose_world
-            local = (corners(tag.half, place) - camera.position) @ camera.rotation
-            off = problem.lens.project(local) - problem.seen[number]
-            total += float(np.sum((off / (3 * NOISE)) ** 2)) if (local[:, 2] > 0).all() else 1e9
+            there = problem.pixels(camera, corners(tag.half, problem.place(tag, pose)))
+            total += float(np.sum(((there - problem.seen[number]) / (3 * NOISE)) ** 2))
         return total
 
     return of

@@ -105,6 +105,12 @@ def blurred(pixels: NDArray[np.uint8], sigma: float) -> NDArray[np.uint8]:
     return np.asarray(cv2.GaussianBlur(pixels, (0, 0), sigma))
 
 
+def sharpness(picture: NDArray[np.uint8]) -> float:
+    """Variance of a picture's Laplacian, which a motion or a lens out of focus makes small."""
+    cv2: Any = opencv()
+    return float(np.var(cv2.Laplacian(picture, cv2.CV_64F)))
+
+
 def frames(source: int | str, count: int) -> Iterator[NDArray[np.uint8]]:
     """Yield RGB frames of a camera by its number, or of a video file.
 

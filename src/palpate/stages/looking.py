@@ -32,8 +32,8 @@ def look(
         world: the simulated world, where the settings name no file of it.
 
     Raises:
-        InputError: no such camera, no tags, or no world for its camera.
-        Unavailable: OpenCV is not installed, or a camera does not answer.
+        InputError: no such camera, nothing to see by, or no world for its camera.
+        Unavailable: OpenCV is not installed, or a camera or pose estimator does not answer.
         ExecutionAborted: what was seen was not confirmed.
     """
     if settings.camera is None or scene is None:
@@ -47,7 +47,8 @@ def look(
                 f"camera={settings.camera} is a camera of the simulated world: give world=W.xml"
             )
     callbacks.progress("looking")
-    seen = seen_from(scene, settings.camera, settings.intrinsics, hidden, settings.seed)
+    lens, estimator = settings.intrinsics, settings.pose_estimator
+    seen = seen_from(scene, settings.camera, lens, hidden, settings.seed, estimator)
     if not callbacks.looked(seen):
         raise ExecutionAborted("what the camera saw was not confirmed; nothing has moved")
     return replaced(scene, seen.entries), seen
@@ -59,12 +60,13 @@ def seen_from(
     intrinsics: Path | None = None,
     world: Path | Scene | None = None,
     seed: int = 0,
+    estimator: str | None = None,
 ) -> Seen:
     """What a source of pictures shows of a scene; arguments as those of `palpate.api.seeing.see`.
 
     Raises:
-        InputError: no such camera, no tags, or a file that cannot be used.
-        Unavailable: OpenCV is not installed, or a camera does not answer.
+        InputError: no such camera, nothing to see by, or a file that cannot be used.
+        Unavailable: OpenCV is not installed, or a camera or pose estimator does not answer.
     """
     from palpate.seeing.look import look as look_at
     from palpate.seeing.sources import pictures
@@ -75,7 +77,7 @@ def seen_from(
                 f"world= goes with camera={WORLD_CAMERA}NAME, a camera of the simulated world"
             )
         taken, lens, mount = pictures(source, intrinsics)
-        return look_at(scene, taken, lens, mount)
+        return look_at(scene, taken, lens, mount, estimator)
     if intrinsics is not None:
         raise InputError(
             "a camera of the simulated world has its own intrinsics: leave out intrinsics="
@@ -85,7 +87,7 @@ def seen_from(
 
     cell = simulated_cell(scene, world, seed=seed)
     picture = take(cell.world.spec(cell.drawn), source.removeprefix(WORLD_CAMERA), seed=seed)
-    return look_at(scene, [picture.pixels], picture.lens, picture.mount)
+    return look_at(scene, [picture.pixels], picture.lens, picture.mount, estimator)
 
 
 def require_seen(made: Run, seen: Seen | None) -> Run:
@@ -100,7 +102,7 @@ def require_seen(made: Run, seen: Seen | None) -> Run:
     blind = [name for name in seen.unseen if name in touched]
     if blind:
         raise InputError(
-            f"the camera did not see {', '.join(blind)}: bring a tag of each into view, or do not ask for "
+            f"the camera did not see {', '.join(blind)}: bring each, or a tag of it, into view, or do not ask for "
             "what would touch them"
         )
     notes = [f"The look: {note}." for note in seen.notes]

@@ -64,6 +64,7 @@ def run(
             "images",
             "camera",
             "intrinsics",
+            "pose_estimator",
             *SCENE,
             *PLANNER,
             *MOTION,

@@ -9,7 +9,7 @@ import typer
 
 from palpate.cli.options import AsJson, Given, SceneArgument, one_scene, settings
 
-OF_LOOK = ("scene", "intrinsics", "poses", "root", "arm", "world", "seed")
+OF_LOOK = ("scene", "intrinsics", "pose_estimator", "poses", "root", "arm", "world", "seed")
 
 
 def see(
@@ -29,7 +29,7 @@ def see(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Find objects by their tags in a camera's picture: poses with a covariance each."""
+    """Find objects in a camera's picture, by their tags or a pose estimator: poses with a covariance each."""
     import palpate as pp
     from palpate.cli.show.seeing import show_seen
     from palpate.errors import InputError
