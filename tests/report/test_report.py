@@ -17,6 +17,8 @@ from PIL import Image
 from palpate.estimation.agreement import FitTest
 from palpate.estimation.estimate import Estimate, Part, not_identified
 from palpate.execution.stop import Held
+from palpate.geometry.belief import Belief
+from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
 from palpate.pictures.renderer import png
 from palpate.planning.plan import Node, Plan
@@ -24,6 +26,7 @@ from palpate.report.cards import parameter_groups
 from palpate.report.changes import change
 from palpate.report.data import Measured, ParameterRow, ReportData
 from palpate.report.page import write_report
+from palpate.report.seen import pose_rows
 from palpate.report.tree import branches, first_failure
 from palpate.trace.recording import Context, LeafRun, Recording
 
@@ -292,6 +295,22 @@ def test_what_disagrees_is_said_beside_the_value(data: ReportData, tmp_path: Pat
     assert f"{len(others)} of {len(data.measured)} unknowns measured." in page.text
     page = page_of(replace(data, status="failed", measured=(mass,)), tmp_path)
     assert "1 of 2 unknowns measured." in page.text, "the plan is for two"
+
+
+def test_where_things_stand_is_told_by_sight_touch_and_both(
+    data: ReportData, tmp_path: Path
+) -> None:
+    seen = Belief.of(Pose.of((0.5, 0.1, 0.4)), 1e-5 * np.eye(6))
+    felt = seen.touched("probe", np.array([1.0, 0.0, 0.0]), np.array([0.47, 0.1, 0.4]), 0.002)
+    off = seen.touched("probe", np.array([1.0, 0.0, 0.0]), np.array([0.47, 0.1, 0.4]), 0.02)
+    rows = tuple(pose_rows({"<cup>": seen, "box": felt, "tin": off}))
+    page = page_of(replace(data, status="failed", poses=rows), tmp_path)
+    assert "x 500.0 ± 3.2, y 100.0 ± 3.2" in page.text
+    assert "probe: +2.0 ± 1.0 mm along +x" in page.text
+    assert "x 501.8 ± 1.0" in page.text
+    assert page.text.count("standard deviations: it does not stand there") == 1
+    assert "; tin not where it was seen." in page.text
+    assert "Where things stand" not in page_of(data, tmp_path).text
 
 
 def test_a_real_robot_has_no_truth(data: ReportData, tmp_path: Path) -> None:

@@ -8,17 +8,20 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from palpate import __version__
 from palpate.estimation.agreement import FitTest
 from palpate.estimation.estimate import Estimate, Part, Shared, not_identified
 from palpate.execution.rehearsal import Rehearsal
+from palpate.geometry.belief import Belief
+from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
 from palpate.planning.check.check import Finding
 from palpate.planning.plan import Node, Plan
-from palpate.runs.read import estimate_from
-from palpate.runs.result import parameter_json, result_json
+from palpate.runs.read import belief_from, estimate_from
+from palpate.runs.result import belief_json, parameter_json, result_json
 from palpate.runs.run import Ending, Run, Status
 from palpate.scene.load import parse_scene
 from palpate.settings import Settings
@@ -135,6 +138,24 @@ def test_a_rejection_has_no_execution_and_no_twin(tmp_path: Path) -> None:
         {"path": "tree.children[0]", "rule": "unreachable", "message": "it is out of reach"}
     ]
     assert set(found["files"]) == {"request", "plan", "report"}
+
+
+def test_a_pose_is_told_by_sight_touch_and_both_and_a_contradiction_is_no_success() -> None:
+    seen = Belief.of(Pose.of((0.5, 0.1, 0.4)), np.diag([1e-5] * 3 + [1e-4] * 3))
+    along = np.array([1.0, 0.0, 0.0])
+    felt = seen.touched("probe", along, np.array([0.47, 0.1, 0.4]), 0.002)
+    found = result(replace(COMPLETE, beliefs={"cup": felt}))
+    assert found["status"] == "complete"
+    (pose,) = found["poses"]
+    assert pose["object"] == "cup"
+    assert pose["touch"][0]["apart"] == 0.002
+    assert 0.0 < pose["both"]["pos"][0] - pose["sight"]["pos"][0] < 0.002
+    assert pose["both"]["covariance"][0][0] < pose["sight"]["covariance"][0][0]
+    assert belief_json("cup", belief_from(pose)) == belief_json("cup", felt)
+    off = seen.touched("probe", along, np.array([0.47, 0.1, 0.4]), 0.02)
+    found = result(replace(COMPLETE, beliefs={"cup": off}))
+    assert found["status"] == "failed"
+    assert "+20.0 ± 1.0 mm along +x" in found["poses"][0]["contradiction"]
 
 
 def test_a_rehearsal_is_told() -> None:

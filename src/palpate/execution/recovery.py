@@ -86,7 +86,7 @@ def recover(
         rest.sort(key=lambda wanted: failures[wanted.object])
         try:
             state = done.final_state
-            around = rearranged(state.scene, state.not_restored())
+            around = rearranged(state.scene, state.elsewhere())
             again = replan(rest, around, f"{plan.planner}, {policy}")
         except Exception as error:
             # A failed planning does not lose the result so far.
@@ -194,9 +194,11 @@ def joined(first: Execution, second: Execution, prefix: str) -> Execution:
         recordings=(*a.recordings, *renamed.values()),
         conversions=(*a.conversions, *conversions),
     )
+    final, before = second.final_state, first.final_state
     return replace(
         second,
         trace=trace,
+        final_state=replace(final, beliefs={**before.beliefs, **final.beliefs}),
         setbacks=(*first.setbacks, *setback),
         actions=first.actions + second.actions,
         robot_seconds=first.robot_seconds + second.robot_seconds,

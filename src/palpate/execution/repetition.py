@@ -118,7 +118,7 @@ def replanned(
     if not efforts:
         return None
     try:
-        around = rearranged(done.final_state.scene, done.final_state.not_restored())
+        around = rearranged(done.final_state.scene, done.final_state.elsewhere())
         made = assemble(around, efforts, None, efforts, mirrored)
         if made.tree is None:
             return None

@@ -190,6 +190,8 @@ class Body:
         assumed: quantity ids MuJoCo would infer (com, inertia from uniform density).
         carries: names of the objects that rest on a surface.
         accuracy: standard deviation of its believed position, m; None where not stated.
+        covariance: (6, 6) of its believed pose, position, m, and rotation, rad, along the world's axes; None
+            where not stated.
         tipped: motion in the world by which it comes to rest on its support, where its pose in the
             scene is not stable.
         seen: True if its shape was fitted to a picture, and is as uncertain as its position.
@@ -207,6 +209,7 @@ class Body:
     assumed: frozenset[str] = frozenset()
     carries: tuple[str, ...] = ()
     accuracy: float | None = None
+    covariance: Array | None = None
     tipped: Pose = field(default_factory=lambda: Pose.of([0.0, 0.0, 0.0]))
     seen: bool = False
     joint: Joint | None = None

@@ -16,6 +16,7 @@ from palpate.parameter import Parameter
 from palpate.pictures.renderer import gl_available
 from palpate.planning.plan import Plan
 from palpate.quantities.catalogue import catalogue
+from palpate.report.seen import PoseRow, pose_rows
 from palpate.robots.simulated.noise.models import noise_models
 from palpate.runs.answer import answer
 from palpate.runs.prove import read_proof
@@ -64,6 +65,7 @@ class ReportData:
         plan: with `tree` None when the request was rejected.
         world: where it ran, in words.
         parameters: known and missing quantities of the scene.
+        poses: of objects, by sight and touch.
         measured: the estimates.
         findings: why the plan did not pass the check, one line each.
         trace: None when nothing was executed.
@@ -94,6 +96,7 @@ class ReportData:
     plan: Plan
     world: str
     parameters: tuple[ParameterRow, ...] = ()
+    poses: tuple[PoseRow, ...] = ()
     measured: tuple[Measured, ...] = ()
     findings: tuple[str, ...] = ()
     trace: Trace | None = None
@@ -134,6 +137,7 @@ def report_data(run: Run, pictures: Pictures, scratch: Path, place: Path) -> Rep
         plan=run.plan,
         world=run.world or "nothing was moved",
         parameters=tuple(parameter_rows(run)),
+        poses=tuple(pose_rows(run.beliefs)),
         measured=tuple(Measured(e, run.truth.get(e.parameter)) for e in run.estimates),
         findings=tuple(f"{f.path}: {f.message}" for f in run.findings),
         trace=run.trace_if_any,

@@ -112,7 +112,9 @@ def verdict_sentence(data: ReportData) -> str:
         if m.estimate.identified and m.estimate.unseen
     ]
     but = f", but for {', '.join(blind)}" if blind else ""
-    return f"{found} of {wanted} {unknowns} measured{but}."
+    elsewhere = [row.object for row in data.poses if row.contradiction]
+    not_there = f"; {', '.join(elsewhere)} not where it was seen" if elsewhere else ""
+    return f"{found} of {wanted} {unknowns} measured{but}{not_there}."
 
 
 def picture_uris(data: ReportData) -> dict[str, Any]:

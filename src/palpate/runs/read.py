@@ -14,7 +14,8 @@ from palpate import __version__
 from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate, Part, Shared
 from palpate.execution.stop import Held
-from palpate.geometry.pose import Array
+from palpate.geometry.belief import Belief, Touch
+from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.document import read_text
 from palpate.parameter import Parameter
 from palpate.planning.check.check import Finding
@@ -100,6 +101,7 @@ def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
         world=result["provenance"]["world"],
         simulated=result.get("simulated", settings.robot is None),
         execution=_ending(result["execution"]),
+        beliefs={row["object"]: belief_from(row) for row in result.get("poses", ())},
         estimates=estimates,
         truth=_truth(result["parameters"]),
         held_out=held_out_from(result.get("validation", {}).get("held_out")),
@@ -190,6 +192,24 @@ def estimate_from(row: Mapping[str, Any]) -> Estimate:
         shared=tuple(_shared(one) for one in row.get("shared", ())),
         freedom=_limitless(row.get("freedom")),
         unseen=_unseen(row),
+    )
+
+
+def belief_from(row: Mapping[str, Any]) -> Belief:
+    """Read the output of `belief_json`."""
+    sight, both, stood = row["sight"], row["both"], row["stood"]
+    touches: list[Touch] = []
+    for touch in row["touch"]:
+        numbers = (touch[name] for name in ("apart", "std", "believed_std"))
+        along, point = tuple(touch["along"]), tuple(touch["point"])
+        touches.append(Touch(touch["means"], along, point, *numbers))
+    return Belief(
+        Pose.of(sight["pos"], sight["quat"]),
+        _numbers(sight["covariance"]),
+        Pose.of(stood["pos"], stood["quat"]),
+        Pose.of(both["pos"], both["quat"]),
+        _numbers(both["covariance"]),
+        tuple(touches),
     )
 
 

@@ -15,6 +15,8 @@ from palpate.runs.held_out import held_out_json
 from palpate.runs.reproduce import POSES
 
 if TYPE_CHECKING:
+    from palpate.geometry.belief import Belief
+    from palpate.geometry.pose import Array, Pose
     from palpate.runs.run import Run
     from palpate.twin.twin import Twin
     from palpate.twin.validate import Residual, Validation
@@ -39,6 +41,7 @@ def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
         "answer": answer(run),
         **proposal_json(run.plan),
         "parameters": [_parameter_json(run, estimate) for estimate in run.estimates],
+        "poses": [belief_json(name, belief) for name, belief in run.beliefs.items()],
         "plan": _plan_json(run),
         "rehearsal": run.rehearsal.figures() if run.rehearsal else None,
         "execution": _execution_json(run),
@@ -128,6 +131,32 @@ def parameter_json(estimate: Estimate) -> dict[str, Any]:
         "shared": [asdict(one) | {"effect": list(one.effect)} for one in estimate.shared],
         "freedom": estimate.freedom if math.isfinite(estimate.freedom) else None,
         "evidence": [asdict(recording) for recording in estimate.evidence],
+    }
+
+
+def belief_json(name: str, belief: Belief) -> dict[str, Any]:
+    """Pose of an object by sight, by touch and by both."""
+    touches: list[dict[str, Any]] = []
+    for touch in belief.touches:
+        touches.append(asdict(touch) | {"z": touch.z, "contradicts": touch.contradicts})
+    return {
+        "object": name,
+        "sight": _pose_json(belief.seen, belief.seen_covariance),
+        "touch": touches,
+        "both": _pose_json(belief.pose, belief.covariance),
+        "stood": {
+            "pos": belief.placed.position.tolist(),
+            "quat": belief.placed.quaternion.tolist(),
+        },
+        "contradiction": belief.contradiction or None,
+    }
+
+
+def _pose_json(pose: Pose, covariance: Array) -> dict[str, Any]:
+    return {
+        "pos": pose.position.tolist(),
+        "quat": pose.quaternion.tolist(),
+        "covariance": covariance.tolist(),
     }
 
 

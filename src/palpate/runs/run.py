@@ -24,6 +24,7 @@ from palpate.twin.twin import Twin
 if TYPE_CHECKING:
     from palpate.execution.rehearsal import Rehearsal
     from palpate.execution.runner import Execution
+    from palpate.geometry.belief import Belief
     from palpate.geometry.pose import Array
     from palpate.pictures.film import Footage
     from palpate.planning.model.conversation import Conversation
@@ -90,6 +91,7 @@ class Run:
         simulated: no real robot moved.
         execution: course and end of the execution.
         final_state: symbolic state of the cell after the execution.
+        beliefs: poses of the objects by sight and touch, where something says how sure they are.
         recorded: the trace, unless it is in the folder (see `trace_if_any`).
         footage: frames of the cell's camera.
         black_box: every cycle of a real robot's last seconds before a stop, by signal; `cycles.npz`
@@ -118,6 +120,7 @@ class Run:
     simulated: bool = True
     execution: Ending | None = None
     final_state: SymbolicState | None = None
+    beliefs: Mapping[str, Belief] = field(default_factory=dict[str, "Belief"])
     recorded: Trace | None = None
     footage: Footage | None = None
     black_box: Mapping[str, Array] | None = None
@@ -142,7 +145,7 @@ class Run:
     @property
     def status(self) -> Status:
         """`complete` if every parameter of the plan is identified and written to the twin, or nothing is
-        missing; `running` before the last stage."""
+        missing, and touch contradicts no pose; `running` before the last stage."""
         if self.interrupted is not None:
             return "aborted"
         if self.stage is not None:
@@ -154,7 +157,8 @@ class Run:
         found = {estimate.parameter for estimate in self.estimates if self.suffices(estimate)}
         if self.finished is not None:
             found -= set(self.finished.unwritten)
-        if found >= set(self.plan.parameters):
+        contradicted = any(belief.contradiction for belief in self.beliefs.values())
+        if found >= set(self.plan.parameters) and not contradicted:
             return "complete"
         return "failed"
 

@@ -101,7 +101,13 @@ def raised(scene: Scene, surface: str, top: float) -> Scene:
             tipped=up @ body.tipped @ up.inverse(),
             known=known,
         )
-    symbols = scene.symbols.raised(rises, dict(_places(scene, rises)))
+    places = dict(_places(scene, rises))
+
+    def lifted(name: str, pose: Pose) -> Pose:
+        of_subject = rises.get(scene.symbols.subjects.get(name, ""), 0.0)
+        return pose.translated((0.0, 0.0, places.get(name, of_subject)))
+
+    symbols = scene.symbols.moved(lifted)
     whole = dict(scene.rises)  # a surface may be measured more than once
     for name, rise in rises.items():
         whole[name] = whole.get(name, 0.0) + rise

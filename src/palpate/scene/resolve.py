@@ -11,8 +11,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import mujoco
+import numpy as np
 
 from palpate.errors import InputError
+from palpate.geometry.pose import Array
 from palpate.geometry.standing import tipped
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.compile import compile_spec, model_tree
@@ -24,7 +26,7 @@ from palpate.parameter import Parameter
 from palpate.quantities.catalogue import Catalogue
 from palpate.quantities.quantity import Prior, Status, Values
 from palpate.scene.describe import Description, describe
-from palpate.scene.poses import Poses
+from palpate.scene.poses import ObjectEntry, Poses
 from palpate.scene.words import thing_words
 
 SHAPELESS = frozenset(
@@ -143,9 +145,17 @@ class ResolvedScene:
             missing=frozenset(others["missing"]),
             assumed=frozenset(others["assumed"]),
             accuracy=(entry.accuracy if entry is not None else None) or self.poses.accuracy,
+            covariance=None if entry is None else _covariance(entry),
             seen=entry is not None and entry.is_unsure,
             joint=body.joint,
         )
+
+
+def _covariance(entry: ObjectEntry) -> Array | None:
+    """(6, 6) covariance that an entry of poses.yaml states; its `std` is of the position alone."""
+    if entry.covariance is not None:
+        return np.array(entry.covariance)
+    return None if entry.std is None else np.diag([entry.std**2] * 3 + [0.0] * 3)
 
 
 def resolve(document: Document, poses: Poses, catalogue: Catalogue) -> ResolvedScene:

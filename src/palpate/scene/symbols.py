@@ -221,25 +221,20 @@ class Symbols:
             raise unknown_name("offset", name, [*self.offsets, *own], f"It is used with '{pose}'.")
         return self.offsets[name]
 
-    def raised(self, rises: Mapping[str, float], places: Mapping[str, float]) -> Symbols:
-        """The symbols with poses raised by `rises`, m by object or surface; `places`, m by pose, are for
-        poses that do not move with their subject."""
-
-        def up(name: str) -> Array:
-            of_subject = rises.get(self.subjects.get(name, ""), 0.0)
-            return np.array([0.0, 0.0, places.get(name, of_subject)])
+    def moved(self, to: Callable[[str, Pose], Pose]) -> Symbols:
+        """The symbols with every pose where `to`, of its name and of the pose, has it."""
 
         def found_later(name: str) -> Pose | None:
-            # Computed in the scene as given, then raised.
+            # Computed in the scene as given, then moved.
             pose = self._later(name)
-            return None if pose is None else pose.translated(up(name))
+            return None if pose is None else to(name, pose)
 
         lines: dict[str, Line] = {}
         for name, line in self.lines.items():
-            lines[name] = replace(line, pose=line.pose.translated(up(name)))
+            lines[name] = replace(line, pose=to(name, line.pose))
         return replace(
             self,
-            poses={name: pose.translated(up(name)) for name, pose in self.poses.items()},
+            poses={name: to(name, pose) for name, pose in self.poses.items()},
             later={name: partial(found_later, name) for name in self.later},
             lines=lines,
         )

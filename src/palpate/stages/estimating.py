@@ -17,9 +17,11 @@ from palpate.estimation.estimate import Estimate
 from palpate.parameter import Parameter
 from palpate.quantities.estimators import estimate_all, failed
 from palpate.runs.run import Run
+from palpate.scene.corrected import corrected
 from palpate.scene.raised import as_measured
 from palpate.scene.scene import Scene
 from palpate.stages.workplace import truths
+from palpate.trace.samples import Trace
 from palpate.twin.held_out.judge import held_out, with_tests
 from palpate.twin.held_out.judged import HeldOut
 
@@ -39,7 +41,7 @@ def estimates(made: Run, cell: Cell | None, callbacks: RunCallbacks = SILENT) ->
     trace = made.trace_if_any
     # Keep the trace, so that it is read from its file once and not for every estimate.
     made = replace(made, estimates=(), held_out=None, recorded=trace)
-    scene = made.scene if trace is None else as_measured(made.scene, trace)
+    scene = made.scene if trace is None else _as_felt(made, trace)
     for found in shared_out(partial(_estimated, made, scene), made.plan.parameters):
         made = replace(made, estimates=(*made.estimates, found))
         yield made
@@ -49,6 +51,15 @@ def estimates(made: Run, cell: Cell | None, callbacks: RunCallbacks = SILENT) ->
     # The truth is asked for when the estimates are final, never before.
     if cell is not None:
         yield replace(made, truth=truths(made, cell))
+
+
+def _as_felt(made: Run, trace: Trace) -> Scene:
+    """The run's scene with its surfaces as measured, and its objects where touch found them."""
+    scene = as_measured(made.scene, trace)
+    for name, belief in made.beliefs.items():
+        if belief.touches and name in scene.bodies:
+            scene = corrected(scene, name, belief.placed @ belief.seen.inverse())
+    return scene
 
 
 def _estimated(made: Run, scene: Scene, parameter: Parameter) -> Estimate:
@@ -84,7 +95,7 @@ def reestimate(made: Run, choice: Mapping[str, str] | None = None) -> Run:
         raise InputError(
             f"the run's scene, '{file}', is missing: put it back there to make estimates again"
         )
-    scene = as_measured(made.scene, trace)
+    scene = _as_felt(made, trace)
     recorded = [one.parameter for one in made.estimates] if made.is_recorded else ()
     found = estimate_all(recorded or made.plan.parameters, trace, scene.bodies, choice or {})
     annotated = tuple(_annotated(made, estimate) for estimate in found)
@@ -102,7 +113,7 @@ def with_views(made: Run) -> Run:
         return made
     with suppress(PalpateError):
         wanted = [one.parameter for one in made.estimates]
-        found = estimate_all(wanted, trace, as_measured(made.scene, trace).bodies)
+        found = estimate_all(wanted, trace, _as_felt(made, trace).bodies)
         same = [
             replace(one, views=again.views) if np.array_equal(one.values, again.values) else one
             for one, again in zip(made.estimates, found, strict=True)

@@ -54,6 +54,7 @@ def execute(
         simulated=cell.simulated,
         execution=replace(ending, setbacks=(*before, *ending.setbacks)),
         final_state=done.final_state,
+        beliefs=done.final_state.seen,
         recorded=done.trace,
         black_box=robot.black_box() if isinstance(robot, Remembering) else None,
         footage=footage_of(cell),

@@ -68,6 +68,8 @@ friction."""
 CONTACT_TORQUE = 3.0  # N m, likewise
 PROBE_TRAVEL = 0.30  # m
 
+SEARCHED = 3.0 * FINEST
+"""m from where a probe is believed to end, a little before the contact, in which that is found exactly."""
 TOUCHES = 0.0003  # m of distance up to which parts are in contact
 
 AXES: dict[str, tuple[float, float, float]] = {
@@ -156,9 +158,21 @@ class MoveUntilContact(Primitive):
         # The contact is where the arm is, not where it was believed to be.
         there = replace(after, pose_world_tcp=robot.pose_world_tcp)
         if after.contact is None or not is_open(after.scene, after.contact):
-            return there
+            return self._corrected(after, there)
         top = float(robot.pose_world_tcp.position[2]) - after.scene.arm.tip
         return there.raised(after.contact, top)
+
+    def _corrected(self, believed: SymbolicState, there: SymbolicState) -> SymbolicState:
+        """State `there`, with what was `believed` to be met where it was met. One of unsure size is left: its faces
+        tell that."""
+        first = touch(believed, self.direction, SEARCHED)
+        body = None if first is None else there.scene.bodies.get(first[0].other.owner)
+        if first is None or body is None or body.seen or "size" in body.missing:
+            return there
+        hit, _ = first
+        left = hit.share * SEARCHED + hit.distance
+        apart = float(self.direction @ (there.tcp.position - believed.tcp.position)) - left
+        return there.touched(body.name, "probe", self.direction, np.array(hit.where), apart)
 
     def expectation(self, state: SymbolicState) -> Expectation:
         return Expectation(contact=True, holding=state.holding is not None)

@@ -7,6 +7,9 @@ from collections.abc import Generator, Iterator
 from dataclasses import replace
 from typing import ClassVar
 
+import numpy as np
+
+from palpate.robots.robot import RobotState
 from palpate.robots.safety import Expectation
 from palpate.vocabulary.admissible.collision import finger_collisions
 from palpate.vocabulary.admissible.grasp import ungraspable
@@ -144,6 +147,22 @@ class CloseGripper(Primitive):
             activity="contact",
             contact=None,
         )
+
+    def observed(self, after: SymbolicState, robot: RobotState) -> SymbolicState:
+        """Fingers that have closed on a thing have its middle between them."""
+        name, tool = after.holding, after.pose_world_tcp
+        if name is None or tool is None or after.pose_tcp_object is None:
+            return after
+        body = after.scene.body(name)
+        held = None if after.belief_of(name) is None else after.grip_of(body, tool)
+        if held is None:
+            return after
+        aside = np.array([0.0, held.aside, 0.0])
+        middle, along = tool.apply(aside), tool.rotation[:, 1]
+        apart = float(along @ (robot.pose_world_tcp.position - middle))
+        free = (after.scene.arm.hand.opening - held.width) / 2.0
+        centred = replace(after, pose_tcp_object=after.pose_tcp_object.translated(-aside))
+        return centred.touched(name, "fingers", along, middle, apart, pushed=free)
 
     def expectation(self, state: SymbolicState) -> Expectation:
         return Expectation(contact=True)

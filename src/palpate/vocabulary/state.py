@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
 
 import numpy as np
 
+from palpate.geometry.belief import Belief, Means
 from palpate.geometry.pose import Array, Pose, digits
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
 from palpate.robots.kinematics import forward_kinematics
+from palpate.scene.corrected import corrected
 from palpate.scene.raised import learned, moves, raised, risen
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Activity, Context
@@ -59,6 +61,7 @@ class SymbolicState:
         reaches: whether the arm reaches a pose of the TCP (world); None for its own inverse
             kinematics.
         bound: m along its line, of every pose bound in the run (`Symbols.lines`).
+        beliefs: poses that touch has corrected, by body.
     """
 
     scene: Scene
@@ -78,6 +81,7 @@ class SymbolicState:
     converted: frozenset[Parameter] = frozenset()
     reaches: Callable[[Pose], bool] | None = None
     bound: Mapping[str, float] = field(default_factory=dict[str, float])
+    beliefs: Mapping[str, Belief] = field(default_factory=dict[str, Belief])
     _next: dict[int, tuple[Primitive, SymbolicState]] = field(
         default_factory=dict[int, "tuple[Primitive, SymbolicState]"],
         init=False,
@@ -150,6 +154,30 @@ class SymbolicState:
         if moves(self.scene, parameter):
             return self.raised(parameter.object, value[0])
         return replace(self, scene=learned(self.scene, parameter, value))
+
+    def belief_of(self, name: str) -> Belief | None:
+        """Belief in the pose of a body, where it is now; None where nothing says how sure its pose is."""
+        known, covariance = self.beliefs.get(name), self.scene.body(name).covariance
+        if known is None and covariance is not None:
+            seen = (self.scene.as_given or self.scene).body(name)
+            known = Belief.of(seen.pose_world, covariance)
+        return None if known is None else known.at(self.pose_of(name))
+
+    def touched(
+        self, name: str, means: Means, along: Array, point: Array, apart: float, pushed: float = 0.0
+    ) -> SymbolicState:
+        """State once a body was touched, see `Belief.touched`: what is not held stands where it is believed now, and
+        with it the poses that belong to it."""
+        before = self.belief_of(name)
+        if before is None:
+            return self
+        after = before.touched(means, along, point, apart, pushed)
+        state = replace(self, beliefs={**self.beliefs, name: after})
+        if name == self.holding:
+            return state
+        moved = {one: after.pose if one == name else pose for one, pose in self.moved.items()}
+        step = after.placed @ before.placed.inverse()
+        return replace(state, scene=corrected(self.scene, name, step), moved=moved)
 
     @property
     def tcp(self) -> Pose:
@@ -263,6 +291,17 @@ class SymbolicState:
     def top_of(self, body: Body) -> float:
         """World z, m, of the top of an object or surface."""
         return body.top_z(self.pose_of(body.name))
+
+    @property
+    def seen(self) -> dict[str, Belief]:
+        """Belief in the pose of every object of which something says how sure it is."""
+        found = {name: self.belief_of(name) for name in self.scene.objects}
+        return {name: belief for name, belief in found.items() if belief is not None}
+
+    def elsewhere(self) -> dict[str, Pose]:
+        """Poses of the objects that do not stand where the scene as given has them."""
+        felt = {n: self.pose_of(n) for n, one in self.beliefs.items() if one.placed is not one.seen}
+        return felt | self.not_restored()
 
     def not_restored(self) -> dict[str, Pose]:
         """Objects away from where the scene has them, with their poses."""

@@ -256,6 +256,9 @@ def _show_measured(run: Run) -> None:
     for estimate in run.estimates:
         _show_precision(run, estimate)
     _show_held_out(run)
+    for name, belief in run.beliefs.items():
+        if belief.contradiction:
+            out.prose(f"[bold red]contradicted[/] pose of {escape(name)}: {belief.contradiction}")
 
 
 def _show_held_out(run: Run) -> None:
