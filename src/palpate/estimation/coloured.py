@@ -154,7 +154,9 @@ def _inverse(covariance: Array, rows: Array) -> tuple[float, Array]:
     """Logarithm of the likelihood of `rows`, and the inverse of their covariance."""
     from scipy.linalg.lapack import dpotrf, dpotri
 
+    # Both are zero above the diagonal.
     root = dpotrf(covariance, lower=True)[0]
-    lower = np.tril(dpotri(root, lower=True)[0])
-    inverse: Array = lower + np.tril(lower, -1).T
+    inverse: Array = dpotri(root, lower=True)[0]
+    inverse += inverse.T
+    inverse[np.diag_indices_from(inverse)] *= 0.5
     return -0.5 * float(rows @ inverse @ rows) - float(np.log(np.diag(root)).sum()), inverse
