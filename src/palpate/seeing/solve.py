@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
@@ -111,6 +110,8 @@ class _Fit:
 
     def run(self) -> float:
         """Fit, then estimate the noise; return the loss, with the noise before."""
+        from scipy.optimize import least_squares
+
         found = least_squares(
             self.residuals, self.at, loss="soft_l1", f_scale=3.0, x_scale="jac", max_nfev=100
         )

@@ -15,7 +15,7 @@ from palpate.robots.simulated.impedance import Gains
 from palpate.robots.simulated.noise.disturbances import Motion
 from palpate.robots.simulated.noise.line import Stamps
 from palpate.robots.simulated.noise.sensors import Encoders, Sensors
-from palpate.robots.simulated.timing import DAMPING_DELAY, LONGEST_RUN, PERIOD, SPRING_DELAY
+from palpate.robots.simulated.timing import LONGEST_RUN, PERIOD, TIMESTEP
 from palpate.robots.simulated.world import Steps
 from palpate.trace.samples import Samples
 
@@ -79,11 +79,12 @@ class Readout:
         q: Array,
         torque: Array,
         gains: Array,
+        step: float,
     ) -> None:
         """Zero the sensors at rest at `q` (7,), rad, held up by `torque` (7,), N m; `gains` (7,) are
-        measured relative errors of the sensors, which are corrected."""
+        measured relative errors of the sensors, which are corrected. The physics' steps last `step` s."""
         self._nominal, self._sensors, self._encoders = nominal, sensors, encoders
-        self._stamps = stamps
+        self._stamps, self._step = stamps, step
         self._armature = nominal.armature
         reported = encoders.reported(q[None], torque[None])
         here = nominal.kinematics(reported)
@@ -236,11 +237,11 @@ class Readout:
         own inertia.
 
         The torque is sampled at the beginning of a cycle's last physics step. The integrator is
-        implicit in the dampers: on average they act with the arm's speed `DAMPING_DELAY` after that.
-        Springs act in every physics step with the arm's position then: on average, `SPRING_DELAY`
-        before.
+        implicit in the dampers: on average they act with the arm's speed half a step after that.
+        Springs act in every physics step with the arm's position then: on average, half of the other
+        steps before.
         """
         speed = steps.dq - gained / 2.0
-        early = gains.on(speed, gains.stiffness * SPRING_DELAY, self.jacobian)
-        late = gains.on(gained, gains.damping * DAMPING_DELAY, self.jacobian)
+        early = gains.on(speed, gains.stiffness * (TIMESTEP - self._step) / 2, self.jacobian)
+        late = gains.on(gained, gains.damping * self._step / 2, self.jacobian)
         return steps.torque + early - (late + gained * self._armature) / PERIOD

@@ -35,7 +35,7 @@ from palpate.robots.simulated.setpoints import (
     joint_setpoints,
     pose_setpoints,
 )
-from palpate.robots.simulated.timing import BLOCK, DAMPING_DELAY, LONGEST_RUN, PERIOD, TIMESTEP
+from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, PERIOD, SUBSTEPS, TIMESTEP
 from palpate.robots.simulated.world import World
 from palpate.robots.trajectory import Motion, Path, PosePath, Stretch, still
 from palpate.trace.samples import Samples
@@ -64,6 +64,7 @@ class MujocoRobot(Commanded):
         stands: Pose | None = None,
         gravity: Array | None = None,
         visit: int = 0,
+        substeps: int = SUBSTEPS,
     ) -> None:
         """Put the true `arm` of the noise model into `world`, which is changed.
 
@@ -74,6 +75,7 @@ class MujocoRobot(Commanded):
             gravity: (3,) m/s^2, stated gravity; the world's, by default. A value measured with the
                 arm has precedence.
             visit: number of the robot's run, which seeds all errors that differ from run to run.
+            substeps: physics steps in a control cycle of 1 ms.
 
         Raises:
             InputError: no such noise model, or the world does not compile with the robot in it.
@@ -85,7 +87,7 @@ class MujocoRobot(Commanded):
             assumed = np.array([0.0, 0.0, -arm.gravity])
         nominal = NominalArm(arm, arm.stands(pose_world_base), assumed)
         super().__init__(arm, nominal, float(-assumed[2]))
-        self._world = World(world, stands or pose_world_base, unmeasured(arm), truth)
+        self._world = World(world, stands or pose_world_base, unmeasured(arm), truth, substeps)
         self._sensors = Sensors(model, arm.limits.tau_max, streams)
         self._encoders = Encoders(model, self._sensors.rests, streams)
         self._stamps = Stamps(model.acquisition, streams)
@@ -105,6 +107,7 @@ class MujocoRobot(Commanded):
             q=arm.home,
             torque=self._world.true_gravity_torque(),
             gains=np.zeros(7) if config.torque_gain is None else config.torque_gain.value,
+            step=TIMESTEP / substeps,
         )
         # The controller compensates the measured arm, MuJoCo the described one.
         measured = config.gravity or config.end_effector or config.base_lean
@@ -309,7 +312,8 @@ class MujocoRobot(Commanded):
             thresholds=None if self._yielding else thresholds,
             reaction=reaction,
             jacobian=jacobian,
-            inertia=mass_matrix + DAMPING_DELAY * damping,
+            # A torque is sampled at the beginning of a cycle's last physics step, dampers act at the end of each.
+            inertia=mass_matrix + self._world.model.opt.timestep / 2 * damping,
             dq=readout.speed,
             deviation=self._sensors.looks(cycles) + known,
         )

@@ -77,14 +77,16 @@ class World:
         pose_world_base: Pose,
         arm: RobotDescription,
         truth: Truth,
+        substeps: int = SUBSTEPS,
     ) -> None:
-        """Put the true arm into `spec`, which is changed, at its stated place `pose_world_base`.
+        """Put the true arm into `spec`, which is changed, at its stated place `pose_world_base`; with
+        `substeps` physics steps in a control cycle.
 
         Raises:
             InputError: it does not compile, or lacks physics that weighing and touching need.
         """
-        self._arm = arm
-        self.model = compile_world(spec, pose_world_base, arm, truth)
+        self._arm, self._substeps = arm, substeps
+        self.model = compile_world(spec, pose_world_base, arm, truth, substeps)
         self._data = mujoco.MjData(self.model)
         joints = [self.model.joint(PREFIX + name) for name in arm.joints]
         self._q, self._v = run_of(joints[0].qposadr[0], 7), run_of(joints[0].dofadr[0], 7)
@@ -99,7 +101,7 @@ class World:
         self._dq = self._data.qvel[self._v]
         self._sensors = run_of(self.model.sensor(MOTOR.format(1)).adr[0], SENSED)
         self._rollout = Rollout(nthread=0)
-        steps = LONGEST_RUN * BLOCK * SUBSTEPS
+        steps = LONGEST_RUN * BLOCK * substeps
         self._states = np.empty((1, steps, mujoco.mj_stateSize(self.model, PHYSICS)))
         self._signals = np.empty((1, steps, self.model.nsensordata))
         self._at, self._warm = np.empty_like(self._states[:, 0]), np.empty((1, self.model.nv))
@@ -128,9 +130,7 @@ class World:
                 self.actuators.set(guard.reaction.gains)
                 count = (fired // BLOCK + 1) * BLOCK
                 self._cycle(control, fired + 1, count, guard.reaction)
-        blocks = self._states[
-            0, BLOCK * SUBSTEPS - 1 : count * SUBSTEPS : BLOCK * SUBSTEPS, 1:
-        ].copy()
+        blocks = self._states[0, self._ends(count, BLOCK), 1:].copy()
         qvel = blocks[:, self.model.nq :]
         self._film(blocks[:, : self.model.nq])
         self.t = round(self.t + count * TIMESTEP, 9)
@@ -150,9 +150,14 @@ class World:
             finger_speed=qvel[:, self._finger_v],
         )
 
+    def _ends(self, count: int, every: int = 1) -> slice:
+        """Return the rows of the physics steps that end each cycle of `count`, or `every` so many."""
+        length = every * self._substeps
+        return slice(length - 1, count * self._substeps, length)
+
     def _sensed(self, count: int) -> Array:
         """Return the sensors' values (count, SENSED) at the end of each cycle."""
-        return self._signals[0, SUBSTEPS - 1 : count * SUBSTEPS : SUBSTEPS, self._sensors]
+        return self._signals[0, self._ends(count), self._sensors]
 
     def _all_at_once(self, control: Array, guard: Guard) -> int | None:
         """Step all cycles before the guard observes them, which is faster than one by one; return
@@ -163,8 +168,7 @@ class World:
         # The weight that the motors hold is the nominal arm's, followed from end to end of the run.
         share = np.arange(1.0, count + 1)[:, None] / count
         weight = before + share * (self.compensation - before)
-        ends = slice(SUBSTEPS - 1, count * SUBSTEPS, SUBSTEPS)
-        rates = self._states[0, ends, 1 + self.model.nq :][:, self._v].copy()
+        rates = self._states[0, self._ends(count), 1 + self.model.nq :][:, self._v].copy()
         fired = guard.observe(self._sensed(count)[:, :7] - weight, rates)
         if fired is not None:
             mujoco.mj_copyData(self._data, self.model, self._before)
@@ -183,9 +187,9 @@ class World:
     def _roll(self, control: Array) -> None:
         """Step all cycles in one call, or block by block where friction changes."""
         model, data = self.model, self._data
-        control = np.repeat(control, SUBSTEPS, axis=0)[None]
+        control = np.repeat(control, self._substeps, axis=0)[None]
         count = control.shape[1]
-        length = BLOCK * SUBSTEPS if self._stiction else count
+        length = BLOCK * self._substeps if self._stiction else count
         for first in range(0, count, length):
             for stiction in self._stiction:
                 stiction.apply(model, data)
@@ -216,17 +220,17 @@ class World:
             data.ctrl[:] = control[i]
             if reaction is not None:
                 data.ctrl[self.actuators.drives] = reaction.torque(self._dq)
-            self._substeps()
-            row = (i + 1) * SUBSTEPS - 1
+            self._step_once()
+            row = (i + 1) * self._substeps - 1
             mujoco.mj_getState(self.model, data, self._states[0, row], PHYSICS)
             self._signals[0, row] = data.sensordata
 
-    def _substeps(self) -> None:
+    def _step_once(self) -> None:
         """Step one control cycle, calling `watch` after each physics step."""
         if self.watch is None:
-            mujoco.mj_step(self.model, self._data, nstep=SUBSTEPS)
+            mujoco.mj_step(self.model, self._data, nstep=self._substeps)
             return
-        for _ in range(SUBSTEPS):
+        for _ in range(self._substeps):
             mujoco.mj_step(self.model, self._data)
             self.watch(self._data)
 
@@ -303,8 +307,9 @@ def compile_world(
     pose_world_base: Pose,
     arm: RobotDescription,
     truth: Truth,
+    substeps: int,
 ) -> mujoco.MjModel:
-    """Compile the world with the true robot in it.
+    """Compile the world with the true robot in it, with `substeps` physics steps in a control cycle.
 
     Raises:
         InputError: it does not compile, or lacks physics that weighing and touching need.
@@ -316,7 +321,7 @@ def compile_world(
     add_drive(robot, arm.hand)
     truth.build(robot, arm)
     round_fingers(robot, arm.hand)
-    spec.option.timestep = TIMESTEP / SUBSTEPS
+    spec.option.timestep = TIMESTEP / substeps
     spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
     spec.option.sleep_tolerance = ASLEEP
     spec.option.gravity = truth.gravity(spec.option.gravity)
