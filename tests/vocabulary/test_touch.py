@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from palpate.geometry.pose import Pose
+from palpate.trace.samples import Samples
 from palpate.vocabulary.touch import CREEPING, DRIFT_MOST, FreeAir, settle
 
 DOWN = np.array([0.0, 0.0, -1.0])
@@ -69,8 +70,10 @@ def test_contact_as_an_arm_sets_out_is_no_free_air() -> None:
 def test_an_arm_whose_elbow_still_creeps_has_not_settled() -> None:
     """Its TCP rests long before the joints of a folded arm do."""
     state = SimpleNamespace(t=0.0, twist=np.zeros(6), dq=np.zeros(7))
+    arm = SimpleNamespace(state=state)
+    blackboard = SimpleNamespace(robot=arm, recorder=SimpleNamespace(newest=Samples.empty()))
     resting = 0.0
-    for _ in settle(SimpleNamespace(robot=SimpleNamespace(state=state)), dwell=0.1):
+    for _ in settle(blackboard, dwell=0.1):
         state.t += TICK
         state.dq[0] = 0.2 * np.exp(-5.0 * state.t)  # critically damped, nearly
         resting += TICK if state.dq[0] < CREEPING else 0.0

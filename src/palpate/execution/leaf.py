@@ -66,7 +66,7 @@ class PrimitiveLeaf(Behaviour):
         recordings = self.blackboard.recorder.recordings
         logged = len(recordings)
         try:
-            next(self._steps)
+            self.blackboard.waits.append(next(self._steps) or 0.0)
         except StopIteration as done:
             self.feedback_message = str(done.value)
             return Status.SUCCESS
@@ -170,10 +170,10 @@ class PrimitiveLeaf(Behaviour):
             while True:
                 self._check()
                 try:
-                    next(steps)
+                    wait = next(steps)
                 except StopIteration as done:
                     return done.value
-                yield
+                yield wait
         finally:
             steps.close()
 

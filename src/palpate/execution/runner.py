@@ -32,6 +32,7 @@ from palpate.vocabulary.state import SymbolicState
 log = logging.getLogger(__name__)
 
 TICK_PERIOD = 0.02  # s of robot time between two ticks
+LONGEST_WAIT = 0.08  # s between two while no leaf needs a look: 1 mm of a probe's way
 MAX_ROBOT_SECONDS = 1800.0  # s of robot time that a whole run may take
 STOP_SECONDS = 2.0  # s of robot time for the arm to come to rest after `hold`
 EASINGS = 8  # Largest number of reductions of a pressing force; each leaves a fraction of it
@@ -335,7 +336,8 @@ class Loop:
         return bool(np.linalg.norm(force) > robot.limits.free_force)
 
     def advance(self) -> None:
-        self.blackboard.robot.advance(self.tick_period)
+        ticks = int(self.blackboard.wait(LONGEST_WAIT) / self.tick_period + 1e-6)
+        self.watched.run_on(max(1, ticks), self.tick_period)
         now = self.blackboard.robot.state.t
         if math.isfinite(now):
             self.now = now

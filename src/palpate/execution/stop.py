@@ -17,7 +17,7 @@ from palpate.geometry.pose import Pose
 from palpate.robots.safety import Expectation
 from palpate.vocabulary.admissible.profile import GUARDED_SPEED, POSE_ERROR
 from palpate.vocabulary.admissible.support import footing, is_as_found, stable
-from palpate.vocabulary.base import ARM, GRIPPER, Blackboard, LeafFailure, Primitive, Steps
+from palpate.vocabulary.base import ARM, GRIPPER, Blackboard, LeafFailure, Primitive, Steps, Wait
 from palpate.vocabulary.gripper import finish_fingers
 from palpate.vocabulary.guarding import DOWN
 from palpate.vocabulary.state import SymbolicState
@@ -103,7 +103,7 @@ class PutDown(Primitive):
         yield from settle(blackboard)
         return f"put {name or 'what was just grasped'} down"
 
-    def _to_support(self, blackboard: Blackboard, name: str) -> Generator[None]:
+    def _to_support(self, blackboard: Blackboard, name: str) -> Wait:
         """Lower the object onto a support; an object that was never lifted is on it."""
         state, held = blackboard.state, held_pose(blackboard)
         # It would stand straight below.
@@ -118,7 +118,7 @@ class PutDown(Primitive):
         if state.lifted or height > AT_GRASP:
             yield from self._lower(blackboard, name, place)
 
-    def _lower(self, blackboard: Blackboard, name: str, place: Pose) -> Generator[None]:
+    def _lower(self, blackboard: Blackboard, name: str, place: Pose) -> Wait:
         """Move down to the support, until it bears the object."""
         robot, filtered, load = blackboard.robot, WrenchFilter(blackboard.robot), blackboard.load
         travel = max(height_above(blackboard, place), 0.0) + EXTRA_TRAVEL
@@ -153,7 +153,7 @@ def unproven(state: SymbolicState, name: str, place: Pose) -> str | None:
     return stable(state, name, place)
 
 
-def is_borne(blackboard: Blackboard) -> Generator[None, None, bool]:
+def is_borne(blackboard: Blackboard) -> Generator[float | None, None, bool]:
     """Wait for `PROVEN` s; False as soon as the support does not bear the object."""
     robot, filtered = blackboard.robot, WrenchFilter(blackboard.robot)
     start = robot.state.t

@@ -162,6 +162,16 @@ class Robot(Protocol):
 
 
 @runtime_checkable
+class RunsOn(Protocol):
+    """A robot whose time passes only as it is asked to, as a simulated one's."""
+
+    def run_on(self, ticks: int, tick: float) -> None:
+        """Let up to `ticks` times `tick` s of robot time pass: less where the commanded motion ends, the
+        arm stops itself, the fingers stop or let go, or something is felt; in whole ticks."""
+        ...
+
+
+@runtime_checkable
 class Recoverable(Protocol):
     """A robot, or its workplace, that needs a person after a stop."""
 

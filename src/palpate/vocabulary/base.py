@@ -33,8 +33,12 @@ from palpate.vocabulary.load import NOTHING, Load
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.violation import Violation
 
-Steps = Generator[None, None, str]
-"""A run: yields once a tick while RUNNING, returns its message on SUCCESS, raises `LeafFailure`."""
+Steps = Generator[float | None, None, str]
+"""A run: yields once a tick while RUNNING, returns its message on SUCCESS, raises `LeafFailure`. It may
+yield the s of robot time for which it needs no look at the robot, unless something happens: the next
+tick may then come so late."""
+Wait = Generator[float | None]
+"""Part of a run that only waits."""
 
 Resource = Literal["arm", "gripper"]
 ARM: frozenset[Resource] = frozenset({"arm"})
@@ -70,9 +74,14 @@ class Surroundings:
 
 
 class Recorder:
-    """Recorder of a running plan, into which the runner drains the robot every tick."""
+    """Recorder of a running plan, into which the runner drains the robot every tick.
+
+    Attributes:
+        newest: samples of the last tick.
+    """
 
     def __init__(self, robot: Robot) -> None:
+        self.newest = Samples.empty()
         self.recordings: list[Recording] = []
         self.conversions: list[Conversion] = []
         self.leaves: list[LeafRun] = []
@@ -82,7 +91,7 @@ class Recorder:
 
     def drain(self) -> Samples:
         """Move the samples that the robot logged since the last call into the record."""
-        samples = self._robot.drain()
+        samples = self.newest = self._robot.drain()
         if len(samples):
             self._parts.append(samples)
         return samples
@@ -125,6 +134,7 @@ class Blackboard:
         failed: a leaf has failed, and no other may move.
         bound: place and source, in words, of every pose bound in this run and not reported yet.
         choice: names of the conversions' estimators by quantity; others are the defaults.
+        waits: s for which each leaf that was ticked needs no look at the robot.
         settled: returns the state after the motion of the leaf at a path, corrected by where things really
             end, and fails the leaf where they did not.
     """
@@ -141,12 +151,18 @@ class Blackboard:
     failed: bool = False
     bound: dict[str, str] = field(default_factory=dict[str, str])
     choice: Mapping[str, str] = field(default_factory=dict[str, str])
+    waits: list[float] = field(default_factory=list[float])
     settled: Settled = as_believed
 
     @property
     def scene(self) -> Scene:
         """Believed scene, at rest."""
         return self.state.scene
+
+    def wait(self, longest: float) -> float:
+        """Take the s, up to `longest`, for which no leaf of the last tick needs a look at the robot."""
+        waits, self.waits = self.waits, []
+        return min(*waits, longest) if waits else 0.0
 
     @property
     def links(self) -> Links:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Annotated, ClassVar, Literal
 
@@ -22,7 +22,15 @@ from palpate.vocabulary.admissible.solids import SIDES, solids
 from palpate.vocabulary.admissible.support import above
 from palpate.vocabulary.admissible.sweep import FINEST, Hit
 from palpate.vocabulary.admissible.unknown_heights import is_unmeasured
-from palpate.vocabulary.base import ARM, Blackboard, LeafFailure, Primitive, Steps, Surroundings
+from palpate.vocabulary.base import (
+    ARM,
+    Blackboard,
+    LeafFailure,
+    Primitive,
+    Steps,
+    Surroundings,
+    Wait,
+)
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.touch import (
     BRIEF,
@@ -185,7 +193,7 @@ class MoveUntilContact(Primitive):
         blackboard.set_reflex(robot.limits.reflexes.probing)
         for speed, travel in self._stages(state, float(start.position[2])):
             robot.move_axis(self.direction, speed, travel)
-            if (yield from guarded(blackboard, lambda: contact.exceeds(threshold))):
+            if (yield from guarded(blackboard, lambda: contact.exceeds(threshold), contact.far)):
                 travelled = robot.state.pose_world_tcp.distance_to(start)
                 firm = self.axis == "-z" and contact.depth() < SOFT_DEPTH
                 yield from settle(blackboard)
@@ -204,7 +212,7 @@ class MoveUntilContact(Primitive):
             "start nearer, or probe another direction"
         )
 
-    def _ease(self, blackboard: Blackboard, contact: _Contact) -> Generator[None]:
+    def _ease(self, blackboard: Blackboard, contact: _Contact) -> Wait:
         """Retreat until the hand presses lightly."""
         robot = blackboard.robot
         for _ in range(EASINGS):
@@ -302,6 +310,10 @@ class _Contact:
         elif self._met is None:
             self._met = self._robot.state.pose_world_tcp
         return along > threshold or float(np.linalg.norm(turning)) > CONTACT_TORQUE
+
+    def far(self) -> bool:
+        """True if nothing is felt, and the arm has set out."""
+        return self._met is None and self._free_air.known
 
     def depth(self) -> float:
         """m of travel since the reaction force exceeded half of `CONTACT_FORCE`."""

@@ -14,7 +14,15 @@ from palpate.robots.safety import Expectation
 from palpate.vocabulary.admissible.collision import finger_collisions
 from palpate.vocabulary.admissible.grasp import ungraspable
 from palpate.vocabulary.admissible.support import above, would_fall
-from palpate.vocabulary.base import GRIPPER, Blackboard, LeafFailure, Primitive, Steps, Surroundings
+from palpate.vocabulary.base import (
+    GRIPPER,
+    Blackboard,
+    LeafFailure,
+    Primitive,
+    Steps,
+    Surroundings,
+    Wait,
+)
 from palpate.vocabulary.load import Load
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.touch import median_wrench
@@ -35,7 +43,7 @@ WIDER = 0.003
 the middle, tilts that much between the pads."""
 
 
-def finish_fingers(blackboard: Blackboard) -> Generator[None]:
+def finish_fingers(blackboard: Blackboard) -> Wait:
     """Wait until the fingers' commanded motion has ended."""
     yield
     while blackboard.robot.state.gripper_moving:
@@ -44,7 +52,7 @@ def finish_fingers(blackboard: Blackboard) -> Generator[None]:
 
 def grip(
     blackboard: Blackboard, missing: str, force: float | None = None
-) -> Generator[None, None, float]:
+) -> Generator[float | None, None, float]:
     """Close the fingers with a force, N, or the full one, and wait until they have settled.
 
     Returns:
@@ -64,7 +72,7 @@ def grip(
     return robot.state.width
 
 
-def _open(blackboard: Blackboard) -> Generator[None]:
+def _open(blackboard: Blackboard) -> Wait:
     blackboard.robot.open_gripper()
     yield from finish_fingers(blackboard)
 
@@ -193,7 +201,9 @@ class CloseGripper(Primitive):
         blackboard.load = replace(blackboard.load, width=width)
         return f"grasped at {1e3 * width:.1f} mm"
 
-    def _close(self, blackboard: Blackboard, force: float | None) -> Generator[None, None, float]:
+    def _close(
+        self, blackboard: Blackboard, force: float | None
+    ) -> Generator[float | None, None, float]:
         """Close with a force, N, or the full one; m between the fingers at rest."""
         missing = f"nothing is between them{_pictured(blackboard.state)}"
         return (yield from grip(blackboard, missing, force))

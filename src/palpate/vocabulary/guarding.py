@@ -13,7 +13,7 @@ from palpate.robots.accuracy import turned_round
 from palpate.robots.reflex import Reflex, Reflexes
 from palpate.vocabulary.admissible.grasp import most_sideways
 from palpate.vocabulary.admissible.profile import GUARDED_SPEED, POSE_ERROR, Span, leaves, speed
-from palpate.vocabulary.base import Blackboard, LeafFailure
+from palpate.vocabulary.base import Blackboard, LeafFailure, Wait
 from palpate.vocabulary.load import BREAKAWAY, ROUGHEST, UNFELT, Load
 from palpate.vocabulary.touch import (
     BRIEF,
@@ -61,16 +61,16 @@ def span_reflex(of: Reflexes, span: Span, holding: str | None, sets_down: bool) 
     return of.carrying if holding else of.free
 
 
-def follow_free(blackboard: Blackboard, span: Span, left: float) -> Generator[None]:
-    """Wait until a motion under way has passed a span with nothing near."""
+def follow_free(blackboard: Blackboard, span: Span, left: float, fastest: float) -> Wait:
+    """Wait until a motion under way, at most `fastest` m/s, has passed a span with nothing near."""
     yield
     while not _passed(blackboard, span, left):
-        yield
+        yield _ahead(blackboard, span) / fastest if left > 0.0 else np.inf
 
 
 def follow_guarded(
     blackboard: Blackboard, span: Span, left: float, sets_down: bool, goal: str
-) -> Generator[None, None, bool]:
+) -> Generator[float | None, None, bool]:
     """Wait until a motion under way has passed a guarded span, which `left` m follow: True when the
     held object is set down on its support, which ends the motion.
 
@@ -104,8 +104,13 @@ def follow_guarded(
 def _passed(blackboard: Blackboard, span: Span, left: float) -> bool:
     """True if a motion has passed a span, or has ended."""
     state = blackboard.robot.state
-    gone = state.target_world_tcp.distance_to(span.start)
-    return not state.moving or (left > 0.0 and gone >= span.start.distance_to(span.end))
+    return not state.moving or (left > 0.0 and _ahead(blackboard, span) <= 0.0)
+
+
+def _ahead(blackboard: Blackboard, span: Span) -> float:
+    """m of a span that a motion has not passed."""
+    gone = blackboard.robot.state.target_world_tcp.distance_to(span.start)
+    return span.start.distance_to(span.end) - gone
 
 
 def _explained(blackboard: Blackboard, change: Array, sets_down: bool, span: Span) -> Array:
@@ -121,7 +126,7 @@ def _explained(blackboard: Blackboard, change: Array, sets_down: bool, span: Spa
     return np.array([0.0, 0.0, min(max(lift, 0.0), heaviest)])
 
 
-def lower(blackboard: Blackboard, goal: str) -> Generator[None]:
+def lower(blackboard: Blackboard, goal: str) -> Wait:
     """Lower a held object until its support bears it: the arm sags, and fingers that press slip. The
     arm's last sag before it rests may relieve the support again, or the friction of a folded arm's
     joints seem to: so repeat, each time with twice the press."""
@@ -139,7 +144,7 @@ def lower(blackboard: Blackboard, goal: str) -> Generator[None]:
             )
 
 
-def _rest(blackboard: Blackboard) -> Generator[None]:
+def _rest(blackboard: Blackboard) -> Wait:
     """Wait until the arm is at rest, and so is the force on it."""
     for _ in range(CREEPINGS):
         forces: list[float] = []
@@ -161,7 +166,7 @@ def _is_borne(load: Load, filtered: WrenchFilter, pressed: float) -> bool:
     return load.hanging is None or load.relieved(wrench) > UNFELT + pressed
 
 
-def slide(blackboard: Blackboard, target: Pose, most: float) -> Generator[None]:
+def slide(blackboard: Blackboard, target: Pose, most: float) -> Wait:
     """Drag the held object along its support to a pose at `most` m/s, pressed lightly, firmly, and
     lightly again."""
     robot = blackboard.robot
@@ -191,7 +196,7 @@ def slide(blackboard: Blackboard, target: Pose, most: float) -> Generator[None]:
     yield from settle(blackboard)
 
 
-def drag(blackboard: Blackboard) -> Generator[None, None, Array]:
+def drag(blackboard: Blackboard) -> Generator[float | None, None, Array]:
     """Wait until the commanded motion has ended; (6,) the wrench right before."""
     filtered = WrenchFilter(blackboard.robot)
     yield

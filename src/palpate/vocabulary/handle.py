@@ -23,6 +23,7 @@ from palpate.vocabulary.base import (
     Primitive,
     Steps,
     Surroundings,
+    Wait,
 )
 from palpate.vocabulary.contact import PROBE_SPEED
 from palpate.vocabulary.gripper import finish_fingers, grip
@@ -184,7 +185,7 @@ def at_handle(state: SymbolicState, name: str) -> bool:
     return state.tcp.distance_to(state.resolve(f"{name}_pose")) < AT_HANDLE
 
 
-def _take_hold(blackboard: Blackboard, name: str, held: bool) -> Generator[None]:
+def _take_hold(blackboard: Blackboard, name: str, held: bool) -> Wait:
     """Close the fingers on a handle, or, with nothing to hold, only set the reflex. The load is measured from
     the empty hand's wrench before."""
     robot = blackboard.robot
@@ -196,7 +197,7 @@ def _take_hold(blackboard: Blackboard, name: str, held: bool) -> Generator[None]
     yield from settle(blackboard, BRIEF)
 
 
-def _run_up(blackboard: Blackboard, way: Way) -> Generator[None]:
+def _run_up(blackboard: Blackboard, way: Way) -> Wait:
     """Go some way off, where there is room, so that the force of moving shows before that of the limit."""
     room = way.joint.room(-np.copysign(1.0, way.travel)) / abs(way.travel)
     back = min(RUN_UP / way.length, room)
@@ -204,7 +205,7 @@ def _run_up(blackboard: Blackboard, way: Way) -> Generator[None]:
         yield from _pass(blackboard, way, -back, SPEEDS[0], True, to_limit=True)
 
 
-def _let_go(blackboard: Blackboard, way: Way, held: bool) -> Generator[None]:
+def _let_go(blackboard: Blackboard, way: Way, held: bool) -> Wait:
     if held:
         yield from _bring_back(blackboard, way)
         blackboard.robot.open_gripper()
@@ -219,7 +220,7 @@ def _pass(
     speed: float,
     held: bool,
     to_limit: bool = False,
-) -> Generator[None, None, bool]:
+) -> Generator[float | None, None, bool]:
     """Move to a share of the way, and rest; True when it met a limit before, `to_limit`."""
     robot, joint = blackboard.robot, way.joint
     filtered, met = WrenchFilter(robot), False
@@ -254,7 +255,7 @@ def _set_out(blackboard: Blackboard, way: Way, share: float, speed: float) -> No
     robot.turn_about(joint.axis, joint.anchor, share * way.travel - float(now), speed)
 
 
-def _bring_back(blackboard: Blackboard, way: Way) -> Generator[None]:
+def _bring_back(blackboard: Blackboard, way: Way) -> Wait:
     """Push on until the fixture is where it was found: the arm lags behind by friction over stiffness."""
     robot, start = blackboard.robot, way.start
     target = start

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Annotated, ClassVar
 
@@ -21,7 +21,15 @@ from palpate.scene.raised import beyond
 from palpate.vocabulary.admissible.profile import POSE_ERROR, spans, stretches
 from palpate.vocabulary.admissible.reach import beyond_joint_limits, out_of_reach
 from palpate.vocabulary.admissible.support import clear_of_support, slides, would_be_dragged
-from palpate.vocabulary.base import ARM, Blackboard, LeafFailure, Primitive, Steps, Surroundings
+from palpate.vocabulary.base import (
+    ARM,
+    Blackboard,
+    LeafFailure,
+    Primitive,
+    Steps,
+    Surroundings,
+    Wait,
+)
 from palpate.vocabulary.guarding import follow_free, follow_guarded, lower, slide, span_reflex
 from palpate.vocabulary.load import UNFELT
 from palpate.vocabulary.state import HOME_CONFIG, SymbolicState, pose_of_joints
@@ -151,7 +159,7 @@ class MovePose(Primitive):
                 configuration(scene.arm, scene.pose_world_base.inverse() @ span.end),
             )
             if not span.guarded:
-                yield from follow_free(blackboard, span, left)
+                yield from follow_free(blackboard, span, left, fastest)
             elif (yield from follow_guarded(blackboard, span, left, sets_down, self.pose)):
                 return self._set_down(blackboard, target)
             dwell = BRIEF if span.guarded else DWELL
@@ -276,7 +284,7 @@ def _at_rest(state: SymbolicState, at: str | None, target: Pose) -> SymbolicStat
     )
 
 
-def _weigh(blackboard: Blackboard) -> Generator[None]:
+def _weigh(blackboard: Blackboard) -> Wait:
     """Measure the load that hangs free: unturned since its grasp, and within the payload."""
     robot, scene, name = blackboard.robot, blackboard.scene, blackboard.state.holding
     wrench = yield from median_wrench(blackboard)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import ClassVar
 
+import numpy as np
+
 from palpate.estimation.estimate import rounded
 from palpate.parameter import Parameter
 from palpate.quantities.estimators import estimate_all
@@ -42,7 +44,7 @@ class _Sensing(Primitive):
         robot, context = blackboard.robot, blackboard.state.context()
         start, beside_motion = robot.state.t, blackboard.motions > 0
         while blackboard.motions > 0 if beside_motion else robot.state.t - start < self.window:
-            yield
+            yield np.inf if beside_motion else start + self.window - robot.state.t
         recording = Recording(f"{self.writes}", start, robot.state.t, context)
         blackboard.recorder.recordings.append(recording)
         return f"{recording.end - start:.1f} s logged"

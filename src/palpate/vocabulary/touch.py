@@ -14,7 +14,7 @@ import numpy as np
 from palpate.geometry.pose import Array
 from palpate.robots.accuracy import SUSTAINED
 from palpate.robots.robot import Robot
-from palpate.vocabulary.base import Blackboard, LeafFailure
+from palpate.vocabulary.base import Blackboard, LeafFailure, Wait
 
 SETTLED_SPEED = 0.003  # m/s
 CREEPING = 0.01
@@ -87,6 +87,11 @@ class FreeAir:
         self._setting_out: list[Array] = []
         self._under_way: Array | None = None
 
+    @property
+    def known(self) -> bool:
+        """True once the arm has set out."""
+        return self._under_way is not None
+
     def follow(self, wrench: Array) -> None:
         """Update with the median wrench (6,) of a tick."""
         if np.isnan(self.wrench).any():
@@ -116,7 +121,7 @@ class FreeAir:
         return np.median(wrenches, axis=0)
 
 
-def median_wrench(blackboard: Blackboard) -> Generator[None, None, Array]:
+def median_wrench(blackboard: Blackboard) -> Generator[float | None, None, Array]:
     """Wait for some ticks; (6,) the median wrench meanwhile."""
     wrenches: list[Array] = []
     for _ in range(SUSTAINED):
@@ -125,37 +130,48 @@ def median_wrench(blackboard: Blackboard) -> Generator[None, None, Array]:
     return np.median(wrenches, axis=0)
 
 
-def settle(blackboard: Blackboard, dwell: float = DWELL) -> Generator[None]:
+def settle(blackboard: Blackboard, dwell: float = DWELL) -> Wait:
     """Wait until the arm, its elbow too, has been at rest for `dwell` s.
 
     Raises:
         LeafFailure: it does not come to rest.
     """
     start = since = blackboard.robot.state.t
-    while blackboard.robot.state.t - since < dwell:
-        state = blackboard.robot.state
-        if np.linalg.norm(state.twist[:3]) > SETTLED_SPEED or np.abs(state.dq).max() > CREEPING:
-            since = state.t
-        if blackboard.robot.state.t - start > SETTLE_LIMIT + dwell:
+    while (now := blackboard.robot.state.t) - since < dwell:
+        since = max(since, _moved(blackboard))
+        if now - start > SETTLE_LIMIT + dwell:
             raise LeafFailure(f"the arm does not settle within {SETTLE_LIMIT:g} s")
-        yield
+        yield dwell - (now - since)
 
 
-def finish(blackboard: Blackboard) -> Generator[None]:
+def _moved(blackboard: Blackboard) -> float:
+    """Robot time, s, at which the arm last moved, by its state and the samples since the last tick; -inf where it
+    rested."""
+    state, rows = blackboard.robot.state, blackboard.recorder.newest
+    if np.linalg.norm(state.twist[:3]) > SETTLED_SPEED or np.abs(state.dq).max() > CREEPING:
+        return state.t
+    moves = np.linalg.norm(rows.twist[:, :3], axis=1) > SETTLED_SPEED
+    moves |= np.abs(rows.dq).max(1, initial=0.0) > CREEPING
+    return float(rows.t[moves].max(initial=-np.inf))
+
+
+def finish(blackboard: Blackboard) -> Wait:
     """Wait until the arm's commanded motion has ended."""
     yield
     while blackboard.robot.state.moving:
-        yield
+        yield np.inf
 
 
-def guarded(blackboard: Blackboard, touching: Callable[[], bool]) -> Generator[None, None, bool]:
+def guarded(
+    blackboard: Blackboard, touching: Callable[[], bool], far: Callable[[], bool] = lambda: False
+) -> Generator[float | None, None, bool]:
     """Wait until the arm's motion is in contact, and hold it there; False when the motion ended
-    first."""
+    first. As long as it is `far` from touching, what the arm feels is soon enough to look."""
     yield
     while not touching():
         if not blackboard.robot.state.moving:
             return False
-        yield
+        yield np.inf if far() else None
     blackboard.robot.hold()
     return True
 

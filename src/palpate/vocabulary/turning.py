@@ -8,7 +8,7 @@ same motion with the empty hand at the same pose, as the arm's own effects are f
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -27,7 +27,15 @@ from palpate.vocabulary.admissible.grasp import torsion
 from palpate.vocabulary.admissible.profile import POSE_ERROR
 from palpate.vocabulary.admissible.solids import solids
 from palpate.vocabulary.admissible.support import above
-from palpate.vocabulary.base import ARM, Blackboard, LeafFailure, Primitive, Steps, Surroundings
+from palpate.vocabulary.base import (
+    ARM,
+    Blackboard,
+    LeafFailure,
+    Primitive,
+    Steps,
+    Surroundings,
+    Wait,
+)
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.touch import BRIEF, DWELL, finish, median_wrench, settle
 from palpate.vocabulary.violation import Violation
@@ -134,7 +142,7 @@ class _Turning(Primitive):
         held = blackboard.state.holding
         blackboard.set_reflex(reflexes.carrying if held else reflexes.free)
 
-    def _turn(self, blackboard: Blackboard, hold: float, dwell: float) -> Generator[None]:
+    def _turn(self, blackboard: Blackboard, hold: float, dwell: float) -> Wait:
         """Turn to each extreme rotation, and rest for `hold` s, then back, and rest for `dwell` s."""
         here = blackboard.state.tcp
         for pose in (*self._ends(blackboard.state), here):
@@ -142,7 +150,7 @@ class _Turning(Primitive):
             yield from finish(blackboard)
             yield from settle(blackboard, dwell if pose is here else hold)
 
-    def _require_unmoved(self, blackboard: Blackboard, before: Array) -> Generator[None]:
+    def _require_unmoved(self, blackboard: Blackboard, before: Array) -> Wait:
         """Require that the held object hangs as it did at the wrench `before` (6,). The same turn
         with the empty hand shows how much joint friction alone changes the moment.
 

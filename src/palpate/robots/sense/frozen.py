@@ -15,6 +15,7 @@ from palpate.geometry.pose import Array
 from palpate.robots.sense.signals import Fault
 
 FROZEN = 0.1  # s that a signal stays the same to the last bit, before it is called frozen
+REPEATS = 4  # in a row, likewise: a noisy signal in coarse steps repeats once now and then
 MOVED = 2e-4  # rad of a joint's turn that changes every torque, be it in the last bit
 LED = 1e-3
 """m of motion of the commanded equilibrium (0.1 of a quaternion's change counts as much) that the
@@ -43,7 +44,7 @@ class Constancy:
             for (name, width), end in zip(widths.items(), ends, strict=True)
         }
         self.names = tuple(widths)
-        self._since = np.zeros(ends[-1])
+        self._since, self._repeats = np.zeros(ends[-1]), np.zeros(ends[-1], dtype=np.intp)
         self._changes = np.zeros((LEARNT, ends[-1]))
         self._goes_on = np.ones(ends[-1], dtype=np.bool_)  # columns that changed with the last row
         self._goes_on_all = True
@@ -66,6 +67,12 @@ class Constancy:
     def stands(self, t: float) -> bool:
         """Test if any column has been constant for so long that it may be frozen."""
         return t - float(self._since.min()) >= FROZEN
+
+    def lasted(self, name: str, t: float) -> Array:
+        """Return the time (n,), s, for which each column of a signal has been the same; 0 before enough
+        repeats."""
+        columns = self._columns[name]
+        return np.where(self._repeats[columns] < REPEATS, 0.0, t - self._since[columns])
 
     def since(self, name: str) -> Array:
         """Return the robot time (n,), s, since which each column of a signal has been the same."""
@@ -95,7 +102,7 @@ class Constancy:
             end = row + len(t)
             self._changes[row:end] = steps[: LEARNT - row]
             self._changes[: max(0, end - LEARNT)] = steps[LEARNT - row :]
-            self._since[:] = t[-1]
+            self._since[:], self._repeats[:] = t[-1], 0
             self._marks = dict.fromkeys(self.names, (q[-1], target[-1]))
             return
         changed, into = values != before, (row + np.arange(len(t))) % LEARNT
@@ -108,6 +115,7 @@ class Constancy:
         self._goes_on = changed[-1]
         self._goes_on_all = bool(self._goes_on.all())
         latest = latest_row(changed)
+        self._repeats = np.where(latest < 0, self._repeats, -1) + len(t) - np.maximum(latest, 0)
         went_on = latest >= 0
         self._since[went_on] = t[latest[went_on]]
         for name, columns in self._columns.items():
@@ -129,8 +137,7 @@ def frozen(signals: Constancy, t: float) -> Fault | None:
 
 def frozen_torques(name: str, signals: Constancy, t: float) -> Fault | None:
     """Test a signal that forces cause: it changes with the arm's posture, or by its noise."""
-    since = signals.since(name)
-    lasted, moved = t - since, signals.moved(name)
+    since, lasted, moved = signals.since(name), signals.lasted(name, t), signals.moved(name)
     if lasted.min() >= FROZEN and moved > MOVED:
         why = f"while a joint turned by {1e3 * moved:.1f} mrad"
         return frozen_fault(name, t, float(since.max()), why)
@@ -147,7 +154,7 @@ def frozen_torques(name: str, signals: Constancy, t: float) -> Fault | None:
 def frozen_encoders(signals: Constancy, t: float) -> Fault | None:
     """Test the joint positions: they change when the arm is led on, even against an obstacle."""
     since, led = signals.since(ENCODERS), signals.led(ENCODERS)
-    if (t - since).min() < FROZEN or led < LED:
+    if signals.lasted(ENCODERS, t).min() < FROZEN or led < LED:
         return None
     why = f"while the arm was led on by {1e3 * led:.1f} mm"
     return frozen_fault(ENCODERS, t, float(since.max()), why)

@@ -140,6 +140,11 @@ class Spikes:
         what = f"the forces jumped and came back {MOST} times within {state.t - times[0]:.2f} s"
         return Fault("spikes", what, times[0])
 
+    @property
+    def doubting(self) -> bool:
+        """True if the next state decides whether a force has jumped."""
+        return self._doubted is not None
+
     def believable(self, state: RobotState) -> RobotState:
         """Return the state with filtered forces."""
         last = self._believed

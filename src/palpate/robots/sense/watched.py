@@ -11,7 +11,7 @@ import numpy as np
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import Limits, RobotDescription
 from palpate.robots.reflex import Reflex
-from palpate.robots.robot import Robot, RobotState
+from palpate.robots.robot import Robot, RobotState, RunsOn
 from palpate.robots.sense.frozen import Constancy, frozen
 from palpate.robots.sense.signals import (
     Clock,
@@ -88,6 +88,16 @@ class Watched:
     def advance(self, duration: float) -> None:
         self._robot.advance(duration)
         self._watch.clock.ask(duration)
+        self._advanced, self._shown = True, None
+
+    def run_on(self, ticks: int, tick: float) -> None:
+        """Let time pass as `RunsOn`; a single tick where the robot's own time passes, or a force is
+        doubted."""
+        if ticks <= 1 or not isinstance(self._robot, RunsOn) or self._watch.spikes.doubting:
+            self.advance(tick)
+            return
+        self._robot.run_on(ticks, tick)
+        self._watch.clock.ask(ticks * tick)
         self._advanced, self._shown = True, None
 
     def drain(self) -> Samples:

@@ -7,6 +7,7 @@ actuators (`impedance`), so that Python runs once per tick and not once per step
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -208,6 +209,21 @@ class MujocoRobot(Commanded):
         while periods > 0:
             self._run(min(periods, LONGEST_RUN))
             periods = round((self._due - self._world.t) / PERIOD)
+
+    def run_on(self, ticks: int, tick: float) -> None:
+        """Let up to `ticks` pass, as `robots.robot.RunsOn`."""
+        t, gripper = self._world.t, self._gripper
+        if self._path.end > t:
+            ticks = max(1, min(ticks, math.ceil((self._path.end - t) / tick - 1e-9)))
+        at_once, hand = (
+            max(1, round(LONGEST_RUN * PERIOD / tick)),
+            (gripper.moving, gripper.gripping),
+        )
+        while ticks > 0:
+            self.advance(min(ticks, at_once) * tick)
+            ticks -= at_once
+            if self._yielding or self._guard.feels or hand != (gripper.moving, gripper.gripping):
+                break
 
     def drain(self) -> Samples:
         logged, self._logged = self._logged, []
