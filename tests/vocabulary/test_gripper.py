@@ -5,16 +5,30 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from performing import sequence
 
+from palpate.execution.harm.harm import harm
+from palpate.execution.harm.witness import Witness
+from palpate.execution.runner import run
+from palpate.planning.plan import Plan
+from palpate.robots.simulated.robot import MujocoRobot
 from palpate.scene.load import parse_scene
+from palpate.scene.scene import Scene
 from palpate.vocabulary.state import SymbolicState
 
 CAN = """<mujoco><worldbody>
   <site name="robot_base"/>
-  <body name="table" pos="0.4 0 -0.03"><geom type="box" size=".6 .6 .03" friction="0.6 0.005 0.0001"/></body>
-  <body name="can" pos="{x} 0.1 0.06"><freejoint/>
+  <body name="table" pos="0.4 0 {table}"><geom type="box" size=".6 .6 .03" friction="0.6 0.005 0.0001"/></body>
+  <body name="can" pos="{x} 0.1 {z}"><freejoint/>
     <geom type="cylinder" size=".031 .06" mass="0.3" friction="0.6 0.005 0.0001"/></body>
 </worldbody></mujoco>"""
+
+
+def can(x: float = 0.5, lower: float = 0.0) -> Scene:
+    """A can on a table, `lower` m lower than at z = 0."""
+    return parse_scene(CAN.format(x=x, z=0.06 - lower, table=-0.03 - lower))
+
+
 LIFT, AT = ("MovePose", "cup_pose + z_offset"), ("MovePose", "cup_pose")
 
 
@@ -127,8 +141,7 @@ def test_object_of_another_width_than_believed_is_released_before_it_is_lifted(
 
 def test_a_can_between_the_edges_of_the_pads_is_let_go_where_it_stands(perform) -> None:
     """Grasped there it is squeezed out of the fingers as soon as it is lifted."""
-    can = CAN.format(x=0.5), CAN.format(x=0.52)
-    believed, true = (parse_scene(text) for text in can)
+    believed, true = can(), can(0.52)
     above, at = ("MovePose", "can_pose + z_offset"), ("MovePose", "can_pose")
     steps = ("OpenGripper", above, at, "CloseGripper", above)
     done = perform(*steps, scene=believed, world=true)
@@ -138,10 +151,33 @@ def test_a_can_between_the_edges_of_the_pads_is_let_go_where_it_stands(perform) 
     assert stands.distance_to(true.body("can").pose_world) < 5e-3
 
 
+@pytest.mark.parametrize(
+    ("lower", "said"),
+    [
+        (0.0404, "MovePose(can_pose + x_offset): slip: the fingers closed from 61."),
+        (0.0408, "CloseGripper(): what the fingers met at 60.6 mm gave way to 53.9 mm"),
+    ],
+)
+def test_a_can_taken_by_its_rim_is_let_go_where_it_stands(lower, said) -> None:
+    """Fingers that closed on as it slips out of them would tip it over."""
+    believed, true = can(), can(lower=lower)
+    robot = MujocoRobot(true.spec(), true.pose_world_base, true.arm)
+    witness = Witness.of(robot.world)
+    above, at = ("MovePose", "can_pose + z_offset"), ("MovePose", "can_pose")
+    steps = ("OpenGripper", above, at, "CloseGripper", ("MovePose", "can_pose + x_offset"))
+    done = run(Plan((), sequence(*steps), "drag it"), believed, robot)
+    robot.advance(0.5)
+    assert str(done.stopped_by).startswith(said)
+    assert done.final_state.holding is None
+    assert robot.state.width == pytest.approx(0.08, abs=1e-4)
+    assert robot.world.true_pose("can").rotation[2, 2] > 0.9999
+    assert not harm(witness, ["can"]).fates
+
+
 @pytest.mark.parametrize("beside", [0.010, 0.012])
 def test_a_can_beside_the_middle_of_the_pads_is_carried_as_it_was_grasped(perform, beside) -> None:
     """The pads' edges have it, and friction holds it: it meets them at 10 degrees at most."""
-    believed, true = (parse_scene(CAN.format(x=x)) for x in (0.5, 0.5 + beside))
+    believed, true = can(), can(0.5 + beside)
     above, at = ("MovePose", "can_pose + z_offset"), ("MovePose", "can_pose")
     steps = ("OpenGripper", above, at, "CloseGripper", above, at, "OpenGripper", above)
     done = perform(*steps, scene=believed, world=true)

@@ -16,7 +16,7 @@ from py_trees.common import Status
 from palpate.errors import InputError
 from palpate.execution.build import build
 from palpate.execution.leaf import PrimitiveLeaf
-from palpate.execution.stop import Fate, Held, PutDown, lost, released
+from palpate.execution.stop import Fate, Held, PutDown, let_slip, lost, released
 from palpate.interrupt import Interrupts, interrupts
 from palpate.planning.plan import Plan
 from palpate.robots.robot import Robot, RobotState
@@ -235,9 +235,10 @@ class Loop:
                 self.interrupt()
             finally:
                 self.blackboard.robot.hold()
-            if not self.hurried():
+            slipped = let_slip(self.blackboard)
+            if not (slipped or self.hurried()):
                 self.come_to_rest()
-            if not self.hurried() and self.blackboard.robot.state.gripping:
+            if not self.hurried() and (slipped or self.blackboard.robot.state.gripping):
                 self.put_down()
         finally:
             if holds:

@@ -20,6 +20,7 @@ from palpate.vocabulary.admissible.support import footing, is_as_found, stable
 from palpate.vocabulary.base import ARM, GRIPPER, Blackboard, LeafFailure, Primitive, Steps, Wait
 from palpate.vocabulary.gripper import finish_fingers
 from palpate.vocabulary.guarding import DOWN
+from palpate.vocabulary.load import UNFELT
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.touch import WrenchFilter, finish, guarded, settle
 
@@ -141,6 +142,18 @@ class PutDown(Primitive):
             if (yield from is_borne(blackboard)):
                 return
         raise LeafFailure(f"nothing bears '{name}' for long: {STAYS}")
+
+
+def let_slip(blackboard: Blackboard) -> bool:
+    """Open the fingers at once if an object that they press on its support slips out of them, and say so:
+    closing on, they would tip it over."""
+    state, load = blackboard.robot.state, blackboard.load
+    slips = blackboard.state.holding is not None and load.slip(state.width) is not None
+    if not slips or load.borne(state.contact) > -UNFELT:
+        return False
+    blackboard.robot.open_gripper()
+    blackboard.state = released(blackboard)
+    return True
 
 
 def unproven(state: SymbolicState, name: str, place: Pose) -> str | None:

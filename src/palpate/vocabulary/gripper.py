@@ -43,27 +43,29 @@ WIDER = 0.003
 the middle, tilts that much between the pads."""
 
 
-def finish_fingers(blackboard: Blackboard) -> Wait:
-    """Wait until the fingers' commanded motion has ended."""
+def finish_fingers(blackboard: Blackboard, least: float = -math.inf) -> Wait:
+    """Wait until the fingers' commanded motion has ended, or they are less than `least` m apart."""
     yield
-    while blackboard.robot.state.gripper_moving:
+    while blackboard.robot.state.gripper_moving and blackboard.robot.state.width >= least:
         yield
 
 
 def grip(
-    blackboard: Blackboard, missing: str, force: float | None = None
+    blackboard: Blackboard, missing: str, force: float | None = None, least: float = -math.inf
 ) -> Generator[float | None, None, float]:
     """Close the fingers with a force, N, or the full one, and wait until they have settled.
 
     Returns:
-        m between the fingers at rest.
+        m between the fingers, at rest, or on their way as soon as it is less than `least`.
 
     Raises:
         LeafFailure: they met no resistance; `missing` says what is not there.
     """
     robot = blackboard.robot
     robot.close_gripper(force)
-    yield from finish_fingers(blackboard)
+    yield from finish_fingers(blackboard, least)
+    if robot.state.width < least:
+        return robot.state.width
     start = robot.state.t
     while robot.state.t - start < GRIP_SETTLE:
         yield
@@ -190,7 +192,7 @@ class CloseGripper(Primitive):
                 f"believed, {100 * share:+.0f} %: the object is not where it is believed, look again"
                 f"{_pictured(blackboard.state)}"
             )
-        width = yield from self._close(blackboard, None)
+        width = yield from self._close(blackboard, None, met - YIELDS)
         if met - width > YIELDS:
             yield from _open(blackboard)
             raise LeafFailure(
@@ -202,11 +204,11 @@ class CloseGripper(Primitive):
         return f"grasped at {1e3 * width:.1f} mm"
 
     def _close(
-        self, blackboard: Blackboard, force: float | None
+        self, blackboard: Blackboard, force: float | None, least: float = -math.inf
     ) -> Generator[float | None, None, float]:
-        """Close with a force, N, or the full one; m between the fingers at rest."""
+        """`grip` with a force, N, or the full one; m between the fingers."""
         missing = f"nothing is between them{_pictured(blackboard.state)}"
-        return (yield from grip(blackboard, missing, force))
+        return (yield from grip(blackboard, missing, force, least))
 
 
 def _pictured(state: SymbolicState) -> str:
