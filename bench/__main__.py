@@ -165,13 +165,33 @@ def fixtures(
     as_json: AsJson = False,
 ) -> None:
     """Joints of hidden drawers and doors of other mass, friction, damping, place and solver."""
-    from bench.fixtures import Case, groups, study
+    from functools import partial
+
+    from bench.fixtures import Case, groups, judge, study
     from bench.show import show_fixtures
 
     chosen = names or ["drawer", "drawer/door"]
     seeded = range(seed, seed + seeds)
     cases = [Case(each, level, i, spring) for each in chosen for level in noise for i in seeded]
-    show_fixtures(groups(study(cases, out, traces=traces)), as_json)
+    show_fixtures(groups(study(cases, out, partial(judge, traces=traces))), as_json)
+
+
+@command(app)
+def mats(
+    *,
+    out: Annotated[Path, typer.Option("--out", help="File of rows; resumed.")],
+    noise: Noises = ["measured"],  # noqa: B006 - typer's default of an option that may be repeated
+    seed: Seed = 0,
+    seeds: Seeds = 40,
+    as_json: AsJson = False,
+) -> None:
+    """Stiffness, damping and restitution of hidden mats of other worlds."""
+    from bench.fixtures import Case, groups, study
+    from bench.mats import judge
+    from bench.show import show_fixtures
+
+    cases = [Case("soft_mat", level, i) for level in noise for i in range(seed, seed + seeds)]
+    show_fixtures(groups(study(cases, out, judge)), as_json)
 
 
 @command(app)

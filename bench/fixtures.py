@@ -7,9 +7,8 @@ is known to the estimators.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,6 @@ from palpate.scenarios.catalogue import scenario
 from palpate.scene.load import parse_scene
 from palpate.stages.executing import cut_off
 from palpate.studies.lines import Lines
-from palpate.studies.workers import spread
 from palpate.trace.mcap import read_mcap, write_mcap
 from palpate.trace.samples import Trace
 
@@ -94,8 +92,8 @@ class FixtureRun:
     case: Case
     status: str
     reason: str
-    peak: float
-    mass: float
+    peak: float = 0.0
+    mass: float = 0.0
     scores: tuple[Score, ...] = ()
     unmeasured: tuple[str, ...] = ()
 
@@ -257,13 +255,13 @@ def groups(runs: Sequence[FixtureRun]) -> list[Group]:
 
 
 def study(
-    cases: Sequence[Case], out: Path, workers: int = 1, traces: Path | None = None
+    cases: Sequence[Case], out: Path, execute: Callable[[Case], FixtureRun]
 ) -> list[FixtureRun]:
     """Execute the cases that have no row in the file `out` yet; return all of theirs."""
     lines = Lines(out)
     rows = {run.case: run for run in lines.read_as(FixtureRun)}
     for case in [case for case in cases if case not in rows]:
-        (rows[case],) = spread(partial(judge, traces=traces), [case], workers)
+        rows[case] = execute(case)
         lines.add(_row(rows[case]))
     return [rows[case] for case in cases]
 

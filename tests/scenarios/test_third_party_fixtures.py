@@ -1,4 +1,4 @@
-"""Drawers, doors and windows of metaworld and robosuite, where these are installed: measured, or refused by name.
+"""Drawer, doors, window and tap of metaworld and robosuite, where these are installed.
 
 Their files are read where they are installed, with one value removed, and stay theirs.
 """
@@ -18,13 +18,14 @@ SCENE = """<mujoco>
   <include file="../objects/assets/{kind}_dependencies.xml"/><compiler angle="radian"/>
   <worldbody>
     <light pos="0 0 2"/><geom type="plane" size="2 2 .1"/><site name="robot_base"/>
-    <body pos="0.72 0 {height}" euler="0 0 -1.5708"><include file="../objects/{who}.xml"/></body>
+    <body pos="{x} 0 {height}" euler="0 0 -1.5708"><include file="../objects/{who}.xml"/></body>
   </worldbody>
 </mujoco>"""
 BARS = {
     "doorlockB": '<geom class="dl_col" euler="0 1.57 0"',
     "window_horiz": '<geom class="window_col" pos="-0.014 -0.095 0"',
     "drawer": '<geom class="drawer_col" euler="0 1.57 0"',
+    "faucet": '<geom class="faucet_col" euler="1.57 0 0" pos="0 -0.12 0.001"',
 }
 """How the bar of each handle begins: metaworld's geoms have no names."""
 
@@ -37,7 +38,9 @@ def installed(package: str, below: str) -> Path:
     return Path(found.submodule_search_locations[0]) / below
 
 
-def metaworld(tmp: Path, child: str, unknown: tuple[str, str], kind: str, height: float) -> Path:
+def metaworld(
+    tmp: Path, child: str, unknown: tuple[str, str], kind: str, height: float, x: float = 0.72
+) -> Path:
     """Folder of scene and world of one of metaworld's fixtures; `unknown`: text and what stands for it in the scene."""
     assets = installed("metaworld", "assets")
     for part in ("objects", "textures"):
@@ -51,7 +54,7 @@ def metaworld(tmp: Path, child: str, unknown: tuple[str, str], kind: str, height
     (tmp / "scenes").mkdir()
     for who, content in (("world", text), ("scene", text.replace(*unknown))):
         (tmp / f"objects/{who}.xml").write_text(content)
-        scene = SCENE.format(kind=kind, who=who, height=height)
+        scene = SCENE.format(kind=kind, who=who, x=x, height=height)
         (tmp / f"scenes/{who}.xml").write_text(scene)
     return tmp / "scenes"
 
@@ -81,28 +84,48 @@ def test_a_window_of_metaworld_is_measured(tmp_path):
         assert found.ci95[0] <= true < found.ci95[1]
 
 
-def test_the_front_of_metaworlds_drawer_stands_above_its_handle(tmp_path):
-    """Its bar is 100 mm long, and 52 mm below the edge of the front that it stands 51 mm off."""
-    there = metaworld(tmp_path, "drawer", ('damping="2"', 'damping="?"'), "drawer", 0.1)
+def test_a_drawer_of_metaworld_is_measured_from_its_front(tmp_path):
+    """Its bar is 100 mm long, and 52 mm below the edge of the front that it stands 51 mm off: from above, the palm
+    would be in the front."""
+    unknown = ('damping="2"', 'damping="?"')
+    there = metaworld(tmp_path, "drawer", unknown, "drawer", 0.35, x=0.85)
     plan = pp.load(there / "scene.xml", root=tmp_path).plan(measure=["drawer_link.damping"])
-    assert plan.tree is None
-    assert "its neighbours leave no room for the hand" in plan.explanation
-    assert "called a handle" not in plan.explanation
+    run = plan.run(world=there / "world.xml", noise="lab", seed=1, fast=True)
+    found = run["drawer_link.damping"]
+    assert found.verdict == "identified"
+    assert found.ci95[0] < 2.0 < found.ci95[1]
+
+
+def test_a_drawer_without_a_handle_by_name_says_so(tmp_path):
+    unknown = ('damping="2"', 'damping="?"')
+    there = metaworld(tmp_path, "drawer", unknown, "drawer", 0.35, x=0.85)
     file = tmp_path / "objects/scene.xml"
     file.write_text(re.sub(r'name="handle\d"', "", file.read_text()))
     plan = pp.load(there / "scene.xml", root=tmp_path).plan(measure=["drawer_link.damping"])
     assert "none of its colliding geoms is called a handle" in plan.explanation
 
 
-def test_the_lever_of_robosuites_door_is_too_near_to_its_panel(tmp_path):
+def test_a_tap_of_metaworld_is_measured(tmp_path):
+    unknown = ('name="knob_Joint_1"', 'name="knob_Joint_1" damping="?"')
+    there = metaworld(tmp_path, "faucet", unknown, "faucet", 0.3, x=0.75)
+    plan = pp.load(there / "scene.xml", root=tmp_path).plan(measure=["faucet_link2.damping"])
+    run = plan.run(world=there / "world.xml", noise="lab", seed=1, fast=True)
+    found = run["faucet_link2.damping"]
+    assert found.verdict == "identified"
+    assert found.ci95[0] < 2.0 < found.ci95[1]
+
+
+def test_a_door_of_robosuite_is_measured_from_its_front(tmp_path):
+    """Its lever is 65 mm before a panel that is higher. Its damping and its friction are 1."""
     text = (installed("robosuite", "models/assets/objects") / "door.xml").read_text()
     text = re.sub(r'<asset>.*?</asset>| material="\w+"', "", text, flags=re.DOTALL)
-    base = '<compiler angle="radian"/><worldbody><site name="robot_base"/><body pos="0.72 0 0.32" euler="0 0 3.1416">'
+    base = '<compiler angle="radian"/><worldbody><site name="robot_base"/><body pos="0.8 0 0.4">'
     text, count = re.subn(r"<worldbody>\s*<body>", base, text)
     assert count == 1
-    scene = tmp_path / "door.xml"
-    scene.write_text(text.replace('damping="1"', 'damping="?"'))
-    plan = pp.load(scene).plan(measure=["door.damping"])
-    assert plan.tree is None
-    assert "'door' cannot be grasped: its neighbours leave no room for the hand" in plan.explanation
-    assert "called a handle" not in plan.explanation
+    for who, damping in (("world", "1"), ("scene", "?")):
+        (tmp_path / f"{who}.xml").write_text(text.replace('damping="1"', f'damping="{damping}"'))
+    plan = pp.load(tmp_path / "scene.xml").plan(measure=["door.damping"])
+    run = plan.run(world=tmp_path / "world.xml", noise="lab", seed=1, fast=True)
+    found = run["door.damping"]
+    assert found.verdict == "identified"
+    assert found.ci95[0] < 1.0 < found.ci95[1]

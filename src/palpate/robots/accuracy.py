@@ -82,6 +82,11 @@ def mistaken_force(arm: RobotDescription, q: Array) -> float:
     return unexplained_torque(arm) * float(np.linalg.norm(_unit_wrenches(arm, q)[:3], 2))
 
 
+def mistaken_moment(arm: RobotDescription, q: Array) -> float:
+    """Compute the largest moment about the TCP, N m, that `unexplained_torque` looks like, likewise."""
+    return unexplained_torque(arm) * float(np.linalg.norm(moments(arm, q), 2))
+
+
 def turned_round(arm: RobotDescription, pose_base_tcp: Pose) -> float:
     """Compute the largest change of the measured horizontal force at the TCP, N, when friction of
     `RUBBING` reverses: as the arm starts upwards after it came down."""

@@ -17,6 +17,8 @@ RIDGE = 1e-9 * np.eye(6)
 singular pose stays finite."""
 SEARCH_STEPS, SEARCH_RATE, SEARCH_DAMPING, SEARCH_DONE = 60, 0.3, 1e-4, 1e-3
 """Of `NominalArm.reach`: most iterations, share of the distance to the posture per step, m^2, rad."""
+SWUNG = 0.5
+"""Cosine of the angle between tool axes from which the tool swings far: a hand that is level, not tilted."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,7 +129,7 @@ class NominalArm:
 
     def reach(self, goal: Pose, posture: Array) -> Array:
         """Compute the configuration (7,) with the TCP at `goal` and the null space at rest near
-        `posture`, which is first turned about the base towards the goal.
+        `posture`, which is first turned about the base towards the goal, and, for a level hand, about the tool.
 
         It depends on these alone, so the arm returns to a pose with the same elbow: a wrench's bias
         is that of a configuration, not of a pose. For a pose out of reach it returns the nearest
@@ -139,7 +141,7 @@ class NominalArm:
         (std 0.011).
         """
         ahead = self._pose_world_base.local(goal.position)
-        posture = posture + np.arctan2(ahead[1], ahead[0]) * np.eye(7)[0]
+        posture = self._levelled(posture + np.arctan2(ahead[1], ahead[0]) * np.eye(7)[0], goal)
         q, damping = posture, SEARCH_DAMPING * np.eye(6)
         for _ in range(SEARCH_STEPS):
             jacobian, error, scaled = self.jacobian(q), np.empty(6), np.empty(6)
@@ -156,6 +158,24 @@ class NominalArm:
             if np.abs(step).max() < SEARCH_DONE:
                 break
         return q
+
+    def _levelled(self, posture: Array, goal: Pose) -> Array:
+        """Turn the last two joints as the tool swings, and turns about its own axis, on its way to a `goal` where it
+        is level: a search from elsewhere may fold the wrist."""
+        axes = self.jacobian(posture)[3:]
+        relative, inverse = np.empty(4), self._quaternion * [1.0, -1.0, -1.0, -1.0]
+        mujoco.mju_mulQuat(relative, inverse, goal.quaternion)
+        w, x, y, z = relative
+        swung = 1.0 - 2.0 * (x**2 + y**2)
+        if swung > SWUNG:
+            return posture
+        now = np.empty(3)
+        mujoco.mju_rotVecQuat(now, np.eye(3)[2], self._quaternion)
+        twist = (2.0 * np.arctan2(z, w) + np.pi) % (2.0 * np.pi) - np.pi
+        swing = np.arccos(max(swung, -1.0)) * np.sign(
+            np.cross(now, goal.rotation[:, 2]) @ axes[:, 5]
+        )
+        return posture + np.array([0.0] * 5 + [swing, twist * np.sign(now @ axes[:, 6])])
 
     def dynamics(self, q: Array, dq: Array) -> tuple[Array, Array]:
         """Compute `mass_matrix` (7, 7), and Coriolis and centrifugal torques (7,), N m."""

@@ -16,7 +16,6 @@ with room for object and hand, an approach a spot for the closed fingers:
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -28,6 +27,8 @@ from palpate.mjcf.body import Body
 from palpate.mjcf.shapes import RESTING
 from palpate.robots.description import RobotDescription
 from palpate.robots.grasp import Grasp, derive_grasp, turned_grasp
+from palpate.scene.geometry import Geometry, middle
+from palpate.scene.handles import RETREAT, front_of, handle_grasp, points_down, unnamed
 from palpate.scene.places import APPROACH, GUESSED, approach_pose, free_spot
 from palpate.scene.poses import Poses
 from palpate.scene.resolve import ResolvedScene
@@ -36,6 +37,7 @@ from palpate.scene.symbols import (
     Symbols,
     configurations,
     given_offsets,
+    in_hand,
     in_world,
     vectors,
 )
@@ -43,7 +45,7 @@ from palpate.scene.symbols import (
 LIFT = (0.10, 0.35)
 """m: bounds of a derived `z_offset`."""
 
-USUAL_LIFT = 0.12
+USUAL_LIFT = RETREAT
 """m: least derived `z_offset`."""
 
 CORRIDOR = 0.15
@@ -56,97 +58,6 @@ CLEAR = 0.02
 """m: between a carried object's bottom and the top of a neighbour."""
 
 
-@dataclass(frozen=True, eq=False)
-class Geometry:
-    """Geometry of the scene: objects, surfaces and obstacles.
-
-    Attributes:
-        objects: geoms of each object, in the world.
-        handles: geoms of each fixture's handle, in the world.
-        clouds: (n, 3) points of all geoms of each object.
-        tops: (n, 3) points of each surface's carrier.
-        solids: owner ("" without one) and outline of every colliding geom except planes.
-    """
-
-    objects: Mapping[str, list[Convex]]
-    handles: Mapping[str, list[Convex]]
-    clouds: Mapping[str, Array]
-    tops: Mapping[str, Array]
-    solids: Sequence[tuple[str, Obstacle]]
-    bodies: Mapping[str, Body]
-    base: Pose
-    arm: RobotDescription
-
-    @classmethod
-    def of(
-        cls,
-        resolved: ResolvedScene,
-        bodies: Mapping[str, Body],
-        base: Pose,
-        arm: RobotDescription,
-    ) -> Geometry:
-        """From the compiled scene."""
-        shapes = resolved.shapes
-        objects: dict[str, list[Convex]] = {}
-        handles: dict[str, list[Convex]] = {}
-        carriers: dict[str, int] = {}
-        movable: set[int] = set()
-        # Objects are obstacles under their own names; all other geoms are fixed.
-        for name, body in resolved.description.bodies.items():
-            if body.role == "surface":
-                carriers[name] = shapes.geom_ids[body.carrier]
-                continue
-            if body.role == "fixture":
-                handle = body.handle
-                handles[name] = [shapes.convex(geom) for geom in handle]
-                movable |= {shapes.geom_ids[geom] for geom in handle}
-                continue
-            objects[name] = [shapes.convex(geom) for geom in body.elements.colliding]
-            movable |= {shapes.geom_ids[geom] for geom in body.elements.geoms}
-        solids: list[tuple[str, Obstacle]] = []
-        for name, geoms in (*objects.items(), *handles.items()):
-            solids += [(name, Obstacle.of(geom.points)) for geom in geoms]
-        owner = {i: name for name, i in carriers.items()}
-        for i in shapes.solid_geoms():
-            if i not in movable:
-                solids.append((owner.get(i, ""), Obstacle.of(shapes.geom_points(i))))
-        clouds: dict[str, Array] = {}
-        for name, geoms in objects.items():
-            clouds[name] = np.concatenate([geom.points for geom in geoms])
-        tops = {name: shapes.geom_points(i) for name, i in carriers.items()}
-        return cls(objects, handles, clouds, tops, solids, bodies, base, arm)
-
-    def others(self, *names: str | None) -> list[Obstacle]:
-        """Obstacles except the named objects and surfaces; None names nothing."""
-        return [obstacle for owner, obstacle in self.solids if owner not in names]
-
-    def on(self, surface: str) -> list[Array]:
-        """Points of each object that stands on a surface."""
-        top = self.bodies[surface]
-        standing: list[Array] = []
-        for cloud in self.clouds.values():
-            rests = abs(cloud[:, 2].min() - top.top_z()) < RESTING
-            if rests and top.covers(*_middle(cloud)):
-                standing.append(cloud)
-        return standing
-
-    def support(self, name: str) -> str | None:
-        """The highest surface below an object."""
-        cloud = self.clouds[name]
-        below: list[Body] = []
-        for body in self.bodies.values():
-            is_under = body.role == "surface" and body.covers(*_middle(cloud))
-            if is_under and body.top_z() < cloud[:, 2].min() + RESTING:
-                below.append(body)
-        highest = max(below, key=lambda body: body.top_z(), default=None)
-        return None if highest is None else highest.name
-
-
-def _middle(cloud: Array) -> tuple[float, float]:
-    x, y = (cloud.max(axis=0) + cloud.min(axis=0))[:2] / 2
-    return float(x), float(y)
-
-
 def derive_symbols(
     resolved: ResolvedScene, bodies: Mapping[str, Body], base: Pose, arm: RobotDescription
 ) -> Symbols:
@@ -154,7 +65,11 @@ def derive_symbols(
     geometry = Geometry.of(resolved, bodies, base, arm)
     entries = resolved.poses
     grasps = {name: _grasp(geometry, name) for name in geometry.objects}
-    held = {name: _handle_grasp(geometry, name) for name in geometry.handles}
+    described = resolved.description.bodies
+    held = {
+        name: _handle_grasp(geometry, name, bool(described[name].named_handle))
+        for name in geometry.handles
+    }
     poses = _poses(geometry, grasps | held, entries)
     later = _later(geometry, poses)
     common, special = given_offsets(entries)
@@ -181,11 +96,12 @@ def derive_symbols(
         subjects={name: subject for name, subject in subjects.items() if name in names},
         later=later,
         lines=lines,
-        configurations=configurations(entries, arm.home),
+        configurations=fronts(geometry, poses, own) | configurations(entries, arm.home),
+        handles=frozenset(f"{name}_pose" for name in geometry.handles),
         offsets=vectors(DEFAULT_OFFSETS) | common,
         own_offsets=own,
         ungraspable=_ungraspable(geometry, grasps | held, entries)
-        | _unnamed(resolved, held, entries),
+        | unnamed(described, held, entries.grasps),
     )
 
 
@@ -225,6 +141,18 @@ def _later(geometry: Geometry, poses: Mapping[str, Pose]) -> dict[str, Callable[
     return {name: find for name, find in later.items() if name not in poses}
 
 
+def fronts(
+    geometry: Geometry, poses: Mapping[str, Pose], offsets: Mapping[str, Mapping[str, Array]]
+) -> dict[str, Array]:
+    """Joint configurations (7,), rad, in front of the handles that a level hand grasps."""
+    found: dict[str, Array] = {}
+    for name in geometry.handles:
+        if not points_down(pose := poses[f"{name}_pose"]):
+            back = pose.translated(in_hand(pose, offsets[name]["z_offset"]))
+            found |= front_of(geometry.arm, name, back, geometry.base)
+    return found
+
+
 def _lines(
     geometry: Geometry, poses: Mapping[str, Pose], offsets: Mapping[str, Mapping[str, Array]]
 ) -> dict[str, Line]:
@@ -247,7 +175,7 @@ def above_top(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose:
     cloud = geometry.clouds[name]
     highest = float(cloud[:, 2].max())
     part = cloud[cloud[:, 2] > highest - LEVEL_TOP]
-    return Pose.of((*_middle(part), highest + APPROACH), pose_world_tcp.quaternion)
+    return Pose.of((*middle(part), highest + APPROACH), pose_world_tcp.quaternion)
 
 
 def grasp_across(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose | None:
@@ -271,20 +199,6 @@ def _ungraspable(geometry: Geometry, grasps: Mapping[str, Grasp], entries: Poses
     return reasons
 
 
-def _unnamed(resolved: ResolvedScene, held: Mapping[str, Grasp], entries: Poses) -> dict[str, str]:
-    """Fixtures that the hand cannot grasp and that have no geom called a handle, with the reason."""
-    why = (
-        "; none of its colliding geoms is called a handle (handle, knob, grip, latch, lever), so that all of them "
-        "were tried: name one, or give a grasp in poses.yaml"
-    )
-    bodies = resolved.description.bodies
-    return {
-        name: grasp.problem + why
-        for name, grasp in held.items()
-        if grasp.problem and name not in entries.grasps and not bodies[name].named_handle
-    }
-
-
 def free_place(geometry: Geometry, name: str, poses: Mapping[str, Pose]) -> Pose | None:
     """TCP pose at which the object, grasped at its pose of `poses`, stands on a free spot of its
     surface; None without one. An object stacked on another is put down on the surface first."""
@@ -294,7 +208,7 @@ def free_place(geometry: Geometry, name: str, poses: Mapping[str, Pose]) -> Pose
     if support is None:
         return None
     cloud = geometry.clouds[name]
-    here = np.array(_middle(cloud))
+    here = np.array(middle(cloud))
     x, y = geometry.arm.hand.half_extents
     hand = rectangle(pose_world_tcp.position[:2], pose_world_tcp.rotation[:2, 0], x, y / 2)
     shape = rim(np.concatenate([cloud[:, :2], hand])) - here
@@ -327,8 +241,8 @@ def _put_down_before(
     """Yield objects that stand on an object, at their temporary poses before it is moved."""
     low, high = geometry.clouds[name].min(axis=0), geometry.clouds[name].max(axis=0)
     for other, cloud in geometry.clouds.items():
-        middle = np.array(_middle(cloud))
-        is_inside = bool(((middle > low[:2]) & (middle < high[:2])).all())
+        centre = np.array(middle(cloud))
+        is_inside = bool(((centre > low[:2]) & (centre < high[:2])).all())
         if other == name or not is_inside or cloud[:, 2].min() < high[2] - RESTING:
             continue
         place = free_place(geometry, other, poses)
@@ -352,14 +266,11 @@ def _grasp(geometry: Geometry, name: str) -> Grasp:
     return found
 
 
-def _handle_grasp(geometry: Geometry, name: str) -> Grasp:
-    """The grasp of a fixture's handle; its yaw is that of the joint's way."""
+def _handle_grasp(geometry: Geometry, name: str, is_named: bool) -> Grasp:
     joint, handle = geometry.bodies[name].joint, geometry.handles[name]
     assert joint is not None
-    middle = np.concatenate([geom.points for geom in handle]).mean(axis=0)
-    x, y, _ = joint.direction(middle).tolist()
-    yaw = float(np.arctan2(y, x))
-    return derive_grasp(geometry.arm, handle, geometry.others(name), yaw, geometry.base)
+    around = [points for owner, points in geometry.solids if owner != name]
+    return handle_grasp(geometry.arm, joint, handle, around, geometry.base, is_named)
 
 
 def _own_offsets(geometry: Geometry, name: str, grasp: Grasp, pose: Pose) -> dict[str, Array]:
@@ -376,9 +287,9 @@ def _own_offsets(geometry: Geometry, name: str, grasp: Grasp, pose: Pose) -> dic
 
 
 def _lift(geometry: Geometry, geoms: Sequence[Convex], pose: Pose, name: str) -> Array:
-    """(3,) m, upwards: clear of the neighbours of `geoms`, which are `name`'s."""
+    """(3,) m, upwards: clear of the neighbours of `geoms`, which are `name`'s; of a level hand, back."""
     lift, bottom = USUAL_LIFT, min(float(geom.points[:, 2].min()) for geom in geoms)
-    for other in geometry.others(name):
+    for other in geometry.others(name) if points_down(pose) else ():
         if _on_the_way(other.outline, pose, geometry.base):
             lift = max(lift, other.top + CLEAR - bottom)
     return np.array([0.0, 0.0, float(np.clip(lift, *LIFT))])

@@ -8,10 +8,12 @@ Names are from the scene and `poses.yaml`; others are derived from the geometry:
 - `<object>_balance`: the grasp moved along the tool's x by up to two x_offsets to the balance point,
   as believed, or as measured before the first motion to it.
 - `<surface>_approach`: TCP pose above a free spot of the surface.
-- `home_config`: joint configuration, the arm's own unless poses.yaml states another.
+- `home_config`: joint configuration, the arm's own unless poses.yaml states another; `<fixture>_front`,
+  `<fixture>_level`: with a level hand in front of a handle that is grasped so, and, on the way there, with the arm
+  still at home.
 - `x_offset`, `y_offset`: along the tool's x and y at the base pose, horizontal, such that twice the
   offset is still on the object where possible; `z_offset`: along world z, such that the object clears
-  its neighbours.
+  its neighbours; at a handle, which is not lifted, straight back from it.
 """
 
 from __future__ import annotations
@@ -78,6 +80,7 @@ class Symbols:
         ungraspable: object to the reason why the hand cannot grasp it.
         later: functions that compute poses at first use, by name.
         lines: poses whose position on a line is measured in a run, by name.
+        handles: names of poses at the handles of fixtures: offsets are along the tool's own axes there.
     """
 
     poses: Mapping[str, Pose]
@@ -90,6 +93,7 @@ class Symbols:
         default_factory=dict[str, "Callable[[], Pose | None]"]
     )
     lines: Mapping[str, Line] = field(default_factory=dict[str, Line])
+    handles: frozenset[str] = frozenset()
     _found: dict[str, Pose | None] = field(
         default_factory=dict[str, "Pose | None"], init=False, repr=False
     )
@@ -179,7 +183,7 @@ class Symbols:
         shift = np.zeros(3)
         for coefficient, offset in parsed.terms:
             shift = shift + coefficient * self.offset(offset, parsed.name)
-        return base.translated(in_world(base, shift))
+        return base.translated(self.shift(parsed.name, base, shift))
 
     def pose(self, name: str, bound: Mapping[str, float] | None = None) -> Pose:
         """TCP pose in the world of a name; `bound` as for `resolve`.
@@ -220,6 +224,10 @@ class Symbols:
         if name not in self.offsets:
             raise unknown_name("offset", name, [*self.offsets, *own], f"It is used with '{pose}'.")
         return self.offsets[name]
+
+    def shift(self, name: str, base: Pose, offset: Array) -> Array:
+        """A sum of offsets (3,) at a named pose, which is `base`, in world axes."""
+        return in_hand(base, offset) if name in self.handles else in_world(base, offset)
 
     def moved(self, to: Callable[[str, Pose], Pose]) -> Symbols:
         """The symbols with every pose where `to`, of its name and of the pose, has it."""
@@ -311,6 +319,11 @@ def in_world(base: Pose, shift: Array) -> Array:
     x, y, z = shift
     across, along = level(base.rotation[:, 0]), level(base.rotation[:, 1])
     return across * x + along * y + np.array([0.0, 0.0, z])
+
+
+def in_hand(base: Pose, shift: Array) -> Array:
+    """A shift (3,) along tool x, tool y and against tool z, in world axes; pointing down, as `in_world`."""
+    return base.rotation @ (shift * [1.0, 1.0, -1.0])
 
 
 def vectors(entries: Mapping[str, float | Iterable[float]]) -> dict[str, Array]:

@@ -19,6 +19,7 @@ import numpy as np
 
 from palpate.geometry.joint import Joint
 from palpate.geometry.pose import Pose
+from palpate.robots.kinematics import LIMIT_MARGIN, within_joint_limits
 from palpate.vocabulary.admissible.arrangement import Part
 from palpate.vocabulary.admissible.collision import ARM, BESIDE, FIXED, carry_away
 from palpate.vocabulary.admissible.collision_geometry import LINK, arm_sweep
@@ -36,6 +37,9 @@ SHARES = (1.0, 0.75, 0.5, 0.35, 0.25)  # Parts of that which are tried
 LEAST = 0.025  # m of a pass that shows how friction depends on speed
 SPARE = 0.01  # m before a limit: the arm does not run into it
 STEP = 0.01  # m between two moments of a way
+FOLDED = (
+    0.4  # rad of a joint between two moments of a way: more, and the elbow or the wrist is another
+)
 CLEAR = 0.005  # m between what moves and an object: by less it is on it, in it, or in the way
 
 
@@ -115,13 +119,23 @@ def _way_of(
 
 def _violations(state: SymbolicState, name: str, way: Way) -> Iterator[Violation]:
     poses = [way.at(share) for share in way.shares]
-    for pose in (poses[-1], poses[len(poses) // 2]):
-        if not reaches(state, pose):
-            problem = f"the arm does not reach as far as the handle of '{name}' would go"
-            yield Violation("unreachable", f"{problem}; leave it out, and explain")
-            return
+    if not _bends_along(state, poses):
+        problem = f"the arm does not reach as far as the handle of '{name}' would go"
+        yield Violation("unreachable", f"{problem}; leave it out, and explain")
+        return
     yield from _hand_hits(state, name, poses)
     yield from _objects_met(state, name, way)
+
+
+def _bends_along(state: SymbolicState, poses: list[Pose]) -> bool:
+    """True if the arm goes through some poses without being folded anew, within its joint limits."""
+    if not (reaches(state, poses[-1]) and reaches(state, poses[len(poses) // 2])):
+        return False
+    bent = [solids(state.scene).configuration(pose) for pose in poses]
+    found = np.array([q for q in bent if q is not None])
+    if len(found) < len(bent) or np.abs(np.diff(found, axis=0)).max() > FOLDED:
+        return False
+    return all(within_joint_limits(state.scene.arm, q, LIMIT_MARGIN) for q in found)
 
 
 def _hand_hits(state: SymbolicState, name: str, poses: list[Pose]) -> Iterator[Violation]:

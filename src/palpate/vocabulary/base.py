@@ -21,7 +21,7 @@ from pydantic import BaseModel, ConfigDict
 from palpate.errors import InputError
 from palpate.geometry.pose import Array
 from palpate.quantities.quantity import Quantity
-from palpate.robots.accuracy import mistaken_force, unexplained_torque
+from palpate.robots.accuracy import mistaken_force, mistaken_moment, unexplained_torque
 from palpate.robots.reflex import Links, Reflex
 from palpate.robots.robot import Robot, RobotState
 from palpate.robots.safety import Expectation, violation
@@ -180,16 +180,22 @@ class Blackboard:
         x, y, z = self.robot.state.contact[:3].tolist()
         self.pressed = (x, y, z) if self.state.activity == "contact" else (0.0, 0.0, 0.0)
 
-    def set_reflex(self, thresholds: Reflex, goal: Array | None = None) -> None:
+    def set_reflex(self, thresholds: Reflex, *way: Array) -> None:
         """Set the thresholds at which the robot stops itself, those of its links' contacts with them, for a motion
-        to joint angles `goal` (7,), rad. A force that errors of the joints' torques look like is no contact."""
-        here = self.robot.state.q
-        ends = (here,) if goal is None else (here, goal)
-        mistaken = max(mistaken_force(self.scene.arm, q) for q in ends)
-        self.mistaken = min(mistaken, self.robot.limits.reflexes.carrying.force)
-        force = max(thresholds.force, self.mistaken)
+        by joint angles of `way` (7,), rad. What errors of the joints' torques look like is no contact."""
+        arm, reflexes = self.scene.arm, self.robot.limits.reflexes
+        places = (self.robot.state.q, *way)
+        mistaken = max(mistaken_force(arm, q) for q in places)
+        self.mistaken = min(mistaken, reflexes.carrying.force)
+        turning = min(max(mistaken_moment(arm, q) for q in places), reflexes.probing.torque)
         self.robot.set_reflex(
-            replace(thresholds, force=force, links=self.links, pressed=self.pressed)
+            replace(
+                thresholds,
+                force=max(thresholds.force, self.mistaken),
+                torque=max(thresholds.torque, turning),
+                links=self.links,
+                pressed=self.pressed,
+            )
         )
 
 

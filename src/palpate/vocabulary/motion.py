@@ -19,7 +19,13 @@ from palpate.robots.pace import configuration
 from palpate.robots.safety import Expectation
 from palpate.scene.raised import beyond
 from palpate.vocabulary.admissible.profile import POSE_ERROR, spans, stretches
-from palpate.vocabulary.admissible.reach import beyond_joint_limits, out_of_reach
+from palpate.vocabulary.admissible.reach import (
+    beyond_joint_limits,
+    joints_between,
+    out_of_reach,
+    swings,
+    unfelt,
+)
 from palpate.vocabulary.admissible.support import clear_of_support, slides, would_be_dragged
 from palpate.vocabulary.base import (
     ARM,
@@ -97,6 +103,10 @@ class MovePose(Primitive):
             return [Violation("unknown-symbol", str(error))]
         found = out_of_reach(state, target, self.pose)
         name = state.scene.symbols.subject(self.pose)
+        front = f"{name}_front"
+        if front in state.scene.symbols.configurations and swings(state.pose_world_tcp, target):
+            problem = f"the hand is not level; MoveJoints '{name}_level', then '{front}' first"
+            return [*found, Violation(PRECONDITION, problem)]
         if name is None or name not in state.scene.objects or state.holding is not None:
             return found
         # The object's surface may have been measured far from its stated height.
@@ -234,6 +244,11 @@ class MoveJoints(Primitive):
     @classmethod
     def groundings(cls, around: Surroundings) -> Iterator[MoveJoints]:
         yield cls(joints=HOME_CONFIG)
+        # On the way home, from before any handle.
+        before = (around.subject,) if around.subject else tuple(around.state.scene.fixtures)
+        for name in (f"{one}_{place}" for one in before for place in ("level", "front")):
+            if name in around.state.scene.symbols.configurations:
+                yield cls(joints=name)
 
     def requires(self, state: SymbolicState) -> list[Violation]:
         try:
@@ -241,7 +256,9 @@ class MoveJoints(Primitive):
         except InputError as error:
             rule = "unknown-symbol" if isinstance(self.joints, str) else "unreachable"
             return [Violation(rule, str(error))]
-        return beyond_joint_limits(state, target) or would_be_dragged(state)
+        return (
+            beyond_joint_limits(state, target) or would_be_dragged(state) or unfelt(state, target)
+        )
 
     def during(self, state: SymbolicState) -> SymbolicState:
         return replace(state, activity="moving", contact=None)
@@ -258,9 +275,8 @@ class MoveJoints(Primitive):
     def run(self, blackboard: Blackboard) -> Steps:
         robot, reflexes = blackboard.robot, blackboard.robot.limits.reflexes
         goal = self.target(blackboard.state)
-        blackboard.set_reflex(
-            reflexes.carrying if blackboard.state.holding else reflexes.free, goal
-        )
+        thresholds = reflexes.carrying if blackboard.state.holding else reflexes.free
+        blackboard.set_reflex(thresholds, *joints_between(robot.state.q, goal))
         robot.move_joints(goal)
         yield from finish(blackboard)
         yield from settle(blackboard, BRIEF)

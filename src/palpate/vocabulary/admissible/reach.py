@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
+from palpate.robots.accuracy import mistaken_moment
 from palpate.robots.kinematics import within_joint_limits
+from palpate.robots.nominal import SWUNG
 from palpate.scene.scene import Scene
 from palpate.scene.symbols import PoseExpression
 from palpate.vocabulary.admissible.collision_geometry import LINK, arm_sweep
 from palpate.vocabulary.admissible.path import joint_path
 from palpate.vocabulary.admissible.solids import solids
-from palpate.vocabulary.state import HOME_CONFIG, SymbolicState
-from palpate.vocabulary.violation import Violation
+from palpate.vocabulary.state import HOME_CONFIG, SymbolicState, pose_of_joints
+from palpate.vocabulary.violation import PRECONDITION, Violation
 
+APART = 0.05
+"""rad of any joint between two configurations of a joint motion."""
+UNFELT = 12.0
+"""N m: moment on the hand that errors of the joints' torques look like, from which on a contact is not felt."""
 SHARES = (0.75, 0.5, 0.25, 0.1)
 """Parts of the offsets of a pose out of reach that are tried as a remedy."""
 
@@ -62,6 +70,33 @@ def beyond_joint_limits(state: SymbolicState, joints: Array) -> list[Violation]:
         f"joint angles {shown} rad are beyond the arm's limits; write MoveJoints '{HOME_CONFIG}'"
     )
     return [Violation("unreachable", problem)]
+
+
+def swings(start: Pose | None, end: Pose) -> bool:
+    """True if the tool's axis turns so far between two poses that a straight way could fold the wrist."""
+    return start is not None and float(start.rotation[:, 2] @ end.rotation[:, 2]) < SWUNG
+
+
+def joints_between(start: Array, end: Array) -> Array:
+    """(n, 7) rad, joint angles on the way of a joint motion, its ends included."""
+    count = int(np.ceil(float(np.abs(end - start).max()) / APART)) + 1
+    return np.linspace(start, end, max(count, 2))
+
+
+def unfelt(state: SymbolicState, joints: Array) -> list[Violation]:
+    """Violation for a joint motion between a level hand and one that points down, through a configuration in which a
+    contact is not felt: with the wrist in line, errors of the torques look like any moment."""
+    arm, start = state.scene.arm, state.q
+    pose = pose_of_joints(state.scene, joints)
+    if start is None or not swings(state.pose_world_tcp, pose):
+        return []
+    if max(mistaken_moment(arm, q) for q in joints_between(start, joints)) < UNFELT:
+        return []
+    problem = (
+        "between a level hand and one that points down, the wrist is turned first, and the arm moved then: "
+        "MoveJoints to the fixture's `_level` in between"
+    )
+    return [Violation(PRECONDITION, problem)]
 
 
 def require_room(scene: Scene) -> None:

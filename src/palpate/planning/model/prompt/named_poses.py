@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping
 from math import atan2, degrees
 
 from palpate.geometry.pose import Array, Pose
-from palpate.scene.symbols import Symbols, in_world
+from palpate.scene.handles import points_down
+from palpate.scene.symbols import Symbols
 
 KINDS: Mapping[str, str] = {
     "temporary": "the grasp of X with it put down on a free spot",
@@ -16,7 +17,6 @@ KINDS: Mapping[str, str] = {
     "balance": "where X balances, as its grasps before have shown",
 }
 """Poses that objects have besides their grasp, by the end of the name."""
-
 
 HEAD = (
     "# Named poses\nGripper in the world: x y z in m, direction of its x axis in degrees from world x, counterclockwise"
@@ -36,8 +36,10 @@ def named_poses(symbols: Symbols) -> str:
 
 
 def position_and_yaw(pose: Pose) -> str:
-    """Position (m) and direction of the x axis (degrees)."""
+    """Position (m) and direction of the x axis (degrees), or, of a level hand, where its fingers point."""
     x, y, z = (f"{value + 0.0:.3f}" for value in pose.position.round(3))
+    if not points_down(pose):
+        return f"{x} {y} {z}, fingers level, along {_vector(pose.rotation[:, 2])}"
     direction = degrees(atan2(pose.rotation[1, 0], pose.rotation[0, 0]))
     return f"{x} {y} {z}, {round(direction)}"
 
@@ -74,7 +76,7 @@ def _vectors(symbols: Symbols, pose: str) -> str:
     """Offsets at a pose, in the world."""
     own = symbols.own_offsets.get(symbols.subjects.get(pose, ""), {})
     return ", ".join(
-        f"{name} {_vector(in_world(symbols.poses[pose], symbols.offset(name, pose)))}"
+        f"{name} {_vector(symbols.shift(pose, symbols.poses[pose], symbols.offset(name, pose)))}"
         for name in dict.fromkeys([*own, *symbols.offsets])
     )
 
