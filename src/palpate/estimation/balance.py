@@ -58,16 +58,14 @@ def grasps_of(trace: Trace, held: Held, body: Body, about: Array) -> Grasps:
     recordings: list[Recording] = []
     rows: list[Array] = []
     right: list[Array] = []
-    along: list[Array] = []
     for i, hold in enumerate(held.holds):
         moment = load.value[1 + 2 * i : 3 + 2 * i]
         offset = np.array([-moment[1], moment[0]]) / load.force
         pose_world_body = hold.pose_world_tcp @ drooped_pose(hold)
         recordings.append(hold.recording)
         rows.append(pose_world_body.rotation[:2])
-        along.append(hold.pose_world_tcp.rotation[:2])
         right.append(hold.pose_world_tcp.position[:2] + offset - pose_world_body.position[:2])
-    slopes, places = place_slopes(load), place_errors(along, accuracy(body), trace.hand)
+    slopes, places = place_slopes(load), place_errors(held, body, trace.hand)
     covariance = slopes @ load.covariance @ slopes.T
     covariance += grasp_covariance(held, body, trace.hand.pose_repeatability)
     for place in places:
@@ -221,17 +219,19 @@ def slip_effects(held: Held) -> Array:
     return np.vstack(effects)
 
 
-def accuracy(body: Body) -> float:
-    """Standard deviation of the place of an object along the fingers in the scene, m."""
-    return tuning.PLACE_ACCURACY if body.accuracy is None else body.accuracy
+def accuracy(body: Body, along: Array | None = None) -> float:
+    """Standard deviation, m, of the place of an object in the scene along a direction (3,), world; by default the
+    largest level one."""
+    std = body.accuracy if along is None else body.std(along)
+    return tuning.PLACE_ACCURACY if std is None else std
 
 
-def place_errors(tools: Sequence[Array], accuracy: float, hand: Hand) -> list[Shared]:
+def place_errors(held: Held, body: Body, hand: Hand) -> list[Shared]:
     """Shared causes: disagreement of scene and arm on the object's place, the same in all grasps, with its
-    effect on the place in the hand, (2n,) m; `tools` (2, 3): horizontal components of the tool's axes."""
+    effect on the place in the hand, (2n,) m."""
     # The fingers centre the object along y as they close; along x and z no measurement shows its error.
-    seen = np.vstack(tools)
-    placed = {"x": accuracy, "z": tuning.PLACE_ACCURACY}
+    seen = np.vstack([hold.pose_world_tcp.rotation[:2] for hold in held.holds])
+    placed = {"x": accuracy(body, held.holds[0].along), "z": tuning.PLACE_ACCURACY}
     found: list[Shared] = []
     for axis, column in zip("xyz", seen.T, strict=True):
         if axis in placed:

@@ -48,6 +48,11 @@ class Hold:
     droop: Droop
     swept: float
 
+    @property
+    def along(self) -> Array:
+        """(3,) direction, world, along the fingers, in which they do not centre the object as they close."""
+        return self.pose_world_tcp.rotation[:, 0]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Held:

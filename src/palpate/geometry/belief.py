@@ -24,6 +24,8 @@ SURE = 3.0
 ERROR = 1e-3
 """m (1 sigma), of a touch as a run has it before anything is fitted: the arm's place, the length of its tips, and
 what gives way under the press."""
+SLIPS = 3e-3
+"""m (1 sigma) level, by which a thing that is dragged along its support lags in the pads: up to 5 mm, simulated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +105,11 @@ class Belief:
         """The same of the thing carried to `pose`: its errors turn with it."""
         turn = np.kron(np.eye(2), pose.rotation @ self.pose.rotation.T)
         return replace(self, pose=pose, covariance=turn @ self.covariance @ turn.T)
+
+    def dragged(self) -> Belief:
+        """The same once the thing was dragged between the fingers."""
+        slips = np.diag([SLIPS**2, SLIPS**2, 0.0, 0.0, 0.0, 0.0])
+        return replace(self, covariance=self.covariance + slips)
 
     def std(self, along: Array, point: Array | None = None) -> float:
         """Standard deviation, m, along a direction (3,) at a point (3,) of the thing, world; by default at its

@@ -227,6 +227,20 @@ class Body:
         """`pose_world` after `tipped`."""
         return self.tipped @ self.pose_world
 
+    def std(self, along: Array) -> float | None:
+        """Standard deviation, m, of its believed position along a direction (3,), world; None where not stated."""
+        if self.covariance is None:
+            return self.accuracy
+        return float(np.sqrt(along @ self.covariance[:3, :3] @ along))
+
+    @property
+    def doubt(self) -> float:
+        """m, how far beside where it is believed it may be seen from above: three standard deviations of a pose
+        whose covariance is stated, else 0."""
+        if self.covariance is None:
+            return 0.0
+        return 3.0 * float(np.sqrt(np.linalg.eigvalsh(self.covariance[:2, :2])[-1]))
+
     def __repr__(self) -> str:
         missing = f", missing {', '.join(sorted(self.missing))}" if self.missing else ""
         return f"<Body '{self.name}': {self.role}{missing}>"

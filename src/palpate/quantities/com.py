@@ -205,7 +205,7 @@ def com_method(found: Held, blind: Sequence[bool], body: Body) -> str:
     method = (
         f"Horizontal moment over weight of the object held still {where}, each against the empty hand, and the "
         "object's position in the scene, whose error along the fingers, "
-        f"{1e3 * accuracy(body):.2g} mm (1 sigma, {said}), no grasp shows"
+        f"{1e3 * accuracy(body, found.holds[0].along):.2g} mm (1 sigma, {said}), no grasp shows"
     )
     axes = " and ".join(axis for axis, unseen in zip("xyz", blind, strict=True) if unseen)
     if axes:

@@ -154,12 +154,12 @@ def estimate_position(trace: Trace, parameter: Parameter, body: Body | None) -> 
     spread = (samples.pose_world_tcp[:, :2] @ closing).std() / np.sqrt(len(samples))
     measured = closing * np.linalg.norm([spread, trace.hand.pose_repeatability, tuning.CENTRING])
     across = np.array([-closing[1], closing[0]])
-    value, accuracy = hand.position[:2], None
+    value, std = hand.position[:2], None
     if body is not None:
         # The believed frame, moved along the closing direction until its middle is at the TCP.
-        accuracy, middle = body.accuracy, body.pose_world.apply(body.centre)[:2]
+        std, middle = body.std(np.append(across, 0.0)), body.pose_world.apply(body.centre)[:2]
         value = body.pose_world.position[:2] + closing * float(closing @ (value - middle))
-    believed = across * (accuracy or PLACED)
+    believed = across * (std or PLACED)
     unseen = np.abs(believed) > np.abs(measured)
     return Estimate.normal(
         parameter,

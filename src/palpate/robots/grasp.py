@@ -26,6 +26,9 @@ from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import RobotDescription
 
 SPARE = 0.004  # m of the opening left for errors of the pose
+SURE = 3.0
+"""Standard deviations of an object's place to either side for which the fingers open farther than it is wide, if they
+can."""
 GROUND = 0.005  # m of clearance of the fingertips above the support
 HEADROOM = 0.005  # m of clearance between the palm and the top of the object
 SHALLOW = 0.02  # m of the TCP below the top where the hand has no room deeper down
@@ -46,6 +49,7 @@ class Grasp:
     pose: Pose  # of the TCP in the world
     width: float  # m, of the object there
     slack: float  # m that it may be shifted along the tool's x
+    short: float = 0.0  # m that the hand does not open farther than the object's pose is unsure
     problem: str = ""  # reason that the hand cannot take the object
 
 
@@ -55,21 +59,26 @@ def derive_grasp(
     obstacles: Sequence[Obstacle],
     yaw: float,
     base: Pose,
+    spread: Array | None = None,
 ) -> Grasp:
     """Derive the grasp of an object of convex `geoms` (in the world) among `obstacles`.
 
-    `yaw` is the object's own direction (rad).
+    `yaw` is the object's own direction (rad), `spread` (2, 2) the covariance, m², of its place seen from above.
     """
-    scene = _Scene(arm, geoms, obstacles, base)
+    scene = _Scene(arm, geoms, obstacles, base, spread)
     bottom, top = float(scene.cloud[:, 2].min()), float(scene.cloud[:, 2].max())
     best: Grasp | None = None
     for height in _heights(arm, bottom, top):
         outlines = scene.outlines(height)
         found = [scene.grasp(outlines, a, height) for a in _angles(outlines, yaw, base)]
-        # Problems first, then width (to 3 mm).
+        # Problems first, then room for what is unsure, then width (to 3 mm).
         best = min(
             found if best is None else [*found, best],
-            key=lambda grasp: (bool(grasp.problem), round(grasp.width / 0.003)),
+            key=lambda grasp: (
+                bool(grasp.problem),
+                round(grasp.short / 0.001),
+                round(grasp.width / 0.003),
+            ),
             default=None,
         )
         if best is not None and not best.problem:
@@ -104,8 +113,10 @@ class _Scene:
         geoms: Sequence[Convex],
         obstacles: Sequence[Obstacle],
         base: Pose,
+        spread: Array | None = None,
     ) -> None:
         self._arm, self._geoms, self._base = arm, geoms, base
+        self._spread = np.zeros((2, 2)) if spread is None else spread
         self.cloud = np.concatenate([g.points for g in geoms])
         width = 2 * arm.hand.half_extents[1]
         low, high = self.cloud.min(axis=0)[:2] - width, self.cloud.max(axis=0)[:2] + width
@@ -124,7 +135,7 @@ class _Scene:
         """Return the failed grasp of an object that the fingers cannot reach."""
         centre = (self.cloud.max(axis=0) + self.cloud.min(axis=0))[:2] / 2
         pose = self._tool_pose(centre, float(self.cloud[:, 2].max()), yaw)
-        return Grasp(pose, 0.0, 0.0, "it is too flat for the fingers")
+        return Grasp(pose, 0.0, 0.0, problem="it is too flat for the fingers")
 
     def grasp(self, outlines: Sequence[Array], angle: float, height: float) -> Grasp:
         """Find the best grasp of outlines that closes along `angle`, rad."""
@@ -152,7 +163,9 @@ class _Scene:
             )
         elif self._blocked(centre, across, height):
             problem = "its neighbours leave no room for the hand"
-        return Grasp(self._tool_pose(centre, height, angle), wide, slack, problem)
+        unsure = 2 * SURE * float(np.sqrt(across @ self._spread @ across))
+        short = max(wide + max(unsure, SPARE) - hand.opening, 0.0)
+        return Grasp(self._tool_pose(centre, height, angle), wide, slack, short, problem)
 
     def _blocked(self, centre: Array, across: Array, height: float) -> bool:
         """Test if the opened fingers, or the palm above them, would overlap a neighbour."""

@@ -257,10 +257,11 @@ def _grasp(geometry: Geometry, name: str) -> Grasp:
     level = int(np.argmax(np.hypot(rotation[0], rotation[1])))
     yaw = float(np.arctan2(rotation[1, level], rotation[0, level]))
     support = geometry.support(name)
-    geoms = geometry.objects[name]
+    geoms, covariance = geometry.objects[name], geometry.bodies[name].covariance
+    spread = None if covariance is None else covariance[:2, :2]
     for cleared in ((name, support), (name, support, *geometry.objects)):
         others = geometry.others(*cleared)
-        found = derive_grasp(geometry.arm, geoms, others, yaw, geometry.base)
+        found = derive_grasp(geometry.arm, geoms, others, yaw, geometry.base, spread)
         if not found.problem:
             break
     return found

@@ -142,6 +142,7 @@ class MovePose(Primitive):
         target = self.target(blackboard.state)
         if blackboard.state.activity == "sliding":
             yield from slide(blackboard, target, self.speed or np.inf)
+            blackboard.state = blackboard.state.dragged()
             message = self._arrived(blackboard, target)
         else:
             message = yield from self._go(blackboard, target)

@@ -177,7 +177,8 @@ class SymbolicState:
             return state
         moved = {one: after.pose if one == name else pose for one, pose in self.moved.items()}
         step = after.placed @ before.placed.inverse()
-        return replace(state, scene=corrected(self.scene, name, step), moved=moved)
+        scene = corrected(self.scene, name, step, after.covariance)
+        return replace(state, scene=scene, moved=moved)
 
     @property
     def tcp(self) -> Pose:
@@ -291,6 +292,13 @@ class SymbolicState:
     def top_of(self, body: Body) -> float:
         """World z, m, of the top of an object or surface."""
         return body.top_z(self.pose_of(body.name))
+
+    def dragged(self) -> SymbolicState:
+        """State once the held object was dragged: see `Belief.dragged`."""
+        belief = None if self.holding is None else self.belief_of(self.holding)
+        if self.holding is None or belief is None:
+            return self
+        return replace(self, beliefs={**self.beliefs, self.holding: belief.dragged()})
 
     @property
     def seen(self) -> dict[str, Belief]:

@@ -143,7 +143,7 @@ def lever_of(
     place = tuning.GRASP_SHIFT**2 + 2.0 * trace.hand.pose_repeatability**2
     centre = known(fitted, body.known.get("com"), signals)
     if fitted is None or centre is None:
-        place += accuracy(body) ** 2 + trace.hand.tip_offset_std**2
+        place += accuracy(body, pose_world_tcp.rotation[:, 0]) ** 2 + trace.hand.tip_offset_std**2
     if centre is None:
         spread = tuning.COM_PRIOR * np.maximum(body.size, 1e-3)
         inferred = whole(scene.spec().compile(), name).com

@@ -169,7 +169,8 @@ def _path(before: SymbolicState, after: SymbolicState, width: float) -> ArmPath 
 def _largest(state: SymbolicState) -> float:
     """The largest margin, m, that any pair of parts can have."""
     unknown = any(is_unmeasured(state, name) for name in state.scene.surfaces)
-    return GUESS if unknown else ARM
+    doubts = [body.doubt for body in state.scene.objects.values()]
+    return max([GUESS if unknown else ARM, *doubts])
 
 
 def _margins(state: SymbolicState, swept: Sweep, allowed: Allowed) -> Array:
@@ -199,7 +200,7 @@ def _margin(state: SymbolicState, part: Part, other: Part, allowed: Allowed) -> 
     if name in allowed.between:
         return ENTERED
     if name in state.scene.objects:
-        return BESIDE
+        return max(BESIDE, state.scene.body(name).doubt)
     if part.kind == LOAD or allowed.between or allowed.touched or name in allowed.carriers:
         return FIXED
     # An approach pose is 0.1 m above its surface, which may be higher than believed.

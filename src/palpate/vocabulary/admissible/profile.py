@@ -32,7 +32,7 @@ from palpate.vocabulary.admissible.collision_geometry import near_spans
 from palpate.vocabulary.admissible.support import clear_of_support
 from palpate.vocabulary.state import SymbolicState
 
-POSE_ERROR = 0.020  # m, largest error of a believed pose
+POSE_ERROR = 0.020  # m, largest error of a believed pose that does not state a larger one
 GUARDED_SPEED = 0.018
 """m/s at which both fingers on a table stay below 65 N (mean over 10 ms) and 45 N (20 ms), also where
 the arm is heaviest (28 kg, close to its base)."""
@@ -115,8 +115,9 @@ def between(start: Pose, end: Pose, share: float) -> Pose:
 def _near(state: SymbolicState, start: Pose, end: Pose) -> Cells:
     """Mask of the path's cells that are near something."""
     near = np.zeros(max(1, int(np.ceil(start.distance_to(end) / CELL))), dtype=np.bool_)
+    error = max([POSE_ERROR, *(body.doubt for body in state.scene.bodies.values())])
     for hand in _both_ways(state, start, end):
-        for first, last in near_spans(hand, start, end, POSE_ERROR):
+        for first, last in near_spans(hand, start, end, error):
             near[int(first * len(near)) : int(np.ceil(last * len(near)))] = True
     if leaves(start, end):
         # After lift-off the hand retraces its way down, which was free.
