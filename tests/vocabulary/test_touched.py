@@ -11,9 +11,9 @@ from palpate.execution.runner import run
 from palpate.geometry.pose import Pose
 from palpate.planning.plan import Node, Plan
 from palpate.robots.simulated.robot import MujocoRobot
-from palpate.scene.corrected import corrected
 from palpate.scene.load import parse_scene
 from palpate.scene.poses import Poses
+from palpate.scene.raised import corrected
 from palpate.scene.scene import Scene
 from palpate.vocabulary.state import SymbolicState
 

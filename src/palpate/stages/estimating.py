@@ -17,8 +17,7 @@ from palpate.estimation.estimate import Estimate
 from palpate.parameter import Parameter
 from palpate.quantities.estimators import estimate_all, failed
 from palpate.runs.run import Run
-from palpate.scene.corrected import corrected
-from palpate.scene.raised import as_measured
+from palpate.scene.raised import as_measured, corrected
 from palpate.scene.scene import Scene
 from palpate.stages.workplace import truths
 from palpate.trace.samples import Trace

@@ -17,8 +17,7 @@ from palpate.geometry.pose import Array, Pose, digits
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
 from palpate.robots.kinematics import forward_kinematics
-from palpate.scene.corrected import corrected
-from palpate.scene.raised import learned, moves, raised, risen
+from palpate.scene.raised import corrected, learned, moves, raised, risen
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Activity, Context
 from palpate.vocabulary.admissible.grip import Grip, grip
