@@ -73,7 +73,12 @@ def faults(
     bypass_check: Annotated[
         bool, typer.Option("--bypass-check", help="Execute as many refused plans, too.")
     ] = False,
-    seed: Seed = 0,
+    seed: Annotated[
+        int,
+        typer.Option(
+            "--seed", min=0, help="Of random cases; of the arm that executes written plans."
+        ),
+    ] = 0,
     case: Annotated[str | None, typer.Option("--case", help="Repeat one case by name.")] = None,
     out: Out = None,
     workers: Workers = CORES,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -97,9 +97,8 @@ def conduct(kind: str, order: Order, say: Callable[[str], None]) -> dict[str, li
     """
     if kind not in REQUESTED:
         raise unknown_name("kind of fault", kind, REQUESTED)
-    known = KINDS[kind]
-    count = order.count or known.count or None
-    cases = known.named[:count] if known.named else drawn(kind, order.seed, count or 0)
+    count = order.count or KINDS[kind].count
+    cases = named(kind, order.seed)[: count or None] or drawn(kind, order.seed, count)
     found = {kind: _completed(kind, cases, order, say)}
     if kind == "plans":
         executed = {"accepted": order.execute, "bypass": order.execute if order.bypass else 0}
@@ -109,6 +108,12 @@ def conduct(kind: str, order: Order, say: Callable[[str], None]) -> dict[str, li
                 found[name] = _completed(name, quick[:number], order, say)
     write(order.folder)
     return found
+
+
+def named(kind: str, seed: int) -> list[Case]:
+    """Cases of a kind that have names; those of written plans with an arm of this seed."""
+    found = KINDS[kind].named
+    return [replace(case, seed=seed) if isinstance(case, nasty.Written) else case for case in found]
 
 
 def _completed(
@@ -134,7 +139,7 @@ def repeat(kind: str, case: str, seed: int) -> Row:
         if not case.isdecimal():
             raise InputError(f"'{case}' is no case of this kind: cases have numbers")
         return judged(Drawn(kind, seed, int(case)), work)
-    by_name = {each.name: each for each in known.named}
+    by_name = {each.name: each for each in named(kind, seed)}
     if case not in by_name:
         raise unknown_name("case", case, by_name)
     return judged(by_name[case], work)

@@ -179,7 +179,8 @@ class Ledger:
             Lost: the process that executed a case ended.
         """
         done = {row.case: row for row in self.rows()}
-        todo = [case for case in cases if case.name not in done]
+        names = [case.blank().case for case in cases]
+        todo = [case for case, name in zip(cases, names, strict=True) if name not in done]
         for _, row in Processes(workers).each(partial(judged, work=work), todo):
             if isinstance(row, Lost):
                 raise row
@@ -187,4 +188,4 @@ class Ledger:
             done[row.case] = row
             if row.crash or row.beyond:
                 say(f"{row.kind} {row.case}: {row.outcome}; {'; '.join(row.beyond[:3])}")
-        return [done[case.name] for case in cases]
+        return [done[name] for name in names]

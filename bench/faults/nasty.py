@@ -170,6 +170,7 @@ class Written:
         world: scene that is the hidden world; the plan's own by default.
         unseen: things of the world that the plan's scene does not show.
         kind: of the campaign.
+        seed: of the simulated arm.
     """
 
     name: str
@@ -182,6 +183,7 @@ class Written:
     world: str = ""
     unseen: tuple[str, ...] = ()
     kind: str = "nasty"
+    seed: int = 0
 
     @property
     def plan(self) -> Plan:
@@ -194,7 +196,14 @@ class Written:
         return None if self.requested is None else tuple(map(Parameter, self.requested))
 
     def blank(self) -> Row:
-        return Row.named(self.kind, self.name, self.intention)
+        blank = Row.named(self.kind, self.name, self.intention)
+        if not self.seed:
+            return blank
+        return replace(
+            blank,
+            case=f"{self.name}, seed {self.seed}",
+            command=f"{blank.command} --seed {self.seed}",
+        )
 
 
 def _nodes(steps: Sequence[Step]) -> tuple[Node, ...]:
@@ -344,4 +353,4 @@ def judge(case: Written, blank: Row) -> Row:
     if plan.tree is None:
         return replace(blank, outcome="nothing to do")
     world = small_scene(case.world) if case.world else None
-    return judged_run(blank, probed_run(plan, scene, world, "lab", 0, unseen=case.unseen))
+    return judged_run(blank, probed_run(plan, scene, world, "lab", case.seed, unseen=case.unseen))

@@ -12,6 +12,7 @@ from typer.testing import Result
 
 from bench.campaign import kinds
 from bench.campaign.ledger import Row
+from bench.faults.nasty import Written
 
 
 def test_one_case_is_repeated(instrument: Callable[..., Result]) -> None:
@@ -20,6 +21,21 @@ def test_one_case_is_repeated(instrument: Callable[..., Result]) -> None:
     assert "MoveJoints needs 7 angles" in answer.output
     answer = instrument("faults", "--kind", "nasty", "--case", "six angles", "--json")
     assert json.loads(answer.output)["outcome"] == "refused"
+
+
+def test_written_plans_are_executed_by_an_arm_of_the_seed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each seed has rows of its own in a folder."""
+    drawn: list[int] = []
+
+    def judge(case: Written, blank: Row) -> Row:
+        drawn.append(case.seed)
+        return blank
+
+    monkeypatch.setitem(kinds.KINDS, "nasty", replace(kinds.KINDS["nasty"], work=judge))
+    rows = [kinds.repeat("nasty", "six angles", seed) for seed in (0, 3)]
+    assert drawn == [0, 3]
+    assert [row.case for row in rows] == ["six angles", "six angles, seed 3"]
+    assert rows[1].command.endswith("--case 'six angles' --seed 3")
 
 
 def test_a_campaign_needs_a_folder_and_a_kind(
