@@ -130,6 +130,29 @@ def test_an_unknown_obstacle_stops_the_arm_and_is_not_pressed_on(wall):
     assert displacement(robot) < 0.001
 
 
+JUG = """<body name="jug" pos="0.5 {y} 0.2"><freejoint/>
+<geom type="box" size="0.04 0.04 0.1" mass="0.5" friction="0.6 0.005 0.0001"/></body>"""
+
+
+@pytest.mark.parametrize("believed", ["", JUG.format(y=-0.36)])
+def test_a_hand_that_meets_a_neighbour_out_of_place_says_so_and_hardly_moves_it(believed) -> None:
+    """The scene does not show it, or has it elsewhere."""
+    scene = parse_scene(CELL.format(cup='mass="0.3"', more=believed))
+    world = parse_scene(CELL.format(cup='mass="0.3"', more=JUG.format(y=-0.1)))
+    resolve = scene.symbols.resolve
+    aside = (resolve("cup_pose + x_offset").position - resolve("cup_pose").position)[1]
+    above = "cup_pose + z_offset"
+    poses = (above, f"{above} - {0.3 / aside:.3f}*x_offset")
+    steps = Node("Sequence", (), tuple(leaf("MovePose", pose=pose) for pose in poses))
+    robot = MujocoRobot(world.spec(), world.pose_world_base, world.arm, "lab", seed=1)
+    done = run(Plan((), steps, "go past"), scene, robot)
+    robot.advance(0.5)
+    assert f"MovePose({poses[1]}): unexpected contact" in str(done.stopped_by)
+    jug, stood = robot.world.true_pose("jug"), world.body("jug").pose_world
+    assert jug.distance_to(stood) < 0.005
+    assert jug.rotation[2, 2] > 0.999
+
+
 def test_fingers_that_were_opening_on_its_support_have_put_it_down():
     def opening(robot):
         closed = robot.state.t > 12.0 and robot.state.gripper_moving
