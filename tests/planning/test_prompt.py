@@ -32,8 +32,8 @@ from palpate.planning.symbolic.steps import ASIDE, SLIDE
 from palpate.quantities.catalogue import catalogue
 from palpate.robots.registry import load_description
 from palpate.scenarios.catalogue import scenario, scenarios
-from palpate.scene import places
 from palpate.scene.load import load_scene, parse_scene
+from palpate.scene.named import places
 from palpate.scene.pictured.detected import SceneBuilder
 from palpate.scene.poses import read_poses
 from palpate.scene.scene import Scene

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import palpate as pp
-from palpate.scene.handles import points_down
+from palpate.scene.named.handles import points_down
 from palpate.scene.scene import Scene
 from palpate.vocabulary.gripper import OpenGripper
 from palpate.vocabulary.handle import MoveHandle

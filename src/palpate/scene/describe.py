@@ -24,7 +24,7 @@ from palpate.mjcf.elements import PLACING
 from palpate.mjcf.roles import Roles, find_roles
 from palpate.mjcf.shapes import RESTING, Shapes, compile_shapes
 from palpate.quantities.catalogue import Catalogue
-from palpate.scene.places import APPROACH
+from palpate.scene.named.places import APPROACH
 from palpate.scene.poses import Poses
 
 CARRYING = 0.10

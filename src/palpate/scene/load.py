@@ -14,7 +14,7 @@ from palpate.mjcf.reading import parse_document, reparsed
 from palpate.quantities.catalogue import Catalogue, catalogue
 from palpate.robots.description import RobotDescription
 from palpate.robots.registry import load_description
-from palpate.scene.named_poses import derive_symbols
+from palpate.scene.named.derive import derive_symbols
 from palpate.scene.poses import ObjectEntry, Poses, parse_poses, read_poses
 from palpate.scene.raised import level, raised
 from palpate.scene.resolve import resolve

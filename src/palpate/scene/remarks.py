@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from palpate.mjcf.compile import BASE_SITE, removed_with_robots
 from palpate.mjcf.document import Element
 from palpate.mjcf.elements import copy_mark
-from palpate.scene.places import reachable
+from palpate.scene.named.places import reachable
 from palpate.scene.scene import Scene
 
 LISTED = 8

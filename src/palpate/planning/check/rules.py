@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from palpate.scene.places import GUESSED
+from palpate.scene.named.places import GUESSED
 from palpate.vocabulary.admissible.clearance import STEEP
 from palpate.vocabulary.admissible.collision import ARM, BESIDE, ENTERED, FIXED
 from palpate.vocabulary.admissible.grasp import PUSHED

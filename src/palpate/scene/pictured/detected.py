@@ -24,6 +24,7 @@ from palpate.robots.description import RobotDescription
 from palpate.robots.registry import load_description
 from palpate.scene.camera import Camera, load_image
 from palpate.scene.load import parse_scene
+from palpate.scene.named.places import APPROACH
 from palpate.scene.pictured.fit import fit
 from palpate.scene.pictured.objects import (
     Fitted,
@@ -34,7 +35,6 @@ from palpate.scene.pictured.objects import (
     widened,
 )
 from palpate.scene.pictured.sharpen import sharpened
-from palpate.scene.places import APPROACH
 from palpate.scene.poses import ObjectEntry, Poses
 from palpate.scene.scene import Scene
 from palpate.scene.symbols import (

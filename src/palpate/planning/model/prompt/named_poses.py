@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from math import atan2, degrees
 
 from palpate.geometry.pose import Array, Pose
-from palpate.scene.handles import points_down
+from palpate.scene.named.handles import points_down
 from palpate.scene.symbols import Symbols
 
 KINDS: Mapping[str, str] = {

@@ -27,9 +27,9 @@ from palpate.mjcf.body import Body
 from palpate.mjcf.shapes import RESTING
 from palpate.robots.description import RobotDescription
 from palpate.robots.grasp import Grasp, derive_grasp, turned_grasp
-from palpate.scene.geometry import Geometry, middle
-from palpate.scene.handles import RETREAT, front_of, handle_grasp, points_down, unnamed
-from palpate.scene.places import APPROACH, GUESSED, approach_pose, free_spot
+from palpate.scene.named.geometry import Geometry, middle
+from palpate.scene.named.handles import RETREAT, front_of, handle_grasp, points_down, unnamed
+from palpate.scene.named.places import APPROACH, GUESSED, approach_pose, free_spot
 from palpate.scene.poses import Poses
 from palpate.scene.resolve import ResolvedScene
 from palpate.scene.symbols import (
