@@ -71,8 +71,9 @@ class Run(InnerRun):
         return export_run(self, to, None if folder is None else Path(folder))
 
     def prove(self) -> Proof:
-        """Plan a push, a topple and a throw of each measured object with the prior and with the twin, and tell
-        how far from their goals they end with the true values, else with values drawn from the twin's intervals.
+        """Plan a push, a topple and a throw of each measured object, and an opening of each drawer or door, with the
+        prior and with the twin, and tell how far from their goals they end with the true values, else with values
+        drawn from the twin's intervals.
 
         A saved run keeps it in `proof.json` and shows it in its report.
 

@@ -103,7 +103,7 @@ def export(
 
 
 def prove(folder: RunFolder, *, as_json: AsJson = False) -> None:
-    """Show what a run's twin is good for: a push, a topple and a throw, planned with prior and twin."""
+    """Show what a run's twin is good for: a push, a topple and a throw, or an opening, planned with prior and twin."""
     import palpate as pp
     from palpate.cli.show.stored import show_proof
 

@@ -7,12 +7,11 @@ the twin's plan reaches in those draws are its promise.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import product
-from typing import ClassVar
+from typing import ClassVar, Generic
 
 import numpy as np
 
@@ -23,8 +22,9 @@ from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
 from palpate.scene.scene import Scene
 from palpate.twin.inject import as_stated, part_names, values_to_write
-from palpate.twin.tasks.tasks import TASKS, WAYS, Task
-from palpate.twin.tasks.trial import Trial, Values, trial_of
+from palpate.twin.tasks.joints import JOINT_TASKS, joint_trial_of
+from palpate.twin.tasks.tasks import TASKS, Task, Tasks, World
+from palpate.twin.tasks.trial import Values, trial_of
 from palpate.twin.twin import held_by_twin
 
 DRAWS = 20
@@ -141,50 +141,58 @@ def prove(
     """Plan tasks in prior and twin, and carry them out in the truth, or in draws where it is not known.
 
     Raises:
-        InputError: no object was measured, nor what it stands on.
+        InputError: neither an object was measured, nor what it stands on, nor a drawer or a door.
     """
     named = partial(as_stated, quantities=scene.catalogue)
     stated = [replace(each, parameter=named(each.parameter)) for each in held_by_twin(estimates)]
     values, _ = values_to_write(scene, stated, {estimate.parameter for estimate in stated})
     objects = [name for name in scene.objects if _acts_on(scene, name, values)]
-    if not objects:
-        raise InputError("there is nothing to prove: no object was measured, nor what it stands on")
+    fixtures = [name for name in scene.fixtures if _acts_on(scene, name, values)]
+    if not objects + fixtures:
+        raise InputError(
+            "there is nothing to prove: no object was measured, nor what it stands on, nor a drawer or a door"
+        )
     true = {**values, **{named(parameter): value for parameter, value in truth.items()}}
     spread, rng = spread_of(stated, values), np.random.default_rng(seed)
     rows: list[Proved] = []
     left_out: list[str] = []
-    for name in objects:
-        drawn = drawn_worlds(scene, name, values, spread, rng, draws)
-        judges = [trial_of(scene, name, true)] if truth else drawn
-        worlds = _Worlds(trial_of(scene, name, {}), trial_of(scene, name, values), judges, drawn)
-        for kinds in TASKS:
+
+    def add(name: str, make: Callable[[Values], World], tasks: Tasks[World]) -> None:
+        drawn = drawn_worlds(name, make, values, spread, rng, draws)
+        judges = [make(true)] if truth else drawn
+        worlds = _Worlds(make({}), make(values), judges, drawn)
+        for kinds in tasks:
             row = worlds.proved(name, kinds)
             if row is None:
                 left_out.append(f"{name}: {kinds[0].name} cannot be done in the twin")
             else:
                 rows.append(row)
+
+    for name in objects:
+        add(name, partial(trial_of, scene, name), TASKS)
+    for name in fixtures:
+        add(name, partial(joint_trial_of, scene, name), JOINT_TASKS)
     return Proof(tuple(rows), "truth" if truth else "draws", tuple(left_out))
 
 
 @dataclass(frozen=True, slots=True)
-class _Worlds:
-    """Worlds of one object: planned in `prior` and `twin`, carried out in `judges` and `drawn`."""
+class _Worlds(Generic[World]):
+    """Worlds of one thing: planned in `prior` and `twin`, carried out in `judges` and `drawn`."""
 
-    prior: Trial
-    twin: Trial
-    judges: Sequence[Trial]
-    drawn: Sequence[Trial]
+    prior: World
+    twin: World
+    judges: Sequence[World]
+    drawn: Sequence[World]
 
-    def proved(self, name: str, kinds: Sequence[type[Task]]) -> Proved | None:
+    def proved(self, name: str, kinds: Sequence[type[Task[World]]]) -> Proved | None:
         """Plan and carry out the first of `kinds`, and direction, that can be done in the twin."""
-        for kind, way in product(kinds, WAYS):
-            task = kind(way)
+        for task in (kind(way) for kind in kinds for way in kind.ways):
             action = task.plan(self.twin)
             if action is not None:
                 return self._carried_out(name, task, action)
         return None
 
-    def _carried_out(self, name: str, task: Task, action: float) -> Proved:
+    def _carried_out(self, name: str, task: Task[World], action: float) -> Proved:
         drawn = errors(task, action, self.drawn)
         return Proved(
             name,
@@ -198,7 +206,7 @@ class _Worlds:
         )
 
 
-def errors(task: Task, action: float | None, worlds: Sequence[Trial]) -> tuple[float, ...]:
+def errors(task: Task[World], action: float | None, worlds: Sequence[World]) -> tuple[float, ...]:
     """Distances from the goal where an action is taken in each world; infinite where there is none."""
     if action is None:
         return (np.inf,) * len(worlds)
@@ -226,23 +234,23 @@ def spread_of(estimates: Sequence[Estimate], values: Values) -> dict[Parameter, 
 
 
 def drawn_worlds(
-    scene: Scene,
     name: str,
+    make: Callable[[Values], World],
     values: Values,
     spread: Mapping[Parameter, Array],
     rng: np.random.Generator,
     draws: int,
-) -> list[Trial]:
+) -> list[World]:
     """Worlds whose values are drawn from the estimates' normal distributions. Values that no body can
     have, as a negative mass, are drawn again."""
-    worlds: list[Trial] = []
+    worlds: list[World] = []
     for _ in range(TRIES * draws):
         drawn = {
             parameter: tuple(rng.normal(value, spread[parameter]).tolist())
             for parameter, value in values.items()
         }
         with suppress(InputError):
-            worlds.append(trial_of(scene, name, drawn))
+            worlds.append(make(drawn))
         if len(worlds) == draws:
             return worlds
     raise InputError(f"the intervals of '{name}' hold hardly any body that can exist")

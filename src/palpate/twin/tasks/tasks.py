@@ -1,4 +1,4 @@
-"""Three things to do with an object: push it to a mark, topple it, throw it to a mark.
+"""Tasks with the twin's things; of an object: push it to a mark, topple it, throw it to a mark.
 
 A task is planned in one world, as the action that reaches the goal there, and carried out in another: the
 distance from the goal in the second world tells what the first one was good for.
@@ -7,11 +7,11 @@ distance from the goal in the second world tells what the first one was good for
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar, Literal
+from typing import ClassVar, Generic, Literal, TypeVar
 
 import mujoco
 import numpy as np
@@ -35,11 +35,12 @@ NEAR = 0.02
 """Share of a goal within which a planned force has to end in its own world."""
 
 Unit = Literal["m", "N"]
+World = TypeVar("World")
 
 
 @dataclass(frozen=True)
-class Task(ABC):
-    """Something to do with an object, by one number that is planned: the action.
+class Task(ABC, Generic[World]):
+    """Something to do in a world, by one number that is planned: the action.
 
     Attributes:
         way: (3,) unit vector along which it is done, world axes.
@@ -47,6 +48,7 @@ class Task(ABC):
         says: what is done, in words.
         unit: unit of what is reached.
         goal: what shall be reached.
+        ways: (n, 3) directions in which it is tried.
     """
 
     way: Array
@@ -54,8 +56,9 @@ class Task(ABC):
     says: ClassVar[str]
     unit: ClassVar[Unit]
     goal: ClassVar[float]
+    ways: ClassVar[Array] = WAYS
 
-    def plan(self, world: Trial) -> float | None:
+    def plan(self, world: World) -> float | None:
         """Action that ends at the goal in a world; None if the object tips over on the way to it, or cannot
         be moved."""
         action = smallest(
@@ -65,16 +68,24 @@ class Task(ABC):
             return None
         return action
 
-    def tried(self, world: Trial) -> tuple[float, float]:
-        """First and largest action that a plan tries in a world; of a force by the object's weight, N."""
-        return 0.1 * world.weight, STRONGEST * world.weight
+    @abstractmethod
+    def tried(self, world: World) -> tuple[float, float]:
+        """First and largest action that a plan tries in a world."""
 
     @abstractmethod
-    def reached(self, world: Trial, action: float) -> float:
+    def reached(self, world: World, action: float) -> float:
         """Result of an action in a world, in `unit`; not finite where the task fails otherwise."""
 
 
-class Slide(Task):
+class OfObject(Task[Trial]):
+    """Base of what is done with an object, by a force unless it says otherwise."""
+
+    def tried(self, world: Trial) -> tuple[float, float]:
+        """Forces by its weight, N."""
+        return 0.1 * world.weight, STRONGEST * world.weight
+
+
+class Slide(OfObject):
     """Slide to a mark after a push; the action is its force, N. Mass and friction decide where it stops."""
 
     name = "push to a mark"
@@ -92,7 +103,7 @@ class Slide(Task):
         return slid(world, done, self.way)
 
 
-class SpringPush(Task):
+class SpringPush(OfObject):
     """Push to a mark through a damped spring, as a compliant arm does; the action is how far the arm goes, m.
     The object stays behind by the friction force over the stiffness."""
 
@@ -125,7 +136,7 @@ class SpringPush(Task):
         return slid(world, done, self.way)
 
 
-class Topple(Task):
+class Topple(OfObject):
     """Tip over the edge of the foot; the action is the force at the top, N. Mass and centre of mass decide."""
 
     name = "topple"
@@ -153,7 +164,7 @@ class Topple(Task):
         return world.tilt(done) > np.radians(5)
 
 
-class Throw(Task):
+class Throw(OfObject):
     """Throw to a mark on the floor; the action is the force, N. Mass and the height of its support decide."""
 
     name = "throw to a mark"
@@ -180,8 +191,10 @@ class Throw(Task):
         return float(np.interp(floor, (below, above), (there, here)))
 
 
-TASKS: tuple[tuple[type[Task], ...], ...] = ((Slide, SpringPush), (Topple,), (Throw,))
-"""Each with what is done where it cannot be: tall things tip over when friction stops them."""
+Tasks = Sequence[Sequence[type[Task[World]]]]
+"""Tasks of a kind of world, each with what is done where it cannot be."""
+TASKS: Tasks[Trial] = ((Slide, SpringPush), (Topple,), (Throw,))
+"""Of an object: tall things tip over when friction stops them."""
 
 
 def slid(world: Trial, done: mujoco.MjData, way: Array) -> float:

@@ -129,7 +129,7 @@ def trial_of(scene: Scene, name: str, values: Values) -> Trial:
     spec = scene.spec(values)
     for other in scene.objects:
         if other != name:
-            _set_aside(spec.body(other))
+            set_aside(spec.body(other))
     try:
         model = spec.compile()
     except ValueError as error:
@@ -144,13 +144,13 @@ def trial_of(scene: Scene, name: str, values: Values) -> Trial:
     return Trial(model, body, data.qpos.copy(), centre, upright, low, high)
 
 
-def _set_aside(body: mujoco.MjsBody) -> None:
+def set_aside(body: mujoco.MjsBody) -> None:
     """Take weight and contacts from a body and its children."""
     body.gravcomp = 1
     for geom in body.geoms:
         geom.contype = geom.conaffinity = 0
     for child in body.bodies:
-        _set_aside(child)
+        set_aside(child)
 
 
 def _box(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> tuple[Array, Array]:
