@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import palpate as pp
 from palpate.errors import InputError
@@ -18,6 +19,7 @@ from palpate.pictures.renderer import gl_available
 from palpate.pipeline import require_seen
 from palpate.scene.load import parse_scene, replaced
 from palpate.seeing.look import Seen
+from palpate.seeing.outlines import Outlines
 
 from .conftest import Answer, cube
 
@@ -33,7 +35,10 @@ DESK = """<mujoco model="desk"><worldbody><light pos="0 0 2"/><site name="robot_
 
 def seen(*names: str, unseen: tuple[str, ...] = ()) -> Seen:
     poses = {name: Pose.of((0.51, 0.02, 0.03)) for name in names}
-    return Seen(poses, {name: 1e-6 * np.eye(6) for name in names}, unseen, ("a tag leans",), 0.1)
+    square = np.array([[2.0, 2], [8, 2], [8, 8], [2, 8]])
+    drawn = Outlines(np.zeros((10, 10, 3), np.uint8), dict.fromkeys(names, (square,)))
+    said = ("a tag leans",)
+    return Seen(poses, {name: 1e-6 * np.eye(6) for name in names}, unseen, said, 0.1, drawn)
 
 
 @pytest.mark.skipif(not gl_available()[0], reason="no OpenGL")
@@ -76,6 +81,9 @@ def test_a_person_confirms_what_was_seen_before_anything_is_planned(
     answer = palpate(*look)
     assert (answer.status, "not confirmed" in answer.err) == (4, True), answer.err
     assert "0.5100, 0.0200, 0.0300" in answer.err
+    (picture,) = (line for line in answer.err.splitlines() if line.startswith("outlined in "))
+    with Image.open(picture.removeprefix("outlined in ")) as shown:
+        assert shown.size == (10, 10)
     assert "move?" not in answer.err
     monkeypatch.setattr("palpate.stages.looking.seen_from", lambda *_: seen(unseen=("cube",)))
     agreed = palpate(*look, "--yes")

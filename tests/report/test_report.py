@@ -30,6 +30,7 @@ from palpate.report.seen import pose_rows
 from palpate.report.tree import branches, first_failure
 from palpate.trace.recording import Context, LeafRun, Recording
 
+SQUARE = png(np.zeros((8, 8, 3), np.uint8))
 HOSTILE = '</script><script>alert(1)</script><img src="http://evil.example/x" onerror=alert(1)>'
 SECTIONS = (
     "Workspace",
@@ -304,7 +305,8 @@ def test_where_things_stand_is_told_by_sight_touch_and_both(
     felt = seen.touched("probe", np.array([1.0, 0.0, 0.0]), np.array([0.47, 0.1, 0.4]), 0.002)
     off = seen.touched("probe", np.array([1.0, 0.0, 0.0]), np.array([0.47, 0.1, 0.4]), 0.02)
     rows = tuple(pose_rows({"<cup>": seen, "box": felt, "tin": off}))
-    page = page_of(replace(data, status="failed", poses=rows), tmp_path)
+    page = page_of(replace(data, status="failed", poses=rows, seen=SQUARE), tmp_path)
+    assert [one for one in page.all("img") if "camera saw" in one["alt"]]
     assert "x 500.0 ± 3.2, y 100.0 ± 3.2" in page.text
     assert "probe: +2.0 ± 1.0 mm along +x" in page.text
     assert "x 501.8 ± 1.0" in page.text

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from functools import cache
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import palpate as pp
 from bench.seeing import SCENE, drawn_look
 from palpate.errors import InputError
+from palpate.geometry.outline import depth
 from palpate.geometry.pose import Pose
 from palpate.pictures.renderer import gl_available
 from palpate.scene.load import parse_scene
@@ -83,6 +86,13 @@ def test_a_simulated_camera_sees_where_a_box_is() -> None:
     assert abs(off[5]) < 0.01
     assert not found.notes
     assert not found.unseen
+    assert found.outlines is not None
+    (outline,) = found.outlines.shapes["box"]
+    (tag,) = (at for number, at in detect(picture.pixels[..., 1].copy()) if number == 7)
+    # The tag is two thirds as wide as the top that it lies on, 30 to 40 pixels.
+    assert min(depth(outline, corner) for corner in tag) > 3.0
+    assert np.ptp(outline, axis=0).max() < 4.0 * np.ptp(tag, axis=0).max()
+    assert Image.open(BytesIO(found.outlines.png())).size == (1280, 720)
     poses = parse_poses(_yaml(found))
     body = parse_scene(given.text, poses=poses).body("box")
     assert body.accuracy == pytest.approx(found.std("box")[0], rel=0.01)

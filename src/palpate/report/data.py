@@ -74,6 +74,7 @@ class ReportData:
         robot_seconds: duration of the execution, robot time.
         total_seconds: wall time from the start of the command to this page.
         workspace, before, after: PNG or JPEG.
+        seen: PNG of what a camera saw before the plan.
         video: MP4, played `video_speed` times faster than robot time.
         `video_believed`: rendered from the trace, not seen by a camera.
         twin_diff: unified diff from the user's MJCF to the twin.
@@ -107,6 +108,7 @@ class ReportData:
     workspace: bytes | None = None
     before: bytes | None = None
     after: bytes | None = None
+    seen: bytes | None = None
     video: bytes | None = None
     video_speed: float = 1.0
     video_believed: bool = False
@@ -146,6 +148,7 @@ def report_data(run: Run, pictures: Pictures, scratch: Path, place: Path) -> Rep
         workspace=pictures.workspace,
         before=pictures.before,
         after=pictures.after,
+        seen=pictures.seen,
         versions={"palpate": __version__, **{name: version(name) for name in LIBRARIES}},
         seed=None if run.is_recorded else settings.seed,
         noise=None if run.is_recorded else noise_models().title(settings.noise),

@@ -123,6 +123,7 @@ def picture_uris(data: ReportData) -> dict[str, Any]:
         "workspace": picture_uri(data.workspace),
         "before": picture_uri(data.before),
         "after": picture_uri(data.after),
+        "seen": picture_uri(data.seen),
         "changed": changed,
         "marked": picture_uri(changed.marked) if changed else None,
         "video": video_uri(data.video),

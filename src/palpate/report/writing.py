@@ -22,7 +22,7 @@ from palpate.scene.camera import load_image
 if TYPE_CHECKING:
     from palpate.runs.run import Run
 
-IMAGES, STILLS = "images", ("workspace.png", "before.png", "after.png")
+IMAGES, STILLS = "images", ("workspace.png", "before.png", "after.png", "seen.png")
 """A run's pictures: their folder, and their names in it."""
 FILMS = {False: "execution.mp4", True: "played-again.mp4"}
 """Names of films: seen by a camera, or rendered from the trace."""
@@ -35,6 +35,7 @@ class Pictures:
     workspace: bytes | None = None
     before: bytes | None = None
     after: bytes | None = None
+    seen: bytes | None = None
     film: Film | None = None
 
 
@@ -45,8 +46,8 @@ def pictures_in(folder: Path, run: Run) -> Pictures:
         file = folder / IMAGES / name
         return file.read_bytes() if file.exists() else None
 
-    workspace, before, after = (content(name) for name in STILLS)
-    stills = Pictures(workspace, before, after)
+    workspace, before, after, seen = (content(name) for name in STILLS)
+    stills = Pictures(workspace, before, after, seen)
     # A film by a camera takes precedence over one rendered from the trace.
     for believed, name in FILMS.items():
         video = content(name)
@@ -66,7 +67,7 @@ def take_stills(run: Run, taken: Pictures) -> Pictures:
     workspace = run.picture or taken.workspace
     if run.settings.images:
         workspace = png(load_image(run.settings.images[0]))
-    taken = replace(taken, workspace=workspace)
+    taken = replace(taken, workspace=workspace, seen=run.looked or taken.seen)
     if not run.scene.bodies or not gl_available()[0]:
         return taken
     names = tuple(run.scene.bodies)
@@ -81,7 +82,7 @@ def take_stills(run: Run, taken: Pictures) -> Pictures:
     if workspace is None and footage is not None:
         _, qpos = frames_of(footage.frames)
         workspace = render_moment(footage.model, qpos[0], footage.drawn())
-    return Pictures(workspace, *pair, taken.film)
+    return Pictures(workspace, *pair, taken.seen, taken.film)
 
 
 def take_film(run: Run) -> Film | None:
@@ -100,7 +101,7 @@ def write_images(pictures: Pictures, folder: Path) -> None:
     """Write the pictures as separate files into the run's folder."""
     folder = folder / IMAGES
     folder.mkdir(exist_ok=True)
-    stills = (pictures.workspace, pictures.before, pictures.after)
+    stills = (pictures.workspace, pictures.before, pictures.after, pictures.seen)
     contents = dict(zip(STILLS, stills, strict=True))
     if pictures.film is not None:
         contents[FILMS[pictures.film.believed]] = pictures.film.mp4

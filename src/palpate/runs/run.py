@@ -86,6 +86,7 @@ class Run:
         conversation: dialogue with a model, if one was asked.
         seen: objects that a model detected, without D.
         picture: PNG of the workspace that was shown to the model, if no image was given.
+        looked: PNG of what a camera saw before the plan, with the outlines of the objects in it.
         rehearsal: prediction of the simulation before the execution, if any.
         world: place of the execution, in words.
         simulated: no real robot moved.
@@ -115,6 +116,7 @@ class Run:
     conversation: Conversation | None = None
     seen: DetectedScene | None = None
     picture: bytes | None = None
+    looked: bytes | None = None
     rehearsal: Rehearsal | None = None
     world: str | None = None
     simulated: bool = True

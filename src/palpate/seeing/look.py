@@ -20,6 +20,7 @@ from palpate.scene.poses import ObjectEntry, Poses, parse_poses
 from palpate.scene.scene import Scene
 from palpate.seeing.estimator import estimated
 from palpate.seeing.lens import Lens, Mount
+from palpate.seeing.outlines import Outlines, outlines
 from palpate.seeing.problem import Estimated, Problem, Thing
 from palpate.seeing.solve import Solution, solve
 from palpate.seeing.tags import Tag, tags_of
@@ -41,6 +42,7 @@ class Seen:
         unseen: objects of the scene that were not found.
         notes: what did not fit, in words.
         noise: pixels, 1 sigma of a corner's coordinate.
+        outlines: of the objects, in the picture.
     """
 
     poses: dict[str, Pose]
@@ -48,6 +50,7 @@ class Seen:
     unseen: tuple[str, ...]
     notes: tuple[str, ...]
     noise: float
+    outlines: Outlines | None = None
 
     def __repr__(self) -> str:
         return f"<Seen: {', '.join(self.poses) or 'nothing'}; noise {self.noise:.2f} px>"
@@ -133,15 +136,18 @@ def look(
     estimates: dict[str, Estimated] = {}
     if estimator is not None:
         estimates = estimated(estimator, scene, max(pictures, key=sharpness), lens)
-    found = solve(Problem(lens, seen, tags, things_of(scene), mount, estimates))
+    problem = Problem(lens, seen, tags, things_of(scene), mount, estimates)
+    found = solve(problem)
     notes += _said(found, tags)
     objects = [name for name in scene.objects if name in found.poses]
+    poses = {name: found.poses[name] for name in objects}
     return Seen(
-        {name: found.poses[name] for name in objects},
+        poses,
         {name: found.covariances[name] for name in objects},
         tuple(name for name in scene.objects if name not in found.poses),
         tuple(notes),
         found.noise,
+        outlines(pictures[0], scene, problem, found.pose_world_camera, found.zoom, poses),
     )
 
 

@@ -48,6 +48,7 @@ class Solution:
         poses: pose of each thing in the world.
         covariances: (6, 6) of position, m, and rotation, rad, along the world's axes.
         pose_world_camera: in OpenCV's frame.
+        zoom: focal length over the lens's own.
         noise: pixels, 1 sigma of a corner's coordinate.
         refused: tags that do not fit.
         tilted: things that do not stand as the scene has them.
@@ -57,6 +58,7 @@ class Solution:
     poses: Mapping[str, Pose]
     covariances: Mapping[str, Array]
     pose_world_camera: Pose
+    zoom: float
     noise: float
     refused: tuple[int, ...]
     tilted: tuple[str, ...]
@@ -214,6 +216,7 @@ class _Fit:
             poses,
             covariances,
             camera,
+            float(np.exp(self.at[6])),
             float(self.noise),
             given_up.tags,
             given_up.leaning,

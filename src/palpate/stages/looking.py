@@ -108,7 +108,9 @@ def require_seen(made: Run, seen: Seen | None) -> Run:
     notes = [f"The look: {note}." for note in seen.notes]
     if seen.unseen:
         notes.append(f"Not seen, and taken to stand as stated: {', '.join(seen.unseen)}.")
-    return replace(made, plan=replace(made.plan, notes=(*made.plan.notes, *notes)))
+    picture = None if seen.outlines is None else seen.outlines.png()
+    plan = replace(made.plan, notes=(*made.plan.notes, *notes))
+    return replace(made, plan=plan, looked=picture)
 
 
 def _touched(made: Run) -> Iterator[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 from typing import TYPE_CHECKING
 
 from palpate.cli.console import confirmed, err, figure_table, out, print_json, printing
@@ -37,9 +38,20 @@ def confirm_seen(ask: bool) -> Callable[[Seen], bool]:
         console = SafeConsole(stderr=True, highlight=False) if ask else err
         console.print(_poses(seen))
         _remark(seen, console)
-        return not ask or confirmed("Are they there? (--yes skips this question)")
+        if not ask:
+            return True
+        if seen.outlines is not None:
+            console.print(f"outlined in {_picture(seen.outlines.png())}", soft_wrap=True)
+        return confirmed("Are they there? (--yes skips this question)")
 
     return looked
+
+
+def _picture(png: bytes) -> Path:
+    """A file to look at before there is a run folder."""
+    with NamedTemporaryFile(prefix="palpate-seen-", suffix=".png", delete=False) as file:
+        file.write(png)
+    return Path(file.name)
 
 
 def _poses(seen: Seen) -> Table:
