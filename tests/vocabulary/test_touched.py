@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from palpate.execution.runner import run
+from palpate.execution.runner import Execution, run
 from palpate.geometry.pose import Pose
 from palpate.planning.plan import Node, Plan
 from palpate.robots.simulated.robot import MujocoRobot
@@ -57,15 +57,22 @@ def told(sure: bool = True) -> Scene:
     return parse_scene(text, poses=Poses.model_validate(content))
 
 
+def ended(
+    cup: tuple[float, float, float], *steps: object, table: float = -0.03
+) -> tuple[Execution, MujocoRobot]:
+    """Execution of steps in a world with the cup there, and its robot."""
+    world = parse_scene(CELL.format(table=table, cup=" ".join(map(str, cup))))
+    robot = MujocoRobot(world.spec(), world.pose_world_base, world.arm)
+    return run(Plan((), _sequence(*steps), "a test"), told(), robot), robot
+
+
 def done(
     cup: tuple[float, float, float], *steps: object, table: float = -0.03
 ) -> tuple[SymbolicState, MujocoRobot]:
     """State and robot after steps in a world with the cup there."""
-    world = parse_scene(CELL.format(table=table, cup=" ".join(map(str, cup))))
-    robot = MujocoRobot(world.spec(), world.pose_world_base, world.arm)
-    ended = run(Plan((), _sequence(*steps), "a test"), told(), robot)
-    assert ended.stopped_by is None
-    return ended.final_state, robot
+    execution, robot = ended(cup, *steps, table=table)
+    assert execution.stopped_by is None
+    return execution.final_state, robot
 
 
 def _sequence(*steps: object) -> Node:
@@ -84,6 +91,7 @@ def test_a_probe_from_the_side_moves_the_grasp_to_the_thing() -> None:
     assert (probe.means, fingers.means) == ("probe", "fingers")
     assert 3.0 < probe.z < 5.0
     assert belief.contradiction
+    assert list(state.elsewhere()) == ["cup"]
     assert state.resolve("cup_pose").position[0] == pytest.approx(0.515, abs=0.002)
     off = belief.pose.position - robot.world.true_pose("cup").position
     assert np.abs(off[:2]).max() < 0.002
@@ -99,6 +107,13 @@ def test_a_probe_from_above_tells_the_height_of_the_top() -> None:
     assert belief.std(np.array([0.0, 0.0, 1.0])) < 0.8e-3
     assert SEEN[2] - belief.pose.position[2] == pytest.approx(0.001, abs=4e-4)
     assert not belief.contradiction
+
+
+def test_fingers_that_close_on_nothing_say_where_the_thing_was_seen() -> None:
+    execution, _ = ended((0.5, -0.2, 0.05), "OpenGripper", *GRASP)
+    assert (execution.stopped_by or "").endswith(
+        "nothing is between them; 'cup' was seen at (0.500, 0.100) m, to 12.0 mm (3 std)"
+    )
 
 
 def test_nothing_is_believed_of_what_nothing_says_how_sure_it_is() -> None:

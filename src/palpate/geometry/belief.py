@@ -92,6 +92,11 @@ class Belief:
         return cls(pose, covariance, pose, pose, covariance)
 
     @property
+    def is_moved(self) -> bool:
+        """True if touch found that it stood elsewhere than it was seen."""
+        return self.placed.digits != self.seen.digits
+
+    @property
     def contradiction(self) -> str:
         """Which touch contradicts sight, in words; empty for none."""
         found = [touch for touch in self.touches if touch.contradicts]

@@ -56,7 +56,7 @@ def _as_felt(made: Run, trace: Trace) -> Scene:
     """The run's scene with its surfaces as measured, and its objects where touch found them."""
     scene = as_measured(made.scene, trace)
     for name, belief in made.beliefs.items():
-        if belief.touches and name in scene.bodies:
+        if belief.is_moved and name in scene.bodies:
             scene = corrected(scene, name, belief.placed @ belief.seen.inverse())
     return scene
 

@@ -212,8 +212,11 @@ class CloseGripper(Primitive):
 
 
 def _pictured(state: SymbolicState) -> str:
-    """Advice where the object at the fingers was seen in a picture; else empty."""
+    """Advice where the object at the fingers was seen in a picture or by a camera; else empty."""
     body = state.object_at(state.pose_world_tcp)
+    if body is not None and body.covariance is not None and not body.seen:
+        x, y, _ = state.pose_of(body.name).position
+        return f"; '{body.name}' was seen at ({x:.3f}, {y:.3f}) m, to {1e3 * body.doubt:.1f} mm (3 std)"
     if body is None or not body.seen:
         return ""
     wide, deep, high = 1e3 * body.size

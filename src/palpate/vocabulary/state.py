@@ -307,7 +307,7 @@ class SymbolicState:
 
     def elsewhere(self) -> dict[str, Pose]:
         """Poses of the objects that do not stand where the scene as given has them."""
-        felt = {n: self.pose_of(n) for n, one in self.beliefs.items() if one.placed is not one.seen}
+        felt = {name: self.pose_of(name) for name, one in self.beliefs.items() if one.is_moved}
         return felt | self.not_restored()
 
     def not_restored(self) -> dict[str, Pose]:
