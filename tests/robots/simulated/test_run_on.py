@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import mujoco
 import numpy as np
 import pytest
@@ -107,3 +109,19 @@ def test_other_robots_are_looked_at_every_tick() -> None:
     robot = Watched(_Own(arm()), ARM)  # type: ignore[arg-type]
     robot.run_on(4, TICK)
     assert robot.state.t == pytest.approx(TICK)
+
+
+def test_samples_are_the_same_however_many_runs_are_read_together() -> None:
+    one, other = arm(), arm()
+    for robot in (one, other):
+        robot.move_joints(ARM.home + 0.2)
+        robot.advance(TICK)
+        robot.drain()
+    for _ in range(4):
+        one.advance(2 * TICK)
+    for _ in range(2):
+        other.run_on(4, TICK)
+    ours, theirs = one.drain(), other.drain()
+    for signal in fields(ours):
+        apart = np.abs(getattr(ours, signal.name) - getattr(theirs, signal.name)).max()
+        assert apart < 1e-9, signal.name

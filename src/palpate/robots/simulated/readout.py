@@ -22,21 +22,24 @@ from palpate.trace.samples import Samples
 OBSERVER_TIME = 0.01  # s, time constant of the momentum observer, two log periods
 LOAD_TIME = 0.2  # s, time constant with which a vertical force is taken for a load
 
+MOST = 2 * LONGEST_RUN  # log periods that are read together, at most
 _KEPT = math.exp(-PERIOD / OBSERVER_TIME)
-# Response of the observer to the residual of each period of a run, and what is left of its state before.
-_AGES = np.subtract.outer(np.arange(LONGEST_RUN), np.arange(LONGEST_RUN))
+# Response of the observer to the residual of each period, and what is left of its state before.
+_AGES = np.subtract.outer(np.arange(MOST), np.arange(MOST))
 _RESPONSE: Array = (1.0 - _KEPT) * np.tril(_KEPT ** np.maximum(_AGES, 0))
-_FADE: Array = _KEPT ** np.arange(1.0, LONGEST_RUN + 1)[:, None]
+_FADE: Array = _KEPT ** np.arange(1.0, MOST + 1)[:, None]
 
 
-class ReportedMotion(NamedTuple):
-    """Motion of the arm over n log periods, as its encoders report it."""
+class Followed(NamedTuple):
+    """Motion of the robot over n log periods, as its encoders report it, without their noise."""
 
     mean: Array  # (n, 21) joint angles, rad, the TCP's pose, and gravity torques, N m
     dq: Array  # (n, 7) rad/s
-    gained: Array  # (n, 7) rad/s, change of the joint rates in each period
     jacobian: Array  # (n, 6, 7) at the end of each period
     inertia_torque: Array  # (n, 7) N m, as `Kinematics`
+    true: Array  # (n, 7) N m, torque behind the gears
+    target: Array  # (n, 7) commanded poses of the TCP
+    width: Array  # (n,) m between the fingers
 
 
 class Measurement(NamedTuple):
@@ -51,10 +54,14 @@ class Measurement(NamedTuple):
 
 
 class Readout:
-    """The latest sensed state, and the samples of each run of steps.
+    """The latest sensed state, and the samples of all runs of steps.
+
+    The controller's part, of the encoders alone, is up to date after each run (`follow`); samples and what
+    is sensed with them after `read`.
 
     Attributes:
-        q, dq: (7,) rad, rad/s.
+        q, rate: (7,) rad, rad/s, the controller's: its encoders are read without noise.
+        dq: (7,) rad/s, of the newest sample that arrived.
         tau, tau_ext: (7,) N m.
         wrench, contact, twist: (6,).
         contact_torque: (7,) N m, of the joints: of a contact or a load, not of the arm's inertia.
@@ -94,6 +101,8 @@ class Readout:
         self.stamp = 0.0
         self.reported = (self.q, self.pose_world_tcp)
         self.speed = np.zeros(7)
+        self.rate: Array = np.zeros(7)
+        self._followed: list[Followed] = []
         self.dq, self.tau_ext, self._external = np.zeros(7), np.zeros(7), np.zeros(7)
         self.wrench, self.contact, self.twist = np.zeros(6), np.zeros(6), np.zeros(6)
         self.contact_torque = np.zeros(7)
@@ -118,18 +127,27 @@ class Readout:
         row = self._last[7:14]
         return Pose(row[:3] + self._encoders.pose_error, row[3:])
 
-    def read(self, steps: Steps, gains: Gains, t: float, target: Array) -> Samples:
-        """Return the samples that arrive of a run of steps.
+    @property
+    def pending(self) -> bool:
+        """True if runs were followed and not read."""
+        return bool(self._followed)
+
+    @property
+    def full(self) -> bool:
+        """True if another run may be too long to be read with those that were followed."""
+        return sum(len(run.dq) for run in self._followed) > MOST - LONGEST_RUN
+
+    def read(self, t: float) -> Samples:
+        """Return the samples that arrive of all runs followed since the last call, until world time `t`.
 
         Positions, torques and derived signals are means over a sample's block.
-
-        Args:
-            t: world time at the end of the run.
-            target: (n, 7) commanded poses of the TCP.
         """
-        motion = self._follow(steps)
-        measured = self._measure(steps, motion, gains)
-        self._encoders.pass_time(len(steps.q))
+        runs, self._followed = self._followed, []
+        motion = runs[0]
+        if len(runs) > 1:
+            motion = Followed(*map(np.concatenate, zip(*runs, strict=True)))
+        measured = self._measure(motion)
+        self._encoders.pass_time(len(motion.dq))
         motion.mean[:, 7:10] += self._encoders.pose_error
         dq = motion.dq if self._encoders.clean else self._add_noise(motion)
         samples = Samples(
@@ -140,8 +158,8 @@ class Readout:
             wrench=measured.wrench,
             pose_world_tcp=motion.mean[:, 7:14],
             twist=np.matmul(motion.jacobian, dq[:, :, None])[:, :, 0],
-            target_world_tcp=target,
-            width=steps.fingers.sum(1),
+            target_world_tcp=motion.target,
+            width=motion.width,
         )
         torque, contact, arrived = measured.torque, measured.contact, measured.arrived
         felt = measured.contact_torque
@@ -157,8 +175,9 @@ class Readout:
             self.contact_torque = felt[-1]
         return samples
 
-    def _follow(self, steps: Steps) -> ReportedMotion:
-        """Compute the arm's motion as its encoders report it, without their noise."""
+    def follow(self, steps: Steps, gains: Gains, target: Array) -> None:
+        """Follow a run of steps, with the commanded poses of the TCP (n, 7): the arm's motion as its
+        encoders report it."""
         gained = steps.dq.copy()
         gained[0] -= self.speed
         gained[1:] -= steps.dq[:-1]
@@ -171,9 +190,12 @@ class Readout:
         mean = rows[1:] + rows[:-1]
         mean *= 0.5
         dq = (rows[1:, :7] - rows[:-1, :7]) / PERIOD
-        self._last, self.jacobian = rows[-1], here.jacobian[-1]
-        self.angle_error = q[-1] - steps.q[-1]
-        return ReportedMotion(mean, dq, gained, here.jacobian, here.inertia_torque)
+        self._last, self.jacobian, self.rate = rows[-1], here.jacobian[-1], dq[-1]
+        self.angle_error, self.commanded = q[-1] - steps.q[-1], steps.torque[-1]
+        true, width = self._link_torque(steps, gained, gains), steps.fingers.sum(1)
+        self._followed.append(
+            Followed(mean, dq, here.jacobian, here.inertia_torque, true, target, width)
+        )
 
     def _reported(self, steps: Steps) -> Array:
         """Compute the encoders' angles (n, 7), rad, at the end of each block, without noise."""
@@ -184,13 +206,12 @@ class Readout:
             q = q + encoders.pressed(self.jacobian, steps.push @ tool, tool)
         return q
 
-    def _measure(self, steps: Steps, motion: ReportedMotion, gains: Gains) -> Measurement:
+    def _measure(self, motion: Followed) -> Measurement:
         """Simulate the torque sensors along a motion."""
-        true = self._link_torque(steps, motion.gained, gains)
         place = Motion(motion.mean[:, :7], motion.dq, self.jacobian, motion.mean[:, 7:10])
-        torque, arrived, shown = self._sensors.measure(true, place)
+        torque, arrived, shown = self._sensors.measure(motion.true, place)
         torque = self._corrected(torque)
-        self.commanded, self.deviation = steps.torque[-1], self._corrected(shown) - true[-1]
+        self.deviation = self._corrected(shown) - motion.true[-1]
         tau_ext = torque - motion.mean[:, 14:]
         both = np.empty((*tau_ext.shape, 2))
         felt = self._observe(tau_ext - motion.inertia_torque)
@@ -205,7 +226,7 @@ class Readout:
         """Correct readings (..., 7), N m, for the measured gains, about the torque at zeroing."""
         return self._zeroed + (torque - self._zeroed) / self._gains
 
-    def _add_noise(self, motion: ReportedMotion) -> Array:
+    def _add_noise(self, motion: Followed) -> Array:
         """Add the encoders' noise to the angles and poses of `motion.mean`; return the noisy rates
         (n, 7), rad/s."""
         mean, dq, noise = motion.mean, motion.dq, self._encoders.noise(len(motion.mean))

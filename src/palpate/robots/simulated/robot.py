@@ -204,9 +204,15 @@ class MujocoRobot(Commanded):
 
     def advance(self, duration: float) -> None:
         """Step the world for `duration` s, to the next log period."""
+        self._pass(duration)
+        self._read()
+
+    def _pass(self, duration: float) -> None:
         self._due += duration / self._stamps.rate
         periods = round((self._due - self._world.t) / PERIOD)
         while periods > 0:
+            if self._readout.full:
+                self._read()
             self._run(min(periods, LONGEST_RUN))
             periods = round((self._due - self._world.t) / PERIOD)
 
@@ -220,10 +226,19 @@ class MujocoRobot(Commanded):
             (gripper.moving, gripper.gripping),
         )
         while ticks > 0:
-            self.advance(min(ticks, at_once) * tick)
+            self._pass(min(ticks, at_once) * tick)
             ticks -= at_once
             if self._yielding or self._guard.feels or hand != (gripper.moving, gripper.gripping):
                 break
+        self._read()
+
+    def _read(self) -> None:
+        """Read the sensors of all runs since the last call."""
+        if self._readout.pending:
+            samples = self._readout.read(self._world.t)
+            samples.width[:] += self._wider
+            self._logged.append(samples)
+        self._cached = None
 
     def drain(self) -> Samples:
         logged, self._logged = self._logged, []
@@ -260,7 +275,7 @@ class MujocoRobot(Commanded):
         t, path, readout = self._world.t, self._path, self._readout
         if isinstance(path, Path) and not self._yielding:
             return path.at(t)
-        rate = readout.dq if path.end > t else np.zeros(7)
+        rate = readout.rate if path.end > t else np.zeros(7)
         return Motion(self._leading(), rate, np.zeros(7))
 
     def _leading(self) -> Array:
@@ -285,9 +300,9 @@ class MujocoRobot(Commanded):
         return self._readout.commanded - self._readout.gravity_torque
 
     def _run(self, periods: int) -> None:
-        """Step the world for some log periods, and read the sensors."""
+        """Step the world for some log periods, and follow the arm."""
         world, n = self._world, periods * BLOCK
-        self._dynamics = self._nominal.dynamics(self._readout.q, self._readout.dq)
+        self._dynamics = self._nominal.dynamics(self._readout.q, self._readout.rate)
         control = np.empty((n, len(world.rest_control)))
         control[:] = world.rest_control
         self._correction.follow()
@@ -297,18 +312,15 @@ class MujocoRobot(Commanded):
         self._begin_guard(n)
         steps = world.step(control, self._guard)
         target = target[: len(steps.q)]
-        samples = self._readout.read(steps, self._gains, world.t, target)
-        samples.width[:] += self._wider
-        self._logged.append(samples)
+        self._readout.follow(steps, self._gains, target)
         self._target = target[-1]
         fingers, speeds = steps.fingers[-1] + self._wider / 2, steps.finger_speed[-1]
         self._gripper.observe(world.t, fingers.tolist(), speeds.tolist())
-        self._cached = None
         if self._guard.fired:
             self._yield(self._guard.fired)
         elif self._yielding:
             yielded = world.t - self._since
-            slow = float(np.abs(self._readout.dq).max()) < STANDSTILL
+            slow = float(np.abs(self._readout.rate).max()) < STANDSTILL
             if yielded > LONGEST_YIELD or (slow and yielded > SHORTEST_YIELD):
                 self._follow_joints(still(world.t, self._leading()))
 
@@ -359,7 +371,7 @@ class MujocoRobot(Commanded):
         control[:, actuators.orientation] = correction.orientations(rows[:, 3:])
         posture = setpoints.posture[block]
         torque = self._gains.posture_torque(
-            posture[:7] - readout.q, posture[7:] - readout.dq, readout.jacobian
+            posture[:7] - readout.q, posture[7:] - readout.rate, readout.jacobian
         )
         torque += self._dynamics[1] + correction.torque
         control[:, actuators.drives] = torque

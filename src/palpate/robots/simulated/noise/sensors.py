@@ -26,6 +26,7 @@ from palpate.robots.simulated.timing import BLOCK, PERIOD
 PAD_TIME = 0.02
 """s in which pads give way, sqrt(m c) for an arm's 8 kg on 5e-5 m/N: hard objects of the world ring
 under an impact, and pads would not."""
+NOTHING = 1e-6  # N: pads that nothing presses are 0.1 nm from their shape
 YIELDS = -math.expm1(-PERIOD / PAD_TIME)  # share of it in a log period
 
 
@@ -82,6 +83,9 @@ class Encoders:
             force: (n,) N of n log periods; it is low-passed in place.
             axis: (3,) unit vector along which the pads press.
         """
+        if self._pressed < NOTHING and force.max() <= 0.0:
+            self._pressed = 0.0
+            return np.zeros((len(force), JOINTS))
         for i, pressing in enumerate(np.maximum(force, 0.0).tolist()):
             self._pressed += (pressing - self._pressed) * YIELDS
             force[i] = self._pressed
