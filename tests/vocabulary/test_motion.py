@@ -78,6 +78,30 @@ def test_lifting_carries_the_object_and_setting_down_restores_it(start, after, r
     assert down.not_restored() == {}
 
 
+@pytest.mark.parametrize(
+    ("slipped", "early"), [(0.004, 0.0), (0.006, 0.006), (0.019, 0.019), (0.021, None)]
+)
+def test_what_slipped_in_the_pads_meets_its_support_early(
+    start, make, after, reached, slipped: float, early: float | None
+) -> None:
+    """The cup hangs lower in the hand than where it was grasped; the motion down ends as it stands."""
+    up = after(start, *reached, "CloseGripper", LIFT)
+    assert up.pose_tcp_object is not None
+    lower = up.pose_of("cup").translated((0.0, 0.0, -slipped))
+    up = replace(up, pose_tcp_object=up.tcp.inverse() @ lower, moved=up.placing("cup", lower))
+    down = make("MovePose", pose="cup_pose")
+    found = down.violations(up)
+    if early is None:
+        assert "mm into 'table'" in found[0].message
+        return
+    assert found == []
+    there = up.after(down)
+    above = there.tcp.position - start.scene.symbols.resolve("cup_pose").position
+    assert above == pytest.approx([0.0, 0.0, early], abs=1e-6)
+    assert not there.lifted
+    assert make("OpenGripper").violations(there) == []
+
+
 def test_sideways_on_the_support_is_a_slide_and_in_the_air_is_not(
     start, make, after, reached
 ) -> None:

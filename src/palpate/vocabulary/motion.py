@@ -18,6 +18,7 @@ from palpate.robots.accuracy import doubt
 from palpate.robots.pace import configuration
 from palpate.robots.safety import Expectation
 from palpate.scene.raised import beyond
+from palpate.vocabulary.admissible.clearance import is_vertical
 from palpate.vocabulary.admissible.profile import POSE_ERROR, spans, stretches
 from palpate.vocabulary.admissible.reach import (
     beyond_joint_limits,
@@ -26,7 +27,12 @@ from palpate.vocabulary.admissible.reach import (
     swings,
     unfelt,
 )
-from palpate.vocabulary.admissible.support import clear_of_support, slides, would_be_dragged
+from palpate.vocabulary.admissible.support import (
+    clear_of_support,
+    met_early,
+    slides,
+    would_be_dragged,
+)
 from palpate.vocabulary.base import (
     ARM,
     Blackboard,
@@ -132,7 +138,8 @@ class MovePose(Primitive):
         return replace(state, activity=activity, contact=None)
 
     def effects(self, state: SymbolicState) -> SymbolicState:
-        return _at_rest(state, self.pose, self.target(state))
+        target = self.target(state)
+        return _at_rest(state, self.pose, target.translated((0.0, 0.0, _early(state, target))))
 
     def expectation(self, state: SymbolicState) -> Expectation:
         held = state.holding is not None
@@ -282,6 +289,14 @@ class MoveJoints(Primitive):
         yield from finish(blackboard)
         yield from settle(blackboard, BRIEF)
         return "reached"
+
+
+def _early(state: SymbolicState, target: Pose) -> float:
+    """m above `target` at which the guarded motion straight down ends, as what it sets down stands."""
+    start, name, held = state.pose_world_tcp, state.holding, state.pose_tcp_object
+    if start is None or name is None or held is None or not state.lifted:
+        return 0.0
+    return met_early(state, name, target @ held) if is_vertical(start, target) else 0.0
 
 
 def _at_rest(state: SymbolicState, at: str | None, target: Pose) -> SymbolicState:

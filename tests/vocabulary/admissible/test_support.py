@@ -9,7 +9,12 @@ import pytest
 from workbench import KNOWN, bench
 
 from palpate.geometry.pose import Pose
-from palpate.vocabulary.admissible.support import clear_of_support, dragged_off, stable
+from palpate.vocabulary.admissible.support import (
+    clear_of_support,
+    dragged_off,
+    met_early,
+    stable,
+)
 from palpate.vocabulary.state import SymbolicState
 
 EDGE_Y = 0.6
@@ -48,6 +53,15 @@ def test_object_in_the_air_or_pressed_down_does_not_stay() -> None:
     assert "fall by 0.040 m" in (stable(can, "can", at(0.5, 0.3, 0.10)) or "")
     assert "pressed" in (stable(can, "can", at(0.5, 0.3, 0.05)) or "")
     assert "pressed 0.035 m" in (stable(can, "can", at(0.5, 0.3, 0.025)) or "")
+
+
+@pytest.mark.parametrize(
+    ("aside", "lower", "early"), [(0, 0.01, 0.01), (0, 0.021, 0), (0.1, 0.01, 0)]
+)
+def test_an_object_meets_its_support_early_only_where_it_was_found(aside, lower, early) -> None:
+    can = state(KNOWN)
+    place = can.pose_of("can").translated((0.0, aside, -lower))
+    assert met_early(can, "can", place) == pytest.approx(early, abs=1e-6)
 
 
 def test_leaning_object_does_not_stay() -> None:

@@ -142,6 +142,16 @@ def clear_of_support(state: SymbolicState, name: str, pose_world_object: Pose) -
     return footing(state, name, pose_world_object).gap > LIFTED
 
 
+def met_early(state: SymbolicState, name: str, pose_world_object: Pose) -> float:
+    """m above a pose (world) at which a lifted object that is set down there stands already where it was found:
+    it has slipped in the pads, by `SUNK` at most. 0 where it would not stand there."""
+    early = -footing(state, name, pose_world_object).gap
+    if not SETTLES < early <= SUNK:
+        return 0.0
+    met = pose_world_object.translated((0.0, 0.0, early))
+    return early if is_as_found(state, name, met) else 0.0
+
+
 def stable(state: SymbolicState, name: str, pose_world_object: Pose) -> str | None:
     """Reason why an object released at a pose (world) would not stay there; None if it would.
 
