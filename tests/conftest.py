@@ -14,6 +14,7 @@ import pytest
 
 LONG = (
     "tests/vocabulary/test_handle.py::test_a_drawer_is_measured_and_left_where_it_was",
+    "tests/vocabulary/test_handle.py::test_a_limit_that_nobody_stated_is_met_slowly_and_said",
     "tests/scenarios/test_catalogue.py::test_a_scenario_ends_as_it_should[[]drawer*",
     "tests/examples/test_programs.py::test_a_program_runs_and_prints_what_it_promises[[]13*",
     "tests/robots/franky/test_over_the_wire.py::*",
@@ -101,6 +102,7 @@ MINUTES = (
     "tests/cli/test_models.py::test_a_lean_prompt_and_a_critic_are_asked_for_on_the_command_line",
     "tests/runs/test_read.py::test_a_scene_that_was_seen_in_a_picture_is_the_one_that_contact_told",
     "tests/vocabulary/test_handle.py::test_a_drawer_is_measured_and_left_where_it_was",
+    "tests/vocabulary/test_handle.py::test_a_limit_that_nobody_stated_is_met_slowly_and_said",
     "tests/execution/test_repetition.py::test_repeated_run_is_complete",
     "tests/studies/test_accuracy.py::test_seeds_are_independent_runs_of_one_world",
     "tests/examples/test_programs.py::test_a_program_runs_and_prints_what_it_promises[[]1[02]*",

@@ -7,6 +7,7 @@ import pytest
 import palpate as pp
 from palpate.scenarios.catalogue import scenario
 from palpate.scene.load import load_scene, parse_scene
+from palpate.vocabulary.along import way_of
 from palpate.vocabulary.gripper import OpenGripper
 from palpate.vocabulary.handle import FindLimits, MoveHandle
 from palpate.vocabulary.motion import MoveJoints, MovePose
@@ -79,3 +80,23 @@ def test_a_drawer_is_measured_and_left_where_it_was():
         assert abs(found.value - true) < max(4.0 * found.std, 0.03 * true)
     joint = run.twin.mjmodel.joint("drawer_slide")
     assert joint.damping[0] == pytest.approx(run["drawer.damping"].value, rel=0.05)
+
+
+def test_a_way_ends_short_of_a_limit_that_was_met(drawer):
+    way = way_of(at(drawer), "drawer")
+    met = way.start.translated((-0.05, 0.0, 0.0)).position
+    assert way.short_of(met).length == pytest.approx(0.04)
+
+
+def test_a_limit_that_nobody_stated_is_met_slowly_and_said(tmp_path):
+    """At 20 mm no pass is left: the handle is let go of where it was found."""
+    given = scenario("drawer").settings()
+    known = given.scene.read_text().replace('range="0 0.22"', 'range="0 ?"')
+    assert way_of(at(parse_scene(known)), "drawer").is_unsure
+    world = tmp_path / "world.xml"
+    world.write_text(given.world.read_text().replace('range="0 0.22"', 'range="0 0.02"'))
+    plan = pp.load(known).plan(measure=["drawer.damping"])
+    run = plan.run(world=world, noise="none", fast=True)
+    assert run.status == "aborted"
+    assert "meets a limit after 2" in run.execution.stopped_by
+    assert run.execution.held.became == "put down"

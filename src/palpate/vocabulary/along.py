@@ -13,12 +13,12 @@ near what moves: one that is, stands in it, on it, or in its way.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from palpate.geometry.joint import Joint
-from palpate.geometry.pose import Pose
+from palpate.geometry.pose import Array, Pose
 from palpate.robots.kinematics import LIMIT_MARGIN, within_joint_limits
 from palpate.vocabulary.admissible.arrangement import Part
 from palpate.vocabulary.admissible.collision import ARM, BESIDE, FIXED, carry_away
@@ -50,11 +50,13 @@ class Way:
     Attributes:
         start: pose of the TCP (world) on, or above, the handle.
         travel: of the joint, m or rad; signed.
+        is_unsure: its limit is only believed to be beyond.
     """
 
     joint: Joint
     start: Pose
     travel: float
+    is_unsure: bool = False
 
     def at(self, share: float) -> Pose:
         """Pose of the TCP after a share of the travel."""
@@ -64,6 +66,12 @@ class Way:
     def length(self) -> float:
         """m that the TCP travels."""
         return abs(self.travel) * self.joint.lever(self.start.position)
+
+    def short_of(self, position: Array) -> Way:
+        """The way that ends `SPARE` before a limit that the TCP met at a position (3,), world."""
+        there = float(self.joint.travels(self.start, position[None])[0])
+        spare = np.copysign(SPARE / self.joint.lever(self.start.position), self.travel)
+        return replace(self, travel=there - float(spare))
 
     @property
     def shares(self) -> list[float]:
@@ -77,11 +85,12 @@ def way_of(state: SymbolicState, name: str) -> Way | list[Violation]:
     joint = state.scene.body(name).joint
     assert joint is not None
     sign = 1.0 if joint.room(1.0) >= joint.room(-1.0) else -1.0
-    farthest = NOT_SURE if joint.open[int(sign > 0.0)] else FARTHEST
+    is_unsure = joint.open[int(sign > 0.0)]
+    farthest = NOT_SURE if is_unsure else FARTHEST
     most = joint.room(sign) * joint.lever(state.tcp.position) - SPARE
     key = ("way", name, *state.arrangement)
     return solids(state.scene).cached(
-        key, lambda: _way_of(state, name, joint, sign, min(farthest, most))
+        key, lambda: _way_of(state, name, joint, sign, min(farthest, most), is_unsure)
     )
 
 
@@ -98,7 +107,12 @@ def way_to_limit(state: SymbolicState, name: str, sign: float) -> Way | list[Vio
 
 
 def _way_of(
-    state: SymbolicState, name: str, joint: Joint, sign: float, farthest: float
+    state: SymbolicState,
+    name: str,
+    joint: Joint,
+    sign: float,
+    farthest: float,
+    is_unsure: bool = False,
 ) -> Way | list[Violation]:
     pose = state.tcp
     lever = max(joint.lever(pose.position), 1e-6)
@@ -110,7 +124,7 @@ def _way_of(
         return [Violation("unreachable", problem)]
     found: list[Violation] = []
     for share in SHARES:
-        way = Way(joint, pose, sign * max(share * farthest, LEAST) / lever)
+        way = Way(joint, pose, sign * max(share * farthest, LEAST) / lever, is_unsure)
         found = list(_violations(state, name, way))
         if not found:
             return way

@@ -14,7 +14,7 @@ from palpate.robots.safety import Expectation
 from palpate.trace.recording import Activity
 from palpate.vocabulary.admissible import motion
 from palpate.vocabulary.admissible.grasp import does_not_fit
-from palpate.vocabulary.along import Way, way_of, way_to_limit
+from palpate.vocabulary.along import LEAST, SPARE, Way, way_of, way_to_limit
 from palpate.vocabulary.base import (
     ARM,
     GRIPPER,
@@ -109,6 +109,8 @@ class MoveHandle(_Working):
         assert isinstance(way, Way)
         held = blackboard.state.holding == name
         yield from _take_hold(blackboard, name, held)
+        if held and way.is_unsure:
+            way = yield from _short_of_limit(blackboard, way, name)
         for speed in SPEEDS:
             for share in (1.0, 0.0) * self.passes:
                 yield from _pass(blackboard, way, share, speed, held)
@@ -203,6 +205,25 @@ def _run_up(blackboard: Blackboard, way: Way) -> Wait:
     back = min(RUN_UP / way.length, room)
     if back * way.length > BACK:
         yield from _pass(blackboard, way, -back, SPEEDS[0], True, to_limit=True)
+
+
+def _short_of_limit(
+    blackboard: Blackboard, way: Way, name: str
+) -> Generator[float | None, None, Way]:
+    """Go once slowly to where a limit is only believed to be beyond, and back; the way that ends before one that was
+    met."""
+    shorter = way
+    if (yield from _pass(blackboard, way, 1.0, PROBE_SPEED, True, to_limit=True)):
+        shorter = way.short_of(blackboard.robot.state.pose_world_tcp.position)
+    yield from _pass(blackboard, way, 0.0, SPEEDS[0], True, to_limit=True)
+    if shorter.length < LEAST or shorter.travel * way.travel < 0.0:
+        yield from _let_go(blackboard, way, held=True)
+        met = 1e3 * (shorter.length + SPARE)
+        raise LeafFailure(
+            f"'{name}' meets a limit after {met:.0f} mm that the scene does not state; {1e3 * (LEAST + SPARE):.0f} mm "
+            "are needed: open it, or state its range"
+        )
+    return shorter
 
 
 def _let_go(blackboard: Blackboard, way: Way, held: bool) -> Wait:
