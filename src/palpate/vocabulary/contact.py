@@ -39,6 +39,7 @@ from palpate.vocabulary.touch import (
     finish,
     guarded,
     median_wrench,
+    never,
     settle,
 )
 from palpate.vocabulary.violation import PRECONDITION, Violation
@@ -190,10 +191,11 @@ class MoveUntilContact(Primitive):
         start, upright = robot.state.pose_world_tcp, _tilt(robot.state)
         threshold = SIDE_FORCE if self._beside(state) else CONTACT_FORCE
         contact = _Contact(robot, self.direction)
+        far = contact.far if threshold >= CONTACT_FORCE else never
         blackboard.set_reflex(robot.limits.reflexes.probing)
         for speed, travel in self._stages(state, float(start.position[2])):
             robot.move_axis(self.direction, speed, travel)
-            if (yield from guarded(blackboard, lambda: contact.exceeds(threshold), contact.far)):
+            if (yield from guarded(blackboard, lambda: contact.exceeds(threshold), far)):
                 travelled = robot.state.pose_world_tcp.distance_to(start)
                 firm = self.axis == "-z" and contact.depth() < SOFT_DEPTH
                 yield from settle(blackboard)

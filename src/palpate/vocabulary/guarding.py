@@ -61,11 +61,11 @@ def span_reflex(of: Reflexes, span: Span, holding: str | None, sets_down: bool) 
     return of.carrying if holding else of.free
 
 
-def follow_free(blackboard: Blackboard, span: Span, left: float, fastest: float) -> Wait:
-    """Wait until a motion under way, at most `fastest` m/s, has passed a span with nothing near."""
+def follow_free(blackboard: Blackboard, span: Span, left: float) -> Wait:
+    """Wait until a motion under way has passed a span with nothing near."""
     yield
     while not _passed(blackboard, span, left):
-        yield _ahead(blackboard, span) / fastest if left > 0.0 else np.inf
+        yield _soonest(blackboard, span, left)
 
 
 def follow_guarded(
@@ -97,7 +97,7 @@ def follow_guarded(
                 f"unexpected contact: the hand pushes with {in_words(met)} on something "
                 f"{before:.0f} mm before the end of the way to '{goal}'"
             )
-        yield
+        yield None if np.isnan(wrench).any() else _soonest(blackboard, span, left)
     return False
 
 
@@ -105,6 +105,11 @@ def _passed(blackboard: Blackboard, span: Span, left: float) -> bool:
     """True if a motion has passed a span, or has ended."""
     state = blackboard.robot.state
     return not state.moving or (left > 0.0 and _ahead(blackboard, span) <= 0.0)
+
+
+def _soonest(blackboard: Blackboard, span: Span, left: float) -> float:
+    """s after which a motion may have passed a span, at the earliest; the end of a motion is noticed anyway."""
+    return _ahead(blackboard, span) / blackboard.scene.arm.pace.speed if left > 0.0 else np.inf
 
 
 def _ahead(blackboard: Blackboard, span: Span) -> float:

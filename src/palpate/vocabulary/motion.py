@@ -177,7 +177,7 @@ class MovePose(Primitive):
                 configuration(scene.arm, scene.pose_world_base.inverse() @ span.end),
             )
             if not span.guarded:
-                yield from follow_free(blackboard, span, left, fastest)
+                yield from follow_free(blackboard, span, left)
             elif (yield from follow_guarded(blackboard, span, left, sets_down, self.pose)):
                 return self._set_down(blackboard, target)
             dwell = BRIEF if span.guarded else DWELL

@@ -162,8 +162,13 @@ def finish(blackboard: Blackboard) -> Wait:
         yield np.inf
 
 
+def never() -> bool:
+    """Return False: always near enough to touch something."""
+    return False
+
+
 def guarded(
-    blackboard: Blackboard, touching: Callable[[], bool], far: Callable[[], bool] = lambda: False
+    blackboard: Blackboard, touching: Callable[[], bool], far: Callable[[], bool] = never
 ) -> Generator[float | None, None, bool]:
     """Wait until the arm's motion is in contact, and hold it there; False when the motion ended
     first. As long as it is `far` from touching, what the arm feels is soon enough to look."""

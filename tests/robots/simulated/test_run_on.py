@@ -78,7 +78,7 @@ def test_it_ends_when_something_is_felt(noise: str) -> None:
         pressed = free - robot.state.contact[2]
         assert robot.state.moving
     assert pressed < CONTACT_FORCE
-    assert [passed(robot, 4) for _ in range(3)] == [2, 2, 2]
+    assert [passed(robot, 4) for _ in range(3)] == [1, 1, 1]
 
 
 def test_it_ends_with_the_reflex() -> None:

@@ -28,7 +28,7 @@ BRAKING = 150.0
 not have to take the momentum that the arm can brake in them."""
 FELT, USUAL_TIME = 3.0, 0.3
 """N by which a force differs when something is felt, and s over which that of the time before is averaged:
-what is met at 12 mm/s on springs of 3000 N/m is felt after 0.1 s, at 3.5 N."""
+a slow contact that adds 36 N/s (12 mm/s on springs of 3000 N/m) is felt after 0.1 s, at 3.5 N."""
 
 _KEEP = math.exp(-TIMESTEP / OBSERVER_TIME)
 _BLEND = 1.0 - _KEEP
@@ -69,14 +69,18 @@ class Guard:
     Attributes:
         yielding: True while the arm yields.
         fired: reason that the arm stopped itself in the last run; None while it goes on.
-        feels: the force at the end of the last run differs from that of the time before.
+        felt: cycles after which the last run ends, or would have, because the force differs from that of
+            the time before; None while it does not.
     """
 
     def __init__(self) -> None:
         self._torque: Array = np.zeros(7)
         self._dq: Array = np.zeros(7)
+        self._force: Array = np.zeros(3)
         self._usual: Array = np.zeros(3)
-        self.yielding = self.feels = False
+        self._look = 0
+        self.yielding = False
+        self.felt: int | None = None
         self.fired: str | None = None
 
     def begin(
@@ -87,6 +91,7 @@ class Guard:
         inertia: Array,
         dq: Array,
         deviation: Array,
+        tick: int,
     ) -> None:
         """Prepare a run of cycles.
 
@@ -98,6 +103,7 @@ class Guard:
             dq: (7,) rad/s now.
             deviation: (n, 7) N m of each cycle: sensed less commanded torques, and less Coriolis and
                 centrifugal torques.
+            tick: cycles with multiples of which the run may end because something is felt.
         """
         from scipy.linalg.lapack import dposv  # not for a plan that nothing executes
 
@@ -106,6 +112,9 @@ class Guard:
         self._to_rest = np.eye(7) - force_of(jacobian).T @ jacobian[:3]
         self._known = deviation
         self._dq = dq
+        kept = math.exp(-self._look * TIMESTEP / USUAL_TIME)
+        self._usual = self._force + kept * (self._usual - self._force)
+        self._tick, self.felt = tick, None
         self._thresholds = thresholds or Reflex(math.inf, math.inf)
         self._look, self._reaction = 0, reaction
         self.yielding, self.fired = thresholds is None, None
@@ -134,14 +143,21 @@ class Guard:
             if self.fired is not None:
                 self._torque, self.yielding, self.reaction = torques[i], True, self._reaction()
                 return i
-        self._feel(torques[-1] @ self._to_wrench[:, :3], count)
+        self._feel(torques, dq)
         return None
 
-    def _feel(self, force: Array, cycles: int) -> None:
-        """Compare a force (3,), N, with that of the time before, after some cycles."""
-        change = force - self._usual
-        self.feels = float(change @ change) > FELT**2
-        self._usual = self._usual - math.expm1(-cycles * TIMESTEP / USUAL_TIME) * change
+    def _feel(self, torques: Array, dq: Array) -> None:
+        """Compare the forces of some cycles with that of the time before; where one differs, the cycles after
+        that tick are left out."""
+        forces, first = torques @ self._to_wrench[:, :3], self._look - len(dq)
+        change = forces - self._usual
+        differs = np.einsum("ij,ij->i", change, change) > FELT**2
+        if self.felt is None and differs.any():
+            self.felt = ((first + int(differs.argmax())) // self._tick + 1) * self._tick
+        if self.felt is not None:
+            self._look = min(self._look, self.felt)
+        last = self._look - first - 1
+        self._torque, self._dq, self._force = torques[last], dq[last], forces[last]
 
     def _doubtful(self, torques: Array) -> list[int]:
         """List the cycles, of `torques` (n, 7), in which a threshold may be exceeded."""

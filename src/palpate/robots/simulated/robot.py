@@ -97,7 +97,7 @@ class MujocoRobot(Commanded):
         self._guard = Guard()
         self._thresholds = arm.limits.reflexes.contact
         self._reflex: str | None = None
-        self._due = 0.0
+        self._due, self._tick = 0.0, LONGEST_RUN * BLOCK
         self._logged: list[Samples] = []
         config = arm.config or RobotConfig()
         self._readout = Readout(
@@ -204,10 +204,13 @@ class MujocoRobot(Commanded):
 
     def advance(self, duration: float) -> None:
         """Step the world for `duration` s, to the next log period."""
-        self._pass(duration)
+        self._pass(duration, LONGEST_RUN)
         self._read()
 
-    def _pass(self, duration: float) -> None:
+    def _pass(self, duration: float, tick: int) -> None:
+        """Step the world as `advance`; to the end of the tick of so many log periods in which something is
+        felt."""
+        self._tick = tick * BLOCK
         self._due += duration / self._stamps.rate
         periods = round((self._due - self._world.t) / PERIOD)
         while periods > 0:
@@ -215,20 +218,23 @@ class MujocoRobot(Commanded):
                 self._read()
             self._run(min(periods, LONGEST_RUN))
             periods = round((self._due - self._world.t) / PERIOD)
+            if tick < LONGEST_RUN and self._guard.felt is not None:
+                self._due -= max(periods, 0) * PERIOD
+                return
 
     def run_on(self, ticks: int, tick: float) -> None:
         """Let up to `ticks` pass, as `robots.robot.RunsOn`."""
         t, gripper = self._world.t, self._gripper
         if self._path.end > t:
             ticks = max(1, min(ticks, math.ceil((self._path.end - t) / tick - 1e-9)))
-        at_once, hand = (
-            max(1, round(LONGEST_RUN * PERIOD / tick)),
-            (gripper.moving, gripper.gripping),
-        )
+        hand, periods = (gripper.moving, gripper.gripping), max(1, round(tick / PERIOD))
+        at_once = max(1, LONGEST_RUN // periods) if self._guard.felt is None else 1
         while ticks > 0:
-            self._pass(min(ticks, at_once) * tick)
+            self._pass(min(ticks, at_once) * tick, periods)
             ticks -= at_once
-            if self._yielding or self._guard.feels or hand != (gripper.moving, gripper.gripping):
+            if self._yielding or self._guard.felt is not None:
+                break
+            if hand != (gripper.moving, gripper.gripping):
                 break
         self._read()
 
@@ -312,6 +318,7 @@ class MujocoRobot(Commanded):
         self._begin_guard(n)
         steps = world.step(control, self._guard)
         target = target[: len(steps.q)]
+        self._correction.reached(len(steps.q) / periods)
         self._readout.follow(steps, self._gains, target)
         self._target = target[-1]
         fingers, speeds = steps.fingers[-1] + self._wider / 2, steps.finger_speed[-1]
@@ -344,6 +351,7 @@ class MujocoRobot(Commanded):
             inertia=mass_matrix + self._world.model.opt.timestep / 2 * damping,
             dq=readout.speed,
             deviation=self._sensors.looks(cycles) + known,
+            tick=self._tick,
         )
 
     def _yield(self, why: str) -> None:

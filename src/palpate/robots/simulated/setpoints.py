@@ -104,6 +104,11 @@ class Correction:
         else:
             self._before = self._after = new
 
+    def reached(self, share: float) -> None:
+        """Note the share of the run of cycles after which it ended."""
+        if share < 1.0:
+            self._after = self._before + share * (self._after - self._before)
+
     def joints(self, rows: Array) -> Array:
         """Correct set-points (n, 7), rad, of the joints' springs."""
         return rows + self._ramp(len(rows), slice(3, 10)) if self._needed else rows

@@ -115,7 +115,8 @@ class World:
 
     def step(self, control: Array, guard: Guard) -> Steps:
         """Step once per row of `control` (n * BLOCK, nu), or until the guard fires: then the arm
-        yields for the rest of that block, and the run ends with it.
+        yields for the rest of that block, and the run ends with it; or until the end of the tick in which
+        it feels something.
 
         Raises:
             ExecutionAborted: the physics became unstable.
@@ -126,7 +127,9 @@ class World:
         else:
             look = self._all_at_once if self.watch is None else self._one_by_one
             fired = look(control, guard)
-            if fired is not None:
+            if fired is None:
+                count = min(count, guard.felt or count)
+            else:
                 self.actuators.set(guard.reaction.gains)
                 count = (fired // BLOCK + 1) * BLOCK
                 self._cycle(control, fired + 1, count, guard.reaction)
@@ -161,7 +164,7 @@ class World:
 
     def _all_at_once(self, control: Array, guard: Guard) -> int | None:
         """Step all cycles before the guard observes them, which is faster than one by one; return
-        the cycle in which it fires. Later cycles are undone."""
+        the cycle in which it fires. Later cycles are undone, as are those after what it feels."""
         mujoco.mj_copyData(self._before, self.model, self._data)
         before, count = self.compensation, len(control)
         self._roll(control)
@@ -170,9 +173,10 @@ class World:
         weight = before + share * (self.compensation - before)
         rates = self._states[0, self._ends(count), 1 + self.model.nq :][:, self._v].copy()
         fired = guard.observe(self._sensed(count)[:, :7] - weight, rates)
-        if fired is not None:
+        last = (guard.felt or count) if fired is None else fired + 1
+        if last < count:
             mujoco.mj_copyData(self._data, self.model, self._before)
-            self._cycle(control, 0, fired + 1)
+            self._cycle(control, 0, last)
         return fired
 
     def _one_by_one(self, control: Array, guard: Guard) -> int | None:
@@ -182,6 +186,8 @@ class World:
             effort = self._data.sensordata[self._sensors][:7] - self.compensation
             if guard.observe(effort[None], self._dq[None].copy()) is not None:
                 return i
+            if guard.felt is not None and guard.felt <= i + 1:
+                break
         return None
 
     def _roll(self, control: Array) -> None:
