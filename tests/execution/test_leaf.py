@@ -222,3 +222,13 @@ def test_nothing_begins_to_move_after_a_failure(words, blackboard, robot):
     assert tick(make(words, blackboard, "Refuse"), robot, 3) is Status.FAILURE
     assert tick(make(words, blackboard, "Go", z=0.28), robot, 3) is Status.RUNNING
     assert robot.calls == []
+
+
+@pytest.mark.parametrize(
+    ("way", "lingers"),
+    [((0, 0, 0.1), True), ((0.1, 0, 0), True), ((0.1, 0, -0.05), True), ((0.05, 0, -0.1), False)],
+)
+def test_what_a_hand_pressed_with_lingers_unless_it_presses_on(blackboard, way, lingers) -> None:
+    blackboard.pressed = (0.0, 0.0, -9.0)
+    blackboard.press_on(np.array(way))
+    assert (blackboard.pressed == (0.0, 0.0, -9.0)) == lingers

@@ -180,6 +180,12 @@ class Blackboard:
         x, y, z = self.robot.state.contact[:3].tolist()
         self.pressed = (x, y, z) if self.state.activity == "contact" else (0.0, 0.0, 0.0)
 
+    def press_on(self, way: Array) -> None:
+        """Expect nothing to linger of a contact that a motion along `way` (3,), m, presses on: within 60° of it."""
+        pressed = np.array(self.pressed)
+        if way @ pressed > 0.5 * np.linalg.norm(way) * np.linalg.norm(pressed):
+            self.pressed = (0.0, 0.0, 0.0)
+
     def set_reflex(self, thresholds: Reflex, *way: Array) -> None:
         """Set the thresholds at which the robot stops itself, those of its links' contacts with them, for a motion
         by joint angles of `way` (7,), rad. What errors of the joints' torques look like is no contact."""

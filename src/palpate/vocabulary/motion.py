@@ -168,6 +168,7 @@ class MovePose(Primitive):
         way = list(spans(state, robot.state.target_world_tcp, target))
         left = sum(span.start.distance_to(span.end) for span in way)
         fastest = min(scene.arm.pace.speed, self.speed or np.inf)
+        blackboard.press_on(target.position - robot.state.target_world_tcp.position)
         robot.move_pose(target, fastest, stretches(way, scene))
         for span in way:
             left -= span.start.distance_to(span.end)
