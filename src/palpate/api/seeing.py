@@ -20,6 +20,7 @@ def see(
     root: str | Path | None = None,
     seed: int = 0,
     pose_estimator: str | None = None,
+    robot_config: str | Path | None = None,
 ) -> Seen:
     """Find a scene's objects in one look of a camera: by the tags on them, by a pose estimator, or both.
 
@@ -28,7 +29,7 @@ def see(
         camera: a picture or a video, the number of a camera, or `world:NAME`, a camera of the simulated world.
         intrinsics: YAML with the camera's lens, where it is no simulated one.
         world: MJCF of the simulated world; the scene itself without one.
-        poses, arm, root: as `load` takes them, where the scene is read here.
+        poses, arm, root, robot_config: as `load` takes them, where the scene is read here.
         seed: of the simulated camera's errors.
         pose_estimator: a command, or `http://HOST:PORT/PATH`, that is asked for the poses of the objects.
 
@@ -42,6 +43,10 @@ def see(
     from palpate.api.scenes import load
     from palpate.stages.looking import seen_from
 
-    known = scene if isinstance(scene, Scene) else load(scene, poses, arm, root=root)
+    known = (
+        scene
+        if isinstance(scene, Scene)
+        else load(scene, poses, arm, root=root, robot_config=robot_config)
+    )
     lens, hidden = (None if file is None else Path(file) for file in (intrinsics, world))
     return seen_from(known, str(camera), lens, hidden, seed, pose_estimator)

@@ -25,8 +25,16 @@ from palpate.trace.recording import Hand
 
 if TYPE_CHECKING:
     from palpate.robots.description import RobotDescription
+    from palpate.seeing.handeye.fit import HandEye, Views
 
-MEASURED = ("torque_gain", "tip_offset", "base_lean", "pose_repeatability", "tip_compliance")
+MEASURED = (
+    "torque_gain",
+    "tip_offset",
+    "base_lean",
+    "pose_repeatability",
+    "tip_compliance",
+    "camera",
+)
 """Keys of robot.yaml that a calibration writes; all others stay."""
 
 
@@ -38,15 +46,30 @@ class Wanted:
         weight: a known mass, kg.
         gauge: known heights, m.
         own_weight: the arm weighs itself.
+        camera: a camera that looks at the arm, as `see` takes it; its intrinsics file; and the tag on the
+            hand, its number and side, m.
+        plot: PNG to write of the camera's residuals.
     """
 
     weight: Known | None = None
     gauge: Known | None = None
     own_weight: bool = False
+    camera: str | None = None
+    intrinsics: Path | None = None
+    tag: Known | None = None
+    plot: Path | None = None
 
 
-def wanted(weight: str | None, gauge: str | None, own_weight: bool) -> Wanted:
-    """Parse the references from text: `0.5kg±0.1g`, `block=50mm±0.01mm`.
+def wanted(
+    weight: str | None,
+    gauge: str | None,
+    own_weight: bool,
+    camera: str | None = None,
+    intrinsics: Path | None = None,
+    tag: str | None = None,
+    plot: Path | None = None,
+) -> Wanted:
+    """Parse the references from text: `0.5kg±0.1g`, `block=50mm±0.01mm`, `0=60mm±0.1mm`.
 
     Raises:
         InputError: no such size.
@@ -55,6 +78,10 @@ def wanted(weight: str | None, gauge: str | None, own_weight: bool) -> Wanted:
         None if weight is None else Known.of(weight, MASS, "the weight"),
         None if gauge is None else Known.of(gauge, LENGTH, "the gauge's height"),
         own_weight,
+        camera,
+        intrinsics,
+        None if tag is None else Known.of(tag, LENGTH, "the tag's side"),
+        plot,
     )
 
 
@@ -78,12 +105,14 @@ class Found:
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Result of a calibration and its file. `robot_seconds`: duration of the motions, s."""
+    """Result of a calibration and its file. `robot_seconds`: duration of the motions, s; `pictures`: what the
+    camera's pose was fitted to."""
 
     config: RobotConfig
     found: tuple[Found, ...]
     file: Path
     robot_seconds: float
+    pictures: HandEye | None = None
 
 
 def calibrate(
@@ -116,9 +145,21 @@ def calibrate(
         weigh(session, wanted.weight)
     if wanted.gauge is not None:
         gauge(session, wanted.gauge)
+    seen, rows = None, list[Found]()
+    if wanted.camera is not None:
+        from palpate.calibration.camera import locate
+
+        assert wanted.tag is not None
+        seen, believed = locate(session, wanted.camera, wanted.intrinsics, wanted.tag)
+        rows = camera_found(believed, seen, wanted.tag)
     config = merged(existing or before, session)
     write_config(out, config)
-    return Calibration(config, tuple(compared(start, session.arm)), out, session.seconds)
+    if seen is not None and wanted.plot is not None:
+        from palpate.seeing.handeye.residuals import draw_residuals
+
+        draw_residuals(seen, wanted.plot)
+    found = (*compared(start, session.arm), *rows)
+    return Calibration(config, found, out, session.seconds, seen)
 
 
 def require_consistent(
@@ -128,8 +169,18 @@ def require_consistent(
     if wanted == Wanted():
         raise InputError(
             "nothing to calibrate with: give a known weight (--weight 0.5kg±0.1g), known heights "
-            "(--gauge 50mm±0.01mm), or let the arm weigh itself (--own-weight)"
+            "(--gauge 50mm±0.01mm), a camera and a tag (--camera 0 --tag 0=60mm), or let the arm weigh "
+            "itself (--own-weight)"
         )
+    if (wanted.camera is None) != (wanted.tag is None):
+        raise InputError(
+            "camera= and tag= go together: a camera, and the number and side of a tag on the hand, e.g. 0=60mm±0.1mm"
+        )
+    for name in ("intrinsics", "plot"):
+        if wanted.camera is None and getattr(wanted, name) is not None:
+            raise InputError(f"{name}= goes with camera=SOURCE")
+    if wanted.plot is not None and wanted.plot.exists():
+        raise InputError(f"'{wanted.plot}' exists already: choose another plot=")
     if settings.robot is not None and settings.scene is None:
         raise InputError(
             "a real arm needs a scene=D.xml that says where it, the weight and the gauges stand"
@@ -185,6 +236,23 @@ def compared(start: RobotDescription, end: RobotDescription) -> list[Found]:
             before, after = (value_and_std(hand, name) for hand in (first, last))
             found.append(Found(name, unit, before, after, getattr(new, name).by or ""))
     return found
+
+
+def camera_found(before: Views, after: HandEye, tag: Known) -> list[Found]:
+    """The camera's place, turn and focal length before and after, each against what was believed."""
+    from palpate.seeing.solve import apart
+
+    off = apart(after.mount.pose_world_camera, before.mount.pose_world_camera)
+    stds = np.sqrt(np.diag(after.mount.covariance)), np.sqrt(np.diag(before.mount.covariance))
+    by = f"a tag of {tag.size.text} in {len(after.corners)} pictures"
+    found: list[Found] = []
+    for i, (name, unit) in enumerate([*(("camera", "m"),) * 3, *(("camera turn", "rad"),) * 3]):
+        start = float(before.mount.pose_world_camera.position[i]) if i < 3 else 0.0
+        was, now = (start, float(stds[1][i])), (start + float(off[i]), float(stds[0][i]))
+        found.append(Found(f"{name} {'xyz'[i % 3]}", unit, was, now, by))
+    zoom = after.lens.matrix[0, 0] / before.lens.matrix[0, 0] - 1.0
+    was, now = (0.0, before.lens.focal_std), (float(zoom), float(stds[0][6]))
+    return [*found, Found("camera focal length", "1", was, now, by)]
 
 
 def value_and_std(hand: Hand, name: str) -> tuple[float, float]:

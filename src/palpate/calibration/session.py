@@ -16,6 +16,7 @@ from palpate.calibration.stated import Stated
 from palpate.callbacks import SILENT, RunCallbacks
 from palpate.cells.simulated import SimulatedCell
 from palpate.errors import ExecutionAborted, InputError
+from palpate.planning.check.case import Finding
 from palpate.planning.check.check import check
 from palpate.planning.plan import Plan
 from palpate.robots.owner.arm import calibrated
@@ -28,6 +29,8 @@ from palpate.stages.workplace import cell_for
 from palpate.trace.samples import STANDARD_GRAVITY, Trace
 
 if TYPE_CHECKING:
+    from palpate.cells.cell import Cell
+    from palpate.execution.runner import Observer, Snapshot
     from palpate.robots.description import RobotDescription
 
 BLOCK = "block"
@@ -61,10 +64,28 @@ GAUGE = """    <body name="{name}" pos="{x} {y} {half!r}">
     </body>"""
 
 
+CAMERA = """    <camera name="workspace" pos="1.5 -0.4 0.9" fovy="45"
+      xyaxes="0.356 0.934 0 -0.349 0.133 0.928"/>"""
+
+
 def truth(stated: Stated, seed: int, name: str) -> float:
     """Draw a true size, uniform within the stated limits; deterministic for a seed and a name."""
     random = np.random.default_rng([seed, *name.encode()])
     return stated.value + stated.limit * random.uniform(-1.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Both:
+    """Two observers of a run, of whom there may be one only."""
+
+    first: Observer
+    second: Observer | None
+
+    def on_tick(self, snapshot: Snapshot) -> None:
+        """See `Observer`."""
+        self.first.on_tick(snapshot)
+        if self.second is not None:
+            self.second.on_tick(snapshot)
 
 
 @dataclass(slots=True)
@@ -77,6 +98,7 @@ class Session:
         callbacks: progress, and the question before a real arm moves.
         visits: number of visits, earlier sessions included.
         seconds: duration of all motions, s of robot time.
+        cell: workplace of the last visit.
     """
 
     settings: Settings
@@ -84,6 +106,7 @@ class Session:
     callbacks: RunCallbacks = SILENT
     visits: int = 0
     seconds: float = 0.0
+    cell: Cell | None = None
 
     @property
     def arm(self) -> RobotDescription:
@@ -106,13 +129,29 @@ class Session:
             blocks.append(GAUGE.format(name=name, x=x, y=y, half=height / 2))
         return self._bench("\n".join(blocks))
 
+    def bench_with_camera(self) -> Scene:
+        """Bench in view of a camera."""
+        return self._bench(CAMERA)
+
     def _bench(self, things: str) -> Scene:
         text = PLATE.format(gravity=-STANDARD_GRAVITY, things=things)
         return parse_scene(text, arm=self.arm)
 
-    def perform(self, scene: Scene, plan: Plan, world: Scene | None = None) -> Trace:
+    def findings(self, scene: Scene, plan: Plan) -> tuple[Finding, ...]:
+        """What forbids a plan. A calibration needs recordings that no parameter of the plan uses:
+        `redundant` does not apply."""
+        found = check(plan, scene, remeasure=True)
+        return tuple(finding for finding in found if finding.rule != "redundant")
+
+    def perform(
+        self,
+        scene: Scene,
+        plan: Plan,
+        world: Scene | None = None,
+        observer: Observer | None = None,
+    ) -> Trace:
         """Execute a plan in `scene` and return its trace. `world` is the simulated world, where the
-        settings name no other workplace.
+        settings name no other workplace; `observer` is called beside the one of the callbacks.
 
         Raises:
             InputError: the plan cannot be executed there, or was not to its end.
@@ -120,9 +159,7 @@ class Session:
             ExecutionAborted: not confirmed.
         """
         self.visits += 1
-        # A calibration needs recordings that no parameter of the plan uses: `redundant` does not apply.
-        findings = check(plan, scene, remeasure=True)
-        findings = tuple(finding for finding in findings if finding.rule != "redundant")
+        findings = self.findings(scene, plan)
         run = pipeline.rehearse(Run(self.settings, scene, plan, findings), self.callbacks)
         if run.findings:
             # Without the violation's advice, which is for authors of plans.
@@ -141,8 +178,11 @@ class Session:
         else:
             noise, seed = self.settings.noise, self.settings.seed
             cell = SimulatedCell(world, noise=noise, seed=seed, scene=scene, visit=self.visits)
-        pipeline.confirm(run, self.callbacks, cell)
-        run = pipeline.measure(run, self.callbacks, cell)
+        self.cell, callbacks = cell, self.callbacks
+        pipeline.confirm(run, callbacks, cell)
+        if observer is not None:
+            callbacks = replace(callbacks, observer=Both(observer, callbacks.observer))
+        run = pipeline.measure(run, callbacks, cell)
         assert run.execution is not None
         if run.execution.stopped_by is not None:
             reason = run.execution.stopped_by

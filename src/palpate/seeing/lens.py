@@ -10,7 +10,7 @@ The calibration file of ROS's camera_calibration (`camera_matrix`, `distortion_c
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
@@ -55,6 +55,11 @@ class Lens:
         middle = (camera.width - 1) / 2, (camera.height - 1) / 2
         return cls(pinhole(camera.focal, *middle), (camera.width, camera.height))
 
+    def zoomed(self, zoom: float) -> Lens:
+        """The lens with the focal length times `zoom`."""
+        factors = np.array([[zoom, 1, 1], [1, zoom, 1], [1, 1, 1]])
+        return replace(self, matrix=self.matrix * factors)
+
     def project(self, points: Array, zoom: float = 1.0) -> Array:
         """Pixels (n, 2) of points (n, 3) m in OpenCV's camera frame, with the focal length times `zoom`."""
         x, y = points[:, 0] / points[:, 2], points[:, 1] / points[:, 2]
@@ -73,7 +78,8 @@ class Mount:
 
     Attributes:
         pose_world_camera: MuJoCo's camera frame.
-        covariance: (6, 6) of position, m, and rotation, rad, along the world's axes.
+        covariance: (6, 6) of position, m, and rotation, rad, along the world's axes; (7, 7) of one that was
+            calibrated with its lens: also of the logarithm of the focal length.
     """
 
     pose_world_camera: Pose

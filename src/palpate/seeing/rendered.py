@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import InputError, Unavailable, unknown_name
-from palpate.geometry.pose import Pose
+from palpate.geometry.pose import Array, Pose
 from palpate.pictures.renderer import Painter, forwarded, gl_available
 from palpate.pictures.stage import staged
 from palpate.scene.camera import Camera
@@ -65,6 +65,67 @@ class Taken:
     mount: Mount | None
 
 
+class SimulatedCamera:
+    """A camera of a world, whose sites `tag_12` become printed tags.
+
+    Attributes:
+        lens: as its owner has it.
+        mount: where its owner believes it to be.
+    """
+
+    def __init__(
+        self,
+        world: mujoco.MjSpec,
+        name: str,
+        *,
+        size: tuple[int, int] = SIZE,
+        seed: int = 0,
+        imperfections: Imperfections | None = None,
+    ) -> None:
+        """Draw the camera's errors; they are the same ones for the same seed.
+
+        Raises:
+            InputError: no such camera.
+            Unavailable: no OpenGL.
+        """
+        flaws = imperfections or Imperfections()
+        usable, reason = gl_available()
+        if not usable:
+            raise Unavailable(f"the world's camera cannot be drawn: {reason}")
+        cameras: list[mujoco.MjsCamera] = list(world.cameras)
+        names = [camera.name for camera in cameras if camera.name]
+        if not names:
+            raise InputError('the world has no camera: give it one, <camera name="workspace" …/>')
+        if name not in names:
+            raise unknown_name("camera of the world", name, names)
+        self._name, self._flaws, self._random = name, flaws, np.random.default_rng(seed)
+        self._model = staged(_with_tags(world), soft=False)
+        self._data = forwarded(self._model)
+        index = self._model.camera(name).id
+        quaternion = np.empty(4)
+        mujoco.mju_mat2Quat(quaternion, self._data.cam_xmat[index])
+        stands = Pose.of(self._data.cam_xpos[index], quaternion)
+        self._camera = Camera(stands, float(np.deg2rad(self._model.cam_fovy[index])), *size)
+        pinhole = Lens.of(self._camera)
+        self._true = Lens(pinhole.matrix, size, np.array(flaws.distortion))
+        # What the owner believes of the camera: its figures with an error each.
+        zoom = 1 + flaws.focal * self._random.standard_normal()
+        told = Lens(pinhole.matrix, size, self._true.distortion, max(flaws.focal, 1e-6))
+        self.lens = told.zoomed(zoom)
+        self.mount = _misplaced(stands, flaws, self._random)
+
+    def shoot(self, qpos: Array | None = None) -> NDArray[np.uint8]:
+        """Take a picture (height, width, 3), RGB, of the world in a configuration; by default its own."""
+        if qpos is not None:
+            self._data.qpos[:] = qpos
+            mujoco.mj_forward(self._model, self._data)
+        drawn = _drawn(self._model, self._data, self._name, self._camera)
+        pixels = _through(drawn, self._true)
+        pixels = blurred(pixels, self._flaws.blur) if self._flaws.blur else pixels
+        noisy = pixels + self._flaws.grain * self._random.standard_normal(pixels.shape)
+        return np.clip(noisy, 0, 255).astype(np.uint8)
+
+
 def take(
     world: mujoco.MjSpec,
     name: str,
@@ -73,40 +134,9 @@ def take(
     seed: int = 0,
     imperfections: Imperfections | None = None,
 ) -> Taken:
-    """Take a picture by a camera of a world, whose sites `tag_12` become printed tags.
-
-    Raises:
-        InputError: no such camera.
-        Unavailable: no OpenGL.
-    """
-    flaws = imperfections or Imperfections()
-    usable, reason = gl_available()
-    if not usable:
-        raise Unavailable(f"the world's camera cannot be drawn: {reason}")
-    cameras: list[mujoco.MjsCamera] = list(world.cameras)
-    names = [camera.name for camera in cameras if camera.name]
-    if not names:
-        raise InputError('the world has no camera: give it one, <camera name="workspace" …/>')
-    if name not in names:
-        raise unknown_name("camera of the world", name, names)
-    random = np.random.default_rng(seed)
-    model = staged(_with_tags(world), soft=False)
-    data = forwarded(model)
-    index = model.camera(name).id
-    quaternion = np.empty(4)
-    mujoco.mju_mat2Quat(quaternion, data.cam_xmat[index])
-    stands = Pose.of(data.cam_xpos[index], quaternion)
-    camera = Camera(stands, float(np.deg2rad(model.cam_fovy[index])), *size)
-    told = Lens.of(camera)
-    true = Lens(told.matrix, size, np.array(flaws.distortion))
-    pixels = _through(_drawn(model, data, name, camera), true)
-    pixels = blurred(pixels, flaws.blur) if flaws.blur else pixels
-    noisy = pixels + flaws.grain * random.standard_normal(pixels.shape)
-    # What the owner believes of the camera: its figures with an error each.
-    zoom = 1 + flaws.focal * random.standard_normal()
-    matrix = told.matrix * np.array([[zoom, 1, 1], [1, zoom, 1], [1, 1, 1]])
-    lens = Lens(matrix, size, true.distortion, max(flaws.focal, 1e-6))
-    return Taken(np.clip(noisy, 0, 255).astype(np.uint8), lens, _misplaced(stands, flaws, random))
+    """Take a picture by a `SimulatedCamera`; arguments as its."""
+    camera = SimulatedCamera(world, name, size=size, seed=seed, imperfections=imperfections)
+    return Taken(camera.shoot(), camera.lens, camera.mount)
 
 
 def _misplaced(stands: Pose, flaws: Imperfections, random: np.random.Generator) -> Mount:

@@ -154,9 +154,12 @@ class _Fit:
             points.append(corners(tag.half, place) + place.rotation[:, :2] @ offset)
         where = np.array(points).reshape(-1, 3)
         off = (problem.pixels(camera, where, float(np.exp(at[6]))) - self.pixels) / self.noise
-        priors = [at[6:7] / problem.lens.focal_std, at[self.glue] / GLUED]
+        priors = [at[self.glue] / GLUED]
         if problem.mount is not None:
-            priors.append(_mounted(problem.mount, camera))
+            priors.append(_mounted(problem.mount, camera, at[6:7]))
+        # The lens of a calibrated camera is known together with its place.
+        if problem.mount is None or len(problem.mount.covariance) == 6:
+            priors.append(at[6:7] / problem.lens.focal_std)
         for name in self.slices:
             priors.append(self.standing(name, at))
             if name in problem.estimates:
@@ -235,9 +238,10 @@ def apart(pose: Pose, other: Pose) -> Array:
     return np.concatenate([pose.position - other.position, turn])
 
 
-def _mounted(mount: Mount, camera: Pose) -> Array:
-    """(6,) residuals of the camera's pose against where it is believed to be."""
-    return _whitened(mount.covariance, apart(camera, mount.pose_world_camera @ FACING))
+def _mounted(mount: Mount, camera: Pose, zoom: Array) -> Array:
+    """(6,) or (7,) residuals of the camera's pose, and its focal length, against what is believed."""
+    off = np.concatenate([apart(camera, mount.pose_world_camera @ FACING), zoom])
+    return _whitened(mount.covariance, off[: len(mount.covariance)])
 
 
 def _differs(estimate: Estimated, camera: Pose, pose: Pose) -> Array:

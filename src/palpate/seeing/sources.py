@@ -1,15 +1,20 @@
-"""Where pictures come from: a file with its intrinsics, a camera or a video by OpenCV."""
+"""Where pictures come from: a file with its intrinsics, a camera or a video by OpenCV, a RealSense camera."""
 
 from __future__ import annotations
 
+import threading
+import time
+from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.errors import InputError, Unavailable
+from palpate.errors import InputError, PalpateError, Unavailable
 from palpate.scene.camera import load_image
 from palpate.seeing.lens import Lens, Mount, read_lens
+from palpate.seeing.realsense import RealSense
 from palpate.seeing.vision import frames
 
 PICTURES = (".png", ".jpg", ".jpeg")
@@ -18,7 +23,15 @@ FRAMES = 10
 """Frames of a camera or a video that a look takes."""
 LARGEST = 8192
 """Pixels: longest side of a picture."""
-FORMS = "FILE.png or .jpg, a video FILE.mp4, a camera's number, opencv:0, or world:NAME of a simulated world"
+LIVE = "a camera's number, opencv:0, realsense or realsense:SERIAL"
+FORMS = f"FILE.png or .jpg, a video FILE.mp4, {LIVE}, or world:NAME of a simulated world"
+REALSENSE = "realsense"
+STALE = 1.0
+"""s: a camera whose newest picture is older has stopped."""
+PATIENCE = 10.0
+"""s for a camera's first picture."""
+
+Frames = Iterator[NDArray[np.uint8]]
 
 
 def pictures(
@@ -30,22 +43,90 @@ def pictures(
         InputError: no such source, or no intrinsics.
         Unavailable: a camera that does not answer.
     """
-    if intrinsics is None:
+    stated = None if intrinsics is None else read_lens(intrinsics)
+    if Path(source).suffix.lower() in PICTURES:
+        lens, mount = _required(stated)
+        return [load_image(Path(source), LARGEST)], lens, mount
+    coming, lens, mount = _opened(source, stated)
+    taken = list(islice(coming, FRAMES))
+    if not taken:
+        raise Unavailable(f"the camera or video '{source[:100]}' gives no picture")
+    return taken, lens, mount
+
+
+class Stream:
+    """A camera that runs, and its newest picture.
+
+    Attributes:
+        lens: of its intrinsics file, or as the device states it.
+        mount: where it is, if its file says so.
+    """
+
+    def __init__(self, source: str, intrinsics: Path | None) -> None:
+        """Start it.
+
+        Raises:
+            InputError: no such camera, or no intrinsics.
+            Unavailable: it does not answer.
+        """
+        if Path(source).suffix.lower() in (*PICTURES, *VIDEOS):
+            raise InputError(
+                f"'{source[:100]}' does not see the arm move: give {LIVE}, or world:NAME"
+            )
+        stated = None if intrinsics is None else read_lens(intrinsics)
+        coming, self.lens, self.mount = _opened(source, stated)
+        self._source = source
+        self._newest: tuple[float, NDArray[np.uint8]] | None = None
+        self._failed: PalpateError | None = None
+        self._first = threading.Event()
+        # A camera's driver queues pictures: whoever does not read them all sees old ones.
+        threading.Thread(target=self._follow, args=(coming,), daemon=True).start()
+
+    def _follow(self, coming: Frames) -> None:
+        try:
+            for picture in coming:
+                self._newest = time.monotonic(), picture
+                self._first.set()
+        except PalpateError as error:
+            self._failed = error
+        self._first.set()
+
+    def latest(self) -> NDArray[np.uint8]:
+        """The newest picture.
+
+        Raises:
+            Unavailable: the camera has stopped.
+        """
+        self._first.wait(PATIENCE)
+        if self._failed is not None:
+            raise self._failed
+        if self._newest is None or time.monotonic() - self._newest[0] > STALE:
+            raise Unavailable(f"the camera '{self._source[:100]}' gives no picture any more")
+        return self._newest[1]
+
+
+def _opened(
+    source: str, stated: tuple[Lens, Mount | None] | None
+) -> tuple[Frames, Lens, Mount | None]:
+    """Pictures that come from a camera or a video, its lens, and where it is."""
+    kind, _, rest = source.partition(":")
+    if kind == REALSENSE:
+        camera = RealSense(rest or None)
+        lens, mount = stated or (camera.lens, None)
+        return camera.frames(), lens, mount
+    lens, mount = _required(stated)
+    number = source.removeprefix("opencv:")
+    if number.isdecimal() and len(number) < 4:
+        return frames(int(number)), lens, mount
+    if Path(source).suffix.lower() in VIDEOS and Path(source).is_file():
+        return frames(source), lens, mount
+    raise InputError(f"no camera '{source[:100]}': give {FORMS}")
+
+
+def _required(stated: tuple[Lens, Mount | None] | None) -> tuple[Lens, Mount | None]:
+    if stated is None:
         raise InputError(
             "a camera needs its intrinsics: give intrinsics=FILE.yaml with fx, fy, cx, cy and size, or the "
             "file of ROS's camera_calibration"
         )
-    lens, mount = read_lens(intrinsics)
-    number = source.removeprefix("opencv:")
-    suffix = Path(source).suffix.lower()
-    if number.isdecimal() and len(number) < 4:
-        taken = list(frames(int(number), FRAMES))
-    elif suffix in PICTURES:
-        taken = [load_image(Path(source), LARGEST)]
-    elif suffix in VIDEOS and Path(source).is_file():
-        taken = list(frames(source, FRAMES))
-    else:
-        raise InputError(f"no camera '{source[:100]}': give {FORMS}")
-    if not taken:
-        raise Unavailable(f"the camera or video '{source[:100]}' gives no picture")
-    return taken, lens, mount
+    return stated

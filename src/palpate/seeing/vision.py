@@ -111,7 +111,7 @@ def sharpness(picture: NDArray[np.uint8]) -> float:
     return float(np.var(cv2.Laplacian(picture, cv2.CV_64F)))
 
 
-def frames(source: int | str, count: int) -> Iterator[NDArray[np.uint8]]:
+def frames(source: int | str) -> Iterator[NDArray[np.uint8]]:
     """Yield RGB frames of a camera by its number, or of a video file.
 
     Raises:
@@ -124,7 +124,7 @@ def frames(source: int | str, count: int) -> Iterator[NDArray[np.uint8]]:
             raise Unavailable(f"OpenCV cannot open the camera or video '{source}'")
         for _ in range(WARM_UP if isinstance(source, int) else 0):
             capture.read()
-        for _ in range(count):
+        while True:
             good, frame = capture.read()
             if not good:
                 return

@@ -27,6 +27,28 @@ def calibrate(
     own_weight: Annotated[
         bool, typer.Option("--own-weight", help="Let the arm weigh itself.")
     ] = False,
+    camera: Annotated[
+        str | None,
+        typer.Option(
+            "--camera",
+            metavar="SOURCE",
+            help="Camera that looks at the arm: its number, realsense, or world:NAME.",
+        ),
+    ] = None,
+    intrinsics: Annotated[
+        Path | None,
+        typer.Option("--intrinsics", help="YAML with its lens, and roughly where it is."),
+    ] = None,
+    tag: Annotated[
+        str | None,
+        typer.Option("--tag", metavar="[NUMBER=]SIDE", help="Tag on the hand: 0=60mm±0.1mm"),
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            "--plot", metavar="FILE.png", help="Picture of the camera's residuals to write."
+        ),
+    ] = None,
     out: Annotated[
         Path, typer.Option("--out", help="robot.yaml to write; its other figures stay.")
     ] = Path("robot.yaml"),
@@ -38,14 +60,14 @@ def calibrate(
     as_json: AsJson = False,
     yes: Yes = False,
 ) -> None:
-    """Calibrate an arm with known masses and heights, and write robot.yaml."""
+    """Calibrate an arm with known masses and heights, and its camera with a tag, and write robot.yaml."""
     from palpate.calibration.calibrate import calibrate as carry_out_calibration
     from palpate.calibration.calibrate import wanted
     from palpate.callbacks import RunCallbacks, unheard
     from palpate.cli.show.calibration import show_calibration
     from palpate.cli.show.run import confirm_plan, live_view, show_planned, unless
 
-    asked = wanted(weight, gauge, own_weight)
+    asked = wanted(weight, gauge, own_weight, camera, intrinsics, tag, plot)
     with live_view() as (observer, say):
         callbacks = RunCallbacks(
             observer, say, unless(yes, confirm_plan), planned=unheard if yes else show_planned

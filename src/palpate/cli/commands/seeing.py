@@ -9,7 +9,17 @@ import typer
 
 from palpate.cli.options import AsJson, Given, SceneArgument, one_scene, settings
 
-OF_LOOK = ("scene", "intrinsics", "pose_estimator", "poses", "root", "arm", "world", "seed")
+OF_LOOK = (
+    "scene",
+    "intrinsics",
+    "pose_estimator",
+    "poses",
+    "root",
+    "arm",
+    "robot_config",
+    "world",
+    "seed",
+)
 
 
 def see(

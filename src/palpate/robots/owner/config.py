@@ -134,7 +134,7 @@ class EndEffector(Section):
     centre: Vector  # m, in the frame of the hand's body, with the fingers half open
 
 
-class Camera(Section):
+class Camera(Figure):
     """A fixed camera; its pose is in the frame of the arm's base, looking along its own -z as in
     MJCF."""
 
@@ -143,6 +143,8 @@ class Camera(Section):
     fovy: Annotated[float, _Plain, Field(gt=1, lt=170)]  # vertical field of view, degrees
     # width and height, pixels
     size: tuple[Annotated[int, Field(gt=0, le=20000)], Annotated[int, Field(gt=0, le=20000)]]
+    # of position, m, rotation, rad, along the base's axes, and the logarithm of the focal length
+    covariance: Annotated[np.ndarray, PlainValidator(require_covariance)] | None = None
 
 
 class Simulated(Section):
