@@ -76,7 +76,7 @@ class Plant(World):
         data.ctrl[self.actuators.drives] = torque
         data.ctrl[self._fingers_control] = finger
         self._before[:] = self.dq
-        self._substeps()
+        self._step_once()
         self.cycles += 1
         for i in self._sinking:
             self.fell = max(self.fell, -float(data.qvel[i]))
