@@ -87,6 +87,24 @@ def test_a_correction_keeps_with_a_support_that_was_found_higher(rise: float) ->
     assert found.position == pytest.approx(true.translated((0.0, 0.0, rise)).position)
 
 
+def test_a_correction_is_in_the_frame_of_the_thing() -> None:
+    state = SymbolicState(SCENE)
+    true = SCENE.body("can").pose_world.translated((0.004, 0.0, 0.0))
+    shift = difference(state, "can", true, TCP)
+    assert shift is not None
+    here = state.pose_of("can")
+    quarter = Pose.of(here.position, (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)))
+    found = moved_by(replace(state, moved={"can": quarter}), {"can": shift}).pose_of("can")
+    assert found.position - here.position == pytest.approx((0.0, 0.004, 0.0))
+
+
+def test_weights_of_all_worlds_count() -> None:
+    others = [Foresight(weights={"can": weights}) for weights in ((1.0, 3.0), (2.0, 6.0))]
+    seen = GRASPED.among(*others)
+    assert seen.weights == {"can": (1.0, 6.0)}
+    assert seen.widths == GRASPED.widths
+
+
 @pytest.mark.parametrize("weight", [0.3, 3.0, 14.0])
 def test_a_grasp_as_rehearsed_goes_on(weight: float) -> None:
     load = Load(np.zeros(6)).hung(np.array([0.0, 0.0, weight, 0.0, 0.0, 0.0]), TCP)

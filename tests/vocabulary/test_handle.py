@@ -78,6 +78,8 @@ def test_a_drawer_is_measured_and_left_where_it_was():
         found = run[f"drawer.{id}"]
         (true,) = run.truth[found.parameter]
         assert abs(found.value - true) < max(4.0 * found.std, 0.03 * true)
+    # The force and the arm's own motion are of the same moments, or their difference is taken for inertia.
+    assert run["drawer.damping"].parts["inertia"].value == pytest.approx(1.83, rel=0.3)
     joint = run.twin.mjmodel.joint("drawer_slide")
     assert joint.damping[0] == pytest.approx(run["drawer.damping"].value, rel=0.05)
 

@@ -251,6 +251,16 @@ def test_a_grip_is_exempt_and_what_it_carries_belongs_to_the_robot() -> None:
     assert seen.turned.get("block", 0) < np.deg2rad(2)
 
 
+def test_fingertips_on_top_of_a_thing_are_no_grip() -> None:
+    """Both fingers press down, across the closing axis, and close against each other by nothing."""
+    plate = '<body name="plate" pos="0 0 .005"><freejoint/><geom type="box" size=".08 .08 .005" mass="1"/></body>'
+    witness = watched(GRIPPER + plate, 0.4, DRIVES, lambda _: [-0.04, 0.0, 0.0])
+    assert {look.held for look in witness.looks} == {-1}
+    (seen,) = (touch for touch in judged(witness).touches if touch.thing == "plate")
+    assert seen.vertical
+    assert seen.mean10 > 5
+
+
 def test_fingers_that_close_on_nothing_press_on_themselves_alone() -> None:
     def control(t: float) -> list[float]:
         return [0.0, -40.0, 40.0]

@@ -47,6 +47,8 @@ def test_a_hand_holds_what_it_closed_on_and_nothing_else() -> None:
     assert hand.gripping
     gripper.now = SimpleNamespace(width=0.0015, is_grasped=True)
     until(lambda: not hand.gripping)
+    gripper.now = SimpleNamespace(width=0.004, is_grasped=True)
+    until(lambda: hand.gripping)
     gripper.now = SimpleNamespace(width=0.04, is_grasped=True)
     hand.open()
     until(lambda: not hand.moving)
@@ -64,6 +66,23 @@ def test_a_hand_closes_with_the_force_that_it_is_told_and_can() -> None:
     width, speed, _, inner, outer = gripper.calls[0][1:]
     assert (width, speed) == (0.0, ARM.hand.speed)
     assert width - inner < 0.0 < ARM.hand.opening < outer, "any width counts as a grasp"
+    hand.end()
+
+
+def test_a_hand_is_lost_after_three_queries_without_an_answer() -> None:
+    class Mute(Gripper):
+        asked = 0
+
+        @property
+        def state(self) -> SimpleNamespace:
+            self.asked += self.lost
+            return super().state
+
+    gripper = Mute()
+    hand = Hand(gripper, ARM.hand)
+    gripper.lost = True
+    until(lambda: hand.lost is not None)
+    assert gripper.asked in (3, 4), "one more where it fell silent within a query"
     hand.end()
 
 

@@ -103,5 +103,5 @@ HANDLE_LEVEL = 0.02
 gravity does not depend on the position. Sensitive: no, 0.02 of a weight is less than friction's deviation."""
 
 HANDLE_RATE = 0.05
-"""s over which the speed along the joint is averaged for its acceleration. Sensitive: dry friction 0.9 σ,
-damping 1.5 σ."""
+"""s over which speeds, torques and the motion of the arm's links are averaged, all alike: averaged otherwise, their
+differences in ramps are taken for inertia and damping. Sensitive: at twice it dry friction 0.3 σ, damping 0.3 σ."""

@@ -1,0 +1,72 @@
+"""Limits of harm, on tracks and contacts made up."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from palpate.execution.harm.harm import harm
+from palpate.execution.harm.touch import touches
+from palpate.execution.harm.witness import Forces, Look, Pair
+
+FOUND = (0.0, 0.0, 0.1, 1.0, 0.0, 0.0, 0.0)
+PERIOD = 1e-3  # s
+
+
+def seen(*poses: Sequence[float], held: int = -1, forces: dict[Pair, Forces] | None = None) -> Any:
+    """Witness of a can of 0.3 kg that stands still in each pose for 50 ms."""
+    touched = np.array([True])
+    looks = [
+        Look(10 * i, np.array([pose]), np.array((1.0, 0.0, 0.0, 0.0)), held, touched)
+        for i, pose in enumerate(pose for pose in (FOUND, *poses) for _ in range(10))
+    ]
+    return SimpleNamespace(
+        objects=("can",),
+        masses=(0.3,),
+        axes=(None,),
+        looks=looks,
+        forces=forces or {},
+        steps=10 * len(looks),
+        period=PERIOD,
+    )
+
+
+def leaning(degrees: float) -> tuple[float, ...]:
+    half = np.radians(degrees) / 2
+    return (0.0, 0.0, 0.1, float(np.cos(half)), float(np.sin(half)), 0.0, 0.0)
+
+
+@pytest.mark.parametrize(("degrees", "found"), [(14.0, ()), (16.0, ("can tipped",))])
+def test_what_leans_by_more_than_15_degrees_has_tipped(degrees: float, found: tuple[str]) -> None:
+    assert harm(seen(leaning(degrees)), ["can"]).beyond == found
+
+
+@pytest.mark.parametrize(("way", "found"), [(0.024, ()), (0.026, ("can pushed by 26 mm",))])
+def test_what_a_plan_names_may_be_pushed_by_25_mm(way: float, found: tuple[str]) -> None:
+    assert harm(seen((way, *FOUND[1:])), ["can"]).beyond == found
+
+
+@pytest.mark.parametrize(("held", "found"), [(-1, ("can left its place",)), (0, ())])
+def test_what_ends_lower_in_the_hand_has_not_left_its_place(held: int, found: tuple[str]) -> None:
+    lower = [(0.0, 0.0, 0.1 - 0.001 * i, *FOUND[3:]) for i in range(60)]
+    assert harm(seen(*lower, held=held), ["can"]).beyond == found
+
+
+@pytest.mark.parametrize(("pressed", "peak"), [(0.3 * 9.81, 0.0), (0.3 * 9.81 + 5.0, 5.0)])
+def test_the_weight_of_a_load_on_its_support_is_no_force(pressed: float, peak: float) -> None:
+    stands = Forces(array("q", range(100)), array("d", 100 * [0.0, 0.0, -pressed]))
+    (touch,) = touches(seen(forces={Pair("can", "table", load=True): stands}))
+    assert touch.peak == pytest.approx(peak, abs=0.01)
+
+
+@pytest.mark.parametrize(("lasts", "tail"), [(0.08, 0.0), (0.15, 20.0)])
+def test_a_tail_begins_100_ms_after_the_touch(lasts: float, tail: float) -> None:
+    steps = range(50, 50 + round(lasts / PERIOD))
+    press = Forces(array("q", steps), array("d", len(steps) * [0.0, 0.0, -20.0]))
+    (touch,) = touches(seen(FOUND, FOUND, forces={Pair("robot/hand", "table", load=False): press}))
+    assert touch.tail == pytest.approx(tail)
