@@ -1,4 +1,4 @@
-"""Where a camera is: the arm shows it a tag on its hand in many poses, and each rest is a picture.
+"""Calibration of a camera's pose: the arm shows it a tag on its hand in many poses, and each rest is a picture.
 
 The poses are drawn at random about home, kept where the camera sees the tag, and chosen so that its place
 becomes surest (`palpate.seeing.handeye.fit`).

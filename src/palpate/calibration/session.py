@@ -138,7 +138,7 @@ class Session:
         return parse_scene(text, arm=self.arm)
 
     def findings(self, scene: Scene, plan: Plan) -> tuple[Finding, ...]:
-        """What forbids a plan. A calibration needs recordings that no parameter of the plan uses:
+        """Findings that forbid a plan. A calibration needs recordings that no parameter of the plan uses:
         `redundant` does not apply."""
         found = check(plan, scene, remeasure=True)
         return tuple(finding for finding in found if finding.rule != "redundant")

@@ -61,7 +61,7 @@ class Touch:
 
     @property
     def said(self) -> str:
-        """What it measured, in words."""
+        """Its measurement in words."""
         axes = zip("xyz", self.along, strict=True)
         axis, part = max(axes, key=lambda one: abs(one[1]))
         sign = "-" if part < 0.0 else "+"
@@ -98,7 +98,7 @@ class Belief:
 
     @property
     def contradiction(self) -> str:
-        """Which touch contradicts sight, in words; empty for none."""
+        """Touches that contradict sight, in words; empty for none."""
         found = [touch for touch in self.touches if touch.contradicts]
         return "; ".join(
             f"it was met {touch.said} from where it was seen, {abs(touch.z):.1f} standard deviations: it does not "

@@ -1,4 +1,4 @@
-"""Where things stand, on the page: by sight, by touch, and by both."""
+"""Poses of objects on the page: by sight, by touch, and by both."""
 
 from __future__ import annotations
 

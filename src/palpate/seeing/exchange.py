@@ -1,4 +1,4 @@
-"""One document out, one back: by a command's standard input and output, or by a POST over HTTP. What comes
+"""Exchange of one document for another: by a command's standard input and output, or by a POST over HTTP. What comes
 back is bounded in size and in time."""
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def _run(source: str, document: bytes, seconds: float) -> bytes:
 
 
 def _output(process: subprocess.Popen[bytes], until: float) -> tuple[bytes, bool]:
-    """What a process writes, up to a little more than an answer may have, and False if time runs out."""
+    """Output of a process, up to a little more than an answer may have, and False if time runs out."""
     assert process.stdout is not None
     answer = bytearray()
     with process.stdout, selectors.DefaultSelector() as waiting:

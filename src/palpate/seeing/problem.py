@@ -1,4 +1,4 @@
-"""What is known of a look before it is fitted: corners in the picture, lens, camera, tags, things, estimates."""
+"""Inputs of the fit of a look: corners in the picture, lens, camera, tags, things, estimates."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Problem:
         return replace(self, seen=seen, things={**self.things, **loose}, estimates=kept)
 
     def place(self, tag: Tag, pose: Pose | None) -> Pose:
-        """Where a tag is in the world if its thing has this pose."""
+        """Pose of a tag in the world if its thing has this pose."""
         if pose is None:
             return tag.pose_world
         return pose @ self.things[tag.body].pose_world.inverse() @ tag.pose_world
@@ -82,7 +82,7 @@ class Problem:
 
 @dataclass(frozen=True, slots=True)
 class Outliers:
-    """What does not fit: tags, things that do not stand as the scene has them, and things whose estimate
+    """Outliers: tags, things that do not stand as the scene has them, and things whose estimate
     their tags contradict."""
 
     tags: tuple[int, ...] = ()

@@ -182,7 +182,7 @@ class _Fit:
         return np.array([*_tilt(pose, thing.pose_world) / UPRIGHT, higher / LEVEL])
 
     def outliers(self) -> Outliers:
-        """What fits worst: a tag; else estimates of things with tags; else things that do not stand as the
+        """The worst outlier: a tag; else estimates of things with tags; else things that do not stand as the
         scene has them."""
         problem, camera = self.problem, moved(self.camera, self.at[:6])
         residuals = self.residuals(self.at)[: 2 * len(self.pixels)].reshape(-1, 8)

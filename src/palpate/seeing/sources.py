@@ -1,4 +1,4 @@
-"""Where pictures come from: a file with its intrinsics, a camera or a video by OpenCV, a RealSense camera."""
+"""Sources of pictures: a file with its intrinsics, a camera or a video by OpenCV, a RealSense camera."""
 
 from __future__ import annotations
 

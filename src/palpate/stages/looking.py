@@ -62,7 +62,7 @@ def seen_from(
     seed: int = 0,
     estimator: str | None = None,
 ) -> Seen:
-    """What a source of pictures shows of a scene; arguments as those of `palpate.api.seeing.see`.
+    """Poses of a scene by a source of pictures; arguments as those of `palpate.api.seeing.see`.
 
     Raises:
         InputError: no such camera, nothing to see by, or a file that cannot be used.

@@ -1,4 +1,4 @@
-"""Where a camera is, from pictures of one tag in many poses of the arm: hand-eye calibration by one
+"""Hand-eye calibration: pose of a camera, from pictures of one tag in many poses of the arm, by one
 least-squares fit, and the poses that make it surest.
 
 In picture i the hand is at H_i in the base's frame, by its encoders, and truly at H_i exp(J_i d) E_i. The
@@ -89,7 +89,7 @@ class Views:
 
     @property
     def camera(self) -> Pose:
-        """Where the camera is believed to be, OpenCV's frame."""
+        """Believed pose of the camera, OpenCV's frame."""
         return self.mount.pose_world_camera @ FACING
 
     def some(self, indices: Sequence[int]) -> Views:
@@ -299,7 +299,7 @@ class _Fit:
         return self.views.at(self.tag, at) - self.seen
 
     def result(self, refused: tuple[int, ...]) -> HandEye:
-        """What was found at the minimum."""
+        """Result at the minimum."""
         wanted = self.views.wanted()
         camera = moved(self.views.camera, (wanted @ self.at)[:6])
         tag = moved(self.tag, self.at[6:12])
