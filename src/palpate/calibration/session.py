@@ -16,6 +16,7 @@ from palpate.calibration.stated import Stated
 from palpate.callbacks import SILENT, RunCallbacks
 from palpate.cells.simulated import SimulatedCell
 from palpate.errors import ExecutionAborted, InputError
+from palpate.live.observers import Observers
 from palpate.planning.check.case import Finding
 from palpate.planning.check.check import check
 from palpate.planning.plan import Plan
@@ -30,7 +31,7 @@ from palpate.trace.samples import STANDARD_GRAVITY, Trace
 
 if TYPE_CHECKING:
     from palpate.cells.cell import Cell
-    from palpate.execution.runner import Observer, Snapshot
+    from palpate.execution.runner import Observer
     from palpate.robots.description import RobotDescription
 
 BLOCK = "block"
@@ -72,20 +73,6 @@ def truth(stated: Stated, seed: int, name: str) -> float:
     """Draw a true size, uniform within the stated limits; deterministic for a seed and a name."""
     random = np.random.default_rng([seed, *name.encode()])
     return stated.value + stated.limit * random.uniform(-1.0, 1.0)
-
-
-@dataclass(frozen=True, slots=True)
-class Both:
-    """Two observers of a run, of whom there may be one only."""
-
-    first: Observer
-    second: Observer | None
-
-    def on_tick(self, snapshot: Snapshot) -> None:
-        """See `Observer`."""
-        self.first.on_tick(snapshot)
-        if self.second is not None:
-            self.second.on_tick(snapshot)
 
 
 @dataclass(slots=True)
@@ -181,7 +168,8 @@ class Session:
         self.cell, callbacks = cell, self.callbacks
         pipeline.confirm(run, callbacks, cell)
         if observer is not None:
-            callbacks = replace(callbacks, observer=Both(observer, callbacks.observer))
+            every = [one for one in (observer, callbacks.observer) if one is not None]
+            callbacks = replace(callbacks, observer=Observers(*every))
         run = pipeline.measure(run, callbacks, cell)
         assert run.execution is not None
         if run.execution.stopped_by is not None:

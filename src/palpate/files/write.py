@@ -7,15 +7,15 @@ from pathlib import Path
 from palpate.errors import InputError
 
 
-def write_new(path: Path, text: str) -> None:
-    """Write a new text file.
+def write_new(path: Path, content: str | bytes) -> None:
+    """Write a new file; text as UTF-8.
 
     Raises:
         InputError: it exists, or cannot be written.
     """
     try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
+        with path.open("xb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
     except FileExistsError:
         raise InputError(f"'{path}' exists already: choose another file") from None
     except OSError as error:

@@ -18,9 +18,10 @@ import numpy as np
 from palpate.geometry.pose import Array, Pose
 
 Means = Literal["probe", "fingers"]
-"""How a thing is touched: a guarded motion meets it, or the fingers close on it."""
+"""Means of a touch: a guarded motion meets a thing, or the fingers close on it."""
 SURE = 3.0
-"""Standard deviations of a touch from a believed pose, beyond which it contradicts it."""
+"""Standard deviations of a believed pose: a touch farther off contradicts it, and motions and fingers leave as much
+room."""
 ERROR = 1e-3
 """m (1 sigma), of a touch as a run has it before anything is fitted: the arm's place, the length of its tips, and
 what gives way under the press."""
@@ -39,7 +40,6 @@ class Touch:
         apart: m along it from where the thing was believed to where it was met.
         std: m, of the touch alone.
         believed_std: m, of the belief before, along it.
-        z: deviation over its standard deviation.
     """
 
     means: Means

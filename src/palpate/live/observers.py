@@ -12,7 +12,7 @@ from typing import Protocol
 from py_trees.behaviour import Behaviour
 
 from palpate.execution.leaf import PrimitiveLeaf
-from palpate.execution.runner import Snapshot
+from palpate.execution.runner import Observer, Snapshot
 
 FEWEST = 3
 """Least number of finished steps for an estimate of the remaining time."""
@@ -68,16 +68,24 @@ class View(Protocol):
     def progress(self, stage: str) -> None: ...
 
 
-class Views:
-    """Passes a run on to several views. An `Observer`."""
+class Observers:
+    """Passes a run on to several observers. An `Observer`."""
 
-    def __init__(self, *views: View) -> None:
-        self._views = views
+    def __init__(self, *observers: Observer) -> None:
+        self._observers = observers
 
     def on_tick(self, snapshot: Snapshot) -> None:
         """See `Observer`."""
-        for view in self._views:
-            view.on_tick(snapshot)
+        for observer in self._observers:
+            observer.on_tick(snapshot)
+
+
+class Views(Observers):
+    """Passes a run on to several views."""
+
+    def __init__(self, *views: View) -> None:
+        super().__init__(*views)
+        self._views = views
 
     def progress(self, stage: str) -> None:
         """Name the present stage of the work."""

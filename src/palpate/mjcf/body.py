@@ -11,6 +11,7 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
+from palpate.geometry.belief import SURE
 from palpate.geometry.joint import Joint
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.defaults import Defaults
@@ -235,11 +236,11 @@ class Body:
 
     @property
     def doubt(self) -> float:
-        """m, how far beside where it is believed it may be seen from above: three standard deviations of a pose
+        """m, how far beside where it is believed it may be seen from above: `SURE` standard deviations of a pose
         whose covariance is stated, else 0."""
         if self.covariance is None:
             return 0.0
-        return 3.0 * float(np.sqrt(np.linalg.eigvalsh(self.covariance[:2, :2])[-1]))
+        return SURE * float(np.sqrt(np.linalg.eigvalsh(self.covariance[:2, :2])[-1]))
 
     def __repr__(self) -> str:
         missing = f", missing {', '.join(sorted(self.missing))}" if self.missing else ""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.geometry.belief import SURE
 from palpate.geometry.outline import (
     Convex,
     Obstacle,
@@ -26,9 +27,6 @@ from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import RobotDescription
 
 SPARE = 0.004  # m of the opening left for errors of the pose
-SURE = 3.0
-"""Standard deviations of an object's place to either side for which the fingers open farther than it is wide, if they
-can."""
 GROUND = 0.005  # m of clearance of the fingertips above the support
 HEADROOM = 0.005  # m of clearance between the palm and the top of the object
 SHALLOW = 0.02  # m of the TCP below the top where the hand has no room deeper down
@@ -163,6 +161,7 @@ class _Scene:
             )
         elif self._blocked(centre, across, height):
             problem = "its neighbours leave no room for the hand"
+        # The fingers open farther than the object is wide, if they can.
         unsure = 2 * SURE * float(np.sqrt(across @ self._spread @ across))
         short = max(wide + max(unsure, SPARE) - hand.opening, 0.0)
         return Grasp(self._tool_pose(centre, height, angle), wide, slack, short, problem)

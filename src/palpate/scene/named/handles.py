@@ -24,7 +24,7 @@ from palpate.mjcf.body import BodyDescription
 from palpate.robots.description import RobotDescription
 from palpate.robots.grasp import Grasp, derive_grasp
 from palpate.robots.kinematics import LIMIT_MARGIN, within_joint_limits
-from palpate.robots.nominal import NominalArm
+from palpate.robots.pace import configuration
 
 RETREAT = 0.12
 """m that a level hand goes back from a handle: its fingers, and what is grasped, are some 6 cm deep."""
@@ -101,7 +101,7 @@ def _grasp_along(
     reached: list[tuple[float, Pose]] = []
     for pose in (frame @ found.pose, frame @ found.pose @ HALF_TURN):
         back = pose.translated(-RETREAT * direction)
-        bent = [configuration_at(arm, one, base) for one in (pose, back)]
+        bent = [configuration(arm, base.inverse() @ one) for one in (pose, back)]
         if all(within_joint_limits(arm, q, LIMIT_MARGIN) for q in bent):
             reached.append((max(float(abs(q - arm.home)[6]) for q in bent), pose))
     if not reached:
@@ -115,13 +115,8 @@ def front_of(
     """Joint configurations (7,), rad, by which a level hand comes to a pose in front of a fixture: first the wrist
     turns, as the arm is at home, then the arm moves. (Stretched, with a wrist in line, it could not feel a contact.)
     """
-    front = configuration_at(arm, pose_world_tcp, base)
+    front = configuration(arm, base.inverse() @ pose_world_tcp)
     return {f"{name}_level": np.array([*arm.home[:5], *front[5:]]), f"{name}_front": front}
-
-
-def configuration_at(arm: RobotDescription, pose_world_tcp: Pose, base: Pose) -> Array:
-    """(7,) rad, joint angles to which the controller takes the arm at a pose."""
-    return NominalArm(arm, base, np.zeros(3)).reach(pose_world_tcp, arm.home)
 
 
 def points_down(pose_world_tcp: Pose) -> bool:

@@ -56,7 +56,7 @@ ZOOM, SIZE = 12, 13
 MEASURED = 1e-4
 """Relative: least standard deviation of a tag's size."""
 CAMERA, JOINTS = [*range(6), ZOOM], slice(14, 21)
-"""Those of the camera and its lens."""
+"""Indices of the unknowns of the camera with its lens, and of the encoders' zeros."""
 STEP = 1e-6
 """m or rad: of derivatives."""
 

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from palpate.errors import InputError
+from palpate.files.write import write_new
+from palpate.pictures.renderer import png
 from palpate.seeing.handeye.fit import HandEye
 
 LONGER = 100
@@ -38,8 +39,4 @@ def draw_residuals(found: HandEye, path: Path) -> None:
         f"{size:.2f} pixels rms"
     )
     draw.text((MARGIN, MARGIN), words, fill=INK, font=font)
-    try:
-        with path.open("xb") as file:
-            picture.save(file, "PNG")
-    except OSError as error:
-        raise InputError(f"cannot write '{path}': {error.strerror}") from None
+    write_new(path, png(np.asarray(picture)))
