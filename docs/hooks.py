@@ -4,15 +4,17 @@ poses.yaml."""
 from __future__ import annotations
 
 import json
+from importlib import reload
 from typing import Any
 
 import typer
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from pydantic import BaseModel
 from typer.cli import get_docs_for_click
 
 from palpate.cli.app import app
-from palpate.scene.poses import Poses
+from palpate.scene import poses
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -37,4 +39,6 @@ def _commands() -> str:
 
 
 def _poses_schema() -> str:
-    return json.dumps(Poses.model_json_schema(), indent=2) + "\n"
+    # The docstrings of attributes are read from the source, which is too slow for the start of a command.
+    BaseModel.model_config["use_attribute_docstrings"] = True
+    return json.dumps(reload(poses).Poses.model_json_schema(), indent=2) + "\n"

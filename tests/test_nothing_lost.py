@@ -19,13 +19,14 @@ from failing import Failing
 from standin import StandIn
 
 import palpate as pp
-from palpate import api
+from palpate.api.plans import Plan
+from palpate.api.runs import finish
 from palpate.stages import building
 from palpate.trace.mcap import read_mcap
 
 
 @pytest.fixture(scope="module")
-def plan() -> api.Plan:
+def plan() -> Plan:
     return pp.load(DESK).plan("how heavy is the mug?")
 
 
@@ -46,7 +47,7 @@ def result(folder: Path) -> dict[str, Any]:
 
 @pytest.mark.parametrize("moment", [0.0, 2.0, 5.0])
 @pytest.mark.parametrize("member", ["state", "advance", "drain", "close"])
-def test_a_robot_that_fails(plan: api.Plan, tmp_path: Path, member: str, moment: float) -> None:
+def test_a_robot_that_fails(plan: Plan, tmp_path: Path, member: str, moment: float) -> None:
     bench = Bench(wrap=lambda arm: Failing(arm, member, moment))
     run = plan.run(bench, out=tmp_path / "run")
     found = result(tmp_path / "run")
@@ -62,7 +63,7 @@ def test_a_robot_that_fails(plan: api.Plan, tmp_path: Path, member: str, moment:
 
 
 @pytest.mark.parametrize("part", ["truth", "footage"])
-def test_a_cell_that_fails(plan: api.Plan, part: str) -> None:
+def test_a_cell_that_fails(plan: Plan, part: str) -> None:
     bench = Bench()
 
     def broken(*_: object) -> None:
@@ -74,7 +75,7 @@ def test_a_cell_that_fails(plan: api.Plan, part: str) -> None:
     assert run.truth == {}
 
 
-def test_a_robot_that_cannot_be_reached_leaves_no_folder(plan: api.Plan, tmp_path: Path) -> None:
+def test_a_robot_that_cannot_be_reached_leaves_no_folder(plan: Plan, tmp_path: Path) -> None:
     bench = Bench()
 
     def unplugged() -> None:
@@ -86,7 +87,7 @@ def test_a_robot_that_cannot_be_reached_leaves_no_folder(plan: api.Plan, tmp_pat
     assert list(tmp_path.iterdir()) == []
 
 
-def test_numbers_that_are_none_are_no_estimate(plan: api.Plan, tmp_path: Path) -> None:
+def test_numbers_that_are_none_are_no_estimate(plan: Plan, tmp_path: Path) -> None:
     bench = Bench()
 
     def faulty(arm: StandIn) -> None:
@@ -108,7 +109,7 @@ def test_numbers_that_are_none_are_no_estimate(plan: api.Plan, tmp_path: Path) -
     ],
 )
 def test_a_page_that_fails(
-    plan: api.Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, part: str, left_out: str
+    plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, part: str, left_out: str
 ) -> None:
     def broken(*_: object) -> None:
         raise RuntimeError("no OpenGL\ncontext")
@@ -125,7 +126,7 @@ def test_a_page_that_fails(
 
 
 def test_a_folder_that_cannot_be_written_is_found_before_anything_moves(
-    plan: api.Plan, tmp_path: Path
+    plan: Plan, tmp_path: Path
 ) -> None:
     bench = Bench()
     (tmp_path / "file").write_text("")
@@ -145,7 +146,7 @@ def small_disk(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-def test_a_disk_that_is_full(plan: api.Plan, tmp_path: Path) -> None:
+def test_a_disk_that_is_full(plan: Plan, tmp_path: Path) -> None:
     with small_disk(30_000):
         run = plan.run(Bench(), out=tmp_path / "run")
     assert run.status == "complete"
@@ -192,7 +193,7 @@ def test_a_process_that_is_killed_leaves_a_run_to_finish(
     assert pp.open(out).status == "running"
     written = read_mcap(out / "trace.mcap")
 
-    run = api.finish(out)
+    run = finish(out)
     assert run.status == result(out)["status"] == "aborted"
     assert run.estimates[0].verdict == verdict
     assert (out / "report.html").exists()
@@ -200,7 +201,7 @@ def test_a_process_that_is_killed_leaves_a_run_to_finish(
 
 
 def test_every_estimate_is_on_disk_when_it_is_made(
-    plan: api.Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[tuple[str, str, int]] = []
 
@@ -216,6 +217,6 @@ def test_every_estimate_is_on_disk_when_it_is_made(
     assert run.interrupted == "interrupted while building the twin"
 
     monkeypatch.setattr(building, "build", lambda *_, **__: None)
-    again = api.finish(tmp_path / "run")
+    again = finish(tmp_path / "run")
     assert (again.status, again.interrupted) == ("complete", None)
     assert again["mug.mass"].values == run["mug.mass"].values

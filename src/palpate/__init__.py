@@ -25,19 +25,19 @@ from __future__ import annotations
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from palpate.api import Fusion as Fusion
-    from palpate.api import Plan as Plan
-    from palpate.api import Run as Run
-    from palpate.api import Scene as Scene
-    from palpate.api import compare as compare
-    from palpate.api import dynamics as dynamics
-    from palpate.api import estimate as estimate
-    from palpate.api import fuse as fuse
-    from palpate.api import load as load
-    from palpate.api import noise as noise
-    from palpate.api import open as open
-    from palpate.api import run as run
-    from palpate.api import see as see
+    from palpate.api.at_once import run as run
+    from palpate.api.dynamics import dynamics as dynamics
+    from palpate.api.noise import noise as noise
+    from palpate.api.plans import Plan as Plan
+    from palpate.api.recordings import estimate as estimate
+    from palpate.api.runs import Fusion as Fusion
+    from palpate.api.runs import Run as Run
+    from palpate.api.runs import compare as compare
+    from palpate.api.runs import fuse as fuse
+    from palpate.api.runs import open as open
+    from palpate.api.scenes import Scene as Scene
+    from palpate.api.scenes import load as load
+    from palpate.api.seeing import see as see
     from palpate.cells.cell import Cell as Cell
     from palpate.cells.simulated import SimulatedCell as SimulatedCell
     from palpate.errors import ExecutionAborted as ExecutionAborted
@@ -93,32 +93,32 @@ _HOMES = {
     "Cell": "cells.cell",
     "Estimate": "estimation.estimate",
     "ExecutionAborted": "errors",
-    "Fusion": "api",
+    "Fusion": "api.runs",
     "InputError": "errors",
     "PalpateError": "errors",
     "Parameter": "parameter",
-    "Plan": "api",
+    "Plan": "api.plans",
     "PlanRejected": "errors",
     "Planner": "planning.planner",
     "Primitive": "vocabulary.base",
     "Quantity": "quantities.quantity",
     "RobotDescription": "robots.description",
-    "Run": "api",
-    "Scene": "api",
+    "Run": "api.runs",
+    "Scene": "api.scenes",
     "SimulatedCell": "cells.simulated",
     "Trace": "trace.samples",
     "Twin": "twin.twin",
     "Unavailable": "errors",
     "Vocabulary": "vocabulary.registry",
-    "compare": "api",
-    "dynamics": "api",
-    "estimate": "api",
-    "fuse": "api",
-    "load": "api",
-    "noise": "api",
-    "open": "api",
-    "run": "api",
-    "see": "api",
+    "compare": "api.runs",
+    "dynamics": "api.dynamics",
+    "estimate": "api.recordings",
+    "fuse": "api.runs",
+    "load": "api.scenes",
+    "noise": "api.noise",
+    "open": "api.runs",
+    "run": "api.at_once",
+    "see": "api.seeing",
 }
 """The module that defines each public name."""
 

@@ -52,6 +52,7 @@ def _leave(status: int) -> NoReturn:
     """End the process. If a thread of palpate is still inside a robot's C++ library, exit without the
     interpreter's shutdown, which would abort the process there."""
     if not any(_inside_a_library(thread) for thread in threading.enumerate()):
+        gc.freeze()  # nothing is collected at exit
         sys.exit(status)
     atexit._run_exitfuncs()  # pyright: ignore[reportPrivateUsage]
     sys.stderr.flush()

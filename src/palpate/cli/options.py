@@ -80,6 +80,9 @@ class WatchOptions:
     ] = 1667
 
 
+_DECLARED = tuple(declared(Settings))
+
+
 @dataclass(frozen=True)
 class FromSettings:
     """Annotation of a command's parameter: it takes these fields of the settings as options.
@@ -121,10 +124,9 @@ class FromSettings:
         return found
 
     def _chosen(self) -> list[Declared]:
-        every = list(declared(Settings))
         found: list[Declared] = []
         for wanted in self.names:
-            found += [o for o in every if o.name == wanted or o.name.startswith(f"{wanted}.")]
+            found += [o for o in _DECLARED if o.name == wanted or o.name.startswith(f"{wanted}.")]
         return found
 
 

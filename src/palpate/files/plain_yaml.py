@@ -75,7 +75,9 @@ class _Plain(yaml.SafeDumper):
 class Section(BaseModel):
     """Base of a file's schema: other keys than its own are errors."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", arbitrary_types_allowed=True, defer_build=True
+    )
 
 
 def plain_number(value: Any) -> Any:

@@ -50,7 +50,7 @@ _FORM = re.compile(r"constrained-|\[")
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
 
 
 class PoseEntry(_Strict):

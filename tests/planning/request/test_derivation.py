@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from request_scenes import scene
 
 from palpate.errors import InputError, PlanRejected
-from palpate.planning.request.grounding import Grounded, ground
+from palpate.planning.request.grounding import ground
+from palpate.planning.request.item import Grounded
 
 THINGS = {
     "the mug": {"mug"},

@@ -32,7 +32,7 @@ def plan(
     model: Annotated[Given, settings(MODEL)],
 ) -> None:
     """Plan without execution: parameters, tree, explanation."""
-    from palpate.api import plan_settings
+    from palpate.api.at_once import plan_settings
     from palpate.cli.show.plan import show_plan
 
     found = plan_settings(settings_of(**one_scene(scene, given), **model))

@@ -95,7 +95,7 @@ def execute(
 
 def carry_out(asked: Settings, as_json: bool, watch: WatchOptions, yes: bool = False) -> None:
     """Run with a live view on stderr, print the result, exit with its status."""
-    from palpate.api import run_settings
+    from palpate.api.at_once import run_settings
     from palpate.callbacks import RunCallbacks, unconfirmed, unheard
     from palpate.cli.show.run import (
         ValuesFirst,

@@ -47,7 +47,7 @@ def gap(
     scene: SceneFile, *, given: Annotated[Given, settings(*SCENE)], as_json: AsJson = False
 ) -> None:
     """Show known and missing parameters of a scene."""
-    from palpate.api import load_settings
+    from palpate.api.scenes import load_settings
     from palpate.cli.show.scene import show_gap
 
     show_gap(load_settings(settings_of(scene=scene, **given)), as_json)

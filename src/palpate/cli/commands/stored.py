@@ -20,7 +20,7 @@ def report(
     as_json: AsJson = False,
 ) -> None:
     """Finish an interrupted or --fast run, and write its report again."""
-    from palpate.api import finish
+    from palpate.api.runs import finish
     from palpate.cli.show.run import live_view, show_ended
 
     with interrupts() as signals, signals.deferred():

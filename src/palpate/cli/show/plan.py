@@ -17,7 +17,7 @@ from palpate.redaction import redact
 from palpate.runs.reproduce import executing, running
 
 if TYPE_CHECKING:
-    from palpate.api import Plan as CheckedPlan
+    from palpate.api.plans import Plan as CheckedPlan
     from palpate.planning.check.check import Finding
     from palpate.planning.plan import Plan
     from palpate.runs.run import Run

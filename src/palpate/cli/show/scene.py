@@ -11,7 +11,7 @@ from palpate.cli.show.layout import Column, print_rows, show_next
 from palpate.runs.reproduce import running
 
 if TYPE_CHECKING:
-    from palpate.api import Scene
+    from palpate.api.scenes import Scene
     from palpate.mjcf.body import Body
     from palpate.scaffold.folder import Scaffold
 

@@ -23,12 +23,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice, product
 
 from palpate.errors import InputError, PlanRejected
 from palpate.parameter import Parameter
 from palpate.planning.planner import MAX_REQUEST
+from palpate.planning.request.item import Grounded
 from palpate.planning.request.languages import colours, in_english, spoken
 from palpate.planning.request.reading import Reading
 from palpate.planning.request.resolver import HINT, Resolver
@@ -44,21 +45,6 @@ LONGEST = 60
 """Words of the longest sentence that is read."""
 MOST = 24
 """Readings of a whole request that are looked into; with more it is refused."""
-
-
-@dataclass(frozen=True, slots=True)
-class Grounded:
-    """Parameters that a request asks for.
-
-    Attributes:
-        asked: the parameters it names, whether or not the scene states them.
-        cannot: one sentence for each thing asked that no plan can measure.
-        remarks: how something unsaid was read.
-    """
-
-    asked: tuple[Parameter, ...]
-    cannot: tuple[str, ...] = ()
-    remarks: tuple[str, ...] = ()
 
 
 def ground(request: str, scene: Scene) -> Grounded:

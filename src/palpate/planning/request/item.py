@@ -1,8 +1,10 @@
-"""Things of the scene, as a request names them."""
+"""Things of the scene, as a request names them, and what it asks for."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+from palpate.parameter import Parameter
 
 GRIPPER = "gripper"
 """The subject of quantities that the empty hand itself has."""
@@ -28,3 +30,18 @@ class Item:
     def text(self) -> str:
         """Words of the mention."""
         return " ".join(self.words)
+
+
+@dataclass(frozen=True, slots=True)
+class Grounded:
+    """Parameters that a request asks for.
+
+    Attributes:
+        asked: the parameters it names, whether or not the scene states them.
+        cannot: one sentence for each thing asked that no plan can measure.
+        remarks: how something unsaid was read.
+    """
+
+    asked: tuple[Parameter, ...]
+    cannot: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from palpate.errors import InputError, PlanRejected
 from palpate.parameter import Parameter
@@ -18,9 +19,7 @@ from palpate.planning.check.regions import estimated_poses, unpassable_regions
 from palpate.planning.check.walk import Walk
 from palpate.planning.plan import Node, Plan
 from palpate.planning.planner import needs_scene
-from palpate.planning.request.grounding import Grounded, ground
-from palpate.planning.request.item import GRIPPER
-from palpate.planning.symbolic.errand import Errand, errand
+from palpate.planning.request.item import GRIPPER, Grounded
 from palpate.planning.symbolic.passes import Efforts, efforts
 from palpate.planning.symbolic.places import BALANCE, approach
 from palpate.planning.symbolic.search import Backchainer
@@ -32,6 +31,9 @@ from palpate.vocabulary.admissible.grasp import does_not_fit, too_heavy
 from palpate.vocabulary.admissible.reach import too_far
 from palpate.vocabulary.admissible.solids import solids
 from palpate.vocabulary.registry import Vocabulary, acquisition, vocabulary
+
+if TYPE_CHECKING:
+    from palpate.planning.symbolic.errand import Errand
 
 SUITE = {"surface": ("height",), "object": ("mass", "friction")}
 """Quantities of the exhaustive baseline by role: the paper's "probe heights, weigh, and test
@@ -78,9 +80,14 @@ class SymbolicPlanner:
         try:
             asked = asked_parameters(request, scene, self.measure)
         except (InputError, PlanRejected):
-            if request is not None and (found := errand(request, scene)) is not None:
-                return self._errand(found, scene)
-            raise
+            if request is None:
+                raise
+            from palpate.planning.symbolic.errand import errand
+
+            found = errand(request, scene)
+            if found is None:
+                raise
+            return self._errand(found, scene)
         known, wanted = split_known(asked.asked, scene, self.remeasure)
         cannot = list(asked.cannot)
         for parameter in wanted:
@@ -291,7 +298,11 @@ def asked_parameters(
     misses."""
     if measure is not None:
         return Grounded(measure)
-    return Grounded(scene.missing) if request is None else ground(request, scene)
+    if request is None:
+        return Grounded(scene.missing)
+    from palpate.planning.request.grounding import ground  # the words of five languages
+
+    return ground(request, scene)
 
 
 def with_needs(scene: Scene, wanted: Iterable[Parameter]) -> list[Parameter]:
