@@ -16,6 +16,7 @@ from palpate.quantities.within import Within
 from palpate.robots.robot import Remembering, Robot
 from palpate.runs.run import Ending, Run
 from palpate.scene.scene import Scene
+from palpate.stages.watching import See, eye, watched
 from palpate.stages.workplace import footage_of, robot_of
 from palpate.vocabulary.base import Settled, as_believed
 
@@ -32,8 +33,9 @@ def execute(
 
     Raises:
         InputError: the workplace cannot be used.
-        Unavailable: the robot is out of reach.
+        Unavailable: the robot, or the camera, is out of reach.
     """
+    see = eye(made, cell)
     robot, before = robot_of(cell, callbacks.may_resume)
     callbacks.progress(f"executing on the {'simulated' if cell.simulated else 'real'} robot")
     done = perform(
@@ -46,6 +48,7 @@ def execute(
         keep=keep,
         real=not cell.simulated,
         settled=as_believed if made.rehearsal is None else made.rehearsal.foresight.settled,
+        see=see,
     )
     ending = Ending.of(done)
     return replace(
@@ -73,6 +76,7 @@ def perform(
     real: bool = False,
     noiseless: bool = False,
     settled: Settled = as_believed,
+    see: See | None = None,
     tick_period: float | None = None,
 ) -> Execution:
     """Run the tree on the robot, and close the robot in any case.
@@ -89,6 +93,7 @@ def perform(
         noiseless: the robot is a simulated one without noise.
         settled: corrects the symbolic state after a leaf of the plan, by where things ended in its
             rehearsal.
+        see: looks at the scene after motions; a thing that moved ends the run.
         tick_period: s of robot time between two ticks; the runner's by default.
     """
     from palpate.execution.recovery import recover
@@ -101,10 +106,11 @@ def perform(
         observer=callbacks.observer,
         keep=keep,
         noiseless=noiseless,
+        settled=watched(as_believed, see),
         tick_period=tick_period or TICK_PERIOD,
     )
     try:
-        first = attempt(plan, scene, robot, settled=settled)
+        first = attempt(plan, scene, robot, settled=watched(settled, see))
         done = recover(
             first,
             plan,
