@@ -79,6 +79,7 @@ def closed_loop_ratio(noise: str) -> float:
 def sway_seconds(scene_file: Path) -> float:
     """Processor seconds for a second in which the arm moves before the objects, which stand still."""
     scene = pipeline.load(Settings(scene=scene_file))
+    assert scene is not None
     robot = simulated_cell(scene).robot()
     times: list[float] = []
     for i in range(ROUNDS + 1):

@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,6 +85,9 @@ def blocks(trace: Trace) -> Blocks | None:
     middle = np.searchsorted(place, np.arange(len(rows))) + (rows // 2).astype(int)
     q = samples.q[middle]
     quaternions = samples.pose_world_tcp[middle, 3:]
+    turns: Any = Rotation.from_quat(
+        quaternions, scalar_first=True
+    )  # scipy's stubs lack its methods
     return Blocks(
         place,
         rows,
@@ -91,7 +95,7 @@ def blocks(trace: Trace) -> Blocks | None:
         q=q,
         dq=samples.dq[middle],
         position=samples.pose_world_tcp[middle, :3],
-        rotation=Rotation.from_quat(quaternions, scalar_first=True).as_matrix(),
+        rotation=turns.as_matrix(),
         acceleration=acceleration(samples, SMOOTH)[middle],
         maps=observed.maps(q),
         turn=observed.turn,

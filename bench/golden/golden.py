@@ -27,6 +27,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 TABLE = Path(__file__).with_name("table.json")
 NOISE = ("none", "lab", "measured")
@@ -67,7 +68,7 @@ def measure(name: str, seed: int, noise: str) -> dict[str, object]:
         return row(done.returncode, json.loads(done.stdout), folder)
 
 
-def row(status: int, result: dict[str, object], folder: Path) -> dict[str, object]:
+def row(status: int, result: dict[str, Any], folder: Path) -> dict[str, object]:
     """Compared figures of a run."""
     kept = ("object", "quantity", "value", "unit", "std", "ci95", "verdict", "components")
     execution = result.get("execution") or {}

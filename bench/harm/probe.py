@@ -6,7 +6,7 @@ The plan is not checked before: only the leaves' own checks at run time apply.
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,8 @@ from palpate.execution.harm.witness import Witness
 from palpate.execution.recovery import OnFailure
 from palpate.execution.rehearsal import AFTERWARDS, named_objects
 from palpate.planning.plan import Plan
+from palpate.robots.owner.arm import known
+from palpate.robots.simulated.noise.models import noise_models
 from palpate.scene.scene import Scene
 from palpate.stages import executing
 
@@ -53,7 +55,7 @@ def probed_run(
         plan: with a tree.
         scene: that the plan was made for.
         world: MJCF of the hidden world; by default the scene itself, its unknowns drawn from priors.
-        noise, seed: of the simulated robot.
+        noise, seed: of the simulated robot, whose owner knows the noise model's datasheet.
         cell: instead of `world`, `noise` and `seed`.
         observer: of the tree's ticks.
         on_failure: policy after a failure.
@@ -63,7 +65,10 @@ def probed_run(
     Raises:
         InputError: the plan has no tree, or world and scene do not match.
     """
-    cell = cell or simulated_cell(scene, world, noise=noise, seed=seed)
+    if cell is None:
+        sheet = noise_models().load(noise, scene.arm).datasheet
+        scene = replace(scene, arm=known(scene.arm, sheet))
+        cell = simulated_cell(scene, world, noise=noise, seed=seed)
     robot = cell.robot()
     witness = Witness.of(robot.world)
     execution = executing.perform(plan, scene, robot, RunCallbacks(observer), on_failure)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from random import Random
+from typing import Any
 
 import mujoco
 from lxml import etree
@@ -80,7 +81,8 @@ def kinds() -> tuple[Kind, ...]:
     """All elements, as `mj_printSchema` lists them."""
     found: list[tuple[Tags, str, list[str]]] = []
     path: list[str] = []
-    for line in mujoco.mj_printSchema(False, False).splitlines():
+    module: Any = mujoco  # this one is missing in its stubs
+    for line in module.mj_printSchema(False, False).splitlines():
         match = LINE.match(line)
         if match is None:
             found[-1][2].extend(line.split())

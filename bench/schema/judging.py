@@ -104,10 +104,10 @@ def _measured(scene: Scene, random: Random) -> Iterator[Estimate]:
             value = prior + np.array([random.uniform(-0.004, 0.004) for _ in prior])
         else:
             value = prior * random.uniform(0.8, 1.25)
-        std = tuple(max(STD * abs(v), 1e-9) for v in value.tolist())
-        interval = tuple((v - 2 * s, v + 2 * s) for v, s in zip(value.tolist(), std, strict=True))
+        std = np.maximum(STD * np.abs(value), 1e-9)
+        interval = np.column_stack([value - 2 * std, value + 2 * std])
         unit = scene.catalogue[parameter.quantity].unit
-        yield Estimate(parameter, unit, tuple(value.tolist()), std, interval, "made up", ())
+        yield Estimate(parameter, unit, value, std, interval, "made up", ())
 
 
 _TOKEN = re.compile(r"<!--.*?-->|<[^>]*>|[^<]+", re.DOTALL)

@@ -102,7 +102,8 @@ _OF_THINGS = {
 
 def _height(stand: Element, random: Random) -> bool:
     geoms = _geoms(stand)
-    if len(geoms) != 1 or stand.getparent().tag != "worldbody":
+    parent = stand.getparent()
+    if len(geoms) != 1 or parent is None or parent.tag != "worldbody":
         return False
     geom = geoms[0]
     if set(geom.attrib) & {"fromto", "quat", "euler", "axisangle", "xyaxes", "zaxis"}:
