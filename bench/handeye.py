@@ -138,6 +138,6 @@ def rms(values: Array) -> float:
 if __name__ == "__main__":
     main(
         int((sys.argv[1:] or ["20"])[0]),
-        float((sys.argv[2:] or ["0.2"])[0]),
+        float((sys.argv[2:] or ["0.07"])[0]),
         (sys.argv[3:] or ["measured"])[0],
     )

@@ -3,7 +3,8 @@
     python -m bench.seeing [LOOKS] [PICTURES]
 
 Drawn looks have corners with noise, from a camera, a lens and things drawn from their priors; pictures are
-rendered by the simulated camera.
+rendered by the simulated camera, with tags and a box exactly where the scene has them, and as a person puts them
+there: tags off their places, the box leaning and not quite at its height, as the fit takes them to be.
 """
 
 from __future__ import annotations
@@ -12,10 +13,12 @@ import sys
 import time
 from collections.abc import Sequence
 
+import mujoco
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
 from palpate.scene.load import parse_scene
+from palpate.scene.scene import Scene
 from palpate.seeing.lens import FACING, Lens, Mount
 from palpate.seeing.look import Seen, look, things_of
 from palpate.seeing.problem import Problem
@@ -28,11 +31,11 @@ SCENE = """<mujoco><worldbody>
 <body name="table" pos="0.5 0 {table}"><geom type="box" size=".4 .4 .02"/>
   <site name="tag_0" pos="-.15 -.25 .02" size=".03"/><site name="tag_1" pos="-.15 .25 .02" size=".03"/>
   <site name="tag_2" pos=".25 .25 .02" size=".03"/></body>
-<body name="box" pos="{place}" euler="0 0 {turn}"><freejoint/>
+<body name="box" pos="{place}" euler="{lean} {turn}"><freejoint/>
   <geom type="box" size=".03 .03 .03" mass=".1"/><site name="tag_7" pos="0 0 .03" size=".02"/>
   <site name="tag_8" pos="0 -.03 0" euler="90 0 0" size=".02"/></body>
 </worldbody></mujoco>"""
-GIVEN = parse_scene(SCENE.format(table="0.38", place="0.45 0.05 0.43", turn="0"))
+GIVEN = parse_scene(SCENE.format(table="0.38", place="0.45 0.05 0.43", lean="0 0", turn="0"))
 BOX = GIVEN.body("box").pose_world
 
 
@@ -79,18 +82,35 @@ def main(looks: int, pictures: int) -> None:
             rows.append(drawn_look(random, lens, mount, noise, known))
         head = f"corners {noise:g} px, lens {focal:.1%}, camera {1e3 * place:g} mm"
         _print(f"{head}, {'stated' if known else 'not stated'}", rows)
-    rendered: list[tuple[Seen | Solution, Pose]] = []
-    random, spent = np.random.default_rng(1), 0.0
-    for seed in range(pictures):
-        x, y, turn = *random.uniform((0.42, -0.08), (0.58, 0.08)), random.uniform(-40, 40)
-        world = parse_scene(SCENE.format(table="0.38", place=f"{x} {y} 0.43", turn=turn))
-        picture = take(world.spec(), "over", seed=seed)
-        began = time.process_time()
-        seen = look(GIVEN, [picture.pixels], picture.lens, picture.mount)
-        spent += time.process_time() - began
-        rendered.append((seen, world.body("box").pose_world))
-    _print("rendered pictures", rendered)
-    print(f"one look takes {spent / max(pictures, 1):.2f} s of a processor")
+    for head, askew in (("rendered pictures", 0.0), ("rendered pictures, put there by hand", 1.0)):
+        random, spent = np.random.default_rng(1), 0.0
+        rendered: list[tuple[Seen | Solution, Pose]] = []
+        for seed in range(pictures):
+            world, spec = world_by_hand(random, askew)
+            picture = take(spec, "over", seed=seed)
+            began = time.process_time()
+            seen = look(GIVEN, [picture.pixels], picture.lens, picture.mount)
+            spent += time.process_time() - began
+            rendered.append((seen, world.body("box").pose_world))
+        _print(head, rendered)
+        print(f"one look takes {spent / max(pictures, 1):.2f} s of a processor")
+
+
+def world_by_hand(random: np.random.Generator, askew: float) -> tuple[Scene, mujoco.MjSpec]:
+    """A world whose box is somewhere, and, `askew` times as much as the fit takes them to be, leans and stands
+    higher than the scene says, and whose tags are off their places."""
+    x, y, turn = *random.uniform((0.42, -0.08), (0.58, 0.08)), random.uniform(-40, 40)
+    lean = askew * np.degrees(UPRIGHT) * random.standard_normal(2)
+    z = 0.43 + askew * LEVEL * random.standard_normal()
+    where = {"place": f"{x} {y} {z}", "lean": f"{lean[0]} {lean[1]}", "turn": str(turn)}
+    world = parse_scene(SCENE.format(table="0.38", **where))
+    spec = world.spec()
+    model = spec.compile()
+    sites: list[mujoco.MjsSite] = list(spec.sites)
+    for site in sites:
+        axes = Pose.of(np.zeros(3), model.site(site.name).quat).rotation[:, :2]
+        site.pos = site.pos + axes @ (askew * GLUED * random.standard_normal(2))
+    return world, spec
 
 
 def _print(head: str, rows: Sequence[tuple[Seen | Solution, Pose]]) -> None:

@@ -30,10 +30,12 @@ from palpate.runs.run import Run
 from palpate.scenarios.catalogue import scenario
 from palpate.scene.load import parse_scene, replaced
 from palpate.scene.scene import Scene
+from palpate.seeing.detection import detect
+from palpate.seeing.lens import Lens
 from palpate.seeing.look import Seen, look
 from palpate.seeing.rendered import Imperfections, take
 from palpate.seeing.solve import apart
-from palpate.seeing.vision import detect
+from palpate.seeing.vision import Grey
 from palpate.studies.lines import Lines
 
 SCENARIOS = (
@@ -115,8 +117,6 @@ class WatchedCell(SimulatedCell):
 def marked(text: str, scene: Scene) -> str:
     """A scene's MJCF with a tag on top of every object, three on the table, and a camera above."""
     root = ET.fromstring(text)
-    for looks in root.findall("custom"):
-        root.remove(looks)  # a dressed thing would be drawn in place of its tag
     bodies = {body.get("name"): body for body in root.iter("body")}
     middles = [body.pose_world.apply(body.centre) for body in scene.objects.values()]
     target = np.mean(middles, axis=0)
@@ -177,8 +177,8 @@ def seen_in(world: Scene, scene: Scene, seed: int, random: np.random.Generator) 
     """What a camera sees of a world, by corners with noise."""
     picture = take(world.spec(), "over", seed=seed, imperfections=FLAWS)
 
-    def noisy(grey: Array) -> list[tuple[int, Array]]:
-        found = detect(grey)  # type: ignore[arg-type]
+    def noisy(grey: Grey, lens: Lens) -> list[tuple[int, Array]]:
+        found = detect(grey, lens)
         return [(number, at + NOISE * random.standard_normal(at.shape)) for number, at in found]
 
     with patch("palpate.seeing.look.detect", noisy):

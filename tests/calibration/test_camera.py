@@ -115,7 +115,7 @@ def test_a_camera_that_fails_on_the_way_ends_the_calibration() -> None:
     def fails() -> np.ndarray:
         raise Unavailable("unplugged")
 
-    shots = camera.Shots(fails, 0)
+    shots = camera.Shots(fails, Lens(pinhole(900.0, 32.0, 24.0), (64, 48)), 0)
 
     class Leaf:
         primitive = "MeasureForces"

@@ -20,16 +20,16 @@ from palpate.scene.load import parse_scene
 from palpate.scene.poses import parse_poses
 from palpate.scene.scene import Scene
 from palpate.seeing import look as looking
+from palpate.seeing.detection import detect
 from palpate.seeing.lens import Lens, Mount, pinhole, read_lens
 from palpate.seeing.problem import Problem
 from palpate.seeing.sheet import DPI, _page, write_sheet
 from palpate.seeing.solve import apart, solve
 from palpate.seeing.tags import tags_of
-from palpate.seeing.vision import detect
 
 pytest.importorskip("cv2")
 
-TOLD = {"table": "0.38", "place": "0.45 0.05 0.43", "turn": "0"}
+TOLD = {"table": "0.38", "place": "0.45 0.05 0.43", "lean": "0 0", "turn": "0"}
 
 
 @cache
@@ -88,7 +88,9 @@ def test_a_simulated_camera_sees_where_a_box_is() -> None:
     assert not found.unseen
     assert found.outlines is not None
     (outline,) = found.outlines.shapes["box"]
-    (tag,) = (at for number, at in detect(picture.pixels[..., 1].copy()) if number == 7)
+    (tag,) = (
+        at for number, at in detect(picture.pixels[..., 1].copy(), picture.lens) if number == 7
+    )
     # The tag is two thirds as wide as the top that it lies on, 30 to 40 pixels.
     assert min(depth(outline, corner) for corner in tag) > 3.0
     assert np.ptp(outline, axis=0).max() < 4.0 * np.ptp(tag, axis=0).max()
@@ -147,6 +149,17 @@ def test_a_source_that_is_none_lists_the_choices(tmp_path: Path) -> None:
         pp.see(scene(), "desk.png")
 
 
+@pytest.mark.skipif(not gl_available()[0], reason="no OpenGL")
+def test_a_thing_with_a_look_shows_its_tags() -> None:
+    from palpate.seeing.rendered import take
+
+    dressed = SCENE.replace(
+        "<worldbody>", '<custom><text name="look:box" data="block"/></custom><worldbody>'
+    )
+    picture = take(parse_scene(dressed.format(**TOLD)).spec(), "over")
+    assert {7, 8} <= {number for number, _ in detect(picture.pixels[..., 1].copy(), picture.lens)}
+
+
 def test_what_is_no_covariance_is_refused() -> None:
     row = "[0, 0, 0, 0, 0, 0]"
     bad = f"{{objects: {{box: {{pos: [0, 0, 0], covariance: [[-1, 0, 0, 0, 0, 0]{f', {row}' * 5}]}}}}}}"
@@ -156,7 +169,7 @@ def test_what_is_no_covariance_is_refused() -> None:
 
 def test_a_sheet_has_its_tags_at_their_size(tmp_path: Path) -> None:
     page = np.asarray(_page(range(6), 0.04, 3))
-    found = detect(page[::4, ::4].copy())
+    found = detect(page[::4, ::4].copy(), LENS)
     sides = [np.linalg.norm(where[1] - where[0]) * 4 / DPI * 0.0254 for _, where in found]
     assert sorted(number for number, _ in found) == list(range(6))
     assert sides == pytest.approx([0.04] * 6, abs=2e-4)

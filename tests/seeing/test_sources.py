@@ -13,8 +13,9 @@ import pytest
 
 from palpate.errors import InputError, Unavailable
 from palpate.seeing import sources
+from palpate.seeing.detection import detect
 from palpate.seeing.sources import Stream, pictures
-from palpate.seeing.vision import detect, sharpness, tag_pixels
+from palpate.seeing.vision import sharpness, tag_pixels
 
 cv2 = pytest.importorskip("cv2")
 LENS = "{fx: 900, fy: 901, cx: 160, cy: 120, size: [320, 240]}"
@@ -45,9 +46,9 @@ def test_ten_frames_of_a_video_file_are_taken(tmp_path: Path, lens: Path) -> Non
     assert len(taken) == sources.FRAMES
     assert (told.size, mount) == ((320, 240), None)
     assert sharpness(taken[2]) < 0.5 * sharpness(taken[0])
-    ((number, corners),) = detect(taken[0].mean(axis=2).astype(np.uint8))
+    ((number, corners),) = detect(taken[0].mean(axis=2).astype(np.uint8), told)
     assert number == 5
-    assert corners[0] == pytest.approx([99.5, 69.5], abs=0.5)
+    assert corners[0] == pytest.approx([99.5, 69.5], abs=0.1)
 
 
 def test_a_stream_gives_the_newest_picture(lens: Path, monkeypatch: pytest.MonkeyPatch) -> None:

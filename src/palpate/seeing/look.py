@@ -18,6 +18,7 @@ from palpate.files.write import write_new
 from palpate.geometry.pose import Array, Pose
 from palpate.scene.poses import ObjectEntry, Poses, parse_poses
 from palpate.scene.scene import Scene
+from palpate.seeing.detection import detect
 from palpate.seeing.estimator import estimated
 from palpate.seeing.handeye.calibrated import calibrated
 from palpate.seeing.lens import Lens, Mount
@@ -25,7 +26,7 @@ from palpate.seeing.outlines import Outlines, outlines
 from palpate.seeing.problem import Estimated, Problem, Thing
 from palpate.seeing.solve import Solution, solve
 from palpate.seeing.tags import Tag, tags_of
-from palpate.seeing.vision import detect, sharpness
+from palpate.seeing.vision import sharpness
 
 LUMA = np.array([0.299, 0.587, 0.114])
 """Shares of red, green and blue in grey (ITU-R BT.601)."""
@@ -165,7 +166,7 @@ def _corners(pictures: list[NDArray[np.uint8]], lens: Lens, notes: list[str]) ->
                 f"the picture has {width} × {height} pixels and the lens {lens.size[0]} × {lens.size[1]}: give "
                 "the intrinsics of this camera, at this size"
             )
-        detected = detect((picture @ LUMA).astype(np.uint8))
+        detected = detect((picture @ LUMA).astype(np.uint8), lens)
         counted = Counter(number for number, _ in detected)
         twice |= {number for number, count in counted.items() if count > 1}
         for number, where in detected:

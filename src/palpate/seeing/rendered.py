@@ -195,12 +195,12 @@ def _print(spec: mujoco.MjSpec, site: mujoco.MjsSite, number: int, frame: Pose) 
     material = spec.add_material(name=name, specular=0.0, shininess=0.0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
     half = float(site.size[0]) * (MODULES + 2 * QUIET) / MODULES
-    site.parent.add_geom(
+    # A body of its own: a look takes the place of its body's geoms.
+    paper = site.parent.add_body(pos=frame.position, quat=frame.quaternion)
+    paper.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=[half, half, PAPER],
-        pos=frame.position,
-        quat=frame.quaternion,
         material=name,
         contype=0,
         conaffinity=0,

@@ -21,10 +21,10 @@ from palpate.seeing.problem import Estimated, Outliers, Problem, Thing
 from palpate.seeing.tags import corners
 from palpate.seeing.vision import square_poses
 
-NOISE, BELIEVED = 0.3, 4.0
+NOISE, BELIEVED = 0.15, 4.0
 """Pixels, 1 sigma of a corner's coordinate before any is seen, and the residuals that this counts for;
-corners of rendered tags are off by 0.2."""
-FLOOR = 0.1
+corners of rendered tags are off by 0.07, and in photographs two ways to find them differ by 0.15."""
+FLOOR = 0.05
 """Pixels: least noise that residuals may show."""
 GLUED = 3e-4
 """m: error of a tag's place on a thing, along its sides, 1 sigma; a ruler has no better."""

@@ -51,16 +51,10 @@ def tag_pixels(number: int) -> Grey:
     )
 
 
-def detect(grey: Grey) -> list[tuple[int, Array]]:
-    """Tags in a picture: number and corners (4, 2), pixels, clockwise from the upper left as printed."""
+def squares(grey: Grey) -> list[tuple[int, Array]]:
+    """Tags in a picture: number and corners (4, 2), to a pixel, clockwise from the upper left as printed."""
     cv2: Any = opencv()
     how = cv2.aruco.DetectorParameters()
-    how.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-    # A window near half a module: a larger one reaches the next edge, a smaller one sees mostly noise.
-    how.relativeCornerRefinmentWinSize = 0.4
-    how.cornerRefinementWinSize = 10
-    how.cornerRefinementMinAccuracy = 0.005
-    how.cornerRefinementMaxIterations = 100
     corners, numbers, _ = cv2.aruco.ArucoDetector(_dictionary(cv2), how).detectMarkers(grey)
     if numbers is None:
         return []
@@ -93,10 +87,11 @@ def undistorted(lens: Lens, pixels: Array) -> Array:
 
 
 def remapped(pixels: NDArray[np.uint8], source: Array) -> NDArray[np.uint8]:
-    """The picture whose pixel (row, column) is taken at `source` (rows, columns, 2) of another."""
+    """The picture whose pixel (row, column) is taken at `source` (rows, columns, 2), x and y, of another."""
     cv2: Any = opencv()
     where = source.astype(np.float32)
-    return np.asarray(cv2.remap(pixels, where[..., 0], where[..., 1], cv2.INTER_CUBIC))
+    how, border = cv2.INTER_CUBIC, cv2.BORDER_REPLICATE
+    return np.asarray(cv2.remap(pixels, where[..., 0], where[..., 1], how, borderMode=border))
 
 
 def blurred(pixels: NDArray[np.uint8], sigma: float) -> NDArray[np.uint8]:
