@@ -25,6 +25,7 @@ from palpate.extensions import references
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
 from palpate.quantities.catalogue import catalogue
+from palpate.trace.around import around
 from palpate.trace.recording import RECORDED
 from palpate.trace.samples import Trace
 from palpate.trace.soundness import sound, spoiled
@@ -103,7 +104,8 @@ def estimate_all(
         if quantity not in loaded:
             loaded[quantity] = known.load(quantity, recorded(trace, known.names(quantity)))
         body = bodies.get(parameter.object)
-        estimate = guarded_estimate(loaded[quantity], evidence, parameter, body)
+        part = around(evidence, parameter.object)
+        estimate = guarded_estimate(loaded[quantity], part, parameter, body)
         found.append(estimate if evidence is trace else judged(estimate, evidence, trace))
     return tuple(found)
 

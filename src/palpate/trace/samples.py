@@ -190,6 +190,20 @@ class Trace:
             conversions=tuple(c for c in self.conversions if outside(c.recording)),
         )
 
+    def during(self, start: float, end: float) -> Trace:
+        """Return the samples and recordings from robot time `start` to `end`, with the leaves up to then."""
+
+        def inside(recording: Recording) -> bool:
+            return start <= recording.start and recording.end <= end
+
+        return replace(
+            self,
+            samples=self.samples.between(start, end),
+            leaves=tuple(leaf for leaf in self.leaves if leaf.start <= end),
+            recordings=tuple(r for r in self.recordings if inside(r)),
+            conversions=tuple(c for c in self.conversions if inside(c.recording)),
+        )
+
     def until(self, time: float) -> Trace:
         """Return the part up to robot time `time`."""
         return replace(

@@ -19,6 +19,7 @@ from palpate.parameter import Parameter
 from palpate.quantities.catalogue import catalogue
 from palpate.quantities.estimators import estimate_all
 from palpate.scene.scene import Scene
+from palpate.trace.around import around
 from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, Trace
 from palpate.trace.soundness import sound
@@ -61,7 +62,9 @@ def held_out(
     notes: list[str] = []
     lifted = (recording.context.holding for recording in held_still(evidence))
     names = list(dict.fromkeys(name for name in lifted if name is not None))  # each once, in order
-    every = shared_out(lambda name: judge(scene, evidence, estimates, name, choice), names)
+    every = shared_out(
+        lambda name: judge(scene, around(evidence, name), estimates, name, choice), names
+    )
     for name, judged in zip(names, every, strict=True):
         if isinstance(judged, str):
             notes.append(f"{name}: {judged}")

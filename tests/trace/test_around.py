@@ -1,0 +1,79 @@
+"""Evidence of one object in a long run with many."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from palpate.trace.around import AROUND, around, reach
+from palpate.trace.recording import Context, Conversion, LeafRun, Recording
+from palpate.trace.samples import Trace
+
+EACH = 15.0
+NAMES = [f"box_{i}" for i in range(1, 9)]
+
+
+def recording(start: float, holding: str | None) -> Recording:
+    return Recording("gripper_forces", start, start + 1.0, Context("still", holding=holding))
+
+
+@pytest.fixture
+def long(trace: Trace) -> Trace:
+    """Eight boxes are in the hand for 8 s each, one every 15 s."""
+    t = np.arange(0.0, EACH * len(NAMES), 0.1)
+    rows = trace.samples.where(np.zeros(len(t), dtype=np.intp))  # pyright: ignore[reportArgumentType]
+    leaves: list[LeafRun] = []
+    for i, name in enumerate(NAMES):
+        for first, last, held in ((2.0, 4.0, name), (4.0, 10.0, name), (10.0, 12.0, None)):
+            start, end = EACH * i + first, EACH * i + last
+            after = Context("still", holding=held)
+            leaves.append(LeafRun("tree", "Any", "any", start, end, "SUCCESS", context=after))
+    recordings = tuple(recording(EACH * i + 5.0, name) for i, name in enumerate(NAMES))
+    conversions = tuple(
+        Conversion("Force2Mass", name, "mass", one, one.end)
+        for name, one in zip(NAMES, recordings, strict=True)
+    )
+    return replace(
+        trace,
+        samples=replace(rows, t=t),
+        leaves=tuple(leaves),
+        recordings=recordings,
+        conversions=conversions,
+    )
+
+
+def test_only_the_time_around_an_object_is_evidence_of_it(long: Trace) -> None:
+    near = around(long, "box_4")
+    assert near.t[0] == pytest.approx(47.0 - AROUND)
+    assert near.t[-1] == pytest.approx(55.0 + AROUND)
+    assert "box_4" in {one.context.holding for one in near.recordings}
+    assert len(near.recordings) < len(long.recordings)
+    assert around(near, "box_4") is near
+    assert around(long, "box_4") is near, "found once, with what is found in it"
+
+
+def test_what_comes_later_changes_nothing(long: Trace) -> None:
+    """So that it can be estimated while the next is measured."""
+    whole, sofar = around(long, "box_2"), around(long.until(95.0), "box_2")
+    assert sofar.leaves == whole.leaves
+    assert sofar.recordings == whole.recordings
+    assert np.array_equal(sofar.t, whole.t)
+
+
+def test_recordings_of_the_empty_hand_beside_its_own_belong_to_it(long: Trace) -> None:
+    empty = recording(140.0, None)
+    turned = replace(
+        long,
+        recordings=(*long.recordings[:4], recording(48.0, None), *long.recordings[4:], empty),
+    )
+    reached, before = reach(turned, "box_8"), reach(long, "box_8")
+    assert reached is not None
+    assert before is not None
+    assert reached[1] == empty.end + AROUND > before[1]
+    assert reach(turned, "box_2") == reach(long, "box_2")
+
+
+def test_of_what_was_never_held_anything_may_be_evidence(long: Trace) -> None:
+    assert around(long, "table") is long
