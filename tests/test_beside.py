@@ -31,8 +31,9 @@ with Beside(failing) as beside:
     else:
         raise SystemExit("it did not fail")
 start = time.perf_counter()
-with Beside(lambda: time.sleep(60)):
-    pass
+with Beside(lambda: time.sleep(60)) as beside:
+    assert beside.running
+assert not beside.running
 assert time.perf_counter() - start < 30
 begun, left = os.pipe(), os.pipe()
 def tidy():

@@ -38,6 +38,11 @@ class Beside(Generic[T]):
         if copied and can_copy():
             self._begin()
 
+    @property
+    def running(self) -> bool:
+        """A copy is at work: it has not begun to send its result."""
+        return self._receiver is not None and not self._receiver.poll()
+
     def result(self) -> T:
         """Wait for the result; call once."""
         if self._receiver is not None:

@@ -23,6 +23,7 @@ from palpate.runs.keeper import Keeper, Step
 from palpate.runs.run import Run, Stage
 from palpate.settings import Settings, request_json
 from palpate.stages import workplace
+from palpate.stages.ahead import Ahead, ahead_of
 from palpate.stages.building import build_twin, touch_twin, touched_beside
 from palpate.stages.estimating import estimate, estimates
 from palpate.stages.executing import execute
@@ -43,7 +44,8 @@ from palpate.stages.saving import (
 if TYPE_CHECKING:
     from palpate.beside import Beside
     from palpate.report.writing import Darkroom
-    from palpate.trace.samples import Trace
+    from palpate.trace.samples import Samples, Trace
+    from palpate.vocabulary.base import Recorder
 
 __all__ = [
     "build_twin",
@@ -120,11 +122,11 @@ def carry_out(
         made = replace(made, world=cell.description, simulated=cell.simulated)
         keeper = Keeper(folder, signals)
         made = keeper.begin(made, request_json(made.settings))
-        with touched_beside(made, cell) as given:
+        with touched_beside(made, cell) as given, ahead_of(made, cell, given) as ahead:
             await_film(made)
-            made = keeper.executed(_Steps(keeper, callbacks, cell).execution, made)
+            made = keeper.executed(_Steps(keeper, callbacks, cell, ahead).execution, made)
             with darkroom_for(made) as darkroom:
-                return _Steps(keeper, callbacks, cell, darkroom, given).finished(made)
+                return _Steps(keeper, callbacks, cell, ahead, darkroom, given).finished(made)
 
 
 def finish(folder: Path, callbacks: RunCallbacks = SILENT, film: bool = False) -> Run:
@@ -167,6 +169,7 @@ class _Steps:
         keeper: writes down what they made.
         callbacks: progress and confirmation.
         cell: where the robot moved; None where it did so in an earlier process.
+        ahead: estimates in the making.
         darkroom: film and pictures in the making.
         given: the scene as it was given, being touched.
     """
@@ -174,6 +177,7 @@ class _Steps:
     keeper: Keeper
     callbacks: RunCallbacks
     cell: Cell | None = None
+    ahead: Ahead | None = None
     darkroom: Darkroom | None = None
     given: Beside[Trace] | None = None
 
@@ -197,12 +201,17 @@ class _Steps:
 
     def execution(self, made: Run) -> Iterator[Run]:
         assert self.cell is not None
-        made = execute(made, self.cell, self.callbacks, self.keeper.samples)
+        made = execute(made, self.cell, self.callbacks, self._keep)
         self.keeper.trace(made)
         yield made
 
+    def _keep(self, samples: Samples, recorder: Recorder) -> None:
+        self.keeper.samples(samples, recorder)
+        if self.ahead is not None:
+            self.ahead.look(recorder)
+
     def estimates(self, made: Run) -> Iterator[Run]:
-        for grown in estimates(made, self.cell, self.callbacks):
+        for grown in estimates(made, self.cell, self.callbacks, self.ahead):
             made = grown
             yield made
         self.callbacks.measured(made)

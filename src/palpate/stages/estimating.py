@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import pickle
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
+from hashlib import sha256
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,9 +23,14 @@ from palpate.runs.run import Run
 from palpate.scene.raised import as_measured, corrected
 from palpate.scene.scene import Scene
 from palpate.stages.workplace import truths
+from palpate.trace.around import around
 from palpate.trace.samples import Trace
-from palpate.twin.held_out.judge import held_out, with_tests
-from palpate.twin.held_out.judged import HeldOut
+from palpate.trace.soundness import sound
+from palpate.twin.held_out.judge import held_out, held_still, judge, with_tests
+from palpate.twin.held_out.judged import HeldOut, Motion
+
+if TYPE_CHECKING:
+    from palpate.stages.ahead import Ahead
 
 MADE_UP = "Simulated: the true value was drawn from priors, and is that of no real thing."
 
@@ -34,22 +42,84 @@ def estimate(made: Run, cell: Cell | None, callbacks: RunCallbacks = SILENT) -> 
     return made
 
 
-def estimates(made: Run, cell: Cell | None, callbacks: RunCallbacks = SILENT) -> Iterator[Run]:
-    """Yield the run after every estimate, after their validation, and then with the truth."""
+def estimates(
+    made: Run, cell: Cell | None, callbacks: RunCallbacks = SILENT, ahead: Ahead | None = None
+) -> Iterator[Run]:
+    """Yield the run after every estimate, after their validation, and then with the truth. `ahead` has made some of
+    them."""
     callbacks.progress("estimating")
     trace = made.trace_if_any
     # Keep the trace, so that it is read from its file once and not for every estimate.
     made = replace(made, estimates=(), held_out=None, recorded=trace)
     scene = made.scene if trace is None else _as_felt(made, trace)
-    for found in shared_out(partial(_estimated, made, scene), made.plan.parameters):
-        made = replace(made, estimates=(*made.estimates, found))
-        yield made
+    found: dict[Parameter, Estimate] = {}
+
+    def make(later: Collection[str]) -> Iterator[Run]:
+        """Make all that is not found, but for those of the objects that come later."""
+        wanted = [one for one in made.plan.parameters if one not in found]
+        wanted = [one for one in wanted if one.object not in later]
+        for estimate in shared_out(partial(_estimated, made, scene), wanted):
+            found[estimate.parameter] = estimate
+            every = [found[one] for one in made.plan.parameters if one in found]
+            yield replace(made, estimates=tuple(every))
+
+    early: Mapping[str, Judged] = {}
+    if ahead is not None:
+        yield from make(later=ahead.begun)
+        early = _unchanged(ahead.results(), scene, trace)
+        found |= {one.parameter: one for each in early.values() for one in each.estimates}
+    yield from make(later=())
+    made = replace(made, estimates=tuple(found[one] for one in made.plan.parameters))
     callbacks.progress("validating the estimates on held-out motions")
-    made = _validated(made, scene)
+    made = _validated(made, scene, early={name: each.motion for name, each in early.items()})
     yield made
     # The truth is asked for when the estimates are final, never before.
     if cell is not None:
         yield replace(made, truth=truths(made, cell))
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """What was estimated of one object.
+
+    Attributes:
+        key: of all that this was made from.
+        estimates: of its parameters.
+        motion: its held-out motion, or the reason why there is none; None if it was not held still.
+    """
+
+    key: bytes
+    estimates: tuple[Estimate, ...]
+    motion: Motion | str | None
+
+
+def judged(made: Run, name: str) -> Judged:
+    """Estimate and judge an object by the run's trace."""
+    trace = made.trace
+    scene, evidence = _as_felt(made, trace), around(sound(trace), name)
+    wanted = [one for one in made.plan.parameters if one.object == name]
+    found = tuple(_estimated(made, scene, one) for one in wanted)
+    lifted = any(held_still(evidence, name))
+    motion = judge(scene, evidence, found, name, None) if lifted else None
+    return Judged(_key(scene, evidence, name), found, motion)
+
+
+def _unchanged(early: Mapping[str, Judged], scene: Scene, trace: Trace | None) -> dict[str, Judged]:
+    """Those of the estimates whose evidence is the same at the end; none of a run that was broken off."""
+    if trace is None or sound(trace) is not trace:
+        return {}
+    return {
+        name: each
+        for name, each in early.items()
+        if each.key == _key(scene, around(trace, name), name)
+    }
+
+
+def _key(scene: Scene, evidence: Trace, name: str) -> bytes:
+    """Digest of all that the estimates of an object are made from: where the scene has it, and its evidence."""
+    body = scene.bodies[name]
+    believed = (body.pose_world.vector, body.tipped.vector, body.covariance, dict(body.known))
+    return sha256(pickle.dumps((believed, evidence))).digest()
 
 
 def _as_felt(made: Run, trace: Trace) -> Scene:
@@ -130,14 +200,20 @@ def _annotated(made: Run, estimate: Estimate) -> Estimate:
     return replace(estimate, method=f"{estimate.method} {MADE_UP}".lstrip())
 
 
-def _validated(made: Run, scene: Scene, choice: Mapping[str, str] | None = None) -> Run:
+def _validated(
+    made: Run,
+    scene: Scene,
+    choice: Mapping[str, str] | None = None,
+    early: Mapping[str, Motion | str | None] | None = None,
+) -> Run:
     """Test the estimates on held-out motions: each is left out, the rest is fitted again by the
-    estimators that `choice` names, and the left-out recording is predicted. `scene`: as measured."""
+    estimators that `choice` names, and the left-out recording is predicted. `scene`: as measured; `early`: the
+    motions of objects for which that was done before."""
     trace = made.trace_if_any
     if trace is None:
         return made
     try:
-        held = held_out(scene, trace, made.estimates, choice)
+        held = held_out(scene, trace, made.estimates, choice, early)
     except Exception as error:
         reason = f"nothing was held out: {type(error).__name__}: {error}"
         return replace(made, held_out=HeldOut((), (reason,)))

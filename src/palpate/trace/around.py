@@ -14,7 +14,7 @@ from palpate.trace.samples import Trace, once
 
 AROUND = 20.0
 """s before and after an object was in the hand: more than the time around it from which an estimate takes the empty
-hand's motions (`tuning.WHOLE_AROUND`). Of 15 boxes, masses move by .2 and less of their standard deviations."""
+hand's motions (`tuning.WHOLE_AROUND`). Of 30 masses z is .54 rms; from all of their runs, .59."""
 
 
 class Recorded(Protocol):

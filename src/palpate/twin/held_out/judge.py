@@ -54,21 +54,26 @@ def held_out(
     trace: Trace,
     estimates: Sequence[Estimate],
     choice: Mapping[str, str] | None = None,
+    early: Mapping[str, Motion | str | None] | None = None,
 ) -> HeldOut | None:
     """Judge the estimates of every lifted object; None without any. `choice` names the estimators by
-    quantity, where `estimates` were not made by the default ones."""
+    quantity, where `estimates` were not made by the default ones; `early` are objects judged before."""
     evidence = sound(trace)
     motions: list[Motion] = []
     notes: list[str] = []
     lifted = (recording.context.holding for recording in held_still(evidence))
     names = list(dict.fromkeys(name for name in lifted if name is not None))  # each once, in order
+    known = early or {}
+    due = [name for name in names if known.get(name) is None]
     every = shared_out(
-        lambda name: judge(scene, around(evidence, name), estimates, name, choice), names
+        lambda name: judge(scene, around(evidence, name), estimates, name, choice), due
     )
-    for name, judged in zip(names, every, strict=True):
+    judgements = {**known, **dict(zip(due, every, strict=True))}
+    for name in names:
+        judged = judgements[name]
         if isinstance(judged, str):
             notes.append(f"{name}: {judged}")
-        else:
+        elif judged is not None:
             motions.append(judged)
     if not motions and not notes:
         return None

@@ -1,0 +1,48 @@
+"""Estimates of an object while the arm goes on: the same as those at the end, or made again."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+RUN = """
+from dataclasses import replace
+import palpate as pp
+from palpate.beside import can_copy
+from palpate.geometry.pose import Pose
+from palpate.stages import estimating
+from palpate.trace import around
+around.AROUND = 1.5  # s: the run is short
+TEXT = '''<mujoco><worldbody>
+  <site name="robot_base"/>
+  <body name="desk" pos="0.4 0 -0.03"><geom type="box" size=".6 .6 .03"/></body>
+  <body name="mug" pos="0.5 0.1 0.05"><freejoint/><geom type="box" size=".03 .02 .05"{}/></body>
+</worldbody></mujoco>'''
+used = []
+unchanged = estimating._unchanged
+def seen(early, scene, trace):
+    used.append((early, unchanged(early, scene, trace), scene, trace))
+    return used[-1][1]
+estimating._unchanged = seen
+run = pp.run(TEXT.format(""), "how heavy is the mug?", world=TEXT.format(' mass="0.34"'), noise="lab", fast=True)
+early, kept, scene, trace = used[-1]
+assert can_copy() is bool(kept), (early, kept)
+again = run.estimate()
+(one,), (other,) = run.estimates, again.estimates
+assert one.values == other.values and one.stds == other.stds, (one, other)
+assert run.held_out == again.held_out
+if kept:
+    assert one.values == kept["mug"].estimates[0].values
+    samples = trace.samples
+    louder = replace(trace, samples=replace(samples, tau_ext=1.01 * samples.tau_ext))
+    assert unchanged(early, scene, louder) == {}, "other evidence"
+    elsewhere = estimating.corrected(scene, "mug", Pose.of((0.0, 0.0, 0.01)))
+    assert unchanged(early, elsewhere, trace) == {}, "another place"
+    failed = replace(trace.leaves[-1], status="FAILURE")
+    assert unchanged(early, scene, replace(trace, leaves=(*trace.leaves[:-1], failed))) == {}, "broken off"
+"""
+
+
+def test_an_estimate_made_meanwhile_is_that_of_the_end() -> None:
+    """In a process of its own: one with other threads is not copied."""
+    subprocess.run([sys.executable, "-c", RUN], check=True, timeout=120)
