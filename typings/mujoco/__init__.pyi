@@ -53,6 +53,22 @@ class mjtObj(_Enum):
     mjOBJ_SITE: ClassVar[mjtObj]
     mjOBJ_CAMERA: ClassVar[mjtObj]
 
+class mjtCamera(_Enum):
+    mjCAMERA_FIXED: ClassVar[mjtCamera]
+
+class mjtCatBit(_Enum):
+    mjCAT_ALL: ClassVar[mjtCatBit]
+
+class mjtRndFlag(_Enum):
+    mjRND_SEGMENT: ClassVar[mjtRndFlag]
+    mjRND_IDCOLOR: ClassVar[mjtRndFlag]
+
+class mjtFramebuffer(_Enum):
+    mjFB_OFFSCREEN: ClassVar[mjtFramebuffer]
+
+class mjtFontScale(_Enum):
+    mjFONTSCALE_50: ClassVar[mjtFontScale]
+
 class mjtIntegrator(_Enum):
     mjINT_IMPLICITFAST: ClassVar[mjtIntegrator]
 
@@ -774,22 +790,51 @@ class MjSpec:
 # Pictures
 
 class MjvCamera:
+    type: _Int
+    fixedcamid: int
     lookat: _Doubles
     distance: float
     azimuth: float
     elevation: float
 
-class Renderer:
-    def __init__(
-        self, model: MjModel, height: int = 240, width: int = 320, max_geom: int = 10000
-    ) -> None: ...
-    def update_scene(self, data: MjData, camera: int | str | MjvCamera = -1) -> None: ...
-    def render(self) -> NDArray[np.uint8]: ...
-    def enable_segmentation_rendering(self) -> None: ...
-    def disable_segmentation_rendering(self) -> None: ...
-    def close(self) -> None: ...
+class MjvOption: ...
+
+class MjvGeom:
+    segid: int
+    objtype: int
+    objid: int
+
+class MjvScene:
+    ngeom: int
+    flags: NDArray[np.uint8]
+    geoms: Sequence[MjvGeom]
+    def __init__(self, model: MjModel, maxgeom: _Int) -> None: ...
+
+class MjrRect:
+    width: int
+    height: int
+    def __init__(self, left: _Int, bottom: _Int, width: _Int, height: _Int) -> None: ...
+
+class MjrContext:
+    def __init__(self, model: MjModel, fontscale: _Int) -> None: ...
+    def free(self) -> None: ...
 
 # Functions
+
+def mjr_setBuffer(framebuffer: _Int, con: MjrContext) -> None: ...
+def mjr_render(viewport: MjrRect, scn: MjvScene, con: MjrContext) -> None: ...
+def mjr_readPixels(
+    rgb: NDArray[np.uint8] | None, depth: _Floats | None, viewport: MjrRect, con: MjrContext
+) -> None: ...
+def mjv_updateScene(
+    m: MjModel,
+    d: MjData,
+    opt: MjvOption,
+    pert: None,
+    cam: MjvCamera,
+    catmask: _Int,
+    scn: MjvScene,
+) -> None: ...
 
 def mj_stateSize(m: MjModel, sig: _Int) -> int: ...
 def mj_getState(m: MjModel, d: MjData, state: _Doubles, sig: _Int) -> None: ...

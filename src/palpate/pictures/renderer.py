@@ -41,6 +41,10 @@ AZIMUTH, ELEVATION = 145.0, -22.0
 from above."""
 EMPTY_EXTENT = np.array([[-0.5, -0.5, 0.0], [0.5, 0.5, 0.8]])
 """m: view of an empty scene, about a table top."""
+CANVAS = (64, 64)
+"""Pixels of the context's own buffer, in which nothing is drawn."""
+MOST_GEOMS = 10_000
+"""Geoms drawn in a picture, MuJoCo's default."""
 SCENERY: dict[str, Any] = {"mass": 0.0, "contype": 0, "conaffinity": 0}
 """Attributes of a geom that is seen and neither weighs nor collides."""
 CORNERS = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
@@ -146,6 +150,14 @@ def _trial(backend: str) -> subprocess.Popen[str]:
     )
 
 
+@cache
+def _opengl() -> Any:
+    """OpenGL's context of this process. One for all pictures: a new one takes 0.2 s to set up, and its driver
+    compiles all shaders again."""
+    contexts = importlib.import_module("mujoco.rendering.classic.gl_context")
+    return contexts.GLContext(*CANVAS)
+
+
 class Painter:
     """Renderer of one model. A context manager; use it in one thread.
 
@@ -178,23 +190,42 @@ class Painter:
             # The stubs of MuJoCo 4.0 lack it.
             model.vis.quality.offsamples = 0  # pyright: ignore[reportAttributeAccessIssue]
         model.vis.headlight.ambient[:] = np.maximum(model.vis.headlight.ambient, AMBIENT)
-        self.model = model
-        self.aspect = width / height
+        self.model, self.aspect = model, width / height
         Painter.used = True
-        self._renderer = mujoco.Renderer(model, height, width)
+        self._opengl = _opengl()
+        self._opengl.make_current()
+        self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50.value)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
+        self._scene, self._options = mujoco.MjvScene(model, MOST_GEOMS), mujoco.MjvOption()
+        self._rect = mujoco.MjrRect(0, 0, width, height)
 
     def paint(self, data: mujoco.MjData, camera: mujoco.MjvCamera | str) -> Pixels:
         """Render forwarded `data` from a free camera, or from a named one of the model."""
-        self._renderer.update_scene(data, camera)
-        return self._renderer.render()
+        view = camera if isinstance(camera, mujoco.MjvCamera) else mujoco.MjvCamera()
+        if isinstance(camera, str):
+            view.type = mujoco.mjtCamera.mjCAMERA_FIXED
+            view.fixedcamid = self.model.camera(camera).id
+        every = mujoco.mjtCatBit.mjCAT_ALL.value
+        mujoco.mjv_updateScene(self.model, data, self._options, None, view, every, self._scene)
+        self._opengl.make_current()
+        mujoco.mjr_render(self._rect, self._scene, self._context)
+        pixels = np.empty((self._rect.height, self._rect.width, 3), np.uint8)
+        mujoco.mjr_readPixels(pixels, None, self._rect, self._context)
+        return pixels[::-1].copy()  # OpenGL's rows begin at the bottom
 
     def bodies(self, data: mujoco.MjData, camera: mujoco.MjvCamera) -> NDArray[np.int_]:
         """(height, width) body that each pixel of a picture shows; 0 for the world, and for nothing."""
-        self._renderer.enable_segmentation_rendering()
-        seen = self.paint(data, camera)
-        self._renderer.disable_segmentation_rendering()
-        is_geom = seen[..., 1] == mujoco.mjtObj.mjOBJ_GEOM
-        return np.where(is_geom, self.model.geom_bodyid[seen[..., 0]], 0)
+        flags = mujoco.mjtRndFlag
+        numbered = [int(flags.mjRND_SEGMENT), int(flags.mjRND_IDCOLOR)]
+        self._scene.flags[numbered] = True
+        # Each colour is a number, from red to blue.
+        colours = self.paint(data, camera) @ np.array([1, 1 << 8, 1 << 16])
+        self._scene.flags[numbered] = False
+        found = np.zeros(self._scene.ngeom + 1, dtype=np.int_)
+        for shown in self._scene.geoms[: self._scene.ngeom]:
+            if shown.segid >= 0 and shown.objtype == mujoco.mjtObj.mjOBJ_GEOM:
+                found[shown.segid + 1] = self.model.geom_bodyid[shown.objid]
+        return found[colours]
 
     def around(self, points: Array, **view: float) -> mujoco.MjvCamera:
         """`framing` of `points` for this model and picture."""
@@ -204,7 +235,8 @@ class Painter:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._renderer.close()
+        self._opengl.make_current()
+        self._context.free()
 
 
 def png(pixels: Pixels) -> bytes:

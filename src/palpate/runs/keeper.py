@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 Step = Callable[[Run], Iterator[Run]]
 """Stage of a run: yields the grown run once or several times."""
+WRITING = 0.02
+"""Most of the time in which result.json is written while estimates are made."""
 
 
 class Keeper:
@@ -38,6 +40,7 @@ class Keeper:
         self._signals = signals
         self._shortfalls: list[str] = []
         self._stream: TraceStream | None = None
+        self._due = 0.0
 
     def begin(self, run: Run, request: Mapping[str, Any]) -> Run:
         """Make the folder and write the files that exist before the execution.
@@ -64,7 +67,7 @@ class Keeper:
         try:
             with self._signals.raised():
                 for grown in step(run):
-                    run = self.kept(grown)
+                    run = self.kept(grown, seldom=stage == "estimating")
         except KeyboardInterrupt:
             return self.kept(replace(run, interrupted=f"{self._signals.reason} while {stage}"))
         except Exception as error:
@@ -100,15 +103,19 @@ class Keeper:
         """Mark the run as finished."""
         return self.kept(replace(run, stage=None, interrupted=None))
 
-    def kept(self, run: Run) -> Run:
-        """Add the shortfalls to the run and write result.json."""
+    def kept(self, run: Run, seldom: bool = False) -> Run:
+        """Add the shortfalls to the run and write result.json. It grows with every estimate: `seldom` leaves it where
+        it would take more than a share `WRITING` of the time."""
         with self._signals.deferred():
             run = self._with_shortfalls(run)
             if run.begun is not None:
                 run = replace(run, total_seconds=time.perf_counter() - run.begun)
-            if self.folder is not None:
+            began = time.perf_counter()
+            if self.folder is not None and not (seldom and began < self._due):
                 content = result_json(run, self.folder)
                 self.tried("result.json", lambda at: write_json(at / "result.json", content))
+                ended = time.perf_counter()
+                self._due = ended + (ended - began) / WRITING
             return self._with_shortfalls(run)
 
     def samples(self, samples: Samples, recorded: Recorded) -> None:
