@@ -11,6 +11,8 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import mujoco
@@ -18,6 +20,7 @@ import numpy as np
 
 from bench.variety import crowd
 from palpate import pipeline
+from palpate.callbacks import SILENT
 from palpate.cells.simulated import simulated_cell
 from palpate.execution.runner import TICK_PERIOD
 from palpate.pictures.film import Footage
@@ -51,10 +54,31 @@ def main() -> None:
         _line("palpate --help", f"{_median(lambda: _palpate('--help')):.2f} s", "≤ 0.4 s")
         cold = _median(lambda: _palpate("plan", "--scene", str(scenes[15])))
         _line("palpate plan, 15 objects, cold", f"{cold:.2f} s", "≤ 0.8 s")
+        _stages("demo", scenario("bottle_and_table").settings(seed=0, out=Path(folder) / "stages"))
+        many = Settings(scene=scenes[15], seed=0, out=Path(folder) / "many")
+        _stages("15 objects", many)
         for what, args in (("demo", ["demo"]), ("15 objects", ["run", "--scene", str(scenes[15])])):
             seconds, peak = _whole(*args, "--seed", "0", "--out", str(Path(folder) / what))
             _line(f"palpate {args[0]}, {what}", f"{seconds:.1f} s", "")
             _line("  memory peak", f"{peak:.0f} MB", "")
+
+
+def _stages(what: str, settings: Settings) -> None:
+    """Print wall and processor seconds of each stage of a run, of this process and of its copies that end
+    meanwhile."""
+    marks: list[tuple[str, float, float, float]] = []
+
+    def mark(stage: str) -> None:
+        marks.append((stage, time.perf_counter(), time.process_time(), _of_children()))
+
+    mark("load")
+    pipeline.run(settings, replace(SILENT, progress=mark))
+    mark("")
+    for (stage, *before), (_, *after) in pairwise([*marks, (what, *marks[0][1:]), marks[-1]]):
+        if stage:
+            wall, own, copies = np.subtract(after, before)
+            figures = f"{wall:.1f} s, processor {own:.1f} + {copies:.1f} s"
+            _line(f"{what}, {stage}" if stage != what else f"{what}, in all", figures, "")
 
 
 def closed_loop_ratio(noise: str) -> float:

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 K = TypeVar("K")
 T = TypeVar("T")
 
-BEHIND = 10  # steps of priority, of 19
 GRACE = 2.0  # s in which a copy that is ended can remove what it wrote
 
 
@@ -31,10 +30,9 @@ class Beside(Generic[T]):
     Without a copy, or if it fails, `result()` does the work in this process.
     """
 
-    def __init__(self, work: Callable[[], T], copied: bool = True, behind: bool = False) -> None:
-        """Begin the work; with `copied` False it waits for `result()`. One that is `behind` leaves the processors
-        to all others."""
-        self._work, self._behind = work, behind
+    def __init__(self, work: Callable[[], T], copied: bool = True) -> None:
+        """Begin the work; with `copied` False it waits for `result()`."""
+        self._work = work
         self._copy: ForkProcess | None = None
         self._receiver: Connection | None = None
         if copied and can_copy():
@@ -68,9 +66,7 @@ class Beside(Generic[T]):
 
         context = get_context("fork")
         self._receiver, sender = context.Pipe(duplex=False)
-        self._copy = context.Process(
-            target=_work_and_send, args=(sender, self._work, self._behind), daemon=True
-        )
+        self._copy = context.Process(target=_work_and_send, args=(sender, self._work), daemon=True)
         self._copy.start()
         sender.close()
 
@@ -109,10 +105,8 @@ def can_copy() -> bool:
     return len(os.sched_getaffinity(0)) > 1 and parent_process() is None
 
 
-def _work_and_send(sender: Connection, work: Callable[[], T], behind: bool) -> None:
+def _work_and_send(sender: Connection, work: Callable[[], T]) -> None:
     """Do the work in the copy and send its result."""
-    if behind:
-        os.nice(BEHIND)
     # Ctrl-C ends the run in the original process, which then ends the copy.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(BaseException):

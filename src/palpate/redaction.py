@@ -26,8 +26,13 @@ STRETCH = 12
 """Length of a part of a key that is redacted; of a shorter key, all of it."""
 
 _KEY_NAME = re.compile(r".*_API_KEY$")
-_KEY_LIKE = re.compile(r"\b(?:sk-[\w-]{12,}|AIza[\w-]{20,})|(?i:bearer\s+)[\w.~+/-]{12,}=*")
-_CREDENTIALS = re.compile(r"(?<=://)[^\s/@\"'<>]+@")
+# Patterns that begin with letters are looked for at the speed of a text search.
+_KEY_LIKE = (
+    re.compile(r"(?i:bearer\s+)[\w.~+/-]{12,}=*"),
+    re.compile(r"sk-(?<=\bsk-)[\w-]{12,}"),
+    re.compile(r"AIza(?<=\bAIza)[\w-]{20,}"),
+)
+_CREDENTIALS = re.compile(r"://[^\s/@\"'<>]+@")
 """User and password in a URL."""
 _QUERY = re.compile(
     r"([?&;](?:[\w-]*(?:key|token|secret|passw(?:or)?d|signature)|auth|sig|pwd)=)[^&;#\s\"'<>]+",
@@ -52,7 +57,9 @@ def redacted(content: T) -> T:
 
 def _without(keys: Iterable[str], text: str) -> str:
     """Redact `keys`, credentials, and texts that look like keys."""
-    text = _CREDENTIALS.sub(f"{BLOT}@", _KEY_LIKE.sub(BLOT, text))
+    for pattern in _KEY_LIKE:
+        text = pattern.sub(BLOT, text)
+    text = _CREDENTIALS.sub(f"://{BLOT}@", text)
     text = _QUERY.sub(rf"\1{BLOT}", text)
     for key in keys:
         text = _without_stretches(_spread(key).sub(BLOT, text), _forms(key))

@@ -23,7 +23,7 @@ def test_a_process_that_has_drawn_makes_film_and_pictures_itself(
     class Noted(Beside[Any]):
         """Work in this process, with a note of where it was wanted."""
 
-        def __init__(self, work: Callable[[], Any], copied: bool = True, **_: bool) -> None:
+        def __init__(self, work: Callable[[], Any], copied: bool = True) -> None:
             copies.append(copied)
             super().__init__(work, copied=False)
 

@@ -122,7 +122,7 @@ class Darkroom:
         """Begin with the film."""
         # The trial of the backends is this process's child, so it is awaited here.
         self._copied = gl_available()[0] and not Painter.used
-        self.film = Beside(lambda: take_film(run), self._copied, behind=True)
+        self.film = Beside(lambda: take_film(run), self._copied)
         self._stills: Beside[Pictures] | None = None
 
     def begin_stills(self, run: Run) -> None:
