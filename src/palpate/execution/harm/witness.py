@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -65,6 +65,11 @@ class Forces:
     steps: array[int] = field(default_factory=lambda: array("q"))
     vectors: array[float] = field(default_factory=lambda: array("d"))
     blocked: set[int] = field(default_factory=set[int])
+
+    def first(self, count: int) -> Forces:
+        """Of the first `count` steps."""
+        steps = self.steps[:count]
+        return Forces(steps, self.vectors[: 3 * count], self.blocked.intersection(steps))
 
     def rows(self) -> tuple[Ints, Array]:
         """(n,) steps and (n, 3) forces."""
@@ -170,6 +175,19 @@ class Witness:
         self.steps += 1
         if self.steps % LOOK == 0:
             self.looks.append(self._look(data, touching.touched))
+
+    def mark(self) -> Callable[[], None]:
+        """Return what undoes all steps from here on."""
+        steps, looks, held = self.steps, len(self.looks), self._held
+        gripped, rows = dict(self._gripped), {p: len(f.steps) for p, f in self.forces.items()}
+
+        def undo() -> None:
+            self.steps, self._gripped = steps, gripped
+            self._hold(held)
+            del self.looks[looks:]
+            self.forces = {pair: self.forces[pair].first(count) for pair, count in rows.items()}
+
+        return undo
 
     def _who_touches(self, geoms: Ints) -> Touching:
         # Most steps have the contacts of the step before.

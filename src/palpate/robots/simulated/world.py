@@ -6,7 +6,7 @@ signals; truth and pictures are for observers outside, after the estimates are m
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import mujoco
@@ -23,6 +23,7 @@ from palpate.robots.simulated.guard import Guard, Reaction
 from palpate.robots.simulated.impedance import Actuators, add_actuators
 from palpate.robots.simulated.noise.true_arm import Truth
 from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, PERIOD, SUBSTEPS, TIMESTEP
+from palpate.robots.simulated.watch import Watch, marked, takes_many
 
 FRAME_PERIOD = 1.0 / 30.0  # s between camera frames
 LEVEL = 0.01  # rad, largest inclination of gravity
@@ -33,17 +34,10 @@ PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 MOTOR, PUSH = PREFIX + "motor{}", PREFIX + "push"  # names of sensors
 SENSED = 10  # values of these: motor torques, and the force of the hand
 NET_FORCE = 3  # of MuJoCo's reductions of several contacts
-NEEDED = [
-    "gravity",
-    "contact",
-    "constraint",
-    "equality",
-    "limit",
-    "frictionloss",
-    "actuation",
-    "spring",
-    "damper",
-]
+NEEDED = (
+    *("gravity", "contact", "constraint", "equality", "limit"),
+    *("frictionloss", "actuation", "spring", "damper"),
+)
 """Features of MuJoCo that a robot needs."""
 
 
@@ -111,7 +105,7 @@ class World:
         self._stiction = declared_stiction(self.model)
         self.frames: list[tuple[float, Array]] = [(0.0, self._data.qpos.copy())]
         self.t = 0.0
-        self.watch: Callable[[mujoco.MjData], None] | None = None
+        self.watch: Watch | None = None
 
     def step(self, control: Array, guard: Guard) -> Steps:
         """Step once per row of `control` (n * BLOCK, nu), or until the guard fires: then the arm
@@ -125,7 +119,7 @@ class World:
         if guard.yielding:
             self._cycle(control, 0, count, guard.reaction)
         else:
-            look = self._all_at_once if self.watch is None else self._one_by_one
+            look = self._all_at_once if takes_many(self.watch) else self._one_by_one
             fired = look(control, guard)
             if fired is None:
                 count = min(count, guard.felt or count)
@@ -167,6 +161,7 @@ class World:
         the cycle in which it fires. Later cycles are undone, as are those after what it feels."""
         mujoco.mj_copyData(self._before, self.model, self._data)
         before, count = self.compensation, len(control)
+        undo = marked(self.watch)
         self._roll(control)
         # The weight that the motors hold is the nominal arm's, followed from end to end of the run.
         share = np.arange(1.0, count + 1)[:, None] / count
@@ -176,11 +171,12 @@ class World:
         last = (guard.felt or count) if fired is None else fired + 1
         if last < count:
             mujoco.mj_copyData(self._data, self.model, self._before)
+            undo()
             self._cycle(control, 0, last)
         return fired
 
     def _one_by_one(self, control: Array, guard: Guard) -> int | None:
-        """Step as `_all_at_once`, for `watch`, which must not see cycles that are undone."""
+        """Step as `_all_at_once`, for a `watch` that cannot undo what it saw."""
         for i in range(len(control)):
             self._cycle(control, i, i + 1)
             effort = self._data.sensordata[self._sensors][:7] - self.compensation
@@ -191,7 +187,10 @@ class World:
         return None
 
     def _roll(self, control: Array) -> None:
-        """Step all cycles in one call, or block by block where friction changes."""
+        """Step all cycles in one call, or block by block where friction changes; one by one for `watch`."""
+        if self.watch is not None:
+            self._cycle(control, 0, len(control))
+            return
         model, data = self.model, self._data
         control = np.repeat(control, self._substeps, axis=0)[None]
         count = control.shape[1]
