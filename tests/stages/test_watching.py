@@ -10,7 +10,6 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from bench.seeing import SCENE
 from palpate.cells.simulated import simulated_cell
 from palpate.errors import InputError, Unavailable
 from palpate.pictures.renderer import gl_available
@@ -23,18 +22,23 @@ from palpate.stages.watching import Watch, displaced, eye, watched
 from palpate.vocabulary.base import Blackboard, LeafFailure, as_believed
 from palpate.vocabulary.state import SymbolicState
 
-CUP = (
-    '<body name="cup" pos="0.45 -0.12 0.45"><freejoint/><geom type="cylinder" size=".03 .05" mass=".2"/>'
-    '<site name="tag_9" pos="0 0 .0502" size=".02"/></body>'
-)
+SCENE = """<mujoco><worldbody>
+<camera name="over" pos="0.9 -0.5 1.1" xyaxes="0.6 0.8 0 -0.45 0.35 0.8" fovy="45"/>
+<body name="table" pos="0.5 0 0.38"><geom type="box" size=".4 .4 .02"/>
+  <site name="tag_0" pos="-.15 -.25 .02" size=".03"/><site name="tag_1" pos="-.15 .25 .02" size=".03"/>
+  <site name="tag_2" pos=".25 .25 .02" size=".03"/></body>
+<body name="box" pos="0.45 0.05 0.43"><freejoint/>
+  <geom type="box" size=".03 .03 .03" mass=".1"/><site name="tag_7" pos="0 0 .03" size=".02"/></body>
+<body name="cup" pos="0.45 -0.12 0.45"><freejoint/>
+  <geom type="cylinder" size=".03 .05" mass=".2"/><site name="tag_9" pos="0 0 .0502" size=".02"/></body>
+</worldbody></mujoco>"""
 SURE = 1e-6 * np.eye(6)
 """1 mm and 1 mrad (1 sigma) a pose."""
 
 
 @cache
 def scene() -> Scene:
-    text = SCENE.format(table="0.38", place="0.45 0.05 0.43", turn="0")
-    return parse_scene(text.replace("</worldbody>", f"{CUP}</worldbody>"))
+    return parse_scene(SCENE)
 
 
 def seen(name: str = "cup", way: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Seen:
