@@ -27,7 +27,7 @@ from palpate.report.changes import change
 from palpate.report.data import Measured, ParameterRow, ReportData
 from palpate.report.page import write_report
 from palpate.report.seen import pose_rows
-from palpate.report.tree import branches, first_failure
+from palpate.report.tree import NARROWEST, aftermath, branches, first_failure
 from palpate.trace.recording import Context, LeafRun, Recording
 
 SQUARE = png(np.zeros((8, 8, 3), np.uint8))
@@ -489,3 +489,16 @@ def test_what_is_only_believed_is_shown_in_the_table_like_what_was_measured(
     groups = parameter_groups(data.parameters, (lost, believed))
     shown = {row.quantity: row.value for rows in groups.values() for row in rows}
     assert (shown["mass"], shown["height"]) == ("?", "? → 0.76503 m")
+
+
+def test_what_a_controlled_stop_did_stands_outside_of_the_plan(
+    data: ReportData,
+) -> None:
+    assert data.trace is not None
+    stop = LeafRun("stop", "OpenGripper", "OpenGripper()", 8.0, 8.0, "SUCCESS", "open to 80 mm")
+    planned = leaf_of("tree.children[0]", "SUCCESS")
+    trace = replace(data.trace, leaves=(planned, stop))
+    (done,) = aftermath(data.plan, trace)
+    assert done.label == "OpenGripper()"
+    assert (done.left, done.width) == (100.0, NARROWEST)
+    assert not aftermath(data.plan, None)

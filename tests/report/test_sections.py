@@ -111,6 +111,9 @@ def test_a_film_by_a_camera_comes_before_one_of_the_trace(tmp_path: Path) -> Non
 
 
 def test_lines_that_others_replace_are_set_off_only_one_to_one() -> None:
+    (shorter, longer) = diff_lines('-mass="11"\n+mass="111"\n')
+    assert (shorter.text, longer.text) == ('mass="11"', 'mass="111"')
+    assert (shorter.middle, longer.middle) == ("", "1")
     (old, new) = diff_lines("--- a\n+++ b\n-mass=1\n+mass=2\n")
     assert (old.kind, old.middle, new.middle) == ("del", "1", "2")
     found = diff_lines("-one line\n+two\n+lines\n same\n")
