@@ -1,12 +1,18 @@
 """Swings of a load: what unit parameters make of the signals is what the signals show."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from moving_arm import friction
+from scipy.spatial.transform import Rotation
 
+from palpate.estimation.load.chain import tool_kinematics
 from palpate.estimation.load.noise import Noise
 from palpate.estimation.slip import EXPECTED, LIKELY, SPREAD, Droop
-from palpate.estimation.swung import swings
+from palpate.estimation.swung import contrast, swings
 from palpate.geometry.pose import Pose
+from palpate.robots.registry import load_description
 from palpate.trace.recording import Context, Hand, Recording
 from palpate.trace.samples import FORCES, Samples, Trace
 
@@ -99,3 +105,47 @@ def test_slow_noise_is_told_at_the_swings_own_frequency():
     # h²/f over a second of it for each second that it lasts: two of the three are steady.
     assert found.variance == pytest.approx(4e-4 / 2.0 / 2.0, rel=0.02)
     assert not swings(trace, recording, QUIET)[0].variance.any()
+
+
+ARM = load_description("fr3")
+
+
+def rippling(lean: float, holding: str | None):
+    """A swing of joint 2 by 5 mrad, about a pose that leans by some rad: its gear ripples, and rubs as Maxwell elements
+    do. Links and load weigh nothing."""
+    t = np.arange(0.0, 4.0, 0.005)
+    envelope = np.clip((t - 0.5) / 0.5, 0.0, 1.0) * np.clip((3.5 - t) / 0.5, 0.0, 1.0)
+    angle = envelope * np.sin(4.0 * np.pi * (t - 0.5))
+    q, dq = np.tile(ARM.home, (len(t), 1)), np.zeros((len(t), 7))
+    q[:, 1] += lean + 0.005 * angle
+    dq[:, 1] = np.gradient(q[:, 1], t)
+    torques = friction(q)
+    torques[:, 1] += 0.12 * np.sin(240.0 * q[:, 1])
+    position, rotation, jacobian = tool_kinematics(ARM.nominal.chain, q)
+    quaternions = Rotation.from_matrix(rotation).as_quat(scalar_first=True)
+    samples = Samples(
+        t,
+        q,
+        dq,
+        torques,
+        np.einsum("nij,nj->ni", np.linalg.pinv(jacobian.transpose(0, 2, 1)), torques),
+        np.hstack([position, quaternions]),
+        np.einsum("nij,nj->ni", jacobian, dq),
+        np.hstack([position, quaternions]),
+        np.full(len(t), 0.02),
+    )
+    recording = Recording(FORCES, 0.0, 4.0, Context("swinging", holding=holding))
+    chain = replace(ARM.nominal.chain, links=())
+    return Trace(samples, (), (recording,), (), replace(ARM.nominal, chain=chain)), recording
+
+
+def test_ripple_and_friction_of_gears_are_no_load():
+    """Bent by 4 mrad by the load, the arm ripples and rubs otherwise than with the empty hand, by 0.1 N m: that is in
+    the model of what the gears do, and not in the noise."""
+    quiet = Noise(white=np.full(7, 1e-6), flicker=np.zeros(7), freedom=np.inf)
+    empty, loaded = (swings(*rippling(*how), quiet) for how in ((0.0, None), (0.004, "thing")))
+    ((_, observed, variance, gears),) = contrast(loaded, empty)
+    both = np.sqrt(variance + (gears**2).sum(axis=1))
+    assert abs(observed[1]) == pytest.approx(0.1, abs=0.05)
+    assert abs(observed[1]) > 5.0 * np.sqrt(variance[1])
+    assert abs(observed[1]) < 2.0 * both[1]

@@ -13,6 +13,11 @@ of phase. Signals of unit parameters and of the arm's own links are computed sam
 same lock-in, because springs that still ring as a swing begins are no pure sine: -w² times the displacement
 would be 1 to 2 % off. The error of the links' nominal inertias cancels against the swing of the empty hand, in
 proportion to the angle.
+
+What the gears add in phase with the angle does not cancel. A swing of some mrad is a part of one wave of their
+ripple, which passes for a spring, and at another phase where the load has bent the arm. Friction is a spring, too, in
+a joint that hardly turns: Dahl's state is in phase with the angle. Each is an unknown of its joint, the same in all
+swings, as large as the swings show.
 """
 
 from __future__ import annotations
@@ -24,6 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
+from palpate.estimation.contact.ripple import gear_waves
+from palpate.estimation.joint_friction import TURNED, dahl_states
 from palpate.estimation.load.noise import Noise
 from palpate.estimation.load.observation import WrenchObservation, observe
 from palpate.estimation.motion import Mask, commanded, mean_pose, runs
@@ -49,8 +56,12 @@ class Swing:
         rate: rad/s.
         observed: (m,) amplitudes of the signals, N m.
         variance: (m,) of the amplitudes, by the noise of the sensors.
+        rubbing: (m,) amplitudes a quarter of a period later, of friction.
         own: (m,) part of the arm's own links, by their nominal inertias; 0 where unknown.
         load: (m, 10) amplitudes per unit mass, first moment and inertia (about the TCP, tool axes).
+        gears: (m, 5) amplitudes per N m of each wave of the gears (`contact.ripple.gear_waves`), and of Dahl's
+            state; 0 where the signals are no joints'.
+        rippled: (m,) N² m², mean square of the signals that the waves explain.
     """
 
     time: float
@@ -60,8 +71,11 @@ class Swing:
     rate: float
     observed: Array
     variance: Array
+    rubbing: Array
     own: Array
     load: Array
+    gears: Array
+    rippled: Array
 
 
 def swings(trace: Trace, recording: Recording, noise: Noise) -> Sequence[Swing]:
@@ -69,17 +83,27 @@ def swings(trace: Trace, recording: Recording, noise: Noise) -> Sequence[Swing]:
     samples, observed = trace.of(recording), observe(trace)
     first, last = np.searchsorted(trace.samples.t, [recording.start, recording.end + 1e-9])
     signals = observed.signals[int(first) : int(last)]
+    cycles = trace.hand.ripple_cycles or (0.0,) * signals.shape[1]
     found: list[Swing] = []
     for rows in rows_of_swings(samples):
-        found.append(swing_of(samples.where(rows), signals[rows], observed, noise, trace.gravity))
+        part = samples.where(rows)
+        found.append(swing_of(part, signals[rows], observed, noise, trace.gravity, cycles))
     return found
 
 
 def contrast(
     loaded: Sequence[Swing], empty: Sequence[Swing]
-) -> Iterator[tuple[Swing, Array, Array]]:
-    """Each loaded swing that has an empty counterpart, with the signals of the load alone (m,), and their
-    variance (m,)."""
+) -> Iterator[tuple[Swing, Array, Array, Array]]:
+    """Each loaded swing that has an empty counterpart, with the signals of the load alone (m,), their variance (m,),
+    and what one deviation of each unknown of the gears does to them (m, k)."""
+    every = [*loaded, *empty]
+    if not every:
+        return
+    # The mean square of two harmonics, each a sine and a cosine of amplitudes alike.
+    wave = np.sqrt(np.max([swing.rippled for swing in every], axis=0) / 2.0)
+    # The first harmonic of a square wave is 4 / pi of its size.
+    dry = np.pi / 4.0 * np.abs([swing.rubbing for swing in every]).max(axis=0)
+    size = np.column_stack([wave, wave, wave, wave, dry])
     for swing in loaded:
         # The swing of the empty hand about the same axis at the same pose and frequency.
         alike = [
@@ -95,9 +119,14 @@ def contrast(
         ratio = swing.angle / own.angle
         # The load bends the arm a little, so that the joints share the swing differently.
         bent = swing.own - ratio * own.own
-        inexact = tuning.ARM_SWING * own.observed, tuning.ARM_BENT * bent
-        variance = swing.variance + ratio**2 * own.variance + inexact[0] ** 2 + inexact[1] ** 2
-        yield swing, swing.observed - ratio * own.observed - bent, variance
+        inexact = (
+            tuning.ARM_SWING * own.observed,
+            tuning.ARM_BENT * bent,
+            tuning.ARM_RUBS * own.rubbing,
+        )
+        variance = swing.variance + ratio**2 * own.variance + sum(part**2 for part in inexact)
+        gears = size * (swing.gears - ratio * own.gears)
+        yield swing, swing.observed - ratio * own.observed - bent, variance, gears
 
 
 def rows_of_swings(samples: Samples) -> Iterator[slice]:
@@ -116,13 +145,21 @@ def rows_of_swings(samples: Samples) -> Iterator[slice]:
 
 
 def swing_of(
-    samples: Samples, signals: Array, observed: WrenchObservation, noise: Noise, gravity: float
+    samples: Samples,
+    signals: Array,
+    observed: WrenchObservation,
+    noise: Noise,
+    gravity: float,
+    cycles: Sequence[float],
 ) -> Swing:
+    """Amplitudes of the `signals` (n, m) of a swing, of m joints whose gears ripple `cycles` (m,) times a turn."""
     rate = commanded_rate(samples)
     period = 2.0 * np.pi / rate
     # The amplitude grows in the first period and fades in the last.
     steady = (samples.t > samples.t[0] + period) & (samples.t < samples.t[-1] - period)
     motion = _Changes.of(samples).where(steady)
+    angles = np.zeros(signals.shape) if observed.chain is None else samples.q
+    states, angles = dahl_states(angles)[steady, :, TURNED], angles[steady]
     samples, signals = samples.where(steady), signals[steady]
     pose = mean_pose(samples)
     turned = rotation_vectors(samples.pose_world_tcp[:, 3:], pose)
@@ -140,6 +177,7 @@ def swing_of(
 
     t = samples.t
     links = observed.links_motion(samples.q, samples.dq, motion.joints)
+    waves = [gear_waves(*joint) for joint in zip(angles.T, cycles, strict=False)]
     # Density of the noise at the frequency of the swing over the duration: 2 s² dt of white noise, h²/f of 1/f noise.
     slow = 2.0 * np.pi * noise.flicker / (rate * float(t[-1] - t[0]))
     return Swing(
@@ -150,8 +188,11 @@ def swing_of(
         rate=rate,
         observed=in_phase(signals),
         variance=2.0 * noise.white / len(t) + slow,
+        rubbing=(lock.of_signal(signals) / unit).imag,
         own=in_phase(links),
         load=in_phase(observed.maps(samples.q) @ unit_load_wrenches(samples, motion, gravity)),
+        gears=in_phase(np.dstack([np.stack(waves, axis=1), states])),
+        rippled=np.array([lock.explained(*one) for one in zip(signals.T, waves, strict=True)]),
     )
 
 
@@ -185,6 +226,7 @@ class _Changes:
 class _Lock:
     """A fit of a constant, a trend and a sine."""
 
+    design: Array
     inverse: Array
 
     @classmethod
@@ -194,12 +236,18 @@ class _Lock:
         design = np.column_stack(
             [np.cos(rate * since), np.sin(rate * since), np.ones_like(since), since]
         )
-        return cls(np.linalg.pinv(design))
+        return cls(design, np.linalg.pinv(design))
 
     def of_signal(self, values: Array) -> Complex:
         """(k,) complex amplitudes of signals (n, k)."""
         cosine, sine = (self.inverse @ values)[:2]
         return cosine - 1j * sine
+
+    def explained(self, signal: Array, waves: Array) -> float:
+        """Mean square of a signal (n,) that `waves` (n, k) explain beyond the fit."""
+        left, beside = (x - self.design @ (self.inverse @ x) for x in (signal, waves))
+        found = np.linalg.lstsq(beside, left, rcond=None)[0]
+        return float(np.mean((beside @ found) ** 2))
 
 
 def commanded_rate(samples: Samples) -> float:

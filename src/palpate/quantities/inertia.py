@@ -96,6 +96,7 @@ class SwungObject:
 
     Attributes:
         observed, variance: (m,) signals of the load, and their variance.
+        gears: (m, k) what one deviation of each unknown of a joint's gear does to them, the same in all swings.
         load: (m, 10) signals of unit parameters in the tool's axes.
         rate: angular frequency, rad/s.
         axis: index of the tool's axis that it is about.
@@ -105,6 +106,7 @@ class SwungObject:
 
     observed: Array
     variance: Array
+    gears: Array
     load: Array
     rate: float
     axis: int
@@ -177,13 +179,15 @@ def observed_swings(trace: Trace, still: Held, body: Body) -> list[SwungObject]:
         if recording.context.holding != body.name:
             continue
         pose = pose_in_hand(trace, recording, body)
-        for swing, observed, spread in contrast(swings(trace, recording, noise), empty):
+        for swing, observed, spread, gears in contrast(swings(trace, recording, noise), empty):
             droop = still.droop(grasped(trace, recording, body), swing.time)
             # `torque_gain` is the half width of a uniform distribution.
             gain = trace.hand.torque_gain / np.sqrt(3.0) * observed
             variance = spread + gain**2 + tuning.SWING_FLOOR**2
             axis = int(np.abs(swing.pose.rotation.T @ swing.axis).argmax())
-            found.append(SwungObject(observed, variance, swing.load, swing.rate, axis, pose, droop))
+            found.append(
+                SwungObject(observed, variance, gears, swing.load, swing.rate, axis, pose, droop)
+            )
     return found
 
 
@@ -199,15 +203,18 @@ def fit_rigid_body(
     mass = still.load.force / gravity
     box = of_box(max(mass, 1e-3), body.centre, body.size)
     start = np.concatenate([box, np.zeros(3), EXPECTED])
-    spread = prior_std(body)
+    spread, roots = prior_std(body), swing_roots(swung)
 
     def residuals(numbers: Array) -> Array:
-        swings, load = swing_residuals(numbers, swung), load_residuals(numbers, still, gravity)
+        swings, load = (
+            swing_residuals(numbers, swung, roots),
+            load_residuals(numbers, still, gravity),
+        )
         return np.concatenate([swings, load, (numbers - start) / spread])
 
     solved: Any = least_squares(residuals, start, x_scale=spread)
     numbers, slopes = np.asarray(solved.x, float), np.asarray(solved.jac, float)
-    left = swing_residuals(numbers, swung)
+    left = swing_residuals(numbers, swung, roots)
     covariance = np.linalg.inv(slopes.T @ slopes)
     # Effective degrees of freedom: number of residuals less their leverage tr(J P Jᵀ), which counts a
     # parameter as far as the data determine it and not the prior (Hastie, Tibshirani and Friedman, The
@@ -247,10 +254,18 @@ def predicted_swings(numbers: Array, swung: Sequence[SwungObject]) -> Iterator[A
         yield gives * one.load @ linear(moved(pseudo, pose))
 
 
-def swing_residuals(numbers: Array, swung: Sequence[SwungObject]) -> Array:
+def swing_roots(swung: Sequence[SwungObject]) -> Array:
+    """(m, s, s) roots of the covariances of each signal in s swings, which share the unknowns of its gear."""
+    variance, gears = (np.array([getattr(one, x) for one in swung]) for x in ("variance", "gears"))
+    shared = np.einsum("ajk,bjk->jab", gears, gears)
+    return np.linalg.cholesky(shared + np.eye(len(swung)) * variance.T[:, None, :])
+
+
+def swing_residuals(numbers: Array, swung: Sequence[SwungObject], roots: Array) -> Array:
     """Residuals of all swings, in standard deviations."""
     pairs = zip(swung, predicted_swings(numbers, swung), strict=True)
-    return np.concatenate([(one.observed - made) / np.sqrt(one.variance) for one, made in pairs])
+    left = np.array([one.observed - made for one, made in pairs])
+    return np.linalg.solve(roots, left.T[:, :, None]).ravel()
 
 
 def swing_view(numbers: Array, swung: Sequence[SwungObject]) -> FitView:
@@ -266,7 +281,8 @@ def swing_view(numbers: Array, swung: Sequence[SwungObject]) -> FitView:
         x=predicted,
         measured=1e3 * np.concatenate([one.observed for one in swung]),
         predicted=predicted,
-        std=1e3 * np.sqrt(np.concatenate([one.variance for one in swung])),
+        std=1e3
+        * np.sqrt(np.concatenate([one.variance + (one.gears**2).sum(axis=1) for one in swung])),
         groups=["fast swings" if rate > FASTER * rates.min() else "slow swings" for rate in rates],
     )
 

@@ -23,7 +23,7 @@ from palpate.mjcf.elements import Elements
 from palpate.mjcf.inertial import Statement
 from palpate.parameter import Parameter
 from palpate.robots.description import RobotDescription
-from palpate.trace.recording import Activity, Context
+from palpate.trace.recording import Activity, Context, pose_name
 from palpate.trace.samples import Trace
 
 Status = Literal["known", "missing", "assumed", "not applicable"]
@@ -87,9 +87,8 @@ class Evidence:
             subject = context.support
         else:
             subject = context.holding or GRIPPER
-        # A pose expression begins with the name of its pose: `bottle_top + z_offset`.
         at = context.grasp if self.holding else context.at
-        is_there = not self.place or (at or "").split(" ")[0] == f"{subject}_{self.place}"
+        is_there = not self.place or pose_name(at or "") == f"{subject}_{self.place}"
         return subject if is_there else None
 
     def key(self, context: Context) -> str | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Literal
 
@@ -16,6 +17,11 @@ RECORDED = "Recording"
 """Primitive of the conversions of a recording that another program made."""
 GRASPS = ("_pose", "_balance")
 """Endings of the names of poses at which an object is held as it is usually."""
+
+
+def pose_name(expression: str) -> str:
+    """Name of the pose with which a pose expression begins: `red mug_pose` of `red mug_pose + z_offset`."""
+    return re.split(" [+-] ", expression, maxsplit=1)[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +57,7 @@ class Context:
     @property
     def place_of(self) -> str | None:
         """Object whose grasp pose the hand was at, or above; None if it was at none."""
-        name, _, _ = (self.at or "").partition(" ")
+        name = pose_name(self.at or "")
         for ending in GRASPS:
             if name.endswith(ending):
                 return name.removesuffix(ending)

@@ -18,6 +18,7 @@ from palpate.robots.accuracy import doubt
 from palpate.robots.pace import configuration
 from palpate.robots.safety import Expectation
 from palpate.scene.raised import beyond
+from palpate.trace.recording import pose_name
 from palpate.vocabulary.admissible.clearance import is_vertical
 from palpate.vocabulary.admissible.profile import POSE_ERROR, spans, stretches
 from palpate.vocabulary.admissible.reach import (
@@ -97,10 +98,10 @@ class MovePose(Primitive):
             yield cls(pose=pose)
 
     def transferred(self, old: str, new: str) -> MovePose:
-        head, *rest = self.pose.split(" ", 1)
+        head = pose_name(self.pose)
         endings = ("_pose", "_approach", "_balance")
         names = {f"{old}{ending}": f"{new}{ending}" for ending in endings}
-        return self.model_copy(update={"pose": " ".join([names.get(head, head), *rest])})
+        return self.model_copy(update={"pose": names.get(head, head) + self.pose[len(head) :]})
 
     def requires(self, state: SymbolicState) -> list[Violation]:
         try:

@@ -19,6 +19,7 @@ from workbench import (
 )
 
 from palpate.errors import InputError, PlanRejected
+from palpate.parameter import Parameter
 from palpate.planning.check.check import check
 from palpate.planning.plan import Plan
 from palpate.planning.symbolic.planner import ExhaustivePlanner, SymbolicPlanner
@@ -331,3 +332,17 @@ def test_the_baseline_probes_every_surface_and_weighs_and_slides_every_object() 
     asked = SymbolicPlanner().plan("the mass of the bottle", scene)
     assert asked.actions == 12
     assert plan.actions >= 29
+
+
+@pytest.mark.parametrize("quantity", ["com_3d", "inertia", "size"])
+def test_a_name_of_several_words_is_as_good_as_any(quantity: str):
+    """MuJoCo allows any name: what was recorded with the empty hand at its pose belongs to it, too."""
+    names = ("mug", "red mug", "Glas (klein)")
+    trees = []
+    for name in names:
+        scene = bench(MUG.replace('"mug"', f'"{name}"'))
+        planner = SymbolicPlanner(measure=(Parameter(name, quantity),))
+        tree = planner.plan(None, scene).tree
+        trees.append(str(tree).replace(name, "mug"))
+    assert "MoveJoints" in trees[0]
+    assert trees[1:] == trees[:1] * 2

@@ -38,8 +38,7 @@ def joint_ripple(q: Array, torque: Array, free: Mask, cycles: float) -> Array:
         return np.zeros(len(q))
     angle = q - q[free].mean()
     line = np.column_stack([np.ones(len(q)), angle])
-    phases = cycles * np.outer(angle, (1.0, 2.0))
-    waves = np.hstack([np.sin(phases), np.cos(phases)])
+    waves = gear_waves(angle, cycles)
     both = np.hstack([line, waves])
     plain, found = (np.linalg.lstsq(x[free], torque[free], rcond=None)[0] for x in (line, both))
     left = (torque - line @ plain)[free], (torque - both @ found)[free]
@@ -50,3 +49,9 @@ def joint_ripple(q: Array, torque: Array, free: Mask, cycles: float) -> Array:
         return np.zeros(len(q))
     ripple: Array = (waves @ found[line.shape[1] :]).astype(np.float64)
     return ripple
+
+
+def gear_waves(angle: Array, cycles: float) -> Array:
+    """(n, 4) unit waves of a gear at a joint's angles (n,), rad: sines and cosines of two harmonics."""
+    phases = cycles * np.outer(angle, (1.0, 2.0))
+    return np.hstack([np.sin(phases), np.cos(phases)])

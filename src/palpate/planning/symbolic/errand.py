@@ -64,7 +64,9 @@ def errand(request: str, scene: Scene) -> Errand | None:
     if _DENYING.search(said):
         return None
     for quantity, evidence in tooled():
-        tools = [name for name in scene.objects if evidence.tool in name.lower().split("_")]
+        tools = [
+            name for name in scene.objects if evidence.tool in re.split(r"[\W_]+", name.lower())
+        ]
         used = re.search(rf"\b(?:with|using) (?:the|a|my) {re.escape(evidence.tool)}\b", said)
         if used is None or len(tools) != 1:
             continue
