@@ -123,6 +123,7 @@ def contrast(
             tuning.ARM_SWING * own.observed,
             tuning.ARM_BENT * bent,
             tuning.ARM_RUBS * own.rubbing,
+            tuning.ARM_STICKS * dry,
         )
         variance = swing.variance + ratio**2 * own.variance + sum(part**2 for part in inexact)
         gears = size * (swing.gears - ratio * own.gears)

@@ -122,7 +122,11 @@ def _explained(blackboard: Blackboard, change: Array, sets_down: bool, span: Spa
     """(3,) N, part of a change of the wrench (6,) that belongs to the motion."""
     lift = float(change[2])
     if sets_down:
-        return np.array([0.0, 0.0, min(lift, 0.0)])
+        # An object that has turned in the pads presses with one end first, and rubs there.
+        pressed = max(-lift, 0.0)
+        sideways = float(np.linalg.norm(change[:2]))
+        rubs = min(1.0, ROUGHEST * pressed / max(sideways, 1e-9))
+        return np.array([*(rubs * change[:2]), -pressed])
     if not leaves(span.start, span.end):
         return np.zeros(3)
     if blackboard.state.holding is None:
