@@ -337,7 +337,7 @@ class Loop:
         return bool(np.linalg.norm(force) > robot.limits.free_force)
 
     def advance(self) -> None:
-        ticks = int(self.blackboard.wait(LONGEST_WAIT) / self.tick_period + 1e-6)
+        ticks = math.ceil(self.blackboard.wait(LONGEST_WAIT) / self.tick_period - 1e-6)
         self.watched.run_on(max(1, ticks), self.tick_period)
         now = self.blackboard.robot.state.t
         if math.isfinite(now):

@@ -173,8 +173,9 @@ def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
 
 
 def estimate_by_rests_and_passes(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """Mass from rests and passes alone, without the other motion in free air: less precise than
-    `estimate_mass`, in half the time."""
+    """Mass from rests and passes alone, without the other motion in free air, and without what the model of the
+    arm leaves there (standard deviations 0 to 10 % smaller by that alone): less precise than `estimate_mass`, in a
+    sixth of the time."""
     return _contrast(trace, parameter, by_all_motion=False)
 
 
@@ -183,7 +184,9 @@ def _contrast(trace: Trace, parameter: Parameter, by_all_motion: bool) -> Estima
     if recording is None:
         return not_measured(parameter, UNIT)
     weight = weigh(trace, recording, by_all_motion)
-    parts = {"single-shot": single_shot(trace, recording), **alone(trace, weight.weighings)}
+    parts = {"single-shot": single_shot(trace, recording)}
+    if by_all_motion:
+        parts |= alone(trace, weight.weighings)
     method = contrast_method(weight.segments)
     if weight.whole is not None:
         method += WHOLE

@@ -47,7 +47,7 @@ def finish_fingers(blackboard: Blackboard, least: float = -math.inf) -> Wait:
     """Wait until the fingers' commanded motion has ended, or they are less than `least` m apart."""
     yield
     while blackboard.robot.state.gripper_moving and blackboard.robot.state.width >= least:
-        yield
+        yield np.inf if math.isinf(least) else None
 
 
 def grip(
@@ -67,8 +67,8 @@ def grip(
     if robot.state.width < least:
         return robot.state.width
     start = robot.state.t
-    while robot.state.t - start < GRIP_SETTLE:
-        yield
+    while (now := robot.state.t) - start < GRIP_SETTLE:
+        yield GRIP_SETTLE - (now - start)
     if not robot.state.gripping:
         raise LeafFailure(f"the fingers met no resistance: {missing}")
     return robot.state.width

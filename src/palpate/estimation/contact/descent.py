@@ -246,27 +246,30 @@ def change_point(z: Array, force: Array, weight: Array, rows: NDArray[np.intp]) 
     """Change point by weighted least squares among some rows."""
     # Linear at each z0, the height of a row; the best of a few rows is refined.
     height, share, begin = z[rows] - z[rows[0]], weight[rows], float(z[rows[0]])
-    wanted = force[rows] * share
-    prior = np.diag([0.0, tuning.FREE_SLOPE**-2.0, 0.0]) * tuning.SOFT_FORCE**2 * tuning.WANDERING
+    wanted, air = force[rows] * share, np.stack([share, height * share])
+    prior = np.array([0.0, tuning.FREE_SLOPE**-2.0, 0.0]) * tuning.SOFT_FORCE**2 * tuning.WANDERING
 
-    def at(row: int) -> ChangePoint:
-        columns = (np.ones(len(rows)), height, np.maximum(height[row] - height, 0.0))
-        design = np.column_stack(columns) * share[:, None]
-        normal = design.T @ design + prior + tuning.FLOOR**2 * np.eye(3)
-        found = np.linalg.solve(normal, design.T @ wanted).astype(np.float64)
-        left = wanted - design @ found
-        squares = float(left @ left + found @ prior @ found)
-        level, slope, stiffness = found.tolist()
-        met = begin + float(height[row])
+    def best_of(candidates: range) -> tuple[int, ChangePoint]:
+        contact = np.maximum(height[candidates, None] - height, 0.0) * share
+        # Normal equations of all candidates, which differ in the last column.
+        normal, right = np.empty((len(contact), 3, 3)), np.empty((len(contact), 3))
+        normal[:, :2, :2], right[:, :2] = air @ air.T, air @ wanted
+        normal[:, :2, 2] = normal[:, 2, :2] = contact @ air.T
+        normal[:, 2, 2], right[:, 2] = np.einsum("ij,ij->i", contact, contact), contact @ wanted
+        normal += np.diag(prior + tuning.FLOOR**2)
+        found = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
+        left = wanted - found[:, :2] @ air
+        left -= found[:, 2:] * contact
+        squares = np.einsum("ij,ij->i", left, left) + found**2 @ prior
         # A contact pushes, it does not pull.
-        misfit = squares if stiffness > 0.0 else np.inf
-        return ChangePoint(begin, level, slope, stiffness, met, misfit)
+        squares[found[:, 2] <= 0.0] = np.inf
+        i = int(squares.argmin())
+        met, (level, slope, stiffness) = begin + float(height[candidates[i]]), found[i].tolist()
+        return candidates[i], ChangePoint(begin, level, slope, stiffness, met, float(squares[i]))
 
     step = max(len(rows) // tuning.CANDIDATES, 1)
-    coarse = {row: at(row) for row in range(0, len(rows), step)}
-    best = min(coarse, key=lambda row: coarse[row].squares)
-    near = range(max(best - step, 0), min(best + step, len(rows)))
-    return min((at(row) for row in near), key=lambda found: found.squares)
+    best, _ = best_of(range(0, len(rows), step))
+    return best_of(range(max(best - step, 0), min(best + step, len(rows))))[1]
 
 
 def robust_std(values: Array) -> float:

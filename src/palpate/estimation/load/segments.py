@@ -186,7 +186,7 @@ class Weighing:
         segments: rests and passes with the load and without.
         noise: of the signals.
         scale: (m,) of the signals, see `estimation.load.observation`.
-        left: what the model of the arm leaves with an empty hand, as far as it was recorded.
+        left: what the model of the arm leaves with an empty hand, as far as it was recorded and learned.
     """
 
     segments: Sequence[Segment]
@@ -220,8 +220,9 @@ class Weighing:
 
 
 @once
-def weighing(trace: Trace, recording: Recording) -> Weighing:
-    """Find the rests and passes that weigh the load of `recording`, with and without it."""
+def weighing(trace: Trace, recording: Recording, learned: bool = True) -> Weighing:
+    """Find the rests and passes that weigh the load of `recording`, with and without it; and `learned` from the empty
+    hand's motion what the model of the arm leaves."""
     load = load_rows(trace, recording.context.holding)
     path = lift_path(trace, recording, load)
     rests = list(_rests(trace, recording, load, path))
@@ -237,7 +238,7 @@ def weighing(trace: Trace, recording: Recording) -> Weighing:
     if not any(segment.loaded for segment in found):
         # The object was recorded in motion only.
         found = [signals.segment(cut, [cut.rows]) for cut in rests]
-    left = of_empty_hand(trace, recording.context.holding or "")
+    left = of_empty_hand(trace, recording.context.holding or "") if learned else None
     return Weighing(found, signals.noise, signals.observed.scale, left)
 
 
@@ -248,8 +249,8 @@ def compared(trace: Trace, name: str, cuts: Sequence[Cut]) -> Weighing:
     return Weighing(found, signals.noise, signals.observed.scale, of_empty_hand(trace, name))
 
 
-def weighings(trace: Trace, recording: Recording) -> Sequence[Weighing]:
-    """All weighings of the object held during `recording`, one per path on which it was lifted and
+def weighings(trace: Trace, recording: Recording, learned: bool = True) -> Sequence[Weighing]:
+    """All weighings of the object held during `recording`, as `weighing`, one per path on which it was lifted and
     held still."""
     measured = [recording]
     for other in trace.recordings:
@@ -257,7 +258,7 @@ def weighings(trace: Trace, recording: Recording) -> Sequence[Weighing]:
         held = other.context.holding == recording.context.holding
         if still and held and not any(_same_place(trace, other, one) for one in measured):
             measured.append(other)
-    return [weighing(trace, one) for one in measured]
+    return [weighing(trace, one, learned) for one in measured]
 
 
 def _same_place(trace: Trace, one: Recording, other: Recording) -> bool:

@@ -72,12 +72,13 @@ class Weight:
 
 def weigh(trace: Trace, recording: Recording, by_all_motion: bool = True) -> Weight:
     """The load's vertical force over g, against the same rests and passes without the object, from
-    every weighing of what was held during `recording`; and `by_all_motion` in free air around them.
+    every weighing of what was held during `recording`; and `by_all_motion` in free air around them, with what the
+    model of the arm leaves there.
 
     Raises:
         ValueError: the recording holds no samples or no held object.
     """
-    found = weighings(trace, recording)
+    found = weighings(trace, recording, learned=by_all_motion)
     load = fit_load(found, trace.gravity, trace.hand)
     whole = whole_of(trace, recording, found, load) if by_all_motion else None
     force, std = (load.force, load.force_std) if whole is None else (whole.force, whole.std)

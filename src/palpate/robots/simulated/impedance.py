@@ -1,13 +1,14 @@
 """Cartesian and joint impedance control, run by MuJoCo at every 1 ms step.
 
 The springs and dampers are actuators: three along the world's axes and an orientation servo between
-the TCP and the world, one at each joint. Their set-points, and the nominal model's feed-forward and
-null-space torques, are the controls. Feedback is from the encoders alone; torque sensing is not in
-the loop.
+the TCP and the world, one at each joint, and a damper of the null space. Their set-points, and the nominal
+model's feed-forward and posture torques, are the controls. Feedback is from the encoders alone; torque
+sensing is not in the loop.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -17,7 +18,7 @@ import numpy as np
 from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription
 from palpate.robots.model import PREFIX
-from palpate.robots.nominal import wrench
+from palpate.robots.nominal import RIDGE
 from palpate.robots.sheet import Stiffness
 
 POSTURE_RATE = 5.0  # rad/s, natural frequency of the null space about its posture
@@ -27,6 +28,7 @@ ORIGIN = PREFIX + "origin"
 AXES = tuple(f"{PREFIX}cartesian_{axis}" for axis in "xyz")
 ORIENTATION = PREFIX + "orientation"
 DRIVES = tuple(f"{PREFIX}drive{i}" for i in range(1, 8))
+NULL_SPACE = PREFIX + "null_space"
 
 
 def add_actuators(world: mujoco.MjSpec, arm: RobotDescription) -> None:
@@ -49,6 +51,14 @@ def add_actuators(world: mujoco.MjSpec, arm: RobotDescription) -> None:
         )
         drive.set_to_position(kp=1.0, kv=1.0)
         world.joint(PREFIX + joint).actgravcomp = True
+    # A tendon whose length is n q, with the null space's axis n of the present run of cycles.
+    tendon = world.add_tendon(own, name=NULL_SPACE)
+    for joint in arm.joints:
+        tendon.wrap_joint(PREFIX + joint, 1.0)
+    swivel = world.add_actuator(
+        own, name=NULL_SPACE, trntype=mujoco.mjtTrn.mjTRN_TENDON, target=NULL_SPACE
+    )
+    swivel.set_to_position(kp=1.0, kv=1.0)
 
 
 class Inertia(NamedTuple):
@@ -98,13 +108,18 @@ class Gains:
         """Return zero gains: the joint drives take torques. `inertia` (7, 7) kg m^2."""
         return cls(False, np.zeros(7), np.zeros(7), inertia, np.diag(inertia))
 
-    def at_joints(self, each: Array, jacobian: Array) -> Array:
-        """Map `stiffness` or `damping` to the joints, (7, 7): J^T K J for the TCP's springs."""
-        return jacobian.T @ (each[:, None] * jacobian) if self.cartesian else np.diag(each)
+    def dampers(self, jacobian: Array, swivel: Swivel) -> Array:
+        """Map all dampers to the joints, (7, 7): J^T D J for the TCP's, beside the null space's."""
+        if not self.cartesian:
+            return np.diag(self.damping)
+        own = swivel.damping * np.outer(swivel.axis, swivel.axis)
+        return jacobian.T @ (self.damping[:, None] * jacobian) + own
 
-    def on(self, rows: Array, each: Array, jacobian: Array) -> Array:
-        """Map rows of joint angles or rates (n, 7) through `stiffness` or `damping` to torques (n, 7)."""
-        return ((rows @ jacobian.T) * each) @ jacobian if self.cartesian else rows * each
+    def sprung(self, rows: Array, jacobian: Array) -> Array:
+        """Map rows of joint angles (n, 7) to torques (n, 7) of the springs."""
+        if not self.cartesian:
+            return rows * self.stiffness
+        return ((rows @ jacobian.T) * self.stiffness) @ jacobian
 
     def lead(self, rate: Array, acceleration: Array) -> Array:
         """Compute the lead (n, 6 or 7) of the springs' set-points for a motion without lag.
@@ -114,19 +129,36 @@ class Gains:
         """
         return (self.damping * rate + acceleration @ self.inertia) / self.stiffness
 
-    def posture_torque(self, away: Array, rate: Array, jacobian: Array) -> Array:
-        """Compute the torques (7,), N m, that close the null space's distance `away`, rad, and rate
-        error `rate`, rad/s, without a force at the TCP."""
+
+class Swivel(NamedTuple):
+    """Motion of the elbow with the TCP at rest, in one configuration: the null space of an arm with seven joints."""
+
+    axis: Array  # (7,) unit vector n of joint rates without a twist, J n = 0; torques along it make no force
+    damping: float  # N m s/rad, critical with the inertia n^T M n of the joints alone
+
+    @classmethod
+    def of(cls, jacobian: Array, own: Array) -> Swivel:
+        """Compute it from the Jacobian J (6, 7) and the joints' own inertia (7,), kg m^2."""
+        from scipy.linalg.lapack import dposv
+
+        # The projection 1 - J^T (J J^T)^-1 J is n n^T: its largest column shows n.
+        onto = np.eye(7) - jacobian.T @ dposv(jacobian @ jacobian.T + RIDGE, jacobian)[1]
+        axis = onto[:, int(onto.diagonal().argmax())]
+        axis = axis / math.sqrt(axis @ axis)
+        return cls(axis, 2 * POSTURE_RATE * float(own @ axis**2))
+
+    def torque(self, away: Array, rates: Array) -> Array:
+        """Compute the torques along the axis (n,), N m, that close the distance `away` (7,), rad, and follow the rates
+        (n, 7), rad/s, on top of the damper."""
         near = np.minimum(np.maximum(away, -MOST_AWAY), MOST_AWAY)
-        torque = self.own * (POSTURE_RATE**2 * near + 2 * POSTURE_RATE * rate)
-        return torque - jacobian.T @ wrench(jacobian, torque)
+        return self.damping * (POSTURE_RATE / 2 * (near @ self.axis) + rates @ self.axis)
 
 
 class Actuators:
     """The controller's actuators in a model, and the setting of their gains.
 
     Attributes:
-        position, orientation, drives: indices into `ctrl`.
+        position, orientation, drives, swivel: indices into `ctrl`.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -138,6 +170,10 @@ class Actuators:
         place, turn, drive = (int(first[i]) for i in (self._axes[0], self._turn, self._drives[0]))
         self.position, self.orientation = slice(place, place + 3), slice(turn, turn + 4)
         self.drives = slice(drive, drive + 7)
+        self._swivel = model.actuator(NULL_SPACE).id
+        self.swivel = int(first[self._swivel])
+        wraps = int(model.tendon_adr[model.tendon(NULL_SPACE).id])
+        self._axis = model.wrap_prm[wraps : wraps + 7]
 
     def set(self, gains: Gains) -> None:
         """Activate these springs alone; where the joints' are off, their drives are torque inputs."""
@@ -146,10 +182,16 @@ class Actuators:
             self._spring(self._turn, gains.stiffness[3], gains.damping[3])
             self._gain[self._drives, 0], self._bias[self._drives] = 1.0, 0.0
         else:
-            self._spring([*self._axes, self._turn], 0.0, 0.0)
+            self._spring([*self._axes, self._turn, self._swivel], 0.0, 0.0)
             self._spring(self._drives, gains.stiffness, gains.damping)
         if not gains.stiffness.any():
             self._gain[self._drives, 0] = 1.0
+
+    def damp(self, swivel: Swivel) -> None:
+        """Damp the null space, with its torque as the control."""
+        self._axis[:] = swivel.axis
+        self._spring(self._swivel, 0.0, swivel.damping)
+        self._gain[self._swivel, 0] = 1.0
 
     def _spring(
         self, which: list[int] | int, stiffness: Array | float, damping: Array | float

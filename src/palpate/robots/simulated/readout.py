@@ -175,9 +175,9 @@ class Readout:
             self.contact_torque = felt[-1]
         return samples
 
-    def follow(self, steps: Steps, gains: Gains, target: Array) -> None:
-        """Follow a run of steps, with the commanded poses of the TCP (n, 7): the arm's motion as its
-        encoders report it."""
+    def follow(self, steps: Steps, gains: Gains, dampers: Array, target: Array) -> None:
+        """Follow a run of steps, with the dampers at the joints (7, 7) and the commanded poses of the TCP (n, 7):
+        the arm's motion as its encoders report it."""
         gained = steps.dq.copy()
         gained[0] -= self.speed
         gained[1:] -= steps.dq[:-1]
@@ -192,7 +192,7 @@ class Readout:
         dq = (rows[1:, :7] - rows[:-1, :7]) / PERIOD
         self._last, self.jacobian, self.rate = rows[-1], here.jacobian[-1], dq[-1]
         self.angle_error, self.commanded = q[-1] - steps.q[-1], steps.torque[-1]
-        true, width = self._link_torque(steps, gained, gains), steps.fingers.sum(1)
+        true, width = self._link_torque(steps, gained, gains, dampers), steps.fingers.sum(1)
         self._followed.append(
             Followed(mean, dq, here.jacobian, here.inertia_torque, true, target, width)
         )
@@ -253,7 +253,7 @@ class Readout:
         self._external = out[-1]
         return out
 
-    def _link_torque(self, steps: Steps, gained: Array, gains: Gains) -> Array:
+    def _link_torque(self, steps: Steps, gained: Array, gains: Gains, dampers: Array) -> Array:
         """Compute the mean torque (n, 7) behind the gears in each block, without that of the motors'
         own inertia.
 
@@ -263,6 +263,6 @@ class Readout:
         steps before.
         """
         speed = steps.dq - gained / 2.0
-        early = gains.on(speed, gains.stiffness * (TIMESTEP - self._step) / 2, self.jacobian)
-        late = gains.on(gained, gains.damping * self._step / 2, self.jacobian)
+        early = gains.sprung(speed * ((TIMESTEP - self._step) / 2), self.jacobian)
+        late = gained @ dampers * (self._step / 2)
         return steps.torque + early - (late + gained * self._armature) / PERIOD

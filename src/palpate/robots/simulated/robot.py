@@ -23,7 +23,7 @@ from palpate.robots.reflex import Reflex
 from palpate.robots.robot import RobotState
 from palpate.robots.simulated.gripper import Gripper
 from palpate.robots.simulated.guard import Guard, Reaction
-from palpate.robots.simulated.impedance import Gains, Inertia
+from palpate.robots.simulated.impedance import Gains, Inertia, Swivel
 from palpate.robots.simulated.noise.line import Stamps
 from palpate.robots.simulated.noise.model import Streams
 from palpate.robots.simulated.noise.models import noise_models
@@ -228,7 +228,8 @@ class MujocoRobot(Commanded):
         if self._path.end > t:
             ticks = max(1, min(ticks, math.ceil((self._path.end - t) / tick - 1e-9)))
         hand, periods = (gripper.moving, gripper.gripping), max(1, round(tick / PERIOD))
-        at_once = max(1, LONGEST_RUN // periods) if self._guard.felt is None else 1
+        looks = self._yielding or gripper.moving or self._guard.felt is not None
+        at_once = 1 if looks else max(1, LONGEST_RUN // periods)
         while ticks > 0:
             self._pass(min(ticks, at_once) * tick, periods)
             ticks -= at_once
@@ -308,7 +309,10 @@ class MujocoRobot(Commanded):
     def _run(self, periods: int) -> None:
         """Step the world for some log periods, and follow the arm."""
         world, n = self._world, periods * BLOCK
-        self._dynamics = self._nominal.dynamics(self._readout.q, self._readout.rate)
+        readout = self._readout
+        self._dynamics = self._nominal.dynamics(readout.q, readout.rate)
+        self._swivel = Swivel.of(readout.jacobian, self._gains.own)
+        self._dampers = self._gains.dampers(readout.jacobian, self._swivel)
         control = np.empty((n, len(world.rest_control)))
         control[:] = world.rest_control
         self._correction.follow()
@@ -319,7 +323,7 @@ class MujocoRobot(Commanded):
         steps = world.step(control, self._guard)
         target = target[: len(steps.q)]
         self._correction.reached(len(steps.q) / periods)
-        self._readout.follow(steps, self._gains, target)
+        readout.follow(steps, self._gains, self._dampers, target)
         self._target = target[-1]
         fingers, speeds = steps.fingers[-1] + self._wider / 2, steps.finger_speed[-1]
         self._gripper.observe(world.t, fingers.tolist(), speeds.tolist())
@@ -327,7 +331,7 @@ class MujocoRobot(Commanded):
             self._yield(self._guard.fired)
         elif self._yielding:
             yielded = world.t - self._since
-            slow = float(np.abs(self._readout.rate).max()) < STANDSTILL
+            slow = float(np.abs(readout.rate).max()) < STANDSTILL
             if yielded > LONGEST_YIELD or (slow and yielded > SHORTEST_YIELD):
                 self._follow_joints(still(world.t, self._leading()))
 
@@ -336,7 +340,6 @@ class MujocoRobot(Commanded):
         readout, thresholds = self._readout, self._thresholds
         mass_matrix, velocity_torque = self._dynamics
         jacobian = readout.jacobian
-        damping = self._gains.at_joints(self._gains.damping, jacobian)
         known = readout.deviation - velocity_torque - self._correction.torque
 
         def reaction() -> Reaction:
@@ -348,7 +351,7 @@ class MujocoRobot(Commanded):
             reaction=reaction,
             jacobian=jacobian,
             # A torque is sampled at the beginning of a cycle's last physics step, dampers act at the end of each.
-            inertia=mass_matrix + self._world.model.opt.timestep / 2 * damping,
+            inertia=mass_matrix + self._world.model.opt.timestep / 2 * self._dampers,
             dq=readout.speed,
             deviation=self._sensors.looks(cycles) + known,
             tick=self._tick,
@@ -377,10 +380,9 @@ class MujocoRobot(Commanded):
             return target
         control[:, actuators.position] = correction.positions(rows[:, :3])
         control[:, actuators.orientation] = correction.orientations(rows[:, 3:])
-        posture = setpoints.posture[block]
-        torque = self._gains.posture_torque(
-            posture[:7] - readout.q, posture[7:] - readout.rate, readout.jacobian
-        )
-        torque += self._dynamics[1] + correction.torque
-        control[:, actuators.drives] = torque
+        control[:, actuators.drives] = self._dynamics[1] + correction.torque
+        posture = setpoints.posture[block : last // BLOCK]
+        swivel = self._swivel.torque(posture[0, :7] - readout.q, posture[:, 7:])
+        control[:, actuators.swivel] = np.repeat(swivel, BLOCK)
+        actuators.damp(self._swivel)
         return target

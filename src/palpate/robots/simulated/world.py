@@ -172,7 +172,7 @@ class World:
         if last < count:
             mujoco.mj_copyData(self._data, self.model, self._before)
             undo()
-            self._cycle(control, 0, last)
+            self._roll(control[:last])
         return fired
 
     def _one_by_one(self, control: Array, guard: Guard) -> int | None:
@@ -200,14 +200,14 @@ class World:
                 stiction.apply(model, data)
             mujoco.mj_getState(model, data, self._at[0], PHYSICS)
             self._warm[0] = data.qacc_warmstart
-            steps = slice(first, first + length)
+            steps = slice(first, min(first + length, count))
             self._rollout.rollout(
                 [model],
                 [data],
                 self._at,
                 control[:, steps],
                 skip_checks=True,
-                nstep=length,
+                nstep=steps.stop - first,
                 initial_warmstart=self._warm,
                 state=self._states[:, steps],
                 sensordata=self._signals[:, steps],

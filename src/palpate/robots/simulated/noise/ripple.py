@@ -46,14 +46,26 @@ class Resonator:
         self._b = g * g * scale
         self._a1 = 2.0 * (g * g - 1.0) * scale
         self._a2 = (1.0 - 2.0 * resonance.damping * g + g * g) * scale
-        self._s1 = self._s2 = np.zeros(JOINTS)
+        self._state = np.zeros((2, JOINTS))
+        self._maps: dict[int, Array] = {}
 
     def passed(self, ripple: Array) -> Array:
         """Filter the next inputs (n, 7)."""
-        out = np.empty_like(ripple)
-        for i, now in enumerate(ripple):
-            shown = self._b * now
-            out[i] = here = shown + self._s1
-            self._s1 = 2.0 * shown - self._a1 * here + self._s2
-            self._s2 = shown - self._a2 * here
-        return np.where(self._acts, out, ripple)
+        given = np.concatenate([self._state, ripple])
+        if len(ripple) not in self._maps:
+            self._maps[len(ripple)] = self._map(len(ripple))
+        out = (self._maps[len(ripple)] @ given.T[:, :, None])[:, :, 0].T
+        self._state = out[:2]
+        return np.where(self._acts, out[2:], ripple)
+
+    def _map(self, count: int) -> Array:
+        """Compute the matrices (7, 2 + count, 2 + count) from state and inputs to the state after them and the
+        outputs: the filter's answers to each alone."""
+        each = np.broadcast_to(np.eye(2 + count)[:, None], (2 + count, JOINTS, 2 + count))
+        s1, s2, out = each[0], each[1], list[Array]()
+        b, a1, a2 = (one[:, None] for one in (self._b, self._a1, self._a2))
+        for now in each[2:]:
+            here = b * now + s1
+            s1, s2 = 2.0 * b * now - a1 * here + s2, b * now - a2 * here
+            out.append(here)
+        return np.stack([s1, s2, *out], axis=1)
