@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from workbench import BOTTLE, bench
 
 from palpate.geometry.pose import Pose
 from palpate.vocabulary.admissible.clearance import Boxes, box_hits, needed_away
+from palpate.vocabulary.admissible.motion import conservative_violations, violations
 from palpate.vocabulary.state import SymbolicState
 
 number = st.floats(-0.2, 0.2)
@@ -59,3 +63,33 @@ def test_objects_on_an_object_block_it_and_those_aside_do_not():
     scene = bench(LOW, ON_TOP, ASIDE)
     assert needed_away(scene, ["low"]) == {"top"}
     assert needed_away(scene, ["top", "aside"]) == set()
+
+
+@pytest.mark.parametrize(
+    ("along", "strict", "leaves"),
+    [("x", False, False), ("y", False, True), ("x", True, True), ("y", True, True)],
+)
+def test_open_fingers_leave_a_thing_along_themselves_or_straight_up(
+    along: str, strict: bool, leaves: bool
+) -> None:
+    """Across, a finger pushes it over; a planner that takes no risk goes up either way."""
+    state = SymbolicState(bench(BOTTLE), gripper="open")
+    grasp = state.scene.symbols.resolve("bottle_pose")
+    way = 0.15 * grasp.rotation[:, "xy".index(along)]
+    before = replace(state, at="bottle_pose", pose_world_tcp=grasp)
+    after = replace(before, at="away", pose_world_tcp=grasp.translated(tuple(way)))
+    judged = conservative_violations if strict else violations
+    said = [one.message for one in judged(before, after) if one.rule == "sideways"]
+    assert [("leave to the side of 'bottle'" in message) for message in said] == [True] * leaves
+
+
+@pytest.mark.parametrize(("overlap", "met"), [(0.001, False), (0.005, True)])
+def test_a_carried_thing_meets_what_it_would_overlap_by_more_than_a_touch(
+    overlap: float, met: bool
+) -> None:
+    state = SymbolicState(bench(BOTTLE, ASIDE))
+    grasp = state.scene.symbols.resolve("bottle_pose")
+    held = grasp.inverse() @ state.pose_of("bottle")
+    carried = replace(state, gripper="closed", holding="bottle", pose_tcp_object=held)
+    beside = grasp.translated((0.0, 0.15 + overlap, 0.0))
+    assert box_hits(carried, beside, beside.translated((0.0, 0.0, 0.01))) == ["aside"] * met

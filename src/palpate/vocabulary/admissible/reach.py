@@ -108,9 +108,7 @@ def require_room(scene: Scene) -> None:
     home = scene.symbols.joints(HOME_CONFIG)
     still = joint_path(solids(scene), home, home, width=0.0)
     overlaps = arm_sweep(SymbolicState(scene), still, 0.0).overlaps()
-    # The base may overlap its support.
-    allowed = {scene.arm.base}
-    found = [hit for hit in overlaps if hit.other.kind != LINK and hit.other.owner not in allowed]
+    found = [hit for hit in overlaps if hit.other.kind != LINK]
     if not found:
         return
     deepest = min(found, key=lambda hit: hit.distance)
