@@ -19,7 +19,6 @@ import numpy as np
 from palpate.calibration.camera import (
     KEPT,
     PICTURES,
-    STICKER,
     configurations,
     in_view,
     stances,
@@ -28,21 +27,29 @@ from palpate.calibration.session import Session
 from palpate.cells.simulated import SimulatedCell
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.model import PREFIX
+from palpate.robots.nominal import NominalArm
 from palpate.robots.owner.config import RobotConfig
+from palpate.seeing.handeye.embedded import STICKER
 from palpate.seeing.handeye.fit import Views, frame_of, hand_eye, surest
 from palpate.seeing.lens import FACING, Lens, Mount, pinhole
 from palpate.seeing.solve import apart, moved
 from palpate.seeing.vision import CORNERS
 from palpate.settings import Settings
+from palpate.trace.samples import STANDARD_GRAVITY
 
 HALF, PLACE, LENS = 0.03, 0.005, 0.01
 """m, m and rad, relative."""
 
 
 def true_poses(cell: SimulatedCell, arm, q: Array) -> list[Pose]:
-    """True poses of the TCP in the world at configurations (n, 7) that the encoders show."""
-    footage = cell.footage()
+    """True poses of the TCP in the world at configurations (n, 7) that the encoders show, which sit before what
+    gives way in the joints."""
+    footage, robot = cell.footage(), cell._robot
     assert footage is not None
+    assert robot is not None
+    nominal = NominalArm(arm, Pose.of([0, 0, 0]), np.array([0.0, 0.0, -STANDARD_GRAVITY]))
+    torque = nominal.kinematics(q).gravity_torque
+    q = q - (robot._encoders.reported(q, torque) - q)
     model = footage.model
     data, found = mujoco.MjData(model), []
     joints = [model.joint(PREFIX + name).qposadr[0] for name in arm.joints]
@@ -91,7 +98,7 @@ def main(runs: int, noise: float, level: str) -> None:
         frame = frame_of(hands[:KEPT], jacobians[:KEPT])
         views = Views(hands, jacobians, frame, HALF, 0.0, lens, believed, False, 1e-4)
         began = time.process_time()
-        left = in_view(views)
+        left = in_view(views, STICKER)
         chosen = [left[i] for i in surest(views.some(left), STICKER, PICTURES)]
         true = moved(believed.pose_world_camera, PLACE * random.standard_normal(6))
         zoom = float(np.exp(LENS * random.standard_normal()))

@@ -17,8 +17,11 @@ from palpate.robots.owner.config import RobotConfig, read_config
 from palpate.robots.registry import load_description
 from palpate.scene.load import parse_scene
 from palpate.seeing.handeye.calibrated import calibrated
-from palpate.seeing.lens import Lens, Mount, pinhole
+from palpate.seeing.handeye.embedded import HELD
+from palpate.seeing.handeye.fit import Views
+from palpate.seeing.lens import Lens, Mount, pinhole, read_lens
 from palpate.settings import settings_of
+from palpate.stages.looking import seen_from
 
 pytest.importorskip("cv2")
 BENCH = Pose.of((1.5, -0.4, 0.9))
@@ -26,25 +29,36 @@ BENCH = Pose.of((1.5, -0.4, 0.9))
 
 
 @pytest.mark.skipif(not gl_available()[0], reason="no OpenGL")
-def test_a_tag_on_the_hand_tells_where_the_camera_is(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("source", "place", "tag", "surer"),
+    [
+        ("world:workspace", BENCH, "on the hand", 0.3),
+        pytest.param("world:hand", HELD, "that stands still", 0.5, marks=pytest.mark.long),
+    ],
+)
+def test_a_tag_tells_where_the_camera_is(
+    source: str,
+    place: Pose,
+    tag: str,
+    surer: float,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     monkeypatch.setattr(camera, "PICTURES", 8)
     monkeypatch.setattr(camera, "DRAWN", 4000)
     out = tmp_path / "robot.yaml"
-    asked = wanted(None, None, False, "world:workspace", None, "7=60mm", tmp_path / "left.png")
+    asked = wanted(None, None, False, source, None, "7=60mm", tmp_path / "left.png")
     done = calibrate(settings_of(noise="none", seed=3), asked, out)
     found = read_config(out).camera
     assert found is not None
     assert found.covariance is not None
     std = np.sqrt(np.diag(found.covariance))
-    off = found.pos - BENCH.position
+    off = found.pos - place.position
     assert np.abs(off / std[:3]).max() < 3.5
     assert np.linalg.norm(off) < 0.003
-    assert (
-        found.by == f"tag 7 on the hand in {len(done.pictures.corners)} pictures of world:workspace"
-    )
+    count = len(done.pictures.corners)
+    assert found.by == f"tag 7 {tag} in {count} pictures of {source}"
     assert [one.name for one in done.found][::3] == [
         "camera x",
         "camera turn x",
@@ -52,7 +66,7 @@ def test_a_tag_on_the_hand_tells_where_the_camera_is(
     ]
     assert (tmp_path / "left.png").read_bytes().startswith(b"\x89PNG")
     for one in done.found[3:6]:  # its turn, 3 mrad before
-        assert one.after[1] < 0.3 * one.before[1]
+        assert one.after[1] < surer * one.before[1]
 
 
 def test_a_calibrated_camera_is_where_robot_yaml_says_until_it_is_another_one() -> None:
@@ -73,8 +87,62 @@ def test_a_calibrated_camera_is_where_robot_yaml_says_until_it_is_another_one() 
     assert np.diag(mount.covariance) == pytest.approx([2, 1, 3, 5, 4, 6, 7])
     assert found.matrix[1, 1] == pytest.approx(360 / np.tan(np.radians(21.9)))
     assert at()[1] is None  # stated, not calibrated
+    _, held = at(covariance=covariance, on_hand=True)
+    assert held is not None
+    # At home the hand is 0.307 m ahead of the base, which is turned to the left, and looks down.
+    assert held.pose_world_camera.position == pytest.approx([0.1, 1.307, -0.013], abs=0.01)
+    assert not held.on_hand
     assert at(covariance=covariance, size=[640, 480])[1] is None
     assert at(covariance=covariance, fovy=60)[1] is None
+
+
+def test_a_camera_on_the_hand_is_where_the_hand_is(tmp_path: Path) -> None:
+    text = "{fx: 900, fy: 900, cx: 640, cy: 360, size: [1280, 720], pose: {pos: [0.1, 0, 0], quat: [0, 1, 0, 0]"
+    rows = [[1e-6 * (i == j) for j in range(6)] for i in range(6)]
+    joints = [0.5, -0.785, 0, -2.356, 0, 1.571, 0.785]
+    path = tmp_path / "lens.yaml"
+    path.write_text(f"{text}, covariance: {rows}, on_hand: true, joints: {joints}}}}}")
+    lens, mount = read_lens(path)
+    assert mount is not None
+    scene = parse_scene("<mujoco><worldbody><site name='robot_base'/></worldbody></mujoco>")
+    _, turned = calibrated(scene, lens, mount)
+    _, told = calibrated(scene, lens, mount, lambda: Pose.of((0.5, 0, 0.4), (0, 1, 0, 0)))
+    assert turned is not None
+    assert told is not None
+    assert told.pose_world_camera.position == pytest.approx([0.6, 0, 0.4])
+    assert np.linalg.norm(turned.pose_world_camera.position[:2]) == pytest.approx(0.407, abs=0.01)
+    x, y, _ = turned.pose_world_camera.position
+    assert np.arctan2(y, x) == pytest.approx(0.5, abs=0.01)
+    assert (np.diag(told.covariance) > 1e-6).all()  # and what the arm is off
+    path.write_text(f"{text}, covariance: {rows}, joints: {joints}}}}}")
+    with pytest.raises(InputError, match="goes with on_hand"):
+        read_lens(path)
+
+
+def test_a_camera_on_the_hand_sees_a_tag_from_where_it_faces_it() -> None:
+    arm, lens = load_description(), Lens(pinhole(900.0, 639.5, 359.5), (1280, 720))
+    q = np.array(
+        [arm.home, arm.home + np.array([0, 0, 0, 0, 0, 1.0, 0])]
+    )  # looks at the plane, and past it
+    hands, jacobians = camera.stances(arm, q)
+    mount = Mount(HELD, np.eye(6), on_hand=True)
+    views = Views(hands, jacobians, np.zeros((6, 35)), 0.03, 0.0, lens, mount, True, 1e-4)
+    below = Pose.of((*hands[0].apply(HELD.position)[:2], 0.0))
+    assert camera.in_view(views, below) == [0]
+    assert not camera.in_view(views, below @ Pose.of((0, 0, 0), (0, 1, 0, 0)))  # its back
+
+
+@pytest.mark.skipif(not gl_available()[0], reason="no OpenGL")
+def test_the_embedded_arm_sees_by_the_camera_on_its_hand() -> None:
+    text = """<mujoco><worldbody><light pos="0 0 2"/><site name="robot_base"/>
+      <body name="table" pos=".45 0 -.02"><geom type="box" size=".35 .4 .02"/></body>
+      <body name="box" pos="{}"><freejoint/><geom type="box" size=".025 .025 .03" mass=".1"/>
+        <site name="tag_7" pos="0 0 .0305" size=".018"/></body></worldbody></mujoco>"""
+    scene, world = (parse_scene(text.format(at)) for at in (".45 .04 .03", ".462 .028 .03"))
+    seen = seen_from(scene, "world:hand", world=world, noise="none")
+    off = seen.poses["box"].position - [0.462, 0.028, 0.03]
+    assert np.abs(off / np.sqrt(np.diag(seen.covariances["box"])[:3])).max() < 3.0
+    assert seen.std("box")[0] < 0.004
 
 
 @pytest.mark.parametrize(

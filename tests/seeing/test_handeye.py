@@ -11,7 +11,7 @@ import pytest
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
-from palpate.seeing.handeye.fit import LINKS, ZEROS, HandEye, Views, frame_of, hand_eye, surest
+from palpate.seeing.handeye.fit import BENT, ZEROS, HandEye, Views, frame_of, hand_eye, surest
 from palpate.seeing.lens import FACING, Lens, Mount, pinhole
 from palpate.seeing.solve import apart, moved
 
@@ -67,7 +67,7 @@ def drawn(
             ZEROS * random.standard_normal(7),
         ]
     )
-    place = math.hypot(1e-4, LINKS)
+    place = math.hypot(1e-4, BENT)
     size = place * np.array([1, 1, 1, 2, 2, 2])
     corners = [
         known.some([i]).at(tag, step, size * random.standard_normal(6))[0]

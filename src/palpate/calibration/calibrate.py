@@ -46,8 +46,8 @@ class Wanted:
         weight: a known mass, kg.
         gauge: known heights, m.
         own_weight: the arm weighs itself.
-        camera: a camera that looks at the arm, as `see` takes it; its intrinsics file; and the tag on the
-            hand, its number and side, m.
+        camera: a camera that looks at the arm or is on its hand, as `see` takes it; its intrinsics file; and the tag
+            on the hand, or before a camera there, its number and side, m.
         plot: PNG to write of the camera's residuals.
     """
 
@@ -174,7 +174,7 @@ def require_consistent(
         )
     if (wanted.camera is None) != (wanted.tag is None):
         raise InputError(
-            "camera= and tag= go together: a camera, and the number and side of a tag on the hand, e.g. 0=60mm±0.1mm"
+            "camera= and tag= go together: a camera, and the number and side of a tag, e.g. 0=60mm±0.1mm"
         )
     for name in ("intrinsics", "plot"):
         if wanted.camera is None and getattr(wanted, name) is not None:

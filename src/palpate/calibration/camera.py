@@ -1,4 +1,5 @@
-"""Calibration of a camera's pose: the arm shows it a tag on its hand in many poses, and each rest is a picture.
+"""Calibration of a camera's pose: the arm shows it a tag on its hand in many poses, or carries it around one that
+stands still, and each rest is a picture.
 
 The poses are drawn at random about home, kept where the camera sees the tag, and chosen so that its place
 becomes surest (`palpate.seeing.handeye.fit`).
@@ -11,7 +12,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,26 +22,26 @@ from palpate.calibration.session import Session
 from palpate.calibration.stated import Known
 from palpate.cells.simulated import SimulatedCell
 from palpate.errors import InputError, PalpateError
-from palpate.geometry.pose import Array, Pose, rotations
+from palpate.geometry.pose import Array, Pose
 from palpate.planning.plan import Node, Plan
-from palpate.robots.model import PREFIX
 from palpate.robots.nominal import NominalArm
 from palpate.robots.owner.config import JOINTS, Camera
 from palpate.scene.scene import Scene
 from palpate.seeing.detection import detect
+from palpate.seeing.handeye.embedded import HAND, LYING, STICKER, believed, with_camera, with_tag
 from palpate.seeing.handeye.fit import FEWEST, HandEye, Views, frame_of, hand_eye, surest
 from palpate.seeing.lens import Lens, Mount
 from palpate.seeing.look import LUMA
 from palpate.seeing.rendered import SimulatedCamera
 from palpate.seeing.sources import Stream
+from palpate.seeing.tags import tags_of
 from palpate.seeing.vision import TAGS
 from palpate.settings import WORLD_CAMERA
 from palpate.stages.workplace import cell_for
+from palpate.trace.samples import STANDARD_GRAVITY
 from palpate.vocabulary.state import HOME_CONFIG
 
 if TYPE_CHECKING:
-    import mujoco
-
     from palpate.execution.runner import Snapshot
     from palpate.robots.description import RobotDescription
 
@@ -65,9 +66,6 @@ NEAREST = 0.15
 """m from the camera to the tag."""
 TRIES = 6
 """Choices of poses, each without those that something is in the way of."""
-STICKER = Pose.of((0.045, 0.0, -0.075), (0.5, -0.5, 0.5, -0.5))
-"""A tag on the broad side of the hand that looks away from the base at home, upright there, in the TCP's
-frame; it is believed to be there to some cm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +75,7 @@ class Eye:
     Attributes:
         source: as given on the command line.
         lens: as its owner has it.
-        mount: where it is believed to be in the world.
+        mount: where it is believed to be in the world, or on the hand.
         shoot: takes a picture (height, width, 3), RGB.
     """
 
@@ -125,38 +123,51 @@ def locate(
     scene = own or session.bench_with_camera()
     eye = _eye(session, scene, source, intrinsics, number, tag.size.value)
     base = session.arm.stands(scene.pose_world_base)
-    turn = np.kron(np.eye(2), base.rotation.T)
-    covariance = turn @ eye.mount.covariance[:6, :6] @ turn.T
-    mount = Mount(base.inverse() @ eye.mount.pose_world_camera, covariance)
+    on_hand = eye.mount.on_hand
+    mount = eye.mount if on_hand else eye.mount.within(base.inverse())
+    there = base.inverse() @ _standing(scene, number) if on_hand else STICKER
 
     half, std = tag.size.value / 2, tag.size.std / tag.size.value
     scatter = session.arm.nominal.pose_repeatability
     q = configurations(session.arm)
     hands, jacobians = stances(session.arm, q)
     frame = frame_of(hands[:KEPT], jacobians[:KEPT])
-    drawn = Views(hands, jacobians, frame, half, std, eye.lens, mount, False, scatter)
+    drawn = Views(hands, jacobians, frame, half, std, eye.lens, mount, on_hand, scatter)
     session.callbacks.progress("choosing poses in view of the camera")
-    chosen = _chosen(session, scene, q, drawn)
+    chosen = _chosen(session, scene, q, drawn, there)
     shots = Shots(eye.shoot, eye.lens, number)
-    session.callbacks.progress(f"showing tag {number} to the camera in {len(chosen)} poses")
+    what = "looking at tag {} from {}" if on_hand else "showing tag {} to the camera in {}"
+    session.callbacks.progress(f"{what.format(number, len(chosen))} poses")
     trace = session.perform(scene, _plan(chosen), None if own else scene, shots)
     if shots.failed is not None:
         raise shots.failed
     seen = [(i, where) for i, where in enumerate(shots.seen) if where is not None]
     if len(seen) < FEWEST:
         raise InputError(
-            f"the camera saw tag {number} in {len(seen)} of {len(chosen)} pictures, {FEWEST} are needed: is it on "
-            "the hand's broad side that looks away from the base at home, and the camera about where its "
-            "intrinsics file says? Nothing is written"
+            f"the camera saw tag {number} in {len(seen)} of {len(chosen)} pictures, {FEWEST} are needed: is it "
+            f"{_place(on_hand)}, and the camera about where its intrinsics file says? Nothing is written"
         )
     rests = np.array([trace.of(recording).q.mean(axis=0) for recording in trace.recordings])
     hands, jacobians = stances(session.arm, rests)
     session.callbacks.progress(f"fitting {len(seen)} pictures")
     shown = replace(drawn, hands=hands, jacobians=jacobians).some([i for i, _ in seen])
     found = hand_eye(shown, [where for _, where in seen])
-    entry = _entry(found, eye.source, number)
+    entry = _entry(found, eye.source, number, on_hand)
     session.config = session.config.model_copy(update={"camera": entry})
     return found, shown
+
+
+def _place(on_hand: bool) -> str:
+    """Where the tag should be, in words."""
+    if on_hand:
+        return "where the scene has its site, or half a metre before the base, flat on the plane of its foot"
+    return "on the hand's broad side that looks away from the base at home"
+
+
+def _standing(scene: Scene, number: int) -> Pose:
+    """Where a tag that stands still is believed to be in the world."""
+    stated = tags_of(scene).get(number)
+    return scene.pose_world_base @ LYING if stated is None else stated.pose_world
 
 
 def _number(tag: Known) -> int:
@@ -187,46 +198,39 @@ def _eye(
     name = source.removeprefix(WORLD_CAMERA)
     cell = cell_for(settings, scene)
     assert isinstance(cell, SimulatedCell)
-    owned = SimulatedCamera(cell.world.spec(cell.drawn), name, seed=settings.seed)
+    if name == HAND:
+        lens, mount = believed(settings.seed)
+        on = None if number in tags_of(scene) else cell.world.pose_world_base @ LYING
+    else:
+        owned = SimulatedCamera(cell.world.spec(cell.drawn), name, seed=settings.seed)
+        lens, mount, on = owned.lens, owned.mount, None
     camera: list[SimulatedCamera] = []
 
     def shoot() -> NDArray[np.uint8]:
-        """A picture of the world as it is now, in which the hand has a tag."""
+        """A picture of the world as it is now, with the tag in it."""
         assert session.cell is not None
         footage = session.cell.footage()
         assert footage is not None
         assert footage.spec is not None
         if not camera:
-            spec = _with_sticker(footage.spec, session.arm, number, side, settings.seed)
+            spec = footage.spec
+            if name == HAND:
+                spec = with_camera(spec, session.arm)
+            if name != HAND or on is not None:
+                spec = with_tag(spec, session.arm, number, side, settings.seed, on)
             camera.append(SimulatedCamera(spec, name, seed=settings.seed))
         return camera[0].shoot(footage.frames[-1][1])
 
-    return Eye(source, owned.lens, owned.mount, shoot)
+    return Eye(source, lens, mount, shoot)
 
 
-def _with_sticker(
-    world: mujoco.MjSpec, arm: RobotDescription, number: int, side: float, seed: int
-) -> mujoco.MjSpec:
-    """The world with a tag that somebody stuck on the hand, a little off and askew."""
-    random = np.random.default_rng([seed, *b"sticker"])
-    off = Pose(random.uniform(-0.005, 0.005, 3), Pose.turn(random.normal(0, 0.05, 3)).quaternion)
-    where = STICKER @ off
-    spec = world.copy()
-    sites: list[Any] = list(spec.sites)
-    tcp = next(site for site in sites if site.name == PREFIX + arm.tcp)
-    sticker: Any = spec.body(PREFIX + arm.hand.body).add_site(name=f"tag_{number}")
-    sticker.pos, sticker.quat = np.array(tcp.pos) + where.position, where.quaternion
-    sticker.size[0] = side / 2
-    return spec
-
-
-def _chosen(session: Session, scene: Scene, q: Array, drawn: Views) -> list[Array]:
+def _chosen(session: Session, scene: Scene, q: Array, drawn: Views, tag: Pose) -> list[Array]:
     """Of configurations (n, 7) those that the arm reaches in `scene` and that tell most, in a short order."""
-    left = in_view(drawn)
+    left = in_view(drawn, tag)
     for _ in range(TRIES):
         if len(left) < FEWEST:
             break
-        best = [left[i] for i in surest(drawn.some(left), STICKER, PICTURES)]
+        best = [left[i] for i in surest(drawn.some(left), tag, PICTURES)]
         chosen = _ordered(best, q, session.arm.home)
         findings = session.findings(scene, _plan([q[i] for i in chosen]))
         steps = {int(f.path.rpartition("[")[2].rstrip("]") or 0) for f in findings if "[" in f.path}
@@ -236,8 +240,7 @@ def _chosen(session: Session, scene: Scene, q: Array, drawn: Views) -> list[Arra
         left = [i for i in left if i not in refused]
     raise InputError(
         "the arm finds no poses in which the camera sees the tag and nothing is in the way; nothing moved: is the "
-        "camera about where its intrinsics file says, and does it see the side of the hand that looks away "
-        "from the base at home?"
+        f"camera about where its intrinsics file says, and the tag {_place(drawn.on_hand)}?"
     )
 
 
@@ -251,26 +254,30 @@ def configurations(arm: RobotDescription) -> Array:
 
 
 def stances(arm: RobotDescription, q: Array) -> tuple[list[Pose], Array]:
-    """Poses of the TCP in the base's frame at configurations (n, 7), and Jacobians (n, 6, 7)."""
-    poses, jacobians = NominalArm(arm, Pose.of([0, 0, 0]), np.zeros(3)).stances(q)
-    return [Pose(row[:3], row[3:]) for row in poses], jacobians
+    """Poses of the TCP in the base's frame at configurations (n, 7), and Jacobians (n, 6, 35), by joints, how they
+    give way under the arm's weight, and places of links."""
+    nominal = NominalArm(arm, Pose.of([0, 0, 0]), np.array([0.0, 0.0, -STANDARD_GRAVITY]))
+    at = nominal.kinematics(q)
+    gives = at.jacobian * at.gravity_torque[:, None]
+    offsets = np.pad(nominal.offsets(q), ((0, 0), (0, 3), (0, 0)))
+    hands = [Pose(row[:3], row[3:]) for row in at.pose_world_tcp]
+    return hands, np.concatenate([at.jacobian, gives, offsets], axis=2)
 
 
-def in_view(views: Views) -> list[int]:
-    """Indices of views in which the camera should see the tag, `KEPT` at most."""
-    camera, lens = views.camera, views.lens
-    turns = rotations(np.array([hand.quaternion for hand in views.hands]))
-    at = np.array([hand.position for hand in views.hands])
-    towards = camera.position - (at + turns @ STICKER.position)
-    facing = np.einsum("ij,ij->i", turns @ STICKER.rotation[:, 2], towards)
-    local = views.local(camera, STICKER)
+def in_view(views: Views, tag: Pose) -> list[int]:
+    """Indices of views in which the camera should see a tag believed at `tag`, `KEPT` at most."""
+    lens, local = views.lens, views.local(views.camera, tag)
     pixels = lens.project(np.maximum(local, [-9, -9, NEAREST]).reshape(-1, 3))
     border = BORDER * lens.size[0]
     inside = (pixels > border) & (pixels < np.array(lens.size) - border)
     sides = np.linalg.norm(np.diff(pixels.reshape(-1, 4, 2), axis=1), axis=2).min(axis=1)
     good = inside.reshape(-1, 8).all(axis=1) & (sides > SMALLEST)
     good &= (local[..., 2] > NEAREST).all(axis=1)
-    good &= facing > FACING * np.linalg.norm(towards, axis=1)
+    # Its corners are clockwise for who sees its face.
+    across = np.cross(local[:, 3] - local[:, 0], local[:, 1] - local[:, 0])
+    middle = local.mean(axis=1)
+    facing = -np.einsum("ij,ij->i", across, middle)
+    good &= facing > FACING * np.linalg.norm(across, axis=1) * np.linalg.norm(middle, axis=1)
     return np.flatnonzero(good)[:KEPT].tolist()
 
 
@@ -295,16 +302,18 @@ def _plan(configurations: Sequence[Array]) -> Plan:
     return calibration_plan((), Node("Sequence", children=(*steps, home)))
 
 
-def _entry(found: HandEye, source: str, number: int) -> Camera:
+def _entry(found: HandEye, source: str, number: int, on_hand: bool) -> Camera:
     """The camera for robot.yaml."""
     pose, (width, height) = found.mount.pose_world_camera, found.lens.size
     fovy = math.degrees(2 * math.atan(height / 2 / found.lens.matrix[1, 1]))
     covariance = np.array(
         [[float(f"{part:.4e}") for part in row] for row in found.mount.covariance]
     )
+    where = "that stands still" if on_hand else "on the hand"
     return Camera(
         date=datetime.date.today(),
-        by=f"tag {number} on the hand in {len(found.corners)} pictures of {source[:80]}",
+        by=f"tag {number} {where} in {len(found.corners)} pictures of {source[:80]}",
+        on_hand=on_hand,
         pos=pose.position.round(6),
         quat=pose.quaternion.round(7),
         fovy=round(fovy, 5),

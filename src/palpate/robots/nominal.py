@@ -127,6 +127,18 @@ class NominalArm:
             pose[i, :3], pose[i, 3:] = self._position, self._quaternion
         return pose, jacobian
 
+    def offsets(self, q: Array) -> Array:
+        """Compute by how much the TCP's place moves (n, 3, 21), world axes, per m by which the place of each
+        of the seven links in the one before is off, along the axes of the latter, at `q` (n, 7), rad."""
+        out = np.empty((len(q), 3, 7, 3))
+        bodies = self._model.jnt_bodyid[:7]
+        for i in range(len(q)):
+            self._q[:] = q[i]
+            mujoco.mj_kinematics(self._model, self._data)
+            turns = self._data.xmat[self._model.body_parentid[bodies]].reshape(7, 3, 3)
+            out[i] = turns.transpose(1, 0, 2)
+        return out.reshape(len(q), 3, 21)
+
     def reach(self, goal: Pose, posture: Array) -> Array:
         """Compute the configuration (7,) with the TCP at `goal` and the null space at rest near
         `posture`, which is first turned about the base towards the goal, and, for a level hand, about the tool.

@@ -168,7 +168,7 @@ def read_poses(path: Path) -> Poses:
 def seen_by(poses: Poses, arm: RobotDescription, pose_world_base: Pose) -> Poses:
     """The poses with the camera of the arm's robot.yaml where they have none."""
     camera = arm.config.camera if arm.config is not None else None
-    if poses.camera is not None or camera is None:
+    if poses.camera is not None or camera is None or camera.on_hand:
         return poses
     stands = arm.stands(pose_world_base) @ Pose.of(camera.pos, camera.quat)
     pos, quat = tuple(stands.position.tolist()), tuple(stands.quaternion.tolist())

@@ -4,6 +4,9 @@
      distortion: [k1, k2, p1, p2, k3], focal_std: 0.002,              # focal length's relative error
      pose: {pos: [...], quat: [...], covariance: [[...], ...]}}       # in the world, where it is known
 
+A camera on the hand has `on_hand: true` in its `pose`, which is then in the TCP's frame, and, where it does not
+look from home, the `joints` at which its pictures are taken, rad.
+
 The calibration file of ROS's camera_calibration (`camera_matrix`, `distortion_coefficients`,
 `image_width`, `image_height`) is read as well. Pixels are OpenCV's: the first one's middle is (0, 0).
 """
@@ -77,13 +80,23 @@ class Mount:
     """Believed pose of a camera.
 
     Attributes:
-        pose_world_camera: MuJoCo's camera frame.
-        covariance: (6, 6) of position, m, and rotation, rad, along the world's axes; (7, 7) of one that was
+        pose_world_camera: MuJoCo's camera frame; of a camera on the hand in the TCP's frame.
+        covariance: (6, 6) of position, m, and rotation, rad, along the axes of that frame; (7, 7) of one that was
             calibrated with its lens: also of the logarithm of the focal length.
+        on_hand: it is on the hand.
+        joints: (7,) rad, at which a camera on the hand takes its pictures; None at home.
     """
 
     pose_world_camera: Pose
     covariance: Array
+    on_hand: bool = False
+    joints: Array | None = None
+
+    def within(self, frame: Pose) -> Mount:
+        """The same of a frame with this pose."""
+        turn = np.eye(len(self.covariance))
+        turn[:3, :3] = turn[3:6, 3:6] = frame.rotation
+        return Mount(frame @ self.pose_world_camera, turn @ self.covariance @ turn.T)
 
 
 def pinhole(focal: float, cx: float, cy: float) -> Array:
@@ -93,6 +106,7 @@ def pinhole(focal: float, cx: float, cy: float) -> Array:
 
 _Pixels = Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
 _Side = Annotated[int, Field(gt=0, le=20_000)]
+_Angle = Annotated[float, Field(ge=-10, le=10, allow_inf_nan=False)]
 _Coefficient = Annotated[float, Field(ge=-100, le=100, allow_inf_nan=False)]
 
 
@@ -100,6 +114,14 @@ class _Mount(Section):
     pos: Vector
     quat: Quaternion
     covariance: Covariance
+    on_hand: bool = False
+    joints: Annotated[list[_Angle], Field(min_length=7, max_length=7)] | None = None
+
+    @model_validator(mode="after")
+    def _of_hand(self) -> _Mount:
+        if self.joints is not None and not self.on_hand:
+            raise ValueError("'joints' goes with on_hand: true")
+        return self
 
 
 class _Lens(Section):
@@ -154,4 +176,6 @@ def read_lens(path: Path) -> tuple[Lens, Mount | None]:
     stands = read.pose
     if stands is None:
         return lens, None
-    return lens, Mount(Pose.of(stands.pos, stands.quat), np.array(stands.covariance))
+    joints = None if stands.joints is None else np.array(stands.joints)
+    pose, covariance = Pose.of(stands.pos, stands.quat), np.array(stands.covariance)
+    return lens, Mount(pose, covariance, stands.on_hand, joints)

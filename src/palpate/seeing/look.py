@@ -20,7 +20,7 @@ from palpate.scene.poses import ObjectEntry, Poses, parse_poses
 from palpate.scene.scene import Scene
 from palpate.seeing.detection import detect
 from palpate.seeing.estimator import estimated
-from palpate.seeing.handeye.calibrated import calibrated
+from palpate.seeing.handeye.calibrated import Hand, calibrated
 from palpate.seeing.lens import Lens, Mount
 from palpate.seeing.outlines import Outlines, outlines
 from palpate.seeing.problem import Estimated, Problem, Thing
@@ -110,17 +110,18 @@ def look(
     lens: Lens,
     mount: Mount | None = None,
     estimator: str | None = None,
+    hand: Hand | None = None,
 ) -> Seen:
     """Find the objects of a scene in pictures (height, width, 3) of one camera, which stands still: by
     their tags, and by an `estimator` of poses, a command or a URL. A camera that is calibrated in the robot.yaml of
-    the scene's arm is where that says.
+    the scene's arm is where that says; one on the hand by where the `hand` is, else by its joints.
 
     Raises:
         InputError: no tags in scene or picture, a picture of another size, nothing says where the camera
             is, or the estimator's answer is none.
         Unavailable: OpenCV is not installed, or the estimator does not answer.
     """
-    lens, mount = calibrated(scene, lens, mount)
+    lens, mount = calibrated(scene, lens, mount, hand)
     tags = tags_of(scene)
     if not tags and estimator is None:
         raise InputError(

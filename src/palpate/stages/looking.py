@@ -9,13 +9,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate.callbacks import SILENT, RunCallbacks
-from palpate.errors import ExecutionAborted, InputError
+from palpate.errors import ExecutionAborted, InputError, Unavailable
+from palpate.geometry.pose import Pose
+from palpate.robots.simulated.noise import DEFAULT_LEVEL
 from palpate.runs.run import Run
 from palpate.scene.load import replaced
 from palpate.scene.scene import Scene
 from palpate.settings import WORLD_CAMERA, Settings
 
 if TYPE_CHECKING:
+    from palpate.seeing.handeye.calibrated import Hand
     from palpate.seeing.look import Seen
 
 
@@ -47,8 +50,17 @@ def look(
                 f"camera={settings.camera} is a camera of the simulated world: give world=W.xml"
             )
     callbacks.progress("looking")
-    lens, estimator = settings.intrinsics, settings.pose_estimator
-    seen = seen_from(scene, settings.camera, lens, hidden, settings.seed, estimator)
+    robot, found = settings.robot, scene
+    seen = seen_from(
+        scene,
+        settings.camera,
+        settings.intrinsics,
+        hidden,
+        settings.seed,
+        settings.pose_estimator,
+        settings.noise,
+        None if robot is None else lambda: hand_of(robot, found),
+    )
     if not callbacks.looked(seen):
         raise ExecutionAborted("what the camera saw was not confirmed; nothing has moved")
     return replaced(scene, seen.entries), seen
@@ -61,8 +73,11 @@ def seen_from(
     world: Path | Scene | None = None,
     seed: int = 0,
     estimator: str | None = None,
+    noise: str = DEFAULT_LEVEL,
+    hand: Hand | None = None,
 ) -> Seen:
-    """Poses of a scene by a source of pictures; arguments as those of `palpate.api.seeing.see`.
+    """Poses of a scene by a source of pictures; arguments as those of `palpate.api.seeing.see`, the noise model of
+    the embedded arm, and where the TCP is, for a camera on the hand.
 
     Raises:
         InputError: no such camera, nothing to see by, or a file that cannot be used.
@@ -77,17 +92,50 @@ def seen_from(
                 f"world= goes with camera={WORLD_CAMERA}NAME, a camera of the simulated world"
             )
         taken, lens, mount = pictures(source, intrinsics)
-        return look_at(scene, taken, lens, mount, estimator)
+        return look_at(scene, taken, lens, mount, estimator, hand)
     if intrinsics is not None:
         raise InputError(
             "a camera of the simulated world has its own intrinsics: leave out intrinsics="
         )
     from palpate.cells.simulated import simulated_cell
-    from palpate.seeing.rendered import take
+    from palpate.seeing.handeye.embedded import HAND, believed, with_camera
+    from palpate.seeing.rendered import SimulatedCamera, take
 
-    cell = simulated_cell(scene, world, seed=seed)
-    picture = take(cell.world.spec(cell.drawn), source.removeprefix(WORLD_CAMERA), seed=seed)
-    return look_at(scene, [picture.pixels], picture.lens, picture.mount, estimator)
+    cell = simulated_cell(scene, world, noise=noise, seed=seed)
+    name = source.removeprefix(WORLD_CAMERA)
+    if name != HAND:
+        picture = take(cell.world.spec(cell.drawn), name, seed=seed)
+        return look_at(scene, [picture.pixels], picture.lens, picture.mount, estimator)
+    robot = cell.robot()
+    footage, (lens, mount) = cell.footage(), believed(seed)
+    assert footage is not None
+    assert footage.spec is not None
+    eye = SimulatedCamera(with_camera(footage.spec, scene.arm), HAND, seed=seed)
+    taken = eye.shoot(footage.frames[-1][1])
+    state = robot.state
+    robot.close()
+    return look_at(scene, [taken], lens, mount, estimator, lambda: state.pose_world_tcp)
+
+
+def hand_of(url: str, scene: Scene) -> Pose:
+    """Where the TCP of the real arm at a URL is, world.
+
+    Raises:
+        Unavailable: it does not answer, or its driver does not say.
+    """
+    from palpate.cells.registry import drivers
+
+    guided = drivers().of(url).guided
+    if guided is None:
+        raise Unavailable(
+            f"the driver of '{url}' does not say where the hand is: state the joints= at which the camera looks in its "
+            "intrinsics file, and see first"
+        )
+    hand = guided(url, scene)
+    try:
+        return hand.where()[0]
+    finally:
+        hand.close()
 
 
 def require_seen(made: Run, seen: Seen | None) -> Run:

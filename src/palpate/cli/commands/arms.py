@@ -32,7 +32,7 @@ def calibrate(
         typer.Option(
             "--camera",
             metavar="SOURCE",
-            help="Camera that looks at the arm: its number, realsense, or world:NAME.",
+            help="Camera that looks at the arm, or is on its hand: number, realsense, or world:NAME.",
         ),
     ] = None,
     intrinsics: Annotated[
@@ -41,7 +41,11 @@ def calibrate(
     ] = None,
     tag: Annotated[
         str | None,
-        typer.Option("--tag", metavar="[NUMBER=]SIDE", help="Tag on the hand: 0=60mm±0.1mm"),
+        typer.Option(
+            "--tag",
+            metavar="[NUMBER=]SIDE",
+            help="Tag on the hand, or before a camera on it: 0=60mm±0.1mm",
+        ),
     ] = None,
     plot: Annotated[
         Path | None,

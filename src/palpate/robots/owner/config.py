@@ -135,15 +135,16 @@ class EndEffector(Section):
 
 
 class Camera(Figure):
-    """A fixed camera; its pose is in the frame of the arm's base, looking along its own -z as in
-    MJCF."""
+    """A camera; its pose is in the frame of the arm's base, or of the TCP where it is on the hand, looking along
+    its own -z as in MJCF."""
 
     pos: Vector  # m
     quat: Annotated[np.ndarray, PlainValidator(require_quaternion)]  # w, x, y, z
     fovy: Annotated[float, _Plain, Field(gt=1, lt=170)]  # vertical field of view, degrees
     # width and height, pixels
     size: tuple[Annotated[int, Field(gt=0, le=20000)], Annotated[int, Field(gt=0, le=20000)]]
-    # of position, m, rotation, rad, along the base's axes, and the logarithm of the focal length
+    on_hand: bool = False
+    # of position, m, rotation, rad, along the axes of that frame, and the logarithm of the focal length
     covariance: Annotated[np.ndarray, PlainValidator(require_covariance)] | None = None
 
 

@@ -1,22 +1,44 @@
-"""The camera of a robot.yaml, where `palpate calibrate` found it."""
+"""Where a camera is in the world: as its intrinsics file says, or the robot.yaml that `palpate calibrate` wrote; one
+on the hand is where the hand is."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from palpate.geometry.pose import Pose
+from palpate.robots.nominal import NominalArm
 from palpate.scene.scene import Scene
+from palpate.seeing.handeye.fit import LEVER, LINKS
 from palpate.seeing.lens import Lens, Mount
 
 SAME = 5.0
 """Standard deviations of the focal length by which a camera is another one."""
 
+Hand = Callable[[], Pose]
+"""Where the TCP is in the world."""
 
-def calibrated(scene: Scene, lens: Lens, mount: Mount | None) -> tuple[Lens, Mount | None]:
-    """A camera's lens and place in the world as calibrated against the scene's arm; as they are where its
-    robot.yaml has no calibrated camera, or another one."""
+
+def calibrated(
+    scene: Scene, lens: Lens, mount: Mount | None, hand: Hand | None = None
+) -> tuple[Lens, Mount | None]:
+    """A camera's lens, and its place in the world: as calibrated against the scene's arm, else as believed. One on the
+    hand is where that is: as `hand` says, else at the mount's joints, else at home."""
+    lens, mount = _found(scene, lens, mount)
+    if mount is None or not mount.on_hand:
+        return lens, mount
+    pose = _hand_of(scene, mount) if hand is None else hand()
+    covariance = mount.covariance.copy()
+    place = math.hypot(scene.arm.nominal.pose_repeatability, LINKS)
+    covariance[:6, :6] += np.diag([place**2] * 3 + [(place / LEVER) ** 2] * 3)
+    return lens, replace(mount, covariance=covariance).within(pose)
+
+
+def _found(scene: Scene, lens: Lens, mount: Mount | None) -> tuple[Lens, Mount | None]:
+    """Lens and place as calibrated; as they are where robot.yaml has no calibrated camera, or another one."""
     config = scene.arm.config
     camera = None if config is None else config.camera
     if camera is None or camera.covariance is None or tuple(camera.size) != lens.size:
@@ -25,8 +47,14 @@ def calibrated(scene: Scene, lens: Lens, mount: Mount | None) -> tuple[Lens, Mou
     zoom = focal / float(lens.matrix[1, 1])
     if abs(math.log(zoom)) > SAME * lens.focal_std:
         return lens, mount
+    joints = None if mount is None else mount.joints
+    found = Mount(Pose.of(camera.pos, camera.quat), camera.covariance, camera.on_hand, joints)
     base = scene.arm.stands(scene.pose_world_base)
-    turn = np.eye(7)
-    turn[:3, :3] = turn[3:6, 3:6] = base.rotation
-    placed = Mount(base @ Pose.of(camera.pos, camera.quat), turn @ camera.covariance @ turn.T)
-    return lens.zoomed(zoom), placed
+    return lens.zoomed(zoom), found if camera.on_hand else found.within(base)
+
+
+def _hand_of(scene: Scene, mount: Mount) -> Pose:
+    base = scene.arm.stands(scene.pose_world_base)
+    q = scene.arm.home if mount.joints is None else mount.joints
+    row = NominalArm(scene.arm, base, np.zeros(3)).poses(q[None])[0]
+    return Pose(row[:3], row[3:])

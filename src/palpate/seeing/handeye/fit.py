@@ -7,7 +7,8 @@ corners x of the tag, at Y, are seen by the camera, at C, through a lens of foca
     p_i = project(C⁻¹ H_i exp(J_i d) E_i Y x, z) + noise      the camera stands still, Y on the hand
     p_i = project(C⁻¹ (H_i exp(J_i d) E_i)⁻¹ Y x, z) + noise  the camera is on the hand, Y stands still
 
-Unknowns are C, Y, z, the tag's size, and d, by how far the encoders' zeros are off; all but Y have priors. E_i,
+Unknowns are C, Y, z, the tag's size, and d, by how far the encoders' zeros and the places of links are off, and
+how the joints give way; all but Y have priors. E_i,
 what else the hand is off, is a part of the corners' noise, which is so correlated: σ² + B Bᵀ with
 B = ∂p_i / ∂E_i.
 
@@ -25,7 +26,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
@@ -36,8 +36,13 @@ from palpate.seeing.vision import CORNERS, square_poses
 ZEROS = 1e-3
 """rad (1 sigma), of the encoders' zeros: uncalibrated Pandas are off by up to the order of 10 mm, calibrated
 ones by 0.2 mm (Franzese, Spahn, Kober, Della Santina, 2025, arXiv:2503.12584)."""
+GIVES = 2e-5
+"""rad per N m (1 sigma), by which a joint gives way beyond its encoder under the arm's weight: joints of 7000 N m/rad
+(franka_description), of which the arm's own computation of its angles leaves a seventh."""
 LINKS = 3e-4
-"""m (1 sigma): what links that are longer or shorter than nominal do to the hand's place."""
+"""m (1 sigma): by which the place of a link in the one before is off, along each axis."""
+BENT = 1e-4
+"""m (1 sigma), what nothing else of the arm explains, such as links that bend."""
 LEVER = 0.5
 """m: an arm that is off by its repeatability at the hand is turned by this part of it."""
 FEWEST = 6
@@ -50,13 +55,13 @@ LOUD = 5.0
 """Pixels: more noise than pictures of a tag can have."""
 ROUNDS = 3
 """Fits, each with the noise that the last one shows."""
-UNKNOWNS = 21
-"""Camera 6, tag 6, logarithms of focal length and of the tag's size, encoders' zeros 7."""
+ARM = 14
+"""Unknowns before the arm's: camera 6, tag 6, logarithms of focal length and of the tag's size."""
 ZOOM, SIZE = 12, 13
 MEASURED = 1e-4
 """Relative: least standard deviation of a tag's size."""
-CAMERA, JOINTS = [*range(6), ZOOM], slice(14, 21)
-"""Indices of the unknowns of the camera with its lens, and of the encoders' zeros."""
+CAMERA = [*range(6), ZOOM]
+"""Indices of the unknowns of the camera with its lens."""
 STEP = 1e-6
 """m or rad: of derivatives."""
 
@@ -67,8 +72,9 @@ class Views:
 
     Attributes:
         hands: pose of the hand in the base's frame, of each.
-        jacobians: (n, 6, 7) of the hand, along the base's axes.
-        frame: (6, 7), A: twist about the base's origin, m and rad, per rad of the joints.
+        jacobians: (n, 6, k) of the hand, along the base's axes, by zeros of encoders, rad, then, if any, by
+            how joints give way, rad per N m, and by places of links, m.
+        frame: (6, k), A: twist about the base's origin, m and rad, per unit of these.
         half: half a side of the tag's black square, m.
         size_std: its relative standard deviation.
         lens: as its owner has it.
@@ -88,6 +94,11 @@ class Views:
     repeatability: float
 
     @property
+    def unknowns(self) -> int:
+        """Number of unknowns of the fit."""
+        return ARM + self.jacobians.shape[2]
+
+    @property
     def camera(self) -> Pose:
         """Believed pose of the camera, OpenCV's frame."""
         return self.mount.pose_world_camera @ FACING
@@ -98,10 +109,10 @@ class Views:
         return replace(self, hands=hands, jacobians=self.jacobians[indices])
 
     def at(self, tag: Pose, step: Array, error: Array | None = None) -> Array:
-        """(n, 4, 2) corners in each picture, pixels, with the unknowns a `step` (21,) from where camera and
+        """(n, 4, 2) corners in each picture, pixels, with the unknowns a `step` from where camera and
         `tag` are believed to be; `error` (6,) of the hand's poses, m and rad along the base's axes."""
         camera, tag = moved(self.camera, step[:6]), moved(tag, step[6:12])
-        off = self.jacobians @ step[JOINTS] + (np.zeros(6) if error is None else error)
+        off = self.jacobians @ step[ARM:] + (np.zeros(6) if error is None else error)
         local = self.local(camera, tag, math.exp(step[SIZE]), off)
         local[..., 2] = np.maximum(local[..., 2], 1e-3)  # in front of the camera
         return self.lens.project(local.reshape(-1, 3), math.exp(step[ZOOM])).reshape(-1, 4, 2)
@@ -130,7 +141,7 @@ class Views:
     def scatter(self, tag: Pose, step: Array) -> Array:
         """(n, 8, 8) covariance of a picture's corners by the arm's error, pixels²."""
         base, columns = self.at(tag, step), list[Array]()
-        place = math.hypot(self.repeatability, LINKS)
+        place = math.hypot(self.repeatability, BENT)
         turn = place / LEVER
         for i, size in enumerate([place] * 3 + [turn] * 3):
             off = self.at(tag, step, STEP * np.eye(6)[i]) - base
@@ -139,27 +150,28 @@ class Views:
         return b @ b.transpose(0, 2, 1)
 
     def prior(self) -> Array:
-        """(13, 13) information about the unknowns before any picture."""
-        found = np.zeros((UNKNOWNS, UNKNOWNS))
+        """Information about the unknowns before any picture."""
+        found = np.zeros((self.unknowns, self.unknowns))
         found[:6, :6] = np.linalg.inv(self.mount.covariance[:6, :6])
         found[ZOOM, ZOOM] = self.lens.focal_std**-2
         found[SIZE, SIZE] = max(self.size_std, MEASURED) ** -2
-        found[JOINTS, JOINTS] = ZEROS**-2 * np.eye(7)
+        stds = np.repeat([ZEROS, GIVES, LINKS], [7, 7, 21])[: self.jacobians.shape[2]]
+        found[ARM:, ARM:] = np.diag(stds**-2)
         return found
 
     def wanted(self) -> Array:
-        """(7, 21) from a step of the unknowns to one of the camera in the frame of the poses reported, and of
+        """(7, n) from a step of the unknowns to one of the camera in the frame of the poses reported, and of
         the focal length."""
-        found = np.eye(UNKNOWNS)[CAMERA]
+        found = np.eye(self.unknowns)[CAMERA]
         if not self.on_hand:
-            found[:6, JOINTS] = -carried(self.camera.position) @ self.frame
+            found[:6, ARM:] = -carried(self.camera.position) @ self.frame
         return found
 
     def information(self, tag: Pose) -> Array:
-        """(n, 13, 13) that each picture would give."""
-        here = np.zeros(UNKNOWNS)
+        """What each picture would give."""
+        here = np.zeros(self.unknowns)
         base, columns = self.at(tag, here), list[Array]()
-        for step in STEP * np.eye(UNKNOWNS):
+        for step in STEP * np.eye(self.unknowns):
             columns.append((self.at(tag, step) - base).reshape(-1, 8) / STEP)
         jacobian = np.stack(columns, axis=2)
         noise = self.scatter(tag, here) + NOISE**2 * np.eye(8)
@@ -186,7 +198,7 @@ def frame_of(hands: Sequence[Pose], jacobians: Array) -> Array:
     """(6, 7), A: the twist about the origin nearest to how joints (7,) move the hand in n poses, least squares
     over its places."""
     rigid = np.concatenate([carried(hand.position)[:3] for hand in hands])
-    found = np.linalg.lstsq(rigid, jacobians[:, :3].reshape(-1, 7))[0]
+    found = np.linalg.lstsq(rigid, jacobians[:, :3].reshape(3 * len(hands), -1))[0]
     return np.asarray(found, dtype=float)
 
 
@@ -254,10 +266,10 @@ class _Fit:
 
     def __init__(self, views: Views, seen: Array) -> None:
         self.views, self.seen, self.noise = views, seen, NOISE
-        self.known = [*CAMERA, *range(SIZE, UNKNOWNS)]
+        self.known = [*CAMERA, *range(SIZE, views.unknowns)]
         self.root = np.linalg.cholesky(views.prior()[np.ix_(self.known, self.known)]).T
         # A square is seen equally well in two poses.
-        fits = [self._from(tag, np.zeros(UNKNOWNS)) for tag in self._starts()]
+        fits = [self._from(tag, np.zeros(views.unknowns)) for tag in self._starts()]
         self.tag, found = min(fits, key=lambda fit: float(fit[1].cost))
         for _ in range(ROUNDS):
             self._learn(found)
@@ -274,6 +286,8 @@ class _Fit:
         return [(hand if views.on_hand else hand.inverse()) @ views.camera @ pose for pose in poses]
 
     def _from(self, tag: Pose, at: Array) -> tuple[Pose, Any]:
+        from scipy.optimize import least_squares
+
         self.tag = tag
         noise = self.views.scatter(tag, at)
         self.white = np.linalg.inv(np.linalg.cholesky(noise + self.noise**2 * np.eye(8)))
@@ -283,7 +297,7 @@ class _Fit:
     def _learn(self, found: Any) -> None:
         """Scale the noise by what the residuals show; the fit has followed a part of it."""
         squares = float(np.sum(self.residuals(found.x)[: self.seen.size] ** 2))
-        left = max(1, self.seen.size - UNKNOWNS)
+        left = max(1, self.seen.size - self.views.unknowns)
         scale = (BELIEVED * (NOISE / self.noise) ** 2 + squares) / (BELIEVED + left)
         self.noise = max(FLOOR, self.noise * math.sqrt(scale))
 
