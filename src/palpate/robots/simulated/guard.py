@@ -63,8 +63,8 @@ class Reaction(NamedTuple):
 class Guard:
     """Observer of the external joint torques in the control loop; it reports the cycle of a contact.
 
-    Within a run of at most 80 ms inertia and Jacobian are those of its beginning; the arm turns by
-    less than 0.08 rad in it.
+    Within a run of at most 40 ms inertia and Jacobian are those of its beginning; the arm turns by
+    less than 0.04 rad in it.
 
     Attributes:
         yielding: True while the arm yields.

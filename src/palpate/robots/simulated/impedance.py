@@ -115,11 +115,13 @@ class Gains:
         own = swivel.damping * np.outer(swivel.axis, swivel.axis)
         return jacobian.T @ (self.damping[:, None] * jacobian) + own
 
-    def sprung(self, rows: Array, jacobian: Array) -> Array:
-        """Map rows of joint angles (n, 7) to torques (n, 7) of the springs."""
+    def on(self, rows: Array, each: Array, jacobian: Array) -> Array:
+        """Map rows of joint angles or rates (n, 7) through `stiffness` or `damping` to torques (n, 7), with the
+        Jacobians (n, 6, 7)."""
         if not self.cartesian:
-            return rows * self.stiffness
-        return ((rows @ jacobian.T) * self.stiffness) @ jacobian
+            return rows * each
+        forces = (jacobian @ rows[:, :, None])[:, :, 0] * each
+        return (forces[:, None] @ jacobian)[:, 0]
 
     def lead(self, rate: Array, acceleration: Array) -> Array:
         """Compute the lead (n, 6 or 7) of the springs' set-points for a motion without lag.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.nominal import NominalArm, wrenches
-from palpate.robots.simulated.impedance import Gains
+from palpate.robots.simulated.impedance import Gains, Swivel
 from palpate.robots.simulated.noise.disturbances import Motion
 from palpate.robots.simulated.noise.line import Stamps
 from palpate.robots.simulated.noise.sensors import Encoders, Sensors
@@ -175,9 +175,9 @@ class Readout:
             self.contact_torque = felt[-1]
         return samples
 
-    def follow(self, steps: Steps, gains: Gains, dampers: Array, target: Array) -> None:
-        """Follow a run of steps, with the dampers at the joints (7, 7) and the commanded poses of the TCP (n, 7):
-        the arm's motion as its encoders report it."""
+    def follow(self, steps: Steps, gains: Gains, swivel: Swivel, target: Array) -> None:
+        """Follow a run of steps, with the null space damped and the commanded poses of the TCP (n, 7): the arm's
+        motion as its encoders report it."""
         gained = steps.dq.copy()
         gained[0] -= self.speed
         gained[1:] -= steps.dq[:-1]
@@ -192,7 +192,8 @@ class Readout:
         dq = (rows[1:, :7] - rows[:-1, :7]) / PERIOD
         self._last, self.jacobian, self.rate = rows[-1], here.jacobian[-1], dq[-1]
         self.angle_error, self.commanded = q[-1] - steps.q[-1], steps.torque[-1]
-        true, width = self._link_torque(steps, gained, gains, dampers), steps.fingers.sum(1)
+        true = self._link_torque(steps, gained, gains, swivel, here.jacobian)
+        width = steps.fingers.sum(1)
         self._followed.append(
             Followed(mean, dq, here.jacobian, here.inertia_torque, true, target, width)
         )
@@ -253,7 +254,9 @@ class Readout:
         self._external = out[-1]
         return out
 
-    def _link_torque(self, steps: Steps, gained: Array, gains: Gains, dampers: Array) -> Array:
+    def _link_torque(
+        self, steps: Steps, gained: Array, gains: Gains, swivel: Swivel, jacobian: Array
+    ) -> Array:
         """Compute the mean torque (n, 7) behind the gears in each block, without that of the motors'
         own inertia.
 
@@ -263,6 +266,8 @@ class Readout:
         steps before.
         """
         speed = steps.dq - gained / 2.0
-        early = gains.sprung(speed * ((TIMESTEP - self._step) / 2), self.jacobian)
-        late = gained @ dampers * (self._step / 2)
+        early = gains.on(speed, gains.stiffness * (TIMESTEP - self._step) / 2, jacobian)
+        late = gains.on(gained, gains.damping * self._step / 2, jacobian)
+        if gains.cartesian:
+            late += np.outer(gained @ swivel.axis, swivel.damping * self._step / 2 * swivel.axis)
         return steps.torque + early - (late + gained * self._armature) / PERIOD

@@ -312,7 +312,6 @@ class MujocoRobot(Commanded):
         readout = self._readout
         self._dynamics = self._nominal.dynamics(readout.q, readout.rate)
         self._swivel = Swivel.of(readout.jacobian, self._gains.own)
-        self._dampers = self._gains.dampers(readout.jacobian, self._swivel)
         control = np.empty((n, len(world.rest_control)))
         control[:] = world.rest_control
         self._correction.follow()
@@ -323,7 +322,7 @@ class MujocoRobot(Commanded):
         steps = world.step(control, self._guard)
         target = target[: len(steps.q)]
         self._correction.reached(len(steps.q) / periods)
-        readout.follow(steps, self._gains, self._dampers, target)
+        readout.follow(steps, self._gains, self._swivel, target)
         self._target = target[-1]
         fingers, speeds = steps.fingers[-1] + self._wider / 2, steps.finger_speed[-1]
         self._gripper.observe(world.t, fingers.tolist(), speeds.tolist())
@@ -340,6 +339,7 @@ class MujocoRobot(Commanded):
         readout, thresholds = self._readout, self._thresholds
         mass_matrix, velocity_torque = self._dynamics
         jacobian = readout.jacobian
+        dampers = self._gains.dampers(jacobian, self._swivel)
         known = readout.deviation - velocity_torque - self._correction.torque
 
         def reaction() -> Reaction:
@@ -351,7 +351,7 @@ class MujocoRobot(Commanded):
             reaction=reaction,
             jacobian=jacobian,
             # A torque is sampled at the beginning of a cycle's last physics step, dampers act at the end of each.
-            inertia=mass_matrix + self._world.model.opt.timestep / 2 * self._dampers,
+            inertia=mass_matrix + self._world.model.opt.timestep / 2 * dampers,
             dq=readout.speed,
             deviation=self._sensors.looks(cycles) + known,
             tick=self._tick,

@@ -8,4 +8,4 @@ SUBSTEPS = (
 )
 BLOCK = 5  # cycles per logged sample: 200 Hz
 PERIOD = BLOCK * TIMESTEP
-LONGEST_RUN = 16  # log periods between two updates of the feed-forward torques, at most: 12.5 Hz
+LONGEST_RUN = 8  # log periods between two updates of the feed-forward torques, at most: 25 Hz
