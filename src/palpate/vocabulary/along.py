@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from palpate.geometry.frames import Frames
 from palpate.geometry.joint import Joint
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.kinematics import LIMIT_MARGIN, within_joint_limits
@@ -25,7 +26,7 @@ from palpate.vocabulary.admissible.collision import ARM, BESIDE, FIXED, carry_aw
 from palpate.vocabulary.admissible.collision_geometry import LINK, arm_sweep
 from palpate.vocabulary.admissible.path import ArmPath, arm_path
 from palpate.vocabulary.admissible.reach import reaches
-from palpate.vocabulary.admissible.solids import Frames, ShapeGroup, Solids, solids
+from palpate.vocabulary.admissible.solids import ShapeGroup, Solids, solids
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.violation import Violation
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from workbench import BOTTLE, bench
 
+from palpate.geometry.frames import Frames
 from palpate.geometry.pose import Pose
 from palpate.vocabulary.admissible.collision_geometry import arm_sweep, near_spans
 from palpate.vocabulary.admissible.grip import grip
-from palpate.vocabulary.admissible.path import straight_path
+from palpate.vocabulary.admissible.path import ArmPath, straight_path
 from palpate.vocabulary.admissible.solids import solids
 from palpate.vocabulary.admissible.sweep import Sweep
 from palpate.vocabulary.state import SymbolicState
@@ -111,3 +114,28 @@ def test_grip_is_the_contact_of_the_pads_with_the_object_between_them() -> None:
     over = GRASP.translated((0, 0, 0.050))
     assert grip(shapes, "bottle", beside.inverse() @ body) is None
     assert grip(shapes, "bottle", over.inverse() @ body) is None
+
+
+def test_all_intervals_are_halved_at_once() -> None:
+    # Along the bottle's side, a few millimetres from it all the way.
+    beside = GRASP.translated((0.0, 0.13, 0.0))
+    found = swept(OPEN, beside.translated((0, 0, 0.03)), beside.translated((0.03, 0, 0)), 0.12)
+    placed: list[int] = []
+
+    def place(path: ArmPath) -> Frames:
+        placed.append(path.count)
+        return found.place(path)
+
+    counted = replace(found, place=place)
+    distances = [hit.distance for hit in counted.hits(np.full(len(found.pairs), 0.06))]
+    assert not distances or max(distances) < 0.06
+    assert sum(placed[1:]) > 2 * len(placed)
+    assert len(placed) < 8
+
+
+def test_objects_of_the_same_shapes_are_alike() -> None:
+    box = '<body name="{0}" pos="{1} 0.3 0.5"><freejoint/><geom type="box" size="{2} 0.02 0.03"/></body>'
+    scene = bench(
+        *(box.format(*each) for each in (("a", 0.4, 0.02), ("b", 0.5, 0.02), ("c", 0.6, 0.021)))
+    )
+    assert solids(scene).alike == {"a": "a", "b": "a", "c": "c"}

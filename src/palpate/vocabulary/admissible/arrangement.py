@@ -13,8 +13,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.geometry.frames import Frames
 from palpate.geometry.pose import Array
-from palpate.vocabulary.admissible.solids import Frames, Solids, solids
+from palpate.vocabulary.admissible.solids import Solids, solids
 from palpate.vocabulary.state import SymbolicState
 
 HIGHER = "higher"
@@ -83,9 +84,16 @@ class Arrangement:
 
     def near(self, low: Array, high: Array) -> NDArray[np.bool_]:
         """(m, k) mask of the shapes whose boxes meet each of m boxes from `low` to `high` (m, 3), m."""
-        above = self.middles - self.halves <= high[:, None]
-        below = self.middles + self.halves >= low[:, None]
-        return np.asarray((above & below).all(axis=2))
+        lowest, highest = self._ends
+        above, below = lowest <= high.T[:, :, None], highest >= low.T[:, :, None]
+        return np.asarray((above & below).all(axis=0))
+
+    @cached_property
+    def _ends(self) -> tuple[Array, Array]:
+        """Least and greatest coordinates (3, 1, k) of the boxes, m."""
+        ends = np.stack([self.middles - self.halves, self.middles + self.halves])
+        lowest, highest = np.ascontiguousarray(ends.transpose(0, 2, 1))[:, :, None]
+        return lowest, highest
 
 
 def arrangement(state: SymbolicState, higher: Mapping[str, float]) -> Arrangement:

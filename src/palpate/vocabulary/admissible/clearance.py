@@ -44,6 +44,9 @@ class Boxes:
         apart = others.centres - self.centres[:, None]
         reach = _radii(self.halves)[:, None] + _radii(others.halves) + max(margin, 0.0)
         i, j = np.nonzero(np.einsum("ijk,ijk->ij", apart, apart) < reach**2)
+        found = np.zeros(len(others.centres), dtype=np.bool_)
+        if not len(i):
+            return found
         mine, theirs, between = self.axes[i], others.axes[j], apart[i, j]
         crossed = np.cross(mine[:, :, :, None], theirs[:, :, None, :], axis=1)
         candidates = np.concatenate([mine, theirs, crossed.reshape(len(mine), 3, 9)], axis=2)
@@ -52,7 +55,6 @@ class Boxes:
         distance = np.abs(np.einsum("nik,ni->nk", candidates, between))
         # Cross products of parallel axes vanish and separate nothing.
         separated = (distance > radius) & (np.linalg.norm(candidates, axis=1) > 1e-6)
-        found = np.zeros(len(others.centres), dtype=np.bool_)
         found[j[~separated.any(axis=1)]] = True
         return found
 

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.geometry.frames import Frames
 from palpate.geometry.pose import Array, Pose
 from palpate.vocabulary.admissible.arrangement import Part, arrangement
 from palpate.vocabulary.admissible.grip import grip
 from palpate.vocabulary.admissible.path import ArmPath, hand_path
-from palpate.vocabulary.admissible.solids import SIDES, Frames, Shape, ShapeGroup, Solids, solids
+from palpate.vocabulary.admissible.solids import SIDES, Shape, ShapeGroup, Solids, solids
 from palpate.vocabulary.admissible.sweep import Pairs, Sweep
 from palpate.vocabulary.state import SymbolicState
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.geometry.frames import Frames
 from palpate.geometry.pose import Pose
-from palpate.vocabulary.admissible.solids import SIDES, Frames, Solids
+from palpate.vocabulary.admissible.solids import SIDES, Solids
 
 BITE = 0.004  # m of an object, in height and along it, that the pads must cover: an edge slips out
 MEETS = 0.0002  # m between a pad and an object, up to which they are in contact
@@ -30,8 +31,9 @@ class Grip:
 def grip(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:
     """Contact of the pads with an object at a pose in the tool frame; None where the pads would
     close beside it, above it, or on hardly more than an edge."""
-    key = ("grip", name, pose_tcp_object.digits)
-    return shapes.cached(key, lambda: _grip(shapes, name, pose_tcp_object))
+    like = shapes.alike[name]
+    key = ("grip", like, pose_tcp_object.digits)
+    return shapes.cached(key, lambda: _grip(shapes, like, pose_tcp_object))
 
 
 def _grip(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:

@@ -11,10 +11,11 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
+from palpate.geometry.frames import Frames
 from palpate.geometry.pose import Array, Pose, digits
 from palpate.robots.trajectory import rotation_vector
 from palpate.vocabulary.admissible.clearance import SAME_TURN
-from palpate.vocabulary.admissible.solids import Frames, Solids
+from palpate.vocabulary.admissible.solids import Solids
 
 STEP = 0.02  # m between two moments of a path
 TURN = 0.1  # rad between two moments, of the tool or of a joint
@@ -66,21 +67,22 @@ class ArmPath:
         back = (self.positions[::-1], self.quaternions[::-1], self.widths[::-1])
         return ArmPath(*back, q, links, forth=self)
 
-    def between(self, moment: float) -> ArmPath:
-        """Interpolate one moment."""
-        i = min(int(moment), self.count - 2)
-        share = moment - i
+    def between(self, moments: Array) -> ArmPath:
+        """Interpolate n moments, fractions between two of the path."""
+        i = np.minimum(moments.astype(int), self.count - 2)
+        share = (moments - i)[:, None]
         first, last = self.quaternions[i], self.quaternions[i + 1]
         # Quaternions of opposite sign are one rotation: interpolate the shorter way.
-        turned = (1 - share) * first + np.copysign(share, first @ last) * last
+        cosines = np.einsum("ij,ij->i", first, last)[:, None]
+        turned = (1 - share) * first + np.copysign(share, cosines) * last
 
         def linear(values: Array) -> Array:
-            return ((1 - share) * values[i] + share * values[i + 1])[None]
+            return (1 - share) * values[i] + share * values[i + 1]
 
         return ArmPath(
             linear(self.positions),
-            (turned / np.linalg.norm(turned))[None],
-            linear(self.widths),
+            turned / np.linalg.norm(turned, axis=1, keepdims=True),
+            linear(self.widths[:, None])[:, 0],
             None if self.q is None else linear(self.q),
         )
 
@@ -140,8 +142,11 @@ def joint_path(solids: Solids, start: Array, end: Array, width: float) -> ArmPat
 
 def finger_path(pose: Pose, start: float, end: float) -> ArmPath:
     """Path of the fingers alone, from one opening to another, m."""
+    if start > end:
+        return finger_path(pose, end, start).reversed()
     positions, quaternions = np.tile(pose.position, (2, 1)), np.tile(pose.quaternion, (2, 1))
-    return ArmPath(positions, quaternions, np.array([start, end]))
+    key = ("fingers", pose.digits, round(start, 6), round(end, 6))
+    return ArmPath(positions, quaternions, np.array([start, end]), key=key)
 
 
 def _newton_step(solids: Solids, hand: ArmPath, q: Array) -> Array:

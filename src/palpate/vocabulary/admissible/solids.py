@@ -14,6 +14,7 @@ from typing import NamedTuple, TypeVar, cast
 import mujoco
 import numpy as np
 
+from palpate.geometry.frames import Frames
 from palpate.geometry.outline import Convex
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.compile import compile_model
@@ -85,27 +86,6 @@ class ShapeGroup:
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Frames:
-    """Poses of k shapes at n moments: positions (n, k, 3) and rotations (n, k, 3, 3)."""
-
-    positions: Array
-    rotations: Array
-
-    @classmethod
-    def joined(cls, parts: Sequence[Frames]) -> Frames:
-        """Concatenate shapes of several carriers at the same moments."""
-        return cls(
-            np.concatenate([part.positions for part in parts], axis=1),
-            np.concatenate([part.rotations for part in parts], axis=1),
-        )
-
-    def at(self, moment: int) -> Frames:
-        """Select one moment."""
-        one = slice(moment, moment + 1)
-        return Frames(self.positions[one], self.rotations[one])
-
-
 @dataclass(frozen=True, eq=False)
 class Solids:
     """All shapes of a scene and of its arm.
@@ -141,6 +121,11 @@ class Solids:
         return NominalArm(self.scene.arm, self.scene.pose_world_base, gravity)
 
     @cached_property
+    def _joints(self) -> list[int]:
+        """Places of the arm's joints in qpos."""
+        return [int(self.model.joint(PREFIX + n).qposadr[0]) for n in self.scene.arm.joints]
+
+    @cached_property
     def radii(self) -> Array:
         """(g,) m, bounding spheres of all geoms about their frames; 0 for a plane."""
         return np.array(self.model.geom_rbound)
@@ -158,6 +143,18 @@ class Solids:
     def standing(self) -> Frames:
         """Poses of the fixed shapes at a single moment."""
         return self.fixed.at(np.zeros((1, 3)), np.eye(3)[None])
+
+    @cached_property
+    def alike(self) -> Mapping[str, str]:
+        """The first object with the same shapes, in its frame, of each object."""
+        model, found, first = self.model, dict[str, str](), dict[object, str]()
+        for name, group in self.objects.items():
+            geoms = list(group.geoms)
+            figures = [model.geom_size[geoms], group.positions, group.rotations]
+            kinds = (*model.geom_type[geoms].tolist(), *model.geom_dataid[geoms].tolist())
+            key = (*kinds, *((np.round(figure, 9) + 0.0).tobytes() for figure in figures))
+            found[name] = first.setdefault(key, name)
+        return found
 
     @cached_property
     def pads(self) -> Mapping[str, ShapeGroup]:
@@ -232,12 +229,11 @@ class Solids:
 
     def links_at(self, q: Array) -> Frames:
         """Poses of the arm's moving shapes, in the order of `links`, at configurations (n, 7), rad."""
-        joints = [self.model.joint(PREFIX + name).qposadr[0] for name in self.scene.arm.joints]
         geoms = list(self.links)
         positions = np.empty((len(q), len(geoms), 3))
         rotations = np.empty((len(q), len(geoms), 3, 3))
         for i, angles in enumerate(q):
-            self._data.qpos[joints] = angles
+            self._data.qpos[self._joints] = angles
             mujoco.mj_kinematics(self.model, self._data)
             positions[i] = self._data.geom_xpos[geoms]
             rotations[i] = self._data.geom_xmat[geoms].reshape(-1, 3, 3)
@@ -248,11 +244,15 @@ class Solids:
     ) -> float:
         """Distance, m, between two geoms at the poses of shapes `i` and `j` at the first moment of
         `here` and of `there`; negative where they overlap."""
-        data = self._data
-        data.geom_xpos[first], data.geom_xpos[second] = here.positions[0, i], there.positions[0, j]
-        data.geom_xmat[first] = here.rotations[0, i].ravel()
-        data.geom_xmat[second] = there.rotations[0, j].ravel()
-        return mujoco.mj_geomDistance(self.model, data, first, second, FAR, self._segment)
+        positions, rotations = self._placed
+        positions[first], positions[second] = here.positions[0, i], there.positions[0, j]
+        rotations[first], rotations[second] = here.rotations[0, i], there.rotations[0, j]
+        return mujoco.mj_geomDistance(self.model, self._data, first, second, FAR, self._segment)
+
+    @cached_property
+    def _placed(self) -> tuple[Array, Array]:
+        """Poses of all geoms in `_data`: positions (g, 3), rotations (g, 3, 3)."""
+        return self._data.geom_xpos, self._data.geom_xmat.reshape(-1, 3, 3)
 
     def between(self) -> Array:
         """(3,) m, midpoint of the shortest segment between the two geoms of the last `distance`."""

@@ -93,8 +93,9 @@ def footing(state: SymbolicState, name: str, pose_world_object: Pose) -> Footing
 
 def _footing(state: SymbolicState, name: str, pose: Pose) -> Footing:
     shapes, around = solids(state.scene), arrangement(state, {})
-    key = ("stand", name, digits(pose.quaternion))
-    stand = shapes.cached(key, lambda: _stand(shapes, name, pose.quaternion))
+    like = shapes.alike[name]
+    key = ("stand", like, digits(pose.quaternion))
+    stand = shapes.cached(key, lambda: _stand(shapes, like, pose.quaternion))
     bottom = stand.bottom + float(pose.position[2])
     outline, face = stand.outline + pose.position[:2], stand.face + pose.position[:2]
     low, high = np.full((1, 3), -np.inf), np.full((1, 3), bottom + SUNK)

@@ -4,22 +4,24 @@ A path is sampled at moments. Between two of them no point of a shape travels fa
 middle plus its radius times the turn; so two shapes that are farther apart at both moments than what
 they travel do not meet in between. Bounding boxes rule out nearly all pairs, for all moments
 together; the others are measured exactly, and the interval is halved until they are clear or hit
-(conservative advancement).
+(conservative advancement), all intervals of a path side by side.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.geometry.frames import Frames
 from palpate.geometry.pose import Array
 from palpate.vocabulary.admissible.arrangement import Arrangement, Part
 from palpate.vocabulary.admissible.path import ArmPath
-from palpate.vocabulary.admissible.solids import Frames, Solids
+from palpate.vocabulary.admissible.solids import Solids
 
 FINEST = 0.002  # m of travel below which an interval is not halved again
 SLACK = 0.001
@@ -65,6 +67,24 @@ class Moment:
     at: float
     frames: Frames
     distances: dict[int, float] = field(default_factory=dict[int, float])
+
+
+class Interval(NamedTuple):
+    """Two moments, and the pairs that may come too near in between with their travel, m."""
+
+    low: Moment
+    high: Moment
+    pairs: list[int]
+    travels: list[float]
+
+
+class Met(NamedTuple):
+    """A pair that is too near at a moment; ordered by the interval's beginning, the wider one first."""
+
+    begins: float
+    halvings: int
+    pair: int
+    moment: Moment
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +147,7 @@ class Sweep:
             pairs, bounds, travels = self.forth._near
             return pairs, bounds[::-1], travels[::-1]
         positions = self.frames.positions
-        steps = self._travel(positions, self.frames.rotations)
+        steps = self._travel(self.frames.part(slice(-1)), self.frames.part(slice(1, None)))
         # Between two moments a part is no farther from both than half of its travel.
         reach = (self.growth + self._radii + steps.max(axis=0) / 2)[:, None]
         near = self.still.near(positions.min(axis=0) - reach, positions.max(axis=0) + reach)
@@ -141,7 +161,11 @@ class Sweep:
         """Pairs of `own` whose bounding spheres come near each other."""
         first, second = self.own.T
         apart = self.frames.positions[:, first] - self.frames.positions[:, second]
-        bounds = np.sqrt((apart**2).sum(axis=2)) - self._radii[first] - self._radii[second]
+        bounds = (
+            np.sqrt(np.einsum("nki,nki->nk", apart, apart))
+            - self._radii[first]
+            - self._radii[second]
+        )
         travels = self._relative(self.own, steps)
         return self.own[self._doubtful(bounds, travels, self.growth).any(axis=0)]
 
@@ -153,21 +177,25 @@ class Sweep:
 
     def of(self, pair: int) -> tuple[Part, Part]:
         """The parts of a pair."""
-        (i, j), m = self._numbers[pair], len(self.moving)
-        return self.moving[i], self.still.parts[j - m] if j >= m else self.moving[j]
+        _, i, _, j, still = self._numbers[pair]
+        return self.moving[i], (self.still.parts if still else self.moving)[j]
 
     def hits(self, margins: Array) -> Iterator[Hit]:
         """Pairs that come nearer than their margin (p,), m, each where it first does.
 
         A pair that is too near at the start may stay as near.
         """
-        for found in self._hits_by_interval(margins):
-            yield from found
+        level, allowed = self._intervals(margins)
+        for met in self._met(level, allowed):
+            yield self._hit(met.pair, met.moment)
 
     def first(self, margins: Array) -> Hit | None:
         """Earliest of the `hits`; the path behind it is not searched."""
-        for found in self._hits_by_interval(margins):
-            return min(found, key=lambda hit: hit.share)
+        level, allowed = self._intervals(margins)
+        for interval in level:
+            hits = [self._hit(met.pair, met.moment) for met in self._met([interval], allowed)]
+            if hits:
+                return min(hits, key=lambda hit: hit.share)
         return None
 
     def overlaps(self) -> Iterator[Hit]:
@@ -209,8 +237,14 @@ class Sweep:
         return self.solids.radii[self._geoms]
 
     @cached_property
-    def _numbers(self) -> list[tuple[int, int]]:
-        return [(i, j) for i, j in self.pairs.tolist()]
+    def _numbers(self) -> list[tuple[int, int, int, int, bool]]:
+        """Of each pair: geom and number of the first part, of the second, and if that stands still."""
+        first, second = self.pairs.T
+        still = second >= len(self.moving)
+        number = second - len(self.moving) * still
+        geoms = np.concatenate([self._geoms, self.still.geoms])[second]
+        columns = (self._geoms[first], first, geoms, number, still)
+        return list(zip(*(column.tolist() for column in columns), strict=True))
 
     @cached_property
     def _moments(self) -> dict[int, Moment]:
@@ -232,54 +266,76 @@ class Sweep:
         # In the axes of the box: R^T d, by its columns.
         beside = np.einsum("nkij,nki->nkj", frames.rotations[:, second], apart)
         outside = np.maximum(np.abs(beside - middle[geoms]) - half[geoms], 0.0)
-        return np.sqrt((outside**2).sum(axis=2))
+        return np.sqrt(np.einsum("nki,nki->nk", outside, outside))
 
-    def _hits_by_interval(self, margins: Array) -> Iterator[list[Hit]]:
-        """Hits of each interval that has any, in the order of the path."""
-        margins = margins.copy()
-        for pair in np.flatnonzero(self.bounds[0] < margins).tolist():
-            margins[pair] = min(margins[pair], self._distance(self._moment(0), pair) - SLACK)
-        doubtful = self._doubtful(self.bounds, self.travels, margins)
-        met: set[int] = set()
+    def _intervals(self, margins: Array) -> tuple[list[Interval], list[float]]:
+        """Intervals in which pairs may come nearer than their margins (p,), m, and the margins allowed
+        to pairs that are too near at the start."""
+        allowed, start = margins.copy(), self._moment(0)
+        for pair in np.flatnonzero(self.bounds[0] < allowed).tolist():
+            allowed[pair] = min(allowed[pair], self._distance(start, pair) - SLACK)
+        doubtful = self._doubtful(self.bounds, self.travels, allowed)
+        level: list[Interval] = []
         for i in np.flatnonzero(doubtful.any(axis=1)).tolist():
-            found: list[Hit] = []
-            left = [p for p in np.flatnonzero(doubtful[i]).tolist() if p not in met]
-            for pair, moment in self._search(self._moment(i), self._moment(i + 1), left, margins):
-                if pair not in met:
-                    met.add(pair)
-                    found.append(self._hit(pair, moment))
-            if found:
-                yield found
+            pairs = np.flatnonzero(doubtful[i])
+            travels = self.travels[i, pairs].tolist()
+            level.append(Interval(self._moment(i), self._moment(i + 1), pairs.tolist(), travels))
+        return level, allowed.tolist()
 
-    def _search(
-        self, low: Moment, high: Moment, pairs: list[int], margins: Array
-    ) -> Iterator[tuple[int, Moment]]:
-        """Pairs that come too near between two moments, with the moment; by bisection."""
-        steps = self._travel(
-            np.concatenate([low.frames.positions, high.frames.positions]),
-            np.concatenate([low.frames.rotations, high.frames.rotations]),
-        )
-        travels = self._relative(self.pairs[pairs], steps)[0].tolist()
-        open_pairs: list[int] = []
-        for pair, travel in zip(pairs, travels, strict=True):
-            before, after = self._distance(low, pair), self._distance(high, pair)
-            if min(before, after) < margins[pair]:
-                yield pair, low if before < margins[pair] else high
-            # The least distance in between is at least (before + after - travel) / 2.
-            elif (before + after - travel) / 2 < margins[pair] and travel > FINEST:
-                open_pairs.append(pair)
-        if open_pairs:
-            at = (low.at + high.at) / 2
-            middle = Moment(at, self.place(self.path.between(at)))
-            yield from self._search(low, middle, open_pairs, margins)
-            yield from self._search(middle, high, open_pairs, margins)
+    def _met(self, level: list[Interval], margins: list[float]) -> list[Met]:
+        """Pairs that come too near in some intervals, each where it first does, in their order."""
+        found, halvings = dict[int, Met](), 0
+        while level:
+            level = self._halved(self._unclear(level, margins, halvings, found))
+            halvings += 1
+        return sorted(found.values(), key=lambda met: met[:3])
 
-    def _travel(self, positions: Array, rotations: Array) -> Array:
-        """(n - 1, m) m, upper bound of the travel of any point of a shape between two moments."""
-        shift = positions[1:] - positions[:-1]
+    def _unclear(
+        self, level: list[Interval], margins: list[float], halvings: int, found: dict[int, Met]
+    ) -> Iterator[tuple[Moment, Moment, list[int]]]:
+        """Intervals with the pairs that may still come too near in between; those that do at an end are
+        added to `found`."""
+        for low, high, pairs, travels in level:
+            left: list[int] = []
+            for pair, travel in zip(pairs, travels, strict=True):
+                if pair in found and found[pair].begins <= low.at:
+                    continue
+                before, after = self._distance(low, pair), self._distance(high, pair)
+                if min(before, after) < margins[pair]:
+                    there = low if before < margins[pair] else high
+                    found[pair] = Met(low.at, halvings, pair, there)
+                # The least distance in between is at least (before + after - travel) / 2.
+                elif (before + after - travel) / 2 < margins[pair] and travel > FINEST:
+                    left.append(pair)
+            if left:
+                yield low, high, left
+
+    def _halved(self, open: Iterable[tuple[Moment, Moment, list[int]]]) -> list[Interval]:
+        """Halves of intervals, all middles placed at once."""
+        parts = list(open)
+        if not parts:
+            return []
+        at = np.array([(low.at + high.at) / 2 for low, high, _ in parts])
+        frames = self.place(self.path.between(at))
+        ends: list[tuple[Moment, Moment, list[int]]] = []
+        for i, (low, high, pairs) in enumerate(parts):
+            middle = Moment(float(at[i]), frames.at(i))
+            ends += [(low, middle, pairs), (middle, high, pairs)]
+        lows = Frames.stacked([low.frames for low, _, _ in ends])
+        steps = self._travel(lows, Frames.stacked([high.frames for _, high, _ in ends]))
+        travels = self._relative(self.pairs, steps)
+        return [
+            Interval(low, high, pairs, travel[pairs].tolist())
+            for (low, high, pairs), travel in zip(ends, travels, strict=True)
+        ]
+
+    def _travel(self, here: Frames, there: Frames) -> Array:
+        """(n, m) m, upper bound of the travel of any point of a shape between n moments and as many
+        next ones."""
+        shift = there.positions - here.positions
         moved = np.sqrt(np.einsum("nki,nki->nk", shift, shift))
         # The Frobenius norm of a change of rotation is √2 times the chord of its angle.
-        change = (rotations[1:] - rotations[:-1]).reshape(*moved.shape, 9)
+        change = (there.rotations - here.rotations).reshape(*moved.shape, 9)
         turned = np.sqrt(np.einsum("nki,nki->nk", change, change) / 2)
         return CURVED * (moved + self._radii * turned)
 
@@ -292,16 +348,13 @@ class Sweep:
         return both
 
     def _distance(self, moment: Moment, pair: int) -> float:
-        if pair not in moment.distances:
-            i, j = self._numbers[pair]
-            first, second = self.of(pair)
-            there, number = moment.frames, j
-            if j >= len(self.moving):
-                there, number = self.still.frames, j - len(self.moving)
-            moment.distances[pair] = self.solids.distance(
-                first.geom, moment.frames, i, second.geom, there, number
-            )
-        return moment.distances[pair]
+        found = moment.distances.get(pair)
+        if found is None:
+            first, i, second, j, still = self._numbers[pair]
+            there = self.still.frames if still else moment.frames
+            found = self.solids.distance(first, moment.frames, i, second, there, j)
+            moment.distances[pair] = found
+        return found
 
     def _hit(self, pair: int, moment: Moment) -> Hit:
         # Measured again: `between` belongs to the last distance.
