@@ -31,11 +31,17 @@ app = typer.Typer(no_args_is_help=True, help=__doc__)
 
 
 @command(app)
-def speed() -> None:
+def speed(
+    against: Annotated[
+        str | None,
+        typer.Option("--against", metavar="REVISION", help="Measured too, alternately."),
+    ] = None,
+    only: Annotated[str, typer.Option("--only", help="Part of the names of figures.")] = "",
+) -> None:
     """Processor time of loop, help and planning, as ratios taken side by side."""
     from bench.speed import main
 
-    main()
+    main(against, only)
 
 
 @command(app)

@@ -3,6 +3,7 @@ machine does not change it."""
 
 from __future__ import annotations
 
+import json
 import os
 import resource
 import statistics
@@ -11,7 +12,8 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
 
@@ -23,6 +25,7 @@ from palpate import pipeline
 from palpate.callbacks import SILENT
 from palpate.cells.simulated import simulated_cell
 from palpate.execution.runner import TICK_PERIOD
+from palpate.geometry.pose import Array
 from palpate.pictures.film import Footage
 from palpate.planning.check.check import check
 from palpate.quantities.estimators import estimate_all
@@ -30,6 +33,7 @@ from palpate.scenarios.catalogue import scenario
 from palpate.settings import Settings
 from palpate.stages.executing import perform
 
+ROOT = Path(__file__).parents[1]
 ROUNDS = 3
 COUNTS = (1, 5, 15, 40)
 """Objects on the table, for the growth with their number."""
@@ -37,30 +41,107 @@ KILOBYTES = 1024  # of one MB: `ru_maxrss` is in kB
 SWAY = 2.0  # s of robot time in which the arm sways before them
 
 
-def main() -> None:
-    """Print all figures with their budgets."""
-    for noise in ("lab", "measured"):
-        ratio = f"{closed_loop_ratio(noise):.2f}"
-        _line(f"closed loop / bare mj_step, {noise}", ratio, "≤ 1.3")
+Scenes = dict[int, Path]
+
+
+@dataclass(frozen=True)
+class Figure:
+    """What is measured in a process of its own, with its budget.
+
+    Attributes:
+        measure: one number, or one for each of `COUNTS`.
+        unit: s, ms (of numbers in s), MB, or empty for a ratio.
+    """
+
+    measure: Callable[[Scenes], float | list[float]]
+    unit: str
+    budget: str = ""
+
+
+def _grows(measure: Callable[[Path], float], budget: str) -> Figure:
+    return Figure(lambda scenes: [measure(scenes[n]) for n in COUNTS], "ms", budget)
+
+
+FIGURES = {
+    "closed loop / bare mj_step, lab": Figure(lambda _: closed_loop_ratio("lab"), "", "≤ 1.3"),
+    "closed loop / bare mj_step, measured": Figure(
+        lambda _: closed_loop_ratio("measured"), "", "≤ 1.3"
+    ),
+    "closed loop, a robot second": _grows(lambda scene: sway_seconds(scene), "flat"),
+    "planning and checking": _grows(
+        lambda scene: planning_seconds(scene)[0], "15: ≤ 0.1 s, 40: ≤ 0.3 s"
+    ),
+    "checking alone": _grows(lambda scene: planning_seconds(scene)[1], ""),
+    "execution, one mass among": _grows(lambda scene: measuring_seconds(scene)[0], "flat"),
+    "its estimate": _grows(lambda scene: measuring_seconds(scene)[1], "flat"),
+    "palpate --help": Figure(lambda _: _median(lambda: _palpate("--help")), "s", "≤ 0.4 s"),
+    "palpate plan, 15 objects, cold": Figure(
+        lambda scenes: _median(lambda: _palpate("plan", "--scene", str(scenes[15]))), "s", "≤ 0.8 s"
+    ),
+    "palpate demo": Figure(lambda _: _whole("demo")[0], "s"),
+    "palpate demo, memory peak": Figure(lambda _: _whole("demo")[1], "MB"),
+    "palpate run, 15 objects": Figure(
+        lambda scenes: _whole("run", "--scene", str(scenes[15]))[0], "s"
+    ),
+    "palpate run, 15 objects, memory peak": Figure(
+        lambda scenes: _whole("run", "--scene", str(scenes[15]))[1], "MB"
+    ),
+}
+
+
+def main(against: str | None = None, only: str = "") -> None:
+    """Print the figures whose names contain `only`, with their budgets; beside them those of the
+    revision `against`, measured alternately."""
     with tempfile.TemporaryDirectory() as folder:
-        scenes = {count: crowd(Path(folder) / str(count), count) for count in COUNTS}
-        _growth("closed loop, a robot second", [sway_seconds(scenes[n]) for n in COUNTS], "flat")
-        planned = [planning_seconds(scenes[n]) for n in COUNTS]
-        _growth("planning and checking", [both for both, _ in planned], "15: ≤ 0.1 s, 40: ≤ 0.3 s")
-        _growth("checking alone", [check for _, check in planned], "")
-        one = [measuring_seconds(scenes[n]) for n in COUNTS]
-        _growth("execution, one mass among", [execution for execution, _ in one], "flat")
-        _growth("its estimate", [estimates for _, estimates in one], "flat")
-        _line("palpate --help", f"{_median(lambda: _palpate('--help')):.2f} s", "≤ 0.4 s")
-        cold = _median(lambda: _palpate("plan", "--scene", str(scenes[15])))
-        _line("palpate plan, 15 objects, cold", f"{cold:.2f} s", "≤ 0.8 s")
-        _stages("demo", scenario("bottle_and_table").settings(seed=0, out=Path(folder) / "stages"))
-        many = Settings(scene=scenes[15], seed=0, out=Path(folder) / "many")
-        _stages("15 objects", many)
-        for what, args in (("demo", ["demo"]), ("15 objects", ["run", "--scene", str(scenes[15])])):
-            seconds, peak = _whole(*args, "--seed", "0", "--out", str(Path(folder) / what))
-            _line(f"palpate {args[0]}, {what}", f"{seconds:.1f} s", "")
-            _line("  memory peak", f"{peak:.0f} MB", "")
+        for count in COUNTS:
+            crowd(Path(folder) / str(count), count)
+        sources = [ROOT / "src"]
+        if against is not None:
+            _git("worktree", "add", "--detach", f"{folder}/against", against)
+            sources.append(Path(folder) / "against" / "src")
+        try:
+            for name in (name for name in FIGURES if only in name):
+                rounds = [[_child(name, folder, src) for src in sources] for _ in sources]
+                _show(name, np.median(rounds, axis=0))
+            if against is None and only in "stages":
+                out = Path(folder)
+                small = scenario("bottle_and_table").settings(seed=0, out=out / "stages")
+                _stages("demo", small)
+                many = Settings(scene=out / "15" / "scene.xml", seed=0, out=out / "many")
+                _stages("15 objects", many)
+        finally:
+            if against is not None:
+                _git("worktree", "remove", "--force", f"{folder}/against")
+
+
+def _git(*arguments: str) -> None:
+    subprocess.run(["git", "-C", str(ROOT), *arguments], check=True, capture_output=True)
+
+
+def _child(name: str, folder: str, source: Path) -> list[float]:
+    """Numbers of a figure, of the package in a folder, measured in a process of its own."""
+    environment = os.environ | {"PYTHONPATH": f"{source}{os.pathsep}{ROOT}"}
+    command = [sys.executable, "-m", "bench.speed", name, folder]
+    done = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, text=True)
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def _measured(name: str, folder: str) -> None:
+    """Print the numbers of a figure as JSON."""
+    found = FIGURES[name].measure({n: Path(folder) / str(n) / "scene.xml" for n in COUNTS})
+    print(json.dumps(found if isinstance(found, list) else [found]))
+
+
+def _show(name: str, values: Array) -> None:
+    """Print the numbers (r, n) of a figure for r revisions, and exponents of their growth."""
+    figure, several = FIGURES[name], values.shape[1] > 1
+    for i, row in enumerate(values.T):
+        digits, scale = {"ms": (0, 1e3), "MB": (0, 1.0)}.get(figure.unit, (2, 1.0))
+        shown = " · ".join(f"{scale * value:.{digits}f} {figure.unit}".strip() for value in row)
+        _line(f"{name}, {COUNTS[i]}" if several else name, shown, figure.budget)
+    if several:
+        exponents = [np.polyfit(np.log(COUNTS), np.log(row), 1)[0] for row in values]
+        _line("  exponent", " · ".join(f"{exponent:.2f}" for exponent in exponents), "")
 
 
 def _stages(what: str, settings: Settings) -> None:
@@ -137,6 +218,7 @@ def planning_seconds(scene_file: Path) -> tuple[float, float]:
     scene, again = pipeline.load(settings), pipeline.load(settings)
     small = scenario("one_missing_mass").settings()
     pipeline.plan(small, pipeline.load(small))
+    import_module("mink")  # which the first pose that the controller does not reach would load
     start = time.process_time()
     run = pipeline.plan(settings, scene)
     planned = time.process_time()
@@ -172,7 +254,9 @@ def _whole(*args: str) -> tuple[float, float]:
     """Processor seconds of a whole run, its own processes included, and the memory peak, MB, of the
     largest process that has run so far."""
     start = _of_children()
-    _palpate(*args, check=False)  # a parameter may stay unidentified
+    with tempfile.TemporaryDirectory() as folder:
+        # A parameter may stay unidentified.
+        _palpate(*args, "--seed", "0", "--out", f"{folder}/run", check=False)
     peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / KILOBYTES
     return _of_children() - start, peak
 
@@ -192,17 +276,9 @@ def _of_children() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def _growth(what: str, seconds: list[float], budget: str) -> None:
-    """Print processor times by the number of objects, and the exponent of their growth."""
-    exponent = np.polyfit(np.log(COUNTS), np.log(seconds), 1)[0]
-    for count, time_of in zip(COUNTS, seconds, strict=True):
-        _line(f"{what}, {count}", f"{1e3 * time_of:.0f} ms", budget)
-    _line("  exponent", f"{exponent:.2f}", "")
-
-
 def _line(what: str, figure: str, budget: str) -> None:
-    print(f"{what:40s} {figure:>10s}   {budget and 'budget ' + budget}")
+    print(f"{what:40s} {figure:>20s}   {budget and 'budget ' + budget}", flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    _measured(*sys.argv[1:])
