@@ -256,16 +256,18 @@ def predicted_swings(numbers: Array, swung: Sequence[SwungObject]) -> Iterator[A
 
 def swing_roots(swung: Sequence[SwungObject]) -> Array:
     """(m, s, s) roots of the covariances of each signal in s swings, which share the unknowns of its gear."""
-    variance, gears = (np.array([getattr(one, x) for one in swung]) for x in ("variance", "gears"))
-    shared = np.einsum("ajk,bjk->jab", gears, gears)
-    return np.linalg.cholesky(shared + np.eye(len(swung)) * variance.T[:, None, :])
+    gears = np.array([one.gears for one in swung])
+    own = np.array([one.variance for one in swung]).T[:, None, :] * np.eye(len(swung))
+    shared: Array = np.einsum("ajk,bjk->jab", gears, gears)
+    roots: Array = np.linalg.cholesky(own + shared).astype(np.float64)
+    return roots
 
 
 def swing_residuals(numbers: Array, swung: Sequence[SwungObject], roots: Array) -> Array:
     """Residuals of all swings, in standard deviations."""
     pairs = zip(swung, predicted_swings(numbers, swung), strict=True)
     left = np.array([one.observed - made for one, made in pairs])
-    return np.linalg.solve(roots, left.T[:, :, None]).ravel()
+    return np.linalg.solve(roots, left.T[:, :, None]).ravel().astype(np.float64)
 
 
 def swing_view(numbers: Array, swung: Sequence[SwungObject]) -> FitView:
