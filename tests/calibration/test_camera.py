@@ -33,7 +33,7 @@ BENCH = Pose.of((1.5, -0.4, 0.9))
     ("source", "place", "tag", "surer"),
     [
         ("world:workspace", BENCH, "on the hand", 0.3),
-        pytest.param("world:hand", HELD, "that stands still", 0.5, marks=pytest.mark.long),
+        ("world:hand", HELD, "that stands still", 0.5),
     ],
 )
 def test_a_tag_tells_where_the_camera_is(
