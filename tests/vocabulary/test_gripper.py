@@ -155,7 +155,7 @@ def test_a_can_between_the_edges_of_the_pads_is_let_go_where_it_stands(perform) 
     ("lower", "said"),
     [
         (0.0404, "MovePose(can_pose + x_offset): slip: the fingers closed from 61."),
-        (0.0408, "CloseGripper(): what the fingers met at 60.6 mm gave way to 5"),
+        (0.0407, "CloseGripper(): what the fingers met at 61.2 mm gave way to 5"),
     ],
 )
 def test_a_can_taken_by_its_rim_is_let_go_where_it_stands(lower, said) -> None:

@@ -20,9 +20,6 @@ Gaz, Cognetti, Oliva, Robuffo Giordano, De Luca, RA-L 2019, doi:10.1109/LRA.2019
 SURELY = 2.0
 """Times that, with what the owner knows of rests and noise, from which a torque is no error: conforming
 runs leave up to 1.25 N m unexplained (ten scenarios at `hardware` and `measured`), 0.35 at `lab`."""
-REVERSED = 2.2
-"""Change of friction on reversal over the sliding friction, where static friction is 1.1 of it
-(`hardware.yaml`)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,13 +82,6 @@ def mistaken_force(arm: RobotDescription, q: Array) -> float:
 def mistaken_moment(arm: RobotDescription, q: Array) -> float:
     """Compute the largest moment about the TCP, N m, that `unexplained_torque` looks like, likewise."""
     return unexplained_torque(arm) * float(np.linalg.norm(moments(arm, q), 2))
-
-
-def turned_round(arm: RobotDescription, pose_base_tcp: Pose) -> float:
-    """Compute the largest change of the measured horizontal force at the TCP, N, when friction of
-    `RUBBING` reverses: as the arm starts upwards after it came down."""
-    level = _unit_wrenches(arm, configuration(arm, pose_base_tcp))[:2]
-    return REVERSED * RUBBING * float(np.linalg.norm(level, 2))
 
 
 @lru_cache(maxsize=4096)

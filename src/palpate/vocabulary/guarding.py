@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
-from palpate.robots.accuracy import turned_round
+from palpate.robots.accuracy import mistaken_force
 from palpate.robots.reflex import Reflex, Reflexes
 from palpate.vocabulary.admissible.grasp import most_sideways
 from palpate.vocabulary.admissible.profile import GUARDED_SPEED, POSE_ERROR, Span, leaves, speed
@@ -78,10 +78,8 @@ def follow_guarded(
         LeafFailure: any other contact; the arm still presses on it.
     """
     robot, filtered, scene = blackboard.robot, WrenchFilter(blackboard.robot), blackboard.scene
-    least = MET
-    if blackboard.state.holding is not None and leaves(span.start, span.end):
-        # In a lift the joints' friction reverses, which is no contact.
-        least = max(MET, turned_round(scene.arm, scene.pose_world_base.inverse() @ span.start))
+    # Joints that turn round on the way, in a lift or as the elbow sways, rub the other way: that is no contact.
+    least = max(MET, mistaken_force(scene.arm, robot.state.q))
     yield
     while not _passed(blackboard, span, left):
         wrench = filtered.now()

@@ -137,6 +137,7 @@ class Swivel(NamedTuple):
 
     axis: Array  # (7,) unit vector n of joint rates without a twist, J n = 0; torques along it make no force
     damping: float  # N m s/rad, critical with the inertia n^T M n of the joints alone
+    own: Array  # (7,) kg m^2, that inertia joint by joint
 
     @classmethod
     def of(cls, jacobian: Array, own: Array) -> Swivel:
@@ -147,13 +148,14 @@ class Swivel(NamedTuple):
         onto = np.eye(7) - jacobian.T @ dposv(jacobian @ jacobian.T + RIDGE, jacobian)[1]
         axis = onto[:, int(onto.diagonal().argmax())]
         axis = axis / math.sqrt(axis @ axis)
-        return cls(axis, 2 * POSTURE_RATE * float(own @ axis**2))
+        return cls(axis, 2 * POSTURE_RATE * float(own @ axis**2), own)
 
     def torque(self, away: Array, rates: Array) -> Array:
         """Compute the torques along the axis (n,), N m, that close the distance `away` (7,), rad, and follow the rates
         (n, 7), rad/s, on top of the damper."""
         near = np.minimum(np.maximum(away, -MOST_AWAY), MOST_AWAY)
-        return self.damping * (POSTURE_RATE / 2 * (near @ self.axis) + rates @ self.axis)
+        torques = self.own * (POSTURE_RATE**2 * near + 2 * POSTURE_RATE * rates)
+        return torques @ self.axis
 
 
 class Actuators:
