@@ -46,7 +46,7 @@ def narrowed(tmp_path_factory) -> Run:
         "how heavy is the cup, and how high is the table?",
         world=WORLD,
         noise=str(loud),
-        within={"mass": "3.5g", "height": "0.15mm"},
+        within={"mass": "3.5g", "height": "0.13mm"},
         out=folder / "run",
         remeasure=True,
         fast=True,
@@ -54,7 +54,7 @@ def narrowed(tmp_path_factory) -> Run:
 
 
 @pytest.mark.parametrize(
-    ("name", "half", "truth"), [("cup.mass", 0.0035, 0.3), ("table.height", 0.00015, 0.0)]
+    ("name", "half", "truth"), [("cup.mass", 0.0035, 0.3), ("table.height", 0.00013, 0.0)]
 )
 def test_a_value_is_measured_until_it_is_as_narrow_as_asked(narrowed, name, half, truth) -> None:
     assert count(narrowed, Parameter(name).quantity) > 1
