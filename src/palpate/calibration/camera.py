@@ -158,14 +158,14 @@ def locate(
 
 
 def _place(on_hand: bool) -> str:
-    """Where the tag should be, in words."""
+    """Expected place of the tag, in words."""
     if on_hand:
         return "where the scene has its site, or half a metre before the base, flat on the plane of its foot"
     return "on the hand's broad side that looks away from the base at home"
 
 
 def _standing(scene: Scene, number: int) -> Pose:
-    """Where a tag that stands still is believed to be in the world."""
+    """Believed pose in the world of a tag that stands still."""
     stated = tags_of(scene).get(number)
     return scene.pose_world_base @ LYING if stated is None else stated.pose_world
 

@@ -113,6 +113,11 @@ class SwungObject:
     pose_tcp_body: Pose
     droop: Droop
 
+    @property
+    def std(self) -> Array:
+        """(m,) standard deviations of the signals, with those of the gears."""
+        return np.sqrt(self.variance + (self.gears**2).sum(axis=1))
+
 
 # Parameters of the fit: ten inertial ones, compliance between pads and object about three axes, s², and
 # rotation in the fingers (`estimation.slip`).
@@ -206,10 +211,8 @@ def fit_rigid_body(
     spread, roots = prior_std(body), swing_roots(swung)
 
     def residuals(numbers: Array) -> Array:
-        swings, load = (
-            swing_residuals(numbers, swung, roots),
-            load_residuals(numbers, still, gravity),
-        )
+        swings = swing_residuals(numbers, swung, roots)
+        load = load_residuals(numbers, still, gravity)
         return np.concatenate([swings, load, (numbers - start) / spread])
 
     solved: Any = least_squares(residuals, start, x_scale=spread)
@@ -283,8 +286,7 @@ def swing_view(numbers: Array, swung: Sequence[SwungObject]) -> FitView:
         x=predicted,
         measured=1e3 * np.concatenate([one.observed for one in swung]),
         predicted=predicted,
-        std=1e3
-        * np.sqrt(np.concatenate([one.variance + (one.gears**2).sum(axis=1) for one in swung])),
+        std=1e3 * np.concatenate([one.std for one in swung]),
         groups=["fast swings" if rate > FASTER * rates.min() else "slow swings" for rate in rates],
     )
 

@@ -80,7 +80,7 @@ def estimates(
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """What was estimated of one object.
+    """Estimates of one object, with its held-out motion.
 
     Attributes:
         key: of all that this was made from.
@@ -105,7 +105,7 @@ def judged(made: Run, name: str) -> Judged:
 
 
 def _unchanged(early: Mapping[str, Judged], scene: Scene, trace: Trace | None) -> dict[str, Judged]:
-    """Those of the estimates whose evidence is the same at the end; none of a run that was broken off."""
+    """Select the estimates whose evidence is the same at the end; none of a run that was broken off."""
     if trace is None or sound(trace) is not trace:
         return {}
     return {

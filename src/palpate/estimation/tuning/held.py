@@ -65,12 +65,12 @@ per cent off. Sensitive: inertia std ×0.9–1.2."""
 
 ARM_RUBS = 0.03
 """part (1 sigma) of the friction in the empty swing by which its part in phase with the angle changes with a load for
-no known reason. Chosen on six swings of a hammer at `measured`: with half of it two of them are contradicted.
-Sensitive: inertia std ×0.7 without it at `measured`, ×0.9 at `lab`."""
+no known reason. Chosen on six hammers at `measured`: their two large components are 0.76 (rms) of their deviations off,
+with half of it 0.88, without it 1.08. Sensitive: inertia std ×0.7 without it at `measured`, ×0.9 at `lab`."""
 
 ARM_STICKS = 0.01
 """part (1 sigma) of a joint's dry friction, likewise, in swings in which it hardly turns.
-Sensitive: without it one of six hammers is contradicted."""
+Chosen on the same six: without it two of them are contradicted. Sensitive: inertia std ×0.8–1.4 without it."""
 
 SAME_AXIS = 0.98
 """cosine between the axes of two swings that compare. Sensitive: no."""

@@ -1,5 +1,5 @@
-"""Where a camera is in the world: as its intrinsics file says, or the robot.yaml that `palpate calibrate` wrote; one
-on the hand is where the hand is."""
+"""Pose of a camera in the world: by its intrinsics file, or by the robot.yaml that `palpate calibrate` wrote; of one
+on the hand by the pose of the hand."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SAME = 5.0
 """Standard deviations of the focal length by which a camera is another one."""
 
 Hand = Callable[[], Pose]
-"""Where the TCP is in the world."""
+"""Pose of the TCP in the world, now."""
 
 
 def calibrated(

@@ -1,4 +1,4 @@
-"""What is fixed to the embedded arm or its bench to calibrate a camera: a tag on the hand, or a camera on it and a tag
+"""Fixtures of the embedded arm and its bench for calibrating a camera: a tag on the hand, or a camera on it and a tag
 on the bench; each a little off and askew, as a person puts it there."""
 
 from __future__ import annotations

@@ -150,7 +150,7 @@ class Views:
         return b @ b.transpose(0, 2, 1)
 
     def prior(self) -> Array:
-        """Information about the unknowns before any picture."""
+        """(u, u) information about the u unknowns before any picture."""
         found = np.zeros((self.unknowns, self.unknowns))
         found[:6, :6] = np.linalg.inv(self.mount.covariance[:6, :6])
         found[ZOOM, ZOOM] = self.lens.focal_std**-2
@@ -160,7 +160,7 @@ class Views:
         return found
 
     def wanted(self) -> Array:
-        """(7, n) from a step of the unknowns to one of the camera in the frame of the poses reported, and of
+        """(7, u) from a step of the u unknowns to one of the camera in the frame of the poses reported, and of
         the focal length."""
         found = np.eye(self.unknowns)[CAMERA]
         if not self.on_hand:
@@ -168,7 +168,7 @@ class Views:
         return found
 
     def information(self, tag: Pose) -> Array:
-        """What each picture would give."""
+        """(n, u, u) information about the u unknowns that each picture would give."""
         here = np.zeros(self.unknowns)
         base, columns = self.at(tag, here), list[Array]()
         for step in STEP * np.eye(self.unknowns):
