@@ -65,7 +65,8 @@ class Touch:
         axes = zip("xyz", self.along, strict=True)
         axis, part = max(axes, key=lambda one: abs(one[1]))
         sign = "-" if part < 0.0 else "+"
-        return f"{1e3 * self.apart:+.1f} ± {1e3 * self.std:.1f} mm along {sign}{axis}"
+        apart = round(1e3 * self.apart, 1) + 0.0  # no negative zero
+        return f"{apart:+.1f} ± {1e3 * self.std:.1f} mm along {sign}{axis}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

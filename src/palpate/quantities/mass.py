@@ -212,8 +212,8 @@ def _contrast(trace: Trace, parameter: Parameter, by_all_motion: bool) -> Estima
 def estimate_single_shot(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
     """Mean of F_z / g while the object is held still, the paper's Force2Mass.
 
-    There is no contrast with the empty hand: the result contains the arm's bias, and the standard
-    deviation its bound.
+    There is no contrast with the empty hand: the result contains the arm's bias, the standard deviation what
+    the empty hand shows of it.
     """
     recording = trace.converted(parameter)
     if recording is None:
@@ -221,10 +221,9 @@ def estimate_single_shot(trace: Trace, parameter: Parameter, body: Body | None) 
     mean = single_shot(trace, recording)
     if not mean.value > 0.0:
         return not_identified(parameter, UNIT, "The held object did not pull down.", (recording,))
-    std = np.hypot(mean.std, tuning.FORCE_BIAS / trace.gravity)
     method = (
         "Mean vertical force while held still, over g; not compared with the empty hand, so the "
-        "arm's own bias is only bounded."
+        "arm's own bias is only bounded, by the forces of the empty hand."
     )
     samples = trace.of(recording)
     view = FitView(
@@ -237,7 +236,7 @@ def estimate_single_shot(trace: Trace, parameter: Parameter, body: Body | None) 
         slopes=unit_slopes(samples.t),
     )
     return Estimate.normal(
-        parameter, UNIT, mean.value, std, method, (recording,), least=0.0, views=(view,)
+        parameter, UNIT, mean.value, mean.std, method, (recording,), least=0.0, views=(view,)
     )
 
 

@@ -15,6 +15,7 @@ from palpate.estimation.load.blocks import Blocks
 from palpate.estimation.load.causes import by_signal, of_load
 from palpate.estimation.load.equations import FORCE_Z, TORQUE_X, TORQUE_Y, each_its_own, in_each
 from palpate.estimation.load.fit import Load, fit_load, untested
+from palpate.estimation.load.in_hand import load_rows
 from palpate.estimation.load.segments import Segment, Weighing, referenced, weighings
 from palpate.estimation.load.whole import Whole, fit_whole
 from palpate.estimation.motion import Mask
@@ -143,9 +144,16 @@ def hangs_free(trace: Trace, name: str) -> tuple[FitTest, ...]:
 
 
 def single_shot(trace: Trace, recording: Recording) -> Part:
-    """Mean and spread of F_z / g of a recording's samples, in kg: the paper's Force2Mass."""
+    """Mean of F_z / g of a recording's samples, kg: the paper's Force2Mass.
+
+    It contains the bias of a force without a reference, whose standard deviation is that of all F_z of the empty
+    hand about zero (robust), and at least `tuning.FORCE_BIAS`.
+    """
     force = trace.of(recording).wrench[:, FORCE_Z]
-    return Part(float(force.mean()) / trace.gravity, float(force.std()) / trace.gravity, "kg")
+    empty = np.abs(trace.samples.wrench[load_rows(trace, None).empty, FORCE_Z])
+    shown = 1.4826 * float(np.median(empty)) if len(empty) else 0.0
+    std = float(np.hypot(force.std(), max(shown, tuning.FORCE_BIAS)))
+    return Part(float(force.mean()) / trace.gravity, std / trace.gravity, "kg")
 
 
 def alone(trace: Trace, found: Sequence[Weighing]) -> Mapping[str, Part]:
