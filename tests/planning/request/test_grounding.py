@@ -115,6 +115,7 @@ def workshop() -> Scene:
         thing("spring", y=0.1),
         thing("cubeA_main", y=-0.2),
         thing("cubeB_main", y=0.0),
+        thing("stapler (old)", y=0.3),
         thing("gift1", y=0.2).replace("</body>", '<body name="ribbon"/></body>'),
         name="workbench",
     )
@@ -125,6 +126,7 @@ def workshop() -> Scene:
     [
         ("how heavy is the hammer?", "hammerbody.mass"),
         ("the mass of the red hammer", "hammerbody.mass"),
+        ("how heavy is the stapler?", "stapler (old).mass"),
         ("the height of the bench", "workbench.height"),
         ("the mass of the cup", "teacup.mass"),
         ("the masses of the hammers and the gift", "hammerbody.mass gift1.mass"),

@@ -98,13 +98,13 @@ class Spring:
         """Upper bound of the compliance, m/N, at the given number of standard deviations."""
         # From the whole curve, unless the held force contradicts it: a surface that flows is held deeper.
         curve = self.compliance + sigmas * self.compliance_std
-        doubt = sigmas * self.held_std
-        return min(max(curve, self.held - doubt), self.held + doubt)
+        deeper = self.held - tuning.CONTRADICTS * self.held_std
+        return min(max(curve, deeper), self.held + sigmas * self.held_std)
 
     def at_least(self, sigmas: float) -> float:
         """Lower bound of the compliance, m/N, likewise."""
         curve = self.compliance - sigmas * self.compliance_std
-        return max(curve, self.held - sigmas * self.held_std)
+        return max(curve, self.held - tuning.CONTRADICTS * self.held_std)
 
 
 @dataclass(frozen=True, eq=False)

@@ -88,7 +88,9 @@ class Nouns:
         return tuple(name for name in names if self._may_head(name, noun))
 
     def _may_head(self, name: str, noun: str) -> bool:
-        own = [word for word in self.own[name] if not is_further(word)]
+        # What a parenthesis or a comma adds is no noun: "stapler (old)".
+        headed = name_words(re.split(r"[(,]", name)[0]) or self.own[name]
+        own = [word for word in headed if not is_further(word)]
         own = [word for word in own if word not in self.colours] or own
         said = set(singulars(noun))
         return said.isdisjoint(own[:-1]) or not said.isdisjoint(own[-1:])
