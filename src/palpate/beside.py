@@ -80,8 +80,7 @@ class Beside(Generic[T]):
 def shared_out(work: Callable[[K], T], items: Sequence[K]) -> Iterator[T]:
     """Iterate over the results of `work` on each of `items`, in order: this process does the first of
     them, and for each further processor a copy does as many."""
-    count = len(os.sched_getaffinity(0)) if can_copy() else 1
-    share = math.ceil(len(items) / count)
+    share = math.ceil(len(items) / processors())
     with ExitStack() as stack:
         copies = [
             stack.enter_context(Beside(partial(_each, work, items[first : first + share])))
@@ -95,6 +94,11 @@ def shared_out(work: Callable[[K], T], items: Sequence[K]) -> Iterator[T]:
 
 def _each(work: Callable[[K], T], items: Sequence[K]) -> list[T]:
     return [work(item) for item in items]
+
+
+def processors() -> int:
+    """Number of processors that this process and its copies may use."""
+    return len(os.sched_getaffinity(0)) if can_copy() else 1
 
 
 def can_copy() -> bool:

@@ -44,7 +44,8 @@ from palpate.stages.saving import (
 if TYPE_CHECKING:
     from palpate.beside import Beside
     from palpate.report.writing import Darkroom
-    from palpate.trace.samples import Samples, Trace
+    from palpate.trace.samples import Samples
+    from palpate.twin.validate import Felt
     from palpate.vocabulary.base import Recorder
 
 __all__ = [
@@ -179,7 +180,7 @@ class _Steps:
     cell: Cell | None = None
     ahead: Ahead | None = None
     darkroom: Darkroom | None = None
-    given: Beside[Trace] | None = None
+    given: Beside[Felt] | None = None
 
     def finished(self, made: Run) -> Run:
         """All stages after the execution, from the one that is due; a signal ends them."""

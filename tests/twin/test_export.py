@@ -60,7 +60,7 @@ MEASURED = (
 
 
 def build(scene: Scene) -> Twin:
-    twin = build_twin(scene, MEASURED, NOTHING, lambda spec: NOTHING)
+    twin = build_twin(scene, MEASURED, NOTHING, lambda world: [])
     assert twin.unwritten == ()
     return twin
 

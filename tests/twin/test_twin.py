@@ -45,7 +45,7 @@ def estimate(parameter: Parameter, *value: float) -> Estimate:
 
 
 def build(scene: Scene, *estimates: Estimate) -> Twin:
-    return build_twin(scene, estimates, NOTHING, lambda spec: NOTHING)
+    return build_twin(scene, estimates, NOTHING, lambda world: [])
 
 
 MASS = estimate(Parameter("cup", "mass"), 0.2541)

@@ -15,10 +15,13 @@ from palpate.scene.scene import Scene
 from palpate.trace.recording import LeafRun, Recording
 from palpate.trace.samples import FORCES, Trace
 
-Replay = Callable[[mujoco.MjSpec], Trace]
-"""Executes the plan again in a world made of the given model, and returns the trace."""
-Replayed = Callable[[], Trace]
-"""Waits for a replay and returns its trace."""
+Felt = list[Array]
+"""Means of a trace's recordings (3,): of forces, N, less those of the empty hand at the same pose; of the TCP's
+positions, m."""
+Replay = Callable[[Scene], Felt]
+"""Executes the plan again in a scene."""
+Replayed = Callable[[], Felt]
+"""Waits for a replay."""
 
 SETTLE_TIME = 2.0
 """s of free simulation before the twin's objects must be at rest."""
@@ -89,8 +92,8 @@ def touched(
     was started before."""
     return replace(
         validation,
-        twin=residual_of(recorded, lambda: replay(twin.spec())),
-        template=residual_of(recorded, given or (lambda: replay(template.spec()))),
+        twin=residual_of(recorded, lambda: replay(twin)),
+        template=residual_of(recorded, given or (lambda: replay(template))),
     )
 
 
@@ -116,26 +119,27 @@ def residual_of(recorded: Trace, replay: Replayed) -> Residual:
         replayed = replay()
     except PalpateError as error:
         return Residual(None, None, str(error))
-    made, wanted = len(replayed.recordings), len(recorded.recordings)
+    made, wanted = len(replayed), len(recorded.recordings)
     if made < wanted:
         return Residual(None, None, f"the replay stopped after {made} of {wanted} recordings")
     return compare(recorded, replayed)
 
 
-def compare(recorded: Trace, replayed: Trace) -> Residual:
-    """The residual between two traces of the same plan, recording by recording."""
-    force: list[Array] = []
-    position: list[Array] = []
-    for then, now in zip(recorded.recordings, replayed.recordings, strict=False):
-        if then.buffer == FORCES:
-            force.append(mean_force(recorded, then) - mean_force(replayed, now))
-        else:
-            places = [
-                trace.of(recording).pose_world_tcp[:, :3].mean(axis=0)
-                for trace, recording in ((recorded, then), (replayed, now))
-            ]
-            position.append(places[0] - places[1])
-    return Residual(rms(force), rms(position))
+def compare(recorded: Trace, replayed: Felt) -> Residual:
+    """The residual between a trace and a replay of the same plan, recording by recording."""
+    buffers = np.array([recording.buffer for recording in recorded.recordings])
+    apart = np.reshape(np.subtract(felt(recorded), replayed[: len(buffers)]), (-1, 3))
+    return Residual(rms(apart[buffers == FORCES]), rms(apart[buffers != FORCES]))
+
+
+def felt(trace: Trace) -> Felt:
+    """Means of the recordings that are compared."""
+    return [
+        mean_force(trace, one)
+        if one.buffer == FORCES
+        else trace.of(one).pose_world_tcp[:, :3].mean(axis=0)
+        for one in trace.recordings
+    ]
 
 
 def compared_until(trace: Trace) -> float:
@@ -167,8 +171,8 @@ def empty_motions(trace: Trace, recording: Recording) -> Iterator[LeafRun]:
             yield leaf
 
 
-def rms(differences: list[Array]) -> float | None:
-    """Root mean square of the lengths of vectors."""
-    if not differences:
+def rms(differences: Array) -> float | None:
+    """Root mean square of the lengths of vectors (n, 3)."""
+    if not len(differences):
         return None
-    return float(np.sqrt(np.mean([d @ d for d in differences])))
+    return float(np.sqrt(float(np.sum(differences**2)) / len(differences)))

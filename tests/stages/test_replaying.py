@@ -1,0 +1,90 @@
+"""A replay in parts: they feel what the whole feels, and where none can begin, there are none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import palpate as pp
+from palpate.runs.run import Run
+from palpate.stages import replaying
+from palpate.stages.replaying import Part, replay_of, replayed, rests
+from palpate.trace.recording import Context, LeafRun
+from palpate.twin.validate import Felt, felt
+
+TEXT = """<mujoco><worldbody>
+  <site name="robot_base"/>
+  <body name="desk" pos="0.4 0 {}"><geom type="box" size=".3 .3 .03"/></body>
+  <body name="mug" pos="0.5 0.1 {}"><freejoint/><geom type="box" size=".03 .02 .05" mass="{}"/></body>
+</worldbody></mujoco>"""
+HEIGHT = 0.005  # m, of a desk believed at 0
+
+
+@pytest.fixture(scope="module")
+def run() -> Run:
+    world, wanted = TEXT.format(-0.025, 0.055, 0.34), ["desk.height", "mug.mass"]
+    return pp.run(TEXT.format("?", 0.05, "?"), measure=wanted, world=world, noise="none", fast=True)
+
+
+@pytest.fixture(autouse=True)
+def two(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two processors, for which a short run is long enough."""
+    monkeypatch.setattr(replaying, "processors", lambda: 2)
+    monkeypatch.setattr(replaying, "SHORTEST_PART", 5.0)
+
+
+def tried(
+    run: Run, monkeypatch: pytest.MonkeyPatch, execute: Callable[..., Felt]
+) -> list[list[Part]]:
+    """The parts that `execute` is asked for."""
+    asked: list[list[Part]] = []
+
+    def recorded(parts: list[Part], world: pp.Scene) -> Felt:
+        asked.append(parts)
+        return execute(parts, world)
+
+    monkeypatch.setattr(replaying, "replayed", recorded)
+    again = replay_of(run.plan, run.scene, run.trace, run.estimates)
+    assert again is not None
+    found = again(run.twin.scene)
+    assert not found or np.abs(np.subtract(found, felt(run.trace))).max() < 0.03  # N, m
+    return asked
+
+
+def test_parts_feel_what_the_whole_feels(run, monkeypatch) -> None:
+    (((first, second)),) = tried(run, monkeypatch, replayed)
+    assert first.plan.actions + second.plan.actions == run.plan.actions  # one opens, none goes home
+    tops = [part.scene.surfaces["desk"].top_z() for part in (first, second)]
+    assert tops == pytest.approx([0.0, HEIGHT], abs=5e-4)
+
+
+def test_parts_that_depend_on_each_other_are_one(run, monkeypatch) -> None:
+    several, (whole,) = tried(run, monkeypatch, lambda parts, world: [])
+    assert len(several) == 2
+    assert whole.plan.actions == run.plan.actions - 1
+    assert whole.q is None
+
+
+def changed(run: Run, change: Callable[[Context], Context]) -> list[LeafRun]:
+    """The run's leaves with their contexts changed."""
+    leaves = run.trace.leaves
+    return [replace(leaf, context=change(leaf.context)) for leaf in leaves if leaf.context]
+
+
+def test_a_part_begins_in_free_air_with_everything_in_its_place(run) -> None:
+    leaves = run.trace.leaves
+    targets = [leaves[i].label for i in rests(leaves)]
+    assert targets[0].startswith("MoveUntilContact")
+    assert "MovePose(mug_pose + z_offset)" in targets
+    closed = [
+        replace(leaf, primitive="CloseGripper") if leaf.primitive == "OpenGripper" else leaf
+        for leaf in leaves
+    ]
+    assert not list(rests(closed))
+    assert not list(rests(changed(run, lambda one: replace(one, activity="working"))))
+    moved = changed(run, lambda one: replace(one, grasp="elsewhere"))
+    put_down = [leaf.primitive for leaf in leaves].index("OpenGripper", 3)
+    assert max(rests(moved)) < put_down < max(rests(leaves))
