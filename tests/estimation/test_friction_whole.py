@@ -12,6 +12,7 @@ from palpate import pipeline
 from palpate.estimation.friction.drags import steady_drags
 from palpate.estimation.friction.fit import Forces, fit_sliding
 from palpate.estimation.friction.whole import fit_whole
+from palpate.estimation.joint_friction import dahl
 from palpate.estimation.load.observation import observe
 from palpate.robots.simulated.noise.model import NoiseModel
 from palpate.scenarios.catalogue import scenario
@@ -75,6 +76,21 @@ def test_what_the_model_of_the_arm_leaves_widens_it(run):
         assert spoilt.std > before
         assert abs(spoilt.friction - TRUTH) < 3.0 * spoilt.std
         before = spoilt.std
+
+
+def test_friction_of_a_joint_is_none_of_the_support(run):
+    """Half a newton metre more in the elbow, where it turned last while the object hangs and while it slides."""
+    samples, observed = run.trace.samples, observe(run.trace)
+    steps = np.diff(samples.q, axis=0, prepend=samples.q[:1])
+    rubs = 0.5 * dahl(steps, np.array([2e-3]))[0][:, :, 0] * np.eye(7)[3]
+    wrench = np.einsum("nij,nj->ni", np.linalg.pinv(observed.maps(samples.q)), rubs)
+    torques, wrench = samples.tau_ext + rubs, samples.wrench + wrench
+    rubbing = replace(run.trace, samples=replace(samples, tau_ext=torques, wrench=wrench))
+    friction, std = fit_sliding(
+        steady_drags(rubbing, "bottle", observed), observed, rubbing.hand
+    ).friction
+    assert friction == pytest.approx(TRUTH, abs=0.005)
+    assert std < 0.01
 
 
 def test_zeros_that_jump_in_the_drags_are_seen(run):

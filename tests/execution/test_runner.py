@@ -184,17 +184,20 @@ def test_only_what_is_met_where_the_support_is_believed_is_one(
 def test_a_support_bears_more_than_the_weight_before_the_fingers_open(
     plan, node, scene, robot, words, carrying
 ):
-    """Some newtons, which tell a support from a touch, and no more than that."""
-    pressed = []
+    """Some newtons, which tell a support from a touch, and no more than that, met at less than 2 cm/s."""
+    pressed, speeds = [], []
 
     def press(r):
         if r.state.gripping:
             pressed.append(-float(r.state.wrench[2]))
+        if r.state.gripping and commands(r)[-1] == "move_axis":
+            speeds.append(r.speed)
 
     robot.on_advance = press
     robot.set_reflex(robot.limits.reflexes.free)
     run(plan(*carrying, node("Go", z=0.2), node("Refuse")), scene, robot, words=words)
     assert 4.5 < pressed[-1] < 10.0
+    assert max(speeds) < 0.02
     assert robot.thresholds.force == robot.limits.reflexes.contact.force, "pressing is part of it"
 
 

@@ -17,12 +17,13 @@ from hypothesis import strategies as st
 from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
 from mcap.records import Chunk
-from mcap.writer import Writer
+from mcap.stream_reader import CRCValidationError
+from mcap.writer import CompressionType, Writer
 from mcap_ros2.decoder import DecoderFactory
 
 from palpate.errors import InputError
 from palpate.robots.registry import load_description
-from palpate.trace.mcap import PROFILE, TraceStream, read_mcap, write_mcap
+from palpate.trace.mcap import PROFILE, TraceStream, read_mcap, stored_messages, write_mcap
 from palpate.trace.recording import Hand
 from palpate.trace.samples import Samples, Trace
 
@@ -123,6 +124,20 @@ def test_a_figure_outside_of_all_chunks_is_under_a_checksum(trace: Trace, tmp_pa
     path.write_bytes(path.read_bytes().replace(b'"tip_offset":0.009', b'"tip_offset":0.008'))
     with pytest.raises(InputError, match="crc"):
         read_mcap(path)
+
+
+def test_a_chunk_of_another_program_is_under_its_own_checksum(tmp_path: Path) -> None:
+    """Most writers give the data as a whole none."""
+    path = tmp_path / "log.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.NONE)
+        writer.start()
+        channel = writer.register_channel("/mass", "json", schema_id=0)
+        writer.add_message(channel, 0, b'{"mass": 0.254}', publish_time=0)
+        writer.finish()
+    path.write_bytes(path.read_bytes().replace(b"0.254", b"0.255"))
+    with path.open("rb") as file, pytest.raises(CRCValidationError):
+        list(stored_messages(file))
 
 
 def test_a_trace_from_before_joints_were_named_is_an_fr3s() -> None:

@@ -230,6 +230,21 @@ def test_a_slide_presses_hardest_halfway(perform, reached) -> None:
     assert halfway > max(first, last) + 4.0
 
 
+@pytest.mark.parametrize(("thick", "stopped"), [(0.010, False), (0.022, True)])
+def test_what_is_met_well_above_its_place_is_no_support(perform, scene, reached, thick, stopped):
+    """A slab that no scene shows, where the cup is to stand: a believed pose is 20 mm off at most."""
+    there = "cup_pose + 6*y_offset"
+    x, y, _ = (scene.symbols.resolve(there)).position
+    slab = f'<body pos="{x} {y} {thick / 2}"><geom type="box" size=".03 .02 {thick / 2}"/></body>'
+    text = CELL.format(cup="0.5 0.1 0.05", table=-0.03, mass='mass="0.3"')
+    world = parse_scene(text.replace("</worldbody>", slab + "</worldbody>"))
+    over = ("MovePose", f"{there} + z_offset")
+    done = perform(*reached, "CloseGripper", LIFT, over, ("MovePose", there), world=world)
+    said = done.message("MovePose")
+    assert ("met a support 22 mm before" in said) == stopped
+    assert ("set down" in said, done.execution.final_state.holding) == (not stopped, "cup")
+
+
 def test_across_its_pads_a_hand_presses_no_harder_than_they_hold(reached, start, after) -> None:
     """An object dragged at its foot turns about the line between the pads."""
     held = after(start, *reached, "CloseGripper")

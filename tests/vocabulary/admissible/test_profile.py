@@ -5,17 +5,22 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from performing import CELL
 
 from palpate.geometry.pose import Pose
+from palpate.scene.load import parse_scene
 from palpate.vocabulary.admissible.profile import (
     GUARDED_SPEED,
-    NEAR_SPEED,
     Span,
     between,
     spans,
     speed,
     stretches,
 )
+from palpate.vocabulary.state import SymbolicState
+from palpate.vocabulary.touch import MEDIAN_TIME
+
+WALL = '<body name="wall" pos="0.5 0.16 0.2"><geom type="box" size=".2 .01 .2"/></body>'
 
 
 @pytest.fixture
@@ -44,6 +49,15 @@ def test_a_way_up_is_free_after_the_lift_off(start, ways) -> None:
     parts = list(spans(replace(start, gripper="open"), grasp, above))
     assert [part.guarded for part in parts] == [True, False]
     assert 0.008 < parts[0].start.distance_to(parts[0].end) < 0.015
+
+
+def test_a_way_up_beside_a_wall_is_free_as_far_as_the_hand_came_down(start, ways) -> None:
+    _, grasp = ways
+    text = CELL.format(cup="0.5 0.1 0.05", table=-0.03, mass="")
+    scene = parse_scene(text.replace("</worldbody>", WALL + "</worldbody>"))
+    beside = SymbolicState(scene, gripper="open")
+    parts = list(spans(beside, grasp, grasp.translated((0.0, 0.0, 0.2))))
+    assert lengths(parts) == [(10, True), (90, False), (100, True)]
 
 
 def test_the_profile_is_the_same_with_the_object_and_without(start, ways) -> None:
@@ -75,7 +89,8 @@ def test_near_things_the_speed_follows_the_effective_mass(start, ways) -> None:
         speed(Span(pose, pose.translated((0.0, 0.0, -0.03)), True), start.scene)
         for pose in (grasp, nearer)
     )
-    assert 0.01 < heavy < slow <= NEAR_SPEED
+    assert 0.01 < heavy < slow
+    assert slow * MEDIAN_TIME <= 0.003 + 1e-9, "it goes 3 mm in the time until a contact is certain"
     assert speed(Span(grasp, grasp, True), start.scene) == GUARDED_SPEED
 
 
