@@ -36,8 +36,9 @@ def scene():
     return parse_scene(SCENE)
 
 
-def lift_at(bench, noise, offsets, seed=0, moves=(0.0, 0.0, 0.0)):
-    """`moves`: how far along the handle the centre of mass is at each grasp from where it was, m."""
+def lift_at(bench, noise, offsets, seed=0, moves=(0.0, 0.0, 0.0), unrecorded=()):
+    """`moves`: how far along the handle the centre of mass is at each grasp from where it was, m;
+    `unrecorded`: offsets at which it is lifted for something else."""
     b = bench(noise, seed)
     for offset, moved in zip(offsets, moves, strict=False):
         x, y = np.array([0.45, 0.1]) + TURN @ [offset, 0.0]
@@ -46,7 +47,10 @@ def lift_at(bench, noise, offsets, seed=0, moves=(0.0, 0.0, 0.0)):
         from_hand = COM + np.array([moved - offset, 0.0])
         b.close("hammer", MASS, TURN @ from_hand)
         b.go(f"a{offset}", (x, y, 0.15))
-        b.measure()
+        if offset in unrecorded:
+            b.dwell(1.0)
+        else:
+            b.measure()
         b.go(f"g{offset}", (x, y, 0.03))
         b.open()
         b.go(f"a{offset}", (x, y, 0.15))
@@ -180,4 +184,13 @@ def test_a_grasp_counts_once_though_a_lift_beside_it_is_weighed_with_it(bench, n
     found = estimate_com(lift_at(bench, noises["lab"], close), PARAMETER, scene.body("hammer"))
     assert "at 3 grasps" in found.method
     assert found.identified, found.method
+    assert np.all(np.abs(found.values[:2] - COM) < 3 * found.stds[:2])
+
+
+@pytest.mark.parametrize("unrecorded", [0.0, -0.016])
+def test_a_grasp_without_a_recording_of_the_hold_is_no_evidence(bench, noises, scene, unrecorded):
+    close = [0.0, 0.05, -0.016]
+    trace = lift_at(bench, noises["lab"], close, unrecorded=(unrecorded,))
+    found = estimate_com(trace, PARAMETER, scene.body("hammer"))
+    assert "at 2 grasps" in found.method
     assert np.all(np.abs(found.values[:2] - COM) < 3 * found.stds[:2])

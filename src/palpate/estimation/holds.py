@@ -89,16 +89,17 @@ def held(trace: Trace, body: Body) -> Held | None:
         return None
     # After a tilt or a swing the object may have rotated in the fingers.
     turned = [*_recordings(trace, body.name, "tilting"), *_recordings(trace, body.name, "swinging")]
+    # Where it is in the hand is known of the grasps in which it was recorded still.
+    shown = {grasped(trace, one, body): one for one in reversed(still)}
     level: list[Weighing] = []
     for weighed in weighings(trace, still[0]):
         kept: list[Segment] = []
         for segment in weighed.segments:
             since = [one for one in turned if segment.grasp < one.start < segment.start]
-            if not (segment.loaded and since):
+            if not segment.loaded or (segment.grasp in shown and not since):
                 kept.append(segment)
         level.append(replace(weighed, segments=kept))
-    times = [grasp for one in level for grasp in one.grasps]
-    recordings = [next(one for one in still if one.start >= grasp) for grasp in times]
+    recordings = [shown[grasp] for one in level for grasp in one.grasps]
     tilted = list(tilted_holds(trace, body.name))
     found = [*level, *(weighed for _, weighed in tilted)]
     load = fit_load(found, trace.gravity, trace.hand)
