@@ -57,6 +57,15 @@ def test_measuring_is_grouped_as_in_the_paper(scene: Scene):
     assert len(actions(tree)) == 17
 
 
+def test_an_object_is_grasped_once_for_all_that_is_asked_of_it_in_any_order(scene: Scene):
+    asked = [("bottle", "mass"), ("mug", "friction"), ("bottle", "inertia"), ("mug", "inertia")]
+    measure = tuple(Parameter(*names) for names in asked)
+    plan = SymbolicPlanner(measure=measure).plan(None, scene)
+    assert check(plan, scene) == ()
+    assert set(plan.parameters) == set(measure)
+    assert sum(action.startswith("CloseGripper") for action in actions(plan.tree)) == 2
+
+
 def test_friction_is_slid_in_the_same_grasp_in_a_triangle(scene: Scene):
     bottle = bench(BOTTLE.replace('friction="0.6"', ""))
     plan = planned(bottle, "mass and friction of the bottle")

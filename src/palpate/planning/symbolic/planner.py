@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -226,11 +225,12 @@ def _assembled(
     chainer.go_home()
     measured: list[Parameter] = []
     failed: list[str] = []
-    surfaces = chainer.scene.surfaces
+    groups: dict[str, list[Parameter]] = {}
+    for wanted in parameters:
+        groups.setdefault(wanted.object, []).append(wanted)
     # A measured height makes the motions above that surface exact.
-    surfaces_first = sorted(parameters, key=lambda wanted: wanted.object not in surfaces)
-    for name, group in groupby(surfaces_first, key=lambda wanted: wanted.object):
-        done, reasons = _measure(chainer, name, list(group), efforts)
+    for name in sorted(groups, key=lambda name: name not in chainer.scene.surfaces):
+        done, reasons = _measure(chainer, name, groups[name], efforts)
         measured += done
         failed += reasons
     chainer.go_home()
