@@ -21,13 +21,13 @@ from palpate.robots.trajectory import (
     PosePath,
     Stretch,
     quintic,
-    rotation_vector,
     slowed,
     stop,
     straight,
     stretches,
     swing,
     turned,
+    wrist_turn,
 )
 from palpate.trace.recording import Hand
 
@@ -116,11 +116,12 @@ class Commanded:
         """Move straight to `target` (world), with a joint path of the null space from joint positions
         `q` (7,), rad; within the limits of the arm's effective mass and of `slower`."""
         (now, origin), pace = begin, self._arm.pace
-        goal = np.concatenate([target.position, rotation_vector(origin, target.quaternion)])
+        bent = self._nominal.reach(target, self._arm.home)
+        turn = wrist_turn(origin, target.quaternion, float(bent[6] - q[6]))
+        goal = np.concatenate([target.position, turn])
         way = goal[:3] - now.p[:3]
         distance = max(float(np.linalg.norm(way)), 1e-6)
         angle = max(float(np.linalg.norm(goal[3:])), 1e-6)
-        bent = self._nominal.reach(target, self._arm.home)
         free = np.array([speed])
         if distance > STANDING:
             free = np.minimum(free_speeds(self._nominal, self._arm, (q, bent), way), speed)

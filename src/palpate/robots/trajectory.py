@@ -121,6 +121,17 @@ def rotation_vector(start: Array, goal: Array) -> Array:
     return out
 
 
+def wrist_turn(start: Array, goal: Array, twist: float) -> Array:
+    """Compute the turn (3,), rad, in the frame of `start`, from one quaternion to another: the shortest, or beyond a
+    right angle the other way round if that is nearer to the `twist`, rad, of the last joint, whose axis is the
+    tool's z. The wrist does not turn all the way round."""
+    turn = rotation_vector(start, goal)
+    angle = float(np.linalg.norm(turn))
+    if angle < np.pi / 2:
+        return turn
+    return min(turn, turn * (1.0 - 2.0 * np.pi / angle), key=lambda one: abs(one[2] - twist))
+
+
 def turned(origin: Array, rotation_vectors: Array) -> Array:
     """Turn the quaternion `origin` by each rotation vector (m, 3) in its own frame: (m, 4)."""
     if not rotation_vectors.any():

@@ -257,7 +257,8 @@ def touch(state: SymbolicState, direction: Array, travel: float) -> tuple[Hit, P
 
     def compute() -> tuple[Hit, Pose] | None:
         end = start.translated(travel * direction)
-        swept = hand_sweep(state, hand_path(start, end, opening(state), FINEST), TOUCHES)
+        path = hand_path(solids(state.scene), start, end, opening(state), FINEST)
+        swept = hand_sweep(state, path, TOUCHES)
         first = swept.first(np.full(len(swept.pairs), TOUCHES))
         if first is None:
             return None

@@ -93,6 +93,17 @@ def test_the_arm_rests_at_home_without_force() -> None:
     assert arm.state.width == pytest.approx(0.08, abs=1e-4)
 
 
+def test_the_wrist_turns_the_way_that_its_joint_allows() -> None:
+    """200 degrees on, where 160 back would end beyond the last joint's range."""
+    arm = robot()
+    poses = [ABOVE @ Pose.turn((0.0, 0.0, angle)) for angle in (-1.6, 1.9)]
+    for pose in poses:
+        joint7 = go(arm, pose).q[:, 6]
+        assert arm.state.pose_world_tcp.angle_to(pose) < 0.01
+        assert ARM.limits.q_min[6] < joint7.min()
+        assert joint7.max() < ARM.limits.q_max[6]
+
+
 def test_samples_come_at_200_hz_and_only_once() -> None:
     arm = robot()
     samples = ticks(arm, 0.2)

@@ -103,8 +103,17 @@ def test_robot_gets_all_stretches_in_one_command(start, ways) -> None:
     assert free.speed > near.speed
 
 
-def test_a_pose_between_turns_evenly(ways) -> None:
+def test_a_pose_between_turns_evenly(start, ways) -> None:
     above, grasp = ways
-    middle = between(above, grasp, 0.5)
+    middle = between(start, above, grasp, 0.5)
     assert middle.distance_to(above) == pytest.approx(above.distance_to(grasp) / 2)
-    assert between(above, grasp, 1.0) is grasp
+    assert between(start, above, grasp, 1.0) is grasp
+
+
+def test_the_hand_turns_as_far_round_as_the_wrist_does(start, ways) -> None:
+    """By 200 degrees on, which is 160 the other way round: the last joint cannot."""
+    above, _ = ways
+    first, last = (above @ Pose.turn((0, 0, angle)) for angle in (-1.6, 1.9))
+    middle = between(start, first, last, 0.5)
+    assert middle.angle_to(first) == pytest.approx(1.75, abs=1e-6)
+    assert middle.angle_to(above) < 0.5

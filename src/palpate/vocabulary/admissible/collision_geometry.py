@@ -45,7 +45,7 @@ def near_spans(
 ) -> tuple[tuple[float, float], ...]:
     """Shares (first, last) of the TCP's straight path from `start` to `end` (world) on which the
     hand, the fingers or the load may come within `growth` m of anything; in order, disjoint."""
-    path = hand_path(start, end, opening(state), SPACING)
+    path = hand_path(solids(state.scene), start, end, opening(state), SPACING)
     near = hand_sweep(state, path, growth).near(growth)
     # Edges of a mask: where it changes between False and True.
     edges = np.flatnonzero(np.diff(np.concatenate([[0], near.astype(int), [0]])))

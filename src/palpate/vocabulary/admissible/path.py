@@ -87,10 +87,10 @@ class ArmPath:
         )
 
 
-def hand_path(start: Pose, end: Pose, width: float, step: float = STEP) -> ArmPath:
+def hand_path(solids: Solids, start: Pose, end: Pose, width: float, step: float = STEP) -> ArmPath:
     """Straight path of the hand alone."""
     travel = end.position - start.position
-    turn = rotation_vector(start.quaternion, end.quaternion)
+    turn = solids.turn(start, end)
     parts = max(np.linalg.norm(travel) / step, np.linalg.norm(turn) / TURN, 1.0)
     shares = np.linspace(0.0, 1.0, int(np.ceil(parts)) + 1)
     quaternions = np.tile(start.quaternion, (len(shares), 1))
@@ -117,7 +117,7 @@ def straight_path(
 
 
 def _straight_path(solids: Solids, start: Pose, end: Pose, q: tuple[Array, Array]) -> ArmPath:
-    return arm_path(solids, hand_path(start, end, 0.0), q)
+    return arm_path(solids, hand_path(solids, start, end, 0.0), q)
 
 
 def arm_path(solids: Solids, hand: ArmPath, q: tuple[Array, Array]) -> ArmPath:

@@ -25,10 +25,11 @@ from numpy.typing import NDArray
 
 from palpate.geometry.pose import Pose
 from palpate.robots.pace import contact_speed
-from palpate.robots.trajectory import Stretch, rotation_vector, turned
+from palpate.robots.trajectory import Stretch, turned
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.clearance import is_vertical
 from palpate.vocabulary.admissible.collision_geometry import near_spans
+from palpate.vocabulary.admissible.solids import solids
 from palpate.vocabulary.admissible.support import clear_of_support
 from palpate.vocabulary.state import SymbolicState
 
@@ -68,8 +69,8 @@ def spans(state: SymbolicState, start: Pose, end: Pose) -> Iterator[Span]:
     believes."""
     near = _near(state, start, end)
     for first, last in pairwise(_edges(near)):
-        one = between(start, end, first / len(near))
-        other = between(start, end, last / len(near))
+        one = between(state, start, end, first / len(near))
+        other = between(state, start, end, last / len(near))
         yield Span(one, other, bool(near[first]))
 
 
@@ -101,14 +102,14 @@ def leaves(start: Pose, end: Pose) -> bool:
     return is_vertical(start, end) and bool(end.position[2] > start.position[2])
 
 
-def between(start: Pose, end: Pose, share: float) -> Pose:
+def between(state: SymbolicState, start: Pose, end: Pose, share: float) -> Pose:
     """Pose at a share of the straight path, the rotation interpolated as well."""
     if share <= 0.0:
         return start
     if share >= 1.0:
         return end
     position = start.position + share * (end.position - start.position)
-    turn = share * rotation_vector(start.quaternion, end.quaternion)
+    turn = share * solids(state.scene).turn(start, end)
     return Pose.of(position, turned(start.quaternion, turn[None])[0])
 
 

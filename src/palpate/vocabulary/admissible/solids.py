@@ -32,6 +32,7 @@ from palpate.robots.kinematics import (
 from palpate.robots.model import PREFIX
 from palpate.robots.nominal import NominalArm
 from palpate.robots.sheet import Box
+from palpate.robots.trajectory import rotation_vector, wrist_turn
 from palpate.scene.scene import Scene
 
 LEFT, RIGHT = "left finger", "right finger"
@@ -206,6 +207,16 @@ class Solids:
                 q = inverse_kinematics(self.scene.arm, pose_world_tcp, self.scene.pose_world_base)
             self._configurations[key] = q
         return self._configurations[key]
+
+    def turn(self, start: Pose, end: Pose) -> Array:
+        """Turn (3,), rad, in the TCP's frame at `start`, by which the arm goes straight from there to `end`."""
+        turn = rotation_vector(start.quaternion, end.quaternion)
+        if turn @ turn < (np.pi / 2) ** 2:
+            return turn
+        q, bent = self.configuration(start), self.configuration(end)
+        if q is None or bent is None:
+            return turn
+        return wrist_turn(start.quaternion, end.quaternion, float(bent[6] - q[6]))
 
     def reaches(self, pose_world_tcp: Pose) -> bool:
         """True if the arm can bring its TCP to a pose within its joint limits: as the controller takes
