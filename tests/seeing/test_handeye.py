@@ -11,7 +11,8 @@ import pytest
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
-from palpate.seeing.handeye.fit import BENT, ZEROS, HandEye, Views, frame_of, hand_eye, surest
+from palpate.seeing.handeye.arm import BENT, ZEROS
+from palpate.seeing.handeye.fit import HandEye, Views, frame_of, hand_eye, surest
 from palpate.seeing.lens import FACING, Lens, Mount, pinhole
 from palpate.seeing.solve import apart, moved
 

@@ -69,7 +69,7 @@ def wanted(
     tag: str | None = None,
     plot: Path | None = None,
 ) -> Wanted:
-    """Parse the references from text: `0.5kg±0.1g`, `block=50mm±0.01mm`, `0=60mm±0.1mm`.
+    """Parse the references from text: `0.5kg±0.1g`, `block=50mm±0.01mm`, `0=100mm±0.1mm`.
 
     Raises:
         InputError: no such size.
@@ -169,12 +169,12 @@ def require_consistent(
     if wanted == Wanted():
         raise InputError(
             "nothing to calibrate with: give a known weight (--weight 0.5kg±0.1g), known heights "
-            "(--gauge 50mm±0.01mm), a camera and a tag (--camera 0 --tag 0=60mm), or let the arm weigh "
+            "(--gauge 50mm±0.01mm), a camera and a tag (--camera 0 --tag 0=100mm), or let the arm weigh "
             "itself (--own-weight)"
         )
     if (wanted.camera is None) != (wanted.tag is None):
         raise InputError(
-            "camera= and tag= go together: a camera, and the number and side of a tag, e.g. 0=60mm±0.1mm"
+            "camera= and tag= go together: a camera, and the number and side of a tag, e.g. 0=100mm±0.1mm"
         )
     for name in ("intrinsics", "plot"):
         if wanted.camera is None and getattr(wanted, name) is not None:

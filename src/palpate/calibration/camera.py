@@ -28,6 +28,7 @@ from palpate.robots.nominal import NominalArm
 from palpate.robots.owner.config import JOINTS, Camera
 from palpate.scene.scene import Scene
 from palpate.seeing.detection import detect
+from palpate.seeing.handeye.arm import stances
 from palpate.seeing.handeye.embedded import HAND, LYING, STICKER, believed, with_camera, with_tag
 from palpate.seeing.handeye.fit import FEWEST, HandEye, Views, frame_of, hand_eye, surest
 from palpate.seeing.lens import Lens, Mount
@@ -38,7 +39,6 @@ from palpate.seeing.tags import tags_of
 from palpate.seeing.vision import TAGS
 from palpate.settings import WORLD_CAMERA
 from palpate.stages.workplace import cell_for
-from palpate.trace.samples import STANDARD_GRAVITY
 from palpate.vocabulary.state import HOME_CONFIG
 
 if TYPE_CHECKING:
@@ -174,7 +174,7 @@ def _number(tag: Known) -> int:
     name = tag.name or "0"
     if not name.isdecimal() or int(name) >= TAGS:
         raise InputError(
-            f"tag '{name[:20]}': tags are numbered 0 to {TAGS - 1}; give e.g. 0=60mm±0.1mm"
+            f"tag '{name[:20]}': tags are numbered 0 to {TAGS - 1}; give e.g. 0=100mm±0.1mm"
         )
     return int(name)
 
@@ -251,17 +251,6 @@ def configurations(arm: RobotDescription) -> Array:
     q = np.clip(arm.home + SPREAD * random.uniform(-1.0, 1.0, (DRAWN, JOINTS)), low, high).round(4)
     places = NominalArm(arm, Pose.of([0, 0, 0]), np.zeros(3)).poses(q)
     return q[places[:, 2] > CLEAR]
-
-
-def stances(arm: RobotDescription, q: Array) -> tuple[list[Pose], Array]:
-    """Poses of the TCP in the base's frame at configurations (n, 7), and Jacobians (n, 6, 35), by joints, how they
-    give way under the arm's weight, and places of links."""
-    nominal = NominalArm(arm, Pose.of([0, 0, 0]), np.array([0.0, 0.0, -STANDARD_GRAVITY]))
-    at = nominal.kinematics(q)
-    gives = at.jacobian * at.gravity_torque[:, None]
-    offsets = np.pad(nominal.offsets(q), ((0, 0), (0, 3), (0, 0)))
-    hands = [Pose(row[:3], row[3:]) for row in at.pose_world_tcp]
-    return hands, np.concatenate([at.jacobian, gives, offsets], axis=2)
 
 
 def in_view(views: Views, tag: Pose) -> list[int]:

@@ -44,7 +44,7 @@ def calibrate(
         typer.Option(
             "--tag",
             metavar="[NUMBER=]SIDE",
-            help="Tag on the hand, or before a camera on it: 0=60mm±0.1mm",
+            help="Tag on the hand, or before a camera on it: 0=100mm±0.1mm",
         ),
     ] = None,
     plot: Annotated[

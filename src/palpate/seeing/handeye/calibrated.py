@@ -12,7 +12,7 @@ import numpy as np
 from palpate.geometry.pose import Pose
 from palpate.robots.nominal import NominalArm
 from palpate.scene.scene import Scene
-from palpate.seeing.handeye.fit import LEVER, LINKS
+from palpate.seeing.handeye.arm import uncertainty
 from palpate.seeing.lens import Lens, Mount
 
 SAME = 5.0
@@ -30,11 +30,21 @@ def calibrated(
     lens, mount = _found(scene, lens, mount)
     if mount is None or not mount.on_hand:
         return lens, mount
-    pose = _hand_of(scene, mount) if hand is None else hand()
-    covariance = mount.covariance.copy()
-    place = math.hypot(scene.arm.nominal.pose_repeatability, LINKS)
-    covariance[:6, :6] += np.diag([place**2] * 3 + [(place / LEVER) ** 2] * 3)
-    return lens, replace(mount, covariance=covariance).within(pose)
+    base = scene.arm.stands(scene.pose_world_base)
+    nominal = NominalArm(scene.arm, base, np.zeros(3))
+    q = scene.arm.home if mount.joints is None else mount.joints
+    if hand is None:
+        row = nominal.poses(q[None])[0]
+        pose = Pose(row[:3], row[3:])
+    else:
+        pose = hand()
+        q = nominal.reach(pose, q)  # about: how the elbow stands hardly matters
+    seen = mount.within(pose)
+    lever = base.rotation.T @ (seen.pose_world_camera.position - pose.position)
+    turn = np.kron(np.eye(2), base.rotation)
+    covariance = seen.covariance.copy()
+    covariance[:6, :6] += turn @ uncertainty(scene.arm, q, lever) @ turn.T
+    return lens, replace(seen, covariance=covariance)
 
 
 def _found(scene: Scene, lens: Lens, mount: Mount | None) -> tuple[Lens, Mount | None]:
@@ -51,10 +61,3 @@ def _found(scene: Scene, lens: Lens, mount: Mount | None) -> tuple[Lens, Mount |
     found = Mount(Pose.of(camera.pos, camera.quat), camera.covariance, camera.on_hand, joints)
     base = scene.arm.stands(scene.pose_world_base)
     return lens.zoomed(zoom), found if camera.on_hand else found.within(base)
-
-
-def _hand_of(scene: Scene, mount: Mount) -> Pose:
-    base = scene.arm.stands(scene.pose_world_base)
-    q = scene.arm.home if mount.joints is None else mount.joints
-    row = NominalArm(scene.arm, base, np.zeros(3)).poses(q[None])[0]
-    return Pose(row[:3], row[3:])

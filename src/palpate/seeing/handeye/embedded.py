@@ -22,7 +22,7 @@ HELD = Pose.of((0.07, 0.0, -0.07), (0.0, 1.0, 0.0, 0.0))
 frame."""
 FOVY = 45.0
 """Its vertical field of view, degrees."""
-STICKER = Pose.of((0.045, 0.0, -0.075), (0.5, -0.5, 0.5, -0.5))
+STICKER = Pose.of((0.055, 0.0, -0.045), (0.5, -0.5, 0.5, -0.5))
 """A tag on that side of the hand, upright at home, in the TCP's frame; it is believed to be there to some cm."""
 LYING = Pose.of((0.5, 0.0, 0.0))
 """A tag on the plane on which the arm stands, in the base's frame; likewise."""

@@ -29,22 +29,11 @@ import numpy as np
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
+from palpate.seeing.handeye.arm import STDS, carried, unexplained
 from palpate.seeing.lens import FACING, Lens, Mount
 from palpate.seeing.solve import BELIEVED, FLOOR, NOISE, moved
 from palpate.seeing.vision import CORNERS, square_poses
 
-ZEROS = 1e-3
-"""rad (1 sigma), of the encoders' zeros: uncalibrated Pandas are off by up to the order of 10 mm, calibrated
-ones by 0.2 mm (Franzese, Spahn, Kober, Della Santina, 2025, arXiv:2503.12584)."""
-GIVES = 2e-5
-"""rad per N m (1 sigma), by which a joint gives way beyond its encoder under the arm's weight: joints of 7000 N m/rad
-(franka_description), of which the arm's own computation of its angles leaves a seventh."""
-LINKS = 3e-4
-"""m (1 sigma): by which the place of a link in the one before is off, along each axis."""
-BENT = 1e-4
-"""m (1 sigma), what nothing else of the arm explains, such as links that bend."""
-LEVER = 0.5
-"""m: an arm that is off by its repeatability at the hand is turned by this part of it."""
 FEWEST = 6
 """Pictures: with fewer, one that is odd is not found."""
 MOST_REFUSED = 0.4
@@ -58,8 +47,9 @@ ROUNDS = 3
 ARM = 14
 """Unknowns before the arm's: camera 6, tag 6, logarithms of focal length and of the tag's size."""
 ZOOM, SIZE = 12, 13
-MEASURED = 1e-4
-"""Relative: least standard deviation of a tag's size."""
+MEASURED = 5e-4
+"""Relative: least standard deviation of a tag's size. Black is seen 0.01 pixel too wide to either side in rendered
+pictures, of 40."""
 CAMERA = [*range(6), ZOOM]
 """Indices of the unknowns of the camera with its lens."""
 STEP = 1e-6
@@ -141,9 +131,7 @@ class Views:
     def scatter(self, tag: Pose, step: Array) -> Array:
         """(n, 8, 8) covariance of a picture's corners by the arm's error, pixels²."""
         base, columns = self.at(tag, step), list[Array]()
-        place = math.hypot(self.repeatability, BENT)
-        turn = place / LEVER
-        for i, size in enumerate([place] * 3 + [turn] * 3):
+        for i, size in enumerate(unexplained(self.repeatability)):
             off = self.at(tag, step, STEP * np.eye(6)[i]) - base
             columns.append(off.reshape(-1, 8) * size / STEP)
         b = np.stack(columns, axis=2)
@@ -155,8 +143,7 @@ class Views:
         found[:6, :6] = np.linalg.inv(self.mount.covariance[:6, :6])
         found[ZOOM, ZOOM] = self.lens.focal_std**-2
         found[SIZE, SIZE] = max(self.size_std, MEASURED) ** -2
-        stds = np.repeat([ZEROS, GIVES, LINKS], [7, 7, 21])[: self.jacobians.shape[2]]
-        found[ARM:, ARM:] = np.diag(stds**-2)
+        found[ARM:, ARM:] = np.diag(STDS[: self.jacobians.shape[2]] ** -2)
         return found
 
     def wanted(self) -> Array:
@@ -184,14 +171,6 @@ def _turned(points: Array, vectors: Array | None) -> Array:
         return points
     once = np.cross(vectors[:, None], points)
     return points + once + np.cross(vectors[:, None], once) / 2
-
-
-def carried(point: Array) -> Array:
-    """(6, 6) step of a pose at a point (3,), as `moved` takes it, by a twist about the origin."""
-    x, y, z = point
-    found = np.eye(6)
-    found[:3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
-    return found
 
 
 def frame_of(hands: Sequence[Pose], jacobians: Array) -> Array:
