@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,8 @@ LUMA = np.array([0.299, 0.587, 0.114])
 """Shares of red, green and blue in grey (ITU-R BT.601)."""
 DIGITS = 6
 """Decimals of m and of quaternions in poses.yaml."""
+TOLD = 0.05
+"""m (1 sigma): a height of a surface that is less sure is none; a guess has as much."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -45,6 +47,8 @@ class Seen:
         notes: what did not fit, in words.
         noise: pixels, 1 sigma of a corner's coordinate.
         outlines: of the objects, in the picture.
+        surfaces: poses of the surfaces whose height the scene leaves open and the picture tells, by a tag on them or on
+            what stands on them; their covariance is of z alone.
     """
 
     poses: dict[str, Pose]
@@ -53,6 +57,7 @@ class Seen:
     notes: tuple[str, ...]
     noise: float
     outlines: Outlines | None = None
+    surfaces: Mapping[str, Pose] = field(default_factory=dict[str, Pose])
 
     def __repr__(self) -> str:
         return f"<Seen: {', '.join(self.poses) or 'nothing'}; noise {self.noise:.2f} px>"
@@ -67,7 +72,8 @@ class Seen:
     @property
     def content(self) -> dict[str, Any]:
         """Content of a poses.yaml."""
-        return {"objects": {name: self._entry(name) for name in self.poses}}
+        poses = {**self.surfaces, **self.poses}
+        return {"objects": {name: self._entry(name, pose) for name, pose in poses.items()}}
 
     @property
     def entries(self) -> dict[str, ObjectEntry]:
@@ -93,8 +99,7 @@ class Seen:
         ]
         return table(repr(self), ("object", "place, m", "±, mm"), rows)
 
-    def _entry(self, name: str) -> dict[str, Any]:
-        pose = self.poses[name]
+    def _entry(self, name: str, pose: Pose) -> dict[str, Any]:
         rows = [[float(f"{part:.3e}") for part in row] for row in self.covariances[name].tolist()]
         return {
             "pos": pose.position.round(DIGITS).tolist(),
@@ -146,14 +151,24 @@ def look(
     notes += _said(found, tags)
     objects = [name for name in scene.objects if name in found.poses]
     poses = {name: found.poses[name] for name in objects}
+    heights = dict(_heights(scene, found))
     return Seen(
         poses,
-        {name: found.covariances[name] for name in objects},
+        {name: found.covariances[name] for name in (*heights, *objects)},
         tuple(name for name in scene.objects if name not in found.poses),
         tuple(notes),
         found.noise,
         outlines(pictures[0], scene, problem, found.pose_world_camera, found.zoom, poses),
+        heights,
     )
+
+
+def _heights(scene: Scene, found: Solution) -> Iterator[tuple[str, Pose]]:
+    """Surfaces of open height that the picture tells; none below what was not seen, which stays where it is stated."""
+    for name, surface in scene.surfaces.items():
+        told = name in found.poses and found.covariances[name][2, 2] < TOLD**2
+        if told and all(one in found.poses for one in surface.carries):
+            yield name, found.poses[name]
 
 
 def _corners(pictures: list[NDArray[np.uint8]], lens: Lens, notes: list[str]) -> dict[int, Array]:

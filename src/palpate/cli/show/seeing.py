@@ -14,6 +14,7 @@ from palpate.live.console import SafeConsole
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from palpate.geometry.pose import Pose
     from palpate.seeing.look import Seen
 
 
@@ -58,9 +59,15 @@ def _poses(seen: Seen) -> Table:
     table = figure_table("object", "place (m)", "± (mm)", "turn ± (°)", no_wrap=True)
     for name, pose in seen.poses.items():
         place, turn = seen.std(name)
-        where = ", ".join(f"{part:.4f}" for part in pose.position.tolist())
-        table.add_row(name, where, f"{1e3 * place:.2f}", f"{math.degrees(turn):.2f}")
+        table.add_row(name, _where(pose), f"{1e3 * place:.2f}", f"{math.degrees(turn):.2f}")
+    for name, pose in seen.surfaces.items():
+        height = math.sqrt(seen.covariances[name][2, 2])
+        table.add_row(name, _where(pose), f"{1e3 * height:.2f} in z", "")
     return table
+
+
+def _where(pose: Pose) -> str:
+    return ", ".join(f"{part:.4f}" for part in pose.position.tolist())
 
 
 def _remark(seen: Seen, console: SafeConsole) -> None:
