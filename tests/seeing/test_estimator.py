@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import json
 import shlex
 import subprocess
@@ -16,6 +18,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import palpate as pp
 from palpate.errors import InputError, Unavailable
@@ -79,7 +82,13 @@ def test_a_command_and_a_server_find_a_ball_without_tags(tmp_path: Path) -> None
     pytest.importorskip("cv2")
     world, command = tmp_path / "world.xml", f"{shlex.quote(sys.executable)} {BALL}"
     world.write_text(XML.format(x=0.56, y=0.05))
-    with server(by_command) as url:
+    asked: list[dict[str, Any]] = []
+
+    def kept(handler: BaseHTTPRequestHandler, document: bytes) -> None:
+        asked.append(json.loads(document))
+        by_command(handler, document)
+
+    with server(kept) as url:
         looks = [
             pp.see(SCENE, "world:over", world=world, pose_estimator=how) for how in (command, url)
         ]
@@ -89,6 +98,15 @@ def test_a_command_and_a_server_find_a_ball_without_tags(tmp_path: Path) -> None
         assert off @ np.linalg.solve(spread, off) < 14  # chi-squared of 3, 99.7 %
         assert np.linalg.norm(off) < 0.01
         assert seen.unseen == ("block",)
+    # The ball is red, and its nearest point is a radius nearer than its middle.
+    image, depth = (
+        np.asarray(Image.open(io.BytesIO(base64.b64decode(asked[0][key])))).astype(int)
+        for key in ("image", "depth")
+    )
+    red = image[..., 0] > 2 * image[..., 1] + 20
+    back = np.array([0.0, -0.6, 0.8])  # the camera's z, away from the view
+    away = (np.array([0.5, -0.4, 0.9]) - [0.56, 0.05, 0.43]) @ back
+    assert np.percentile(depth[red], 5) == pytest.approx(1e3 * (away - 0.03), abs=4)
 
 
 def drawn(random: np.random.Generator, tag: bool, wrong: float = 0.0) -> np.ndarray:

@@ -42,7 +42,8 @@ def test_ten_frames_of_a_video_file_are_taken(tmp_path: Path, lens: Path) -> Non
     for i in range(14):
         video.write(cv2.GaussianBlur(sheet(), (0, 0), 3.0) if i == 2 else sheet())
     video.release()
-    taken, told, mount = pictures(str(path), lens)
+    taken, told, mount, depth = pictures(str(path), lens, deep=True)
+    assert depth is None
     assert len(taken) == sources.FRAMES
     assert (told.size, mount) == ((320, 240), None)
     assert sharpness(taken[2]) < 0.5 * sharpness(taken[0])
@@ -79,8 +80,8 @@ class Double:
     """Stands in for pyrealsense2's pipeline: its calls as its documentation has them, and no more of it. No
     RealSense camera was at hand."""
 
-    stream = SimpleNamespace(color="color")
-    format = SimpleNamespace(rgb8="rgb8")
+    stream = SimpleNamespace(color="color", depth="depth")
+    format = SimpleNamespace(rgb8="rgb8", z16="z16")
     distortion = SimpleNamespace(brown_conrady="brown", inverse_brown_conrady="inverse")
 
     def __init__(self, coeffs: list[float], model: str = "brown", broken: str = "") -> None:
@@ -112,7 +113,14 @@ class Double:
         self.running = True
         profile = SimpleNamespace(get_intrinsics=lambda: self.intrinsics)
         stream = SimpleNamespace(as_video_stream_profile=lambda: profile)
-        return SimpleNamespace(get_stream=lambda _: stream)
+        sensor = SimpleNamespace(get_depth_scale=lambda: 0.00025)
+        device = SimpleNamespace(first_depth_sensor=lambda: sensor)
+        return SimpleNamespace(get_stream=lambda _: stream, get_device=lambda: device)
+
+    def align(self, stream: str) -> SimpleNamespace:
+        assert stream == "color"
+        far = SimpleNamespace(get_data=lambda: np.full((720, 1280), 5000, np.uint16))
+        return SimpleNamespace(process=lambda _: SimpleNamespace(get_depth_frame=lambda: far))
 
     def wait_for_frames(self, _: int) -> Any:
         if self.broken == "frames":
@@ -127,11 +135,23 @@ class Double:
 def test_a_realsense_camera_states_its_own_lens(monkeypatch: pytest.MonkeyPatch) -> None:
     double = Double([0.1, -0.2, 0, 0, 0.05])
     monkeypatch.setitem(sys.modules, "pyrealsense2", double)
-    taken, told, _ = pictures("realsense:0123", None)
-    assert len(taken) == sources.FRAMES
+    taken, told, _, depth = pictures("realsense:0123", None)
+    assert (len(taken), depth) == (sources.FRAMES, None)
     assert double.asked == ["0123", ("color", 1280, 720, "rgb8", 30)]
     assert told.matrix[:2].tolist() == [[910.0, 0.0, 640.0], [0.0, 911.0, 360.0]]
     assert told.distortion.tolist() == [0.1, -0.2, 0, 0, 0.05]
+
+
+def test_a_realsense_camera_gives_depth_in_mm_where_it_is_asked_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    double = Double([0.0] * 5)
+    monkeypatch.setitem(sys.modules, "pyrealsense2", double)
+    *_, depth = pictures("realsense", None, deep=True)
+    assert double.asked[1] == ("depth", 1280, 720, "z16", 30)
+    assert depth is not None
+    assert (depth.dtype, depth.shape) == (np.uint16, (720, 1280))
+    assert (depth == 1250).all()  # 5000 of 0.25 mm, along the colour picture's pixels
 
 
 @pytest.mark.parametrize(

@@ -201,6 +201,23 @@ class Painter:
 
     def paint(self, data: mujoco.MjData, camera: mujoco.MjvCamera | str) -> Pixels:
         """Render forwarded `data` from a free camera, or from a named one of the model."""
+        self._render(data, camera)
+        pixels = np.empty((self._rect.height, self._rect.width, 3), np.uint8)
+        mujoco.mjr_readPixels(pixels, None, self._rect, self._context)
+        return pixels[::-1].copy()  # OpenGL's rows begin at the bottom
+
+    def distances(self, data: mujoco.MjData, camera: mujoco.MjvCamera | str) -> Array:
+        """(height, width) m along the view to what each pixel shows, as `paint`; to the far plane where that is
+        nothing."""
+        self._render(data, camera)
+        buffer = np.empty((self._rect.height, self._rect.width), np.float32)
+        mujoco.mjr_readPixels(None, buffer, self._rect, self._context)
+        extent, clip = self.model.stat.extent, self.model.vis.map
+        near, far = clip.znear * extent, clip.zfar * extent
+        # The buffer is 0 at the near plane and 1 at the far one, linear in 1 / distance.
+        return near * far / (far - buffer[::-1].astype(float) * (far - near))
+
+    def _render(self, data: mujoco.MjData, camera: mujoco.MjvCamera | str) -> None:
         view = camera if isinstance(camera, mujoco.MjvCamera) else mujoco.MjvCamera()
         if isinstance(camera, str):
             view.type = mujoco.mjtCamera.mjCAMERA_FIXED
@@ -209,9 +226,6 @@ class Painter:
         mujoco.mjv_updateScene(self.model, data, self._options, None, view, every, self._scene)
         self._opengl.make_current()
         mujoco.mjr_render(self._rect, self._scene, self._context)
-        pixels = np.empty((self._rect.height, self._rect.width, 3), np.uint8)
-        mujoco.mjr_readPixels(pixels, None, self._rect, self._context)
-        return pixels[::-1].copy()  # OpenGL's rows begin at the bottom
 
     def bodies(self, data: mujoco.MjData, camera: mujoco.MjvCamera) -> NDArray[np.int_]:
         """(height, width) body that each pixel of a picture shows; 0 for the world, and for nothing."""

@@ -34,7 +34,7 @@ def detect(grey: Grey, lens: Lens) -> list[tuple[int, Array]]:
 
 def _fine(grey: Grey, rough: Array, lens: Lens) -> Array:
     """Corners (4, 2) by the edges near rough ones, which stay where these are not straight, or lead elsewhere."""
-    fine = rough
+    fine, bent = rough, 0.0
     for _ in range(ROUNDS):
         before = fine
         fine, bent = _refined(grey, fine, lens)

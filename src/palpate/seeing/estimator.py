@@ -2,6 +2,7 @@
 
     {"palpate_estimator": 1,
      "image": "iVBORw0…",                                     # PNG in base64, RGB
+     "depth": "iVBORw0…",                                     # of the same pixels, 16 bit PNG; where a camera has it
      "intrinsics": {"fx": …, "fy": …, "cx": …, "cy": …, "size": [1280, 720], "distortion": [k1, k2, p1, p2, k3]},
      "objects": [{"name": "mug", "mesh": "v 0.04 0 0.1\\n…"}]}  # Wavefront OBJ in the object's frame, m
 
@@ -40,33 +41,49 @@ SHOWN = 2
 
 
 def estimated(
-    source: str, scene: Scene, picture: NDArray[np.uint8], lens: Lens
+    source: str,
+    scene: Scene,
+    picture: NDArray[np.uint8],
+    lens: Lens,
+    depth: NDArray[np.uint16] | None = None,
 ) -> dict[str, Estimated]:
-    """Ask an estimator, a command or a URL, for the poses of a scene's objects in a picture.
+    """Ask an estimator, a command or a URL, for the poses of a scene's objects in a picture, with `depth` in mm.
 
     Raises:
         InputError: it answers something else.
         Unavailable: it does not answer, or fails.
     """
-    answer = exchanged(source, request(scene, picture, lens))
+    answer = exchanged(source, request(scene, picture, lens, depth))
     return parsed(answer, scene.objects)
 
 
-def request(scene: Scene, picture: NDArray[np.uint8], lens: Lens) -> bytes:
+def request(
+    scene: Scene,
+    picture: NDArray[np.uint8],
+    lens: Lens,
+    depth: NDArray[np.uint16] | None = None,
+) -> bytes:
     """The document that an estimator is given, JSON."""
-    from PIL import Image
-
-    png = io.BytesIO()
-    Image.fromarray(picture).save(png, "PNG")
     (fx, _, cx), (_, fy, cy), _ = lens.matrix.tolist()
     content = {
         "palpate_estimator": 1,
-        "image": base64.b64encode(png.getvalue()).decode(),
+        "image": _png(picture),
         "intrinsics": {"fx": fx, "fy": fy, "cx": cx, "cy": cy}
         | {"size": list(lens.size), "distortion": lens.distortion.tolist()},
         "objects": [{"name": name, "mesh": mesh_of(scene, name)} for name in scene.objects],
     }
+    if depth is not None:
+        content["depth"] = _png(depth)
     return json.dumps(content).encode()
+
+
+def _png(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> str:
+    """PNG in base64: RGB, or grey of 16 bits."""
+    from PIL import Image
+
+    png = io.BytesIO()
+    Image.fromarray(pixels).save(png, "PNG")
+    return base64.b64encode(png.getvalue()).decode()
 
 
 def parsed(answer: bytes, names: Mapping[str, Any]) -> dict[str, Estimated]:

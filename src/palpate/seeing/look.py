@@ -116,9 +116,11 @@ def look(
     mount: Mount | None = None,
     estimator: str | None = None,
     hand: Hand | None = None,
+    depth: NDArray[np.uint16] | None = None,
 ) -> Seen:
     """Find the objects of a scene in pictures (height, width, 3) of one camera, which stands still: by
-    their tags, and by an `estimator` of poses, a command or a URL. A camera that is calibrated in the robot.yaml of
+    their tags, and by an `estimator` of poses, a command or a URL, which is given the `depth` (height, width) of their
+    pixels, mm along the view, too, if there is one. A camera that is calibrated in the robot.yaml of
     the scene's arm is where that says; one on the hand by where the `hand` is, else by its joints.
 
     Raises:
@@ -145,7 +147,7 @@ def look(
         )
     estimates: dict[str, Estimated] = {}
     if estimator is not None:
-        estimates = estimated(estimator, scene, max(pictures, key=sharpness), lens)
+        estimates = estimated(estimator, scene, max(pictures, key=sharpness), lens, depth)
     problem = Problem(lens, seen, tags, things_of(scene), mount, estimates)
     found = solve(problem)
     notes += _said(found, tags)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import islice
 from pathlib import Path
 
@@ -32,12 +32,14 @@ PATIENCE = 10.0
 """s for a camera's first picture."""
 
 Frames = Iterator[NDArray[np.uint8]]
+Depth = NDArray[np.uint16] | None
+"""(height, width) mm along the view, 0 for none, of a picture's pixels; None of a camera that has none."""
 
 
 def pictures(
-    source: str, intrinsics: Path | None
-) -> tuple[list[NDArray[np.uint8]], Lens, Mount | None]:
-    """Pictures of a source, its lens, and where its camera is if its file says so.
+    source: str, intrinsics: Path | None, deep: bool = False
+) -> tuple[list[NDArray[np.uint8]], Lens, Mount | None, Depth]:
+    """Pictures of a source, its lens, where its camera is if its file says so, and, if `deep`, depth.
 
     Raises:
         InputError: no such source, or no intrinsics.
@@ -46,12 +48,12 @@ def pictures(
     stated = None if intrinsics is None else read_lens(intrinsics)
     if Path(source).suffix.lower() in PICTURES:
         lens, mount = _required(stated)
-        return [load_image(Path(source), LARGEST)], lens, mount
-    coming, lens, mount = _opened(source, stated)
+        return [load_image(Path(source), LARGEST)], lens, mount, None
+    coming, lens, mount, depth = _opened(source, stated, deep)
     taken = list(islice(coming, FRAMES))
     if not taken:
         raise Unavailable(f"the camera or video '{source[:100]}' gives no picture")
-    return taken, lens, mount
+    return taken, lens, mount, depth()
 
 
 class Stream:
@@ -60,9 +62,10 @@ class Stream:
     Attributes:
         lens: of its intrinsics file, or as the device states it.
         mount: where it is, if its file says so.
+        depth: gives the newest depth, of a camera that was started `deep` and has one.
     """
 
-    def __init__(self, source: str, intrinsics: Path | None) -> None:
+    def __init__(self, source: str, intrinsics: Path | None, deep: bool = False) -> None:
         """Start it.
 
         Raises:
@@ -74,7 +77,7 @@ class Stream:
                 f"'{source[:100]}' does not see the arm move: give {LIVE}, or world:NAME"
             )
         stated = None if intrinsics is None else read_lens(intrinsics)
-        coming, self.lens, self.mount = _opened(source, stated)
+        coming, self.lens, self.mount, self.depth = _opened(source, stated, deep)
         self._source = source
         self._newest: tuple[float, NDArray[np.uint8]] | None = None
         self._failed: PalpateError | None = None
@@ -106,20 +109,20 @@ class Stream:
 
 
 def _opened(
-    source: str, stated: tuple[Lens, Mount | None] | None
-) -> tuple[Frames, Lens, Mount | None]:
-    """Pictures that come from a camera or a video, its lens, and where it is."""
+    source: str, stated: tuple[Lens, Mount | None] | None, deep: bool
+) -> tuple[Frames, Lens, Mount | None, Callable[[], Depth]]:
+    """Pictures that come from a camera or a video, its lens, where it is, and its newest depth."""
     kind, _, rest = source.partition(":")
     if kind == REALSENSE:
-        camera = RealSense(rest or None)
+        camera = RealSense(rest or None, deep)
         lens, mount = stated or (camera.lens, None)
-        return camera.frames(), lens, mount
+        return camera.frames(), lens, mount, lambda: camera.depth
     lens, mount = _required(stated)
     number = source.removeprefix("opencv:")
     if number.isdecimal() and len(number) < 4:
-        return frames(int(number)), lens, mount
+        return frames(int(number)), lens, mount, lambda: None
     if Path(source).suffix.lower() in VIDEOS and Path(source).is_file():
-        return frames(source), lens, mount
+        return frames(source), lens, mount, lambda: None
     raise InputError(f"no camera '{source[:100]}': give {FORMS}")
 
 

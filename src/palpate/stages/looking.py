@@ -91,30 +91,32 @@ def seen_from(
             raise InputError(
                 f"world= goes with camera={WORLD_CAMERA}NAME, a camera of the simulated world"
             )
-        taken, lens, mount = pictures(source, intrinsics)
-        return look_at(scene, taken, lens, mount, estimator, hand)
+        taken, lens, mount, depth = pictures(source, intrinsics, estimator is not None)
+        return look_at(scene, taken, lens, mount, estimator, hand, depth)
     if intrinsics is not None:
         raise InputError(
             "a camera of the simulated world has its own intrinsics: leave out intrinsics="
         )
     from palpate.cells.simulated import simulated_cell
     from palpate.seeing.handeye.embedded import HAND, believed, with_camera
-    from palpate.seeing.rendered import SimulatedCamera, take
+    from palpate.seeing.rendered import SimulatedCamera
 
     cell = simulated_cell(scene, world, noise=noise, seed=seed)
     name = source.removeprefix(WORLD_CAMERA)
     if name != HAND:
-        picture = take(cell.world.spec(cell.drawn), name, seed=seed)
-        return look_at(scene, [picture.pixels], picture.lens, picture.mount, estimator)
+        eye = SimulatedCamera(cell.world.spec(cell.drawn), name, seed=seed)
+        taken, depth = eye.shoot(), None if estimator is None else eye.depth()
+        return look_at(scene, [taken], eye.lens, eye.mount, estimator, None, depth)
     robot = cell.robot()
     footage, (lens, mount) = cell.footage(), believed(seed)
     assert footage is not None
     assert footage.spec is not None
     eye = SimulatedCamera(with_camera(footage.spec, scene.arm), HAND, seed=seed)
-    taken = eye.shoot(footage.frames[-1][1])
+    qpos = footage.frames[-1][1]
+    taken, depth = eye.shoot(qpos), None if estimator is None else eye.depth(qpos)
     state = robot.state
     robot.close()
-    return look_at(scene, [taken], lens, mount, estimator, lambda: state.pose_world_tcp)
+    return look_at(scene, [taken], lens, mount, estimator, lambda: state.pose_world_tcp, depth)
 
 
 def hand_of(url: str, scene: Scene) -> Pose:

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.cells.cell import Cell
 from palpate.errors import InputError, Unavailable
@@ -123,11 +122,14 @@ def _live(source: str, made: Run) -> See:
     from palpate.seeing.sources import Stream
 
     settings = made.settings
-    stream = Stream(source, settings.intrinsics)
+    estimator = settings.pose_estimator
+    stream = Stream(source, settings.intrinsics, estimator is not None)
 
     def see() -> Seen | None:
-        pictures, estimator = [stream.latest()], settings.pose_estimator
-        return _or_none(lambda: look(made.scene, pictures, stream.lens, stream.mount, estimator))
+        lens, mount, pictures = stream.lens, stream.mount, [stream.latest()]
+        return _or_none(
+            lambda: look(made.scene, pictures, lens, mount, estimator, None, stream.depth())
+        )
 
     return see
 
@@ -137,20 +139,18 @@ def _simulated(name: str, made: Run, cell: Cell) -> See:
     from palpate.seeing.look import look
     from palpate.seeing.rendered import SimulatedCamera
 
-    settings, camera = made.settings, list[SimulatedCamera]()
+    estimator, cameras = made.settings.pose_estimator, list[SimulatedCamera]()
 
-    def shoot() -> NDArray[np.uint8]:
+    def see() -> Seen | None:
         footage = cell.footage()
         assert footage is not None
         assert footage.spec is not None
-        if not camera:
-            camera.append(SimulatedCamera(footage.spec, name, seed=settings.seed))
-        return camera[0].shoot(footage.frames[-1][1])
-
-    def see() -> Seen | None:
-        pictures, estimator = [shoot()], settings.pose_estimator
-        lens, mount = camera[0].lens, camera[0].mount
-        return _or_none(lambda: look(made.scene, pictures, lens, mount, estimator))
+        if not cameras:
+            cameras.append(SimulatedCamera(footage.spec, name, seed=made.settings.seed))
+        camera, qpos = cameras[0], footage.frames[-1][1]
+        pictures, depth = [camera.shoot(qpos)], None if estimator is None else camera.depth(qpos)
+        lens, mount = camera.lens, camera.mount
+        return _or_none(lambda: look(made.scene, pictures, lens, mount, estimator, None, depth))
 
     return see
 
