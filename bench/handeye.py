@@ -34,7 +34,7 @@ from palpate.robots.nominal import NominalArm
 from palpate.robots.owner.config import RobotConfig
 from palpate.scene.scene import Scene
 from palpate.seeing.handeye.arm import stances
-from palpate.seeing.handeye.embedded import HELD, STICKER
+from palpate.seeing.handeye.embedded import HAND, HELD, STICKER
 from palpate.seeing.handeye.fit import HandEye, Views, frame_of, hand_eye, surest
 from palpate.seeing.lens import FACING, Lens, Mount, pinhole
 from palpate.seeing.solve import apart, moved
@@ -141,7 +141,7 @@ def whole(session: Session, source: str) -> Off:
     """A calibration of a camera of the simulated world, as `palpate calibrate --camera` does it."""
     tag = Known.of(f"0={SIDE * 1e3:g}mm±0.1mm", LENGTH, "tag")
     found, _ = locate(session, source, None, tag)
-    if found.mount.on_hand:
+    if source == WORLD_CAMERA + HAND:
         return _off(found, HELD)
     cell = session.cell
     assert isinstance(cell, SimulatedCell)
