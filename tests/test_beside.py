@@ -46,6 +46,14 @@ with Beside(tidy):
     os.read(begun[0], 1)
 os.set_blocking(left[0], False)
 assert os.read(left[0], 1) == b"l"
+with Beside(lambda: 1) as beside:
+    while beside.running:
+        assert beside.sent() is None
+    assert beside.sent() == beside.result() == 1
+with Beside(failing) as beside:
+    while beside.running:
+        pass
+    assert beside.sent() is None, "it failed"
 with Beside(os.getpid, copied=False) as beside:
     assert beside.result() == os.getpid()
 done = list(shared_out(lambda i: (i, os.getpid()), range(7)))

@@ -35,21 +35,32 @@ class Beside(Generic[T]):
         self._work = work
         self._copy: ForkProcess | None = None
         self._receiver: Connection | None = None
+        self._results: list[T] = []
         if copied and can_copy():
             self._begin()
 
     @property
     def running(self) -> bool:
         """A copy is at work: it has not begun to send its result."""
-        return self._receiver is not None and not self._receiver.poll()
+        return self._receiver is not None and not self._results and not self._receiver.poll()
+
+    def sent(self) -> T | None:
+        """The result, if the copy has sent it already."""
+        if self._receiver is not None and not self._results and self._receiver.poll():
+            self._receive()
+        return self._results[0] if self._results else None
 
     def result(self) -> T:
-        """Wait for the result; call once."""
+        """Wait for the result."""
+        if not self._results:
+            self._receive()
+        return self._results[0] if self._results else self._work()
+
+    def _receive(self) -> None:
+        # A failed copy sends nothing: its error is raised again where the result is asked for.
         if self._receiver is not None:
-            # A failed copy sends nothing: its error is raised again here.
             with suppress(EOFError, OSError):
-                return self._receiver.recv()
-        return self._work()
+                self._results.append(self._receiver.recv())
 
     def close(self) -> None:
         """End the copy."""

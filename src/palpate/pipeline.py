@@ -30,8 +30,8 @@ from palpate.stages.executing import execute
 from palpate.stages.looking import look, require_seen
 from palpate.stages.planning import confirm, load, plan, preflight, rehearse
 from palpate.stages.saving import (
-    await_film,
     darkroom_for,
+    filmed,
     folder_for,
     reopen,
     save,
@@ -43,9 +43,10 @@ from palpate.stages.saving import (
 
 if TYPE_CHECKING:
     from palpate.beside import Beside
+    from palpate.pictures.reel import Reel
     from palpate.report.writing import Darkroom
+    from palpate.stages.replaying import Given
     from palpate.trace.samples import Samples
-    from palpate.twin.validate import Felt
     from palpate.vocabulary.base import Recorder
 
 __all__ = [
@@ -123,10 +124,14 @@ def carry_out(
         made = replace(made, world=cell.description, simulated=cell.simulated)
         keeper = Keeper(folder, signals)
         made = keeper.begin(made, request_json(made.settings))
-        with touched_beside(made, cell) as given, ahead_of(made, cell, given) as ahead:
-            await_film(made)
-            made = keeper.executed(_Steps(keeper, callbacks, cell, ahead).execution, made)
-            with darkroom_for(made) as darkroom:
+        with (
+            touched_beside(made, cell) as given,
+            ahead_of(made, cell, given) as ahead,
+            filmed(made, cell, given) as reel,
+        ):
+            steps = _Steps(keeper, callbacks, cell, ahead, reel=reel)
+            made = keeper.executed(steps.execution, made)
+            with darkroom_for(made, reel) as darkroom:
                 return _Steps(keeper, callbacks, cell, ahead, darkroom, given).finished(made)
 
 
@@ -173,6 +178,7 @@ class _Steps:
         ahead: estimates in the making.
         darkroom: film and pictures in the making.
         given: the scene as it was given, being touched.
+        reel: the film, being drawn.
     """
 
     keeper: Keeper
@@ -180,7 +186,8 @@ class _Steps:
     cell: Cell | None = None
     ahead: Ahead | None = None
     darkroom: Darkroom | None = None
-    given: Beside[Felt] | None = None
+    given: Beside[Given] | None = None
+    reel: Reel | None = None
 
     def finished(self, made: Run) -> Run:
         """All stages after the execution, from the one that is due; a signal ends them."""
@@ -210,6 +217,8 @@ class _Steps:
         self.keeper.samples(samples, recorder)
         if self.ahead is not None:
             self.ahead.look(recorder)
+        if self.reel is not None:
+            self.reel.look(samples, recorder.leaves)
 
     def estimates(self, made: Run) -> Iterator[Run]:
         for grown in estimates(made, self.cell, self.callbacks, self.ahead):

@@ -17,9 +17,7 @@ from palpate.pictures.film import (
     SPEED,
     Film,
     Footage,
-    film,
     film_of,
-    frames_of,
     mp4,
 )
 from palpate.pictures.renderer import gl_available
@@ -37,9 +35,9 @@ BALL = mujoco.MjModel.from_xml_string("""<mujoco><worldbody>
 
 
 def test_a_film_says_whether_a_camera_saw_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(films, "film", lambda *_: Film(b"mp4", 1.0))
+    monkeypatch.setattr(films, "mp4", lambda *_: b"mp4")
     seen, replayed = film_of(FOOTAGE, None), film_of(replace(FOOTAGE, believed=True), None)
-    assert (seen, replayed) == (Film(b"mp4", 1.0), Film(b"mp4", 1.0, believed=True))
+    assert (seen, replayed) == (Film(b"mp4", SPEED), Film(b"mp4", SPEED, believed=True))
 
 
 def test_there_is_no_film_without_frames() -> None:
@@ -49,7 +47,7 @@ def test_there_is_no_film_without_frames() -> None:
 @needs_gl
 def test_a_film_plays_the_frames_faster(trace: Trace, tmp_path: Path) -> None:
     frames = [(t, np.array([0, 0, 0.6 + 0.01 * t, 1, 0, 0, 0])) for t in np.arange(0, 5, 1 / 30)]
-    result = film(BALL, *frames_of(frames), trace)
+    result = film_of(Footage(BALL, tuple(frames)), trace)
     assert result is not None
     assert result.speed == SPEED
     path = tmp_path / "film.mp4"
@@ -63,13 +61,12 @@ def test_a_film_plays_the_frames_faster(trace: Trace, tmp_path: Path) -> None:
 @needs_gl
 def test_a_long_run_plays_faster_still() -> None:
     frames = [(float(t), np.array([0, 0, 0.6, 1, 0, 0, 0])) for t in np.arange(0, 8 * LONGEST, 2.0)]
-    result = film(BALL, *frames_of(frames[:: len(frames) // 4]))
+    result = film_of(Footage(BALL, tuple(frames[:: len(frames) // 4])), None)
     assert result is not None
     assert result.speed >= 6
 
 
-def test_without_frames_there_is_no_film() -> None:
-    assert film(BALL, np.empty(0), np.empty((0, 7))) is None
+def test_without_pictures_there_is_no_file() -> None:
     assert mp4([], 10) is None
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from itertools import chain
 from pathlib import Path
@@ -17,7 +17,8 @@ from palpate.geometry.pose import Array
 from palpate.pictures.moments import in_view, moving_bodies
 from palpate.pictures.renderer import Painter, Pixels, extent
 from palpate.pictures.stage import staged
-from palpate.trace.samples import Trace
+from palpate.trace.recording import LeafRun
+from palpate.trace.samples import Samples, Trace
 
 FPS = 10.0
 SPEED = 2.5
@@ -29,6 +30,13 @@ QUALITY = 27
 """x264's constant rate factor: about 100 kB for 10 s at 640 x 400."""
 SAMPLES = 12
 """Configurations of which the camera has the work in view."""
+APART = 0.05
+"""m between the ends of what two shots have in view, for them to look alike: a third of the surroundings in view."""
+Caption = tuple[str, str]
+"""Texts at the left and at the right of a picture's foot."""
+NOTHING: Caption = ("", "")
+Frame = tuple[Array, Caption]
+"""A configuration (nq,), and what is said below."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,21 +69,62 @@ class Film:
     believed: bool = False
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Shot:
+    """How a film is taken.
+
+    Attributes:
+        speed: relative to robot time.
+        points: (n, 3), m, in view: everything that moves, wherever it goes.
+    """
+
+    speed: float
+    points: Array
+
+    @classmethod
+    def of(cls, footage: Footage) -> Shot:
+        """The shot for a footage with frames."""
+        model, frames = footage.model, footage.frames
+        data, moving = mujoco.MjData(model), moving_bodies(model)
+        corners: list[Array] = []
+        for _, configuration in frames[:: max(1, len(frames) // SAMPLES)]:
+            data.qpos[:] = configuration
+            mujoco.mj_kinematics(model, data)
+            corners.append(extent(model, data, moving))
+        seconds = frames[-1][0] - frames[0][0]
+        return cls(film_speed(seconds), in_view(model, np.concatenate(corners)))
+
+    def serves(self, wanted: Shot) -> bool:
+        """True if this hardly differs from what is `wanted`."""
+        both = [
+            np.array([one.points.min(axis=0), one.points.max(axis=0)]) for one in (self, wanted)
+        ]
+        return self.speed == wanted.speed and bool((np.abs(both[0] - both[1]) < APART).all())
+
+    def rows(self, footage: Footage) -> list[int]:
+        """Numbers of the frames to draw."""
+        t = np.array([t for t, _ in footage.frames])
+        return np.searchsorted(t, np.arange(t[0], t[-1], self.speed / FPS)).tolist()
+
+
 def film_of(footage: Footage, trace: Trace | None) -> Film | None:
     """Make the film of a footage; None without frames.
+
+    With a trace, each frame states the running leaves and the measured force.
 
     Raises:
         RuntimeError: no usable OpenGL.
         OSError: it cannot be encoded.
     """
-    t, qpos = frames_of(footage.frames)
-    made = film(footage.model, t, qpos, trace, footage.drawn(soft=False))
-    return None if made is None else replace(made, believed=footage.believed)
-
-
-def frames_of(stored: Sequence[tuple[float, Array]]) -> tuple[Array, Array]:
-    """Stored `(t, qpos)` pairs as the two arrays `film` takes."""
-    return np.array([t for t, _ in stored]), np.array([qpos for _, qpos in stored])
+    if not footage.frames:
+        return None
+    shot = Shot.of(footage)
+    frames = [footage.frames[row] for row in shot.rows(footage)]
+    said = [NOTHING] * len(frames)
+    if trace is not None:
+        said = captions(trace.leaves, trace.samples, [t for t, _ in frames])
+    configurations = (qpos for _, qpos in frames)
+    return filmed(footage, shot, zip(configurations, said, strict=True))
 
 
 def film_speed(seconds: float) -> float:
@@ -83,60 +132,44 @@ def film_speed(seconds: float) -> float:
     return max(SPEED, float(np.ceil(seconds / LONGEST)))
 
 
-def film(
-    model: mujoco.MjModel,
-    t: Array,
-    qpos: Array,
-    trace: Trace | None = None,
-    drawn: mujoco.MjModel | None = None,
-) -> Film | None:
-    """The run as a film, from stored frames: times `t` (n,) in s and configurations `qpos` (n, nq).
-    None without frames. `drawn`: the model for pictures.
-
-    With a trace, each frame states the running leaves and the measured force.
+def filmed(footage: Footage, shot: Shot, frames: Iterable[Frame]) -> Film | None:
+    """The film of some frames of a footage; None without any.
 
     Raises:
         RuntimeError: no usable OpenGL.
+        OSError: it cannot be encoded.
     """
-    if len(t) == 0:
-        return None
-    speed = film_speed(float(t[-1] - t[0]))
-    rows = np.searchsorted(t, np.arange(t[0], t[-1], speed / FPS))
-    if len(rows) == 0:
-        return None
-    # One camera for all frames: it has everything that moves in view, wherever it goes.
-    data, moving = mujoco.MjData(model), moving_bodies(model)
-    corners: list[Array] = []
-    for configuration in qpos[rows][:: max(1, len(rows) // SAMPLES)]:
-        data.qpos[:] = configuration
-        mujoco.mj_kinematics(model, data)
-        corners.append(extent(model, data, moving))
-    points = in_view(model, np.concatenate(corners))
-    encoded = mp4(_frames(drawn or model, t[rows], qpos[rows], trace, points), FPS)
-    return None if encoded is None else Film(encoded, speed)
+    encoded = mp4(_pictures(footage, shot, frames), FPS)
+    return None if encoded is None else Film(encoded, shot.speed, footage.believed)
 
 
-def _frames(
-    model: mujoco.MjModel, t: Array, qpos: Array, trace: Trace | None, points: Array
-) -> Iterator[Pixels]:
+def _pictures(footage: Footage, shot: Shot, frames: Iterable[Frame]) -> Iterator[Pixels]:
+    model = footage.drawn(soft=False)
     data = mujoco.MjData(model)
+    # One camera for all frames.
     with Painter(model, *SIZE, draft=True) as painter:
-        camera = painter.around(points)
-        for now, configuration in zip(t, qpos, strict=True):
+        camera = painter.around(shot.points)
+        for configuration, caption in frames:
             data.qpos[:] = configuration
             mujoco.mj_forward(model, data)
             picture = painter.paint(data, camera)
-            yield picture if trace is None else _captioned(picture, trace, float(now))
+            yield picture if caption == NOTHING else _captioned(picture, caption)
 
 
-def _captioned(picture: Pixels, trace: Trace, t: float) -> Pixels:
-    """The picture with a dark band at its foot: at the left the leaves that run at robot time `t`, at
-    the right force and time."""
-    figures = f"   {t:5.1f} s"
-    if len(trace.samples):
-        row = min(int(np.searchsorted(trace.samples.t, t)), len(trace.samples) - 1)
-        figures = f"Fz {trace.samples.wrench[row, 2]:+5.1f} N{figures}"
-    leaves = " + ".join(leaf.label for leaf in trace.leaves if leaf.start <= t < leaf.end)
+def captions(leaves: Sequence[LeafRun], samples: Samples, times: Sequence[float]) -> list[Caption]:
+    """Captions at robot times, s: the leaves that run then; force and time."""
+    said: list[Caption] = []
+    rows = np.searchsorted(samples.t, times).clip(max=len(samples) - 1)
+    for now, row in zip(times, rows.tolist(), strict=True):
+        force = f"Fz {samples.wrench[row, 2]:+5.1f} N" if len(samples) else ""
+        labels = [leaf.label for leaf in leaves if leaf.start <= now < leaf.end]
+        said.append((" + ".join(labels), f"{force}   {now:5.1f} s"))
+    return said
+
+
+def _captioned(picture: Pixels, caption: Caption) -> Pixels:
+    """The picture with a caption in a dark band at its foot."""
+    leaves, figures = caption
     image, font = Image.fromarray(picture), _font()
     draw = ImageDraw.Draw(image, "RGBA")
     width, height = image.size

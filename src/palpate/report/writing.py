@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from palpate.beside import Beside
 from palpate.pictures.dress import looks_in
-from palpate.pictures.film import Film, film_of, film_speed, frames_of
+from palpate.pictures.film import Film, film_of, film_speed
 from palpate.pictures.moments import render_before_after, render_moment, render_scene
 from palpate.pictures.renderer import Painter, gl_available, png
 from palpate.report.data import report_data
@@ -20,6 +20,7 @@ from palpate.runs.keeper import shortfall
 from palpate.scene.camera import load_image
 
 if TYPE_CHECKING:
+    from palpate.pictures.reel import Reel
     from palpate.runs.run import Run
 
 IMAGES, STILLS = "images", ("workspace.png", "before.png", "after.png", "seen.png")
@@ -80,8 +81,7 @@ def take_stills(run: Run, taken: Pictures) -> Pictures:
         looks = looks_in(footage.spec)
     pair = render_before_after(before, run.finished.scene.spec(), names, looks=looks)
     if workspace is None and footage is not None:
-        _, qpos = frames_of(footage.frames)
-        workspace = render_moment(footage.model, qpos[0], footage.drawn())
+        workspace = render_moment(footage.model, footage.frames[0][1], footage.drawn())
     return Pictures(workspace, *pair, taken.seen, taken.film)
 
 
@@ -118,11 +118,14 @@ class Darkroom:
     A process that has drawn is not copied: the driver's threads are not in the copy.
     """
 
-    def __init__(self, run: Run) -> None:
-        """Begin with the film."""
+    def __init__(self, run: Run, reel: Reel | None = None) -> None:
+        """Begin with the film, of which `reel` has drawn a part."""
         # The trial of the backends is this process's child, so it is awaited here.
         self._copied = gl_available()[0] and not Painter.used
-        self.film = Beside(lambda: take_film(run), self._copied)
+        film = None
+        if reel is not None and run.footage is not None:
+            film = reel.finish(run.footage, run.trace)
+        self.film = film or Beside(lambda: take_film(run), self._copied)
         self._stills: Beside[Pictures] | None = None
 
     def begin_stills(self, run: Run) -> None:

@@ -16,7 +16,7 @@ from palpate.stages.estimating import Judged, judged
 from palpate.trace.around import reach
 
 if TYPE_CHECKING:
-    from palpate.twin.validate import Felt
+    from palpate.stages.replaying import Given
     from palpate.vocabulary.base import Recorder
 
 
@@ -26,7 +26,7 @@ class Ahead:
     They are the same as those made at the end: whoever uses them compares the evidence (`Judged.key`).
     """
 
-    def __init__(self, made: Run, beside: Beside[Felt] | None) -> None:
+    def __init__(self, made: Run, beside: Beside[Given] | None) -> None:
         """Begin without any; `beside` is a copy that is at work already."""
         self._made, self._beside = made, beside
         of_objects = (one.object for one in made.plan.parameters)
@@ -71,7 +71,7 @@ class Ahead:
 
 
 @contextmanager
-def ahead_of(made: Run, cell: Cell, beside: Beside[Felt] | None) -> Generator[Ahead | None]:
+def ahead_of(made: Run, cell: Cell, beside: Beside[Given] | None) -> Generator[Ahead | None]:
     """Yield the estimates to be made while a simulated arm moves; None beside a real one, which needs the
     processor. `beside`: a copy that is at work already."""
     if not cell.simulated:

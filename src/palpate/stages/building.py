@@ -13,11 +13,10 @@ from palpate.estimation.estimate import Estimate
 from palpate.quantities.size import size_on_the_way
 from palpate.runs.run import Run
 from palpate.scene.scene import Scene
-from palpate.stages.replaying import Part, replay_of, replayed
+from palpate.stages.replaying import Given, replay_of, touched_as_given
 from palpate.trace.soundness import sound
 from palpate.twin.twin import build_twin as build
 from palpate.twin.twin import touch
-from palpate.twin.validate import Felt
 
 
 def build_twin(made: Run, callbacks: RunCallbacks = SILENT) -> Run:
@@ -46,14 +45,14 @@ def sizes_on_the_way(made: Run, scene: Scene) -> list[Estimate]:
 
 
 @contextmanager
-def touched_beside(made: Run, cell: Cell) -> Generator[Beside[Felt] | None]:
+def touched_beside(made: Run, cell: Cell) -> Generator[Beside[Given] | None]:
     """Execute the plan in the scene as given, in parallel with the execution on the robot. Yield
     None if the twin will not be validated, or if a real robot needs the processor."""
     if made.settings.fast or made.seen or not cell.simulated:
         yield None
         return
     # Independent of any estimate, so it need not wait for them.
-    with Beside(lambda: replayed([Part(made.plan, made.scene)], made.scene)) as given:
+    with Beside(lambda: touched_as_given(made.plan, made.scene)) as given:
         yield given
 
 
@@ -61,7 +60,7 @@ def touch_twin(
     made: Run,
     planned_in: Scene,
     callbacks: RunCallbacks = SILENT,
-    given: Beside[Felt] | None = None,
+    given: Beside[Given] | None = None,
 ) -> Run:
     """Validate the twin: execute the plan in it and in the scene as given, and compare both
     recordings with the run's own.
@@ -84,5 +83,5 @@ def touch_twin(
         return made
     # `given` executed the whole plan: comparable only if the robot executed the whole plan as well.
     whole = made.execution is not None and made.execution.status == "complete"
-    beside = given.result if given is not None and whole else None
+    beside = (lambda: given.result().felt) if given is not None and whole else None
     return replace(made, finished=touch(made.finished, made.scene, trace, again, beside))

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from functools import partial
 from itertools import pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -27,6 +27,10 @@ from palpate.trace.recording import Activity, LeafRun
 from palpate.trace.samples import Trace
 from palpate.twin.validate import REST, Felt, Replay, compared_until, felt
 from palpate.vocabulary.state import SymbolicState
+
+if TYPE_CHECKING:
+    from palpate.pictures.film import Shot
+    from palpate.robots.simulated.world import World
 
 REPLAY_PERIOD = 0.04
 """s between two ticks of an execution that is compared only in the means of its recordings: as long as the simulated
@@ -50,13 +54,32 @@ class Part(NamedTuple):
     q: Array | None = None
 
 
+class Given(NamedTuple):
+    """Execution in the scene as given: what was felt, and how a film of it is taken."""
+
+    felt: Felt
+    shot: Shot
+
+
+def touched_as_given(plan: Plan, scene: Scene) -> Given:
+    """Execute a plan in the scene that it was made for."""
+    from palpate.pictures.film import Footage, Shot
+
+    trace, world = _executed(scene, Part(plan, scene))
+    return Given(felt(trace), Shot.of(Footage(world.model, tuple(world.frames))))
+
+
 def replayed(parts: Sequence[Part], world: Scene) -> Felt:
     """Means of all recordings of the parts' executions in `world`."""
-    return [mean for means in shared_out(partial(_replay, world), parts) for mean in means]
+
+    def means(part: Part) -> Felt:
+        return felt(_executed(world, part)[0])
+
+    return [mean for each in shared_out(means, parts) for mean in each]
 
 
-def _replay(world: Scene, part: Part) -> Felt:
-    """Means of the recordings of a noise-free simulated robot that executes a part in `world`.
+def _executed(world: Scene, part: Part) -> tuple[Trace, World]:
+    """Trace of a noise-free simulated robot that executes a part in `world`, and that as it is then.
 
     Raises:
         Interrupted: a signal came meanwhile.
@@ -73,7 +96,7 @@ def _replay(world: Scene, part: Part) -> Felt:
             while robot.state.moving:
                 robot.advance(REPLAY_PERIOD)
         done = perform(plan, scene, robot, noiseless=True, tick_period=REPLAY_PERIOD)
-    return felt(done.trace)
+    return done.trace, robot.world
 
 
 def replay_of(

@@ -5,17 +5,24 @@ from __future__ import annotations
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from palpate.beside import Beside
+from palpate.cells.cell import Cell
 from palpate.errors import InputError
 from palpate.runs.folder import default_folder, new_folder, read_json, write_json
 from palpate.runs.run import Run
 from palpate.settings import Settings, request_json, settings_from
 from palpate.stages.estimating import with_views
 from palpate.stages.executing import cut_off
+from palpate.stages.replaying import Given
+from palpate.stages.workplace import footage_of
 
 if TYPE_CHECKING:
+    from palpate.pictures.film import Shot
+    from palpate.pictures.reel import Reel
     from palpate.report.writing import Darkroom
     from palpate.twin.tasks.proof import Proof
 
@@ -31,27 +38,41 @@ def folder_for(settings: Settings) -> Path:
     return default_folder(title)
 
 
-def await_film(made: Run) -> None:
-    """Test for OpenGL while the arm moves, if a film of the execution will be made."""
+@contextmanager
+def filmed(made: Run, cell: Cell, given: Beside[Given] | None) -> Generator[Reel | None]:
+    """Test for OpenGL while the arm moves, if a film of the execution will be made, and yield what draws it
+    meanwhile, once the execution in the scene as `given` has shown what is in view; None without one."""
     if made.folder is None or not made.simulated or made.settings.fast:
+        yield None
         return
+    from palpate.pictures.reel import Reel
     from palpate.pictures.renderer import look_ahead
 
     # A run without pictures is complete, too.
     with suppress(OSError):
         look_ahead()
+    if given is None:
+        yield None
+        return
+
+    def planned() -> Shot | None:
+        touched = given.sent()
+        return None if touched is None else touched.shot
+
+    with Reel(partial(footage_of, cell), planned) as reel:
+        yield reel
 
 
 @contextmanager
-def darkroom_for(made: Run) -> Generator[Darkroom | None]:
-    """Render the film of the execution, and later the pictures, in processes of their own. Yield None
-    for a run that is not saved, was not filmed, or is in a hurry (`fast`)."""
+def darkroom_for(made: Run, reel: Reel | None = None) -> Generator[Darkroom | None]:
+    """Render the film of the execution, and later the pictures, in processes of their own; `reel` has drawn a part
+    of it. Yield None for a run that is not saved, was not filmed, or is in a hurry (`fast`)."""
     if made.folder is None or made.footage is None or made.settings.fast:
         yield None
         return
     from palpate.report.writing import Darkroom
 
-    with Darkroom(made) as darkroom:
+    with Darkroom(made, reel) as darkroom:
         yield darkroom
 
 
