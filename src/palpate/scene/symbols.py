@@ -101,6 +101,9 @@ class Symbols:
         default_factory=dict[str, PoseExpression], init=False, repr=False
     )
     """Cache of parsed expressions: a search repeats them."""
+    _resolved: dict[PoseExpression, Pose] = field(
+        default_factory=dict[PoseExpression, Pose], init=False, repr=False
+    )
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -177,7 +180,15 @@ class Symbols:
             InputError: as `parse`; no room for a temporary pose; or a position outside its line.
         """
         parsed = self._parsed(expression)
-        base = self.pose(parsed.name, bound)
+        if parsed.name in self.lines:
+            return self._shifted(parsed, self.pose(parsed.name, bound))
+        # One pose for each expression: what is computed of it is kept with it.
+        if parsed not in self._resolved:
+            self._resolved[parsed] = self._shifted(parsed, self.pose(parsed.name))
+        return self._resolved[parsed]
+
+    def _shifted(self, parsed: PoseExpression, base: Pose) -> Pose:
+        """A pose with the offsets of an expression."""
         if not parsed.terms:
             return base
         shift = np.zeros(3)

@@ -140,7 +140,8 @@ class MovePose(Primitive):
 
     def effects(self, state: SymbolicState) -> SymbolicState:
         target = self.target(state)
-        return _at_rest(state, self.pose, target.translated((0.0, 0.0, _early(state, target))))
+        early = _early(state, target)
+        return _at_rest(state, self.pose, target.translated((0.0, 0.0, early)) if early else target)
 
     def expectation(self, state: SymbolicState) -> Expectation:
         held = state.holding is not None

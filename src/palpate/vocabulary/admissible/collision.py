@@ -16,6 +16,7 @@ import numpy as np
 from palpate.errors import InputError
 from palpate.geometry.pose import Array
 from palpate.scene.raised import GUESS
+from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.arrangement import HIGHER, Part
 from palpate.vocabulary.admissible.clearance import is_vertical, straddled
 from palpate.vocabulary.admissible.collision_geometry import (
@@ -169,8 +170,12 @@ def _path(before: SymbolicState, after: SymbolicState, width: float) -> ArmPath 
 def _largest(state: SymbolicState) -> float:
     """The largest margin, m, that any pair of parts can have."""
     unknown = any(is_unmeasured(state, name) for name in state.scene.surfaces)
-    doubts = [body.doubt for body in state.scene.objects.values()]
-    return max([GUESS if unknown else ARM, *doubts])
+    doubt = solids(state.scene).cached("doubt", lambda: _most_doubt(state.scene))
+    return max(GUESS if unknown else ARM, doubt)
+
+
+def _most_doubt(scene: Scene) -> float:
+    return max((body.doubt for body in scene.objects.values()), default=0.0)
 
 
 def _margins(state: SymbolicState, swept: Sweep, allowed: Allowed) -> Array:

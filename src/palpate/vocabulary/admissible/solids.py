@@ -175,7 +175,7 @@ class Solids:
 
     def centre_of_mass(self, name: str) -> Array:
         """(3,) m, believed centre of mass of an object, in its frame."""
-        return whole(self.model, name).com
+        return self.cached(("com", name), lambda: whole(self.model, name).com)
 
     def mass(self, name: str) -> float:
         """Believed mass of an object, kg."""
