@@ -59,15 +59,13 @@ def recording_chains(
 
 def adds_evidence(parameter: Parameter, steps: Iterable[Step], state: SymbolicState) -> bool:
     """True if the steps can be made and add evidence of the parameter."""
-    before, catalogue = evidence_amount(parameter, state), state.scene.catalogue
+    before, quantity = evidence_amount(parameter, state), state.scene.catalogue[parameter.quantity]
     for step in steps:
-        if catalogue[parameter.quantity].derived:
+        written = [primitive.writes for primitive in step.primitives if primitive.writes]
+        if written and quantity.evidence:
             # Before the slower trial: the context of the recording shows whether it can be evidence.
             context = during(step.moving, state).context()
-            if not any(
-                primitive.writes and catalogue.piece(parameter, primitive.writes, context)
-                for primitive in step.primitives
-            ):
+            if not any(quantity.piece(parameter, buffer, context) for buffer in written):
                 return False
         after = step.applied(state)
         if after is None:

@@ -229,7 +229,8 @@ class Solids:
             q = self.configuration(pose_world_tcp)
             if q is None:
                 return False
-            there = Pose.of(*np.split(self.arm.poses(q[None])[0], [3]))
+            (pose,) = self.arm.poses(q[None])
+            there = Pose.of(pose[:3], pose[3:])
             near = there.distance_to(pose_world_tcp) < POSITION_TOLERANCE
             near &= there.angle_to(pose_world_tcp) < ANGLE_TOLERANCE
             if near and within_joint_limits(arm, q, LIMIT_MARGIN):
