@@ -38,7 +38,7 @@ from palpate.scene.pictured.detected import SceneBuilder
 from palpate.scene.poses import read_poses
 from palpate.scene.scene import Scene
 from palpate.vocabulary import contact, state, violation
-from palpate.vocabulary.admissible import clearance, collision, grasp, motion, profile, support
+from palpate.vocabulary.admissible import collision, grasp, motion, profile, support
 from palpate.vocabulary.base import Primitive
 from palpate.vocabulary.registry import load_vocabulary, vocabulary
 
@@ -143,7 +143,6 @@ NUMBERS = [
     ("precondition", state, "SINKING"),
     ("precondition", support, "LIFTED"),
     ("gripper-state", grasp, "PUSHED"),
-    ("sideways", clearance, "STEEP"),
     ("blocked", collision, "BESIDE"),
     ("collision", collision, "ENTERED"),
     ("collision", collision, "FIXED"),

@@ -176,7 +176,6 @@ def test_the_finding_on_a_slide_proposes_a_valid_one(slide: str):
         ("not-restored", "tree", changed(weigh("bottle"), 8, "MovePose bottle_temporary")),
         ("buffer-unwritten", "tree.children[6]", changed(weigh("bottle"), 6)),
         ("precondition", "tree.children[6]", changed(weigh("bottle"), 5)),
-        ("sideways", "tree.children[2]", changed(weigh("bottle"), 2)),
         (
             "redundant",
             "tree.children[9]",
@@ -191,6 +190,13 @@ def test_a_broken_rule_is_found_at_its_place(
     root = tree if isinstance(tree, Node) else sequence(*tree)
     found = rules(plan(root, "bottle.mass"), scene)
     assert found.get(rule) == path, found
+
+
+@pytest.mark.parametrize("then", ["MoveJoints home_config", AT])
+def test_no_way_is_judged_from_angles_beyond_all_measure(scene: Scene, then: str):
+    far = Node("MoveJoints", (("joints", (1e300,) * 7),))
+    tree = sequence("MoveJoints home_config", "OpenGripper", ABOVE, AT, far, then)
+    assert "unreachable" in rules(plan(tree), scene)
 
 
 def test_one_arm_has_one_owner_however_deep_the_others_are(scene: Scene):

@@ -206,7 +206,7 @@ CASES = [
     ),
     Case(
         "entered from the side",
-        "sideways",
+        None,
         (
             *BEGIN,
             "MovePose bottle_pose + z_offset + 30*x_offset",
@@ -218,12 +218,12 @@ CASES = [
     ),
     Case(
         "entered at a slant",
-        "sideways",
+        None,
         (*BEGIN, "MovePose bottle_pose + z_offset + 10*x_offset", AT, ABOVE, HOME),
     ),
     Case(
         "left at a slant that rises more than it goes aside",
-        "sideways",
+        "collision",
         (*BEGIN, ABOVE, AT, "MovePose bottle_pose + z_offset + 4*y_offset", HOME),
     ),
     Case(
@@ -231,13 +231,13 @@ CASES = [
         None,
         (*BEGIN, ABOVE, AT, "MovePose bottle_pose + z_offset + 10*x_offset", HOME),
     ),
-    Case("left by a joint motion", "sideways", (*BEGIN, ABOVE, AT, HOME)),
+    Case("left by a joint motion", None, (*BEGIN, ABOVE, AT, HOME)),
     Case(
-        "from angles straight to the grasp", "sideways", (*BEGIN, angles(*ASIDE), AT, ABOVE, HOME)
+        "from angles straight to the grasp", "collision", (*BEGIN, angles(*ASIDE), AT, ABOVE, HOME)
     ),
     Case(
         "from a probe straight to the grasp",
-        "sideways",
+        "collision",
         (*BEGIN, "MovePose bench_approach", "MoveUntilContact -z", AT, ABOVE, HOME),
     ),
     Case("closed fingers on its top", "collision", (*BEGIN[:1], ABOVE, AT, ABOVE, HOME)),

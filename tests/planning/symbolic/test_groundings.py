@@ -157,5 +157,5 @@ def test_a_motion_of_a_third_party_is_judged_like_any_other() -> None:
     low = Tap(place=(0.45, 0.25, 0.05), force=0.5)
     home = MoveJoints(joints="home_config").effects(SymbolicState(scene))
     start = replace(home, gripper="open")
-    found = [violation.rule for violation in low.violations(start)]
-    assert found == ["sideways"]
+    found = {violation.rule for violation in low.violations(start)}
+    assert found == {"collision"}

@@ -12,7 +12,7 @@ from workbench import BOTTLE, bench
 
 from palpate.geometry.pose import Pose
 from palpate.vocabulary.admissible.clearance import Boxes, box_hits, needed_away
-from palpate.vocabulary.admissible.motion import conservative_violations, violations
+from palpate.vocabulary.admissible.motion import is_cautious, violations
 from palpate.vocabulary.state import SymbolicState
 
 number = st.floats(-0.2, 0.2)
@@ -65,12 +65,9 @@ def test_objects_on_an_object_block_it_and_those_aside_do_not():
     assert needed_away(scene, ["top", "aside"]) == set()
 
 
-@pytest.mark.parametrize(
-    ("along", "strict", "leaves"),
-    [("x", False, False), ("y", False, True), ("x", True, True), ("y", True, True)],
-)
+@pytest.mark.parametrize(("along", "pushes"), [("x", False), ("y", True)])
 def test_open_fingers_leave_a_thing_along_themselves_or_straight_up(
-    along: str, strict: bool, leaves: bool
+    along: str, pushes: bool
 ) -> None:
     """Across, a finger pushes it over; a planner that takes no risk goes up either way."""
     state = SymbolicState(bench(BOTTLE), gripper="open")
@@ -78,9 +75,12 @@ def test_open_fingers_leave_a_thing_along_themselves_or_straight_up(
     way = 0.15 * grasp.rotation[:, "xy".index(along)]
     before = replace(state, at="bottle_pose", pose_world_tcp=grasp)
     after = replace(before, at="away", pose_world_tcp=grasp.translated(tuple(way)))
-    judged = conservative_violations if strict else violations
-    said = [one.message for one in judged(before, after) if one.rule == "sideways"]
-    assert [("leave to the side of 'bottle'" in message) for message in said] == [True] * leaves
+    said = [one.message for one in violations(before, after)]
+    first = "it stands between the fingers; MovePose to 'bottle_pose + z_offset' first"
+    assert [message.endswith(first) for message in said] == [True] * pushes
+    assert not is_cautious(before, after)
+    up = replace(before, at="up", pose_world_tcp=grasp.translated((0.0, 0.0, 0.15)))
+    assert is_cautious(before, up)
 
 
 @pytest.mark.parametrize(("overlap", "met"), [(0.001, False), (0.005, True)])

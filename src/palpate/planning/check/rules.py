@@ -11,7 +11,6 @@ from typing import Literal
 import numpy as np
 
 from palpate.scene.named.places import GUESSED
-from palpate.vocabulary.admissible.clearance import STEEP
 from palpate.vocabulary.admissible.collision import ARM, BESIDE, ENTERED, FIXED
 from palpate.vocabulary.admissible.grasp import PUSHED
 from palpate.vocabulary.admissible.motion import HELD_UPRIGHT
@@ -95,8 +94,6 @@ _ACTIONS = {
     f"fingertips, no contact yet. MoveJoints: with nothing "
     "in the hand that stands on its support. A conversion: the log shows its quantity; held still for a weight means "
     f"lifted by more than {mm(LIFTED)}.",
-    "sideways": "What stands between the open fingers is entered straight from above and left straight up or along "
-    f"its length, less than {mm(STEEP)} aside, never by MoveJoints.",
     "blocked": f"The hand, and what it holds, keeps {mm(BESIDE)} from every other object on its whole way; "
     "what stands on it is carried away first.",
     "collision": f"They keep {mm(ENTERED)} from what they pass between the fingers, {mm(FIXED)} from all that is "

@@ -24,7 +24,7 @@ MAX_FINDINGS = 50
 
 CONSEQUENCES = (PRECONDITION, "gripper-state", "unknown-start")
 """Rules not reported after a motion to an unknown pose: they would follow from it."""
-PATH_RULES = ("blocked", "collision", "self-collision", "sideways")
+PATH_RULES = ("blocked", "collision", "self-collision")
 """Rules not reported for a motion from an unreachable pose, or after a grasp that failed."""
 FAILING = ("buffer-unwritten", "gripper-state", PRECONDITION, "unknown-symbol")
 """Rules that, when broken, may leave a parameter unmeasured."""

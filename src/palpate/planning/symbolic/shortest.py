@@ -27,7 +27,6 @@ ADVICE: Mapping[str, str] = {
     "twist": "lay it so that the fingers can take it near its centre of mass, or state its mass",
     "blocked": MOVE_OR_CLEAR,
     "collision": MOVE_OR_CLEAR,
-    "sideways": MOVE_OR_CLEAR,
     "unreachable": MOVE_OR_TURN,
     "self-collision": MOVE_OR_TURN,
     "unsupported": "move it away from the edge, or clear what stands on it",

@@ -128,7 +128,7 @@ def is_preferred(
     dragged = before.holding is not None and not before.lifted and not after.lifted
     if dragged and not slides_well(before, after, recorded):
         return False
-    return next(motion.conservative_violations(before, after), None) is None
+    return motion.is_cautious(before, after)
 
 
 def releases_in_place(before: SymbolicState) -> bool:

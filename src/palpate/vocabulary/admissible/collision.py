@@ -27,8 +27,9 @@ from palpate.vocabulary.admissible.collision_geometry import (
     opening,
 )
 from palpate.vocabulary.admissible.path import ArmPath, finger_path, joint_path, straight_path
+from palpate.vocabulary.admissible.reach import is_a_posture
 from palpate.vocabulary.admissible.solids import SIDES, solids
-from palpate.vocabulary.admissible.support import SETTLES, footing
+from palpate.vocabulary.admissible.support import SETTLES, above, footing
 from palpate.vocabulary.admissible.sweep import Hit, Sweep
 from palpate.vocabulary.admissible.unknown_heights import (
     higher,
@@ -162,6 +163,8 @@ def _path(before: SymbolicState, after: SymbolicState, width: float) -> ArmPath 
     q, bent = before.q, after.q
     if q is None or bent is None or start is None or end is None:
         return None
+    if not all(is_a_posture(before.scene.arm, angles) for angles in (q, bent)):
+        return None
     if after.is_bent:
         return joint_path(shapes, q, bent, width)
     return straight_path(shapes, start, end, (q, bent), width)
@@ -246,7 +249,7 @@ def _with_remedy(
     if hit.part.kind == LINK:
         return Violation("collision", f"{met}; {detour}choose another pose")
     if name in allowed.between:
-        return Violation("collision", f"{met}; {_entering(before, name)}")
+        return Violation("collision", f"{met}; {_passing(before, name)}")
     if name in scene.objects:
         return Violation("blocked", f"{met}; go around it, or {carry_away(name)}")
     if hit.part.kind != LOAD and name in scene.surfaces:
@@ -258,7 +261,7 @@ def _with_remedy(
     return Violation("collision", f"{met}; choose a higher pose, or go around it")
 
 
-def _entering(before: SymbolicState, name: str) -> str:
+def _passing(before: SymbolicState, name: str) -> str:
     """Remedy for an object that does not pass between the fingers."""
     if before.gripper != "open":
         return "the fingers are not open; OpenGripper first"
@@ -266,6 +269,8 @@ def _entering(before: SymbolicState, name: str) -> str:
         return (
             f"it does not fit between them; leave out what needs '{name}' in the hand, and explain"
         )
+    if straddled(before, before.pose_world_tcp) == name:
+        return f"it stands between the fingers; MovePose to '{above(before, before.at)}' first"
     return (
         f"come down with the open fingers on either side of it: write MovePose '{name}_pose', and "
         f"MovePose to '{name}_pose + z_offset' first"

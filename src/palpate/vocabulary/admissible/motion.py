@@ -1,15 +1,14 @@
 """Admissibility of a motion: its effects on the objects around the hand.
 
-The hand points down with open fingers. An object whose top is above the fingertips stands between
-them; the hand enters and leaves vertically, or the fingers push the object over:
+The hand, and the held object, keep clear of everything all the way, by true shapes. The search is more
+cautious: an object whose top is above the fingertips stands between them, and they enter and leave it
+along the vertical only:
 
         |_____|            |_____|
         |     |            |     |
-          ___       ->      |___|          entered along the vertical only, and never
-         |   |              |   |           left to where a finger is
+          ___       ->      |___|
+         |   |              |   |
        __|___|__          __|___|__
-
-Everything else stays clear of the hand, and of the held object, all the way.
 """
 
 from __future__ import annotations
@@ -18,9 +17,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from palpate.geometry.pose import Pose
-from palpate.vocabulary.admissible.clearance import STEEP, box_hits, is_vertical, straddled
-from palpate.vocabulary.admissible.collision import carry_away, collisions
+from palpate.vocabulary.admissible.clearance import box_hits, is_vertical, straddled
+from palpate.vocabulary.admissible.collision import collisions
 from palpate.vocabulary.admissible.support import dragged_off, leaning
 from palpate.vocabulary.state import HOME_CONFIG, SAME_POSE, SymbolicState
 from palpate.vocabulary.violation import Violation
@@ -41,30 +39,23 @@ def violations(
         if after.at != HOME_CONFIG:
             yield unknown_start()
         return
-    aside = list(_sideways(before, after, strict=False))
-    yield from aside
     yield from _carried(before, after, may_tilt)
-    # Leaving an object sideways is also a collision with it: one finding, and one remedy.
-    if not aside:
-        yield from collisions(before, after)
+    yield from collisions(before, after)
 
 
-def conservative_violations(before: SymbolicState, after: SymbolicState) -> Iterator[Violation]:
-    """Violations for a planner that takes no risk: a quick test by boxes, and vertical motion near
-    any object."""
-    if before.pose_world_tcp is None or after.pose_world_tcp is None:
-        yield unknown_start()
-        return
-    yield from _sideways(before, after, strict=True)
-    if after.is_bent:
-        return
+def is_cautious(before: SymbolicState, after: SymbolicState) -> bool:
+    """True for a straight motion of a planner that takes no risk, by a quick test with boxes: vertical near
+    any object, and clear of all others."""
     start, end = before.pose_world_tcp, after.pose_world_tcp
-    between = [name for name in _straddled(before, start, end) if name]
-    for name in box_hits(before, start, end, ignoring=between):
-        yield Violation(
-            "blocked",
-            f"on the way to '{after.at}' the hand would run into '{name}'; {carry_away(name)}",
-        )
+    if start is None or end is None:
+        return False
+    between: list[str] = []
+    if before.holding is None:
+        between = [name for pose in (start, end) if (name := straddled(before, pose))]
+    near = between or before.contact or before.lifted != after.lifted
+    if near and not is_vertical(start, end):
+        return False
+    return not box_hits(before, start, end, ignoring=between)
 
 
 def unknown_start() -> Violation:
@@ -86,50 +77,6 @@ def _same_place(before: SymbolicState, after: SymbolicState) -> bool:
     if not after.is_bent or before.joints is None or after.joints is None:
         return not after.is_bent
     return bool(np.array_equal(before.joints, after.joints))
-
-
-def _straddled(before: SymbolicState, start: Pose, end: Pose) -> tuple[str | None, str | None]:
-    """Objects between the open fingers at the start, and at the end, of a motion."""
-    if before.holding is not None:
-        return None, None
-    return straddled(before, start), straddled(before, end)
-
-
-def _sideways(before: SymbolicState, after: SymbolicState, strict: bool) -> Iterator[Violation]:
-    """Violation: the fingers push an object that they enter or leave; `strict`: vertical motion near
-    any object."""
-    start, end, bent = before.tcp, after.tcp, after.is_bent
-    left, entered = _straddled(before, start, end)
-    near = left or entered or before.contact
-    if before.lifted != after.lifted:
-        near = before.holding
-    if bent:
-        # A joint motion is no straight line: it approaches and leaves an object sideways.
-        enters, leaves = not left, bool(left)
-    elif is_vertical(start, end):
-        return
-    else:
-        enters = entered != left
-        # Across, a finger pushes the object. Along it the hand may leave: a finger was on either
-        # side already, as the paper's hammer is left on the way to its next grasp.
-        across = abs(float((end.position - start.position) @ start.rotation[:, 1])) >= STEEP
-        leaves = entered != left and (strict or across)
-    if entered and enters:
-        yield _pushed("enter from", entered, after.at)
-    elif left and leaves:
-        yield _pushed("leave to", left, before.at)
-    elif near and strict and not bent:
-        yield Violation("sideways", f"near '{near}' the way is straight up or down")
-
-
-def _pushed(how: str, name: str, place: str | None) -> Violation:
-    above = f"{name}_pose + z_offset"
-    if place and "z_offset" not in place:
-        above = f"{place} + z_offset"
-    return Violation(
-        "sideways",
-        f"the fingers would {how} the side of '{name}' and push it over; MovePose to '{above}' first",
-    )
 
 
 def _carried(before: SymbolicState, after: SymbolicState, may_tilt: bool) -> Iterator[Violation]:

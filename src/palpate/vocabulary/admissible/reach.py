@@ -7,6 +7,7 @@ import numpy as np
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.accuracy import mistaken_moment
+from palpate.robots.description import RobotDescription
 from palpate.robots.kinematics import within_joint_limits
 from palpate.robots.nominal import SWUNG
 from palpate.scene.scene import Scene
@@ -19,6 +20,7 @@ from palpate.vocabulary.violation import PRECONDITION, Violation
 
 APART = 0.05
 """rad of any joint between two configurations of a joint motion."""
+NONSENSE = 0.1  # rad beyond the joint limits from which on no way is judged
 UNFELT = 12.0
 """N m: moment on the hand that errors of the joints' torques look like, from which on a contact is not felt."""
 SHARES = (0.75, 0.5, 0.25, 0.1)
@@ -72,6 +74,11 @@ def beyond_joint_limits(state: SymbolicState, joints: Array) -> list[Violation]:
     return [Violation("unreachable", problem)]
 
 
+def is_a_posture(arm: RobotDescription, joints: Array) -> bool:
+    """False for joint angles (7,), rad, beyond all measure: a way from there, or to there, has as many samples."""
+    return within_joint_limits(arm, joints, -NONSENSE)
+
+
 def swings(start: Pose | None, end: Pose) -> bool:
     """True if the tool's axis turns so far between two poses that a straight way could fold the wrist."""
     return start is not None and float(start.rotation[:, 2] @ end.rotation[:, 2]) < SWUNG
@@ -89,6 +96,8 @@ def unfelt(state: SymbolicState, joints: Array) -> list[Violation]:
     arm, start = state.scene.arm, state.q
     pose = pose_of_joints(state.scene, joints)
     if start is None or not swings(state.pose_world_tcp, pose):
+        return []
+    if not is_a_posture(arm, start):
         return []
     if max(mistaken_moment(arm, q) for q in joints_between(start, joints)) < UNFELT:
         return []
