@@ -181,7 +181,7 @@ def joint_friction_force(
     level, _ = joint_friction(samples, states, empty, height)
     turning = level * states[rows]
     still = np.median((observed.signals[rows] - turning)[free], axis=0)
-    seen = np.linalg.pinv(observed.maps(samples.q[rows]))[:, 2, :]
+    seen = observed.wrenches(samples.q[rows])[:, 2, :]
     force: Array = -np.einsum("nm,nm->n", seen, turning + still).astype(np.float64)
     z: Array = samples.pose_world_tcp[rows, 2]
     if np.count_nonzero(free) < tuning.CURVE_ROWS or np.ptp(z[free]) == 0.0:

@@ -63,9 +63,10 @@ def span_reflex(of: Reflexes, span: Span, holding: str | None, sets_down: bool) 
 
 def follow_free(blackboard: Blackboard, span: Span, left: float) -> Wait:
     """Wait until a motion under way has passed a span with nothing near."""
+    fastest = blackboard.scene.arm.pace.speed
     yield
     while not _passed(blackboard, span, left):
-        yield _soonest(blackboard, span, left)
+        yield _soonest(blackboard, span, left, fastest)
 
 
 def follow_guarded(
@@ -80,6 +81,7 @@ def follow_guarded(
     robot, filtered, scene = blackboard.robot, WrenchFilter(blackboard.robot), blackboard.scene
     # Joints that turn round on the way, in a lift or as the elbow sways, rub the other way: that is no contact.
     least = max(MET, mistaken_force(scene.arm, robot.state.q))
+    fastest = speed(span, scene)
     yield
     while not _passed(blackboard, span, left):
         wrench = filtered.now()
@@ -95,7 +97,7 @@ def follow_guarded(
                 f"unexpected contact: the hand pushes with {in_words(met)} on something "
                 f"{before:.0f} mm before the end of the way to '{goal}'"
             )
-        yield None if np.isnan(wrench).any() else _soonest(blackboard, span, left)
+        yield None if np.isnan(wrench).any() else _soonest(blackboard, span, left, fastest)
     return False
 
 
@@ -105,9 +107,10 @@ def _passed(blackboard: Blackboard, span: Span, left: float) -> bool:
     return not state.moving or (left > 0.0 and _ahead(blackboard, span) <= 0.0)
 
 
-def _soonest(blackboard: Blackboard, span: Span, left: float) -> float:
-    """s after which a motion may have passed a span, at the earliest; the end of a motion is noticed anyway."""
-    return _ahead(blackboard, span) / blackboard.scene.arm.pace.speed if left > 0.0 else np.inf
+def _soonest(blackboard: Blackboard, span: Span, left: float, fastest: float) -> float:
+    """s after which a motion of at most `fastest` m/s may have passed a span, at the earliest; the end of a motion is
+    noticed anyway."""
+    return _ahead(blackboard, span) / fastest if left > 0.0 else np.inf
 
 
 def _ahead(blackboard: Blackboard, span: Span) -> float:

@@ -26,7 +26,7 @@ def ripple_force(trace: Trace, rows: slice, free: Mask) -> Array:
     q = trace.samples.q[rows]
     torques = observed.signals[rows]
     waves = [joint_ripple(q[:, j], torques[:, j], free, n) for j, n in enumerate(cycles)]
-    seen = np.linalg.pinv(observed.maps(q))[:, 2, :]
+    seen = observed.wrenches(q)[:, 2, :]
     force: Array = -np.einsum("nm,mn->n", seen, np.array(waves)).astype(np.float64)
     return force
 

@@ -148,7 +148,8 @@ class _Curve:
 
     def mean(self, column: Array) -> Array:
         """(m,) means over neighbours of a column (n,), where the rows count."""
-        ends = np.pad(column, tuning.CURVE_ROWS // 2, mode="edge")
+        half = tuning.CURVE_ROWS // 2
+        ends = np.concatenate([np.repeat(column[0], half), column, np.repeat(column[-1], half)])
         window = np.full(tuning.CURVE_ROWS, 1.0 / tuning.CURVE_ROWS)
         return np.convolve(ends, window, mode="valid")[self.rows]
 

@@ -49,6 +49,14 @@ class WrenchObservation:
         turned = np.concatenate([self.turn @ jacobian[:, :3], self.turn @ jacobian[:, 3:]], axis=1)
         return turned.transpose(0, 2, 1)
 
+    def wrenches(self, q: Array) -> Array:
+        """(k, 6, m) wrenches (world axes about the TCP) of unit signals at joint angles `q` (k, 7): the least-squares
+        inverse of `maps`."""
+        maps = self.maps(q)
+        turned = maps.transpose(0, 2, 1)
+        # A tenth of the time of a singular value decomposition; finite in singular poses, too.
+        return np.linalg.solve(turned @ maps + 1e-12 * np.eye(6), turned).astype(np.float64)
+
     def own_motion(self, samples: Samples, rows: Mask, over: float = tuning.FOLLOWED) -> Array:
         """(n, m) N m that moved the arm's own links, in `rows` (n,), else 0, at rates averaged over `over` s; (n, 0)
         where the links are unknown."""

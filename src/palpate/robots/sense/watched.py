@@ -49,6 +49,7 @@ class Watched:
 
     def __init__(self, robot: Robot, arm: RobotDescription, sound: bool = False) -> None:
         self._robot, self._sound = robot, sound
+        self._runs_on = robot if isinstance(robot, RunsOn) else None
         self._watch = Watch(robot.limits, arm, sound)
         self._advanced = True
         self._seen: RobotState | None = None
@@ -93,10 +94,10 @@ class Watched:
     def run_on(self, ticks: int, tick: float) -> None:
         """Let time pass as `RunsOn`; a single tick where the robot's own time passes, or a force is
         doubted."""
-        if ticks <= 1 or not isinstance(self._robot, RunsOn) or self._watch.spikes.doubting:
+        if ticks <= 1 or self._runs_on is None or self._watch.spikes.doubting:
             self.advance(tick)
             return
-        self._robot.run_on(ticks, tick)
+        self._runs_on.run_on(ticks, tick)
         self._watch.clock.ask(ticks * tick)
         self._advanced, self._shown = True, None
 

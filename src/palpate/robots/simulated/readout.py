@@ -15,7 +15,7 @@ from palpate.robots.simulated.impedance import Gains, Swivel
 from palpate.robots.simulated.noise.disturbances import Motion
 from palpate.robots.simulated.noise.line import Stamps
 from palpate.robots.simulated.noise.sensors import Encoders, Sensors
-from palpate.robots.simulated.timing import LONGEST_RUN, PERIOD, TIMESTEP
+from palpate.robots.simulated.timing import LONGEST_RUN, PERIOD, TIMESTEP, damped_after
 from palpate.robots.simulated.world import Steps
 from palpate.trace.samples import Samples
 
@@ -86,12 +86,11 @@ class Readout:
         q: Array,
         torque: Array,
         gains: Array,
-        step: float,
     ) -> None:
         """Zero the sensors at rest at `q` (7,), rad, held up by `torque` (7,), N m; `gains` (7,) are
-        measured relative errors of the sensors, which are corrected. The physics' steps last `step` s."""
+        measured relative errors of the sensors, which are corrected."""
         self._nominal, self._sensors, self._encoders = nominal, sensors, encoders
-        self._stamps, self._step = stamps, step
+        self._stamps = stamps
         self._armature = nominal.armature
         reported = encoders.reported(q[None], torque[None])
         here = nominal.kinematics(reported)
@@ -260,14 +259,13 @@ class Readout:
         """Compute the mean torque (n, 7) behind the gears in each block, without that of the motors'
         own inertia.
 
-        The torque is sampled at the beginning of a cycle's last physics step. The integrator is
-        implicit in the dampers: on average they act with the arm's speed half a step after that.
-        Springs act in every physics step with the arm's position then: on average, half of the other
-        steps before.
+        The torque is sampled at the beginning of a cycle's last physics step. Dampers act with a later speed on
+        average; springs, in every physics step, with the arm's position then: half of the other steps before.
         """
+        late_by = damped_after(steps.step)
         speed = steps.dq - gained / 2.0
-        early = gains.on(speed, gains.stiffness * (TIMESTEP - self._step) / 2, jacobian)
-        late = gains.on(gained, gains.damping * self._step / 2, jacobian)
+        early = gains.on(speed, gains.stiffness * (TIMESTEP - steps.step) / 2, jacobian)
+        late = gains.on(gained, gains.damping * late_by, jacobian)
         if gains.cartesian:
-            late += np.outer(gained @ swivel.axis, swivel.damping * self._step / 2 * swivel.axis)
+            late += np.outer(gained @ swivel.axis, swivel.damping * late_by * swivel.axis)
         return steps.torque + early - (late + gained * self._armature) / PERIOD

@@ -76,7 +76,7 @@ class MujocoRobot(Commanded):
             gravity: (3,) m/s^2, stated gravity; the world's, by default. A value measured with the
                 arm has precedence.
             visit: number of the robot's run, which seeds all errors that differ from run to run.
-            substeps: physics steps in a control cycle of 1 ms.
+            substeps: physics steps in a control cycle of 1 ms while anything touches, or moves beside the arm.
 
         Raises:
             InputError: no such noise model, or the world does not compile with the robot in it.
@@ -108,7 +108,6 @@ class MujocoRobot(Commanded):
             q=arm.home,
             torque=self._world.true_gravity_torque(),
             gains=np.zeros(7) if config.torque_gain is None else config.torque_gain.value,
-            step=TIMESTEP / substeps,
         )
         # The controller compensates the measured arm, MuJoCo the described one.
         measured = config.gravity or config.end_effector or config.base_lean
@@ -339,7 +338,6 @@ class MujocoRobot(Commanded):
         readout, thresholds = self._readout, self._thresholds
         mass_matrix, velocity_torque = self._dynamics
         jacobian = readout.jacobian
-        dampers = self._gains.dampers(jacobian, self._swivel)
         known = readout.deviation - velocity_torque - self._correction.torque
 
         def reaction() -> Reaction:
@@ -350,8 +348,8 @@ class MujocoRobot(Commanded):
             thresholds=None if self._yielding else thresholds,
             reaction=reaction,
             jacobian=jacobian,
-            # A torque is sampled at the beginning of a cycle's last physics step, dampers act at the end of each.
-            inertia=mass_matrix + self._world.model.opt.timestep / 2 * dampers,
+            mass_matrix=mass_matrix,
+            dampers=self._gains.dampers(jacobian, self._swivel),
             dq=readout.speed,
             deviation=self._sensors.looks(cycles) + known,
             tick=self._tick,

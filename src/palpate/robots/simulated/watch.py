@@ -29,4 +29,4 @@ def takes_many(watch: Watch | None) -> bool:
 
 def marked(watch: Watch | None) -> Callable[[], None]:
     """Return what undoes all steps from here on."""
-    return watch.mark() if isinstance(watch, Undoing) else lambda: None
+    return watch.mark() if watch is not None and isinstance(watch, Undoing) else lambda: None

@@ -31,7 +31,7 @@ ASLEEP = 1e-4
 """m/s: slower objects rest, and take no time until something that moves touches them. A cylinder on its end
 goes on trembling at some 5e-5 m/s for ever, by the rounding of its contacts."""
 PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
-MOTOR, PUSH = PREFIX + "motor{}", PREFIX + "push"  # names of sensors
+MOTOR, PUSH, TOUCHING = PREFIX + "motor{}", PREFIX + "push", PREFIX + "touching"  # names of sensors
 SENSED = 10  # values of these: motor torques, and the force of the hand
 NET_FORCE = 3  # of MuJoCo's reductions of several contacts
 NEEDED = (
@@ -50,6 +50,7 @@ class Steps(NamedTuple):
     push: Array  # (n, 3) N, mean force with which the hand pushes on things, world axes
     fingers: Array  # (n, 2) m at the end of each block
     finger_speed: Array  # (n, 2) m/s, likewise
+    step: float  # s, a step of the physics
 
 
 class World:
@@ -74,12 +75,12 @@ class World:
         substeps: int = SUBSTEPS,
     ) -> None:
         """Put the true arm into `spec`, which is changed, at its stated place `pose_world_base`; with
-        `substeps` physics steps in a control cycle.
+        `substeps` physics steps in a control cycle while anything touches, or moves beside the arm, else one.
 
         Raises:
             InputError: it does not compile, or lacks physics that weighing and touching need.
         """
-        self._arm, self._substeps = arm, substeps
+        self._arm, self._finest, self._substeps = arm, substeps, substeps
         self.model = compile_world(spec, pose_world_base, arm, truth, substeps)
         self._data = mujoco.MjData(self.model)
         joints = [self.model.joint(PREFIX + name) for name in arm.joints]
@@ -94,6 +95,7 @@ class World:
         self._seen, self._before = mujoco.MjData(self.model), mujoco.MjData(self.model)
         self._dq = self._data.qvel[self._v]
         self._sensors = run_of(self.model.sensor(MOTOR.format(1)).adr[0], SENSED)
+        self._touching = int(self.model.sensor(TOUCHING).adr[0])
         self._rollout = Rollout(nthread=0)
         steps = LONGEST_RUN * BLOCK * substeps
         self._states = np.empty((1, steps, mujoco.mj_stateSize(self.model, PHYSICS)))
@@ -108,7 +110,7 @@ class World:
         self.watch: Watch | None = None
 
     def step(self, control: Array, guard: Guard) -> Steps:
-        """Step once per row of `control` (n * BLOCK, nu), or until the guard fires: then the arm
+        """Step a cycle per row of `control` (n * BLOCK, nu), or until the guard fires: then the arm
         yields for the rest of that block, and the run ends with it; or until the end of the tick in which
         it feels something.
 
@@ -116,6 +118,8 @@ class World:
             ExecutionAborted: the physics became unstable.
         """
         count = len(control)
+        if self._is_free() and not guard.yielding:
+            self._pace(1)
         if guard.yielding:
             self._cycle(control, 0, count, guard.reaction)
         else:
@@ -138,14 +142,26 @@ class World:
             )
         sensed = self._sensed(count).reshape(-1, BLOCK, SENSED)
         means = np.add.reduce(sensed, axis=1) / BLOCK
-        return Steps(
+        steps = Steps(
             q=blocks[:, self._q],
             dq=qvel[:, self._v],
             torque=means[:, :7],
             push=means[:, 7:],
             fingers=blocks[:, self._finger_q],
             finger_speed=qvel[:, self._finger_v],
+            step=TIMESTEP / self._substeps,
         )
+        self._pace(self._finest)
+        return steps
+
+    def _is_free(self) -> bool:
+        """True if nothing but the arm moves, and nothing touches: one step of the physics a cycle will do, until
+        something does."""
+        return takes_many(self.watch) and self._data.ncon == 0 and self._data.ntree_awake <= 1
+
+    def _pace(self, substeps: int) -> None:
+        """Set the number of physics steps in a control cycle."""
+        self._substeps, self.model.opt.timestep = substeps, TIMESTEP / substeps
 
     def _ends(self, count: int, every: int = 1) -> slice:
         """Return the rows of the physics steps that end each cycle of `count`, or `every` so many."""
@@ -163,11 +179,17 @@ class World:
         before, count = self.compensation, len(control)
         undo = marked(self.watch)
         self._roll(control)
+        if self._substeps < self._finest and self._has_touched(count):  # once more, in finer steps
+            mujoco.mj_copyData(self._data, self.model, self._before)
+            undo()
+            undo = marked(self.watch)
+            self._pace(self._finest)
+            self._roll(control)
         # The weight that the motors hold is the nominal arm's, followed from end to end of the run.
         share = np.arange(1.0, count + 1)[:, None] / count
         weight = before + share * (self.compensation - before)
         rates = self._states[0, self._ends(count), 1 + self.model.nq :][:, self._v].copy()
-        fired = guard.observe(self._sensed(count)[:, :7] - weight, rates)
+        fired = guard.observe(self._sensed(count)[:, :7] - weight, rates, TIMESTEP / self._substeps)
         last = (guard.felt or count) if fired is None else fired + 1
         if last < count:
             mujoco.mj_copyData(self._data, self.model, self._before)
@@ -175,12 +197,17 @@ class World:
             self._roll(control[:last])
         return fired
 
+    def _has_touched(self, count: int) -> bool:
+        """True if anything touched something in `count` cycles."""
+        return bool(self._signals[0, : count * self._substeps, self._touching].any())
+
     def _one_by_one(self, control: Array, guard: Guard) -> int | None:
         """Step as `_all_at_once`, for a `watch` that cannot undo what it saw."""
         for i in range(len(control)):
             self._cycle(control, i, i + 1)
             effort = self._data.sensordata[self._sensors][:7] - self.compensation
-            if guard.observe(effort[None], self._dq[None].copy()) is not None:
+            step = TIMESTEP / self._substeps
+            if guard.observe(effort[None], self._dq[None].copy(), step) is not None:
                 return i
             if guard.felt is not None and guard.felt <= i + 1:
                 break
@@ -356,8 +383,8 @@ def compile_world(
 
 
 def add_sensors(world: mujoco.MjSpec, arm: RobotDescription) -> None:
-    """Add what is recorded of every cycle: torques of the joints' motors, and the net force of the
-    hand on what it touches."""
+    """Add what is recorded of every cycle: torques of the joints' motors, the net force of the hand on what
+    it touches, and whether anything touches."""
     for i, name in enumerate(arm.joints, 1):
         world.add_sensor(
             name=MOTOR.format(i),
@@ -371,6 +398,11 @@ def add_sensors(world: mujoco.MjSpec, arm: RobotDescription) -> None:
         objtype=mujoco.mjtObj.mjOBJ_XBODY,
         objname=PREFIX + arm.hand.body,
         intprm=(1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE), NET_FORCE, 1),
+    )
+    world.add_sensor(
+        name=TOUCHING,
+        type=mujoco.mjtSensor.mjSENS_CONTACT,
+        intprm=(1 << int(mujoco.mjtConDataField.mjCONDATA_FOUND), 0, 1),
     )
 
 
