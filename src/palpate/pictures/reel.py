@@ -37,21 +37,25 @@ class Reel:
         self._sink: Connection | None = None
         self._whole: tuple[Footage, Trace] | None = None
         self._samples: list[Samples] = []
+        self._ended: list[LeafRun] = []
         self._leaves = self._sent = 0
 
     def look(self, samples: Samples, leaves: Sequence[LeafRun]) -> None:
         """After a leaf has ended, have drawn what the camera saw before it; `samples` since the last call, and all
-        `leaves` that have ended."""
+        `leaves` of this attempt that have ended."""
         self._samples.append(samples)
-        if len(leaves) == self._leaves or len(leaves) < 2:
+        if len(leaves) < self._leaves:  # a further attempt
+            self._leaves = 0
+        ended, self._leaves = leaves[self._leaves :], len(leaves)
+        self._ended += ended
+        if not ended or len(self._ended) < 2:
             return
-        self._leaves = len(leaves)
         footage = self._footage() if self._copy or self._may_begin() else None
         if footage is None or self._shot is None:
             return
-        felt, until = Samples.concatenate(self._samples), leaves[-2].end
+        felt, until = Samples.concatenate(self._samples), self._ended[-2].end
         # Of leaves that run side by side the last one may not have ended.
-        chunk = self._chunk(self._shot, footage, felt, leaves, until)
+        chunk = self._chunk(self._shot, footage, felt, self._ended, until)
         self._samples = [felt.where(felt.t >= until)]
         if self._copy is None:
             with suppress(OSError):  # no process to be had
