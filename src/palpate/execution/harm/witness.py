@@ -172,9 +172,8 @@ class Witness:
             self._note_forces(data, touching)
         if self.steps - self._gripped.get(self._held, self.steps) > self._let_go:
             self._hold(-1)
-        self.steps += round(
-            self._model.opt.timestep / self.period
-        )  # a longer one counts for several
+        # A longer step counts for several.
+        self.steps += round(self._model.opt.timestep / self.period)
         if self.steps % LOOK == 0:
             self.looks.append(self._look(data, touching.touched))
 
