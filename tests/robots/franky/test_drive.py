@@ -15,12 +15,12 @@ from franka import ARM, BASE, NOMINAL, Gripper, state
 
 from palpate.geometry.pose import Pose
 from palpate.robots.franky import course, drive
-from palpate.robots.franky.course import CYCLE, joint_course
+from palpate.robots.franky.course import CYCLE, joint_course, pose_course
 from palpate.robots.franky.drive import Drive
 from palpate.robots.franky.robot import FrankyRobot
 from palpate.robots.reflex import Reflex
 from palpate.robots.simulated.impedance import Inertia
-from palpate.robots.trajectory import Motion, Stretch, straight
+from palpate.robots.trajectory import Motion, PosePath, Stretch, straight
 
 ASKEW = Pose.of((0.0, 0.0, 0.0), (np.cos(0.3), np.sin(0.3), 0.0, 0.0))
 """How the arm hangs, for its reactions."""
@@ -62,6 +62,17 @@ class Tracked:
 
     def add_reaction(self, reaction: Any) -> None:
         self.reaction = reaction
+
+
+class Soft(Tracked):
+    """A Cartesian motion: it remembers what it is made with."""
+
+    def __init__(self, **given: Any) -> None:
+        super().__init__()
+        self.given, self.null_space = given, SimpleNamespace(posture_stiffness=None)
+        self.told: list[Any] = []
+        self.set_gains, self.set_nullspace_gains = lambda gains: None, self.told.append
+        self.get_nullspace_gains = lambda: self.null_space
 
 
 class Reaction(Tracked):
@@ -161,6 +172,29 @@ def test_other_thresholds_begin_where_the_course_is(led: Any) -> None:
     before = led.arm.motion
     led.drive.guard(led.inertia, FREE)
     assert led.arm.motion is before, "nothing is commanded where no loop runs"
+
+
+def test_the_spring_of_a_new_posture_fades_in(led: Any) -> None:
+    """And no torque changes by as much in a cycle as libfranka refuses, 1 N m."""
+    module = drive.franky()
+    module.CartesianImpedanceTrackingMotion = Soft
+    module.CartesianImpedanceGains = SimpleNamespace(diagonal=lambda *_: None)
+    module.CartesianReference = module.Affine = module.Twist = lambda *_: None
+    module.PostureTask = lambda q, stiffness, damping: stiffness
+    begin = NOMINAL.poses(ARM.home[None])[0]
+    still = Motion(np.array([*begin[:3], 0.0, 0.0, 0.0]), np.zeros(6), np.zeros(6))
+    path = straight(0.0, still, still.p + 0.05 * np.eye(6)[2], [Stretch(1.0, 1.0)], 5.0)
+    way = pose_course(PosePath(path, begin[3:]), ARM.home, ASKEW)
+    for cycles in range(1, 4):
+        led.hear(cycles * CYCLE)
+    led.drive.follow(lambda *_: way, led.inertia, FREE)
+    first = led.arm.motion
+    assert (led.drive.clock, first.told) == (0.0, [first.null_space])
+    assert first.given["posture_task"] == pytest.approx(1e-3 * first.null_space.posture_stiffness)
+    assert first.given["translational_error_clip"] == pytest.approx(np.full(3, 0.1))
+    assert first.given["max_delta_tau"] < 1.0
+    led.drive.guard(led.inertia, replace(FREE, load=30.0))
+    assert led.arm.motion.given["posture_task"] == pytest.approx(first.null_space.posture_stiffness)
 
 
 @pytest.mark.parametrize(
