@@ -15,8 +15,6 @@ from palpate.execution.leaf import PrimitiveLeaf
 from palpate.execution.recovery import resumable
 from palpate.execution.runner import run
 from palpate.planning.plan import Plan
-from palpate.vocabulary.motion import MovePose
-from palpate.vocabulary.registry import Vocabulary
 from palpate.vocabulary.sensing import FORCE_WINDOW
 
 TABLE = 0.1
@@ -181,26 +179,6 @@ def test_only_what_is_met_where_the_support_is_believed_is_one(
     done = run(plan(*carrying, node("Go", z=0.2), node("Refuse")), scene, robot, words=words)
     assert ("open_gripper" in commands(robot)) == put_down
     assert ("mm above its support" in done.trace.leaves[-1].message) == (not put_down)
-
-
-@pytest.mark.parametrize(("power", "creeps"), [(2.0, True), (0.5, False)])
-def test_what_creeps_out_of_the_fingers_as_it_is_lifted_is_set_down_at_once(
-    plan, node, scene, robot, words, power, creeps
-):
-    """Faster and faster, as an edge does. What the pads yield to dies away."""
-    robot.support_z, robot.weight = TABLE, 2.5
-
-    def close_on(r):
-        lifted = max(r.state.pose_world_tcp.position[2] - TABLE, 0.0) if r.state.gripping else 0.0
-        r.between = 0.03 - 2e-4 * (lifted / 0.01) ** power
-
-    robot.on_advance = close_on
-    known = Vocabulary(dict(words.primitives, MovePose=MovePose), words.composites)
-    lift = node("MovePose", pose="cup_pose + z_offset", speed=0.05)
-    taken = node("Go", z=TABLE, speed=0.5), node("Grasp"), node("Wait", seconds=0.2)
-    done = run(plan(*taken, lift), scene, robot, words=known)
-    assert ("'cup' creeps out of the fingers" in str(done.stopped_by)) == creeps
-    assert not creeps or opened_at(robot) == pytest.approx(TABLE, abs=0.005)
 
 
 def test_a_support_bears_more_than_the_weight_before_the_fingers_open(

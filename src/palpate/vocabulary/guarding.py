@@ -40,10 +40,6 @@ PEAK = 1.4
 """Largest normal force on a slide over the pressing force: the arm presses while it sets out and changes
 its speed (21.3 N for 15 N, simulated FR3, friction 1)."""
 CONTACT_SPEED = 0.02  # m/s, wherever contact is present or possible
-CREEP = 1e-4
-"""m by which the fingers may close, faster and faster, while an object is lifted off its support. Simulated whole
-grips close by 9 µm at most; those of an edge by more, and it is out of them a second later. (Rubber pads creep,
-too, but ever more slowly.)"""
 FIRMLY = 0.8
 """Part of the force that would turn an object between the pads that a slide may take: pads creep."""
 LIGHTLY = 3.0  # N, least pressing force, lest a slide lifts the dragged object
@@ -103,26 +99,6 @@ def follow_guarded(
             )
         yield None if np.isnan(wrench).any() else _soonest(blackboard, span, left, fastest)
     return False
-
-
-def follow_lift(blackboard: Blackboard, span: Span, left: float, goal: str) -> Wait:
-    """`follow_guarded` along a span over which an object leaves its support.
-
-    Raises:
-        LeafFailure: as `follow_guarded`, or the object creeps out of the fingers.
-    """
-    robot = blackboard.robot
-    times, widths = [robot.state.t], [robot.state.width]
-    for wait in follow_guarded(blackboard, span, left, False, goal):
-        yield wait
-        times.append(robot.state.t)
-        widths.append(robot.state.width)
-    first, half, last = np.interp(np.linspace(times[0], times[-1], 3), times, widths)
-    if first - last > CREEP and half - last > first - half:
-        raise LeafFailure(
-            f"'{blackboard.state.holding}' creeps out of the fingers: they closed by "
-            f"{1e3 * (first - last):.2f} mm as it was lifted, faster and faster; they hold only an edge of it"
-        )
 
 
 def _passed(blackboard: Blackboard, span: Span, left: float) -> bool:

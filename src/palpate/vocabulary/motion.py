@@ -43,14 +43,7 @@ from palpate.vocabulary.base import (
     Surroundings,
     Wait,
 )
-from palpate.vocabulary.guarding import (
-    follow_free,
-    follow_guarded,
-    follow_lift,
-    lower,
-    slide,
-    span_reflex,
-)
+from palpate.vocabulary.guarding import follow_free, follow_guarded, lower, slide, span_reflex
 from palpate.vocabulary.load import UNFELT
 from palpate.vocabulary.state import HOME_CONFIG, SymbolicState, pose_of_joints
 from palpate.vocabulary.touch import BRIEF, DWELL, MEDIAN_TIME, finish, median_wrench, settle
@@ -173,7 +166,6 @@ class MovePose(Primitive):
         robot, state, scene = blackboard.robot, blackboard.state, blackboard.scene
         lifted = self.effects(state).lifted
         sets_down = state.holding is not None and not lifted
-        lifts = lifted and not state.lifted
         dwell = DWELL
         way = list(spans(state, robot.state.target_world_tcp, target))
         left = sum(span.start.distance_to(span.end) for span in way)
@@ -189,8 +181,6 @@ class MovePose(Primitive):
             )
             if not span.guarded:
                 yield from follow_free(blackboard, span, left)
-            elif lifts:
-                yield from follow_lift(blackboard, span, left, self.pose)
             elif (yield from follow_guarded(blackboard, span, left, sets_down, self.pose)):
                 return self._set_down(blackboard, target)
             dwell = BRIEF if span.guarded else DWELL
