@@ -49,6 +49,8 @@ def test_a_hand_holds_what_it_closed_on_and_nothing_else() -> None:
     until(lambda: not hand.gripping)
     gripper.now = SimpleNamespace(width=0.004, is_grasped=True)
     until(lambda: hand.gripping)
+    gripper.now = SimpleNamespace(width=0.004, is_grasped=False)
+    until(lambda: not hand.gripping)
     gripper.now = SimpleNamespace(width=0.04, is_grasped=True)
     hand.open()
     until(lambda: not hand.moving)
