@@ -31,7 +31,7 @@ ASLEEP = 1e-4
 """m/s: slower objects rest, and take no time until something that moves touches them. A cylinder on its end
 goes on trembling at some 5e-5 m/s for ever, by the rounding of its contacts."""
 PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
-MOTOR, PUSH, TOUCHING = PREFIX + "motor{}", PREFIX + "push", PREFIX + "touching"  # names of sensors
+MOTOR, PUSH = PREFIX + "motor{}", PREFIX + "push"  # names of sensors
 SENSED = 10  # values of these: motor torques, and the force of the hand
 NET_FORCE = 3  # of MuJoCo's reductions of several contacts
 NEEDED = (
@@ -75,12 +75,12 @@ class World:
         substeps: int = SUBSTEPS,
     ) -> None:
         """Put the true arm into `spec`, which is changed, at its stated place `pose_world_base`; with
-        `substeps` physics steps in a control cycle while anything touches, or moves beside the arm, else one.
+        `substeps` physics steps in a control cycle.
 
         Raises:
             InputError: it does not compile, or lacks physics that weighing and touching need.
         """
-        self._arm, self._finest, self._substeps = arm, substeps, substeps
+        self._arm, self._substeps = arm, substeps
         self.model = compile_world(spec, pose_world_base, arm, truth, substeps)
         self._data = mujoco.MjData(self.model)
         joints = [self.model.joint(PREFIX + name) for name in arm.joints]
@@ -95,7 +95,6 @@ class World:
         self._seen, self._before = mujoco.MjData(self.model), mujoco.MjData(self.model)
         self._dq = self._data.qvel[self._v]
         self._sensors = run_of(self.model.sensor(MOTOR.format(1)).adr[0], SENSED)
-        self._touching = int(self.model.sensor(TOUCHING).adr[0])
         self._rollout = Rollout(nthread=0)
         steps = LONGEST_RUN * BLOCK * substeps
         self._states = np.empty((1, steps, mujoco.mj_stateSize(self.model, PHYSICS)))
@@ -110,7 +109,7 @@ class World:
         self.watch: Watch | None = None
 
     def step(self, control: Array, guard: Guard) -> Steps:
-        """Step a cycle per row of `control` (n * BLOCK, nu), or until the guard fires: then the arm
+        """Step once per row of `control` (n * BLOCK, nu), or until the guard fires: then the arm
         yields for the rest of that block, and the run ends with it; or until the end of the tick in which
         it feels something.
 
@@ -118,8 +117,6 @@ class World:
             ExecutionAborted: the physics became unstable.
         """
         count = len(control)
-        if self._is_free() and not guard.yielding:
-            self._pace(1)
         if guard.yielding:
             self._cycle(control, 0, count, guard.reaction)
         else:
@@ -142,7 +139,7 @@ class World:
             )
         sensed = self._sensed(count).reshape(-1, BLOCK, SENSED)
         means = np.add.reduce(sensed, axis=1) / BLOCK
-        steps = Steps(
+        return Steps(
             q=blocks[:, self._q],
             dq=qvel[:, self._v],
             torque=means[:, :7],
@@ -151,17 +148,6 @@ class World:
             finger_speed=qvel[:, self._finger_v],
             step=TIMESTEP / self._substeps,
         )
-        self._pace(self._finest)
-        return steps
-
-    def _is_free(self) -> bool:
-        """True if nothing but the arm moves, and nothing touches: one step of the physics a cycle will do, until
-        something does."""
-        return takes_many(self.watch) and self._data.ncon == 0 and self._data.ntree_awake <= 1
-
-    def _pace(self, substeps: int) -> None:
-        """Set the number of physics steps in a control cycle."""
-        self._substeps, self.model.opt.timestep = substeps, TIMESTEP / substeps
 
     def _ends(self, count: int, every: int = 1) -> slice:
         """Return the rows of the physics steps that end each cycle of `count`, or `every` so many."""
@@ -179,12 +165,6 @@ class World:
         before, count = self.compensation, len(control)
         undo = marked(self.watch)
         self._roll(control)
-        if self._substeps < self._finest and self._has_touched(count):  # once more, in finer steps
-            mujoco.mj_copyData(self._data, self.model, self._before)
-            undo()
-            undo = marked(self.watch)
-            self._pace(self._finest)
-            self._roll(control)
         # The weight that the motors hold is the nominal arm's, followed from end to end of the run.
         share = np.arange(1.0, count + 1)[:, None] / count
         weight = before + share * (self.compensation - before)
@@ -196,10 +176,6 @@ class World:
             undo()
             self._roll(control[:last])
         return fired
-
-    def _has_touched(self, count: int) -> bool:
-        """True if anything touched something in `count` cycles."""
-        return bool(self._signals[0, : count * self._substeps, self._touching].any())
 
     def _one_by_one(self, control: Array, guard: Guard) -> int | None:
         """Step as `_all_at_once`, for a `watch` that cannot undo what it saw."""
@@ -383,8 +359,8 @@ def compile_world(
 
 
 def add_sensors(world: mujoco.MjSpec, arm: RobotDescription) -> None:
-    """Add what is recorded of every cycle: torques of the joints' motors, the net force of the hand on what
-    it touches, and whether anything touches."""
+    """Add what is recorded of every cycle: torques of the joints' motors, and the net force of the
+    hand on what it touches."""
     for i, name in enumerate(arm.joints, 1):
         world.add_sensor(
             name=MOTOR.format(i),
@@ -398,11 +374,6 @@ def add_sensors(world: mujoco.MjSpec, arm: RobotDescription) -> None:
         objtype=mujoco.mjtObj.mjOBJ_XBODY,
         objname=PREFIX + arm.hand.body,
         intprm=(1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE), NET_FORCE, 1),
-    )
-    world.add_sensor(
-        name=TOUCHING,
-        type=mujoco.mjtSensor.mjSENS_CONTACT,
-        intprm=(1 << int(mujoco.mjtConDataField.mjCONDATA_FOUND), 0, 1),
     )
 
 
