@@ -149,13 +149,20 @@ def deceptions(
 
 @command(app)
 def variety(
-    *, noise: NoiseLevel = "lab", seed: Seed = 0, workers: Workers = CORES, as_json: AsJson = False
+    *,
+    noise: NoiseLevel = "lab",
+    seed: Seed = 0,
+    drawn: Annotated[
+        int, typer.Option("--drawn", min=0, help="Number of drawn scenes, in place of the ten.")
+    ] = 0,
+    workers: Workers = CORES,
+    as_json: AsJson = False,
 ) -> None:
-    """Ten scenes of other objects, heights and gaps, one run each."""
+    """Ten scenes of other objects, heights and gaps, or drawn ones and requests, one run each."""
     from bench.variety import run_all
     from palpate.cli.show.studies import show_seed_runs
 
-    runs = {name: [run] for name, run in run_all(noise, seed, workers).items()}
+    runs = {name: [run] for name, run in run_all(noise, seed, workers, drawn).items()}
     show_seed_runs(runs, f"--noise {noise}", as_json)
 
 

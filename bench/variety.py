@@ -14,6 +14,8 @@ from math import cos, pi, sin
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
+
 from palpate.parameter import Parameter
 from palpate.settings import Settings
 from palpate.studies.accuracy import SeedRun, run_seed
@@ -25,6 +27,14 @@ TABLE_HALF = 0.02
 """m: half the thickness of the table's top."""
 RAISED = 0.002
 """m: error of the objects' heights if the table's height is missing."""
+STREAM = 777
+"""Random stream of drawn scenes, independent of all others of a seed."""
+HEIGHTS, BELOW = (0.0, 0.1, 0.2, 0.4, 0.75), (0.0, 0.05, 0.1)
+"""m: heights of drawn tables, and by how much the arm's base is lower, down to the ground."""
+APART = 0.17
+"""m between the middles of drawn things."""
+ASKED = {"friction": 0.35, "com": 0.3, "com_3d": 0.1, "inertia": 0.12, "size": 0.08}
+"""Probability that a quantity of a drawn thing is asked for."""
 
 SCENE = """\
 <mujoco model="{name}">
@@ -100,14 +110,15 @@ class Thing:
 
 @dataclass(frozen=True, slots=True)
 class Variety:
-    """A scene: things on a table at `height` m with the arm's base at `base` m, and what is
-    missing."""
+    """A scene: things on a table at `height` m with the arm's base at `base` m, what is missing, and
+    what is asked beside that."""
 
     name: str
     height: float
     base: float
     things: tuple[Thing, ...]
     missing: tuple[Parameter, ...]
+    asked: tuple[Parameter, ...] = ()
 
     def write(self, folder: Path) -> Settings:
         """Write scene and world into `folder`; return settings that measure all missing values."""
@@ -117,7 +128,9 @@ class Variety:
                 (folder / f"{thing.name}.obj").write_text(frustum(*thing.size), encoding="utf-8")
         (folder / "world.xml").write_text(self._mjcf(hidden=()), encoding="utf-8")
         (folder / "scene.xml").write_text(self._mjcf(hidden=self.missing), encoding="utf-8")
-        return Settings(scene=folder / "scene.xml", world=folder / "world.xml")
+        settings = Settings(scene=folder / "scene.xml", world=folder / "world.xml")
+        measured = (*self.missing, *self.asked) if self.asked else ()
+        return replace(settings, measure=tuple(map(str, measured)))
 
     def _mjcf(self, hidden: tuple[Parameter, ...]) -> str:
         """The scene without the `hidden` values; without the table's height, objects are `RAISED`."""
@@ -250,15 +263,53 @@ SCENES: tuple[Variety, ...] = (
 )
 
 
-def run_all(noise: str, seed: int, workers: int = 1) -> dict[str, SeedRun]:
-    """Run every scene once; results by name."""
+def drawn(number: int) -> Variety:
+    """A scene of one to three things of any shape, size, mass and place, always the same for a number."""
+    random = np.random.default_rng([number, STREAM])
+    height = float(random.choice(HEIGHTS))
+    spots: list[tuple[float, float]] = []
+    for _ in range(100):
+        x, y = np.round(random.uniform((0.4, -0.28), (0.6, 0.28)), 3).tolist()
+        if all(np.hypot(x - a, y - b) > APART for a, b in spots):
+            spots.append((x, y))
+    spots = spots[: int(random.integers(1, 4))]
+    things = tuple(_thing(f"thing_{i}", spot, random) for i, spot in enumerate(spots))
+    missing = [one for one in _mass(*(thing.name for thing in things)) if random.random() < 0.8]
+    if random.random() < 0.3:
+        missing.append(HEIGHT)
+    asked = tuple(
+        Parameter(thing.name, quantity)
+        for thing in things
+        for quantity, probability in ASKED.items()
+        if random.random() < probability
+    )
+    base = max(height - float(random.choice(BELOW)), 0.0)
+    missing = tuple(missing) or _mass(things[0].name)
+    return Variety(f"drawn_{number}", height, base, things, missing, asked)
+
+
+def _thing(name: str, spot: tuple[float, float], random: np.random.Generator) -> Thing:
+    shape = str(random.choice(["box", "cylinder", "frustum"]))
+    smallest, largest = {
+        "box": ((0.015, 0.012, 0.02), (0.07, 0.036, 0.1)),
+        "cylinder": ((0.015, 0.025), (0.036, 0.1)),
+        "frustum": ((0.018, 0.018, 0.03), (0.036, 0.036, 0.08)),
+    }[shape]
+    size = tuple(np.round(random.uniform(smallest, largest), 4).tolist())
+    mass = round(float(np.exp(random.uniform(np.log(0.03), np.log(1.6)))), 4)
+    return Thing(name, shape, size, mass, spot, round(float(random.uniform(-80, 80))))
+
+
+def run_all(noise: str, seed: int, workers: int = 1, count: int = 0) -> dict[str, SeedRun]:
+    """Run every scene once, or `count` drawn ones; results by name."""
+    scenes = [drawn(1000 * seed + number) for number in range(count)] or SCENES
     with TemporaryDirectory() as folder:
         todo: list[Settings] = []
-        for variety in SCENES:
+        for variety in scenes:
             settings = variety.write(Path(folder) / variety.name)
             todo.append(replace(settings, noise=noise).checked())
         runs = spread(partial(run_seed, seed=seed), todo, workers)
-    return {variety.name: run for variety, run in zip(SCENES, runs, strict=True)}
+    return {variety.name: run for variety, run in zip(scenes, runs, strict=True)}
 
 
 def crowd(folder: Path, count: int) -> Path:
