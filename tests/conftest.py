@@ -33,7 +33,7 @@ LONG = (
     "tests/cli/test_models.py::test_a_conversation_is_replayed_without_network",
     "tests/cli/test_models.py::test_the_answer_of_any_chat_is_checked_and_executed",
     "tests/cli/test_calibrate.py::test_a_known_weight_makes_masses_right",
-    "tests/calibration/test_camera.py::test_a_tag_tells_where_the_camera_is",
+    "tests/calibration/test_camera.py::test_a_tag_tells_where_the_camera_is*",
     "tests/studies/test_efficiency.py::test_one_missing_mass_takes_less_than_everything",
     "tests/studies/planners/test_ablation.py::*",
     "tests/studies/test_cluster.py::*",
@@ -82,7 +82,7 @@ MINUTES = (
     "tests/test_unknown_heights.py::*",
     "tests/studies/planners/test_ablation.py::*",
     "tests/studies/test_cluster.py::*",
-    "tests/calibration/test_camera.py::test_a_tag_tells_where_the_camera_is",
+    "tests/calibration/test_camera.py::test_a_tag_tells_where_the_camera_is[[]world:workspace*",
     "tests/studies/test_efficiency.py::test_one_missing_mass_takes_less_than_everything",
     "tests/cli/test_models.py::test_the_papers_tables_are_made_and_gone_on_with",
     "tests/cli/test_models.py::test_from_a_sentence_a_picture_and_a_camera_to_complete_mjcf",
@@ -124,5 +124,5 @@ def pytest_collection_modifyitems(items: Sequence[pytest.Item]) -> None:
     for item in items:
         if any(fnmatch(item.nodeid, pattern) for pattern in MINUTES):
             item.add_marker("minutes")
-        if any(fnmatch(item.nodeid, pattern) for pattern in LONG):
+        if any(fnmatch(item.nodeid, pattern) for pattern in (*LONG, *MINUTES)):
             item.add_marker("long")
