@@ -71,7 +71,7 @@ class Film:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shot:
-    """How a film is taken.
+    """Speed and field of view of a film.
 
     Attributes:
         speed: relative to robot time.

@@ -89,7 +89,7 @@ class Reel:
         leaves: Sequence[LeafRun],
         until: float = np.inf,
     ) -> Chunk:
-        """What is to be drawn next, up to robot time `until`, s."""
+        """Frames to be drawn next, up to robot time `until`, s."""
         frames = [footage.frames[row] for row in shot.rows(footage)[self._sent :]]
         frames = [frame for frame in frames if frame[0] <= until]
         self._sent += len(frames)

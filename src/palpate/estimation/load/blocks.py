@@ -165,7 +165,7 @@ def free_rows(trace: Trace, name: str, surely: bool = False) -> list[Rows]:
         return []
     first, last = t[hangs][0] - tuning.WHOLE_AROUND, t[hangs][-1] + tuning.WHOLE_AROUND
     used = (hangs | (load.empty & apart(trace))) & (first <= t) & (t <= last)
-    # In swings of some mrad ripple and friction of the gears are no residual that other motion shows.
+    # Ripple and friction of the gears differ in swings of some mrad from those in all other motion.
     for one in trace.recordings:
         if one.context.activity == "swinging":
             used &= (t < one.start) | (t > one.end)

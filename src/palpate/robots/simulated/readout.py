@@ -86,11 +86,12 @@ class Readout:
         q: Array,
         torque: Array,
         gains: Array,
+        step: float,
     ) -> None:
         """Zero the sensors at rest at `q` (7,), rad, held up by `torque` (7,), N m; `gains` (7,) are
-        measured relative errors of the sensors, which are corrected."""
+        measured relative errors of the sensors, which are corrected. The physics' steps last `step` s."""
         self._nominal, self._sensors, self._encoders = nominal, sensors, encoders
-        self._stamps = stamps
+        self._stamps, self._step = stamps, step
         self._armature = nominal.armature
         reported = encoders.reported(q[None], torque[None])
         here = nominal.kinematics(reported)
@@ -262,9 +263,9 @@ class Readout:
         The torque is sampled at the beginning of a cycle's last physics step. Dampers act with a later speed on
         average; springs, in every physics step, with the arm's position then: half of the other steps before.
         """
-        late_by = damped_after(steps.step)
+        late_by = damped_after(self._step)
         speed = steps.dq - gained / 2.0
-        early = gains.on(speed, gains.stiffness * (TIMESTEP - steps.step) / 2, jacobian)
+        early = gains.on(speed, gains.stiffness * (TIMESTEP - self._step) / 2, jacobian)
         late = gains.on(gained, gains.damping * late_by, jacobian)
         if gains.cartesian:
             late += np.outer(gained @ swivel.axis, swivel.damping * late_by * swivel.axis)

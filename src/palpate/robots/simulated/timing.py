@@ -11,6 +11,9 @@ LONGEST_RUN = 8  # log periods between two updates of the feed-forward torques, 
 
 
 def damped_after(step: float) -> float:
-    """Return the s from the sample of a cycle's torque, at the beginning of its last physics step of `step` s, to the
-    mean moment at whose speed dampers act: the integrator, implicit in them, takes that at the end of each step."""
+    """Return by how many s dampers act later than a cycle's torque is sampled, on average.
+
+    The sample is of the beginning of the cycle's last physics step, which lasts `step` s; the integrator is implicit
+    in dampers, which act with the speed at the end of every step.
+    """
     return (3.0 * step - TIMESTEP) / 2.0

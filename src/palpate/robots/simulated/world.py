@@ -50,7 +50,6 @@ class Steps(NamedTuple):
     push: Array  # (n, 3) N, mean force with which the hand pushes on things, world axes
     fingers: Array  # (n, 2) m at the end of each block
     finger_speed: Array  # (n, 2) m/s, likewise
-    step: float  # s, a step of the physics
 
 
 class World:
@@ -146,7 +145,6 @@ class World:
             push=means[:, 7:],
             fingers=blocks[:, self._finger_q],
             finger_speed=qvel[:, self._finger_v],
-            step=TIMESTEP / self._substeps,
         )
 
     def _ends(self, count: int, every: int = 1) -> slice:
@@ -169,7 +167,7 @@ class World:
         share = np.arange(1.0, count + 1)[:, None] / count
         weight = before + share * (self.compensation - before)
         rates = self._states[0, self._ends(count), 1 + self.model.nq :][:, self._v].copy()
-        fired = guard.observe(self._sensed(count)[:, :7] - weight, rates, TIMESTEP / self._substeps)
+        fired = guard.observe(self._sensed(count)[:, :7] - weight, rates)
         last = (guard.felt or count) if fired is None else fired + 1
         if last < count:
             mujoco.mj_copyData(self._data, self.model, self._before)
@@ -182,8 +180,7 @@ class World:
         for i in range(len(control)):
             self._cycle(control, i, i + 1)
             effort = self._data.sensordata[self._sensors][:7] - self.compensation
-            step = TIMESTEP / self._substeps
-            if guard.observe(effort[None], self._dq[None].copy(), step) is not None:
+            if guard.observe(effort[None], self._dq[None].copy()) is not None:
                 return i
             if guard.felt is not None and guard.felt <= i + 1:
                 break

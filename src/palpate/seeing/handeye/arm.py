@@ -1,4 +1,4 @@
-"""What is not known of an arm's kinematics: 35 errors, how far each moves the hand, and how large they are.
+"""Errors of an arm's kinematics: 35 unknowns, the Jacobian of the hand's pose by them, and their prior deviations.
 
 They are the zeros of the seven encoders, how the seven joints give way under the arm's weight beyond their
 encoders, and the place of each of seven links in the one before, along three axes.

@@ -75,7 +75,8 @@ def beyond_joint_limits(state: SymbolicState, joints: Array) -> list[Violation]:
 
 
 def is_a_posture(arm: RobotDescription, joints: Array) -> bool:
-    """False for joint angles (7,), rad, beyond all measure: a way from there, or to there, has as many samples."""
+    """True for joint angles (7,), rad, within the joint limits or close to them. A path is sampled in even steps:
+    one from or to angles far beyond would have any number of them."""
     return within_joint_limits(arm, joints, -NONSENSE)
 
 
