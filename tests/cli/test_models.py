@@ -254,8 +254,8 @@ def test_prompt_prints_what_is_sent(palpate: Palpate, tmp_path: Path) -> None:
     (tmp_path / "poses.yaml").write_text("places: {tray: {pos: [0.4, -0.2, 0.9]}}")
     Image.new("RGB", (40, 30)).save(tmp_path / "view.png")
     options = bottle("--poses", "poses.yaml", "--image", "view.png")
-    with Loopback(Says(PAPER)) as server:
-        palpate("plan", *options, *model_settings(server))
+    with Loopback(Says("I'd rather not.")) as server:
+        palpate("plan", *options, *model_settings(server), "--feedback", "0")
         sent: Request = server.requests[0]
     printed = json.loads(palpate("prompt", *options, "--json").out)
     assert printed == {"system": sent.system, "user": sent.user, "images": ["view.png"]}

@@ -123,6 +123,7 @@ class Plan(InnerPlan):
         ).checked(at_hand=True)
         made = replace(begun, settings=settings)
         if robot is not None:
+            pipeline.preflight(settings)
             made = replace(made, scene=with_real_arm(made.scene))
         callbacks = RunCallbacks(observer, progress, confirm)
         with single_threaded_blas():
