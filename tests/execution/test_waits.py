@@ -57,7 +57,7 @@ def executed(longest: float) -> tuple[runner.Execution, int]:
 
 
 def test_a_run_that_waits_is_the_same_run_with_fewer_looks() -> None:
-    (ticked, every), (waited, asked) = executed(0.0), executed(0.08)
+    (ticked, every), (waited, asked) = executed(0.0), executed(runner.LONGEST_WAIT)
     assert (ticked.status, waited.status) == ("complete", "complete")
     assert asked < 0.75 * every
     for one, other in zip(ticked.trace.leaves, waited.trace.leaves, strict=True):

@@ -76,7 +76,7 @@ class Plant(World):
         data.ctrl[self.actuators.drives] = torque
         data.ctrl[self._fingers_control] = finger
         self._before[:] = self.dq
-        self._step_once()
+        mujoco.mj_step(self.model, data, nstep=self._substeps)
         self.cycles += 1
         for i in self._sinking:
             self.fell = max(self.fell, -float(data.qvel[i]))

@@ -107,6 +107,7 @@ class mjtSensor(_Enum):
     mjSENS_JOINTACTFRC: ClassVar[mjtSensor]
 
 class mjtConDataField(_Enum):
+    mjCONDATA_FOUND: ClassVar[mjtConDataField]
     mjCONDATA_FORCE: ClassVar[mjtConDataField]
 
 class mjtState(_Enum):
@@ -380,6 +381,7 @@ class _MjContactList:
 class MjData:
     time: float
     ncon: int
+    ntree_awake: int
     contact: _MjContactList
     qpos: _Doubles
     qvel: _Doubles
@@ -766,8 +768,8 @@ class MjSpec:
         *,
         name: str,
         type: mjtSensor,
-        objtype: mjtObj,
-        objname: str,
+        objtype: mjtObj = ...,
+        objname: str = ...,
         intprm: Sequence[int] = ...,
     ) -> None: ...
     def add_exclude(self, *, bodyname1: str, bodyname2: str) -> MjsExclude: ...

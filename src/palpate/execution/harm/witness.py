@@ -116,7 +116,7 @@ class Witness:
     """Observer of a simulation: called after every physics step.
 
     Attributes:
-        period: s, a physics step.
+        period: s, the shortest physics step.
         objects: names of the free bodies.
         masses: of these, kg.
         forces: by pair.
@@ -172,7 +172,8 @@ class Witness:
             self._note_forces(data, touching)
         if self.steps - self._gripped.get(self._held, self.steps) > self._let_go:
             self._hold(-1)
-        self.steps += 1
+        # A longer step counts for several.
+        self.steps += round(self._model.opt.timestep / self.period)
         if self.steps % LOOK == 0:
             self.looks.append(self._look(data, touching.touched))
 

@@ -88,7 +88,8 @@ class Guard:
         thresholds: Reflex | None,
         reaction: Callable[[], Reaction],
         jacobian: Array,
-        inertia: Array,
+        mass_matrix: Array,
+        dampers: Array,
         dq: Array,
         deviation: Array,
         tick: int,
@@ -99,7 +100,8 @@ class Guard:
             thresholds: of the external wrench; None while the arm yields.
             reaction: makes the reaction above them.
             jacobian: (6, 7), world axes about the TCP.
-            inertia: (7, 7) kg m^2 that the commanded torques move.
+            mass_matrix: (7, 7) kg m^2 that the commanded torques move.
+            dampers: (7, 7) N m s/rad, of the controller.
             dq: (7,) rad/s now.
             deviation: (n, 7) N m of each cycle: sensed less commanded torques, and less Coriolis and
                 centrifugal torques.
@@ -108,7 +110,7 @@ class Guard:
         from scipy.linalg.lapack import dposv  # not for a plan that nothing executes
 
         self._to_wrench = dposv(jacobian @ jacobian.T + RIDGE, jacobian)[1].T
-        self._jacobian, self._to_momentum = jacobian, inertia / TIMESTEP
+        self._jacobian, self._mass_matrix, self._dampers = jacobian, mass_matrix, dampers
         self._to_rest = np.eye(7) - force_of(jacobian).T @ jacobian[:3]
         self._known = deviation
         self._dq = dq
@@ -121,7 +123,7 @@ class Guard:
         if self.yielding:
             self.reaction = reaction()
 
-    def observe(self, torque: Array, dq: Array) -> int | None:
+    def observe(self, torque: Array, dq: Array, step: float) -> int | None:
         """Return the first of the next n cycles whose wrench exceeds the thresholds; None if none.
 
         After it the wrench is followed no further: the arm yields.
@@ -129,12 +131,14 @@ class Guard:
         Args:
             torque: (n, 7) N m commanded at the joints, less the nominal arm's gravity compensation.
             dq: (n, 7) rad/s at the end of each cycle.
+            step: s, of the physics.
         """
         count = len(dq)
         gained = dq.copy()
         gained[0] -= self._dq
         gained[1:] -= dq[:-1]
-        new = torque - gained @ self._to_momentum + self._known[self._look : self._look + count]
+        momentum = gained @ (self._mass_matrix + step * self._dampers)
+        new = torque - momentum / TIMESTEP + self._known[self._look : self._look + count]
         torques = _INPUT_KEPT[:count, :count] @ (_BLEND * new) + _TORQUE_KEPT[:count] * self._torque
         self._look += count
         self._torque, self._dq = torques[-1], dq[-1]

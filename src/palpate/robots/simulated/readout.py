@@ -15,14 +15,14 @@ from palpate.robots.simulated.impedance import Gains, Swivel
 from palpate.robots.simulated.noise.disturbances import Motion
 from palpate.robots.simulated.noise.line import Stamps
 from palpate.robots.simulated.noise.sensors import Encoders, Sensors
-from palpate.robots.simulated.timing import LONGEST_RUN, PERIOD, TIMESTEP, damped_after
+from palpate.robots.simulated.timing import LONGEST_RUN, PERIOD
 from palpate.robots.simulated.world import Steps
 from palpate.trace.samples import Samples
 
 OBSERVER_TIME = 0.01  # s, time constant of the momentum observer, two log periods
 LOAD_TIME = 0.2  # s, time constant with which a vertical force is taken for a load
 
-MOST = 2 * LONGEST_RUN  # log periods that are read together, at most
+MOST = 4 * LONGEST_RUN  # log periods that are read together, at most
 _KEPT = math.exp(-PERIOD / OBSERVER_TIME)
 # Response of the observer to the residual of each period, and what is left of its state before.
 _AGES = np.subtract.outer(np.arange(MOST), np.arange(MOST))
@@ -86,12 +86,11 @@ class Readout:
         q: Array,
         torque: Array,
         gains: Array,
-        step: float,
     ) -> None:
         """Zero the sensors at rest at `q` (7,), rad, held up by `torque` (7,), N m; `gains` (7,) are
-        measured relative errors of the sensors, which are corrected. The physics' steps last `step` s."""
+        measured relative errors of the sensors, which are corrected."""
         self._nominal, self._sensors, self._encoders = nominal, sensors, encoders
-        self._stamps, self._step = stamps, step
+        self._stamps = stamps
         self._armature = nominal.armature
         reported = encoders.reported(q[None], torque[None])
         here = nominal.kinematics(reported)
@@ -193,6 +192,8 @@ class Readout:
         self._last, self.jacobian, self.rate = rows[-1], here.jacobian[-1], dq[-1]
         self.angle_error, self.commanded = q[-1] - steps.q[-1], steps.torque[-1]
         true = self._link_torque(steps, gained, gains, swivel, here.jacobian)
+        # The torque of each physics step holds the arm where it is at the beginning: half a step before the middle.
+        true += (rows[1:, 14:] - rows[:-1, 14:]) * (steps.step / 2.0 / PERIOD)
         width = steps.fingers.sum(1)
         self._followed.append(
             Followed(mean, dq, here.jacobian, here.inertia_torque, true, target, width)
@@ -260,13 +261,10 @@ class Readout:
         """Compute the mean torque (n, 7) behind the gears in each block, without that of the motors'
         own inertia.
 
-        The torque is sampled at the beginning of a cycle's last physics step. Dampers act with a later speed on
-        average; springs, in every physics step, with the arm's position then: half of the other steps before.
+        Torques are sampled at the beginning of each physics step; the integrator is implicit in dampers, which act
+        with the speed at its end.
         """
-        late_by = damped_after(self._step)
-        speed = steps.dq - gained / 2.0
-        early = gains.on(speed, gains.stiffness * (TIMESTEP - self._step) / 2, jacobian)
-        late = gains.on(gained, gains.damping * late_by, jacobian)
+        late = gains.on(gained, gains.damping * steps.step, jacobian)
         if gains.cartesian:
-            late += np.outer(gained @ swivel.axis, swivel.damping * late_by * swivel.axis)
-        return steps.torque + early - (late + gained * self._armature) / PERIOD
+            late += np.outer(gained @ swivel.axis, swivel.damping * steps.step * swivel.axis)
+        return steps.torque - (late + gained * self._armature) / PERIOD

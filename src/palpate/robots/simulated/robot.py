@@ -36,14 +36,7 @@ from palpate.robots.simulated.setpoints import (
     joint_setpoints,
     pose_setpoints,
 )
-from palpate.robots.simulated.timing import (
-    BLOCK,
-    LONGEST_RUN,
-    PERIOD,
-    SUBSTEPS,
-    TIMESTEP,
-    damped_after,
-)
+from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, PERIOD, SUBSTEPS, TIMESTEP
 from palpate.robots.simulated.world import World
 from palpate.robots.trajectory import Motion, Path, PosePath, Stretch, still
 from palpate.trace.samples import Samples
@@ -83,7 +76,7 @@ class MujocoRobot(Commanded):
             gravity: (3,) m/s^2, stated gravity; the world's, by default. A value measured with the
                 arm has precedence.
             visit: number of the robot's run, which seeds all errors that differ from run to run.
-            substeps: physics steps in a control cycle of 1 ms.
+            substeps: physics steps in a control cycle of 1 ms while anything touches, or moves beside the arm.
 
         Raises:
             InputError: no such noise model, or the world does not compile with the robot in it.
@@ -115,7 +108,6 @@ class MujocoRobot(Commanded):
             q=arm.home,
             torque=self._world.true_gravity_torque(),
             gains=np.zeros(7) if config.torque_gain is None else config.torque_gain.value,
-            step=TIMESTEP / substeps,
         )
         # The controller compensates the measured arm, MuJoCo the described one.
         measured = config.gravity or config.end_effector or config.base_lean
@@ -346,7 +338,6 @@ class MujocoRobot(Commanded):
         readout, thresholds = self._readout, self._thresholds
         mass_matrix, velocity_torque = self._dynamics
         jacobian = readout.jacobian
-        dampers = self._gains.dampers(jacobian, self._swivel)
         known = readout.deviation - velocity_torque - self._correction.torque
 
         def reaction() -> Reaction:
@@ -357,7 +348,8 @@ class MujocoRobot(Commanded):
             thresholds=None if self._yielding else thresholds,
             reaction=reaction,
             jacobian=jacobian,
-            inertia=mass_matrix + damped_after(self._world.model.opt.timestep) * dampers,
+            mass_matrix=mass_matrix,
+            dampers=self._gains.dampers(jacobian, self._swivel),
             dq=readout.speed,
             deviation=self._sensors.looks(cycles) + known,
             tick=self._tick,

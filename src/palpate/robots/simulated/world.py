@@ -31,7 +31,7 @@ ASLEEP = 1e-4
 """m/s: slower objects rest, and take no time until something that moves touches them. A cylinder on its end
 goes on trembling at some 5e-5 m/s for ever, by the rounding of its contacts."""
 PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
-MOTOR, PUSH = PREFIX + "motor{}", PREFIX + "push"  # names of sensors
+MOTOR, PUSH, TOUCHING = PREFIX + "motor{}", PREFIX + "push", PREFIX + "touching"  # names of sensors
 SENSED = 10  # values of these: motor torques, and the force of the hand
 NET_FORCE = 3  # of MuJoCo's reductions of several contacts
 NEEDED = (
@@ -46,10 +46,11 @@ class Steps(NamedTuple):
 
     q: Array  # (n, 7) rad at the end of each block
     dq: Array  # (n, 7) rad/s, likewise
-    torque: Array  # (n, 7) N m, mean commanded joint torques
+    torque: Array  # (n, 7) N m, mean commanded joint torques, at the beginning of each physics step
     push: Array  # (n, 3) N, mean force with which the hand pushes on things, world axes
     fingers: Array  # (n, 2) m at the end of each block
     finger_speed: Array  # (n, 2) m/s, likewise
+    step: float  # s, a step of the physics
 
 
 class World:
@@ -74,12 +75,12 @@ class World:
         substeps: int = SUBSTEPS,
     ) -> None:
         """Put the true arm into `spec`, which is changed, at its stated place `pose_world_base`; with
-        `substeps` physics steps in a control cycle.
+        `substeps` physics steps in a control cycle while anything touches, or moves beside the arm, else one.
 
         Raises:
             InputError: it does not compile, or lacks physics that weighing and touching need.
         """
-        self._arm, self._substeps = arm, substeps
+        self._arm, self._finest, self._substeps = arm, substeps, substeps
         self.model = compile_world(spec, pose_world_base, arm, truth, substeps)
         self._data = mujoco.MjData(self.model)
         joints = [self.model.joint(PREFIX + name) for name in arm.joints]
@@ -94,6 +95,7 @@ class World:
         self._seen, self._before = mujoco.MjData(self.model), mujoco.MjData(self.model)
         self._dq = self._data.qvel[self._v]
         self._sensors = run_of(self.model.sensor(MOTOR.format(1)).adr[0], SENSED)
+        self._touching = int(self.model.sensor(TOUCHING).adr[0])
         self._rollout = Rollout(nthread=0)
         steps = LONGEST_RUN * BLOCK * substeps
         self._states = np.empty((1, steps, mujoco.mj_stateSize(self.model, PHYSICS)))
@@ -108,7 +110,7 @@ class World:
         self.watch: Watch | None = None
 
     def step(self, control: Array, guard: Guard) -> Steps:
-        """Step once per row of `control` (n * BLOCK, nu), or until the guard fires: then the arm
+        """Step a cycle per row of `control` (n * BLOCK, nu), or until the guard fires: then the arm
         yields for the rest of that block, and the run ends with it; or until the end of the tick in which
         it feels something.
 
@@ -116,6 +118,8 @@ class World:
             ExecutionAborted: the physics became unstable.
         """
         count = len(control)
+        if self._is_free() and not guard.yielding:
+            self._pace(1)
         if guard.yielding:
             self._cycle(control, 0, count, guard.reaction)
         else:
@@ -136,25 +140,39 @@ class World:
                 f"the simulated world became unstable before {self.t:.2f} s of robot time: "
                 "check its masses, sizes and contact parameters"
             )
-        sensed = self._sensed(count).reshape(-1, BLOCK, SENSED)
-        means = np.add.reduce(sensed, axis=1) / BLOCK
-        return Steps(
+        means = self._means(0, count, BLOCK)
+        steps = Steps(
             q=blocks[:, self._q],
             dq=qvel[:, self._v],
             torque=means[:, :7],
             push=means[:, 7:],
             fingers=blocks[:, self._finger_q],
             finger_speed=qvel[:, self._finger_v],
+            step=TIMESTEP / self._substeps,
         )
+        self._pace(self._finest)
+        return steps
+
+    def _is_free(self) -> bool:
+        """True if nothing but the arm moves, and nothing touches: one step of the physics a cycle will do, until
+        something does."""
+        return takes_many(self.watch) and self._data.ncon == 0 and self._data.ntree_awake <= 1
+
+    def _pace(self, substeps: int) -> None:
+        """Set the number of physics steps in a control cycle."""
+        self._substeps, self.model.opt.timestep = substeps, TIMESTEP / substeps
 
     def _ends(self, count: int, every: int = 1) -> slice:
         """Return the rows of the physics steps that end each cycle of `count`, or `every` so many."""
         length = every * self._substeps
         return slice(length - 1, count * self._substeps, length)
 
-    def _sensed(self, count: int) -> Array:
-        """Return the sensors' values (count, SENSED) at the end of each cycle."""
-        return self._signals[0, self._ends(count), self._sensors]
+    def _means(self, first: int, last: int, every: int = 1) -> Array:
+        """Compute means (n, SENSED) of the sensors over each cycle, or `every` so many, from `first` to `last`."""
+        rows = slice(first * self._substeps, last * self._substeps)
+        each = every * self._substeps
+        sensed = self._signals[0, rows, self._sensors].reshape(-1, each, SENSED)
+        return np.add.reduce(sensed, axis=1) / each
 
     def _all_at_once(self, control: Array, guard: Guard) -> int | None:
         """Step all cycles before the guard observes them, which is faster than one by one; return
@@ -163,11 +181,19 @@ class World:
         before, count = self.compensation, len(control)
         undo = marked(self.watch)
         self._roll(control)
+        if self._substeps < self._finest and self._has_touched(count):  # once more, in finer steps
+            mujoco.mj_copyData(self._data, self.model, self._before)
+            undo()
+            undo = marked(self.watch)
+            self._pace(self._finest)
+            self._roll(control)
         # The weight that the motors hold is the nominal arm's, followed from end to end of the run.
         share = np.arange(1.0, count + 1)[:, None] / count
         weight = before + share * (self.compensation - before)
         rates = self._states[0, self._ends(count), 1 + self.model.nq :][:, self._v].copy()
-        fired = guard.observe(self._sensed(count)[:, :7] - weight, rates)
+        fired = guard.observe(
+            self._means(0, count)[:, :7] - weight, rates, TIMESTEP / self._substeps
+        )
         last = (guard.felt or count) if fired is None else fired + 1
         if last < count:
             mujoco.mj_copyData(self._data, self.model, self._before)
@@ -175,12 +201,17 @@ class World:
             self._roll(control[:last])
         return fired
 
+    def _has_touched(self, count: int) -> bool:
+        """True if anything touched something in `count` cycles."""
+        return bool(self._signals[0, : count * self._substeps, self._touching].any())
+
     def _one_by_one(self, control: Array, guard: Guard) -> int | None:
         """Step as `_all_at_once`, for a `watch` that cannot undo what it saw."""
         for i in range(len(control)):
             self._cycle(control, i, i + 1)
-            effort = self._data.sensordata[self._sensors][:7] - self.compensation
-            if guard.observe(effort[None], self._dq[None].copy()) is not None:
+            effort = self._means(i, i + 1)[:, :7] - self.compensation
+            step = TIMESTEP / self._substeps
+            if guard.observe(effort, self._dq[None].copy(), step) is not None:
                 return i
             if guard.felt is not None and guard.felt <= i + 1:
                 break
@@ -225,19 +256,12 @@ class World:
             data.ctrl[:] = control[i]
             if reaction is not None:
                 data.ctrl[self.actuators.drives] = reaction.torque(self._dq)
-            self._step_once()
-            row = (i + 1) * self._substeps - 1
-            mujoco.mj_getState(self.model, data, self._states[0, row], PHYSICS)
-            self._signals[0, row] = data.sensordata
-
-    def _step_once(self) -> None:
-        """Step one control cycle, calling `watch` after each physics step."""
-        if self.watch is None:
-            mujoco.mj_step(self.model, self._data, nstep=self._substeps)
-            return
-        for _ in range(self._substeps):
-            mujoco.mj_step(self.model, self._data)
-            self.watch(self._data)
+            for row in range(i * self._substeps, (i + 1) * self._substeps):
+                mujoco.mj_step(self.model, data)
+                mujoco.mj_getState(self.model, data, self._states[0, row], PHYSICS)
+                self._signals[0, row] = data.sensordata
+                if self.watch is not None:
+                    self.watch(data)
 
     def set_fingers(self, control: Array, opening: Array | float) -> None:
         """Command each finger's distance from the middle, m, in the rows of `control`."""
@@ -356,8 +380,8 @@ def compile_world(
 
 
 def add_sensors(world: mujoco.MjSpec, arm: RobotDescription) -> None:
-    """Add what is recorded of every cycle: torques of the joints' motors, and the net force of the
-    hand on what it touches."""
+    """Add what is recorded of every cycle: torques of the joints' motors, the net force of the hand on what
+    it touches, and whether anything touches."""
     for i, name in enumerate(arm.joints, 1):
         world.add_sensor(
             name=MOTOR.format(i),
@@ -371,6 +395,11 @@ def add_sensors(world: mujoco.MjSpec, arm: RobotDescription) -> None:
         objtype=mujoco.mjtObj.mjOBJ_XBODY,
         objname=PREFIX + arm.hand.body,
         intprm=(1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE), NET_FORCE, 1),
+    )
+    world.add_sensor(
+        name=TOUCHING,
+        type=mujoco.mjtSensor.mjSENS_CONTACT,
+        intprm=(1 << int(mujoco.mjtConDataField.mjCONDATA_FOUND), 0, 1),
     )
 
 
