@@ -76,10 +76,12 @@ class Beside(Generic[T]):
         from multiprocessing import get_context
 
         context = get_context("fork")
-        self._receiver, sender = context.Pipe(duplex=False)
-        self._copy = context.Process(target=_work_and_send, args=(sender, self._work), daemon=True)
-        self._copy.start()
-        sender.close()
+        with suppress(OSError):  # no process to be had
+            receiver, sender = context.Pipe(duplex=False)
+            copy = context.Process(target=_work_and_send, args=(sender, self._work), daemon=True)
+            with sender:
+                copy.start()
+            self._copy, self._receiver = copy, receiver
 
     def __enter__(self) -> Beside[T]:
         return self

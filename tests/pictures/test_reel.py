@@ -4,10 +4,18 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 
+from palpate.pictures import reel as module
+from palpate.pictures.film import Footage, Shot
+from palpate.pictures.reel import Reel
 from palpate.pictures.renderer import gl_available
+from palpate.trace.recording import LeafRun
+from palpate.trace.samples import Samples
 
 usable, reason = gl_available()
 
@@ -63,3 +71,47 @@ if begun:
 def test_a_film_drawn_meanwhile_is_that_of_the_end() -> None:
     """In a process of its own: one that has drawn is not copied."""
     subprocess.run([sys.executable, "-c", RUN], check=True, timeout=120)
+
+
+class Copy:
+    """Stands for a copy of this process that draws."""
+
+    open = 0
+
+    def __init__(self, _: Any) -> None:
+        self.open, Copy.open = True, Copy.open + 1
+
+    def close(self) -> None:
+        Copy.open -= self.open
+        self.open = False
+
+
+@pytest.mark.parametrize("fails", ["the camera", "the shot", "a chunk", "the end", ""])
+def test_a_film_that_fails_ends_no_run_and_is_made_anew(
+    monkeypatch: pytest.MonkeyPatch, fails: str
+) -> None:
+    asked: list[str] = []
+
+    def ask(what: str, answer: Any) -> Any:
+        asked.append(what)
+        if what == fails:
+            raise ValueError("need at least one array to concatenate")
+        return answer
+
+    for name, answer in {"can_copy": True, "gl_available": (True, ""), "Beside": Copy}.items():
+        monkeypatch.setattr(module, name, answer if name == "Beside" else lambda a=answer: a)
+    monkeypatch.setattr(module, "Painter", SimpleNamespace(used=False))
+    monkeypatch.setattr(module, "captions", lambda *_: ask("a chunk", []))
+    monkeypatch.setattr(Shot, "of", classmethod(lambda *_: ask("the end", shot)))
+    monkeypatch.setattr(Shot, "rows", lambda *_: [])
+    shot, trace = Shot(2.5, np.eye(3)), SimpleNamespace(samples=Samples.concatenate([]), leaves=())
+    footage: Any = Footage(SimpleNamespace(), ())
+    leaves = [LeafRun("", "", f"leaf {i}", 1.0 * i, i + 1.0, "SUCCESS") for i in range(4)]
+    camera, planned = lambda: ask("the camera", footage), lambda: ask("the shot", shot)
+    with Reel(camera, planned) as reel:
+        for ended in range(2, 5):
+            reel.look(trace.samples, leaves[:ended])
+        assert (reel.finish(footage, trace) is None) == bool(fails)
+        assert asked.count(fails) == bool(fails), "it is not tried again"
+        assert Copy.open == (not fails)
+    assert Copy.open == 0

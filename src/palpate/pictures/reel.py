@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from multiprocessing import Pipe, parent_process
 from typing import TYPE_CHECKING
 
@@ -25,7 +25,10 @@ Chunk = list[Frame]
 
 
 class Reel:
-    """A film in the making. A context manager; leaving it gives up what is not finished."""
+    """A film in the making. A context manager; leaving it gives up what is not finished.
+
+    A film that fails is given up, too: it is to be made anew at the end, where a failure costs the film alone.
+    """
 
     def __init__(
         self, footage: Callable[[], Footage | None], planned: Callable[[], Shot | None]
@@ -39,10 +42,44 @@ class Reel:
         self._samples: list[Samples] = []
         self._ended: list[LeafRun] = []
         self._leaves = self._sent = 0
+        self._failed = False
 
     def look(self, samples: Samples, leaves: Sequence[LeafRun]) -> None:
         """After a leaf has ended, have drawn what the camera saw before it; `samples` since the last call, and all
         `leaves` of this attempt that have ended."""
+        if not self._failed:
+            with self._failing():
+                self._look(samples, leaves)
+
+    def finish(self, footage: Footage, trace: Trace) -> Beside[Film | None] | None:
+        """The film of the whole execution, in progress; None where it has to be made anew."""
+        with self._failing():
+            self._finish(footage, trace)
+        return self._copy
+
+    def __enter__(self) -> Reel:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._give_up()
+
+    @contextmanager
+    def _failing(self) -> Generator[None]:
+        """Give the film up after an exception of the block."""
+        try:
+            yield
+        except Exception:
+            self._failed = True
+            self._give_up()
+
+    def _give_up(self) -> None:
+        if self._copy is not None:
+            self._copy.close()
+        if self._sink is not None:
+            self._sink.close()
+        self._copy = self._sink = None
+
+    def _look(self, samples: Samples, leaves: Sequence[LeafRun]) -> None:
         self._samples.append(samples)
         if len(leaves) < self._leaves:  # a further attempt
             self._leaves = 0
@@ -58,21 +95,19 @@ class Reel:
         chunk = self._chunk(self._shot, footage, felt, self._ended, until)
         self._samples = [felt.where(felt.t >= until)]
         if self._copy is None:
-            with suppress(OSError):  # no process to be had
-                self._begin(self._shot, footage, chunk)
+            self._begin(self._shot, footage, chunk)
         elif chunk:
             self._send(chunk)
 
-    def finish(self, footage: Footage, trace: Trace) -> Beside[Film | None] | None:
-        """The film of the whole execution, in progress; None where it has to be made anew."""
+    def _finish(self, footage: Footage, trace: Trace) -> None:
         if self._copy is None or self._shot is None:
-            return None
+            return
         if not self._shot.serves(Shot.of(footage)):
-            return None
+            self._give_up()
+            return
         self._whole = footage, trace
         self._send(self._chunk(self._shot, footage, trace.samples, trace.leaves))
         self._send([])
-        return self._copy
 
     def _may_begin(self) -> bool:
         """True if the shot is known, and a copy of this process can draw it."""
@@ -112,15 +147,6 @@ class Reel:
         assert self._sink is not None
         with suppress(OSError):  # the copy has failed
             self._sink.send(chunk)
-
-    def __enter__(self) -> Reel:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._copy is not None:
-            self._copy.close()
-        if self._sink is not None:
-            self._sink.close()
 
 
 def _received(source: Connection, chunk: Chunk) -> Iterator[Frame]:

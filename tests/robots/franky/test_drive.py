@@ -229,6 +229,7 @@ def test_only_the_first_motion_to_the_ready_pose_is_slow(led: Any) -> None:
         address=SimpleNamespace(realtime=True),
         state=lambda: state(0.0, start),
         set_thresholds=lambda *_: None,
+        recover=lambda: None,
         close=lambda lost: None,
     )
     robot, clock = FrankyRobot(session, ARM, BASE, 9.81), count(1)
@@ -243,5 +244,8 @@ def test_only_the_first_motion_to_the_ready_pose_is_slow(led: Any) -> None:
         return len(given)
 
     slow, usual = took(ARM.home), took(start)
+    robot.recover()
+    again = took(ARM.home)
     robot.close()
     assert slow > 2 * usual
+    assert again > 2 * usual, "after a stop, too"

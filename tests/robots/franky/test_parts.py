@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Iterable
+from itertools import chain, count
 from types import SimpleNamespace
 from typing import Any
 
@@ -259,6 +261,22 @@ class Arm:
         raise self.ends
 
 
+class Answering:
+    """An arm that answers with one robot time after the other: in its control loop or without."""
+
+    def __init__(self, times: Iterable[float], drive: Any = None) -> None:
+        self.times, self.drive = iter(times), drive
+
+    @property
+    def state(self) -> Any:
+        return state(next(self.times))
+
+    @property
+    def is_in_control(self) -> bool:
+        self.drive.last = next(self.times)
+        return True
+
+
 class Listened:
     """A link to an arm that stands still, with all that it listens to."""
 
@@ -285,6 +303,26 @@ def test_a_silent_control_box_is_lost_and_time_goes_on() -> None:
     assert (one.link.fault, one.link.reflex, one.drive.begun) == (None, None, False)
 
 
+def test_a_control_box_that_was_recovered_may_take_its_time_to_answer_again() -> None:
+    one = Listened()
+    one.link.advance(0.2)
+    assert one.link.lost
+    one.session.robot = Answering(chain([0.0, 0.0], count(1.0, 0.001)))
+    one.link.taken_up()
+    one.link.advance(0.02)
+    assert (one.link.fault, one.link.lost) == (None, False)
+
+
+def test_time_of_an_arm_that_has_stopped_follows_the_clock_on_the_wall() -> None:
+    """At once, also where silence is allowed: nothing is listened to any more."""
+    one = Listened(realtime=False)
+    one.link.fail("it met something")
+    started = time.perf_counter()
+    one.link.advance(0.1)
+    assert 0.09 < time.perf_counter() - started < 0.5
+    assert 0.1 <= one.link.t < 0.15
+
+
 def test_a_computer_without_a_realtime_kernel_may_stall() -> None:
     one = Listened(realtime=False)
     started = time.perf_counter()
@@ -292,6 +330,17 @@ def test_a_computer_without_a_realtime_kernel_may_stall() -> None:
     threading.Timer(0.3, lambda: setattr(one.drive, "last", 0.02)).start()
     one.link.advance(0.02)
     assert (one.link.fault, time.perf_counter() - started > 0.25) == (None, True)
+
+
+def test_the_first_sample_of_a_control_loop_is_waited_for() -> None:
+    """It takes some cycles, which may begin just as the time has passed."""
+    one = Listened()
+    one.drive.begun = True
+    cycles = [Row(state(t), np.zeros(7)) for t in 1.0 + 0.001 * np.arange(6)]
+    one.session.robot, taken = Answering([1.0, 1.02], one.drive), iter([[], cycles])
+    one.drive.take = lambda: next(taken)
+    one.link.advance(0.02)
+    assert len(one.link.drain()) == 1
 
 
 def test_a_reflex_is_said_with_its_force_in_the_worlds_axes() -> None:
@@ -319,6 +368,7 @@ def test_a_width_changes_no_faster_than_the_fingers_move() -> None:
 def test_a_control_loop_that_ended_is_a_fault_with_its_reason() -> None:
     one = Listened()
     one.drive.begun, one.arm.is_in_control = True, False
+    one.drive.take = lambda: [Row(state(0.01, mode="Move"), np.zeros(7))]
     one.arm.state = state(0.5, mode="Reflex")
     one.link.advance(0.02)
     assert "the arm stopped itself (cartesian_reflex)" in str(one.link.fault)

@@ -81,10 +81,10 @@ class Hand:
 
         The hand takes any final width for a grasp: after a miss it would open again.
         """
-        speed, most = self.speed, self._sheet.opening
+        speed, widest = self.speed, self._sheet.opening + MARGIN
         with_force = self._sheet.force if force is None else min(force, self._sheet.force)
         self._closed = True
-        self._start(lambda: self._gripper.grasp(0.0, speed, with_force, most, most + MARGIN))
+        self._start(lambda: self._gripper.grasp(0.0, speed, with_force, MARGIN, widest))
 
     def end(self) -> None:
         """End the threads; a held object stays held."""

@@ -77,7 +77,7 @@ class Link:
         """Go on after a person's recovery."""
         self._drive.ended()
         self.fault = self.reflex = self._hand.problem = None
-        self._silence = 0.0
+        self.lost, self._silence = False, 0.0
 
     def _pass_until(self, t: float) -> None:
         while self.t < t:

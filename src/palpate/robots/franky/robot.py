@@ -176,7 +176,7 @@ class FrankyRobot(Commanded):
             return pose_course(stopping, self._posture(before), self._base)
 
         if self._drive.moving:
-            self._follow(course, clears=False)
+            self._follow(course)
 
     def set_reflex(self, thresholds: Reflex) -> None:
         """Franky's 1 kHz reactions. The control box's own thresholds, which cannot be
@@ -242,13 +242,12 @@ class FrankyRobot(Commanded):
     def _inertia(self) -> Inertia:
         return Inertia.of(self._nominal.mass_matrix(self._readout.q), self._readout.jacobian)
 
-    def _follow(self, make: Maker, clears: bool = True) -> None:
+    def _follow(self, make: Maker) -> None:
         """Follow a course. For an arm at rest it is made before the control loop has to wait."""
         link, drive = self._link, self._drive
         if link.fault is not None:
             return
-        if clears:
-            link.reflex = None
+        link.reflex = None
         if not drive.moving:
             course = make(drive.course, drive.clock)
             make = lambda before, clock: course  # noqa: E731
