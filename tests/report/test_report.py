@@ -416,6 +416,12 @@ def test_a_simulated_run_says_so_and_how_to_do_it_again(data: ReportData, tmp_pa
     assert "\u202e" not in (tmp_path / "report.html").read_text("utf-8"), "turns the way of writing"
 
 
+def test_no_key_stands_on_the_page(data: ReportData, tmp_path: Path) -> None:
+    key = "sk-0123456789abcdef"
+    page = source_of(replace(data, stopped_by=f"401: {key}", status="aborted"), tmp_path)
+    assert (key in page, "401: [key]" in page) == (False, True)
+
+
 def source_of(data: ReportData, folder: Path) -> str:
     write_report(folder / "report.html", data)
     return (folder / "report.html").read_text(encoding="utf-8")
