@@ -11,7 +11,13 @@ from hypothesis import strategies as st
 from workbench import BOTTLE, bench
 
 from palpate.geometry.pose import Pose
-from palpate.vocabulary.admissible.clearance import Boxes, box_hits, needed_away
+from palpate.vocabulary.admissible.clearance import (
+    Boxes,
+    box_hits,
+    is_vertical,
+    needed_away,
+    straddled,
+)
 from palpate.vocabulary.admissible.motion import is_cautious, violations
 from palpate.vocabulary.state import SymbolicState
 
@@ -49,6 +55,20 @@ def test_boxes_overlap_when_points_of_one_are_in_the_other_in_either_order(p, q,
         assert not meet
 
 
+@pytest.mark.parametrize(("aside", "so"), [(0.009, True), (0.012, False)])
+def test_a_way_is_vertical_to_within_10_mm(aside: float, so: bool) -> None:
+    start = Pose.top_down((0.5, 0.0, 0.3), 0.0)
+    assert is_vertical(start, start.translated((0.0, aside, -0.2))) == so
+
+
+@pytest.mark.parametrize(("over", "between"), [(0.003, "bottle"), (0.007, None)])
+def test_open_fingers_5_mm_above_a_top_have_nothing_between_them(
+    over: float, between: str | None
+) -> None:
+    state = SymbolicState(bench(BOTTLE), gripper="open")
+    assert straddled(state, Pose.top_down((0.5, 0.0, 0.16 + over), 0.0)) == between
+
+
 def test_a_descent_beside_a_bottle_is_clear_and_one_through_it_is_not():
     state = SymbolicState(bench(BOTTLE))
     grasp = state.scene.symbols.resolve("bottle_pose")
@@ -63,6 +83,14 @@ def test_objects_on_an_object_block_it_and_those_aside_do_not():
     scene = bench(LOW, ON_TOP, ASIDE)
     assert needed_away(scene, ["low"]) == {"top"}
     assert needed_away(scene, ["top", "aside"]) == set()
+
+
+def test_what_lies_on_the_far_end_of_an_object_is_in_the_way_of_lifting_it():
+    plank = '<body name="plank" pos="0.5 0 0.01"><freejoint/><geom type="box" size=".015 .2 .01"/></body>'
+    weight = '<body name="weight" pos="0.5 0.17 0.04"><freejoint/><geom type="box" size=".02 .02 .02"/></body>'
+    assert needed_away(bench(plank, weight), ["plank"]) == {"weight"}
+    aside = weight.replace("0.5 0.17", "0.55 0.17")
+    assert needed_away(bench(plank, aside), ["plank"]) == set()
 
 
 @pytest.mark.parametrize(("along", "pushes"), [("x", False), ("y", True)])

@@ -10,12 +10,15 @@ from workbench import BOTTLE, bench
 import palpate as pp
 from palpate.geometry.pose import Pose
 from palpate.planning.plan import Node
-from palpate.vocabulary.admissible.collision import collisions
+from palpate.scene.raised import GUESS
+from palpate.scene.scene import Scene
+from palpate.vocabulary.admissible.collision import collisions, finger_collisions
 from palpate.vocabulary.admissible.collision_geometry import LINK, arm_sweep
 from palpate.vocabulary.admissible.path import straight_path
 from palpate.vocabulary.admissible.profile import spans
 from palpate.vocabulary.admissible.solids import solids
 from palpate.vocabulary.admissible.support import footing
+from palpate.vocabulary.admissible.unknown_heights import higher, with_heights_changed
 from palpate.vocabulary.motion import MovePose
 from palpate.vocabulary.state import SymbolicState
 
@@ -178,6 +181,90 @@ def test_a_load_keeps_1_5_mm_from_objects_and_3_mm_from_what_is_fixed(
     aside = 0.04 + gap
     found = passing((0.4, aside), (0.6, aside), BOX.format("other", 0.5, 0.0, joint, 0.02))
     assert bool(found) == hit
+
+
+def test_a_load_passes_no_wall_of_what_it_stands_on() -> None:
+    tray = (
+        '<body name="tray" pos="0.5 0 .04"><geom type="box" size=".2 .1 .04"/>'
+        '<geom type="box" pos="0 0 .05" size=".002 .1 .03"/></body>'
+    )
+    assert passing((0.4, 0.0), (0.45, 0.0), tray) == ()
+    assert passing((0.4, 0.0), (0.6, 0.0), tray)
+
+
+def empty(x: float, y: float, z: float, scene: Scene, gripper: str = "open") -> SymbolicState:
+    """The empty hand, the fingers closing along y."""
+    return SymbolicState(scene, pose_world_tcp=Pose.top_down((x, y, z), 0.0), gripper=gripper)
+
+
+@pytest.mark.parametrize(("gap", "hit"), [(1.2e-3, True), (1.8e-3, False)])
+def test_an_object_passes_between_the_fingers_with_1_5_mm_on_each_side(
+    gap: float, hit: bool
+) -> None:
+    half = 0.04 - gap
+    scene = bench(
+        f'<body name="box" pos=".5 0 .05"><freejoint/><geom type="box" size=".02 {half} .05"/></body>'
+    )
+    assert bool(collisions(empty(0.5, 0, 0.2, scene), empty(0.5, 0, 0.09, scene))) == hit
+
+
+def test_fingers_of_an_unknown_opening_are_open_and_closed() -> None:
+    scene = bench(
+        BOX.format("box", 0.5, 0.0, FREE, 0.02), BOX.format("left", 0.5, 0.07, FREE, 0.02)
+    )
+    ends = (0.2, 0.09)
+    for gripper, met in (("open", "left"), ("closed", "box"), ("unknown", "boxleft")):
+        above, there = (empty(0.5, 0, z, scene, gripper) for z in ends)
+        said = " ".join(one.message for one in collisions(above, there))
+        assert [name for name in ("box", "left") if f"'{name}'" in said] == [
+            name for name in ("box", "left") if name in met
+        ], gripper
+
+
+def test_each_part_meets_a_thing_once() -> None:
+    scene = bench(BOX.format("box", 0.5, 0.0, FREE, 0.02))
+    said = [
+        one.message.partition(" at (")[0]
+        for one in collisions(empty(0.4, 0.04, 0.03, scene), empty(0.5, 0.04, 0.03, scene))
+    ]
+    assert said
+    assert len(said) == len(set(said))
+
+
+def test_fingers_open_where_nothing_is_beside_them() -> None:
+    beside = bench(BOX.format("box", 0.5, 0.05, FREE, 0.02))
+    (found, *_) = finger_collisions(empty(0.5, 0, 0.05, beside, "closed"), 0.08, None)
+    assert "would move into 'box'" in found.message
+    assert not finger_collisions(empty(0.5, 0, 0.05, beside, "closed"), 0.08, "box")
+    aside = bench(BOX.format("box", 0.5, 0.10, FREE, 0.02))
+    assert not finger_collisions(empty(0.5, 0, 0.05, aside, "closed"), 0.08, None)
+
+
+def test_a_surface_of_unknown_height_is_kept_clear_of_by_as_much_as_it_may_be_higher() -> None:
+    top, tip = SCENE.body("bench").top_z(), SCENE.arm.tip
+    for scene, gap, hit in (
+        (SCENE, GUESS - 0.002, True),
+        (SCENE, GUESS + 0.002, False),
+        (SHELVED, 0.01, False),
+    ):
+        above, there = (empty(0.4, -0.3, top + tip + z, scene) for z in (0.2, gap))
+        assert bool(collisions(above, there)) == hit
+
+
+def test_what_was_touched_may_be_higher_and_lower_later() -> None:
+    before = replace(touching(0.0), at="bench_approach")
+    after = replace(before, pose_world_tcp=APPROACH, at=None, contact=None)
+    changed = {
+        words: round(start.scene.body("bench").top_z() - SCENE.body("bench").top_z(), 6)
+        for start, _, words in with_heights_changed(before, after)
+    }
+    assert changed == {"'bench' is 50 mm higher": GUESS, "'bench' is 50 mm lower": -GUESS}
+
+
+def test_objects_may_be_higher_on_the_way_to_where_their_surface_is_probed() -> None:
+    home = SymbolicState(SCENE, gripper="open")
+    for pose, rises in (("bench_approach", {"bottle": GUESS}), ("bottle_pose + z_offset", {})):
+        assert higher(home, MovePose(pose=pose).effects(home)) == rises
 
 
 def test_what_is_too_near_at_first_may_stay_as_near_and_not_come_nearer() -> None:

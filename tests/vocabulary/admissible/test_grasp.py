@@ -48,6 +48,20 @@ def test_fingers_close_in_the_middle_of_a_thing_that_they_can_bear(
     assert [found.rule for found in ungraspable(state, state.scene.body("rod"))] == rules
 
 
+@pytest.mark.parametrize("end", [-1, 1])
+def test_a_heavy_thing_held_at_its_end_is_to_be_grasped_nearer_to_its_middle(end: int) -> None:
+    scene = at_rod(0.0, 0.0).scene
+    step = np.linalg.norm(scene.symbols.offset("x_offset", "rod_pose"))
+    at = f"rod_pose + {end * 0.07 / step:.2f}*x_offset".replace("+ -", "- ")
+    pose = scene.symbols.resolve(at)
+    state = replace(SymbolicState(scene), gripper="open", pose_world_tcp=pose, at=at)
+    (found,) = ungraspable(state, scene.body("rod"))
+    nearer = found.message.partition("; MovePose to '")[2].partition("'")[0]
+    middle = scene.symbols.resolve("rod_pose")
+    assert pose.distance_to(middle) > 0.06
+    assert scene.symbols.resolve(nearer).distance_to(middle) < 0.01
+
+
 @pytest.mark.parametrize(("bite", "holds"), [(0.003, False), (0.006, True)])
 def test_pads_hold_no_less_than_4_mm_of_an_end(bite: float, holds: bool) -> None:
     shapes = solids(at_rod(0.0, 0.0).scene)

@@ -60,6 +60,23 @@ def test_a_way_up_beside_a_wall_is_free_as_far_as_the_hand_came_down(start, ways
     assert lengths(parts) == [(10, True), (90, False), (100, True)]
 
 
+def test_a_free_stretch_too_short_for_a_speed_of_its_own_is_slow(start, ways) -> None:
+    """Between two posts beside the way."""
+    post = '<body name="post{0}" pos="{0} 0.1 0.2"><geom type="box" size=".01 .01 .2"/></body>'
+    _, grasp = ways
+    free: set[int] = set()
+    for apart in range(110, 170, 5):
+        posts = post.format(0.35) + post.format(0.35 + 1e-3 * apart)
+        scene = parse_scene(f"<mujoco><worldbody>{posts}</worldbody></mujoco>")
+        first, last = (
+            Pose.of((x, -0.03, 0.3), grasp.quaternion) for x in (0.35, 0.35 + 1e-3 * apart)
+        )
+        parts = lengths(list(spans(SymbolicState(scene, gripper="closed"), first, last)))
+        assert parts[0][1]
+        free |= {length for length, guarded in parts if not guarded}
+    assert 15 <= min(free) <= 25
+
+
 def test_the_profile_is_the_same_with_the_object_and_without(start, ways) -> None:
     above, grasp = ways
     empty = replace(start, gripper="open")

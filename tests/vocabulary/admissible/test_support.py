@@ -13,6 +13,7 @@ from palpate.vocabulary.admissible.support import (
     clear_of_support,
     dragged_off,
     met_early,
+    slides,
     stable,
 )
 from palpate.vocabulary.state import SymbolicState
@@ -64,9 +65,12 @@ def test_an_object_meets_its_support_early_only_where_it_was_found(aside, lower,
     assert met_early(can, "can", place) == pytest.approx(early, abs=1e-6)
 
 
-def test_leaning_object_does_not_stay() -> None:
-    lean = Pose.of((0.5, 0.3, 0.06), (np.cos(0.1), np.sin(0.1), 0, 0))
-    assert "lean by 11°" in (stable(state(KNOWN), "can", lean) or "")
+@pytest.mark.parametrize(("degrees", "said"), [(1.5, ""), (3.0, "by 3°"), (11.0, "by 11°")])
+def test_leaning_object_does_not_stay(degrees: float, said: str) -> None:
+    half = np.radians(degrees) / 2
+    lean = Pose.of((0.5, 0.3, 0.06), (np.cos(half), np.sin(half), 0, 0))
+    found = stable(state(KNOWN), "can", lean)
+    assert (found is None) if not said else f"it would lean {said}" in (found or "")
 
 
 def test_an_unknown_centre_of_mass_may_be_anywhere() -> None:
@@ -92,6 +96,16 @@ def test_object_where_it_was_found_stays_however_it_stood() -> None:
     assert stable(found, "box", found.pose_of("box").translated((0.005, 0, 0))) is not None
 
 
+def test_object_stands_as_found_only_on_what_is_where_it_was_found() -> None:
+    found = state(LOW, UPPER)
+    upper, low = found.pose_of("upper"), found.pose_of("low")
+    assert stable(found, "upper", upper) is None
+    away = replace(found, moved={"low": low.translated((0.2, 0.0, 0.0))})
+    held = replace(found, holding="low", pose_world_tcp=low, pose_tcp_object=Pose.of((0, 0, 0)))
+    for gone in (away, held):
+        assert "fall by 0.060 m" in (stable(gone, "upper", upper) or "")
+
+
 def test_a_stack_is_stable_in_the_middle_and_not_off_it() -> None:
     stack = state(LOW, KNOWN)
     assert stable(stack, "can", at(0.5, 0.2, 0.12)) is None
@@ -104,12 +118,16 @@ def test_a_drag_ends_on_the_support_and_a_lift_is_none() -> None:
     held = hand.inverse() @ start.pose_of("can")
     before = replace(start, pose_world_tcp=hand, holding="can", pose_tcp_object=held, at="there")
 
-    def to(x: float, y: float, z: float) -> str | None:
+    def after(x: float, y: float, z: float) -> SymbolicState:
         tcp = hand.translated((x, y, z))
-        return dragged_off(
-            before, replace(before, pose_world_tcp=tcp, moved={"can": tcp @ held}, at="there")
-        )
+        return replace(before, pose_world_tcp=tcp, moved={"can": tcp @ held}, at="there")
 
+    def to(x: float, y: float, z: float) -> str | None:
+        return dragged_off(before, after(x, y, z))
+
+    for z, slid in ((0.0, True), (-0.015, True), (-0.025, False)):
+        assert slides(before, after(-0.1, 0, z)) == slid
+    assert not slides(before, after(-0.004, 0, 0))
     assert to(-0.1, 0, 0) is to(-0.1, 0, 0.05) is None
     assert "edge" in (to(0, 0.44, 0) or "")
     assert to(-0.1, 0, -0.03) == "'there' is 30 mm lower than where it stands"
@@ -120,7 +138,7 @@ def test_an_object_is_clear_of_its_support_where_nothing_is_close_below_it() -> 
     assert not clear_of_support(can, "can", at(0.5, -0.3, 0.062))
     # However deep it is pressed into the table.
     assert not clear_of_support(can, "can", at(0.5, -0.3, 0.03))
-    assert clear_of_support(can, "can", at(0.5, -0.3, 0.08))
+    assert clear_of_support(can, "can", at(0.5, -0.3, 0.067))
     # Its frame is beside the table, and it still stands on it.
     assert not clear_of_support(can, "can", at(0.5, 0.61, 0.06))
     assert not clear_of_support(can, "can", at(0.56, 0.2, 0.122))

@@ -12,7 +12,7 @@ from palpate.geometry.frames import Frames
 from palpate.geometry.pose import Pose
 from palpate.vocabulary.admissible.collision_geometry import arm_sweep, near_spans
 from palpate.vocabulary.admissible.grip import grip
-from palpate.vocabulary.admissible.path import ArmPath, straight_path
+from palpate.vocabulary.admissible.path import ArmPath, joint_path, straight_path
 from palpate.vocabulary.admissible.solids import solids
 from palpate.vocabulary.admissible.sweep import Sweep
 from palpate.vocabulary.state import SymbolicState
@@ -99,6 +99,20 @@ def test_the_arm_itself_is_swept_and_not_only_the_hand() -> None:
     assert "wall" in met(state, ABOVE, GRASP)
 
 
+@pytest.mark.parametrize(
+    ("q", "met"),
+    [
+        ((2.24, 1.57, -0.82, -3.03, -1.01, 2.92, -0.98), "fr3_link1"),
+        ((2.71, 1.41, 1.85, -3.03, -1.52, 3.77, 2.56), "fr3_link2"),
+    ],
+)
+def test_the_arm_folded_meets_itself(q: tuple[float, ...], met: str) -> None:
+    """The fifth link, four and three joints away."""
+    folded = joint_path(solids(OPEN.scene), np.array(q), np.array(q), width=0.0)
+    (hit,) = arm_sweep(OPEN, folded, 0.0).overlaps()
+    assert (hit.part.owner, hit.other.owner) == ("fr3_link5", met)
+
+
 def test_static_bodies_are_hit_too() -> None:
     assert met(OPEN, ABOVE, GRASP.translated((0.1, 0.2, -0.13))) >= {"bench"}
 
@@ -131,6 +145,12 @@ def test_all_intervals_are_halved_at_once() -> None:
     assert not distances or max(distances) < 0.06
     assert sum(placed[1:]) > 2 * len(placed)
     assert len(placed) < 8
+
+
+def test_quaternions_of_opposite_sign_are_one_rotation_on_a_way() -> None:
+    one = np.array([np.cos(0.2), np.sin(0.2), 0.0, 0.0])
+    path = ArmPath(np.zeros((2, 3)), np.array([one, -one]), np.zeros(2))
+    np.testing.assert_allclose(np.abs(path.between(np.array([0.5])).quaternions @ one), 1.0)
 
 
 def test_objects_of_the_same_shapes_are_alike() -> None:

@@ -52,7 +52,7 @@ def _nearer(state: SymbolicState, name: str) -> str:
     for share in SHARES:
         terms = tuple((round(share * factor, 2), offset) for factor, offset in expression.terms)
         smaller = PoseExpression(expression.name, terms)
-        if terms and reaches(state, symbols.resolve(smaller, state.bound)):
+        if reaches(state, symbols.resolve(smaller, state.bound)):
             return f"write MovePose '{smaller}', which is within reach"
     return "choose a pose nearer to the base"
 
