@@ -62,7 +62,7 @@ def test_a_way_is_vertical_to_within_10_mm(aside: float, so: bool) -> None:
 
 
 @pytest.mark.parametrize(("over", "between"), [(0.003, "bottle"), (0.007, None)])
-def test_open_fingers_5_mm_above_a_top_have_nothing_between_them(
+def test_open_fingers_5_mm_above_a_top_would_grasp_nothing(
     over: float, between: str | None
 ) -> None:
     state = SymbolicState(bench(BOTTLE), gripper="open")

@@ -22,7 +22,6 @@ SPACING = 0.02  # m between two samples of a motion
 STEEP = 0.010  # m of horizontal travel below which a motion is vertical
 SAME_TURN = 1e-6  # rad up to which two orientations are one
 TOUCH = 0.002  # m of overlap up to which boxes only touch
-ABOVE = 0.005  # m above an object's top from which fingertips are clear of it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,11 +141,8 @@ def _boxes(state: SymbolicState, placed: list[tuple[str, Pose]]) -> Boxes:
 
 def straddled(state: SymbolicState, pose_world_tcp: Pose | None) -> str | None:
     """Object between the fingers at a pose, if any."""
-    body = None if pose_world_tcp is None else state.object_at(pose_world_tcp)
-    if pose_world_tcp is None or body is None:
-        return None
-    top = body.top_z(state.pose_of(body.name))
-    return body.name if top > pose_world_tcp.position[2] - ABOVE else None
+    body = state.object_at(pose_world_tcp)
+    return None if body is None else body.name
 
 
 def blockers(state: SymbolicState, name: str, approach: Pose, work: Pose) -> list[str]:
