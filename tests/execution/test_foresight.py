@@ -98,6 +98,20 @@ def test_a_correction_is_in_the_frame_of_the_thing() -> None:
     assert found.position - here.position == pytest.approx((0.0, 0.004, 0.0))
 
 
+@pytest.mark.parametrize(("width", "as_rehearsed"), [(0.068, True), (0.072, False)])
+def test_a_shape_that_was_fitted_to_a_picture_may_be_wider_by_two_deviations(
+    width: float, as_rehearsed: bool
+) -> None:
+    seen = replace(SCENE.body("can"), seen=True, accuracy=0.0025)
+    bodies = {**SCENE.bodies, "can": seen}
+    state = replace(HELD, scene=replace(SCENE, bodies=bodies))
+    if as_rehearsed:
+        assert GRASPED.settled("tree", board(state, width)) is state
+    else:
+        with pytest.raises(LeafFailure, match="not as rehearsed"):
+            GRASPED.settled("tree", board(state, width))
+
+
 def test_weights_of_all_worlds_count() -> None:
     others = [Foresight(weights={"can": weights}) for weights in ((1.0, 3.0), (2.0, 6.0))]
     seen = GRASPED.among(*others)

@@ -96,6 +96,34 @@ def test_a_scene_that_does_not_settle_is_said_to_be_so() -> None:
     assert "the scene does not settle" in str(predicted.failure)
 
 
+def test_values_with_which_the_scene_does_not_settle_are_no_world() -> None:
+    """In the second one drawn the weight is too light to hold the plank."""
+    plan = sequence([("MoveJoints", "joints", "home_config")])
+    predicted = rehearse(plan, scene(HEAVY, "?"))
+    assert (predicted.failure, predicted.draws) == (None, 3)
+
+
+def test_a_stop_in_a_drawn_world_is_no_failure_nor_is_what_the_hand_holds_at_the_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Drawn heavier than the payload, the can is put down again."""
+    heavy = {Parameter("can", "mass"): (3.4,), Parameter("can", "friction"): (0.7,)}
+    monkeypatch.setattr(rehearsal, "draw_truth", lambda *_: heavy)
+    above = ("MovePose", "pose", "can_pose + z_offset")
+    steps = [
+        ("MoveJoints", "joints", "home_config"),
+        "OpenGripper",
+        above,
+        ("MovePose", "pose", "can_pose"),
+        "CloseGripper",
+        above,
+    ]
+    predicted = rehearse(sequence(steps), scene(CAN, "?"), draws=1)
+    assert (predicted.failure, predicted.draws, predicted.actions) == (None, 2, 6)
+    (least, most) = predicted.foresight.weights["can"]
+    assert most > 3.4 * 9.8 > 10 * least
+
+
 def test_too_long_a_plan_is_one_finding_after_the_longest_time(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -78,6 +78,18 @@ def test_a_plan_whose_names_mean_other_places_was_not_rehearsed(tmp_path: Path) 
         assert kept_rehearsal(kept(tmp_path), PLAN, parse_scene(TEXT, poses=poses)) is None
 
 
+def test_another_arm_and_other_priors_were_not_rehearsed(tmp_path: Path) -> None:
+    unknown = TEXT.replace('mass=".3"', 'mass="?"')
+    open_scene = parse_scene(unknown)
+    assert kept_rehearsal(kept(tmp_path), PLAN, replace(SCENE, arm=SCENE.arm.cautious())) is None
+    keep_rehearsal(tmp_path, PLAN, open_scene, SEEN)
+    assert kept_rehearsal(tmp_path, PLAN, parse_scene(unknown)) == SEEN
+    resolved = open_scene.resolved
+    wider = {name: replace(prior, std=(1.0,)) for name, prior in resolved.priors.items()}
+    other = replace(open_scene, resolved=replace(resolved, priors=wider))
+    assert kept_rehearsal(tmp_path, PLAN, other) is None
+
+
 def test_another_plan_was_not_rehearsed(tmp_path: Path) -> None:
     other = replace(PLAN, tree=Node("Sequence", (), (Node("OpenGripper"), Node("OpenGripper"))))
     assert kept_rehearsal(kept(tmp_path), other, SCENE) is None

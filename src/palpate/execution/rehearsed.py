@@ -92,8 +92,7 @@ def key(plan: Plan, scene: Scene) -> str:
     document: dict[str, Any] = plan_json(plan)
     priors = sorted((str(name), repr(prior)) for name, prior in scene.resolved.priors.items())
     said = [__version__, document["parameters"], document["tree"], priors]
-    said += [sorted(map(str, scene.missing)), repr(scene.pose_world_base), _arm(scene)]
-    said.append(_names(scene))
+    said += [repr(scene.pose_world_base), _arm(scene), _names(scene)]
     return hashlib.sha256(json.dumps(said).encode() + compiled.tobytes()).hexdigest()
 
 
