@@ -227,7 +227,6 @@ HAND = [
         BOTH,
         height="?",
     ),
-    Fault("home with it on the table", "precondition", inserted(5, W[0])),
 ]
 MOTIONS = [
     Fault("a pose misspelt", "unknown-symbol", instead(2, "MovePose botle_pose + z_offset")),

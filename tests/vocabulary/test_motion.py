@@ -149,15 +149,6 @@ def test_move_joints_leaves_no_contact_and_the_arm_as_it_bent_it(start, make, af
     assert make("MoveJoints", joints=HOME.tolist()).during(touching).contact is None
 
 
-def test_move_joints_does_not_drag(start, make, after, reached) -> None:
-    held = after(start, *reached, "CloseGripper")
-    assert (
-        "stands on its support"
-        in make("MoveJoints", joints="home_config").requires(held)[0].message
-    )
-    assert make("MoveJoints", joints="home_config").requires(after(held, LIFT)) == []
-
-
 def test_a_probe_needs_a_place_a_surface_and_empty_fingers(start, make, after, reached) -> None:
     down = make("MoveUntilContact", axis="-z")
     assert "not at a known pose" in down.requires(start)[0].message

@@ -32,7 +32,6 @@ from palpate.vocabulary.admissible.support import (
     clear_of_support,
     met_early,
     slides,
-    would_be_dragged,
 )
 from palpate.vocabulary.base import (
     ARM,
@@ -267,9 +266,7 @@ class MoveJoints(Primitive):
         except InputError as error:
             rule = "unknown-symbol" if isinstance(self.joints, str) else "unreachable"
             return [Violation(rule, str(error))]
-        return (
-            beyond_joint_limits(state, target) or would_be_dragged(state) or unfelt(state, target)
-        )
+        return beyond_joint_limits(state, target) or unfelt(state, target)
 
     def during(self, state: SymbolicState) -> SymbolicState:
         return replace(state, activity="moving", contact=None)

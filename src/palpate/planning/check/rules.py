@@ -91,8 +91,8 @@ _ACTIONS = {
     "twist": "A held object hangs near enough to its centre of mass not to twist in the grip.",
     PRECONDITION: "What else a primitive requires holds. MoveUntilContact: from a pose, with empty fingers, "
     f"something to touch within {1e3 * PROBE_TRAVEL:.0f} mm and its top no more than {mm(SINKING)} above the "
-    f"fingertips, no contact yet. MoveJoints: with nothing "
-    "in the hand that stands on its support. A conversion: the log shows its quantity; held still for a weight means "
+    "fingertips, no contact yet. MoveJoints: between a level hand and one that points down, the wrist is turned "
+    "first. A conversion: the log shows its quantity; held still for a weight means "
     f"lifted by more than {mm(LIFTED)}.",
     "blocked": f"The hand, and what it holds, keeps {mm(BESIDE)} from every other object on its whole way; "
     "what stands on it is carried away first.",

@@ -19,7 +19,7 @@ from palpate.geometry.pose import Array, Pose, digits
 from palpate.vocabulary.admissible.arrangement import Arrangement, arrangement
 from palpate.vocabulary.admissible.solids import Solids, solids
 from palpate.vocabulary.state import SymbolicState
-from palpate.vocabulary.violation import PRECONDITION, Violation
+from palpate.vocabulary.violation import Violation
 
 SETTLES = 0.005
 """m between the lowest point of an object and a top, either way, up to which the top carries it."""
@@ -267,14 +267,3 @@ def above(state: SymbolicState, expression: str | None) -> str:
         return str(state.scene.symbols.parse(expression or "").shifted("z_offset", 1))
     except InputError:
         return f"{expression}"
-
-
-def would_be_dragged(state: SymbolicState) -> list[Violation]:
-    """Violation of a joint motion, which is no straight line, with a held object on its support."""
-    if not state.holding or state.lifted:
-        return []
-    problem = (
-        f"'{state.holding}' stands on its support in the gripper; lift it: MovePose to "
-        f"'{above(state, state.grasp)}' first; or open the gripper"
-    )
-    return [Violation(PRECONDITION, problem)]
