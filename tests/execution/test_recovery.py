@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ import pytest
 from palpate import pipeline
 from palpate.cells.simulated import SimulatedCell
 from palpate.errors import Unavailable
-from palpate.execution.recovery import ATTEMPTS, OnFailure, failed_at, recover
+from palpate.execution.recovery import ATTEMPTS, OnFailure, failed_at, recover, resumable
 from palpate.execution.rehearsal import rehearse
 from palpate.execution.runner import Execution, run
 from palpate.parameter import Parameter
@@ -180,6 +180,37 @@ def test_person_may_let_a_stopped_arm_continue_and_the_result_says_so(
     assert attempts[0].parameters == plan.parameters
     assert robot.asked == 1
     assert done.setbacks[0].startswith("stopped (a person let the robot go on at ")
+
+
+@pytest.mark.parametrize(
+    ("policy", "second"), [("replan", ["dry", "wet"]), ("skip", ["dry"]), ("stop", None)]
+)
+def test_where_it_failed_comes_last_or_not_again(
+    scene: Scene, ended: Execution, policy: OnFailure, second: list[str] | None
+) -> None:
+    context = Context("still", at="wet_pose", holding="wet")
+    failed = LeafRun("tree.children[5]", "MeasureForces", "", 0.0, 1.0, "FAILURE", "", context)
+    trace = replace(ended.trace, leaves=(failed,))
+    first = replace(ended, status="stopped", stopped_by="no signal", trace=trace)
+    plans: list[Plan] = []
+
+    def attempt(plan: Plan, around: Scene, arm: object) -> Execution:
+        plans.append(plan)
+        return ended
+
+    recover(first, planned(scene, *BOTH), scene, StoppedArm(), policy, attempt)  # type: ignore[arg-type]
+    assert [[wanted.object for wanted in plan.parameters] for plan in plans] == (
+        [] if second is None else [second]
+    )
+
+
+def test_a_run_that_a_person_stopped_or_that_holds_something_ends(ended: Execution) -> None:
+    robot: Any = SimpleNamespace()
+    stopped = replace(ended, status="stopped", stopped_by="no signal")
+    holding = replace(stopped, final_state=replace(ended.final_state, holding="dry"))
+    assert resumable(stopped, robot)
+    for over in (ended, replace(stopped, asked=True), holding, replace(stopped, fault="frozen")):
+        assert not resumable(over, robot)
 
 
 def test_implausible_signals_cannot_be_confirmed_by_a_person(

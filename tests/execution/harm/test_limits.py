@@ -18,16 +18,21 @@ FOUND = (0.0, 0.0, 0.1, 1.0, 0.0, 0.0, 0.0)
 PERIOD = 1e-3  # s
 
 
-def seen(*poses: Sequence[float], held: int = -1, forces: dict[Pair, Forces] | None = None) -> Any:
-    """Witness of a can of 0.3 kg that stands still in each pose for 50 ms."""
-    touched = np.array([True])
+def seen(
+    *poses: Sequence[float],
+    held: int = -1,
+    forces: dict[Pair, Forces] | None = None,
+    touched: bool = True,
+    mass: float = 0.3,
+) -> Any:
+    """Witness of a can that stands still in each pose for 100 ms."""
     looks = [
-        Look(10 * i, np.array([pose]), np.array((1.0, 0.0, 0.0, 0.0)), held, touched)
+        Look(10 * i, np.array([pose]), np.array((1.0, 0.0, 0.0, 0.0)), held, np.array([touched]))
         for i, pose in enumerate(pose for pose in (FOUND, *poses) for _ in range(10))
     ]
     return SimpleNamespace(
         objects=("can",),
-        masses=(0.3,),
+        masses=(mass,),
         axes=(None,),
         looks=looks,
         forces=forces or {},
@@ -55,6 +60,31 @@ def test_what_a_plan_names_may_be_pushed_by_25_mm(way: float, found: tuple[str])
 def test_what_ends_lower_in_the_hand_has_not_left_its_place(held: int, found: tuple[str]) -> None:
     lower = [(0.0, 0.0, 0.1 - 0.001 * i, *FOUND[3:]) for i in range(60)]
     assert harm(seen(*lower, held=held), ["can"]).beyond == found
+
+
+@pytest.mark.parametrize(
+    ("way", "touched", "found"),
+    [(0.012, False, ()), (0.014, False, ("can dropped",)), (0.014, True, ())],
+)
+def test_what_sinks_by_13_mm_with_nothing_below_it_was_dropped(
+    way: float, touched: bool, found: tuple[str]
+) -> None:
+    sinks = [(0.0, 0.0, 0.1 - z, *FOUND[3:]) for z in np.linspace(0.001, way, 14)]
+    assert harm(seen(*sinks, touched=touched), ["can"]).beyond == found
+
+
+def test_harm_to_what_the_scene_does_not_show_is_listed_and_not_judged() -> None:
+    done = harm(seen(leaning(16.0)), ["can"], unseen=["can"])
+    assert (done.beyond, [str(fate) for fate in done.unseen]) == ((), ["can tipped"])
+
+
+@pytest.mark.parametrize(
+    ("mass", "found"), [(1.4, ("robot/hand on can: 30 N sideways over 10 ms",)), (1.6, ())]
+)
+def test_things_of_up_to_1_5_kg_are_pushed_by_25_n_at_most(mass: float, found: tuple[str]) -> None:
+    push = Forces(array("q", range(50, 80)), array("d", 30 * [30.0, 0.0, 0.0]))
+    pushed = seen(forces={Pair("robot/hand", "can", load=False): push}, mass=mass)
+    assert harm(pushed, ["can"]).beyond == found
 
 
 @pytest.mark.parametrize(("pressed", "peak"), [(0.3 * 9.81, 0.0), (0.3 * 9.81 + 5.0, 5.0)])
