@@ -13,7 +13,7 @@ from palpate.estimation import tuning
 from palpate.estimation.load.equations import FORCE_Z
 from palpate.estimation.load.fit import fit_load
 from palpate.estimation.load.noise import block_noise
-from palpate.estimation.load.observation import observe
+from palpate.estimation.load.observation import crosstalk, observe
 from palpate.estimation.load.segments import weighings
 from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
@@ -106,6 +106,22 @@ def test_gains_that_are_known_for_certain_add_nothing(lifted):
     assert told.identified
     assert abs(told.values[0] - MASS) < 3.5 * told.stds[0]
     assert told.stds[0] < unsure.stds[0]
+
+
+def test_a_sensor_reads_some_of_the_torques_in_the_other_joints(lifted):
+    """As much in a joint as one standard deviation of it moves the mass by the effect that is stated."""
+    trace = lifted(white=1e-4)
+    read = crosstalk(trace.hand, trace.samples.tau_ext)
+    told = estimate_mass(trace, BOTTLE, None)
+    effects = {one.cause: one.effect[0] for one in told.shared}
+    moved: list[float] = []
+    for joint in (1, 3, 5):
+        tau_ext = trace.samples.tau_ext + read * np.eye(7)[joint]
+        crossed = replace(trace, samples=replace(trace.samples, tau_ext=tau_ext))
+        moved.append(float(estimate_mass(crossed, BOTTLE, None).values[0] - told.values[0]))
+    stated = [effects[f"cross-talk in joint {joint + 1}"] for joint in (1, 3, 5)]
+    assert np.abs(moved) == pytest.approx(np.abs(stated), rel=0.2)
+    assert 0.0005 * MASS < np.linalg.norm(stated) < told.stds[0]
 
 
 def upward(force):

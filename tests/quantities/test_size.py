@@ -6,12 +6,13 @@ import pytest
 import palpate as pp
 from palpate.cells.simulated import simulated_cell
 from palpate.errors import InputError
+from palpate.estimation.contact.grips import Extent
 from palpate.execution.runner import run
 from palpate.parameter import Parameter
 from palpate.planning.request.grounding import ground
 from palpate.planning.symbolic.planner import SymbolicPlanner
 from palpate.quantities.estimators import estimate_all
-from palpate.quantities.size import Size, estimate_size
+from palpate.quantities.size import Size, estimate_size, size_of
 from palpate.scene.load import load_scene, parse_scene
 from palpate.twin.inject import inject
 
@@ -103,6 +104,14 @@ def test_a_slightly_compliant_object_ends_at_first_contact(
     found = estimate_size(trace, SIZE, scene.bodies["crate"])
     assert found.verdict == verdict
     assert abs(found.values[2] - (TOP - TABLE)) < 3 * found.stds[2] < 3e-3 * (4e4 / stiffness)
+
+
+def test_no_number_of_grasps_reduces_what_the_fingers_are_off_by(bench, noises, scene):
+    trace, crate = recorded(bench, noises["none"]).trace(), scene.bodies["crate"]
+    grasps = [Extent(0, width, 2e-4) for width in (0.0600, 0.0602, 0.0604)]
+    found = size_of(trace, SIZE, crate, grasps, (), ())
+    assert found.values[0] == pytest.approx(0.0602)
+    assert found.stds[0] == pytest.approx(2e-4)
 
 
 def test_an_extent_without_evidence_stays_as_in_the_scene(bench, noises, scene):

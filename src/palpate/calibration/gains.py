@@ -29,7 +29,7 @@ from palpate.estimation.agreement import KNOWN, FitTest, chi_squared
 from palpate.estimation.arm.causes import Bodies
 from palpate.estimation.load.chain import regressor
 from palpate.estimation.load.equations import equations
-from palpate.estimation.load.fit import GAIN, LoadModel, fit_load, load_model
+from palpate.estimation.load.fit import CROSSTALK, GAIN, LoadModel, fit_load, load_model
 from palpate.estimation.load.observation import gain_root, observe
 from palpate.estimation.load.segments import weighings
 from palpate.estimation.regression import Cause, Posterior, SignalNoise, fit
@@ -129,6 +129,8 @@ def fit_at_force(model: LoadModel, force: float, std: float) -> Posterior:
     that force."""
     (load, *others), noise, y, scales = model
     known = replace(load, prior=np.array([std, *load.prior[1:]]))
+    # What a sensor reads of the other joints' torques belongs to the gain that a weight shows.
+    others = [cause for cause in others if cause.name != CROSSTALK]
     # Noise estimated from `freedom` blocks: standard deviation of Student's t.
     wider = math.sqrt(max(1.0, noise.freedom / max(noise.freedom - 2.0, 1.0)))
     # Without the hyperprior of the gains' scale: every fit that reads robot.yaml applies it again. Applied

@@ -12,7 +12,7 @@ from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.estimate import Shared
 from palpate.estimation.holds import Held, Hold
 from palpate.estimation.load.fit import Load
-from palpate.estimation.load.weighing import shared_gains, shared_links
+from palpate.estimation.load.weighing import shared_links, shared_sensors
 from palpate.estimation.slip import EXPECTED, SPREAD, before, slid
 from palpate.estimation.view import FitView
 from palpate.geometry.pose import Array, Pose
@@ -73,7 +73,8 @@ def grasps_of(trace: Trace, held: Held, body: Body, about: Array) -> Grasps:
     for effect in (droop_effects(held, about) * SPREAD, slip_effects(held) * tuning.GRIP_SLIDE):
         covariance += effect @ effect.T
     links = {name: slopes @ effect for name, effect in held.links.items()}
-    shared = (*shared_gains(slopes @ load.gains), *shared_links(links), *places)
+    sensors = shared_sensors(slopes @ load.gains, slopes @ load.crosstalk)
+    shared = (*sensors, *shared_links(links), *places)
     loose = tuning.ARM_WEIGHT * trace.hand.pose_repeatability / load.force
     return Grasps(
         recordings, np.vstack(rows), np.concatenate(right), covariance, loose, load.freedom, shared

@@ -151,7 +151,9 @@ def _of_whole(
     if apart.max() > tuning.WHOLE_APART:
         return None
     links = {name: turned @ effect for name, effect in whole.links.items()}
-    return replace(load, value=value, covariance=covariance, gains=turned @ whole.gains), links
+    gains, crosstalk = turned @ whole.gains, turned @ whole.crosstalk
+    better = replace(load, value=value, covariance=covariance, gains=gains, crosstalk=crosstalk)
+    return better, links
 
 
 def _put_down(trace: Trace, name: str, holds: Sequence[Hold]) -> Iterator[PutDown]:

@@ -200,10 +200,11 @@ def size_of(
     for axis in range(3):
         measured = [extent for extent in found if extent.axis == axis]
         if measured:
-            weights = np.array([extent.std for extent in measured]) ** -2.0
+            stds = np.array([extent.std for extent in measured])
+            weights = stds**-2.0
             value[axis] = np.average([extent.value for extent in measured], weights=weights)
-            # Several measurements reduce the uncertainty of the best one to half at most.
-            std[axis] = max(float(weights.sum() ** -0.5), min(e.std for e in measured) / 2)
+            # Fingers that tell too wide an opening do so at each grasp: no number of grasps reduces that.
+            std[axis] = np.average(stds, weights=weights)
     seen = {extent.axis for extent in found}
     unseen = sorted({0, 1, 2} - seen)
     method = (

@@ -4,6 +4,7 @@ and joints zero, friction, gain and residual stiction."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,16 +14,22 @@ from palpate.estimation.load.blocks import Blocks, blocks, free_rows
 from palpate.estimation.load.chain import link_parameters, regressor
 from palpate.estimation.load.in_hand import load_rows
 from palpate.estimation.load.noise import Noise, block_noise, flicker
-from palpate.estimation.load.observation import WrenchObservation, gain_root, observe
+from palpate.estimation.load.observation import (
+    WrenchObservation,
+    crosstalk,
+    gain_root,
+    observe,
+)
 from palpate.estimation.motion import acceleration, at_rest, runs
 from palpate.estimation.regression import Cause, Scale, SignalNoise
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Trace, once
 
-WEIGHT, LEVER, LINK, INERTIA, REST, GAIN = "weight", "lever", "link", "inertia", "rest", "gain"
+WEIGHT, LEVER, LINK, INERTIA, REST = "weight", "lever", "link", "inertia", "rest"
+GAIN, CROSSTALK = "gain", "cross-talk"
 SLIPS = "joint friction over another way"
 """Names of causes, or their beginnings: of the load, errors of the model of the links and of what moves them,
-residual stiction of rests, sensor gains."""
+residual stiction of rests, sensor gains, and what each sensor reads of the other joints' torques."""
 
 
 def by_signal(torque: Array) -> Array:
@@ -91,6 +98,11 @@ def of_arm(
     gains = shown[:, None] * np.repeat(gain_root(hand, signals), len(seen.t), axis=0)
     labels = tuple(f"gain of joint {i + 1}" for i in range(signals))
     yield Cause(GAIN, gains, np.ones(signals), "arm", labels)
+    # Of the load alone: the weight of the links, read so, is as an error in their masses.
+    read = crosstalk(hand, borne.reshape(signals, -1).T)
+    each = [read * joint for joint in np.eye(signals)]
+    labels = tuple(f"cross-talk in joint {i + 1}" for i in range(signals))
+    yield replace(cause(CROSSTALK, each, 1.0), of="arm", labels=labels)
 
 
 def scales(causes: Sequence[Cause]) -> list[Scale]:

@@ -20,7 +20,7 @@ Everything but W has a normal prior, so that W follows by generalised least squa
 all the rest (e.g. Bishop, Pattern Recognition and Machine Learning, section 3.3). White and 1/f noise follow
 from the scatter of blocks (`estimation.load.noise`), never from the residuals. A gain error is one number a
 signal, the same in all weighings; its column is the load itself, so that joints with little load correct
-those with much.
+those with much. So is what a sensor reads of the load's torques in the other joints.
 
 Three scales are learned from the recordings. Residual stiction: an approach leaves a torque in the joints
 that may persist in motion; the datasheet bounds it, and each rest, and each pass, has an offset of its own,
@@ -40,6 +40,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest
@@ -55,7 +56,7 @@ from palpate.estimation.load.equations import (
     in_each,
 )
 from palpate.estimation.load.misspecification import tests_of
-from palpate.estimation.load.observation import gain_root
+from palpate.estimation.load.observation import crosstalk, gain_root
 from palpate.estimation.load.segments import Weighing
 from palpate.estimation.regression import (
     Cause,
@@ -68,8 +69,9 @@ from palpate.estimation.regression import (
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
 
-AT_HAND, OFFSETS, GAIN = ("rests", "passes", "rests and passes"), "offsets", "gain"
-"""Names of causes: residual stiction, and gains of the sensors."""
+AT_HAND, OFFSETS = ("rests", "passes", "rests and passes"), "offsets"
+GAIN, CROSSTALK = "gain", "cross-talk"
+"""Names of causes: residual stiction, gains of the sensors, and what each reads of the other joints' torques."""
 LoadModel = tuple[list[Cause], SignalNoise, Array, list[Scale]]
 """Causes, noise, signals and prior scales."""
 
@@ -85,6 +87,7 @@ class Load:
         tests: of what else might act on it.
         gains: (1 + 2n, signals) what one standard deviation of each signal's gain does to `value`; of
             gains that were measured together, of as many causes that are independent.
+        crosstalk: (1 + 2n, signals) what one standard deviation of each signal's cross-talk does to it.
         weighings, rows, posterior: what was fitted.
     """
 
@@ -93,6 +96,7 @@ class Load:
     covariance: Array
     tests: tuple[FitTest, ...]
     gains: Array
+    crosstalk: Array
     weighings: Sequence[Weighing]
     rows: Sequence[Rows]
     posterior: Posterior
@@ -166,7 +170,8 @@ def _fit(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
     tests = tests_of(rows, grasps, found, hand.force_repeatability)
     count = 1 + 2 * len(grasps)
     value = found.mean[:count], found.covariance[:, :count]
-    return Load(grasps, *value, tests, found.effects(GAIN), weighings, rows, found)
+    effects = found.effects(GAIN), found.effects(CROSSTALK)
+    return Load(grasps, *value, tests, *effects, weighings, rows, found)
 
 
 def _solved(
@@ -212,8 +217,8 @@ def load_model(
     rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand: Hand
 ) -> LoadModel:
     """Causes, noise, signals and prior scales of weighings, for `regression.fit`: F and the moments in each grasp,
-    tilt of gravity, residual stiction of rests and passes, friction of the joints, and gains; linearised at `about`
-    (F, then the moments)."""
+    tilt of gravity, residual stiction of rests and passes, friction of the joints, gains, and cross-talk; linearised at
+    `about` (F, then the moments)."""
     signals = int(rows[0].signal.max()) + 1
     gains = gain_root(hand, signals)
     vertical = [
@@ -223,7 +228,9 @@ def load_model(
     tilted = [tilted_weight(row, grasps, about) for row in rows]
     tilt = tuning.TILT * abs(float(about[0])) + tuning.FLOOR
     pairs = zip(rows, vertical, strict=True)
-    borne = [(columns @ about)[:, None] * gains[row.signal] for row, columns in pairs]
+    torques = [(row.signal, columns @ about) for row, columns in pairs]
+    borne = [torque[:, None] * gains[signal] for signal, torque in torques]
+    crossed = [_crossed(hand, signal, torque, signals) for signal, torque in torques]
     friction, left = (
         tuning.JOINT_LEVEL / len(tuning.SLIPS) ** 0.5,
         hand.force_repeatability + tuning.FLOOR,
@@ -237,6 +244,7 @@ def load_model(
         *((name, each_its_own(blocks), left) for name, blocks in stiction),
         ("joint friction", [row.dahl for row in rows], friction),
         (GAIN, borne, 1.0),
+        (CROSSTALK, crossed, 1.0),
     ]
     causes: list[Cause] = []
     for name, blocks, prior in parts:
@@ -253,6 +261,12 @@ def load_model(
     ]
     noise = SignalNoise([row.root for row in rows], min(row.freedom for row in rows))
     return causes, noise, np.concatenate([row.observed for row in rows]), scales
+
+
+def _crossed(hand: Hand, signal: NDArray[np.intp], torque: Array, signals: int) -> Array:
+    """(n, signals) cross-talk in rows of each `signal` (n,), of the load's `torque` (n,)."""
+    read = crosstalk(hand, torque.reshape(signals, -1).T)
+    return read.T.ravel()[:, None] * np.eye(signals)[signal]
 
 
 def stiction_scales(rows: Sequence[Rows]) -> Sequence[Array]:

@@ -111,3 +111,18 @@ def gain_root(hand: Hand, signals: int) -> Array:
         return hand.torque_gain / np.sqrt(3.0) * np.eye(signals)
     sizes, axes = np.linalg.eigh(np.array(hand.gain_covariance))
     return (axes * np.sqrt(np.maximum(sizes, 0.0))) @ axes.T
+
+
+def crosstalk(hand: Hand, torque: Array) -> Array:
+    """(k, m) N m, 1 sigma of what each of m sensors reads of the torques (k, m) in the other joints.
+
+    The torques of one load are nearly in proportion to each other wherever it hangs, so that a single column a
+    sensor stands for its readings of all of them. A sensor whose gain was calibrated with a weight showed what it reads
+    of the others, too. None where the signals are those of a wrench.
+    """
+    if torque.shape[1] != len(hand.joints):
+        return np.zeros_like(torque)
+    squares = torque**2
+    others = squares.sum(axis=1, keepdims=True) - squares
+    gain = np.linalg.norm(gain_root(hand, torque.shape[1]), axis=1)
+    return tuning.CROSSTALK * gain * np.sqrt(np.maximum(others, 0.0))

@@ -83,8 +83,8 @@ def weigh(trace: Trace, recording: Recording, by_all_motion: bool = True) -> Wei
     load = fit_load(found, trace.gravity, trace.hand)
     whole = whole_of(trace, recording, found, load) if by_all_motion else None
     force, std = (load.force, load.force_std) if whole is None else (whole.force, whole.std)
-    gains = load.gains[:1] if whole is None else whole.gains[:1]
-    shared = shared_gains(gains / trace.gravity)
+    made = load if whole is None else whole
+    shared = shared_sensors(made.gains[:1] / trace.gravity, made.crosstalk[:1] / trace.gravity)
     if whole is not None:
         links = {name: effect[:1] / trace.gravity for name, effect in whole.links.items()}
         shared += shared_links(links)
@@ -118,12 +118,13 @@ def whole_of(
     return whole if apart < tuning.WHOLE_APART * load.force_std else None
 
 
-def shared_gains(effects: Array) -> tuple[Shared, ...]:
-    """Shared causes: effect of one standard deviation of each joint sensor's gain, (n, joints),
-    common to all measurements of an arm."""
+def shared_sensors(gains: Array, crosstalk: Array) -> tuple[Shared, ...]:
+    """Shared causes: effects of one standard deviation of each joint sensor's gain and of its cross-talk, (n, joints)
+    each, common to all measurements of an arm."""
     found: list[Shared] = []
-    for i, effect in enumerate(effects.T.tolist()):
-        found.append(Shared(f"gain of joint {i + 1}", "arm", tuple(effect)))
+    for name, effects in (("gain of", gains), ("cross-talk in", crosstalk)):
+        for i, effect in enumerate(effects.T.tolist()):
+            found.append(Shared(f"{name} joint {i + 1}", "arm", tuple(effect)))
     return tuple(found)
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from palpate.estimation.coloured import learned, with_residual
 from palpate.estimation.load.blocks import Blocks, blocks, free_rows
 from palpate.estimation.load.causes import (
+    CROSSTALK,
     GAIN,
     LINK,
     by_signal,
@@ -44,6 +45,7 @@ class Whole:
             hand, N m.
         covariance: (1 + 3n, 1 + 3n) of `value`.
         gains: (1 + 3n, m) effect on `value` of one standard deviation of each cause of the sensors' gains.
+        crosstalk: (1 + 3n, m) effect on `value` of one standard deviation of each sensor's cross-talk.
         links: (1 + 3n,) effect on `value` of each error of the arm's links, by name.
         misfit: mean square of the residuals, in units of the noise.
         seen, posterior: of the fit.
@@ -53,6 +55,7 @@ class Whole:
     value: Array
     covariance: Array
     gains: Array
+    crosstalk: Array
     links: Mapping[str, Array]
     misfit: float
     seen: Blocks
@@ -120,8 +123,8 @@ def _fitted(
             links |= zip(cause.labels, found.effects(cause.name)[:count].T, strict=True)
     misfit = float(np.mean(found.residual**2))
     value, square = found.mean[:count], found.covariance[:count, :count]
-    gains = found.effects(GAIN)[:count]
-    return Whole(seen.grasps, value, square, gains, links, misfit, seen, found)
+    gains, crosstalk = (found.effects(name)[:count] for name in (GAIN, CROSSTALK))
+    return Whole(seen.grasps, value, square, gains, crosstalk, links, misfit, seen, found)
 
 
 def _posterior(
