@@ -14,6 +14,7 @@ from palpate.robots.kinematics import (
     LIMIT_MARGIN,
     inverse_kinematics,
     model_without_fingers,
+    too_far,
     within_joint_limits,
 )
 from palpate.robots.registry import load_description
@@ -55,6 +56,19 @@ def test_top_down_poses_in_front_of_the_arm_are_reached_within_tolerance_and_lim
 )
 def test_out_of_reach_is_none(position):
     assert inverse_kinematics(ARM, Pose.top_down(position, 0.0), BASE) is None
+
+
+def test_no_configuration_is_too_far_and_the_quick_test_is_close():
+    rng, limits = np.random.default_rng(0), ARM.limits
+    q = rng.uniform(limits.q_min, limits.q_max, (300, 7))
+    q[::2, 3] = -0.467  # both arms in one line
+    assert not any(too_far(ARM, forward(each)) for each in q)
+    # The sixth joint can be 0.719 m from the shoulder, and is 0.088 m nearer to it than the last.
+    reach = [
+        0.088 + np.sqrt(0.7194**2 - (0.333 - 0.2104 - 0.025) ** 2) + more for more in (0, 0.01)
+    ]
+    far = [too_far(ARM, Pose.top_down((x, 0.0, 0.025), 0.3)) for x in reach]
+    assert far == [False, True]
 
 
 def test_the_base_may_stand_anywhere():

@@ -20,6 +20,7 @@ SPACING = 0.02
 the fingers' pads, so that what they sweep at two neighbouring places overlaps."""
 ROUNDING = 1e-9
 """m."""
+CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
 
 
 def digits(values: Array) -> bytes:
@@ -86,12 +87,13 @@ class Pose:
         """Composition: `pose_a_b @ pose_b_c` is `pose_a_c`."""
         quaternion = np.empty(4)
         mujoco.mju_mulQuat(quaternion, self.quaternion, other.quaternion)
-        return Pose.of(self.apply(other.position), quaternion)
+        quaternion /= math.sqrt(quaternion.dot(quaternion))
+        return Pose(self.apply(other.position), quaternion)
 
     def inverse(self) -> Pose:
         """The pose of the reference frame in this one."""
-        conjugate = self.quaternion * np.array([1.0, -1.0, -1.0, -1.0])
-        return Pose(-Pose(np.zeros(3), conjugate).rotation @ self.position, conjugate)
+        back = -self.rotation.T.copy()
+        return Pose(back @ self.position, self.quaternion * CONJUGATE)
 
     def apply(self, point: ArrayLike) -> Array:
         """A point (3,) given in this frame, in the reference frame."""

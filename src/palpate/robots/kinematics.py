@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from functools import cache, lru_cache
 from threading import Lock
@@ -46,11 +47,13 @@ def inverse_kinematics(
 
 
 def too_far(arm: RobotDescription, pose_base_tcp: Pose) -> bool:
-    """Test if the wrist would be farther from the shoulder than all links between them in one line: a
-    quick test, false for many poses out of reach."""
+    """Test if the sixth joint would be farther from the shoulder than the links between them reach, wherever
+    it is about the axis of the last: a quick test, false for some poses out of reach."""
     links = _links(arm)
-    reach = np.linalg.norm(pose_base_tcp.apply(links.wrist) - links.shoulder)
-    return not reach <= links.stretched
+    apart = pose_base_tcp.apply(links.wrist) - links.shoulder
+    along = float(apart @ (pose_base_tcp.rotation @ links.axis))
+    across = math.sqrt(max(float(apart @ apart) - along * along, 0.0))
+    return not math.hypot(along, across - links.radius) <= links.stretched + links.missed
 
 
 def within_joint_limits(arm: RobotDescription, q: Array, margin: float = JOINT_MARGIN) -> bool:
@@ -160,11 +163,14 @@ def _seeds(
 
 
 class _Links(NamedTuple):
-    """The arm from its second joint to its last."""
+    """The arm between its second joint and its last. The sixth joint lies on a circle about the axis of the last."""
 
-    shoulder: Array  # (3,) m, the second joint's frame in the base
-    wrist: Array  # (3,) m, the last joint's frame in the tool
-    stretched: float  # m, length of the links between them in one line
+    shoulder: Array  # (3,) m, the second joint in the base
+    wrist: Array  # (3,) m, the circle's middle in the tool
+    axis: Array  # (3,) its axis in the tool
+    radius: float  # m
+    stretched: float  # m, largest distance of the sixth joint from the shoulder
+    missed: float  # m by which the circle may be off where the tool is within the tolerances
 
 
 @cache
@@ -172,8 +178,19 @@ def _links(arm: RobotDescription) -> _Links:
     model = model_without_fingers(arm)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    bodies = [int(model.jnt_bodyid[model.joint(name).id]) for name in arm.joints]
-    tcp, last = data.site(arm.tcp), data.xpos[bodies[-1]]
-    links = np.linalg.norm(model.body_pos[bodies[2:]], axis=1)
-    shoulder = data.xpos[bodies[1]].copy()
-    return _Links(shoulder, tcp.xmat.reshape(3, 3).T @ (last - tcp.xpos), float(links.sum()))
+    joints = [model.joint(name).id for name in arm.joints]
+    at, axes, tcp = data.xanchor[joints], data.xaxis[joints], data.site(arm.tcp)
+
+    def parts(link: int, joint: int) -> Array:
+        """m along and across the axis of a joint, from joint `link` to the next."""
+        way = at[link + 1] - at[link]
+        along = float(way @ axes[joint])
+        return np.array([along, float(np.linalg.norm(way - along * axes[joint]))])
+
+    # Two links are longest where they point the same way from the axis of the joint between them.
+    stretched = sum(float(np.linalg.norm(parts(i - 1, i) + parts(i, i))) for i in (2, 4))
+    along, radius = parts(5, 6).tolist()
+    to_tool = tcp.xmat.reshape(3, 3).T
+    wrist = to_tool @ (at[6] - along * axes[6] - tcp.xpos)
+    missed = POSITION_TOLERANCE + float(ANGLE_TOLERANCE * np.linalg.norm(wrist))
+    return _Links(at[1].copy(), wrist, to_tool @ axes[6], radius, stretched, missed)

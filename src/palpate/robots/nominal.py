@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -17,6 +18,10 @@ RIDGE = 1e-9 * np.eye(6)
 singular pose stays finite."""
 SEARCH_STEPS, SEARCH_RATE, SEARCH_DAMPING, SEARCH_DONE = 60, 0.3, 1e-4, 1e-3
 """Of `NominalArm.reach`: most iterations, share of the distance to the posture per step, m^2, rad."""
+SEARCH_TURN = 0.2
+"""rad of any joint in one iteration, at most."""
+PLACES = 8
+"""Arms at their places whose models are kept."""
 SWUNG = 0.5
 """Cosine of the angle between tool axes from which the tool swings far: a hand that is level, not tilted."""
 
@@ -71,17 +76,24 @@ def force_of(jacobian: Array) -> Array:
     return dposv(moving @ moving.T + RIDGE[:3, :3], moving)[1]
 
 
+@lru_cache(PLACES)
+def _bare(arm: RobotDescription, *numbers: float) -> mujoco.MjModel:
+    """Compile an arm without shapes: `numbers` are its base's place and quaternion, and gravity."""
+    place, gravity = np.array(numbers[:7]), np.array(numbers[7:])
+    spec = arm.spec(gravity)
+    base = spec.body(arm.base)
+    base.pos, base.quat = place[:3], place[3:]
+    for geom in list(spec.geoms):
+        spec.delete(geom)
+    return spec.compile()
+
+
 class NominalArm:
     """The nominal arm alone, at its place in the world, fingers half open."""
 
     def __init__(self, arm: RobotDescription, pose_world_base: Pose, gravity: Array) -> None:
-        spec = arm.spec(gravity)
         self._pose_world_base = pose_world_base
-        base = spec.body(arm.base)
-        base.pos, base.quat = pose_world_base.position, pose_world_base.quaternion
-        for geom in list(spec.geoms):
-            spec.delete(geom)
-        self._model = spec.compile()
+        self._model = _bare(arm, *pose_world_base.vector.tolist(), *gravity.tolist())
         self._data = mujoco.MjData(self._model)
         self._tcp = self._model.site(arm.tcp).id
         self._elbow = int(self._model.jnt_bodyid[self._model.joint(arm.joints[3]).id])
@@ -155,8 +167,9 @@ class NominalArm:
         ahead = self._pose_world_base.local(goal.position)
         posture = self._levelled(posture + np.arctan2(ahead[1], ahead[0]) * np.eye(7)[0], goal)
         q, damping = posture, SEARCH_DAMPING * np.eye(6)
+        error, scaled = np.empty((2, 6))
         for _ in range(SEARCH_STEPS):
-            jacobian, error, scaled = self.jacobian(q), np.empty(6), np.empty(6)
+            jacobian = self.jacobian(q)
             error[:3] = goal.position - self._position
             turn = rotation_vector(self._quaternion, goal.quaternion)
             mujoco.mju_rotVecQuat(error[3:], turn, self._quaternion)
@@ -166,8 +179,10 @@ class NominalArm:
             mujoco.mju_cholFactor(square, 0.0)
             mujoco.mju_cholSolve(scaled, square, error - jacobian @ away)
             step = jacobian.T @ scaled + away
-            q = q + step.clip(-0.2, 0.2)
-            if np.abs(step).max() < SEARCH_DONE:
+            turns: list[float] = step.tolist()
+            largest = max(map(abs, turns))
+            q = q + (step if largest < SEARCH_TURN else step.clip(-SEARCH_TURN, SEARCH_TURN))
+            if largest < SEARCH_DONE:
                 break
         return q
 

@@ -244,7 +244,7 @@ class Primitive(BaseModel):
         objects around the hand."""
         if self.reads and self.reads not in state.buffers:
             return [self.unwritten()]
-        found = self.requires(state)
+        found = state.unmet(self)
         if "arm" not in self.claims:
             unknown = self.claims and state.pose_world_tcp is None
             return [*found, motion.unknown_start()] if unknown else found

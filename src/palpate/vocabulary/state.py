@@ -25,6 +25,7 @@ from palpate.vocabulary.admissible.solids import solids
 
 if TYPE_CHECKING:
     from palpate.vocabulary.base import Primitive
+    from palpate.vocabulary.violation import Violation
 
 T = TypeVar("T")
 
@@ -87,6 +88,12 @@ class SymbolicState:
         repr=False,
         compare=False,
     )
+    _unmet: dict[int, tuple[Primitive, list[Violation]]] = field(
+        default_factory=dict[int, "tuple[Primitive, list[Violation]]"],
+        init=False,
+        repr=False,
+        compare=False,
+    )
 
     def after(self, primitive: Primitive) -> SymbolicState:
         """State after SUCCESS of a primitive: its `effects`, computed once.
@@ -98,6 +105,13 @@ class SymbolicState:
         found = self._next.get(id(primitive))
         if found is None:
             found = self._next[id(primitive)] = (primitive, primitive.effects(self))
+        return found[1]
+
+    def unmet(self, primitive: Primitive) -> list[Violation]:
+        """Violations of a primitive's preconditions, `requires`, computed once."""
+        found = self._unmet.get(id(primitive))
+        if found is None:
+            found = self._unmet[id(primitive)] = (primitive, primitive.requires(self))
         return found[1]
 
     def standing(self, q: Array, pose_world_tcp: Pose) -> SymbolicState:
@@ -233,18 +247,19 @@ class SymbolicState:
         (3,), world, seen from above, in document order: a quick bound, by circles about them."""
 
         def compute() -> tuple[list[Body], Array, Array]:
-            bodies = [one for one in self.scene.bodies.values() if one.name != self.holding]
-            spots = np.array([self.pose_of(body.name).position[:2] for body in bodies])
+            still, bodies = self.without(self.holding), list(self.scene.bodies.values())
+            spots = np.array([still.pose_of(body.name).position[:2] for body in bodies])
             return bodies, spots.reshape(-1, 2), np.array([body.reach for body in bodies])
 
-        key = ("spots", self.holding, *self.others(self.holding))
+        key = ("spots", *self.others(self.holding))
         bodies, spots, reaches = solids(self.scene).cached(key, compute)
         along, apart = (end - start)[:2], spots - start[:2]
         # The nearest point of the line.
         share = np.clip(apart @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
         apart = apart - share[:, None] * along
         near = np.hypot(apart[:, 0], apart[:, 1]) <= reaches + margin
-        return [bodies[i] for i in np.flatnonzero(near).tolist()]
+        found = (bodies[i] for i in np.flatnonzero(near).tolist())
+        return [body for body in found if body.name != self.holding]
 
     def object_at(self, pose_world_tcp: Pose | None) -> Body | None:
         """Object that closing the fingers at a pose would grasp: the one between the pads nearest

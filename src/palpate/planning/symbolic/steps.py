@@ -79,15 +79,14 @@ class Step:
             meanwhile = during(moving, state) if sensing else state
             if any(primitive.violations(meanwhile) for primitive in sensing):
                 return None
+            # The effects of a guarded motion take long: not where it is refused.
+            if any(state.unmet(primitive) for primitive in moving):
+                return None
             after = self.effect(state)
         except InputError:
             return None
-        for primitive in moving:
-            if not is_preferred(primitive, state, after, recorded=bool(sensing)):
-                return None
-            if primitive.requires(state):
-                return None
-        return after
+        preferred = (is_preferred(one, state, after, recorded=bool(sensing)) for one in moving)
+        return after if all(preferred) else None
 
     def node(self) -> Node:
         """Node of a plan, with the primitives' arguments as they are written in a file."""

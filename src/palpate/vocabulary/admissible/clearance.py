@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
+from palpate.mjcf.body import Body
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.solids import solids
 from palpate.vocabulary.state import SymbolicState
@@ -22,6 +23,8 @@ SPACING = 0.02  # m between two samples of a motion
 STEEP = 0.010  # m of horizontal travel below which a motion is vertical
 SAME_TURN = 1e-6  # rad up to which two orientations are one
 TOUCH = 0.002  # m of overlap up to which boxes only touch
+
+Numbers = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,6 +35,12 @@ class Boxes:
     centres: Array
     axes: Array
     halves: Array
+
+    def at(self, positions: Array) -> Boxes:
+        """The boxes of a frame at each of some positions (m, 3) of it."""
+        count = len(positions)
+        centres = (positions[:, None] + self.centres).reshape(-1, 3)
+        return Boxes(centres, np.tile(self.axes, (count, 1, 1)), np.tile(self.halves, (count, 1)))
 
     def overlap(self, others: Boxes, margin: float) -> NDArray[np.bool_]:
         """Mask over `others` (m,): boxes nearer than `margin` to any of these.
@@ -44,18 +53,25 @@ class Boxes:
         reach = _radii(self.halves)[:, None] + _radii(others.halves) + max(margin, 0.0)
         i, j = np.nonzero(np.einsum("ijk,ijk->ij", apart, apart) < reach**2)
         found = np.zeros(len(others.centres), dtype=np.bool_)
-        if not len(i):
-            return found
-        mine, theirs, between = self.axes[i], others.axes[j], apart[i, j]
-        crossed = np.cross(mine[:, :, :, None], theirs[:, :, None, :], axis=1)
-        candidates = np.concatenate([mine, theirs, crossed.reshape(len(mine), 3, 9)], axis=2)
-        radius = _projected(candidates, mine, self.halves[i] + margin)
-        radius += _projected(candidates, theirs, others.halves[j])
-        distance = np.abs(np.einsum("nik,ni->nk", candidates, between))
-        # Cross products of parallel axes vanish and separate nothing.
-        separated = (distance > radius) & (np.linalg.norm(candidates, axis=1) > 1e-6)
-        found[j[~separated.any(axis=1)]] = True
+        faces = np.concatenate([self.axes[i], others.axes[j]], axis=2)
+        i, j = self._met(others, margin, i, j, faces)
+        if len(i):  # seldom: the normals of faces separate most
+            edges = np.cross(self.axes[i][:, :, :, None], others.axes[j][:, :, None], axis=1)
+            _, j = self._met(others, margin, i, j, edges.reshape(len(i), 3, 9))
+        found[j] = True
         return found
+
+    def _met(
+        self, others: Boxes, margin: float, i: Numbers, j: Numbers, axes: Array
+    ) -> tuple[Numbers, Numbers]:
+        """Those of the pairs `i` and `j` (n,) that none of the axes (n, 3, k) separates."""
+        radius = _projected(axes, self.axes[i], self.halves[i] + margin)
+        radius += _projected(axes, others.axes[j], others.halves[j])
+        distance = np.abs(np.einsum("nik,ni->nk", axes, others.centres[j] - self.centres[i]))
+        # Cross products of parallel axes vanish and separate nothing.
+        separated = (distance > radius) & (np.linalg.norm(axes, axis=1) > 1e-6)
+        met = ~separated.any(axis=1)
+        return i[met], j[met]
 
 
 def _radii(halves: Array) -> Array:
@@ -97,13 +113,13 @@ def _box_hits(
     travel = float(np.linalg.norm(end.position - start.position))
     samples = max(2, int(np.ceil(travel / SPACING)) + 1)
     positions = np.linspace(start.position, end.position, samples)
-    there = _boxes(state, [(name, state.pose_of(name)) for name in names])
-    found = _hand(state, positions, end.rotation).overlap(there, margin)
+    there = _boxes([(state.scene.body(name), state.pose_of(name)) for name in names])
+    found = _hand(state.scene, end.rotation).at(positions).overlap(there, margin)
     held = state.pose_tcp_object
     if state.holding is not None and held is not None:
-        poses = [Pose(position, end.quaternion) @ held for position in positions]
-        carried = _boxes(state, [(state.holding, pose) for pose in poses])
-        found |= carried.overlap(there, -TOUCH)
+        turned = Pose(np.zeros(3), end.quaternion) @ held
+        load = _boxes([(state.scene.body(state.holding), turned)]).at(positions)
+        found |= load.overlap(there, -TOUCH)
     return [name for name, met in zip(names, found, strict=True) if met]
 
 
@@ -120,23 +136,19 @@ def _nearby(state: SymbolicState, start: Pose, end: Pose) -> Iterator[str]:
             yield body.name
 
 
-def _hand(state: SymbolicState, positions: Array, rotation: Array) -> Boxes:
-    """Boxes of the hand with the TCP at positions (n, 3)."""
-    boxes = state.scene.arm.hand.boxes
+def _hand(scene: Scene, rotation: Array) -> Boxes:
+    """Boxes of the hand with the TCP at the origin."""
+    boxes = scene.arm.hand.boxes
     centres = np.array([box.centre for box in boxes]) @ rotation.T
-    placed = (positions[:, None] + centres).reshape(-1, 3)
-    axes = np.broadcast_to(rotation, (len(placed), 3, 3))
-    return Boxes(placed, axes, np.tile([box.half for box in boxes], (len(positions), 1)))
+    axes = np.broadcast_to(rotation, (len(boxes), 3, 3))
+    return Boxes(centres, axes, np.array([box.half for box in boxes]))
 
 
-def _boxes(state: SymbolicState, placed: list[tuple[str, Pose]]) -> Boxes:
-    """Bounding boxes of objects at poses."""
-    bodies = [(state.scene.body(name), pose) for name, pose in placed]
-    return Boxes(
-        np.array([pose.apply(body.centre) for body, pose in bodies]),
-        np.array([pose.rotation for _, pose in bodies]),
-        np.array([body.size / 2 for body, _ in bodies]),
-    )
+def _boxes(placed: Iterable[tuple[Body, Pose]]) -> Boxes:
+    """Bounding boxes of bodies at poses."""
+    found = [(pose.apply(body.centre), pose.rotation, body.size / 2) for body, pose in placed]
+    centres, axes, halves = zip(*found, strict=True)
+    return Boxes(np.array(centres), np.array(axes), np.array(halves))
 
 
 def straddled(state: SymbolicState, pose_world_tcp: Pose | None) -> str | None:

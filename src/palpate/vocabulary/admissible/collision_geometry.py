@@ -12,8 +12,8 @@ from palpate.geometry.pose import Array, Pose
 from palpate.vocabulary.admissible.arrangement import Part, arrangement
 from palpate.vocabulary.admissible.grip import grip
 from palpate.vocabulary.admissible.path import ArmPath, hand_path
-from palpate.vocabulary.admissible.solids import SIDES, Shape, ShapeGroup, Solids, solids
-from palpate.vocabulary.admissible.sweep import Pairs, Sweep
+from palpate.vocabulary.admissible.solids import SIDES, ShapeGroup, Solids, solids
+from palpate.vocabulary.admissible.sweep import Sweep
 from palpate.vocabulary.state import SymbolicState
 
 HAND = "hand"
@@ -109,13 +109,11 @@ def _new_sweep(
 ) -> Sweep:
     shapes, still, carried = solids(state.scene), arrangement(state, higher), _carried(state)
     links = [Part(geom, LINK, shapes.owners[geom]) for geom in joints]
-    hand = len(carried.parts)
-    meets = np.ones((hand + len(links), len(still.parts)), dtype=np.bool_)
-    # The base and the first links are neighbours.
-    first = np.array([joint <= NEIGHBOURS for joint in joints.values()], dtype=np.bool_)
-    meets[hand:] = ~(first[:, None] & (still.owners == state.scene.arm.base))
-    key = ("own pairs", hand, len(links))
-    own = shapes.cached(key, lambda: _own_pairs(list(joints.values()), hand, shapes))
+    # Number of the joint before each part; none before the base, and any between others and the arm.
+    last = len(state.scene.arm.joints) + 1
+    before = np.array([*[last] * len(carried.parts), *joints.values()], dtype=float)
+    fixed = np.where(still.owners == state.scene.arm.base, 0.0, -np.inf)
+    meets = before[:, None] - np.concatenate([before, fixed]) > NEIGHBOURS
 
     def place(path: ArmPath) -> Frames:
         if not links:
@@ -123,33 +121,23 @@ def _new_sweep(
         assert path.q is not None
         return Frames.joined([carried.at(path), path.links or shapes.links_at(path.q)])
 
-    return Sweep(shapes, path, (*carried.parts, *links), place, still, meets, own, growth)
-
-
-def _own_pairs(joints: list[int], carried: int, shapes: Solids) -> Pairs:
-    """(p, 2) parts of the robot that can meet: those with enough joints between them."""
-    last = len(shapes.scene.arm.joints)
-    found: list[tuple[int, int]] = []
-    for i, joint in enumerate(joints):
-        if last - joint >= NEIGHBOURS:
-            found += [(hand, carried + i) for hand in range(carried)]
-        for j, other in enumerate(joints[:i]):
-            if joint - other > NEIGHBOURS:
-                found.append((carried + i, carried + j))
-    return np.array(found, dtype=np.intp).reshape(-1, 2)
+    return Sweep(shapes, path, (*carried.parts, *links), place, still, meets, growth)
 
 
 def _carried(state: SymbolicState) -> Carried:
     shapes, held = solids(state.scene), state.pose_tcp_object
+    hand = shapes.cached("hand", lambda: _hand(shapes))
     if state.holding is None or held is None:
-        return shapes.cached("hand", lambda: _hand(shapes))
-    hand, load = _hand(shapes), shapes.objects[state.holding]
+        return hand
+    load = shapes.objects[state.holding]
+    there = load.at(held.position[None], held.rotation[None])
+    group = ShapeGroup(
+        (*hand.group.geoms, *load.geoms),
+        np.concatenate([hand.group.positions, there.positions[0]]),
+        np.concatenate([hand.group.rotations, there.rotations[0]]),
+    )
     parts = (*hand.parts, *(Part(geom, LOAD, state.holding) for geom in load.geoms))
-    found = list(hand.group)
-    for geom, position, rotation in load:
-        found.append(Shape(geom, held.apply(position), held.rotation @ rotation))
-    sides = np.concatenate([hand.sides, np.zeros(len(load.geoms))])
-    return Carried(parts, ShapeGroup.of(found), sides)
+    return Carried(parts, group, np.concatenate([hand.sides, np.zeros(len(load.geoms))]))
 
 
 def _hand(shapes: Solids) -> Carried:

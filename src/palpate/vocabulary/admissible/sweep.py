@@ -50,7 +50,7 @@ class Hit:
     @property
     def place(self) -> str:
         """Place of the contact, in words."""
-        x, y, z = self.where
+        x, y, z = (round(value, 3) + 0.0 for value in self.where)  # no negative zero
         return f"({x:.3f}, {y:.3f}, {z:.3f}) m"
 
 
@@ -97,8 +97,7 @@ class Sweep:
         moving: the m moving parts.
         place: frames of the moving parts along a path.
         still: the k parts that stand still.
-        meets: (m, k) mask of the moving and static parts that could meet at all.
-        own: (p, 2) numbers of the moving parts that could meet each other.
+        meets: (m, m + k) mask of the moving parts that could meet each of all parts.
         growth: m, the largest distance that matters: only pairs that may come as near are looked at.
         forth: the sweep of the path in the other direction, of which this is the way back.
     """
@@ -109,7 +108,6 @@ class Sweep:
     place: Callable[[ArmPath], Frames]
     still: Arrangement
     meets: NDArray[np.bool_]
-    own: Pairs
     growth: float
     forth: Sweep | None = None
 
@@ -150,24 +148,14 @@ class Sweep:
         steps = self._travel(self.frames.part(slice(-1)), self.frames.part(slice(1, None)))
         # Between two moments a part is no farther from both than half of its travel.
         reach = (self.growth + self._radii + steps.max(axis=0) / 2)[:, None]
-        near = self.still.near(positions.min(axis=0) - reach, positions.max(axis=0) + reach)
-        static = np.argwhere(near & self.meets) + np.array([0, len(self.moving)])
-        pairs = np.concatenate([static, self._near_own(steps)])
+        low, high = positions.min(axis=0) - reach, positions.max(axis=0) + reach
+        own = (low <= high[:, None]).all(axis=2)
+        near = np.concatenate([own & own.T, self.still.near(low, high)], axis=1)
+        pairs = np.argwhere(near & self.meets)
+        pairs = pairs[np.argsort(pairs[:, 1] < len(self.moving), kind="stable")]
         bounds, travels = self._bounds(pairs), self._relative(pairs, steps)
         may = self._doubtful(bounds, travels, self.growth).any(axis=0)
         return pairs[may], bounds[:, may], travels[:, may]
-
-    def _near_own(self, steps: Array) -> Pairs:
-        """Pairs of `own` whose bounding spheres come near each other."""
-        first, second = self.own.T
-        apart = self.frames.positions[:, first] - self.frames.positions[:, second]
-        bounds = (
-            np.sqrt(np.einsum("nki,nki->nk", apart, apart))
-            - self._radii[first]
-            - self._radii[second]
-        )
-        travels = self._relative(self.own, steps)
-        return self.own[self._doubtful(bounds, travels, self.growth).any(axis=0)]
 
     @staticmethod
     def _doubtful(bounds: Array, travels: Array, margins: Array | float) -> NDArray[np.bool_]:
@@ -185,14 +173,14 @@ class Sweep:
 
         A pair that is too near at the start may stay as near.
         """
-        level, allowed = self._intervals(margins)
-        for met in self._met(level, allowed):
+        allowed = self._allowed(margins)
+        for met in self._met(list(self._intervals(allowed)), allowed):
             yield self._hit(met.pair, met.moment)
 
     def first(self, margins: Array) -> Hit | None:
         """Earliest of the `hits`; the path behind it is not searched."""
-        level, allowed = self._intervals(margins)
-        for interval in level:
+        allowed = self._allowed(margins)
+        for interval in self._intervals(allowed):
             hits = [self._hit(met.pair, met.moment) for met in self._met([interval], allowed)]
             if hits:
                 return min(hits, key=lambda hit: hit.share)
@@ -222,11 +210,11 @@ class Sweep:
         first, second = pairs.T
         static = int((second >= len(self.moving)).sum())
         still, other = second[:static] - len(self.moving), second[static:]
-        parts = [
-            self._to_box(first[:static], self.still.frames, still, self.still.geoms[still]),
-            self._to_box(first[static:], self.frames, other, self._geoms[other]),
-        ]
-        return np.concatenate(parts, axis=1) - self._radii[first]
+        bounds = self._to_box(first[:static], self.still.frames, still, self.still.geoms[still])
+        if len(other):
+            own = self._to_box(first[static:], self.frames, other, self._geoms[other])
+            bounds = np.concatenate([bounds, own], axis=1)
+        return bounds - self._radii[first]
 
     @cached_property
     def _geoms(self) -> Pairs:
@@ -268,21 +256,22 @@ class Sweep:
         outside = np.maximum(np.abs(beside - middle[geoms]) - half[geoms], 0.0)
         return np.sqrt(np.einsum("nki,nki->nk", outside, outside))
 
-    def _intervals(self, margins: Array) -> tuple[list[Interval], list[float]]:
-        """Intervals in which pairs may come nearer than their margins (p,), m, and the margins allowed
-        to pairs that are too near at the start."""
+    def _allowed(self, margins: Array) -> Array:
+        """(p,) m, margins, less for pairs that are too near at the start."""
         allowed, start = margins.copy(), self._moment(0)
         for pair in np.flatnonzero(self.bounds[0] < allowed).tolist():
             allowed[pair] = min(allowed[pair], self._distance(start, pair) - SLACK)
-        doubtful = self._doubtful(self.bounds, self.travels, allowed)
-        level: list[Interval] = []
+        return allowed
+
+    def _intervals(self, margins: Array) -> Iterator[Interval]:
+        """Intervals in which pairs may come nearer than their margins (p,), m."""
+        doubtful = self._doubtful(self.bounds, self.travels, margins)
         for i in np.flatnonzero(doubtful.any(axis=1)).tolist():
             pairs = np.flatnonzero(doubtful[i])
             travels = self.travels[i, pairs].tolist()
-            level.append(Interval(self._moment(i), self._moment(i + 1), pairs.tolist(), travels))
-        return level, allowed.tolist()
+            yield Interval(self._moment(i), self._moment(i + 1), pairs.tolist(), travels)
 
-    def _met(self, level: list[Interval], margins: list[float]) -> list[Met]:
+    def _met(self, level: list[Interval], margins: Array) -> list[Met]:
         """Pairs that come too near in some intervals, each where it first does, in their order."""
         found, halvings = dict[int, Met](), 0
         while level:
@@ -291,7 +280,7 @@ class Sweep:
         return sorted(found.values(), key=lambda met: met[:3])
 
     def _unclear(
-        self, level: list[Interval], margins: list[float], halvings: int, found: dict[int, Met]
+        self, level: list[Interval], margins: Array, halvings: int, found: dict[int, Met]
     ) -> Iterator[tuple[Moment, Moment, list[int]]]:
         """Intervals with the pairs that may still come too near in between; those that do at an end are
         added to `found`."""
