@@ -171,8 +171,8 @@ def signal_levers(q: Array, drag: Drag, observed: WrenchObservation, mu: float) 
     """(m,) effect of a unit of each signal on f_t - mu N of a drag, at the mean of the angles `q` (n, 7)."""
     # w = (J^T)^+ tau
     middle: Array = q.mean(axis=0, keepdims=True)
-    wrenches: Array = np.linalg.pinv(observed.maps(middle)).astype(np.float64)
-    return drag.way @ wrenches[0, :2] + mu * wrenches[0, 2]
+    wrenches = observed.wrenches(middle)[0]
+    return drag.way @ wrenches[:2] + mu * wrenches[2]
 
 
 def same_line(line: Array, way: Array) -> bool:

@@ -328,7 +328,7 @@ def inertial_force(
         return rising * [tuning.HORIZONTAL_MASS, tuning.HORIZONTAL_MASS, 0.0]
     q, dq = samples.q[rows], samples.dq[rows]
     torques = observed.links_motion(q, dq, central_rate(samples.dq, samples.t, rows))
-    wrenches: Array = np.linalg.pinv(observed.maps(q)) @ torques[:, :, None]
+    wrenches = observed.wrenches(q) @ torques[:, :, None]
     return wrenches[:, :3, 0] + mass * rising
 
 

@@ -86,8 +86,7 @@ def observe(trace: Trace) -> WrenchObservation:
         observed = observation_of_torques(samples.tau_ext, chain, measured.rotation @ tool[0].T)
         # Where torques do not reproduce the recorded wrench, signs or frames are inconsistent.
         rows = np.linspace(0, len(samples) - 1, min(tuning.CHAIN_ROWS, len(samples))).astype(int)
-        maps = observed.maps(samples.q[rows])
-        made: Array = np.linalg.pinv(maps) @ observed.signals[rows][:, :, None]
+        made = observed.wrenches(samples.q[rows]) @ observed.signals[rows][:, :, None]
         apart = np.linalg.norm((made[:, :, 0] - samples.wrench[rows])[:, :3], axis=1)
         if bool(np.median(apart) < tuning.CHAIN_FORCE):
             return observed
