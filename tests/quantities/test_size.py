@@ -1,5 +1,7 @@
 """Size: how wide the fingers find an object, how high its top is, and its shapes in the twin."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -104,6 +106,19 @@ def test_a_slightly_compliant_object_ends_at_first_contact(
     found = estimate_size(trace, SIZE, scene.bodies["crate"])
     assert found.verdict == verdict
     assert abs(found.values[2] - (TOP - TABLE)) < 3 * found.stds[2] < 3e-3 * (4e4 / stiffness)
+
+
+@pytest.mark.parametrize(("tip_std", "verdict"), [(1.6e-3, "identified"), (2e-4, "contradicted")])
+def test_a_top_that_gives_way_by_less_than_its_height_is_known_to_is_one_height(
+    bench, noises, scene, tip_std, verdict
+):
+    """Pressed 1.9 mm in, as a cup of 30 g is by MuJoCo's contacts, by tips known to 1.6 mm or to 0.2 mm."""
+    b = recorded(bench, noises["datasheet"], support=False, stiffness=2.6e3)
+    trace = b.trace()
+    trace = replace(trace, hand=replace(trace.hand, tip_offset_std=tip_std))
+    found = estimate_size(trace, SIZE, scene.bodies["crate"])
+    assert found.verdict == verdict
+    assert abs(found.values[2] - (TOP - TABLE)) < 2.0 * found.stds[2]
 
 
 def test_no_number_of_grasps_reduces_what_the_fingers_are_off_by(bench, noises, scene):

@@ -187,11 +187,14 @@ def size_of(
 ) -> Estimate:
     """The size of an object from its extents at grasps, and from touches of its top."""
     top_views: tuple[FitView, ...] = ()
+    tolerated = tuning.SOFT
     upright = np.abs(body.pose_world.rotation[2]) > tuning.ALIGNED
     if touches and upright.any():
         top, below = plane_of(touches, trace.hand), support(trace, body)
         std = float(np.hypot(top.std, below[1]))
         found.append(Extent(int(upright.argmax()), top.height - below[0], std))
+        # Where it was met and where it was held are one height, by all that is known of the other end.
+        tolerated = max(tolerated, 2.0 * below[1])
         top_views = touch_views(touches, top, upright.astype(float))
     if not found:
         why = f"'{body.name}' was touched only at an angle to its own axes, along which its size is stated."
@@ -224,7 +227,7 @@ def size_of(
         least=0.0,
         # A rigid top: an object ends where it is met. A little compliance, of it or of its support, widens
         # the standard deviation of the touch; something soft is a test that fails.
-        tests=tuple(touch.firm() for touch in touches if touch.penetration > tuning.SOFT),
+        tests=tuple(touch.firm() for touch in touches if touch.penetration > tolerated),
         unseen=tuple(unseen),
         views=(*width_views(trace, held, value), *top_views),
     )
