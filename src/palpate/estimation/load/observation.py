@@ -116,12 +116,11 @@ def crosstalk(hand: Hand, torque: Array) -> Array:
     """(k, m) N m, 1 sigma of what each of m sensors reads of the torques (k, m) in the other joints.
 
     The torques of one load are nearly in proportion to each other wherever it hangs, so that a single column a
-    sensor stands for its readings of all of them. A sensor whose gain was calibrated with a weight showed what it reads
-    of the others, too. None where the signals are those of a wrench.
+    sensor stands for its readings of all of them. None where the signals are those of a wrench, nor after a
+    calibration, whose weight showed it as a part of the gains.
     """
-    if torque.shape[1] != len(hand.joints):
+    if torque.shape[1] != len(hand.joints) or hand.gain_covariance is not None:
         return np.zeros_like(torque)
     squares = torque**2
     others = squares.sum(axis=1, keepdims=True) - squares
-    gain = np.linalg.norm(gain_root(hand, torque.shape[1]), axis=1)
-    return tuning.CROSSTALK * gain * np.sqrt(np.maximum(others, 0.0))
+    return tuning.CROSSTALK * hand.torque_gain / np.sqrt(3.0) * np.sqrt(np.maximum(others, 0.0))
