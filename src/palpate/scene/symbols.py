@@ -108,8 +108,11 @@ class Symbols:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Every name of a pose, longest first."""
-        every = {*self.poses, *self.later, *self.lines}
-        return tuple(sorted(every, key=lambda n: (-len(n), n)))
+        return tuple(sorted(self._names, key=lambda n: (-len(n), n)))
+
+    @cached_property
+    def _names(self) -> dict[str, str]:
+        return {name: name for name in (*self.poses, *self.later, *self.lines)}
 
     @cached_property
     def usable(self) -> frozenset[str]:
@@ -165,7 +168,7 @@ class Symbols:
         """Name of the pose in an expression if its position is measured in a run; else, or if the
         expression is invalid, None."""
         try:
-            name = self.parse(expression).name
+            name = self.parse(expression).name if self.lines else None
         except InputError:
             return None
         return name if name in self.lines else None
@@ -283,12 +286,12 @@ class Symbols:
     def _leading_name(self, text: str) -> tuple[str, str]:
         """Split an expression into the pose's name and the terms. A name may contain a minus, so the
         longest match is taken."""
-        for name in (*self.names, *sorted(self._aliases, key=len, reverse=True)):
-            if not text.startswith(name):
-                continue
-            rest = text[len(name) :]
-            if not rest.strip() or rest.lstrip()[0] in "+-−":
-                return self._aliases.get(name, name), rest
+        signs = [sign.start() for sign in re.finditer(r"[+\-−]", text)]
+        heads = [text[:end].rstrip() for end in (len(text), *reversed(signs))]
+        for known in (self._names, self._aliases):
+            for name in heads:
+                if name in known:
+                    return known[name], text[len(name) :]
         shown = re.split(r"[+\-−*]", text)[0].strip() or text
         raise self._unknown(shown)
 

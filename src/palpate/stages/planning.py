@@ -84,7 +84,7 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
 
     # Poses are stated relative to the arm that saw them: transform them for the one that will move.
     base = Pose.of((0.0, 0.0, 0.0)) if scene is None else scene.pose_world_base
-    arm = settings.described_arm()
+    arm = settings.described_arm() if scene is None else scene.arm
     poses = seen_by(read_poses(settings.poses) if settings.poses else Poses(), arm, base)
     if planner is None:
         builder, model = SceneBuilder(poses, arm), settings.model_settings

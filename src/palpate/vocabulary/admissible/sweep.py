@@ -174,7 +174,12 @@ class Sweep:
         A pair that is too near at the start may stay as near.
         """
         allowed = self._allowed(margins)
-        for met in self._met(list(self._intervals(allowed)), allowed):
+        if any((allowed <= kept).all() for kept in self._kept):
+            return
+        found = self._met(list(self._intervals(allowed)), allowed)
+        if not found:
+            self._kept.append(allowed)
+        for met in found:
             yield self._hit(met.pair, met.moment)
 
     def first(self, margins: Array) -> Hit | None:
@@ -233,6 +238,11 @@ class Sweep:
         geoms = np.concatenate([self._geoms, self.still.geoms])[second]
         columns = (self._geoms[first], first, geoms, number, still)
         return list(zip(*(column.tolist() for column in columns), strict=True))
+
+    @cached_property
+    def _kept(self) -> list[Array]:
+        """Margins (p,), m, that all pairs keep the whole way, there or back."""
+        return [] if self.forth is None else self.forth._kept
 
     @cached_property
     def _moments(self) -> dict[int, Moment]:
