@@ -110,6 +110,8 @@ MINUTES = (
     "tests/execution/test_repetition.py::test_result_states_the_asked_width_and_the_outcome",
     "tests/execution/test_repetition.py::test_rounds_end_however_much_more_would_narrow_it[[]20.0-5]",
     "tests/cli/test_signals.py::test_while_the_arm_moves[[]two]",
+    "tests/scenarios/test_recorded_plans.py::test_a_recorded_plan_acquires_exactly_what_is_missing[[]*-model]",
+    "tests/scenarios/test_catalogue.py::test_a_scenario_ends_as_it_should[[]drawer/door]",
     "tests/studies/test_accuracy.py::test_seeds_are_independent_runs_of_one_world",
     "tests/examples/test_programs.py::test_a_program_runs_and_prints_what_it_promises[[]1[02]*",
     "tests/quantities/test_friction.py::test_the_arms_own_friction_does_not_reach_the_estimate*",
