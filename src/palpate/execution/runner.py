@@ -32,7 +32,7 @@ from palpate.vocabulary.state import SymbolicState
 log = logging.getLogger(__name__)
 
 TICK_PERIOD = 0.02  # s of robot time between two ticks
-LONGEST_WAIT = 0.16  # s between two while no leaf needs a look: 2 mm of a probe's way
+LONGEST_WAIT = 0.08  # s between two while no leaf needs a look: 1 mm of a probe's way
 MAX_ROBOT_SECONDS = 1800.0  # s of robot time that a whole run may take
 STOP_SECONDS = 2.0  # s of robot time for the arm to come to rest after `hold`
 EASINGS = 8  # Largest number of reductions of a pressing force; each leaves a fraction of it

@@ -22,7 +22,7 @@ from palpate.trace.samples import Samples
 OBSERVER_TIME = 0.01  # s, time constant of the momentum observer, two log periods
 LOAD_TIME = 0.2  # s, time constant with which a vertical force is taken for a load
 
-MOST = 4 * LONGEST_RUN  # log periods that are read together, at most
+MOST = 2 * LONGEST_RUN  # log periods that are read together, at most
 _KEPT = math.exp(-PERIOD / OBSERVER_TIME)
 # Response of the observer to the residual of each period, and what is left of its state before.
 _AGES = np.subtract.outer(np.arange(MOST), np.arange(MOST))
