@@ -7,8 +7,9 @@ from standin import CELL, IN_HAND, TICK, StandIn
 from palpate.scene.load import parse_scene
 from palpate.vocabulary.admissible.profile import Span
 from palpate.vocabulary.base import Blackboard, Recorder
-from palpate.vocabulary.guarding import SET_DOWN, follow_guarded
+from palpate.vocabulary.guarding import SET_DOWN, follow_guarded, lower
 from palpate.vocabulary.load import Load
+from palpate.vocabulary.motion import MovePose
 from palpate.vocabulary.state import SymbolicState
 
 DOWN = np.array([0.0, 0.0, -0.05])
@@ -48,3 +49,24 @@ def test_a_support_that_is_met_early_ends_the_way_down(rest):
     assert lowered(robot, rest)
     pressed = robot.weight - robot.state.wrench[2]
     assert SET_DOWN < pressed < SET_DOWN + max(-rest, 0.0) + 4.0
+
+
+def test_a_thing_is_pressed_on_its_support_with_more_than_carrying_explains():
+    robot = StandIn()
+    robot.weight, robot.support_z = 12.0, robot.state.pose_world_tcp.position[2] - 0.001
+    state = SymbolicState(parse_scene(CELL), holding="cup", pose_tcp_object=IN_HAND, lifted=True)
+    blackboard, leaf = Blackboard(robot, state, Recorder(robot)), MovePose(pose="cup_pose")
+    blackboard.load = Load(empty=np.zeros(6), hanging=np.array([0.0, 0.0, 12.0, 0.0, 0.0, 0.0]))
+    robot.put(gripping=True)
+    robot.gripping_after = True
+    said: dict[bool, set[bool]] = {False: set(), True: set()}
+    for _ in lower(blackboard, "cup_pose"):
+        moving = robot.state.moving
+        rubs = -38.0 if moving else 0.0
+        robot.force = np.array([0.0, 0.0, rubs, 0.0, 0.0, 0.0])
+        robot.advance(TICK)
+        said[moving].add(leaf.unsafe(blackboard) is None)
+    assert said == {False: {True}, True: {True}}
+    robot.force = np.array([0.0, 0.0, -38.0, 0.0, 0.0, 0.0])
+    robot.advance(TICK)
+    assert "unexpected contact" in str(leaf.unsafe(blackboard))

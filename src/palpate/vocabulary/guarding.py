@@ -139,15 +139,20 @@ def _explained(blackboard: Blackboard, change: Array, sets_down: bool, span: Spa
 def lower(blackboard: Blackboard, goal: str) -> Wait:
     """Lower a held object until its support bears it: the arm sags, and fingers that press slip. The
     arm's last sag before it rests may relieve the support again, or the friction of a folded arm's
-    joints seem to: so repeat, each time with twice the press."""
+    joints seem to: so repeat, each time with twice the press. That is a contact which is meant to be: friction of
+    joints that turn round beside it may look like more than carrying explains."""
+    before = blackboard.state
     for lowering in range(LOWERINGS):
         yield from _rest(blackboard)
         if blackboard.load.too_much((yield from median_wrench(blackboard)), WAVERS) is None:
             return
+        blackboard.state = replace(before, lifted=False)
         pressed = PRESSES * 2**lowering
         borne = partial(_is_borne, blackboard.load, WrenchFilter(blackboard.robot), pressed)
         blackboard.robot.move_axis(DOWN, GUARDED_SPEED, POSE_ERROR)
-        if not (yield from guarded(blackboard, borne)):
+        stands = yield from guarded(blackboard, borne)
+        blackboard.state = before
+        if not stands:
             raise LeafFailure(
                 f"nothing bears '{blackboard.state.holding}' at '{goal}' or "
                 f"{1e3 * POSE_ERROR:.0f} mm below: it stays in the fingers"
