@@ -38,10 +38,7 @@ FILES = {
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("demo") / "run"
     subprocess.run(
-        [
-            *(sys.executable, "-m", "palpate.cli.main"),
-            *("demo", "--noise", "lab", "--seed", "1", "--out", str(path)),
-        ],
+        [sys.executable, "-m", "palpate.cli.main", "demo", "--noise", "lab", "--out", str(path)],
         check=True,
         capture_output=True,
     )

@@ -70,3 +70,11 @@ def test_a_thing_is_pressed_on_its_support_with_more_than_carrying_explains():
     robot.force = np.array([0.0, 0.0, -38.0, 0.0, 0.0, 0.0])
     robot.advance(TICK)
     assert "unexpected contact" in str(leaf.unsafe(blackboard))
+    interrupted = lower(blackboard, "cup_pose")
+    robot.support_z -= 0.01
+    robot.force = np.zeros(6)
+    while blackboard.state.lifted:
+        next(interrupted)
+        robot.advance(TICK)
+    interrupted.close()
+    assert blackboard.state.lifted

@@ -29,8 +29,8 @@ from palpate.estimation.agreement import KNOWN, FitTest, chi_squared
 from palpate.estimation.arm.causes import Bodies
 from palpate.estimation.load.chain import regressor
 from palpate.estimation.load.equations import equations
-from palpate.estimation.load.fit import CROSSTALK, GAIN, LoadModel, fit_load, load_model
-from palpate.estimation.load.observation import gain_root, observe
+from palpate.estimation.load.fit import LoadModel, fit_load, load_model
+from palpate.estimation.load.observation import CROSSTALK, GAIN, gain_root, observe
 from palpate.estimation.load.segments import weighings
 from palpate.estimation.regression import Cause, Posterior, SignalNoise, fit
 from palpate.geometry.pose import Array, Pose

@@ -20,7 +20,8 @@ SPACING = 0.02
 the fingers' pads, so that what they sweep at two neighbouring places overlaps."""
 ROUNDING = 1e-9
 """m."""
-CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
+CONJUGATE: Array = np.array([1.0, -1.0, -1.0, -1.0])
+"""Factors of a unit quaternion (w, x, y, z) that make its inverse."""
 
 
 def digits(values: Array) -> bytes:

@@ -24,6 +24,7 @@ BASE, BASE_WITHIN = 220.0, 120.0  # cycles of the first harmonic
 COHERENT = 0.2  # rad of one-way motion in which a ripple keeps its phase
 SLOWEST = 0.15  # rad/s: a ripple's frequency is beyond `ABOVE`
 FEWEST, FEWEST_ROWS = 3, 16  # pieces of motion, and samples of each
+SMALLEST = 0.002  # N m, root mean square of a ripple: no joint torque sensor resolves less
 CLEAR, STAYS = 5.0, 1.5  # power of a ripple over its neighbours', and of what M ddq leaves of it
 ABOUT = 9.0  # cycles, within which a harmonic is looked for
 NEAR = (40.0, 120.0)  # orders between which they lie from it
@@ -69,7 +70,7 @@ def _joint(q: Array, smooth: Array, torque: Array, left: Array, rate: Array) -> 
     if based[below] and clear[below] > CLEAR:
         first = below
     size = _size(torques[:, first])
-    if clear[first] < CLEAR or size[1] <= 0:
+    if clear[first] < CLEAR or size[1] <= 0 or size[0] < SMALLEST:
         return [unseen] * 4
     second = peak(clear, 2 * ORDERS[first])
     half = 2 * np.pi / float(np.median([np.ptp(q[run]) for run in runs])) / np.sqrt(len(runs))

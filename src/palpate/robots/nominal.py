@@ -9,7 +9,7 @@ from functools import lru_cache
 import mujoco
 import numpy as np
 
-from palpate.geometry.pose import Array, Pose
+from palpate.geometry.pose import CONJUGATE, Array, Pose
 from palpate.robots.description import RobotDescription
 from palpate.robots.trajectory import rotation_vector
 
@@ -190,7 +190,7 @@ class NominalArm:
         """Turn the last two joints as the tool swings, and turns about its own axis, on its way to a `goal` where it
         is level: a search from elsewhere may fold the wrist."""
         axes = self.jacobian(posture)[3:]
-        relative, inverse = np.empty(4), self._quaternion * [1.0, -1.0, -1.0, -1.0]
+        relative, inverse = np.empty(4), self._quaternion * CONJUGATE
         mujoco.mju_mulQuat(relative, inverse, goal.quaternion)
         w, x, y, z = relative
         swung = 1.0 - 2.0 * (x**2 + y**2)

@@ -146,12 +146,14 @@ def lower(blackboard: Blackboard, goal: str) -> Wait:
         yield from _rest(blackboard)
         if blackboard.load.too_much((yield from median_wrench(blackboard)), WAVERS) is None:
             return
-        blackboard.state = replace(before, lifted=False)
         pressed = PRESSES * 2**lowering
         borne = partial(_is_borne, blackboard.load, WrenchFilter(blackboard.robot), pressed)
         blackboard.robot.move_axis(DOWN, GUARDED_SPEED, POSE_ERROR)
-        stands = yield from guarded(blackboard, borne)
-        blackboard.state = before
+        blackboard.state = replace(before, lifted=False)
+        try:
+            stands = yield from guarded(blackboard, borne)
+        finally:  # a stop that comes meanwhile has to lower it
+            blackboard.state = before
         if not stands:
             raise LeafFailure(
                 f"nothing bears '{blackboard.state.holding}' at '{goal}' or "

@@ -15,6 +15,8 @@ from palpate.estimation.load.chain import link_parameters, regressor
 from palpate.estimation.load.in_hand import load_rows
 from palpate.estimation.load.noise import Noise, block_noise, flicker
 from palpate.estimation.load.observation import (
+    CROSSTALK,
+    GAIN,
     WrenchObservation,
     crosstalk,
     gain_root,
@@ -26,10 +28,9 @@ from palpate.geometry.pose import Array
 from palpate.trace.samples import Trace, once
 
 WEIGHT, LEVER, LINK, INERTIA, REST = "weight", "lever", "link", "inertia", "rest"
-GAIN, CROSSTALK = "gain", "cross-talk"
 SLIPS = "joint friction over another way"
 """Names of causes, or their beginnings: of the load, errors of the model of the links and of what moves them,
-residual stiction of rests, sensor gains, and what each sensor reads of the other joints' torques."""
+residual stiction of rests."""
 
 
 def by_signal(torque: Array) -> Array:

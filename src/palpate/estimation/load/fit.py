@@ -56,7 +56,7 @@ from palpate.estimation.load.equations import (
     in_each,
 )
 from palpate.estimation.load.misspecification import tests_of
-from palpate.estimation.load.observation import crosstalk, gain_root
+from palpate.estimation.load.observation import CROSSTALK, GAIN, crosstalk, gain_root
 from palpate.estimation.load.segments import Weighing
 from palpate.estimation.regression import (
     Cause,
@@ -70,8 +70,7 @@ from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
 
 AT_HAND, OFFSETS = ("rests", "passes", "rests and passes"), "offsets"
-GAIN, CROSSTALK = "gain", "cross-talk"
-"""Names of causes: residual stiction, gains of the sensors, and what each reads of the other joints' torques."""
+"""Names of causes: residual stiction."""
 LoadModel = tuple[list[Cause], SignalNoise, Array, list[Scale]]
 """Causes, noise, signals and prior scales."""
 

@@ -19,6 +19,9 @@ from palpate.geometry.pose import Array, Pose
 from palpate.trace.recording import Chain, Hand
 from palpate.trace.samples import Samples, Trace
 
+GAIN, CROSSTALK = "gain", "cross-talk"
+"""Names of causes: gains of the sensors, and what each reads of the other joints' torques."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WrenchObservation:

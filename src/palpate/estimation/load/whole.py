@@ -18,8 +18,6 @@ import numpy as np
 from palpate.estimation.coloured import learned, with_residual
 from palpate.estimation.load.blocks import Blocks, blocks, free_rows
 from palpate.estimation.load.causes import (
-    CROSSTALK,
-    GAIN,
     LINK,
     by_signal,
     free_noise,
@@ -29,7 +27,7 @@ from palpate.estimation.load.causes import (
     scales,
 )
 from palpate.estimation.load.noise import Noise
-from palpate.estimation.load.observation import WrenchObservation, observe
+from palpate.estimation.load.observation import CROSSTALK, GAIN, WrenchObservation, observe
 from palpate.estimation.regression import Cause, Posterior, SignalNoise, fit
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Trace

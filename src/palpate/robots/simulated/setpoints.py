@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from palpate.geometry.pose import Array, Pose
+from palpate.geometry.pose import CONJUGATE, Array, Pose
 from palpate.robots.simulated.impedance import Gains
 from palpate.robots.simulated.noise.sensors import Encoders
 from palpate.robots.simulated.readout import Readout
@@ -22,7 +22,6 @@ BLEND = 0.5
 """Share of a new deviation that is applied in a run of cycles. Where joints or pads give way, the
 deviation follows the force and the force the set-point: all of it together would swing up where
 they are softer than the controller's springs."""
-CONJUGATE: Array = np.array([1.0, -1.0, -1.0, -1.0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -64,7 +64,7 @@ class Boxes:
     def _met(
         self, others: Boxes, margin: float, i: Numbers, j: Numbers, axes: Array
     ) -> tuple[Numbers, Numbers]:
-        """Those of the pairs `i` and `j` (n,) that none of the axes (n, 3, k) separates."""
+        """Select the pairs `i` and `j` (n,) that none of their axes (n, 3, k) separates."""
         radius = _projected(axes, self.axes[i], self.halves[i] + margin)
         radius += _projected(axes, others.axes[j], others.halves[j])
         distance = np.abs(np.einsum("nik,ni->nk", axes, others.centres[j] - self.centres[i]))
