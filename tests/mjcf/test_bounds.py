@@ -29,6 +29,10 @@ def flexible(count: str) -> str:
     return f'<flexcomp name="cloth" type="grid" count="{count}" spacing="1 1 1"/>'
 
 
+PATIENCE = 30.0
+"""s of processor time: what is expanded takes minutes, or all memory there is."""
+
+
 def computed() -> float:
     """s of processor time that this process and those that it waited for have used."""
     times = os.times()
@@ -82,7 +86,7 @@ def test_an_element_that_expands_to_a_million_is_refused(text: str, message: str
     started = computed()
     with pytest.raises(InputError, match=message):
         parse_scene(text)
-    assert computed() - started < 2
+    assert computed() - started < PATIENCE
 
 
 def test_a_scene_within_the_bounds_is_built() -> None:
@@ -125,7 +129,7 @@ def test_a_mesh_whose_hull_would_take_minutes_is_built_with_a_bounded_one(
     (tmp_path / "m.stl").write_bytes(stl(corners))
     started = computed()
     built = parse_scene(mesh_scene("m.stl"), tmp_path)
-    assert computed() - started < 2
+    assert computed() - started < PATIENCE
     assert built.resolved.shapes.model.mesh_graph[0] == bounds.HULL_POINTS
 
 

@@ -195,8 +195,8 @@ def test_an_object_that_was_not_asked_for_is_named() -> None:
     ("program", "words"),
     [
         ("raise SystemExit('no GPU')", "fails with status 1: no GPU"),
-        ("import time; time.sleep(9)", "within 0.3 s"),
-        ("import os, time; os.close(1); time.sleep(9)", "within 0.3 s"),
+        ("import time; time.sleep(99)", "within 0.3 s"),
+        ("import os, time; os.close(1); time.sleep(99)", "within 0.3 s"),
         ("while True: print('x' * 10000)", "more than"),
     ],
 )
@@ -205,19 +205,19 @@ def test_a_command_that_fails_hangs_or_floods_is_ended(program: str, words: str)
     began = time.monotonic()
     with pytest.raises(Unavailable, match=words):
         exchange.exchanged(command, b"{}", 0.3 if "within" in words else 20)
-    assert time.monotonic() - began < 8
+    assert time.monotonic() - began < 50
 
 
 def drips(handler: BaseHTTPRequestHandler, _: bytes) -> None:
     handler.send_response(200)
     handler.end_headers()
-    for _ in range(40):
+    for _ in range(2000):
         time.sleep(0.05)
         handler.wfile.write(b" ")
 
 
 def stalls(handler: BaseHTTPRequestHandler, _: bytes) -> None:
-    time.sleep(1.0)
+    time.sleep(99)
 
 
 @pytest.mark.parametrize(
@@ -234,7 +234,7 @@ def test_a_server_that_fails_stalls_or_floods_is_left(reply: Any, words: str) ->
     began = time.monotonic()
     with server(reply) as url, pytest.raises(Unavailable, match=words):
         exchange.exchanged(url, b"{}", 0.3 if "within" in words else 20)
-    assert time.monotonic() - began < 3
+    assert time.monotonic() - began < 50
 
 
 @pytest.mark.parametrize(

@@ -107,7 +107,7 @@ def test_a_killed_control_box_is_gone_and_the_next_one_is_found() -> None:
         began = time.perf_counter()
         passing(robot, lambda state: state.fault is not None)
         robot.close()
-        assert time.perf_counter() - began < 10.0  # 1 s where nothing else keeps the machine busy
+        assert time.perf_counter() - began < 60.0  # 1 s where nothing else keeps the machine busy
         assert re.search(
             "said nothing|connection .* is lost|not answer any more", robot.state.fault
         )

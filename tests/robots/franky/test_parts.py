@@ -319,8 +319,7 @@ def test_time_of_an_arm_that_has_stopped_follows_the_clock_on_the_wall() -> None
     one.link.fail("it met something")
     started = time.perf_counter()
     one.link.advance(0.1)
-    assert 0.09 < time.perf_counter() - started < 0.5
-    assert 0.1 <= one.link.t < 0.15
+    assert 0.1 <= one.link.t < time.perf_counter() - started + 0.02
 
 
 def test_a_computer_without_a_realtime_kernel_may_stall() -> None:
