@@ -255,22 +255,105 @@ class Posterior:
         return self.model.each_alone(self.noise.white(columns), prior)
 
 
-class _Solved(NamedTuple):
-    """Posterior: prior deviations and mean (p,), and the Cholesky factor of the information in units of the
-    prior deviations."""
+class _Information(NamedTuple):
+    """Information on some unknowns: their prior deviations (p,), and its Cholesky factor in units of these, so that
+    known ones (deviation 0) need no inverse."""
 
     prior: Array
     root: Array
+
+    @classmethod
+    def of(cls, prior: Array, gram: Array) -> _Information:
+        """That of rows with the inner products `gram` (p, p) of their columns."""
+        from scipy.linalg.lapack import dpotrf
+
+        information = prior[:, None] * gram * prior
+        information.flat[:: len(prior) + 1] += 1.0
+        # LAPACK's matrices go by columns; this one is symmetric.
+        return cls(prior, dpotrf(information.T, lower=True, overwrite_a=True)[0])
+
+    @property
+    def volume(self) -> float:
+        """Half the log determinant, in units of the prior deviations."""
+        return float(np.log(np.diag(self.root)).sum())
+
+    def solve(self, columns: Array) -> Array:
+        """Covariance of the unknowns, times `columns` (p, k)."""
+        from scipy.linalg.lapack import dpotrs
+
+        if not columns.size:
+            return np.zeros_like(columns)
+        return dpotrs(self.root, self.prior[:, None] * columns, lower=True)[0] * self.prior[:, None]
+
+
+class _Solved(NamedTuple):
+    """Posterior of the unknowns whose scale is chosen."""
+
+    information: _Information
     mean: Array
     evidence: float
 
-    def covariance(self, first: int) -> Array:
-        """(first, p): the first rows."""
-        from scipy.linalg.lapack import dpotrs
 
-        columns = np.zeros((len(self.prior), first))
-        np.fill_diagonal(columns, self.prior)
-        return (dpotrs(self.root, columns, lower=True)[0] * self.prior[:, None]).T
+@dataclass(frozen=True, slots=True, eq=False)
+class _Reduced:
+    """Normal equations of the v unknowns whose scale is chosen, with the f others integrated out (Schur complement).
+
+    Given these, x, the others have the mean `offset` - `slope` x, whatever the scales.
+
+    Attributes:
+        scaled, others: (v,), (f,) their places among all.
+        information: on the others, given these.
+        offset, slope: (f,), (f, v).
+        gram, projected: (v, v), (v,) what is left of the columns' inner products, and of those with `y`.
+        evidence: of the others.
+    """
+
+    scaled: NDArray[np.intp]
+    others: NDArray[np.intp]
+    information: _Information
+    offset: Array
+    slope: Array
+    gram: Array
+    projected: Array
+    evidence: float
+
+    @classmethod
+    def of(cls, model: Model) -> _Reduced:
+        """Integrate out the unknowns of a model that have no hyperprior."""
+        every = np.arange(len(model.prior), dtype=np.intp)
+        chosen = np.isin(
+            every, np.concatenate([every[:0], *(h.columns for h in model.hyperpriors)])
+        )
+        scaled, others = every[chosen], every[~chosen]
+        projected, gram = model.design.T @ model.y, model.design.T @ model.design
+        across = gram[np.ix_(others, scaled)]
+        information = _Information.of(model.prior[others], gram[np.ix_(others, others)])
+        offset = information.solve(projected[others, None])[:, 0]
+        slope = information.solve(across)
+        return cls(
+            scaled,
+            others,
+            information,
+            offset,
+            slope,
+            gram[np.ix_(scaled, scaled)] - across.T @ slope,
+            projected[scaled] - across.T @ offset,
+            0.5 * float(projected[others] @ offset) - information.volume,
+        )
+
+    def all_of(self, mean: Array, covariance: Array, first: int) -> tuple[Array, Array]:
+        """Mean (p,) and covariance (first, p) of all unknowns, where those whose scale is chosen have `mean` (v,) and
+        `covariance` (v, v)."""
+        count = len(self.scaled) + len(self.others)
+        follow = np.empty((count, len(mean)))
+        follow[self.scaled], follow[self.others] = np.eye(len(mean)), -self.slope
+        means = follow @ mean
+        means[self.others] += self.offset
+        covariances: Array = follow[:first] @ covariance @ follow.T
+        head = self.others[self.others < first]
+        own = self.information.solve(np.eye(len(self.others), len(head)))
+        covariances[np.ix_(head, self.others)] += own.T
+        return means, covariances
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -298,8 +381,8 @@ class Model:
         """Posterior mean (p,) and covariance (first, p), all p rows by default, averaged over the hyperpriors
         (Bayesian model averaging: Hoeting et al., Statistical Science 14, 1999), and the logarithm of the
         probability density of `y`, but for a constant."""
-        count = len(self.prior) if first is None else first
-        every = self._every()
+        reduced = _Reduced.of(self)
+        every = self._every(reduced)
         evidence = np.array([each.evidence for each in every])
         weights = np.exp(evidence - evidence.max())
         density = float(evidence.max() + np.log(weights.sum()) - 0.5 * self.y @ self.y)
@@ -309,48 +392,51 @@ class Model:
         solved = [every[i] for i in counted.tolist()]
         means = np.array([each.mean for each in solved])
         mean: Array = weights @ means
-        covariance: Array = (means - mean)[:, :count].T @ (weights[:, None] * (means - mean))
+        covariance: Array = (means - mean).T @ (weights[:, None] * (means - mean))
         for weight, each in zip(weights, solved, strict=True):
-            covariance += weight * each.covariance(count)
-        return mean, covariance, density
+            covariance += weight * each.information.solve(np.eye(len(mean)))
+        count = len(self.prior) if first is None else first
+        return *reduced.all_of(mean, covariance, count), density
 
-    def _every(self) -> Sequence[_Solved]:
+    def _every(self, reduced: _Reduced) -> Sequence[_Solved]:
         """Posteriors for each combination of the hyperpriors' factors."""
-        projected, gram = self.design.T @ self.y, self.design.T @ self.design
+        place = np.searchsorted(reduced.scaled, np.arange(len(self.prior)))
+        columns = [place[each.columns] for each in self.hyperpriors]
         choices = product(*(range(len(each.factors)) for each in self.hyperpriors))
-        return [self._solve(choice, projected, gram) for choice in choices]
+        return [self._solve(choice, columns, reduced) for choice in choices]
 
-    def _solve(self, choice: tuple[int, ...], projected: Array, gram: Array) -> _Solved:
-        """Posterior with the chosen scale factors. Its evidence is the log probability of the
+    def _solve(
+        self, choice: tuple[int, ...], columns: Sequence[NDArray[np.intp]], reduced: _Reduced
+    ) -> _Solved:
+        """Posterior with the chosen scale factors of `columns`. Its evidence is the log probability of the
         choice and of `y`, up to a constant common to all choices (Bishop, Pattern Recognition and
         Machine Learning, section 3.5.1)."""
-        from scipy.linalg.lapack import dpotrf, dpotrs
-
-        prior, chance = self.prior.copy(), 0.0
-        for each, i in zip(self.hyperpriors, choice, strict=True):
-            prior[each.columns] *= each.factors[i]
+        prior, chance = self.prior[reduced.scaled], reduced.evidence
+        for each, here, i in zip(self.hyperpriors, columns, choice, strict=True):
+            prior[here] *= each.factors[i]
             chance += float(np.log(each.chance[i]))
-        # In units of the prior deviations, so that known coefficients (deviation 0) need no inverse.
-        information = np.outer(prior, prior) * gram + np.eye(len(prior))
-        root = dpotrf(information, lower=True)[0]
-        solved = dpotrs(root, prior * projected, lower=True)[0]
-        mean = prior * solved
-        volume = 2.0 * float(np.log(np.diag(root)).sum())
-        return _Solved(prior, root, mean, chance + 0.5 * (float(mean @ projected) - volume))
+        information = _Information.of(prior, reduced.gram)
+        mean = information.solve(reduced.projected[:, None])[:, 0]
+        evidence = chance + 0.5 * float(mean @ reduced.projected) - information.volume
+        return _Solved(information, mean, evidence)
 
     def each_alone(self, columns: Array, prior: float) -> tuple[Array, Array]:
         """Posterior means and variances (k,) of the coefficients of `columns` (n, k), each added to the model
         alone."""
-        from scipy.linalg.lapack import dpotrs
-
-        shared = self.design.T @ columns
-        projected, squares = columns.T @ self.y, (columns**2).sum(axis=0)
+        reduced = _Reduced.of(self)
+        across = self.design.T @ columns
+        others = across[reduced.others]
+        # Less what the unknowns without a hyperprior explain.
+        squares = (columns**2).sum(axis=0) - (others * reduced.information.solve(others)).sum(
+            axis=0
+        )
+        projected = columns.T @ self.y - others.T @ reduced.offset
+        shared = across[reduced.scaled] - reduced.slope.T @ others
         means: list[Array] = []
         variances: list[Array] = []
         evidence: list[Array] = []
-        for each in self._every():
-            scaled = each.prior[:, None] * shared
-            known = (scaled * dpotrs(each.root, scaled, lower=True)[0]).sum(axis=0)
+        for each in self._every(reduced):
+            known = (shared * each.information.solve(shared)).sum(axis=0)
             variance = 1.0 / (np.maximum(squares - known, 0.0) + prior**-2)
             mean = variance * (projected - shared.T @ each.mean)
             means.append(mean)
