@@ -8,9 +8,9 @@ In each signal
 
 a sum of Ornstein-Uhlenbeck processes over time and over the path that the joint has turned (at rest it stays as it
 is), with lengths l_i from a block to a run. The variances v_i maximise the likelihood of the rows with all causes
-integrated out (restricted maximum likelihood: Patterson and Thompson, Biometrika 58, 1971; by the updates of Zhou
-et al., MM algorithms for variance components models, J. Comput. Graph. Stat. 28, 2019), signal by signal. They count
-by how much likelier they make the rows, so that a recording of a perfect arm is not punished.
+integrated out (restricted maximum likelihood: Patterson and Thompson, Biometrika 58, 1971; by fixed-point iteration of
+its score equations: Harville, J. Am. Stat. Assoc. 72, 1977), signal by signal. They count by how much likelier they
+make the rows, so that a recording of a perfect arm is not punished.
 """
 
 from __future__ import annotations
@@ -68,8 +68,13 @@ class Spans:
 
 def _kernel(apart: Array, within: Array, length: float) -> Array:
     """exp(-d / l) between rows `apart` (k, k), less what averages out `within` (k,) each."""
-    left = 1.0 / np.sqrt(1.0 + within / (2.0 * length))
+    left = np.sqrt(_averaged(within, length))
     return np.exp(-apart / length) * np.outer(left, left)
+
+
+def _averaged(within: Array, length: float) -> Array:
+    """Variance of means over stretches that turn `within`, at unit variance of a moment."""
+    return 1.0 / (1.0 + within / (2.0 * length))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,9 +93,15 @@ class Residual:
         """Degrees of freedom of both, beside a noise of the means with `variance` (m,) and its `freedom` (Welch and
         Satterthwaite; GUM, annex G.4)."""
         joints = range(len(self.variances))
-        left = np.array([np.diag(self.covariance(spans, joint)).mean() for joint in joints])
+        left = np.array([self._variance(spans, joint).mean() for joint in joints])
         share = left / (left + variance)
         return float(np.mean(1.0 / (share**2 / self.freedom + (1.0 - share) ** 2 / freedom)))
+
+    def _variance(self, spans: Spans, joint: int) -> Array:
+        """(k,) N² m² of a joint's means over `spans`: the diagonal of their covariance."""
+        times = [_averaged(spans.lasts, time) for time in tuning.COLOUR_TIMES]
+        paths = [_averaged(spans.turns[:, joint], far) for far in tuning.COLOUR_PATHS]
+        return self.variances[joint] @ np.array([*times, *paths])
 
     @property
     def total(self) -> Array:
@@ -136,7 +147,7 @@ def _likeliest(known: Array, rows: Array, kernels: Array) -> tuple[Array, float]
         # Each by its share in what is left, over what it is expected to leave.
         share = kernels @ weighted @ weighted
         expected = kernels.reshape(len(kernels), -1) @ precision.ravel()
-        variances = variances * np.sqrt(share / np.maximum(expected, 1e-300))
+        variances = variances * share / np.maximum(expected, 1e-300)
         more = _mixed(variances, kernels)
     after, precision = _inverse(known + more, rows)
     counts = 1.0 / (1.0 + np.exp(min(before + tuning.COLOUR_CHANCE - after, 100.0)))

@@ -80,6 +80,14 @@ def wrench_columns(pulled: Array, turn: Array, spun: Array) -> Array:
     return found
 
 
+def body_wrench(own: Array, pulled: Array, turn: Array, spun: Array) -> tuple[Array, Array]:
+    """(n, 3) force and moment about the origin of a body's frame with parameters `own` (10,); arguments else as in
+    `wrench_columns`."""
+    first, inertia = own[1:4], tensor_of(own[4:].tolist())
+    force = own[0] * pulled + np.cross(spun, first) + np.cross(turn, np.cross(turn, first))
+    return force, np.cross(first, pulled) + spun @ inertia + np.cross(turn, turn @ inertia)
+
+
 def _cross(vectors: Array) -> Array:
     """(n, 3, 3) v × ·."""
     found = np.zeros((len(vectors), 3, 3))

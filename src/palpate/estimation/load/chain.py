@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from palpate.estimation.rigid import (
     PARAMETERS,
+    body_wrench,
     in_axes,
     parameters,
     placed_at,
@@ -40,10 +41,9 @@ def hinges(chain: Chain, q: Array) -> list[Hinge]:
     frame, origin = np.broadcast_to(np.eye(3), (len(q), 3, 3)), np.zeros((len(q), 3))
     for own, place, angle in zip(chain.axes, chain.anchors, q.T, strict=True):
         # Each axis is turned by all joints before it.
-        axis = frame @ np.array(own)
-        anchor = frame @ np.array(place) + origin
+        axis, anchor = np.dot(frame, own), np.dot(frame, place) + origin
         frame = frame @ about(np.array(own), angle)
-        origin = anchor - frame @ np.array(place)
+        origin = anchor - np.dot(frame, place)
         found.append(Hinge(axis, anchor, frame, origin))
     return found
 
@@ -87,11 +87,18 @@ def own_motion(
     chain: Chain, q: Array, dq: Array, ddq: Array, gravity: Array | None = None
 ) -> Array:
     """(n, m) N m that move the links of `chain`, without gravity by default; arguments as in `regressor`."""
-    found = np.zeros(q.shape)
     pull = np.zeros(3) if gravity is None else gravity
-    for link, (motions, wrench) in enumerate(link_wrenches(chain, q, dq, ddq, pull)):
-        borne = wrench @ link_parameters(chain, link)
-        found[:, : link + 1] += (motions @ borne[:, :, None])[:, :, 0]
+    turned, found = hinges(chain, q), np.zeros(q.shape)
+    moved = list(link_motions(turned, dq, ddq, pull))
+    force, moment, tip = np.zeros((3, len(q), 3))
+    # From the tip in: the wrench of a link and of all after it, about its anchor.
+    for link, (hinge, motion) in reversed(list(enumerate(zip(turned, moved, strict=True)))):
+        local = (np.einsum("nji,nj->ni", hinge.frame, each) for each in motion)
+        wrench = body_wrench(link_parameters(chain, link), *local)
+        own, about_anchor = (np.einsum("nij,nj->ni", hinge.frame, each) for each in wrench)
+        moment = moment + about_anchor + np.cross(tip - hinge.anchor, force)
+        force, tip = force + own, hinge.anchor
+        found[:, link] = np.vecdot(hinge.axis, moment)
     return found
 
 
@@ -120,21 +127,31 @@ def link_wrenches(
     """Of each joint's link, in its own axes about its anchor: (n, j, 6) the twists of the joints up to it, and
     (n, 6, 10) the wrench that moves it, per unit of each of its parameters; from the base out (Khalil and Dombre,
     Modeling, Identification and Control of Robots, 2002, chapters 9 and 12)."""
-    turn, spun, place = np.zeros((3, len(q), 3))
-    pulled = np.broadcast_to(-gravity, (len(q), 3))
     turned = hinges(chain, q)
     axes, anchors = (
         np.array([getattr(one, name) for one in turned]) for name in ("axis", "anchor")
     )
+    moved = link_motions(turned, dq, ddq, gravity)
+    for link, (hinge, motion) in enumerate(zip(turned, moved, strict=True)):
+        before = slice(link + 1)
+        asides = np.cross(axes[before], hinge.anchor - anchors[before])
+        motions = np.stack([asides, axes[before]])
+        local = np.einsum("nji,cbnj->nbci", hinge.frame, motions).reshape(len(q), link + 1, 6)
+        own = (np.einsum("nji,nj->ni", hinge.frame, each) for each in motion)
+        yield local, wrench_columns(*own)
+
+
+def link_motions(
+    turned: Sequence[Hinge], dq: Array, ddq: Array, gravity: Array
+) -> Iterator[tuple[Array, Array, Array]]:
+    """Of each joint's link: (n, 3) acceleration of its anchor less gravity, its rate, and the change of that, in the
+    axes of the base."""
+    turn, spun, place = np.zeros((3, len(dq), 3))
+    pulled = np.broadcast_to(-gravity, (len(dq), 3))
     for link, hinge in enumerate(turned):
         arm = hinge.anchor - place
         pulled = pulled + np.cross(spun, arm) + np.cross(turn, np.cross(turn, arm))
         rate, change = dq[:, link, None], ddq[:, link, None]
         spun = spun + hinge.axis * change + np.cross(turn, hinge.axis) * rate
         turn, place = turn + hinge.axis * rate, hinge.anchor
-        before = slice(link + 1)
-        asides = np.cross(axes[before], hinge.anchor - anchors[before])
-        motions = np.stack([asides, axes[before]])
-        local = np.einsum("nji,cbnj->nbci", hinge.frame, motions).reshape(len(q), link + 1, 6)
-        own = (np.einsum("nji,nj->ni", hinge.frame, each) for each in (pulled, turn, spun))
-        yield local, wrench_columns(*own)
+        yield pulled, turn, spun

@@ -179,10 +179,13 @@ def _solved(
     """Equations, and their posterior, linearised at the solution."""
     grasps = _grasps(weighings)
     count = 1 + 2 * len(grasps)
-    rows = [equations(weighing, gravity, tuning.KINDS_APART[0]) for weighing in weighings]
+    ways = [
+        [equations(weighing, gravity, apart) for weighing in weighings]
+        for apart in tuning.KINDS_APART
+    ]
     # Effects of gains and tilts are in proportion to the load, which is unknown at first.
-    about = fit(*load_model(rows, grasps, np.zeros(count), hand), count).mean[:count]
-    rows, found = likeliest(weighings, gravity, about, hand)
+    about = fit(*load_model(ways[0], grasps, np.zeros(count), hand), 1).mean[:count]
+    rows, found = likeliest(ways, grasps, about, hand)
     for _ in range(tuning.LOAD_ITERATIONS):
         found = fit(*load_model(rows, grasps, about, hand), count)
         about = found.mean[:count]
@@ -190,21 +193,18 @@ def _solved(
 
 
 def likeliest(
-    weighings: Sequence[Weighing], gravity: float, about: Array, hand: Hand
+    ways: Sequence[Sequence[Rows]], grasps: Sequence[float], about: Array, hand: Hand
 ) -> tuple[Sequence[Rows], Posterior]:
-    """Equations and posterior with the biases of the kinds of segments as far apart as they may be, or less where
-    the evidence for that is very strong and the load is then known better."""
-    ways: list[tuple[Sequence[Rows], Posterior]] = []
-    for apart in tuning.KINDS_APART:
-        rows = [equations(weighing, gravity, apart) for weighing in weighings]
-        ways.append((rows, fit(*load_model(rows, _grasps(weighings), about, hand), 1)))
-    evidence = [found.evidence for _, found in ways]
+    """Of equations with the biases of the kinds of segments from as far `KINDS_APART` as they may be to alike, the
+    first, or those for which the evidence is very strong and by which the load is known better; with the posterior."""
+    found = [fit(*load_model(rows, grasps, about, hand), 1) for rows in ways]
+    evidence = [each.evidence for each in found]
     best = int(np.argmax(evidence))
-    if evidence[best] <= evidence[0] + tuning.VERY_STRONG:
-        return ways[0]
     # A bias that changes sign with the direction could pass for residual stiction of each approach.
-    apart, alike = (found.covariance[0, 0] for _, found in (ways[0], ways[best]))
-    return ways[best] if alike < apart else ways[0]
+    apart, alike = (found[i].covariance[0, 0] for i in (0, best))
+    if evidence[best] <= evidence[0] + tuning.VERY_STRONG or alike >= apart:
+        best = 0
+    return ways[best], found[best]
 
 
 def _grasps(weighings: Sequence[Weighing]) -> tuple[float, ...]:

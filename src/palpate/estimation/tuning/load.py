@@ -292,7 +292,7 @@ COLOUR_PATHS = (0.003, 0.01, 0.1)
 COLOUR_START = 0.02
 """N m (1 sigma) of each process, from which the recording's own is sought. Sensitive: no."""
 
-COLOUR_ROUNDS = 12
+COLOUR_ROUNDS = 6
 """rounds of that; each brings a variance nearer to its likeliest. Sensitive: no."""
 
 COLOUR_CHANCE = 3.0
