@@ -29,13 +29,6 @@ def run() -> Run:
     return pp.run(TEXT.format("?", 0.05, "?"), measure=wanted, world=world, noise="none", fast=True)
 
 
-@pytest.fixture(autouse=True)
-def two(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two processors, for which a short run is long enough."""
-    monkeypatch.setattr(replaying, "processors", lambda: 2)
-    monkeypatch.setattr(replaying, "SHORTEST_PART", 5.0)
-
-
 def tried(
     run: Run, monkeypatch: pytest.MonkeyPatch, execute: Callable[..., Felt]
 ) -> list[list[Part]]:
@@ -50,13 +43,20 @@ def tried(
     again = replay_of(run.plan, run.scene, run.trace, run.estimates)
     assert again is not None
     found = again(run.twin.scene)
-    assert not found or np.abs(np.subtract(found, felt(run.trace))).max() < 0.03  # N, m
+    assert not found or np.abs(np.subtract(found, felt(run.trace))).max() < 0.05  # N, m
     return asked
 
 
 def test_parts_feel_what_the_whole_feels(run, monkeypatch) -> None:
     (((first, second)),) = tried(run, monkeypatch, replayed)
-    assert first.plan.actions + second.plan.actions == run.plan.actions  # one opens, none goes home
+    assert first.q is None
+    assert second.q is not None
+    # Each ends with what it records: nothing is set down, none goes home.
+    trees = [part.plan.tree for part in (first, second)]
+    assert [[node.type for _, node in tree.walk()][-1] for tree in trees if tree] == [
+        "MeasureGripperPose",
+        "MeasureForces",
+    ]
     tops = [part.scene.surfaces["desk"].top_z() for part in (first, second)]
     assert tops == pytest.approx([0.0, HEIGHT], abs=5e-4)
 
@@ -64,7 +64,7 @@ def test_parts_feel_what_the_whole_feels(run, monkeypatch) -> None:
 def test_parts_that_depend_on_each_other_are_one(run, monkeypatch) -> None:
     several, (whole,) = tried(run, monkeypatch, lambda parts, world: [])
     assert len(several) == 2
-    assert whole.plan.actions == run.plan.actions - 1
+    assert whole.plan == run.plan
     assert whole.q is None
 
 

@@ -1,9 +1,10 @@
-"""Execution of a plan again in a world without noise, to compare what is felt: in parts, each by a process of its own.
+"""Execution of a plan again in a world without noise, to compare what is felt: in parts, by several processes.
 
-A part begins where the recorded run was at rest, with an empty hand and every object where the scene has it. Of what
-comes before it needs the heights that were measured, which are the run's own, and where the arm stands. Means of
-forces at rest move by 20 mN at most (15 boxes in two parts: 4, 0, 3, 18, 0, 0, 0 mN in the second), those of a slide
-by 0.1 N where the run's height of a surface is 20 micrometres from the replay's own.
+A part begins where the recorded run was at rest, with an empty hand and every object where the scene has it, and ends
+with its last recording: what comes after that, setting an object down, is left out. Of what comes before it needs the
+heights that were measured, which are the run's own. Means of forces at rest move by less than 0.08 N (15 boxes in 15
+parts; rms 0.02 N), those of a slide by 0.1 N where the run's height of a surface is 20 micrometres from the replay's
+own.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from palpate.beside import processors, shared_out
+from palpate.beside import shared_out
 from palpate.estimation.estimate import Estimate
 from palpate.geometry.pose import Array
 from palpate.interrupt import interrupts
@@ -23,9 +24,9 @@ from palpate.mjcf.body import Body
 from palpate.planning.plan import Plan, part_of
 from palpate.scene.scene import Scene
 from palpate.stages.executing import perform
-from palpate.trace.recording import Activity, LeafRun
-from palpate.trace.samples import Trace
-from palpate.twin.validate import REST, Felt, Replay, compared_until, felt
+from palpate.trace.recording import Activity, LeafRun, Recording
+from palpate.trace.samples import FORCES, Trace
+from palpate.twin.validate import REST, Felt, Replay, empty_motions, felt
 from palpate.vocabulary.state import SymbolicState
 
 if TYPE_CHECKING:
@@ -39,8 +40,6 @@ hammer, drawer), in a seventh to a fifth less time than at 0.02 s."""
 REPLAY_SUBSTEPS = 1
 """Physics steps in a control cycle of it: of 1 ms, half MuJoCo's default, and twice those of an execution. Residuals of
 1 to 2 N move by 1 to 4 mN (drawer: 16 mN), in a quarter to a third less time."""
-SHORTEST_PART = 30.0
-"""s of robot time: a part costs two to five of them until its arm stands where it begins."""
 LASTING: tuple[Activity, ...] = ("working", "limit")
 """Activities that leave a fixture elsewhere."""
 HANDS = (OPENS := "OpenGripper", "CloseGripper")
@@ -89,12 +88,8 @@ def _executed(world: Scene, part: Part) -> tuple[Trace, World]:
 
     plan, scene, q = part
     arm = as_measured(scene.arm)
-    robot = MujocoRobot(world.spec(), scene.pose_world_base, arm, substeps=REPLAY_SUBSTEPS)
+    robot = MujocoRobot(world.spec(), scene.pose_world_base, arm, substeps=REPLAY_SUBSTEPS, q=q)
     with interrupts() as signals, signals.raised():
-        if q is not None:
-            robot.move_joints(q)
-            while robot.state.moving:
-                robot.advance(REPLAY_PERIOD)
         done = perform(plan, scene, robot, noiseless=True, tick_period=REPLAY_PERIOD)
     return done.trace, robot.world
 
@@ -102,7 +97,7 @@ def _executed(world: Scene, part: Part) -> tuple[Trace, World]:
 def replay_of(
     plan: Plan, scene: Scene, trace: Trace, estimates: Collection[Estimate]
 ) -> Replay | None:
-    """Execution in a given world of what is compared of a plan; None where nothing is.
+    """Execution in a given world of what is compared of a plan; None where nothing was recorded.
 
     Args:
         plan: executed.
@@ -110,45 +105,61 @@ def replay_of(
         trace: of its execution.
         estimates: what was measured, which later parts know.
     """
-    until = compared_until(trace)
-    begun = [leaf for leaf in trace.leaves if leaf.start < until]
-    nodes = [leaf.node for leaf in begun]
+    nodes = [leaf.node for leaf in trace.leaves]
     if len(set(nodes)) < len(nodes):  # a node ran twice: no part of one plan covers that
         return partial(replayed, [Part(plan, scene)])
-    whole = Part(part_of(plan, nodes), scene)
-    if whole.plan.tree is None:
+    parts = list(_parts(plan, scene, trace, estimates))
+    if not parts:
         return None
-    parts = list(_parts(whole, begun, trace, estimates))
 
     def again(world: Scene) -> Felt:
         means = replayed(parts, world)
         if len(parts) > 1 and len(means) < len(trace.recordings):
-            return replayed([whole], world)  # a part depends on one before it
+            return replayed([Part(plan, scene)], world)  # a part depends on one before it
         return means
 
     return again
 
 
 def _parts(
-    whole: Part, begun: Sequence[LeafRun], trace: Trace, estimates: Collection[Estimate]
+    plan: Plan, scene: Scene, trace: Trace, estimates: Collection[Estimate]
 ) -> Iterator[Part]:
-    """Cut a plan at rests of the leaves `begun` into parts of like length, as many as there are processors, or
-    fewer."""
-    plan, scene, _ = whole
-    ends = begun[-1].end
-    count = min(processors(), max(1, int(ends / SHORTEST_PART)))
-    places = list(rests(begun)) if all(map(_is_certain, scene.bodies.values())) else []
-    wanted = np.arange(1, count) * ends / count
-    cuts = sorted({min(places, key=lambda i: abs(begun[i].start - t)) for t in wanted if places})
-    opens = next((leaf.node for leaf in begun if leaf.primitive == OPENS), "")
-    for first, last in pairwise([0, *cuts, len(begun)]):
-        nodes = [opens, *(leaf.node for leaf in begun[first:last])]
-        at, q = scene, None
+    """Cut a plan into parts that each end with a recording and begin at a rest before the next."""
+    leaves, recordings = trace.leaves, trace.recordings
+    if not recordings:
+        return
+    opens = next((leaf.node for leaf in leaves if leaf.primitive == OPENS), "")
+    certain = all(map(_is_certain, scene.bodies.values()))
+    places = list(rests(leaves)) if certain else []
+    first, ends, q = 0, 0.0, None
+    for before, after in zip(recordings, [*recordings[1:], None], strict=True):
+        start = leaves[first].start
+        ends = max(ends, *_compared(trace, before, start))
+        begins = None
+        if after is not None:
+            earliest, _ = _compared(trace, after, before.end)
+            begins = max((i for i in places if ends <= leaves[i].start <= earliest), default=None)
+            if begins is None:
+                continue
+        at = scene
         if first:
-            start = begun[first].start
             at = _as_measured(scene, trace, start, estimates)
             q = np.mean(trace.samples.between(start - REST, start).q, axis=0)
-        yield Part(part_of(plan, nodes), at, q)
+        nodes = [leaf.node for leaf in leaves[first:begins] if leaf.start < ends]
+        yield Part(part_of(plan, [opens, *nodes]), at, q)
+        first = begins or first
+
+
+def _compared(trace: Trace, recording: Recording, since: float) -> tuple[float, float]:
+    """First and last robot time, s, of a recording, and of motions of the empty hand that it is compared with: those
+    after `since` and before it, or else the first one after it; of all, where none is after `since`."""
+    empty: list[LeafRun] = []
+    if recording.buffer == FORCES:
+        every = list(empty_motions(trace, recording))
+        later = [leaf for leaf in every if leaf.start >= since] or every
+        empty = [leaf for leaf in later if leaf.end <= recording.start] or later[:1]
+    used = [recording, *empty]
+    return min(one.start for one in used), max(one.end for one in used)
 
 
 def _is_certain(body: Body) -> bool:

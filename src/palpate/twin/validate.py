@@ -142,16 +142,6 @@ def felt(trace: Trace) -> Felt:
     ]
 
 
-def compared_until(trace: Trace) -> float:
-    """End of the last motion or recording that `compare` uses, s; 0 without any."""
-    ends = [0.0]
-    for recording in trace.recordings:
-        ends.append(recording.end)
-        if recording.buffer == FORCES:
-            ends += [leaf.end for leaf in empty_motions(trace, recording)]
-    return max(ends)
-
-
 def mean_force(trace: Trace, recording: Recording) -> Array:
     """(3,) N, the recording's mean force less the empty hand's at rest at the same pose, which is the
     arm's own bias."""

@@ -51,7 +51,7 @@ SHORTEST_YIELD, LONGEST_YIELD = 0.1, 0.5  # s after a reflex
 class MujocoRobot(Commanded):
     """An arm with its hand, simulated. Implements `palpate.robots.robot.Robot`.
 
-    It starts at home, at rest, with open fingers and zeroed torque sensors.
+    It starts at rest, with open fingers and zeroed torque sensors.
     """
 
     def __init__(
@@ -66,6 +66,7 @@ class MujocoRobot(Commanded):
         gravity: Array | None = None,
         visit: int = 0,
         substeps: int = SUBSTEPS,
+        q: Array | None = None,
     ) -> None:
         """Put the true `arm` of the noise model into `world`, which is changed.
 
@@ -77,6 +78,7 @@ class MujocoRobot(Commanded):
                 arm has precedence.
             visit: number of the robot's run, which seeds all errors that differ from run to run.
             substeps: physics steps in a control cycle of 1 ms while anything touches, or moves beside the arm.
+            q: (7,) rad, where the arm begins; home by default.
 
         Raises:
             InputError: no such noise model, or the world does not compile with the robot in it.
@@ -88,7 +90,7 @@ class MujocoRobot(Commanded):
             assumed = np.array([0.0, 0.0, -arm.gravity])
         nominal = NominalArm(arm, arm.stands(pose_world_base), assumed)
         super().__init__(arm, nominal, float(-assumed[2]))
-        self._world = World(world, stands or pose_world_base, unmeasured(arm), truth, substeps)
+        self._world = World(world, stands or pose_world_base, unmeasured(arm), truth, substeps, q)
         self._sensors = Sensors(model, arm.limits.tau_max, streams)
         self._encoders = Encoders(model, self._sensors.rests, streams)
         self._stamps = Stamps(model.acquisition, streams)
@@ -105,7 +107,7 @@ class MujocoRobot(Commanded):
             sensors=self._sensors,
             encoders=self._encoders,
             stamps=self._stamps,
-            q=arm.home,
+            q=arm.home if q is None else q,
             torque=self._world.true_gravity_torque(),
             gains=np.zeros(7) if config.torque_gain is None else config.torque_gain.value,
         )

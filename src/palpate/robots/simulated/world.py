@@ -73,9 +73,11 @@ class World:
         arm: RobotDescription,
         truth: Truth,
         substeps: int = SUBSTEPS,
+        q: Array | None = None,
     ) -> None:
-        """Put the true arm into `spec`, which is changed, at its stated place `pose_world_base`; with
-        `substeps` physics steps in a control cycle while anything touches, or moves beside the arm, else one.
+        """Put the true arm into `spec`, which is changed, at its stated place `pose_world_base` with joint angles `q`
+        (7,), rad, or at home; with `substeps` physics steps in a control cycle while anything touches, or moves beside
+        the arm, else one.
 
         Raises:
             InputError: it does not compile, or lacks physics that weighing and touching need.
@@ -91,7 +93,10 @@ class World:
         self._hand = int(self.model.body(PREFIX + arm.hand.body).id)
         self._drive = int(self.model.actuator(PREFIX + DRIVE).id)
         self._fingers_control = int(self.model.actuator_ctrladr[self._drive])
-        self._data.qpos[self._q], self._data.qpos[self._finger_q] = arm.home, arm.hand.opening / 2
+        self._data.qpos[self._q], self._data.qpos[self._finger_q] = (
+            arm.home if q is None else q,
+            arm.hand.opening / 2,
+        )
         self._seen, self._before = mujoco.MjData(self.model), mujoco.MjData(self.model)
         self._dq = self._data.qvel[self._v]
         self._sensors = run_of(self.model.sensor(MOTOR.format(1)).adr[0], SENSED)
