@@ -12,7 +12,8 @@ import pytest
 from palpate import pipeline
 from palpate.cells.simulated import SimulatedCell
 from palpate.errors import Unavailable
-from palpate.execution.recovery import ATTEMPTS, OnFailure, failed_at, recover, resumable
+from palpate.execution import recovery
+from palpate.execution.recovery import ATTEMPTS, OnFailure, failed_at, recover, replan, resumable
 from palpate.execution.rehearsal import rehearse
 from palpate.execution.runner import Execution, run
 from palpate.parameter import Parameter
@@ -109,6 +110,16 @@ def test_replanning_leaves_a_lost_object_alone_and_weighs_the_others(scene: Scen
     assert "'wet' was not put down" in setback
     closed = [leaf for leaf in done.trace.leaves if leaf.label.startswith("CloseGripper")]
     assert len(closed) == 2
+
+
+def test_a_further_plan_that_fails_its_check_is_none(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert replan(BOTH, scene, "symbolic") is not None
+    astray = Node("Sequence", (), (Node("MovePose", (("pose", "table_pose"),)),))
+    made = replace(assemble(scene, BOTH), tree=astray)
+    monkeypatch.setattr(recovery, "assemble", lambda *_: made)
+    assert replan(BOTH, scene, "symbolic") is None
 
 
 def test_replanning_is_bounded(scene: Scene) -> None:

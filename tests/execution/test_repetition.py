@@ -169,15 +169,26 @@ def test_rounds_end_however_much_more_would_narrow_it(
 ) -> None:
     """Of rounds, and of robot time."""
     monkeypatch.setattr(repetition, "FUTILE", 2.0)
+    gone, mass = idle(weighed, seconds)
+    assert gone == rounds
+    assert "more work would narrow it" in mass.method
+
+
+def test_after_a_round_that_narrows_nothing_there_is_no_other(weighed) -> None:
+    gone, _ = idle(weighed, 1.0)
+    assert gone == 1
+
+
+def idle(weighed: Weighed, seconds: float) -> tuple[int, Estimate]:
+    """Number of rounds, of `seconds` and without a recording each, and the mass after them."""
     gone: list[Plan] = []
 
-    def idle(plan: Plan, scene: Scene, robot: object) -> Execution:
+    def round_(plan: Plan, scene: Scene, robot: object) -> Execution:
         gone.append(plan)
         trace = weighed.execution.trace
         nothing = trace.samples.where(slice(0, 0))
         empty = replace(trace, samples=nothing, leaves=(), recordings=(), conversions=())
         return replace(weighed.execution, trace=empty, robot_seconds=seconds)
 
-    _, mass = weighed.again(idle, weighed.execution, NARROWER)
-    assert len(gone) == rounds
-    assert "more work would narrow it" in mass.method
+    _, mass = weighed.again(round_, weighed.execution, NARROWER)
+    return len(gone), mass
