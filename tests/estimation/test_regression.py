@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -66,6 +68,39 @@ def test_a_scale_of_a_prior_is_learned():
     narrow, _ = fit(causes, noise, y + friction)["friction"]
     assert np.all(np.abs(mean) > np.abs(narrow))
     assert mean == pytest.approx([20.0, -10.0, 15.0], abs=2.0)
+
+
+@pytest.mark.parametrize("scaled", [("friction",), ("gain", "load"), ("load", "friction", "gain")])
+def test_the_posterior_is_the_mixture_over_all_scales(scaled):
+    causes, noise, y = problem(6)
+    scales = [
+        Scale(scaled, (0.1, 1.0, 10.0), (0.3, 0.3, 0.4)),
+        Scale(scaled[:1], (1.0, 3.0), (0.5, 0.5)),
+    ]
+    found, weights, parts = fit(causes, noise, y, scales), [], []
+    for factor, chance in zip(scales[0].factors, scales[0].chance, strict=True):
+        for further in scales[1].factors:
+            by = {name: factor * (further if name == scaled[0] else 1.0) for name in scaled}
+            each = [replace(c, prior=c.prior * by.get(c.name, 1.0)) for c in causes]
+            parts.append(fit(each, noise, y))
+            weights.append(np.log(0.5 * chance) + parts[-1].evidence)
+    assert found.evidence == pytest.approx(np.logaddexp.reduce(weights), abs=1e-4)
+    weights = np.exp(weights - np.logaddexp.reduce(weights))
+    mean = sum(w * part.mean for w, part in zip(weights, parts, strict=True))
+    spread = [part.covariance + np.outer(part.mean - mean, part.mean - mean) for part in parts]
+    covariance = sum(w * part for w, part in zip(weights, spread, strict=True))
+    # Improbable scales are left out.
+    assert np.all(np.abs(found.mean - mean) < 1e-3 * np.sqrt(np.diag(covariance)))
+    assert found.covariance == pytest.approx(covariance, rel=1e-2, abs=1e-6)
+    assert found.covariance == pytest.approx(found.covariance.T)
+    assert found.model.solve(2)[1] == pytest.approx(found.covariance[:2])
+    columns = np.random.default_rng(7).standard_normal((len(y), 2))
+    means, variances = found.each_alone(columns, 0.5)
+    for i in range(2):
+        further = Cause("further", columns[:, i : i + 1], np.array([0.5]))
+        mean, variance = fit([*causes, further], noise, y, scales)["further"]
+        assert means[i] == pytest.approx(mean[0], abs=1e-3 * variance[0, 0] ** 0.5)
+        assert variances[i] == pytest.approx(variance[0, 0], rel=1e-2)
 
 
 def test_an_unknown_without_a_prior_is_one_with_an_enormous_prior():
