@@ -11,6 +11,7 @@ import pytest
 import palpate as pp
 from palpate.runs.run import Run
 from palpate.stages import replaying
+from palpate.stages.building import touch_twin
 from palpate.stages.replaying import Part, replay_of, replayed, rests
 from palpate.trace.recording import Context, LeafRun
 from palpate.twin.validate import Felt, felt
@@ -88,3 +89,15 @@ def test_a_part_begins_in_free_air_with_everything_in_its_place(run) -> None:
     moved = changed(run, lambda one: replace(one, grasp="elsewhere"))
     put_down = [leaf.primitive for leaf in leaves].index("OpenGripper", 3)
     assert max(rests(moved)) < put_down < max(rests(leaves))
+
+
+def test_a_twin_is_compared_up_to_the_first_repetition(run) -> None:
+    trace, again = run.trace, "repeat[1].tree"
+    end = float(trace.t[-1])
+    leaf = replace(trace.leaves[-1], node=again, start=end, end=end + 1.0)
+    recording = replace(trace.recordings[-1], node=again, start=end, end=end + 1.0)
+    longer = replace(trace, leaves=(*trace.leaves, leaf), recordings=(*trace.recordings, recording))
+    touched = touch_twin(replace(run, recorded=longer), run.scene)
+    assert touched.finished is not None
+    residual = touched.finished.validation.twin
+    assert (residual.note, residual.force) == ("", pytest.approx(0.0, abs=0.05))

@@ -10,10 +10,12 @@ from palpate.beside import Beside
 from palpate.callbacks import SILENT, RunCallbacks
 from palpate.cells.cell import Cell
 from palpate.estimation.estimate import Estimate
+from palpate.planning.plan import Plan
 from palpate.quantities.size import size_on_the_way
 from palpate.runs.run import Run
 from palpate.scene.scene import Scene
 from palpate.stages.replaying import Given, replay_of, touched_as_given
+from palpate.trace.samples import Trace
 from palpate.trace.soundness import sound
 from palpate.twin.twin import build_twin as build
 from palpate.twin.twin import touch
@@ -77,7 +79,7 @@ def touch_twin(
     trace = made.trace_if_any
     if trace is None:
         return made
-
+    trace = _of_plan(trace, made.plan)
     again = replay_of(made.plan, planned_in, trace, made.estimates)
     if again is None:
         return made
@@ -85,3 +87,11 @@ def touch_twin(
     whole = made.execution is not None and made.execution.status == "complete"
     beside = (lambda: given.result().felt) if given is not None and whole else None
     return replace(made, finished=touch(made.finished, made.scene, trace, again, beside))
+
+
+def _of_plan(trace: Trace, plan: Plan) -> Trace:
+    """The trace up to the first leaf that is none of the plan's: of a repetition, or of what was done after a
+    failure."""
+    nodes = {path for path, _ in plan.tree.walk()} if plan.tree is not None else set[str]()
+    others = [leaf.start for leaf in trace.leaves if leaf.node not in nodes]
+    return trace.until(min(others)) if others else trace
