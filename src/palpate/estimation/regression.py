@@ -270,7 +270,7 @@ class _Information(NamedTuple):
         information = prior[:, None] * gram * prior
         information.flat[:: len(prior) + 1] += 1.0
         # LAPACK's matrices go by columns; this one is symmetric.
-        return cls(prior, dpotrf(information.T, lower=True, overwrite_a=True)[0])
+        return cls(prior, dpotrf(information.T, lower=True)[0])
 
     @property
     def volume(self) -> float:
