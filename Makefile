@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # Wheels alone; Python compiles the modules that are used when they are, and not all that there are.
 PIP := $(BIN)/pip install --quiet --disable-pip-version-check --only-binary :all: --no-compile
 
-.PHONY: demo test test-all test-ci bench golden lint docs dist lock clean
+.PHONY: demo test test-all bench golden lint docs dist lock clean
 
 demo: $(VENV)/.run
 	$(BIN)/palpate demo
@@ -17,10 +17,6 @@ test: $(VENV)/.dev
 # Those, and what takes long: large scenarios, a libfranka server on loopback, studies.
 test-all: test
 	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto --dist loadfile -m long
-
-# All but the longest, for a machine with two processors and a quarter of an hour.
-test-ci: test
-	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto --dist loadfile -m "long and not minutes"
 
 bench: $(VENV)/.dev
 	$(BIN)/python -m bench speed
