@@ -195,6 +195,29 @@ def fixtures(
 
 
 @command(app)
+def cups(
+    *,
+    out: Annotated[Path, typer.Option("--out", help="File of rows; resumed.")],
+    noise: Noises = ["measured"],  # noqa: B006 - typer's default of an option that may be repeated
+    seed: Seed = 0,
+    seeds: Seeds = 40,
+    traces: Annotated[
+        Path | None, typer.Option("--traces", help="Folder of traces; estimated again if there.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Friction of hidden cups of other radius, height, mass, friction and place."""
+    from functools import partial
+
+    from bench.cups import judge
+    from bench.fixtures import Case, groups, study
+    from bench.show import show_fixtures
+
+    cases = [Case("cup", level, i) for level in noise for i in range(seed, seed + seeds)]
+    show_fixtures(groups(study(cases, out, partial(judge, traces=traces))), as_json)
+
+
+@command(app)
 def mats(
     *,
     out: Annotated[Path, typer.Option("--out", help="File of rows; resumed.")],

@@ -158,21 +158,31 @@ def measured(case: Case, traces: Path | None = None) -> tuple[Run, float]:
     given = simulated_cell(scene, world, noise=case.noise, seed=case.seed)
     cell = OtherSolver(given.world, noise=case.noise, seed=case.seed, scene=scene)
     made = pipeline.plan(settings, scene)
+    return pipeline.estimate(execute_or_read(made, cell, case, traces), cell), mass
+
+
+def execute_or_read(made: Run, cell: SimulatedCell, case: Case, traces: Path | None) -> Run:
+    """Execute a planned run of a case, or read its trace if the folder `traces` has it; keep the trace there."""
     file = None if traces is None else traces / f"{case.name}.mcap"
     if file is not None and file.exists():
-        made = cut_off(replace(made, recorded=read_mcap(file)))
-    else:
-        made = pipeline.execute(made, cell)
-        if file is not None and made.trace_if_any is not None:
-            file.parent.mkdir(parents=True, exist_ok=True)
-            write_mcap(file, made.trace)
-    return pipeline.estimate(made, cell), mass
+        return cut_off(replace(made, recorded=read_mcap(file)))
+    made = pipeline.execute(made, cell)
+    if file is not None and made.trace_if_any is not None:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_mcap(file, made.trace)
+    return made
 
 
 def judge(case: Case, traces: Path | None = None) -> FixtureRun:
     """Measure in the world of a case, and compare with its truth."""
     run, mass = measured(case, traces)
-    done, scores, without = run.execution, [], []
+    trace = run.trace_if_any
+    return replace(score(case, run), mass=mass, peak=0.0 if trace is None else peak(trace))
+
+
+def score(case: Case, run: Run) -> FixtureRun:
+    """Compare the estimates of a run with their truth."""
+    done, scores, without = run.execution, list[Score](), list[str]()
     for found in run.estimates:
         quantity = found.parameter.quantity
         if not found.has_value:
@@ -182,9 +192,7 @@ def judge(case: Case, traces: Path | None = None) -> FixtureRun:
         value, std = float(found.values[0]), float(found.stds[0])
         scores.append(Score(quantity, found.verdict, truth, value, std, low, high))
     reason = (done.stopped_by or "") if done is not None else ""
-    trace = run.trace_if_any
-    force = 0.0 if trace is None else peak(trace)
-    return FixtureRun(case, run.status, reason, force, mass, tuple(scores), tuple(without))
+    return FixtureRun(case, run.status, reason, scores=tuple(scores), unmeasured=tuple(without))
 
 
 def peak(trace: Trace) -> float:

@@ -149,6 +149,7 @@ class MjOption:
     integrator: int
     cone: int
     impratio: float
+    ccd_tolerance: float
 
 class MjVisual:
     class Global:
@@ -433,6 +434,7 @@ class _SpecOption:
     integrator: int
     cone: int
     impratio: float
+    ccd_tolerance: float
     disableflags: int
     enableflags: int
 

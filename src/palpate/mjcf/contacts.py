@@ -48,6 +48,10 @@ DECIDES = "1000000"
 """`solmix` of soft contacts, by which their impedance counts against that of others (1)."""
 SOLIMP = "0.9 0.95 0.001 0.5 2"
 """MuJoCo's default."""
+CCD_TOLERANCE = 1e-12
+"""m. MuJoCo 4.0.0 turns the normal of a contact over where a curved shape enters a box or a mesh by less than a fifth
+of this tolerance, so that the contact pulls (findings/mujoco_contact_normal.sh). Its default is 1e-6 m: a cup that
+slides enters its support by less."""
 BALL = 0.01
 """m: radius of the ball that presses in place of the fingertips."""
 PRESSED = 1e-3

@@ -77,5 +77,35 @@ def test_a_scene_tuned_for_speed_is_solved_well() -> None:
     assert (option.iterations, option.ls_iterations) == (100, 50)
 
 
+@pytest.mark.parametrize(
+    ("shape", "size"), [("cylinder", ".03 .045"), ("ellipsoid", ".03 .03 .045")]
+)
+def test_a_contact_pushes_however_shallow_it_is(shape: str, size: str) -> None:
+    model = robot(
+        '<geom type="box" size=".4 .5 .02" pos=".6 0 -.02"/>'
+        f'<body name="cup" pos=".5 0 .2"><freejoint/><geom type="{shape}" size="{size}"/></body>'
+    ).world.model
+    data, random = mujoco.MjData(model), np.random.default_rng(0)
+    cup = int(model.body("cup").id)
+    place = int(model.jnt_qposadr[model.body_jntadr[cup]])
+    for depth in np.geomspace(1e-10, 1e-5, 200).tolist():
+        quaternion = np.array([1.0, *random.uniform(-0.005, 0.005, 2), 0.0])
+        quaternion /= np.linalg.norm(quaternion)
+        down = Pose(np.zeros(3), quaternion).rotation[2]
+        # Height of the centre over the lowest point of the tilted shape: its support function.
+        height = 0.03 * np.hypot(down[0], down[1]) + 0.045 * down[2]
+        if shape == "ellipsoid":
+            height = np.linalg.norm(down * [0.03, 0.03, 0.045])
+        data.qpos[place : place + 3] = *random.uniform((0.4, -0.2), (0.6, 0.2)), height - depth
+        data.qpos[place + 3 : place + 7] = quaternion
+        mujoco.mj_fwdPosition(model, data)
+        # Rows of contacts that involve the cup; the normal points from the first geom to the second.
+        bodies = model.geom_bodyid[data.contact.geom]
+        mine = (bodies == cup).any(axis=1)
+        up = np.where(bodies[mine, 1] == cup, 1.0, -1.0) * data.contact.frame[mine, 2]
+        assert len(up)
+        assert up.min() > 0.99
+
+
 def _robots(model: mujoco.MjModel, geom: int) -> bool:
     return model.body(model.geom_bodyid[geom]).name.startswith(PREFIX)

@@ -15,6 +15,7 @@ from mujoco.rollout import Rollout
 
 from palpate.errors import ExecutionAborted, InputError, unknown_name
 from palpate.geometry.pose import Array, Pose
+from palpate.mjcf.contacts import CCD_TOLERANCE
 from palpate.robots.description import RobotDescription
 from palpate.robots.model import PREFIX, neighbours
 from palpate.robots.simulated.contacts import declared_stiction, keep_softness, let_touch
@@ -364,8 +365,9 @@ def compile_world(
     # The solver is at least as accurate as the arm needs it: accuracy is no physics of the scene.
     for name in ("iterations", "ls_iterations", "ccd_iterations"):
         setattr(spec.option, name, max(getattr(spec.option, name), getattr(robot.option, name)))
-    for name in ("tolerance", "ls_tolerance", "ccd_tolerance"):
+    for name in ("tolerance", "ls_tolerance"):
         setattr(spec.option, name, min(getattr(spec.option, name), getattr(robot.option, name)))
+    spec.option.ccd_tolerance = min(spec.option.ccd_tolerance, CCD_TOLERANCE)
     robot.option.gravity, robot.option.timestep = spec.option.gravity, spec.option.timestep
     for key in list(spec.keys):  # states of a world without this robot
         spec.delete(key)

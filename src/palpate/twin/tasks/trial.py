@@ -13,6 +13,7 @@ import numpy as np
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Array
+from palpate.mjcf.contacts import CCD_TOLERANCE
 from palpate.parameter import Parameter
 from palpate.scene.scene import Scene
 
@@ -135,6 +136,7 @@ def trial_of(scene: Scene, name: str, values: Values) -> Trial:
     except ValueError as error:
         raise InputError(f"no world has these values: {error}") from None
     model.opt.timestep = max(model.opt.timestep, FINEST)
+    model.opt.ccd_tolerance = min(model.opt.ccd_tolerance, CCD_TOLERANCE)
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, nstep=round(SETTLING / model.opt.timestep))
     mujoco.mj_forward(model, data)
