@@ -146,6 +146,26 @@ def small_disk(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
+@pytest.mark.parametrize("error", [OSError("the disk is gone"), IndexError("out of range")])
+def test_a_growing_trace_that_fails_is_said(
+    plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    calls: list[object] = []
+
+    def broken(*_: object) -> None:
+        calls.append(None)
+        raise error
+
+    monkeypatch.setattr("palpate.trace.mcap.TraceStream.write", broken)
+    run = plan.run(Bench(), out=tmp_path / "run")
+    assert run.status == "complete"
+    assert len(calls) == 1, "it is not tried again"
+    line = f"the trace was not written down while it grew: {type(error).__name__}: {error}"
+    assert line in run.shortfalls
+    assert line in result(tmp_path / "run")["shortfalls"]
+    assert len(read_mcap(tmp_path / "run" / "trace.mcap").samples) == len(run.trace.samples)  # type: ignore[union-attr]
+
+
 def test_a_disk_that_is_full(plan: Plan, tmp_path: Path) -> None:
     with small_disk(30_000):
         run = plan.run(Bench(), out=tmp_path / "run")

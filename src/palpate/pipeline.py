@@ -19,7 +19,7 @@ from palpate.callbacks import SILENT, RunCallbacks
 from palpate.cells.cell import Cell
 from palpate.interrupt import before_anything_moves, interrupts
 from palpate.runs.folder import check_writable
-from palpate.runs.keeper import Keeper, Step
+from palpate.runs.keeper import GROWING, Keeper, Step
 from palpate.runs.run import Run, Stage
 from palpate.settings import Settings, request_json
 from palpate.stages import workplace
@@ -214,11 +214,12 @@ class _Steps:
         yield made
 
     def _keep(self, samples: Samples, recorder: Recorder) -> None:
-        self.keeper.samples(samples, recorder)
-        if self.ahead is not None:
-            self.ahead.look(recorder)
-        if self.reel is not None:
-            self.reel.look(samples, recorder.leaves)
+        follow, ahead, reel = self.keeper.follow, self.ahead, self.reel
+        follow(GROWING, lambda: self.keeper.samples(samples, recorder))
+        if ahead is not None:
+            follow("no estimate was begun while the arm moved", lambda: ahead.look(recorder))
+        if reel is not None:
+            follow("the film was not begun", lambda: reel.look(samples, recorder.leaves))
 
     def estimates(self, made: Run) -> Iterator[Run]:
         for grown in estimates(made, self.cell, self.callbacks, self.ahead):

@@ -13,6 +13,7 @@ import pytest
 from palpate.errors import InputError
 from palpate.mjcf import bounds
 from palpate.scene.load import load_scene, parse_scene
+from palpate.scene.scene import Scene
 
 TABLE = '<body name="table"><geom type="box" size=".4 .4 .2"/></body>'
 
@@ -57,10 +58,6 @@ BOMBS = [
     (
         scene(head='<asset><hfield name="h" nrow="30000" ncol="30000" size="1 1 1 1"/></asset>'),
         "more than 4000000 cells",
-    ),
-    (
-        scene(head='<asset><texture builtin="flat" width="9999" height="9999"/></asset>'),
-        "more than 64000000 pixels",
     ),
     (
         scene(head='<asset><mesh builtin="supersphere" params="3000 1 1"/></asset>'),
@@ -206,18 +203,67 @@ def png(width: int, height: int, packed: bytes) -> bytes:
     return bounds.PNG + chunk(b"IHDR", header) + chunk(b"IDAT", packed) + chunk(b"IEND", b"")
 
 
-def test_pictures_that_unpack_to_too_many_bytes_are_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    head = '<asset><texture name="t" type="2d" file="t.png"/></asset>'
-    document = scene(head=head)
+def textures(built: Scene) -> int:
+    """Number of textures with which a scene is drawn; its shapes have none."""
+    assert built.resolved.shapes.model.ntex == 0
+    return len(built.spec().textures)
+
+
+def test_too_large_textures_are_not_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    head = """<asset><texture name="t" type="2d" file="t.png"/>
+    <material name="m"><layer role="rgb" texture="t"/></material></asset>"""
+    document = scene('<geom size=".1" material="m"/>', head)
     (tmp_path / "t.png").write_bytes(png(60_000, 60_000, b""))
-    with pytest.raises(InputError, match="60000 × 60000 pixels; at most 64 million"):
-        parse_scene(document, tmp_path)
-    monkeypatch.setattr(bounds, "MAX_UNPACKED", 1_000_000)
-    (tmp_path / "t.png").write_bytes(png(8, 8, zlib.compress(bytes(3_000_000))))
-    with pytest.raises(InputError, match="unpacks to more than 1 MB"):
-        parse_scene(document, tmp_path)
+    assert textures(parse_scene(document, tmp_path)) == 0
     rows = zlib.compress(bytes(8 * 25))
     (tmp_path / "t.png").write_bytes(png(8, 8, rows))
-    assert parse_scene(document, tmp_path).bodies
+    assert textures(parse_scene(document, tmp_path)) == 1
+    monkeypatch.setattr(bounds, "MAX_UNPACKED", 1_000_000)
+    (tmp_path / "t.png").write_bytes(png(8, 8, zlib.compress(bytes(3_000_000))))
+    assert textures(parse_scene(document, tmp_path)) == 0
+    flat = '<asset><texture name="t" builtin="flat" width="{0}" height="{0}"/></asset>'
+    assert textures(parse_scene(scene(head=flat.format(9999)))) == 0
+    assert textures(parse_scene(scene(head=flat.format(99)))) == 1
+
+
+def test_a_height_field_that_unpacks_to_too_many_bytes_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    head = '<asset><hfield name="h" file="h.png" size="1 1 1 1"/></asset>'
+    (tmp_path / "h.png").write_bytes(png(60_000, 60_000, b""))
+    with pytest.raises(InputError, match="60000 × 60000 pixels; at most 64 million"):
+        parse_scene(scene(head=head), tmp_path)
+    monkeypatch.setattr(bounds, "MAX_UNPACKED", 1_000_000)
+    (tmp_path / "h.png").write_bytes(png(8, 8, zlib.compress(bytes(3_000_000))))
+    with pytest.raises(InputError, match="unpacks to more than 1 MB"):
+        parse_scene(scene(head=head), tmp_path)
+
+
+ROBOT = """<mujoco model="arm"><asset><mesh name="a" file="a.stl"/><mesh name="b" file="b.stl"/>
+<texture name="t" type="2d" file="t.png"/><material name="m" texture="t"/></asset><worldbody>
+<body name="link0"><geom type="mesh" mesh="a" material="m"/><body name="link1"><joint name="turn"/>
+<geom type="mesh" mesh="b"/></body></body></worldbody>
+<actuator><motor joint="turn"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("head", "inside"),
+    [
+        ('<include file="arm.xml"/>', ""),
+        ('<asset><model name="arm" file="arm.xml"/></asset>', '<attach model="arm" prefix="r"/>'),
+        ('<asset><model file="arm.xml"/></asset>', '<attach model="arm" body="link0"/>'),
+    ],
+    ids=["included", "attached", "without a name"],
+)
+def test_files_of_a_robot_are_neither_counted_nor_loaded(
+    tmp_path: Path, head: str, inside: str
+) -> None:
+    (tmp_path / "arm.xml").write_text(ROBOT, encoding="utf-8")
+    for name in ("a.stl", "b.stl"):  # 32 MB, which MuJoCo could not read either
+        with (tmp_path / name).open("wb") as file:
+            file.truncate(16_000_000)
+    (tmp_path / "t.png").write_bytes(png(60_000, 60_000, b""))
+    built = parse_scene(scene(inside, head), tmp_path)
+    assert built.resolved.description.roles.robots
+    assert built.resolved.shapes.model.nmesh == 0
+    assert built.spec().compile().ntex == 0

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import pytest
+
+from palpate.errors import InputError
+from palpate.planning.measure import named_parameters
+from palpate.planning.symbolic.planner import SymbolicPlanner
 from palpate.scene.load import parse_scene
 from palpate.scene.remarks import remarks
 
@@ -32,13 +37,14 @@ def test_elements_removed_with_the_robot_are_remarked() -> None:
     lines = read(TABLE + BALL + ARM + watcher, after)
     assert lines[0].startswith("Robot left out: 'arm'; the Franka Research 3")
     assert "1 camera, 1 jointpos, 1 key, 1 keyframe, 1 motor" in lines[0]
-    assert lines[1].startswith("Nothing is missing")
+    assert lines[-1].startswith("Nothing is missing")
 
 
 def test_bodies_that_are_neither_object_nor_surface_are_remarked() -> None:
     door = '<body name="door"><joint axis="0 1 0"/><joint/><geom size=".1"/></body>'
     lines = read('<site name="robot_base"/>' + door)
     assert "'door'" in lines[0]
+    assert "needs a <freejoint/>" in lines[0]
     assert lines[1:] == (
         "There is no object: no body has a free joint.",
         "There is no surface: nothing static has a name and a level top.",
@@ -72,3 +78,55 @@ def test_static_bodies_that_are_no_surface_are_remarked() -> None:
     lines = read('<site name="robot_base"/>' + wall + ramp + TABLE + BALL)
     assert "'wall' (it is narrower than 0.1 m and carries nothing)" in lines[0]
     assert "'ramp' (its top is not level)" in lines[0]
+    assert "What is to be measured as an object needs a <freejoint/>" in lines[0]
+
+
+GHOST = """<body name="ghost" pos="0.5 0.2 0.25"><{joint}/>
+<geom type="box" size=".03 .03 .03" contype="{mask}" conaffinity="{mask}"/></body>"""
+UNKNOWN = '<site name="robot_base"/>' + TABLE + BALL.replace('mass="0.1"', "")
+
+
+@pytest.mark.parametrize("joint", ["freejoint", 'joint type="slide"'])
+@pytest.mark.parametrize("mask", ["0", "2"])
+def test_a_body_that_no_hand_touches_leaves_the_rest(joint: str, mask: str) -> None:
+    inside = UNKNOWN + GHOST.format(joint=joint, mask=mask)
+    scene = parse_scene(f"<mujoco><worldbody>{inside}</worldbody></mujoco>")
+    assert list(scene.bodies) == ["table", "ball"]
+    (line,) = remarks(scene)
+    assert "'ghost' (no geom of it collides with the hand: give one contype" in line
+    assert SymbolicPlanner().plan(None, scene).tree is not None
+
+
+def test_a_free_body_without_a_shape_leaves_the_rest() -> None:
+    frame = """<body name="frame"><freejoint/><site/>
+    <inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/></body>"""
+    assert read(UNKNOWN + frame) == ("Nothing is measured of 'frame' (it has no geom).",)
+
+
+def test_what_nothing_collides_with_is_no_surface() -> None:
+    mark = """<geom name="mark" type="box" size=".2 .2 .001" pos=".5 0 .221" contype="0"
+    conaffinity="0"/>"""
+    (line,) = read(UNKNOWN + mark)
+    assert "'mark' (nothing collides with it)" in line
+
+
+@pytest.mark.parametrize(
+    ("body", "reason"),
+    [
+        (GHOST.format(joint="freejoint", mask="0"), "no geom of it collides with the hand"),
+        ('<body name="ghost"><geom size=".03"/></body>', "'ghost' stands still; .*<freejoint/>"),
+        ('<body name="ghost"><joint type="ball"/><geom size=".03"/></body>', "<freejoint/>"),
+    ],
+)
+def test_a_request_says_why_a_body_is_no_object(body: str, reason: str) -> None:
+    scene = parse_scene(f"<mujoco><worldbody>{UNKNOWN}{body}</worldbody></mujoco>")
+    with pytest.raises(InputError, match=f"valid: .*ball.*{reason}"):
+        named_parameters(["ghost.mass"], scene)
+    with pytest.raises(InputError, match=f"the scene has no 'ghost'; .*{reason}"):
+        SymbolicPlanner().plan("how heavy is the ghost?", scene)
+
+
+def test_the_mass_of_a_surface_needs_a_free_joint() -> None:
+    scene = parse_scene(f"<mujoco><worldbody>{UNKNOWN}</worldbody></mujoco>")
+    with pytest.raises(InputError, match="'table' is a surface, .*<freejoint/>"):
+        named_parameters(["table.mass"], scene)

@@ -4,6 +4,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from types import SimpleNamespace
+from typing import Any
+
+from palpate.parameter import Parameter
+from palpate.stages.ahead import Ahead
+from palpate.trace.recording import LeafRun
 
 RUN = """
 from dataclasses import replace
@@ -46,3 +52,22 @@ if kept:
 def test_an_estimate_made_meanwhile_is_that_of_the_end() -> None:
     """In a process of its own: one with other threads is not copied."""
     subprocess.run([sys.executable, "-c", RUN], check=True, timeout=120)
+
+
+def test_a_further_attempt_begins_no_estimate() -> None:
+    """It has a recorder of its own, which begins empty and holds a part of the evidence."""
+    mass, context = Parameter("mug", "mass"), SimpleNamespace(holding="mug")
+    made: Any = SimpleNamespace(
+        plan=SimpleNamespace(parameters=[mass]), scene=SimpleNamespace(objects={"mug": None})
+    )
+
+    def leaf(end: float, where: Any = None) -> LeafRun:
+        return LeafRun("tree", "MovePose", "", 0.0, end, "SUCCESS", "", where)
+
+    def recorded(*leaves: LeafRun) -> Any:
+        return SimpleNamespace(leaves=list(leaves), recordings=[], conversions=[])
+
+    ahead = Ahead(made, None)
+    for recorder in (recorded(leaf(1.0)), recorded(), recorded(leaf(1.0, context), leaf(99.0))):
+        ahead.look(recorder)
+    assert not ahead.begun

@@ -217,6 +217,17 @@ def test_a_stream_is_read_again_in_full(trace: Trace, tmp_path: Path) -> None:
     assert len(found.leaves) == sum(leaf.end <= trace.t[-1] for leaf in trace.leaves)
 
 
+def test_events_before_a_further_attempt_are_in_the_stream(trace: Trace, tmp_path: Path) -> None:
+    stream = TraceStream(tmp_path / "trace.mcap", trace.hand, trace.gravity)
+    first: Any = SimpleNamespace(leaves=[], recordings=[], conversions=[])
+    stream.write(trace.samples, first)  # a block is written, and the next is due later
+    first.leaves += trace.leaves
+    stream.write(Samples.empty(), first)
+    # A further attempt has a recorder of its own. Then the process is killed.
+    stream.write(Samples.empty(), SimpleNamespace(leaves=[], recordings=[], conversions=[]))
+    assert read_mcap(tmp_path / "trace.mcap").leaves == trace.leaves
+
+
 def test_a_killed_process_loses_a_quarter_of_a_second_of_the_stream(
     trace: Trace, tmp_path: Path
 ) -> None:

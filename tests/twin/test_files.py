@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
+import struct
+import zlib
 from pathlib import Path
 
 import mujoco
@@ -175,12 +178,67 @@ def test_a_value_of_an_attached_model_is_written_there(
         assert mass_in(path, "a_b_mug") == pytest.approx(0.25)
 
 
-def test_a_twin_of_attached_models_takes_their_files_along(attaching: Path, tmp_path: Path) -> None:
+def written_to(folder: Path, twin: Twin) -> Path:
+    """Write a twin as a run does, into its folder."""
+    folder.mkdir()
+    for name, text in twin.packed(folder).items():
+        (folder / name).write_text(text)
+    return folder / "twin.xml"
+
+
+def test_a_run_folder_has_the_files_of_attached_models(attaching: Path, tmp_path: Path) -> None:
     twin = twin_of(attaching / "scene.xml", a_b_mug=0.25)
-    assert set(twin.beside) == {"twin_tray.xml", "twin_mug.xml"}
-    assert twin.xml.startswith(ATTACHING[:60].replace("things/tray.xml", "twin_tray.xml")[:60])
-    for name, text in {"twin.xml": twin.xml, **twin.beside}.items():
-        (tmp_path / name).write_text(text)
-    (tmp_path / "m").mkdir()
-    (tmp_path / "m" / "cube.obj").write_text(CUBE)
-    assert mass_in(tmp_path / "twin.xml", "a_b_mug") == pytest.approx(0.25)
+    path = written_to(tmp_path / "run", twin)
+    shutil.rmtree(attaching)
+    assert {file.name for file in path.parent.glob("*.xml")} == {
+        *("twin.xml", "twin_tray.xml", "twin_mug.xml")
+    }
+    assert mass_in(path, "a_b_mug") == pytest.approx(0.25)
+
+
+OTHERS = """<mujoco><compiler assetdir="../shared" strippath="true"/>
+<asset><texture name="wood" type="2d" file="any/t.png"/><material name="wood" texture="wood"/>
+<hfield name="hills" file="t.png" size="1 1 .02 .1"/>
+<mesh name="a" file="cube.obj" scale=".3 .3 .2"/></asset>
+<worldbody><geom type="hfield" hfield="hills" pos="0 0 -.5"/>
+<body name="table" pos=".5 0 0"><geom type="mesh" mesh="a" material="wood"/></body>
+<body name="mug" pos=".5 0 .25"><freejoint/><geom size=".05" mass="?" friction=".4"/></body>
+</worldbody></mujoco>"""
+
+
+def png(side: int) -> bytes:
+    """A grey picture."""
+
+    def chunk(kind: bytes, content: bytes) -> bytes:
+        check = struct.pack(">I", zlib.crc32(kind + content))
+        return struct.pack(">I", len(content)) + kind + content + check
+
+    rows = zlib.compress((b"\0" + bytes(range(side))) * side)
+    header = struct.pack(">IIBBBBB", side, side, 8, 0, 0, 0, 0)
+    packed = chunk(b"IHDR", header) + chunk(b"IDAT", rows) + chunk(b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + packed
+
+
+@pytest.mark.parametrize("scene", ["meshes", "others"])
+def test_a_run_folder_has_all_files_of_its_twin(cell: Path, tmp_path: Path, scene: str) -> None:
+    path = cell / "scene.xml"
+    if scene == "others":
+        (tmp_path / "shared").mkdir()
+        (tmp_path / "shared" / "t.png").write_bytes(png(8))
+        (tmp_path / "shared" / "cube.obj").write_text(CUBE)
+        path.write_text(OTHERS)
+    twin = twin_of(path, mug=0.25)
+    run = written_to(tmp_path / "run", twin)
+    assert "assets" not in twin.xml
+    # A second time, as when a run is finished later.
+    assert twin.packed(run.parent)["twin.xml"] == run.read_text()
+    moved = run.parent.rename(tmp_path / "moved") / "twin.xml"
+    shutil.rmtree(cell)
+    shutil.rmtree(tmp_path / "shared", ignore_errors=True)
+    assert mass_in(moved, "mug") == pytest.approx(0.25)
+
+
+def test_a_twin_without_files_is_the_same_in_a_run_folder(tmp_path: Path) -> None:
+    (tmp_path / "rest.xml").write_text(REST)
+    twin = twin_of(tmp_path / "rest.xml", mug=0.25)
+    assert twin.packed(tmp_path) == {"twin.xml": twin.xml}

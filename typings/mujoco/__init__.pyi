@@ -376,6 +376,7 @@ class _MjContactList:
     """All contacts of a state, one row each."""
 
     geom: _Ints
+    dist: _Doubles
     pos: _Doubles
     frame: _Doubles
 

@@ -88,12 +88,17 @@ _POINT_BYTES = 16
 """Bytes of a point in a binary mesh file: 50 for the three of a triangle of an STL."""
 _SDF_BYTES = 1_000_000
 """A mesh made by an SDF plugin takes as long as a file of this size, 0.5 s."""
+Loaded = Callable[[Element], bool]
+"""Test if MuJoCo gets an element: it does not, where that goes with a robot."""
 _BUILT_IN = "mujoco."
 """MuJoCo's own plugins begin with it; all others would have to be loaded as code."""
 
 
-def require_bounded(document: Document, where: str = "the scene") -> None:
-    """Check the size of a scene, with the models that it attaches.
+def require_bounded(
+    document: Document, where: str = "the scene", is_loaded: Loaded = lambda _: True
+) -> None:
+    """Check the size of a scene, with the models that it attaches; of its assets only those that are
+    loaded.
 
     Raises:
         InputError: larger than is built, a picture unpacks to more than is read, or it needs a
@@ -102,13 +107,14 @@ def require_bounded(document: Document, where: str = "the scene") -> None:
     for model in (document, *document.attached().values()):
         for element in elements(model.root):
             _require_sizes(element, where)
-    files = _file_amounts(document)
+    files = _file_amounts(document, is_loaded)
     total: defaultdict[str, float] = defaultdict(float)
     # Counted while walking, and refused at the first excess: a bomb is never walked to its end.
     for element, own, copies in _copies(document):
         # Each `<attach>` copies the assets of its model, whatever replicates that `<attach>`.
         amounts = [(ELEMENTS, own), (REPLICATED, max(own - 1.0, 0.0)), (COPIES, copies)]
-        for what, amount in (*_amounts(element), *files.get(element, ())):
+        counted = _amounts(element) if is_loaded(element) else ()
+        for what, amount in (*counted, *files.get(element, ())):
             amounts.append((what, amount * (copies if what == POINTS else 1.0)))
         for what, amount in amounts:
             total[what] += amount
@@ -116,15 +122,24 @@ def require_bounded(document: Document, where: str = "the scene") -> None:
                 raise _too_many(element, where, what)
 
 
-def mesh_bytes(document: Document, is_kept: Callable[[Element], bool]) -> float:
-    """Bytes of the meshes that are kept, of a scene and the models that it attaches, in files and in
+def has_large_textures(document: Document, is_loaded: Loaded) -> bool:
+    """Test for textures that have too many pixels together, or unpack to more than is read."""
+    try:
+        require_bounded(document, is_loaded=lambda one: one.tag == "texture" and is_loaded(one))
+    except InputError:
+        return True
+    return False
+
+
+def mesh_bytes(document: Document, is_loaded: Loaded) -> float:
+    """Bytes of the meshes that are loaded, of a scene and the models that it attaches, in files and in
     the text."""
     total = 0.0
     for named in document.named:
-        if named.element.tag == "mesh" and is_kept(named.element):
+        if named.element.tag == "mesh" and is_loaded(named.element):
             total += named.path.stat().st_size
     for model in (document, *document.attached().values()):
-        for mesh in filter(is_kept, model.root.iter("mesh")):
+        for mesh in filter(is_loaded, model.root.iter("mesh")):
             total += sum(amount for what, amount in _amounts(mesh) if what == MESHES)
     return total
 
@@ -178,12 +193,12 @@ def _amounts(element: Element) -> Iterator[tuple[str, float]]:
             pass
 
 
-def _file_amounts(document: Document) -> dict[Element, list[tuple[str, float]]]:
-    """Amounts that the files of each element add: pixels of PNG pictures, bytes of all others."""
+def _file_amounts(document: Document, is_loaded: Loaded) -> dict[Element, list[tuple[str, float]]]:
+    """Amounts that the files of each loaded element add: pixels of PNG pictures, bytes of all others."""
     found: dict[Element, list[tuple[str, float]]] = {}
     pixels: dict[Path, int] = {}
     for named in document.named:
-        if named.element.tag in ("include", "model"):
+        if named.element.tag in ("include", "model") or not is_loaded(named.element):
             continue
         path, amounts = named.path, found.setdefault(named.element, [])
         if path not in pixels:

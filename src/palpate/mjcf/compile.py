@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +12,13 @@ import mujoco
 from lxml import etree
 
 from palpate.errors import InputError
-from palpate.mjcf.bounds import HULL_POINTS, LARGE_MESHES, mesh_bytes
+from palpate.mjcf.bounds import (
+    HULL_POINTS,
+    LARGE_MESHES,
+    Loaded,
+    has_large_textures,
+    mesh_bytes,
+)
 from palpate.mjcf.defaults import STAND_INS, unknowns_replaced
 from palpate.mjcf.document import (
     ATTACH,
@@ -65,9 +71,32 @@ class ModelTree:
         roots = {path: twin_of[model.root] for path, model in attached.items()}
         return cls(twin_of[document.root], roots, twin_of, document.folder)
 
+    def is_loaded(self) -> Loaded:
+        """Test for the original of an element that is in this tree, or in a model that it still names."""
+        roots, pending = {self.root}, [self.root]
+        while pending:
+            for model in pending.pop().iterfind("asset/model"):
+                named = self.attached.get(Path(model.get("file") or ""))
+                if named is not None and named not in roots:
+                    roots.add(named)
+                    pending.append(named)
+        # A removed element still has the document's root in lxml: only a walk finds what is there.
+        there = {element for root in roots for element in elements(root)}
+        return lambda element: self.twin_of[element] in there
 
-def model_tree(document: Document, roles: Roles, edits: Iterable[Edit | Insert]) -> ModelTree:
-    """A copy of the document without robots and keyframes, `edits` applied."""
+
+def without_robots(document: Document, roles: Roles) -> ModelTree:
+    """A copy of the document without robots and their assets."""
+    tree = ModelTree.of(document)
+    _remove_robots(tree, document, roles)
+    return tree
+
+
+def model_tree(
+    document: Document, roles: Roles, edits: Iterable[Edit | Insert], is_drawn: bool = True
+) -> ModelTree:
+    """A copy of the document without robots and keyframes, `edits` applied; without textures, unless it
+    `is_drawn` and they are not too large."""
     tree = ModelTree.of(document)
     apply(edits, tree.twin_of)
     for root in (tree.root, *tree.attached.values()):
@@ -79,22 +108,20 @@ def model_tree(document: Document, roles: Roles, edits: Iterable[Edit | Insert])
         for keyframe in root.findall("keyframe"):
             root.remove(keyframe)
     _remove_robots(tree, document, roles)
-    roots = {tree.root, *tree.attached.values()}
-
-    def is_kept(mesh: Element) -> bool:
-        return tree.twin_of[mesh].getroottree().getroot() in roots
-
-    return replace(tree, mesh_bytes=mesh_bytes(document, is_kept))
+    is_loaded = tree.is_loaded()
+    if not is_drawn or has_large_textures(document, is_loaded):
+        for root in (tree.root, *tree.attached.values()):
+            _remove_textures(root)
+    return replace(tree, mesh_bytes=mesh_bytes(document, is_loaded))
 
 
 def removed_with_robots(document: Document, roles: Roles) -> dict[str, int]:
     """Number of elements removed together with the robots, by tag."""
-    tree = ModelTree.of(document)
     # Difference of the counts before and after, without the robots' own elements and assets.
-    before = Counter(str(part.tag) for part in elements(tree.root))
+    before = Counter(str(part.tag) for part in elements(document.root))
     for robot in roles.robots:
-        before -= Counter(str(part.tag) for part in elements(tree.twin_of[robot]))
-    _remove_robots(tree, document, roles)
+        before -= Counter(str(part.tag) for part in elements(robot))
+    tree = without_robots(document, roles)
     after = Counter(str(part.tag) for part in elements(tree.root))
     return {tag: number for tag, number in (before - after).items() if tag not in _ASSETS}
 
@@ -157,6 +184,16 @@ def _keep_all(root: Element) -> None:
                 element.attrib.pop(attribute, None)
 
 
+def _remove_textures(root: Element) -> None:
+    """Remove textures, and the references of materials and lights to them."""
+    for element in list(elements(root)):
+        parent = element.getparent()
+        if element.tag in ("texture", "layer") and parent is not None:
+            parent.remove(element)
+        elif element.tag in ("material", "light"):
+            element.attrib.pop("texture", None)
+
+
 def _remove_robots(tree: ModelTree, document: Document, roles: Roles) -> None:
     """Remove the robots, whose roots are in the scene's own tree, and what refers to them."""
     if not roles.robots:
@@ -173,7 +210,8 @@ def _remove_robots(tree: ModelTree, document: Document, roles: Roles) -> None:
     # What refers to the robot may itself be referred to: an actuator of a tendon over its joints.
     while removed:
         removed = _remove_referring(root, removed)
-    _remove_unused_assets(root)
+    models = {str(model.path): name for name, model in document.models.items()}
+    _remove_unused_assets(root, models)
     # Instances of plugins of the robot's actuators and sensors.
     used = _references(root, "instance")
     for instance in list(root.iterfind("extension/plugin/instance")):
@@ -249,15 +287,16 @@ def _mentioned(entry: Element) -> set[str]:
     return found
 
 
-def _remove_unused_assets(root: Element) -> None:
-    """Remove meshes, materials and other assets that no element refers to."""
+def _remove_unused_assets(root: Element, models: Mapping[str, str]) -> None:
+    """Remove meshes, materials and other assets that no element refers to; `models` are the names of
+    attached models by their files."""
     for tag in _ASSETS:
         used = _references(root, tag)
         for section in root.iterfind("asset"):
             for asset in section.findall(tag):
                 # MuJoCo names an asset after its file; a model has its own name.
-                stem = "" if tag == "model" else Path(asset.get("file") or "").stem
-                name = asset.get("name") or stem
+                file = asset.get("file") or ""
+                name = asset.get("name") or models.get(file) or Path(file).stem
                 if name and name not in used and asset.get("type") != "skybox":
                     section.remove(asset)
 

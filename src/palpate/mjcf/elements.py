@@ -89,6 +89,12 @@ def colliding(geoms: tuple[Element, ...], defaults: Defaults) -> tuple[Element, 
     return tuple(touching) or geoms
 
 
+def meets_hand(geom: Element, defaults: Defaults) -> bool:
+    """True if a geom collides with an arm's hand, whose `contype` and `conaffinity` are MuJoCo's default, 1."""
+    masks = [defaults.attribute(geom, name) or "1" for name in ("contype", "conaffinity")]
+    return any(mask.strip().lstrip("+-").isdigit() and int(mask) & 1 for mask in masks)
+
+
 def carrying(
     element: Element, geoms: tuple[Element, ...], defaults: Defaults
 ) -> tuple[Element, ...]:

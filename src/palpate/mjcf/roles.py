@@ -34,6 +34,7 @@ from palpate.mjcf.elements import (
     hinged_by,
     inertial_of,
     is_free,
+    meets_hand,
     own_geoms,
 )
 from palpate.mjcf.robots import NOBODY, Robots, driven
@@ -50,6 +51,7 @@ class Roles:
         root: the scene's root element.
         robots: root bodies of robots, or the `<attach>` elements that bring them.
         ignored: bodies with other joints, which are neither robot nor object.
+        untouchable: free or hinged bodies that a hand cannot touch, with the reason.
         replicated: free bodies whose parts `<replicate>` or `<attach>` copies, so that one element
             is many shapes.
         brought: parts of attached models.
@@ -61,6 +63,7 @@ class Roles:
     bodies: dict[str, Elements] = field(default_factory=dict[str, Elements])
     robots: list[Element] = field(default_factory=list[Element])
     ignored: list[Element] = field(default_factory=list[Element])
+    untouchable: dict[Element, str] = field(default_factory=dict[Element, str])
     replicated: list[Element] = field(default_factory=list[Element])
     brought: list[Brought] = field(default_factory=list[Brought])
     copied: list[Element] = field(default_factory=list[Element])
@@ -103,7 +106,7 @@ def find_roles(document: Document) -> Roles:
     """Sort the bodies and geoms of a document into objects, surfaces and robots.
 
     Raises:
-        InputError: an object without a geom, a name used twice, a surface with several geoms of
+        InputError: a name used twice, a surface with several geoms of
             unknown height, a robot that is not there.
     """
     attached = [model.root for model in document.attached().values()]
@@ -192,8 +195,8 @@ def _sort_body(body: Element, found: Roles, model: _Model) -> None:
 def _add_object(body: Element, found: Roles, model: _Model) -> None:
     all_parts = list(_parts(body, found, model))
     geoms = tuple(part for part in all_parts if part.tag == "geom")
-    if not geoms:
-        raise InputError(f"object {label(body)} has no geom, so it has no shape to touch")
+    if _is_untouchable(body, geoms, found):
+        return
     own = body.get("name") or _named(body, geoms[0], found, model)
     made = Elements(
         name=compiled_name(body, own, model.through),
@@ -230,6 +233,8 @@ def _add_fixture(body: Element, joint: Element, found: Roles, model: _Model) -> 
     if not geoms or body.getroottree().getroot() is not found.root:
         found.ignored.append(body)
         return
+    if _is_untouchable(body, geoms, found):
+        return
     made = Elements(
         name=compiled_name(body, body.get("name", ""), model.through),
         role="fixture",
@@ -242,6 +247,15 @@ def _add_fixture(body: Element, joint: Element, found: Roles, model: _Model) -> 
         joint=joint,
     )
     _register(made, found)
+
+
+def _is_untouchable(body: Element, geoms: tuple[Element, ...], found: Roles) -> bool:
+    """True if a hand cannot touch a body; the reason is noted."""
+    if any(meets_hand(geom, found.defaults) for geom in geoms):
+        return False
+    masks = "no geom of it collides with the hand: give one contype and conaffinity 1, the default"
+    found.untouchable[body] = masks if geoms else "it has no geom"
+    return True
 
 
 def _register(body: Elements, found: Roles) -> None:
@@ -322,7 +336,7 @@ def _require_named_robots(document: Document, found: Roles) -> None:
             names.add(robot.get("name", ""))
         else:
             names |= {part.prefix + body.get("name", "") for body in part.content.iter("body")}
-    others = [*found.ignored, *(body.element for body in found.bodies.values())]
+    others = [*found.ignored, *found.untouchable, *(body.element for body in found.bodies.values())]
     valid = {name for body in others if body.tag == "body" and (name := body.get("name"))}
     for name in document.robots:
         if name not in names:

@@ -263,7 +263,7 @@ def compile_shapes(document: Document, roles: Roles, edits: Sequence[Edit | Inse
     Raises:
         InputError: MuJoCo does not accept the scene, or one of its numbers is not finite.
     """
-    tree = model_tree(document, roles, edits)
+    tree = model_tree(document, roles, edits, is_drawn=False)
     names = _name_geoms(tree, roles)
     model = compile_model(compile_spec(tree))
     data = mujoco.MjData(model)

@@ -8,6 +8,7 @@ from fnmatch import fnmatchcase
 from palpate.errors import InputError, unknown_name
 from palpate.parameter import Parameter
 from palpate.planning.request.item import GRIPPER
+from palpate.scene.describe import AN_OBJECT
 from palpate.scene.scene import Scene
 
 MISSING = "missing"
@@ -56,7 +57,8 @@ def _parameter(name: str, scene: Scene) -> Parameter:
     if not dot and name in bodies:
         raise InputError(f"measure={name} names no quantity. {HINT.replace('bottle', name)}")
     if object not in bodies:
-        raise unknown_name("object or surface in measure=", object or name, bodies, HINT)
+        why = scene.resolved.description.why_no_body(object or name)
+        raise unknown_name("object or surface in measure=", object or name, bodies, why or HINT)
     if id not in scene.catalogue:
         meant = scene.catalogue.meant(id)
         raise unknown_name("quantity in measure=", id, scene.catalogue, HINT, meant)
@@ -67,5 +69,6 @@ def _parameter(name: str, scene: Scene) -> Parameter:
         raise InputError(
             f"measure={name}: '{object}' is a{'n' if role == 'object' else ''} {role}, and the "
             f"{scene.catalogue[id].label} is measured of a{'n' if subject == 'object' else ''} {subject}"
+            f"{'; ' + AN_OBJECT if (role, subject) == ('surface', 'object') else ''}"
         )
     return Parameter(object, id)

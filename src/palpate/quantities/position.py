@@ -112,15 +112,28 @@ class Position(Quantity):
 
 
 def support_z(body: BodyDescription, believed: Values) -> float | None:
-    """World z of the highest surface below the middle of an object, m; 0, the ground, without one. None
-    while the height of a surface below it is unknown."""
-    tops: list[float] = []
+    """World z of the highest surface below the middle of an object, or of an object there whose z is
+    stated, m; 0, the ground, without one. None while the height of a surface below it is unknown."""
+    tops = list(_tops_of_objects(body))
     for surface in body.surfaces_below():
         height = believed.get(Parameter(surface.name, "height"))
         if height is None and surface.top_is_open:
-            return None
+            return max(tops, default=None)
         tops.append(surface.top_z if height is None else height[0])
     return max(tops, default=0.0)
+
+
+def _tops_of_objects(body: BodyDescription) -> Iterator[float]:
+    """Yield world z, m, of the tops of the geoms of other objects that are below the middle of an object."""
+    middle = body.footing()[:2]
+    for other in body.objects():
+        if other is body or has_unknown(other.elements.element, "pos"):
+            continue
+        for geom in other.elements.colliding:
+            points = body.shapes.points(geom)
+            low, high = points.min(axis=0), points.max(axis=0)
+            if bool(np.all((low[:2] <= middle) & (middle <= high[:2]))):
+                yield float(high[2])
 
 
 def require_world_frame(body: BodyDescription) -> None:

@@ -54,10 +54,9 @@ def write_trace(run: Run, folder: Path) -> None:
 
 
 def write_twin(run: Run, folder: Path) -> None:
-    """Write the twin, and the scene as completed by contact."""
+    """Write the twin with the files that it needs, and the scene as completed by contact."""
     if run.finished is not None:
-        write_text(folder / "twin.xml", run.finished.xml)
-        for name, text in run.finished.beside.items():
+        for name, text in run.finished.packed(folder).items():
             write_text(folder / name, text)
     _write_scene(run, folder)
 

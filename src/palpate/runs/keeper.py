@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 Step = Callable[[Run], Iterator[Run]]
 """Stage of a run: yields the grown run once or several times."""
+GROWING = "the trace was not written down while it grew"
+"""Failure of the crash-safe trace; the finished one is written all the same."""
 WRITING = 0.02
 """Most of the time in which result.json is written while estimates are made."""
 
@@ -41,6 +43,7 @@ class Keeper:
         self._shortfalls: list[str] = []
         self._stream: TraceStream | None = None
         self._due = 0.0
+        self._ended: set[str] = set()
 
     def begin(self, run: Run, request: Mapping[str, Any]) -> Run:
         """Make the folder and write the files that exist before the execution.
@@ -118,6 +121,17 @@ class Keeper:
                 self._due = ended + (ended - began) / WRITING
             return self._with_shortfalls(run)
 
+    def follow(self, failure: str, step: Callable[[], object]) -> None:
+        """Carry out a step of work beside the execution. After an exception the step of that `failure` is
+        not carried out again, and the run falls short of it; the other steps go on."""
+        if failure in self._ended:
+            return
+        try:
+            step()
+        except Exception as error:
+            self._ended.add(failure)
+            self.fell_short(failure, error)
+
     def samples(self, samples: Samples, recorded: Recorded) -> None:
         """Append samples to the growing trace.
 
@@ -166,7 +180,7 @@ class Keeper:
             try:
                 stream.close()
             except OSError as error:
-                self.fell_short("the trace was not written down while it grew", error)
+                self.fell_short(GROWING, error)
 
     def _discard(self) -> None:
         """Remove the folder of a run in which nothing has moved."""

@@ -17,6 +17,7 @@ from palpate.errors import InputError, unknown_name
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import BodyDescription
 from palpate.mjcf.bounds import require_bounded
+from palpate.mjcf.compile import without_robots
 from palpate.mjcf.defaults import INHERITED
 from palpate.mjcf.document import UNKNOWN, Document, Element, elements, has_unknown, label, tokens
 from palpate.mjcf.edits import Edit, Slot
@@ -27,6 +28,7 @@ from palpate.quantities.catalogue import Catalogue
 from palpate.scene.named.places import APPROACH
 from palpate.scene.poses import Poses
 
+AN_OBJECT = "what is to be measured as an object needs a <freejoint/>, and no other joint"
 CARRYING = 0.10
 """m: a static body narrower than this is a surface only when something stands on it."""
 
@@ -68,6 +70,17 @@ class Description:
     lowered: tuple[str, ...]
     refused: dict[str, str]
 
+    def why_no_body(self, name: str) -> str:
+        """Sentence that says why nothing is measured of a body of the file; empty for others."""
+        roles = self.roles
+        found = {one: f"'{one}' stands still; {AN_OBJECT}" for one in self.refused}
+        for body in (*roles.ignored, *roles.replicated, *roles.untouchable):
+            found[body.get("name", "")] = _no_object(body, roles).rstrip("; ")
+        for one, reason in found.items():
+            if name.replace(" ", "_").lower() in (one.lower(), *one.lower().split("_")):
+                return f"{reason}."
+        return ""
+
 
 def describe(
     document: Document, poses: Poses, catalogue: Catalogue, settled: bool = True
@@ -79,8 +92,11 @@ def describe(
         InputError: too large, a `?` where nothing can be measured, names that do not match, scenes
             that MuJoCo does not accept.
     """
-    require_bounded(document)
+    # The elements first; then, without the robots, what is loaded. Physics needs no textures.
+    require_bounded(document, is_loaded=lambda _: False)
     roles = find_roles(document)
+    is_loaded = without_robots(document, roles).is_loaded()
+    require_bounded(document, is_loaded=lambda one: one.tag != "texture" and is_loaded(one))
     slots: list[Slot] = []
     for body in roles.bodies.values():
         for quantity in catalogue.of(body.role):
@@ -182,6 +198,8 @@ def _no_object(element: Element, roles: Roles) -> str:
                 f"'{called}' slides or turns on a joint: with a <freejoint/> in its place it would be an "
                 "object; "
             )
+        if body in roles.untouchable:
+            return f"'{called}' is no object: {roles.untouchable[body]}; "
         if body in roles.replicated:
             return f"'{called}' has parts that one line makes several of: write each of them; "
         if body.get("mocap") == "true":
@@ -264,6 +282,9 @@ def _no_surface(body: BodyDescription) -> str:
     """
     if body.top_is_open:
         return ""
+    ids = [body.shapes.geom_ids[geom] for geom in body.elements.geoms]
+    if not (body.shapes.model.geom_contype[ids] | body.shapes.model.geom_conaffinity[ids]).any():
+        return "nothing collides with it"
     if not _is_level(body.shapes, body.carrier):
         return "its top is not level"
     for thing in body.objects():

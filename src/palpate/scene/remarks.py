@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Iterator
 
 from palpate.mjcf.compile import BASE_SITE, removed_with_robots
 from palpate.mjcf.document import Element
 from palpate.mjcf.elements import copy_mark
+from palpate.scene.consistency import contradictions
+from palpate.scene.describe import AN_OBJECT
 from palpate.scene.named.places import reachable
 from palpate.scene.scene import Scene
 
@@ -20,7 +21,7 @@ SITE = f'<site name="{BASE_SITE}" pos="x y z"/>'
 
 def remarks(scene: Scene) -> tuple[str, ...]:
     """Sentences that explain how the file was read."""
-    parts = (_robots, _base, _others, _deviations, _copies, _refused, _why_nothing, _files)
+    parts = (_robots, _base, _others, _deviations, _copies, _refused, _contradictions, _why_nothing)
     return tuple(sentence for part in parts for sentence in part(scene))
 
 
@@ -71,8 +72,11 @@ def _others(scene: Scene) -> Iterator[str]:
             advice = " If one of them is a robot, say so: --robot-body NAME."
         yield (
             "Neither object nor surface nor robot, as they have joints that are not free: "
-            f"{_names(map(_label, roles.ignored))}.{advice}"
+            f"{_names(map(_label, roles.ignored))}. {_sentence(AN_OBJECT)}{advice}"
         )
+    if roles.untouchable:
+        reasons = [f"{_label(body)} ({reason})" for body, reason in roles.untouchable.items()]
+        yield f"Nothing is measured of {_names(reasons)}."
     copies: list[str] = []
     for attach in roles.copied:
         content = attach.get("body") or attach.get("frame") or attach.get("model") or ""
@@ -123,12 +127,17 @@ def _refused(scene: Scene) -> Iterator[str]:
     refused = scene.resolved.description.refused
     if refused:
         reasons = [f"'{name}' ({reason})" for name, reason in refused.items()]
-        yield f"Stands still and is no surface: {_names(reasons)}."
+        yield f"Stands still and is no surface: {_names(reasons)}. {_sentence(AN_OBJECT)}"
+
+
+def _contradictions(scene: Scene) -> Iterator[str]:
+    return contradictions(scene.resolved)
 
 
 def _why_nothing(scene: Scene) -> Iterator[str]:
     if not scene.objects:
-        yield "There is no object: no body has a free joint."
+        of_any = not scene.resolved.description.roles.untouchable
+        yield f"There is no object{': no body has a free joint' if of_any else ' to measure'}."
     if not scene.surfaces:
         yield "There is no surface: nothing static has a name and a level top."
     if scene.bodies and not scene.missing:
@@ -138,19 +147,15 @@ def _why_nothing(scene: Scene) -> Iterator[str]:
         )
 
 
-def _files(scene: Scene) -> Iterator[str]:
-    folder = scene.resolved.document.folder
-    if scene.files and folder is not None:
-        common = os.path.commonpath([folder.resolve(), *scene.files])
-        if common != str(folder.resolve()):
-            yield f"Its files are read from below '{common}'."
-
-
 def _names(names: Iterable[str]) -> str:
     """The first names with commas, and the number of the others."""
     listed = list(names)
     shown = ", ".join(listed[:LISTED])
     return shown if len(listed) <= LISTED else f"{shown} and {len(listed) - LISTED} more"
+
+
+def _sentence(clause: str) -> str:
+    return f"{clause[0].upper()}{clause[1:]}."
 
 
 def _quoted(name: str) -> str:

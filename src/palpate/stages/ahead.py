@@ -40,7 +40,10 @@ class Ahead:
         return self._copies.keys()
 
     def look(self, recorder: Recorder) -> None:
-        """After a leaf has ended, begin with an object whose evidence is complete."""
+        """After a leaf has ended, begin with an object whose evidence is complete. A further attempt has a
+        recorder of its own: its evidence is only a part, and no estimate is begun."""
+        if len(recorder.leaves) < self._leaves:
+            self._due.clear()
         if len(recorder.leaves) == self._leaves or not self._due:
             return
         self._leaves = len(recorder.leaves)

@@ -201,6 +201,7 @@ class TraceStream:
     def write(self, samples: Samples, recorded: Recorded) -> None:
         """Add new samples, and write a block if one is due."""
         if recorded is not self._recorded:
+            self.flush()  # the last events of the attempt before
             self._recorded, self._seen = recorded, (0, 0, 0)
         if len(samples):
             self._pending.append(samples)

@@ -1,8 +1,7 @@
-"""The files of a twin: written where it is wanted, so that it loads there, or in one text."""
+"""The files of a twin: written where it is wanted, packed into one folder, or in one text."""
 
 from __future__ import annotations
 
-import html
 import os
 import shutil
 from collections.abc import Mapping
@@ -14,81 +13,103 @@ from palpate.mjcf import spans
 from palpate.mjcf.document import Document, Named, Texts, read_text
 from palpate.mjcf.reading import parse_document, reparsed
 
+TWIN = "twin.xml"
+"""Name of a twin in the folder of a run."""
 BESIDE = "twin_"
-"""Prefix of the names of copies of attached models."""
+"""Prefix of the names of attached models in the same folder."""
+ASSETS = "assets"
+"""Folder of copies of meshes, pictures and height fields."""
+FOLDERS = ("meshdir", "texturedir", "assetdir", "strippath")
+"""Attributes of `<compiler>` that say where files are found."""
 
 Attributes = Mapping[tuple[int, str], str]
 """New values, by number of the element and name of the attribute."""
 
 
-@dataclass(frozen=True, slots=True)
-class OneText:
-    """A twin's text.
+def one_text(document: Document, texts: Texts) -> str:
+    """The main text of a twin, with the content of all included files in it where one of them has
+    changed."""
+    if texts.parts.keys().isdisjoint(document.includes.values()):
+        return texts.main
+    return inlined(document, texts)
+
+
+def inlined(document: Document, texts: Texts) -> str:
+    """The main text with the content of all included files in it."""
+    parts = {**document.texts, **texts.parts}
+    return spans.inline_includes(texts.main, document.includes, document.beside, parts)
+
+
+def pack(document: Document, folder: Path, name: str = TWIN) -> dict[str, str]:
+    """Copy the files of a document into an existing `folder`, so that it loads there.
+
+    Includes are replaced by their contents. Meshes, pictures and height fields are copied to `assets/`,
+    and the names that refer to them are changed. Nothing else in the texts is.
+
+    Returns:
+        The texts to write into the folder, by their names: `name`, and those of attached models.
+
+    Raises:
+        InputError: a file has gone since the document was read.
+        OSError: a file cannot be copied.
+    """
+    packing = _Packing(folder, name)
+    packing.pack(document, name)
+    return packing.texts
+
+
+@dataclass(slots=True)
+class _Packing:
+    """Files that are packed into a folder.
 
     Attributes:
-        main: the scene's, with the content of all included files in it where one of them has changed.
-        beside: the texts of attached models that have changed, by the file names that `main` and each
-            other refer to them by: they belong into the same folder.
+        main: name of the main text.
+        names: name in the folder of each file.
+        texts: texts of models by their names in the folder.
     """
 
+    folder: Path
     main: str
-    beside: Mapping[str, str] = field(default_factory=dict[str, str])
+    names: dict[Path, str] = field(default_factory=dict[Path, str])
+    texts: dict[str, str] = field(default_factory=dict[str, str])
 
+    def pack(self, document: Document, name: str) -> None:
+        """Add the text of a model, and copy its files."""
+        flat = document
+        if document.includes:
+            flat = reparsed(Texts(inlined(document, Texts(document.text))), document)
+        tags = spans.scan(flat.text)
+        data = flat.text.encode("utf-8")
+        changes: list[spans.Change] = []
+        for named in flat.named:
+            if named.model == flat.path:
+                if named.path not in self.names:
+                    self.add(named.path, named.element.tag == "model", flat)
+                tag = tags[flat.index[named.element].number]
+                packed = self.names[named.path]
+                changes.append(spans.set_attribute(tag, named.attribute, packed))
+        for tag in tags:
+            for attribute in FOLDERS if tag.name == "compiler" else ():
+                if attribute in tag.attributes:
+                    changes.append(spans.remove_attribute(data, tag, attribute))
+        self.texts[name] = spans.changed(flat.text, changes)
 
-def in_one(document: Document, texts: Texts) -> OneText:
-    """A twin in as few texts as possible: one, and those of attached models that have changed, which
-    cannot stand in another."""
-    if not texts.parts:
-        return OneText(texts.main)
-    parts = {**document.texts, **texts.parts}
-    # A free file name beside the main text for each changed model.
-    names: dict[Path, str] = {}
-    changed = [item for item in document.attached().items() if has_changed(item[1], texts)]
-    for path, model in changed:
-        assert model.path is not None
-        name, count = f"{BESIDE}{model.path.name}", 1
-        while name in names.values():
-            count += 1
-            name = f"{BESIDE}{model.path.stem}_{count}{model.path.suffix}"
-        names[path] = name
-    beside: dict[str, str] = {}
-    for path, model in changed:
-        beside[names[path]] = _one(model, parts[path], parts, texts, names)
-    return OneText(_one(document, texts.main, parts, texts, names), beside)
-
-
-def has_changed(model: Document, texts: Texts) -> bool:
-    """Test for a change in a model, in its includes or in the models that it attaches."""
-    files = {model.path, *model.includes.values()}
-    if not files.isdisjoint(texts.parts):
-        return True
-    return any(has_changed(inner, texts) for inner in model.attached().values())
-
-
-def _one(
-    document: Document,
-    text: str,
-    parts: Mapping[Path, str],
-    texts: Texts,
-    names: Mapping[Path, str],
-) -> str:
-    """Text of one model, with new names for the models that it attaches."""
-    renamed: dict[str, str] = {}
-    in_includes = not texts.parts.keys().isdisjoint(document.includes.values())
-    for named in document.named:
-        is_own = named.element.tag == "model" and named.model == document.path
-        if is_own and named.path in names:
-            renamed[named.name] = renamed[document.beside[named.name]] = names[named.path]
-            in_includes |= document.index[named.element].file != document.path
-    if in_includes:
-        text = spans.inline_includes(text, document.includes, document.beside, parts)
-    data = text.encode("utf-8")
-    changes: list[spans.Change] = []
-    for tag in spans.scan(text):
-        name = html.unescape(tag.value(data, "file"))
-        if tag.name == "model" and name in renamed:
-            changes.append(spans.set_attribute(tag, "file", renamed[name]))
-    return spans.changed(text, changes)
+    def add(self, path: Path, is_model: bool, document: Document) -> None:
+        """Pack a file under a free name. An asset keeps its own, by which MuJoCo refers to it. Models
+        are beside the main text: the files that they name are found from the same folder."""
+        taken = {self.main, *self.names.values()}
+        name, number = (f"{BESIDE}{path.name}" if is_model else f"{ASSETS}/{path.name}"), 1
+        while name in taken:
+            number += 1
+            numbered = f"{BESIDE}{path.stem}-{number}{path.suffix}"
+            name = numbered if is_model else f"{ASSETS}/{number}/{path.name}"
+        self.names[path] = name
+        if is_model:
+            self.pack(document.attached()[path], name)
+        else:
+            target = self.folder / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(path, target)
 
 
 def write_files(texts: Texts, document: Document | None, path: Path) -> tuple[Path, ...]:

@@ -28,7 +28,7 @@ from palpate.scene.poses import Poses
 from palpate.scene.raised import at_heights
 from palpate.scene.resolve import changes
 from palpate.scene.scene import Scene
-from palpate.twin.files import in_one
+from palpate.twin.files import one_text
 from palpate.twin.text import as_text, recorded, rewritten
 
 ROUNDED = 1e-5
@@ -55,10 +55,10 @@ def inject(
     std = deviations(records)
     for parameter, reason in misread(description, texts, values, std, catalogue()):
         raise InputError(f"{parameter} cannot be stated in this file: {reason}")
-    made = in_one(description.document, texts)
-    if made.beside:
+    document = description.document
+    if texts.parts.keys() - set(document.includes.values()):
         raise InputError("the values belong into attached models, which are separate files")
-    return made.main
+    return one_text(document, texts)
 
 
 def unfilled(text: str, folder: Path | None = None) -> list[Parameter]:

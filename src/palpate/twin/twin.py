@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,12 +15,13 @@ from palpate.estimation.estimate import Estimate
 from palpate.geometry.pose import Pose
 from palpate.mjcf.contacts import surface_friction
 from palpate.mjcf.document import Document, Texts
+from palpate.mjcf.reading import reparsed
 from palpate.parameter import Parameter
 from palpate.scene.load import scene_from_text
 from palpate.scene.raised import at_heights
 from palpate.scene.scene import Scene
 from palpate.trace.samples import Trace
-from palpate.twin.files import in_one, write_files
+from palpate.twin.files import TWIN, one_text, pack, write_files
 from palpate.twin.inject import complete
 from palpate.twin.pressed import press_notes
 from palpate.twin.validate import Replay, Replayed, Validation, touched, validate
@@ -43,8 +44,6 @@ class Twin:
             reasons.
         document: the user's files.
         texts: those of them that have changed.
-        beside: by name, the texts that belong into the folder of `xml`: attached models in which a
-            value was measured.
     """
 
     xml: str
@@ -55,7 +54,6 @@ class Twin:
     unwritten: tuple[Parameter, ...] = ()
     document: Document | None = None
     texts: Texts | None = None
-    beside: Mapping[str, str] = field(default_factory=dict[str, str])
 
     @cached_property
     def mjmodel(self) -> MjModel:
@@ -82,6 +80,18 @@ class Twin:
             InputError: a file that exists, or cannot be written.
         """
         return write_files(self.texts or Texts(self.xml), self.document, Path(path))
+
+    def packed(self, folder: Path) -> dict[str, str]:
+        """Copy the meshes, pictures and height fields that the twin names into `folder`; return the texts,
+        by name, that load there: `twin.xml`, and attached models.
+
+        Raises:
+            InputError: a file of the user's scene has gone.
+            OSError: a file cannot be copied.
+        """
+        if self.document is None or not self.document.files:
+            return {TWIN: self.xml}
+        return pack(reparsed(self.texts or Texts(self.xml), self.document), folder)
 
     def __repr__(self) -> str:
         if self.validation is None:
@@ -122,16 +132,14 @@ def build_twin(
     notes += [felt_note(scene, estimate) for estimate in on_the_way]
     notes += made.notes
     document = scene.resolved.document
-    one = in_one(document, made.texts)
     twin = Twin(
-        one.main,
+        one_text(document, made.texts),
         diff_of(document, made.texts),
         tuple(notes),
         None,
         unwritten=made.unwritten,
         document=document,
         texts=made.texts,
-        beside=one.beside,
     )
     try:
         read = scene_from_text(made.texts, scene, measured_places(scene, written))
@@ -198,9 +206,10 @@ def read_twin(
     written = held_by_twin(estimates)
     document = scene.resolved.document
     texts = Texts(xml)
-    # With several files, `xml` is all of them in one text: the changed ones are made again.
-    if document.includes or document.models:
+    # A run's folder has all files in it, under other names: the user's own ones are made again.
+    if document.files:
         texts = complete(scene, written, {estimate.parameter for estimate in estimates}).texts
+        xml = one_text(document, texts)
     read = None
     if validation is not None and scene.bodies:
         read = scene_from_text(texts, scene, measured_places(scene, written))
@@ -213,7 +222,6 @@ def read_twin(
         unwritten=tuple(unwritten),
         document=document,
         texts=texts,
-        beside=in_one(document, texts).beside,
     )
 
 

@@ -195,7 +195,8 @@ class Selection:
 
     def _not_there(self, words: str) -> InputError:
         listed = ", ".join(self.scene.bodies) or "no objects at all"
-        return InputError(f"the scene has no '{words}'; it has {listed}")
+        why = self.scene.resolved.description.why_no_body(words)
+        return InputError(f"the scene has no '{words}'; it has {listed}{why and '. ' + why}")
 
 
 def _quoted(names: Iterable[str] | Sequence[str]) -> str:

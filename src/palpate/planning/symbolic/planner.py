@@ -24,6 +24,7 @@ from palpate.planning.symbolic.places import BALANCE, approach
 from palpate.planning.symbolic.search import Backchainer
 from palpate.quantities.catalogue import catalogue
 from palpate.quantities.within import Within
+from palpate.scene.consistency import contradictions, overlap_of
 from palpate.scene.raised import TEMPORARY, is_open, risen
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.grasp import does_not_fit, too_heavy
@@ -95,11 +96,12 @@ class SymbolicPlanner:
                 cannot.append(f"{spoken([parameter])} cannot be measured: {quantity.how}.")
         found = with_needs(scene, wanted)
         made = assemble(scene, found, efforts=efforts(scene, found, self.within))
+        doubts = list(contradictions(scene.resolved)) if wanted else []
         if made.failed and not made.measured:
-            raise PlanRejected(" ".join([*made.failed, *cannot]))
+            raise PlanRejected(" ".join(dict.fromkeys([*made.failed, *cannot, *doubts])))
         notes = [known_note(parameter, scene) for parameter in known]
         sentences = [*asked.remarks, *explanation(made), *notes, *made.failed, *cannot]
-        remarks = [*notes, *unknown_heights(made, scene), *made.failed]
+        remarks = [*notes, *unknown_heights(made, scene), *doubts, *made.failed]
         if made.measured:
             remarks += cannot
         return Plan(
@@ -232,7 +234,9 @@ def _assembled(
     for name in sorted(groups, key=lambda name: name not in chainer.scene.surfaces):
         done, reasons = _measure(chainer, name, groups[name], efforts)
         measured += done
-        failed += reasons
+        for reason in dict.fromkeys(reasons.values()):
+            alike = [parameter for parameter in reasons if reasons[parameter] == reason]
+            failed.append(f"{spoken(alike)} cannot be measured: {reason.removesuffix('.')}.")
     chainer.go_home()
     tree = chainer.tree() if measured else None
     return Assembled(tree, tuple(measured), tuple(dict.fromkeys(failed)), tuple(chainer.omitted))
@@ -240,38 +244,38 @@ def _assembled(
 
 def _measure(
     chainer: Backchainer, name: str, parameters: list[Parameter], efforts: Efforts
-) -> tuple[list[Parameter], list[str]]:
+) -> tuple[list[Parameter], dict[Parameter, str]]:
     """Measure as many parameters of a body as possible; return them, and the reasons against the
     others."""
     reason = unusable(chainer.scene, name)
     if reason:
-        return [], [f"{spoken(parameters)} cannot be measured: {reason}."]
+        return [], dict.fromkeys(parameters, reason)
     # One grasp serves all parameters of a body, so the greatest effort among them counts.
     chosen = {wanted: efforts[wanted] for wanted in parameters if wanted in efforts}
     most = max(chosen.values(), key=lambda effort: effort.cycles, default=None)
     try:
         chainer.measure(name, parameters, most)
     except PlanRejected as rejection:
+        # Where bodies overlap, every way is blocked, and no motion is the cause.
+        reason = str(overlap_of(chainer.scene.resolved, name) or rejection)
         if len(parameters) == 1:
-            return [], [f"{spoken(parameters)} cannot be measured: {rejection}."]
+            return [], dict.fromkeys(parameters, reason)
     else:
         times = {wanted: effort.times for wanted, effort in chosen.items()}
         for count in range(2, max(times.values(), default=1) + 1):
             chainer.repeat(name, [wanted for wanted in times if times[wanted] >= count])
-        return parameters, []
+        return parameters, {}
     # No plan has them together: those that can be measured alone are tried once more, together.
-    possible: list[Parameter] = []
-    impossible: list[Parameter] = []
+    reasons: dict[Parameter, str] = {}
     for parameter in parameters:
         alone = Backchainer(chainer.scene, chainer.words)
         alone.go_home()
-        _, reasons = _measure(alone, name, [parameter], {})
-        (impossible if reasons else possible).append(parameter)
-    failed = [f"{spoken(impossible)} cannot be measured."] if impossible else []
-    if not possible or not impossible:
-        return [], failed
-    done, reasons = _measure(chainer, name, possible, efforts)
-    return done, [*reasons, *failed]
+        reasons |= _measure(alone, name, [parameter], {})[1]
+    possible = [parameter for parameter in parameters if parameter not in reasons]
+    if not possible or not reasons:
+        return [], reasons or dict.fromkeys(parameters, reason)
+    done, others = _measure(chainer, name, possible, efforts)
+    return done, {**others, **reasons}
 
 
 def unusable(scene: Scene, name: str) -> str:

@@ -151,8 +151,7 @@ def write_fusion(fusion: Fusion, folder: Path) -> None:
     """
     try:
         with new_folder(folder) as scratch:
-            write_text(scratch / "twin.xml", fusion.twin.xml)
-            for name, text in fusion.twin.beside.items():
+            for name, text in fusion.twin.packed(scratch).items():
                 write_text(scratch / name, text)
             write_json(scratch / "result.json", fusion_json(fusion, folder))
     except OSError as error:

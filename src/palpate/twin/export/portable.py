@@ -7,26 +7,20 @@ names of files, which are copied to `assets/`.
 
 from __future__ import annotations
 
-import shutil
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
-from palpate.mjcf import spans
-from palpate.mjcf.document import Document, Texts
-from palpate.mjcf.reading import reparsed
+from palpate.mjcf.document import Document
 from palpate.mjcf.shapes import mesh_corners
 from palpate.redaction import redact
 from palpate.twin.export.facts import unnamed
+from palpate.twin.files import pack
 
 SCENE = "scene.xml"
 """The name of the scene among its files."""
-ASSETS = "assets"
-FOLDERS = ("meshdir", "texturedir", "assetdir", "strippath")
-"""Attributes of `<compiler>` that name folders."""
 SUBDIVISIONS = 3
 """Of an icosahedron: an ellipsoid is then a mesh of 642 points."""
 READ = (".obj", ".stl")
@@ -41,58 +35,9 @@ def write_contained(document: Document, folder: Path) -> None:
     Raises:
         InputError: a file has gone since the document was read.
     """
-    _Packing(folder).pack(document, SCENE)
-
-
-@dataclass(slots=True)
-class _Packing:
-    """A folder that is being filled, and the names that files have got in it."""
-
-    folder: Path
-    names: dict[Path, str] = field(default_factory=dict[Path, str])
-
-    def pack(self, document: Document, name: str) -> None:
-        """Write a model and its files."""
-        flat = document
-        if document.includes:
-            inline = spans.inline_includes(
-                document.text, document.includes, document.beside, document.texts
-            )
-            flat = reparsed(Texts(inline), document)
-        tags = spans.scan(flat.text)
-        data = flat.text.encode("utf-8")
-        changes: list[spans.Change] = []
-        for named in flat.named:
-            if named.model == flat.path:
-                if named.path not in self.names:
-                    self.add(named.path, named.element.tag == "model", flat)
-                tag = tags[flat.index[named.element].number]
-                packed = self.names[named.path]
-                changes.append(spans.set_attribute(tag, named.attribute, packed))
-        for tag in tags:
-            for attribute in FOLDERS if tag.name == "compiler" else ():
-                if attribute in tag.attributes:
-                    changes.append(spans.remove_attribute(data, tag, attribute))
-        text = spans.changed(flat.text, changes)
+    for name, text in pack(document, folder, SCENE).items():
         # Keys of the environment reach no file that is handed on.
-        (self.folder / name).write_text(redact(text), encoding="utf-8", newline="")
-
-    def add(self, path: Path, is_model: bool, document: Document) -> None:
-        """Pack a file under a free name. An asset keeps its own, by which MuJoCo refers to it. Models
-        are beside the scene: the files that they name are found from the same folder."""
-        taken = {SCENE, *self.names.values()}
-        name, number = (path.name if is_model else f"{ASSETS}/{path.name}"), 1
-        while name in taken:
-            number += 1
-            numbered = f"{path.stem}-{number}{path.suffix}"
-            name = numbered if is_model else f"{ASSETS}/{number}/{path.name}"
-        self.names[path] = name
-        if is_model:
-            self.pack(document.attached()[path], name)
-        else:
-            target = self.folder / name
-            target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(path, target)
+        (folder / name).write_text(redact(text), encoding="utf-8", newline="")
 
 
 def ready(scene: Path) -> tuple[mujoco.MjSpec, list[str]]:

@@ -1,0 +1,118 @@
+"""Contradictions inside a scene's file, and how it is read in spite of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import lru_cache
+
+import mujoco
+import numpy as np
+
+from palpate.mjcf.document import Element, compiler_settings, has_unknown, tokens
+from palpate.scene.resolve import ResolvedScene
+
+DEEP = 0.003
+"""m of penetration from which bodies overlap: stated poses are about as accurate, and MuJoCo's contacts at
+rest are less deep."""
+MOVED = 0.001
+"""m: an object nearer to its place in a keyframe, or to the top below it, is there."""
+CACHED = 16
+NUMBERS = {"freejoint": 7, "free": 7, "ball": 4}
+"""Numbers in `qpos` of a joint, by its kind; one for the others."""
+
+
+def contradictions(scene: ResolvedScene) -> Iterator[str]:
+    """Yield a sentence for each contradiction, with its remedy."""
+    total = compiler_settings(scene.document.root).get("settotalmass", "")
+    if total and not total.strip().startswith("-"):
+        yield (
+            f'<compiler settotalmass="{total}"> scales every mass: no mass acts as it is written, and a measured '
+            "one cannot be stated; remove it."
+        )
+    for key, names in placed_by_keyframes(scene).items():
+        listed = ", ".join(f"'{name}'" for name in names)
+        yield (
+            f"The keyframe '{key}' places {listed} elsewhere than the file's pos. Keyframes are not read: write "
+            "the places into pos, or give them by --poses."
+        )
+    bodies = scene.description.bodies
+    for name, other in overlaps(scene):
+        yield f"{overlap_of(scene, name, other)}."
+    for name, body in bodies.items():
+        foot = scene.shapes.cloud(body.elements.colliding).min(axis=0)[2]
+        for other in body.objects() if body.role == "object" and _has_open_z(scene, name) else ():
+            top = scene.shapes.cloud(other.elements.colliding).max(axis=0)[2]
+            if abs(top - foot) < MOVED and other.reaches_over(body.footing()):
+                yield f"The z of '{name}' is `?`: it is taken to stand on '{other.name}', whose z is written."
+
+
+def overlap_of(scene: ResolvedScene, name: str, with_other: str | None = None) -> str:
+    """Sentence on the deepest overlap of a body, or on that `with_other`; empty without one."""
+    found = {pair: depth for pair, depth in overlaps(scene).items() if name in pair}
+    if with_other is not None:
+        found = {(name, with_other): found[name, with_other]}
+    if not found:
+        return ""
+    first, second = max(found, key=lambda pair: found[pair])
+    remedy = "correct the pos of one of them"
+    if _has_open_z(scene, first) or _has_open_z(scene, second):
+        remedy = (
+            "one whose z is `?` stands on the surface below it, or on an object there whose z is written; "
+            "write the z of the lower one"
+        )
+    depth = 1e3 * found[first, second]
+    return f"'{first}' and '{second}' overlap by {depth:.0f} mm where the scene has them: {remedy}"
+
+
+@lru_cache(CACHED)
+def overlaps(scene: ResolvedScene) -> dict[tuple[str, str], float]:
+    """Largest depth, m, by which each object is inside another body, from MuJoCo's contacts where the scene
+    begins; of a pair, the object is the first."""
+    model, data = scene.shapes.model, mujoco.MjData(scene.shapes.model)
+    mujoco.mj_fwdPosition(model, data)
+    bodies = scene.description.bodies
+    owners: dict[int, str] = {}
+    for name, body in bodies.items():
+        ids = [scene.shapes.geom_ids[geom] for geom in body.elements.geoms]
+        owners |= dict.fromkeys(ids, name)
+    objects = [name for name, body in bodies.items() if body.role == "object"]
+    geoms: list[list[int]] = data.contact.geom.reshape(-1, 2).tolist()
+    found: dict[tuple[str, str], float] = {}
+    for pair, distance in zip(geoms, data.contact.dist.tolist(), strict=True):
+        names = [owners.get(geom) or model.body(model.geom_bodyid[geom]).name for geom in pair]
+        first, second = sorted(names, key=lambda name: name not in objects)
+        if first != second and first in objects and -distance > DEEP:
+            found[first, second] = max(found.get((first, second), 0.0), -distance)
+    return found
+
+
+def placed_by_keyframes(scene: ResolvedScene) -> dict[str, list[str]]:
+    """Objects that a keyframe places elsewhere than their pos, by the keyframe's name. None where
+    `<replicate>` or `<attach>` adds joints that are no elements."""
+    root, defaults = scene.document.root, scene.description.roles.defaults
+    starts: dict[Element, int] = {}
+    at = 0
+    for world in root.iterfind("worldbody"):
+        for joint in world.iter(
+            "joint", "freejoint", "replicate", "attach", "flexcomp", "composite"
+        ):
+            if joint.tag not in ("joint", "freejoint"):
+                return {}
+            starts[next(joint.iterancestors("body"), world)] = at
+            kind = str(joint.tag) if joint.tag == "freejoint" else defaults.attribute(joint, "type")
+            at += NUMBERS.get(kind or "hinge", 1)
+    found: dict[str, list[str]] = {}
+    for key in root.iterfind("keyframe/key"):
+        qpos = [float(number) for number in tokens(key.get("qpos"))]
+        for name, body in scene.description.bodies.items():
+            at = starts.get(body.elements.element, at)
+            if body.role == "object" and len(qpos) >= at + 7:
+                pos = scene.shapes.body_pose(name).position
+                if np.linalg.norm(pos - qpos[at : at + 3]) > MOVED:
+                    found.setdefault(key.get("name") or "without a name", []).append(name)
+    return found
+
+
+def _has_open_z(scene: ResolvedScene, name: str) -> bool:
+    body = scene.description.bodies.get(name)
+    return body is not None and has_unknown(body.elements.element, "pos", 2)

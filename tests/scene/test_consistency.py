@@ -1,0 +1,99 @@
+"""Contradictions in a scene's file are said by `gap`, and with the plan."""
+
+from __future__ import annotations
+
+import pytest
+
+from palpate.errors import PlanRejected
+from palpate.planning.symbolic.planner import SymbolicPlanner
+from palpate.scene.consistency import contradictions, overlaps
+from palpate.scene.load import parse_scene
+from palpate.scene.remarks import remarks
+from palpate.scene.scene import Scene
+
+TABLE = '<body name="table" pos=".5 0 {}"><geom type="box" size=".3 .3 .1"/></body>'
+TIN = """<body name="tin" pos=".5 .1 {}"><freejoint/><geom type="cylinder" size=".035 .03"/>
+</body>"""
+BOX = """<body name="box" pos=".5 .1 {}"><freejoint/><geom type="box" size=".02 .02 .02"/>
+</body>"""
+HOME = '<keyframe><key name="home" qpos="{}"/></keyframe>'
+
+
+def read(inside: str, head: str = "", tail: str = "") -> Scene:
+    site = '<site name="robot_base"/>'
+    return parse_scene(f"<mujoco>{head}<worldbody>{site}{inside}</worldbody>{tail}</mujoco>")
+
+
+def stack(table: str, tin: str, box: str) -> Scene:
+    return read(TABLE.format(table) + BOX.format(box) + TIN.format(tin))
+
+
+@pytest.mark.parametrize(
+    ("box", "depth", "other"), [(".25", 0.03, "tin"), (".28", 0.0, ""), (".19", 0.03, "table")]
+)
+def test_bodies_that_overlap(box: str, depth: float, other: str) -> None:
+    tin = TIN.format(".23") if other != "table" else ""
+    scene = read(TABLE.format(".1") + BOX.format(box) + tin)
+    found = overlaps(scene.resolved)
+    if not depth:
+        assert not found
+        return
+    assert {other, "box"} in [set(pair) for pair in found]
+    (line,) = contradictions(scene.resolved)
+    assert f"overlap by {1e3 * depth:.0f} mm" in line
+    assert line in remarks(scene)
+    with pytest.raises(PlanRejected, match="'box' .*overlap by 30 mm") as rejection:
+        SymbolicPlanner().plan(None, scene)
+    assert "hangs" not in str(rejection.value)
+
+
+def test_a_stack_stands_on_a_surface_of_unknown_height() -> None:
+    scene = stack("?", ".23", "?")
+    assert scene.bodies["box"].bottom_z() == pytest.approx(0.26)
+    (line,) = contradictions(scene.resolved)
+    assert line == "The z of 'box' is `?`: it is taken to stand on 'tin', whose z is written."
+    plan = SymbolicPlanner().plan(None, scene)
+    assert {"table.height", "tin.mass", "box.mass"} <= set(map(str, plan.parameters))
+    assert line in plan.notes
+
+
+def test_in_a_bowl_an_object_stands_on_the_bottom() -> None:
+    walls = "".join(
+        f'<geom type="box" size="{size}" pos="{pos}"/>'
+        for size, pos in ((".06 .06 .005", "0 0 .005"), (".005 .06 .03", ".06 0 .03"))
+    )
+    bowl = f'<body name="bowl" pos=".5 .1 .2"><freejoint/>{walls}</body>'
+    scene = read(TABLE.format(".1") + bowl + BOX.format("?"))
+    assert scene.bodies["box"].bottom_z() == pytest.approx(0.21)
+
+
+def test_of_two_open_heights_at_one_place_the_lower_is_asked_for() -> None:
+    with pytest.raises(PlanRejected, match="write the z of the lower one"):
+        SymbolicPlanner().plan("how heavy is the box?", stack(".1", "?", "?"))
+
+
+ARM = """<body name="arm" pos="0 1 0"><geom size=".05"/><body name="link">
+<joint name="turn"/><geom size=".05"/></body></body>"""
+
+
+@pytest.mark.parametrize("arm", ["", ARM])
+@pytest.mark.parametrize(("x", "moved"), [(".5", False), (".6", True)])
+def test_objects_placed_by_a_keyframe(arm: str, x: str, moved: bool) -> None:
+    joint = "1 " if arm else ""
+    motor = '<actuator><motor joint="turn"/></actuator>' if arm else ""
+    qpos = f"{joint}{x} .1 .23 1 0 0 0"
+    scene = read(arm + TABLE.format(".1") + TIN.format(".23"), tail=motor + HOME.format(qpos))
+    assert bool(scene.resolved.description.roles.robots) == bool(arm)
+    found = [line for line in remarks(scene) if "keyframe 'home' places 'tin' elsewhere" in line]
+    assert len(found) == moved
+    assert SymbolicPlanner().plan(None, scene).notes[:1] == tuple(found)
+
+
+@pytest.mark.filterwarnings("ignore:.*settotalmass")
+@pytest.mark.parametrize(("total", "is_said"), [("2", True), ("-1", False)])
+def test_a_compiler_that_scales_masses(total: str, is_said: bool) -> None:
+    head = f'<compiler settotalmass="{total}"/>'
+    scene = read(TABLE.format(".1") + TIN.format(".23"), head)
+    said = [line for line in remarks(scene) if f'settotalmass="{total}"' in line]
+    assert len(said) == is_said
+    assert SymbolicPlanner().plan(None, scene).notes[:1] == tuple(said)
