@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 import pytest
 
-from palpate.errors import PlanRejected
+from palpate.cells.simulated import simulated_cell
+from palpate.errors import InputError, PlanRejected
+from palpate.mjcf.contacts import what_decides
 from palpate.planning.symbolic.planner import SymbolicPlanner
 from palpate.scene.consistency import contradictions, overlaps
 from palpate.scene.load import parse_scene
@@ -42,7 +46,7 @@ def test_bodies_that_overlap(box: str, depth: float, other: str) -> None:
     (line,) = contradictions(scene.resolved)
     assert f"overlap by {1e3 * depth:.0f} mm" in line
     assert line in remarks(scene)
-    with pytest.raises(PlanRejected, match="'box' .*overlap by 30 mm") as rejection:
+    with pytest.raises(PlanRejected, match=r"'box' .*overlap by 30 mm") as rejection:
         SymbolicPlanner().plan(None, scene)
     assert "hangs" not in str(rejection.value)
 
@@ -97,3 +101,18 @@ def test_a_compiler_that_scales_masses(total: str, is_said: bool) -> None:
     said = [line for line in remarks(scene) if f'settotalmass="{total}"' in line]
     assert len(said) == is_said
     assert SymbolicPlanner().plan(None, scene).notes[:1] == tuple(said)
+    with pytest.raises(InputError, match="would scale the arm") if is_said else nullcontext():
+        simulated_cell(scene).robot().close()
+
+
+def test_copies_of_an_object_are_nothing_that_it_stands_on() -> None:
+    """One line states the friction of all copies, which decides nothing about other objects."""
+    tin = """<body name="tin" pos=".5 .2 .23"><freejoint/>
+    <geom type="cylinder" size=".035 .03" friction=".9" priority="1"/></body>"""
+    box = """<body name="box" pos=".5 -.2 .22"><freejoint/>
+    <geom type="box" size=".02 .02 .02" friction=".5"/></body>"""
+    table = (
+        '<body name="table" pos=".5 0 .1"><geom type="box" size=".3 .3 .1" friction=".2"/></body>'
+    )
+    scene = read(f'{table}{box}<replicate count="2" offset="0 -.1 0">{tin}</replicate>')
+    assert what_decides(scene.resolved.description.bodies["box"]) == ""

@@ -128,5 +128,5 @@ def test_a_request_says_why_a_body_is_no_object(body: str, reason: str) -> None:
 
 def test_the_mass_of_a_surface_needs_a_free_joint() -> None:
     scene = parse_scene(f"<mujoco><worldbody>{UNKNOWN}</worldbody></mujoco>")
-    with pytest.raises(InputError, match="'table' is a surface, .*<freejoint/>"):
+    with pytest.raises(InputError, match=r"'table' is a surface, .*<freejoint/>"):
         named_parameters(["table.mass"], scene)

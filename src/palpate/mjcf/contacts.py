@@ -242,9 +242,11 @@ def carried(body: BodyDescription) -> str:
 
 
 def static_geoms(body: BodyDescription) -> NDArray[np.intp]:
-    """Ids of the colliding geoms that belong to no object."""
+    """Ids of the colliding geoms that move with no free joint; copies of an object do."""
     model = body.shapes.model
     touching = (model.geom_contype | model.geom_conaffinity) != 0
-    for thing in body.objects():
-        touching[[thing.shapes.geom_ids[geom] for geom in thing.elements.geoms]] = False
-    return np.flatnonzero(touching)
+    joints = model.body_jntadr[model.body_rootid[model.geom_bodyid]]
+    is_free = (joints >= 0) & (
+        np.append(model.jnt_type, -1)[joints] == int(mujoco.mjtJoint.mjJNT_FREE)
+    )
+    return np.flatnonzero(touching & ~is_free)

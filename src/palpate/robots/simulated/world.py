@@ -350,6 +350,10 @@ def compile_world(
         InputError: it does not compile, or lacks physics that weighing and touching need.
     """
     require_physics(spec)
+    if spec.compiler.settotalmass > 0.0:
+        raise InputError(
+            f'<compiler settotalmass="{spec.compiler.settotalmass:g}"> would scale the arm, too: remove it'
+        )
     robot = arm.spec()
     for pair in sorted(map(sorted, neighbours(robot, arm))):
         robot.add_exclude(bodyname1=pair[0], bodyname2=pair[1])
