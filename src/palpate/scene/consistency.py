@@ -26,8 +26,8 @@ def contradictions(scene: ResolvedScene) -> Iterator[str]:
     total = compiler_settings(scene.document.root).get("settotalmass", "")
     if total and not total.strip().startswith("-"):
         yield (
-            f'<compiler settotalmass="{total}"> scales every mass: no mass acts as it is written, and a measured '
-            "one cannot be stated; remove it."
+            f'<compiler settotalmass="{total}"> scales every mass, that of a simulated arm, too: no mass acts as it '
+            "is written, and a measured one cannot be stated; remove it."
         )
     for key, names in placed_by_keyframes(scene).items():
         listed = ", ".join(f"'{name}'" for name in names)
