@@ -1,175 +1,269 @@
-"""ROS messages in bags: MCAP, rosbag2 (a folder or its database) and bags of ROS 1, decoded by `rosbags`.
+"""Messages in bags: MCAP, rosbag2 and bags of ROS 1, read and decoded by `rosbags`.
 
-A message becomes numbers by the path of its fields: `measured_joint_state.effort`. Joints of a
-`sensor_msgs/JointState` stand in the order of their names' numbers, as its own order may be any; fingers are
-left out.
+A message becomes numbers by the path of its fields: `measured_joint_state.effort`. The joints of a
+`sensor_msgs/JointState` are columns with names of their own, too: `effort.fr3_joint1`.
 """
 
 from __future__ import annotations
 
+import json
 import re
-from collections import defaultdict
-from collections.abc import Iterator, Mapping
-from dataclasses import fields, is_dataclass
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from palpate.errors import InputError, Unavailable, perhaps
 from palpate.files.read import opened, require_regular
 from palpate.geometry.pose import Array
-from palpate.logs.columns import ColumnMap, Table, guessed, listed
-from palpate.trace.mcap import stored_messages
+from palpate.logs.columns import WIDEST, ColumnMap, Table, listed
+from palpate.trace.mcap import stored_messages, unpacked_zstd
 
 MAX_BYTES = 4_000_000_000
 MAX_MESSAGES = 4_000_000
+MAX_MESSAGE = 8 << 20
+"""Bytes of a message that is packed by itself."""
 MAX_DEPTH = 4
 """Fields within fields of a message."""
-OF_JOINTS = re.compile(r"joint_?state|franka_?(robot_?)?state", re.IGNORECASE)
-"""Types of messages that hold joint signals."""
+OF_JOINTS = re.compile(r"joint|state", re.IGNORECASE)
+"""Topics and types of messages that may hold joint signals."""
+PACKED = b"\x28\xb5\x2f\xfd"
+"""First bytes of what zstd packed."""
+Decoder = Callable[[bytes], Any]
 
 
 class Raw(NamedTuple):
-    """Message as recorded: topic, type, time in ns, and a decoder of its bytes."""
+    """Message as recorded: topic, type, time in ns, bytes; encoding, and the definition of its type."""
 
     topic: str
     datatype: str
     time: int
-    decode: Any
+    data: bytes
+    encoding: str
+    schema: tuple[str, str]
 
 
-def read_bag(path: Path, columns: ColumnMap) -> Table:
-    """Read the joint signals of one topic: of `columns.topic`, else of the one with most signals.
+@dataclass
+class Part:
+    """Messages of one layout on a topic: their fields' names of joints, and rows of numbers."""
+
+    names: dict[str, list[str]]
+    rows: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
+
+    def table(self) -> Table:
+        """Columns in the order of time, as a bag is in that of its arrival."""
+        table = {
+            name: np.array([row[name] for row in self.rows], dtype=float) for name in self.rows[0]
+        }
+        for name in [name for name in table if name.endswith("stamp_s")]:
+            if (table[name] == 0.0).any():
+                del table[name]  # not set
+        bag_time = table.pop("bag_time_s")
+        clock = table.setdefault(
+            "header.stamp_s" if "header.stamp_s" in table else "bag_time_s", bag_time
+        )
+        table = {name: values[np.argsort(clock, kind="stable")] for name, values in table.items()}
+        for name, joints in self.names.items():
+            parts = table.pop(name).T
+            table |= {f"{name}.{joint}": part for joint, part in zip(joints, parts, strict=True)}
+        return table
+
+
+def read_bag(path: Path, columns: ColumnMap) -> tuple[list[tuple[str, Table]], list[str]]:
+    """Read the joint signals of each topic, or of `columns.topic`: a table for each layout of its messages,
+    the longest first, and notes of what cannot be decoded.
 
     Raises:
         InputError: no bag, damaged, or no topic of it has joint states.
         Unavailable: `rosbags` is not installed.
     """
     try:
-        import rosbags.highlevel  # noqa: F401  # pyright: ignore
+        import rosbags  # noqa: F401  # pyright: ignore
     except ImportError:
         raise Unavailable(f"{path}: a bag needs rosbags: pip install 'palpate[logs]'") from None
+    parts: dict[Any, Part] = {}
+    topics: dict[str, str] = {}
+    lost: Counter[tuple[str, str]] = Counter()
     try:
-        tables, others = _tables(path, columns.topic)
+        with ExitStack() as stack:
+            _collect(_messages(path, stack), columns.topic, parts, topics, lost)
     except (InputError, Unavailable):
         raise
     except Exception as error:  # damaged bytes raise anything
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise InputError(f"{path} is no bag that can be read: {reason}") from error
-    if columns.topic is not None and columns.topic not in tables:
-        names = sorted({*tables, *others})
+        raise InputError(f"{path} is no bag that can be read: {_reason(error)}") from error
+    notes = [
+        f"{count} messages on {topic} ({topics[topic]}) cannot be decoded and are left out: {reason}"
+        for (topic, reason), count in lost.items()
+    ]
+    if columns.topic is not None and columns.topic not in topics:
         raise InputError(
-            f"{path}: no topic '{columns.topic}';{perhaps(columns.topic, names)} topics: {listed(names)}"
+            f"{path}: no topic '{columns.topic}';{perhaps(columns.topic, topics)} topics: "
+            f"{listed(sorted(topics))}"
         )
-    if not tables:
-        every = listed(f"{topic} ({datatype})" for topic, datatype in sorted(others.items()))
+    if not parts:
+        every = listed(f"{topic} ({datatype})" for topic, datatype in sorted(topics.items()))
         raise InputError(
-            f"{path}: no topic with joint states. Topics: {every}; state one in a file with "
-            "'topic: NAME', and give it as columns=MAP.yaml"
+            f"{path}: no topic with joint states{': ' * bool(notes)}{'; '.join(notes)}. Topics: {every}; state "
+            "one in a file with 'topic: NAME', and give it as columns=MAP.yaml"
         )
-    return max(tables.values(), key=lambda table: (len(guessed(table)), len(table["time"])))
+    tables = [(topic, part.table()) for (topic, _), part in parts.items()]
+    return sorted(tables, key=lambda one: -max(map(len, one[1].values()))), notes
 
 
-def _tables(path: Path, wanted: str | None) -> tuple[dict[str, Table], dict[str, str]]:
-    """Tables of the topics with joint signals, or of the one that is wanted; and types of the other topics."""
-    rows: defaultdict[str, defaultdict[str, list[Any]]] = defaultdict(lambda: defaultdict(list))
-    others: dict[str, str] = {}
-    for count, raw in enumerate(_messages(path)):
-        used = raw.topic == wanted if wanted is not None else bool(OF_JOINTS.search(raw.datatype))
-        if not used:
-            others[raw.topic] = raw.datatype
+def _collect(
+    messages: Iterator[Raw],
+    wanted: str | None,
+    parts: dict[Any, Part],
+    topics: dict[str, str],
+    lost: Counter[tuple[str, str]],
+) -> None:
+    """Decode the messages that may hold joint signals, and count those that cannot be."""
+    decoders: dict[str, Decoder] = {}
+    for count, raw in enumerate(messages):
+        topics[raw.topic] = raw.datatype
+        likely = raw.encoding == "json" or OF_JOINTS.search(raw.topic + raw.datatype)
+        if raw.topic != wanted if wanted else not likely:
             continue
         if count > MAX_MESSAGES:
-            raise InputError(f"{path} has more than {MAX_MESSAGES} messages; cut it")
-        message = raw.decode()
-        row = dict(_numbers(message, ""))
-        row["time"] = row.get("header.stamp") or 1e-9 * raw.time
-        row.pop("header.stamp", None)
-        for name, value in row.items():
-            rows[raw.topic][name].append(value)
-    return {topic: _joined(every) for topic, every in rows.items()}, others
+            raise ValueError(f"it has more than {MAX_MESSAGES} messages; cut it")
+        try:
+            if raw.topic not in decoders:
+                decoders[raw.topic] = _decoder(raw)
+            data = raw.data
+            if data[:4] == PACKED:
+                data = unpacked_zstd(data, MAX_MESSAGE)
+            found = list(_numbers(_fields(decoders[raw.topic](data)) or {}))
+        except Exception as error:  # damaged bytes raise anything
+            lost[raw.topic, _reason(error)] += 1
+            continue
+        layout = tuple((name, frozenset(joints) or np.size(value)) for name, joints, value in found)
+        names = {name: joints for name, joints, _ in found if joints}
+        part = parts.setdefault((raw.topic, layout), Part(names))
+        row: dict[str, Any] = {"bag_time_s": 1e-9 * raw.time}
+        for name, joints, value in found:
+            same = not joints or joints == part.names[name]
+            row[name] = value if same else value[[joints.index(one) for one in part.names[name]]]
+        part.rows.append(row)
 
 
-def _joined(rows: Mapping[str, list[Any]]) -> Table:
-    """Columns that every message has, in one size, in the order of time: a bag is in that of its arrival."""
-    count, order = len(rows["time"]), np.argsort(rows["time"], kind="stable")
-    whole = {
-        name: values
-        for name, values in rows.items()
-        if len(values) == count and len({np.shape(value) for value in values}) == 1
-    }
-    return {name: np.array(values, dtype=float)[order] for name, values in whole.items()}
+def _reason(error: Exception) -> str:
+    return " ".join(str(error).split())[:200] or type(error).__name__
 
 
-def _numbers(message: Any, path: str, depth: int = 0) -> Iterator[tuple[str, float | Array]]:
-    """Numeric fields of a message by their path; a stamp in s."""
-    if depth > MAX_DEPTH:
-        return
-    names = [field.name for field in fields(message) if not field.name.startswith("__")]
-    if {"sec", "nanosec"} <= set(names):
-        yield path, message.sec + 1e-9 * message.nanosec
-        return
-    order = _order(message.name) if {"name", "position", "effort"} <= set(names) else None
-    for name in names:
-        value, place = getattr(message, name), f"{path}.{name}".strip(".")
-        numbers: Array = np.asarray(value if np.isscalar(value) or np.ndim(value) == 1 else [])
-        if is_dataclass(value):
-            yield from _numbers(value, place, depth + 1)
-        elif numbers.dtype.kind in "fiu" and numbers.size:
-            yield place, numbers[order] if order is not None else numbers
+def _decoder(raw: Raw) -> Decoder:
+    """Decoder of a topic's messages.
 
+    Raises:
+        ValueError: an encoding, or a definition of a type, that cannot be read.
+    """
+    if raw.encoding == "json":
+        return partial(json.loads, object_hook=lambda fields: SimpleNamespace(**fields))
+    from rosbags import typesys  # pyright: ignore[reportMissingModuleSource]
 
-def _order(names: list[str]) -> list[int]:
-    """Places of an arm's joints in the order of their numbers."""
-    found: list[tuple[int, int]] = []
-    for place, name in enumerate(names):
-        number = re.search(r"(\d+)\D*$", name)
-        if number and "finger" not in name.lower():
-            found.append((int(number[1]), place))
-    return [place for _, place in sorted(found)]
-
-
-def _messages(path: Path) -> Iterator[Raw]:
-    """Messages of a bag, in the order that they are stored in."""
-    parts = sorted(path.glob("*.mcap")) if path.is_dir() else [path]
-    if parts and all(part.suffix == ".mcap" for part in parts):
-        for part in parts:
-            yield from _in_mcap(part)
-        return
-    # A database is read by way of the folder that describes it.
-    folder = path.parent if path.suffix == ".db3" else path
-    for file in folder.iterdir() if folder.is_dir() else [folder]:
-        require_regular(file, MAX_BYTES, "a bag")
-    from rosbags.highlevel import AnyReader  # pyright: ignore[reportMissingModuleSource]
-    from rosbags.typesys import Stores, get_typestore  # pyright: ignore[reportMissingModuleSource]
-
+    form, definition = raw.schema
+    if raw.encoding not in ("cdr", "ros1") or form not in ("ros2msg", "ros1msg", "ros2idl", ""):
+        raise ValueError(f"unknown encoding '{raw.encoding}' ('{form}'), not cdr, ros1 or json")
+    datatype = re.sub("^([^/]+)/([^/]+)$", r"\1/msg/\2", raw.datatype)
     # Older databases hold no definitions of their types.
-    standard = get_typestore(Stores.LATEST)
-    with AnyReader([folder], default_typestore=standard) as reader:
-        for connection, time, data in reader.messages():
-            datatype = connection.msgtype
+    store = typesys.get_typestore(typesys.Stores.EMPTY if form else typesys.Stores.LATEST)
+    if form == "ros2idl":
+        for text in filter(str.strip, re.split(r"={80}\nIDL: .*\n", definition)):
+            store.register(typesys.get_types_from_idl(text))
+    elif form:
+        store.register(typesys.get_types_from_msg(definition, datatype))
+    if datatype not in store.fielddefs:
+        raise ValueError("its type is not defined in the bag")
+    decode = store.deserialize_ros1 if raw.encoding == "ros1" else store.deserialize_cdr
+    return lambda data: decode(data, datatype)
 
-            def decode(data: bytes = data, datatype: str = datatype) -> Any:
-                return reader.deserialize(data, datatype)
 
-            yield Raw(connection.topic, datatype, time, decode)
+def _fields(message: Any) -> dict[str, Any] | None:
+    """Fields of a message, or their lists over a list of messages; None of other values."""
+    each: list[Any] = cast("list[Any]", message) if isinstance(message, list) else []
+    first: dict[str, Any] | None = getattr(each[0], "__dict__", None) if each else None
+    if first is not None:
+        return {name: [getattr(one, name, None) for one in each] for name in first}
+    return getattr(cast("object", message), "__dict__", None)
+
+
+def _numbers(
+    message: dict[str, Any], path: str = "", depth: int = 0
+) -> Iterator[tuple[str, list[str], Any]]:
+    """Numeric fields of a message by their path, with the names of joints that they are of; a stamp in s."""
+    fine = {"nanosec", "nsec"} & message.keys()
+    if "sec" in message and fine:
+        if path.count(".") < 2:
+            yield f"{path}_s", [], message["sec"] + 1e-9 * message[fine.pop()]
+        return
+    names: list[str] = list(message.get("name", ()))
+    for name, value in message.items():
+        place, inner = f"{path}.{name}".strip("."), _fields(value)
+        if inner is not None:
+            yield from _numbers(inner, place, depth + 1) if depth < MAX_DEPTH else ()
+        elif np.isscalar(value) or np.ndim(value) == 1:
+            numbers: Array = np.asarray(value)
+            if numbers.dtype.kind in "fiu" and 0 < numbers.size <= WIDEST:
+                named = numbers.ndim and len(set(names)) == len(names) == numbers.size
+                yield place, names if named else [], numbers
+
+
+def _messages(path: Path, stack: ExitStack) -> Iterator[Raw]:
+    """Messages of a bag's files, in the order that they are stored in."""
+    files = [path]
+    if path.is_dir():
+        files = sorted(file for kind in STORED for file in path.glob(f"*{kind}"))
+    for file in files:
+        require_regular(file, MAX_BYTES, "a bag")
+        if file.suffix == ".zstd":
+            file = _unpacked(file, Path(stack.enter_context(tempfile.TemporaryDirectory())))
+        yield from (_in_mcap if file.suffix.lower() == ".mcap" else _in_others)(file)
+
+
+def _unpacked(path: Path, folder: Path) -> Path:
+    """Unpack a file into a folder, up to the size that a bag may have."""
+    import zstandard
+
+    unpacked, left = folder / path.stem, MAX_BYTES
+    with opened(path, MAX_BYTES, "a bag") as file, unpacked.open("wb") as out:
+        for block in zstandard.ZstdDecompressor().read_to_iter(file):
+            left -= len(block)
+            if left < 0:
+                raise InputError(f"{path} unpacks to more than {MAX_BYTES // 10**6} MB")
+            out.write(block)
+    return unpacked
 
 
 def _in_mcap(path: Path) -> Iterator[Raw]:
     """Messages in one MCAP file, with bounded memory."""
-    from rosbags import typesys  # pyright: ignore[reportMissingModuleSource]
-
-    store = typesys.get_typestore(typesys.Stores.EMPTY)
-    known: set[str] = set()
     with opened(path, MAX_BYTES, "a recording in MCAP") as file:
         for schema, channel, message in stored_messages(file):
-            datatype = "" if schema is None else schema.name
-            if schema is not None and datatype not in known and schema.encoding == "ros2msg":
-                known.add(datatype)
-                store.register(typesys.get_types_from_msg(schema.data.decode(), datatype))
+            name, form = ("", ("", ""))
+            if schema is not None:
+                name, form = schema.name, (schema.encoding, schema.data.decode("utf-8", "replace"))
+            yield Raw(
+                channel.topic, name, message.log_time, message.data, channel.message_encoding, form
+            )
 
-            def decode(data: bytes = message.data, datatype: str = datatype) -> Any:
-                return store.deserialize_cdr(data, datatype)
 
-            yield Raw(channel.topic, datatype, message.log_time, decode)
+def _in_others(path: Path) -> Iterator[Raw]:
+    """Messages in a database of rosbag2, or in a bag of ROS 1."""
+    from rosbags import rosbag1, rosbag2  # pyright: ignore[reportMissingModuleSource]
+    from rosbags.interfaces import MessageDefinitionFormat  # pyright: ignore[reportMissingModuleSource]
+
+    forms = {MessageDefinitionFormat.MSG: "ros2msg", MessageDefinitionFormat.IDL: "ros2idl"}
+    with (rosbag1 if path.suffix == ".bag" else rosbag2).Reader(path) as reader:
+        for connection, time, data in reader.messages():
+            encoding = getattr(connection.ext, "serialization_format", "ros1")
+            schema = forms.get(connection.msgdef.format, ""), connection.msgdef.data
+            yield Raw(connection.topic, connection.msgtype, time, data, encoding, schema)
+
+
+STORED = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
+"""Ends of the names of files in a folder of rosbag2."""

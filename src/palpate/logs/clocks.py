@@ -7,11 +7,19 @@ import numpy as np
 from palpate.errors import InputError
 from palpate.estimation.motion import Mask
 from palpate.geometry.pose import Array
-from palpate.logs.columns import ColumnMap
+from palpate.logs.columns import Angle, ColumnMap, Unit
 
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-FAST = {"s": 0.0, "ms": 0.3, "us": 300.0, "ns": 3e5}
-"""Median step from which a clock counts in each unit: an arm is logged at 3 Hz to 3 kHz."""
+SECONDS: dict[Unit, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+STEPS = 3e-4, 100.0
+"""s between rows of a recording."""
+DATES = 0.95e9, 4.1e9
+"""s since 1970, of this century."""
+MOVING, FASTEST = 0.02, 6.0
+"""rad/s of a joint in motion."""
+SMOOTH = 0.5
+"""Correlation of a smooth motion's successive steps; that of noise is -0.5."""
+LONGEST = 3600.0
+"""s that an arm at rest is recorded."""
 STUCK = 5
 """Rows after which equal ones are an arm at rest in a world without noise, not a late sensor."""
 LARGEST_ANGLE = 7.0
@@ -25,9 +33,17 @@ BLOCK = 10_000
 
 
 def cleaned(
-    signals: dict[str, Array], columns: ColumnMap, source: str
+    signals: dict[str, Array],
+    columns: ColumnMap,
+    source: str,
+    unit: Unit | None = None,
+    angles: Angle | None = None,
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Repair clock, repeated rows and units of signals (`t`, `q`, `tau`, perhaps `dq`, `tau_ext`).
+
+    Args:
+        unit: of the clock, as its column's name has it.
+        angles: unit of the angles, likewise.
 
     Raises:
         InputError: no number is left of more than half of the rows, or the clock does not run.
@@ -36,7 +52,7 @@ def cleaned(
     whole = len(signals["t"])
     if whole < 2:
         raise InputError(f"{source} has {whole} rows; a recording has thousands")
-    signals = dict(signals) | {"t": _seconds(signals["t"], columns, notes)}
+    signals = dict(signals)
     for kept, why in (
         (_finite, "without a number"),
         (_forward, "out of the order of time"),
@@ -49,22 +65,63 @@ def cleaned(
             signals = {name: values[rows] for name, values in signals.items()}
         if len(signals["t"]) < max(2, MOST_LOST * whole):
             raise InputError(f"{source}: {notes[-1]}: more than half; mend the recording")
-    signals["t"] = signals["t"] - signals["t"][0]
-    _radians(signals, columns, notes)
+    beyond = np.abs(signals["q"]).max() > LARGEST_ANGLE
+    if (columns.angles or angles or ("deg" if beyond else "rad")) == "deg":
+        for name in {"q", "dq"} & set(signals):
+            signals[name] = np.radians(signals[name])
+        if columns.angles is None:
+            notes.append("angles are in degrees")
+    slope = _slope_unit(signals)
+    if columns.time is None and unit and slope and slope != unit:
+        raise InputError(
+            f"{source}: the clock is named in {unit}, but the velocities fit one in {slope}; "
+            f"state it in a file with 'time: {slope}', and give it as columns=MAP.yaml"
+        )
+    unit = columns.time or unit or slope or _likely_unit(signals)
+    if unit != "s" and columns.time is None:
+        notes.insert(0, f"the clock counts in {unit}")
+    signals["t"] = (signals["t"] - signals["t"][0]) * SECONDS[unit]
     if "dq" not in signals:
         signals["dq"] = differentiated(signals["q"], signals["t"])
         notes.append("joint velocities are not logged: taken from the positions")
     return signals, tuple(notes)
 
 
-def _seconds(t: Array, columns: ColumnMap, notes: list[str]) -> Array:
+def _slope_unit(signals: dict[str, Array]) -> Unit | None:
+    """Unit of the clock in which the logged velocities are the slopes of the positions; None where neither
+    moves enough."""
+    if "dq" not in signals:
+        return None
+    steps, speeds = np.diff(signals["t"])[:, None], np.abs(signals["dq"][1:])
+    moving = speeds > MOVING
+    way = float(np.abs(np.diff(signals["q"], axis=0))[moving].sum())
+    expected = float((speeds * steps)[moving].sum())
+    fit: list[Unit] = [
+        u for u, size in SECONDS.items() if 1 / 3 < way / (expected * size + 1e-12) < 3
+    ]
+    return fit[0] if fit else None
+
+
+def _likely_unit(signals: dict[str, Array]) -> Unit:
+    """Infer the unit of a clock from its steps and the positions alone; s where they leave it open."""
+    t, moves = signals["t"], np.diff(signals["q"], axis=0)
     steps = np.diff(t)
-    steps = steps[np.isfinite(steps) & (steps > 0)]
-    typical = float(np.median(steps)) if len(steps) else 0.0
-    unit = columns.time or [name for name, least in FAST.items() if typical >= least][-1]
-    if unit != "s" and columns.time is None:
-        notes.append(f"the clock counts in {unit}")
-    return (t - t[np.isfinite(t)][:1].sum()) * SECONDS[unit]
+    step, fastest = float(np.median(steps)), np.quantile(np.abs(moves).max(1) / steps, 0.999)
+    fit: list[Unit] = [
+        unit
+        for unit, size in SECONDS.items()
+        if STEPS[0] <= size * step <= STEPS[1] and fastest < FASTEST * size
+    ]
+    # A clock that runs since 1970 shows a date of this century.
+    for unit in fit:
+        if DATES[0] < SECONDS[unit] * t[0] < DATES[1]:
+            return unit
+    # Successive steps of a motion sampled densely are alike; steps between poses, and noise, are not.
+    smooth = (moves[1:] * moves[:-1]).sum() > SMOOTH * (moves**2).sum()
+    for unit in fit[::-1] if smooth else ():
+        if fastest > MOVING * SECONDS[unit]:
+            return unit
+    return fit[-1] if fit and not ("s" in fit and t[-1] - t[0] < LONGEST) else "s"
 
 
 def _finite(signals: dict[str, Array]) -> Mask:
@@ -87,15 +144,6 @@ def _fresh(signals: dict[str, Array]) -> Mask:
     since = count - np.maximum.accumulate(np.where(same, 0, count))
     until = (np.minimum.accumulate(np.where(same, len(same), count)[::-1])[::-1]) - count
     return ~same | (since + until > STUCK)
-
-
-def _radians(signals: dict[str, Array], columns: ColumnMap, notes: list[str]) -> None:
-    degrees = bool(np.abs(signals["q"]).max() > LARGEST_ANGLE)
-    if columns.angles is None and degrees:
-        notes.append("angles are in degrees")
-    if columns.angles == "deg" or (columns.angles is None and degrees):
-        for name in {"q", "dq"} & set(signals):
-            signals[name] = np.radians(signals[name])
 
 
 def differentiated(q: Array, t: Array) -> Array:

@@ -1,17 +1,18 @@
-"""Columns of a log, by name, and the joint signals that their names stand for.
+"""Columns of a log, by name, and the joint signals of one arm among them.
 
 Names differ between loggers: `q0 … q6` (franky), `state.tau_J[3]` (libfranka), `fr3_joint1/position`
-(joint_states of ROS). A name is split into words and one index; words that say nothing about the kind of
-signal (`state`, `measured`, `panda`) are left out, and what remains is looked up in `ALIASES`. A map in YAML
-states the columns where that fails.
+(joint_states of ROS). A name has words and the number of a joint. Its words name a signal (`ALIASES`), say
+nothing (`SILENT`), exclude the column (`NOT_MEASURED`), or name the arm (`left_fr3`). A map in YAML states
+what the names do not.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import takewhile
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 from pydantic import ValidationError
@@ -22,24 +23,52 @@ from palpate.files.read import read_text
 from palpate.geometry.pose import Array
 
 JOINTS = 7
+T = TypeVar("T")
 Table = Mapping[str, Array]
 """Columns of a log by name: (n,), or (n, k) where the format has columns of several numbers."""
+Unit = Literal["s", "ms", "us", "ns"]
+Angle = Literal["rad", "deg"]
+SECOND = ("s", "sec", "secs", "second", "seconds")
+PREFIXES: dict[str, Unit] = {
+    "": "s", "m": "ms", "milli": "ms", "u": "us", "micro": "us", "n": "ns", "nano": "ns"
+}  # fmt: skip
+UNITS: dict[str, Unit] = {
+    prefix + word: unit for prefix, unit in PREFIXES.items() for word in SECOND
+}
+ANGLES: dict[str, Angle] = {"rad": "rad", "deg": "deg", "degree": "deg", "degrees": "deg"}
 
 ALIASES = {
-    "t": "t time timestamp stamp secs seconds nanoseconds header_stamp",
-    "q": "q position positions pos angle angles theta qpos",
-    "dq": "dq velocity velocities vel speed speeds qdot qvel",
-    "tau": "tau tau_j effort efforts torque torques tau_measured",
+    "t": "header_stamp t time timestamp time_stamp stamp elapsed elapsed_time duration "
+    f"{' '.join(word for word in UNITS if len(word) > 2)} bag_time",
+    "q": "q position positions pos angle angles qpos theta",
+    "dq": "dq velocity velocities vel speed speeds qdot q_dot qvel",
+    "tau": "tau tau_j effort efforts torque torques",
     "tau_ext": "tau_ext tau_ext_hat tau_ext_hat_filtered tau_ext_hat_filtered_effort external_torque "
     "external_torques",
 }
-"""Names of columns without their joint's number, by signal; tau is libfranka's tau_J, with gravity in it."""
-KNOWN = {alias: signal for signal, aliases in ALIASES.items() for alias in aliases.split()}
-_PLAIN = (
-    "joint joints state states robot measured actual msg panda franka fer arm observation data log"
+"""Names of columns without arm and joint, by signal, the first ones preferred; tau is libfranka's tau_J, with
+gravity in it."""
+KNOWN = {
+    alias: (signal, rank)
+    for signal, aliases in ALIASES.items()
+    for rank, alias in enumerate(aliases.split())
+}
+MEASURED = {"measured", "actual", "sensed"}
+_PLAIN = "joint joints state states robot msg arm observation obs data log field value values m nm"
+SILENT = {*MEASURED, *UNITS, *ANGLES, *_PLAIN.split()}
+_OTHERS = (
+    "d des desired cmd command commands commanded target targets ref reference goal setpoint action actions "
+    "output error errors err prev previous next predicted model computed sim simulated min max limit limits "
+    "delta latency delay ipo cartesian ee eef tcp effector"
 )
-_UNITS = "rad m nm s ms us ns"
-MEANINGLESS = {*_PLAIN.split(), *_UNITS.split()}
+NOT_MEASURED = set(_OTHERS.split())
+WORD = re.compile(r"[a-z]+(?:_?\d+)?|\d+")
+NUMBER = re.compile(r"(?<!fr)(?<!iiwa)(?<!\d)\d+")
+"""Number in a name that is not part of a robot's."""
+WIDEST = 2_000
+"""Numbers of a column that may be an arm's."""
+SAME = {"q": 2e-3, "tau": 0.2}
+"""rad and N m; medians up to which two topics show the same joints."""
 
 
 class ColumnMap(Section):
@@ -51,12 +80,59 @@ class ColumnMap(Section):
     dq: str | list[str] | None = None
     tau: str | list[str] | None = None
     tau_ext: str | list[str] | None = None
+    joints: str | None = None
+    """The arm among several: words of its columns' names, or the numbers of its joints (`7-13`)."""
     topic: str | None = None
     """Of a bag: the topic with the joint signals."""
     episode: int | None = None
     """Of a LeRobot data set: `episode_index`."""
-    angles: Literal["rad", "deg"] | None = None
-    time: Literal["s", "ms", "us", "ns"] | None = None
+    angles: Angle | None = None
+    time: Unit | None = None
+
+    @property
+    def numbers(self) -> Sequence[int]:
+        """Joints that are stated by their numbers."""
+        ends = re.fullmatch(r"(\d{1,4})-(\d{1,4})", str(self.joints))
+        return range(int(ends[1]), int(ends[2]) + 1) if ends else ()
+
+
+class Column(NamedTuple):
+    """One number of each row: the joint's number if its name has one, its name, and values (n,)."""
+
+    joint: int | None
+    name: str
+    values: Array
+
+
+class Arm(NamedTuple):
+    """Joint signals of an arm in one table.
+
+    Attributes:
+        name: words that distinguish its columns from those of other arms; may be empty.
+        table: place of its table.
+        topic: of the table in a bag; else empty.
+        columns: of `t` one, of `q` and `tau` seven, perhaps of `dq` and `tau_ext`.
+        notes: what was left out or assumed.
+    """
+
+    name: str
+    table: int
+    topic: str
+    columns: dict[str, list[Column]]
+    notes: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return f"'{self.name}' ({self.topic or self.columns['q'][0].name + ' …'})"
+
+    @property
+    def signals(self) -> dict[str, Array]:
+        """Arrays of the columns: (n,) of `t`, (n, 7) of the others."""
+        every = {s: np.column_stack([c.values for c in run]) for s, run in self.columns.items()}
+        return every | {"t": every["t"][:, 0]}
+
+
+Arms = dict[str, dict[tuple[bool, int, str], dict[int | None, Column]]]
+"""Columns of a signal by arm, by preference and name without a number, and by joint."""
 
 
 def read_map(path: Path | None) -> ColumnMap:
@@ -74,113 +150,270 @@ def read_map(path: Path | None) -> ColumnMap:
         raise InputError(f"{path}: {worded(error, ColumnMap)}") from None
 
 
-def signals(table: Table, columns: ColumnMap, source: str) -> dict[str, Array]:
-    """Find the signals in a table: `t` (n,), the others (n, 7).
+def find_arm(tables: Sequence[tuple[str, Table]], columns: ColumnMap, source: str) -> Arm:
+    """Find the joint signals of one arm in the tables of a log, each with its topic, the longest first.
 
     Raises:
-        InputError: t, q or tau is missing, or a mapped column is.
+        InputError: t, q or tau is missing, a mapped column is, or not one arm fits.
     """
-    found = guessed(table)
-    for signal in ALIASES:
-        stated = getattr(columns, signal)
-        if stated is not None:
-            found[signal] = _stated(table, signal, stated, source)
-    missing = [signal for signal in ("t", "q", "tau") if signal not in found]
-    if missing:
-        meant = {"t": "time", "q": "joint positions", "tau": "joint torques with gravity"}
-        names = " and ".join(f"{meant[signal]} ({signal})" for signal in missing)
-        lines = "; ".join(f"{signal}: COLUMN" for signal in missing)
+    found = [arm for place in range(len(tables)) for arm in _arms(place, *tables[place], columns)]
+    if not found:
+        raise _missing(*tables[0], columns, source)
+    for arm in found:
+        rows = {column.name: len(column.values) for run in arm.columns.values() for column in run}
+        if len({*rows.values()}) > 1:
+            raise InputError(f"{source}: columns of unequal length: {rows}")
+    arms: list[Arm] = []
+    for arm in sorted(found, key=lambda arm: (-len(arm.columns), arm.table)):
+        if _is_named(arm, columns) and not any(_is_same(arm, other) for other in arms):
+            arms.append(arm)
+    if len(arms) != 1:
+        arms = arms or found
+        twins = len({arm.name for arm in arms}) < len(arms)
+        example = f"topic: {arms[-1].topic}" if twins else f"joints: {arms[-1].name}"
         raise InputError(
-            f"{source}: no column for {names}. Columns: {listed(table)}. State them in a file with "
-            f"'{lines}', and give it as columns=MAP.yaml"
+            f"{source} holds the joints of several arms: {listed(map(str, arms))}. State one of them in a "
+            f"file with '{example}', and give it as columns=MAP.yaml"
         )
-    rows = {signal: len(values) for signal, values in found.items()}
-    if len(set(rows.values())) > 1:
-        raise InputError(f"{source}: columns of unequal length: {rows}")
-    return found
+    counts = [
+        f"{len(table[name])} messages on {topic} (… {name})"
+        for topic, table in tables
+        for name in list(table)[-1:]
+    ]
+    read, arm = counts.pop(arms[0].table), arms[0]
+    notes = [f"{read} are read, not {listed(counts, 8)}"] if counts else []
+    if arm.columns["t"][0].name == "bag_time_s":
+        notes.append("its messages have no stamps: their times are those of the bag")
+    return arm._replace(notes=(*notes, *arm.notes))
 
 
-def guessed(table: Table) -> dict[str, Array]:
-    """Recognise signals by the names of their columns."""
-    found: dict[str, Array] = {}
-    # A ROS stamp in two columns.
-    ends = {name.rpartition(".")[2]: values for name, values in table.items()}
-    if {"sec", "nanosec"} <= set(ends):
-        found["t"] = ends["sec"] + 1e-9 * ends["nanosec"]
-    numbered: dict[tuple[str, str], dict[int, Array]] = {}
-    for name, values in table.items():
-        words, index = split(name)
-        signal = KNOWN.get(words)
-        if signal == "t" and index is None and values.ndim == 1:
-            found.setdefault("t", values)
-        elif signal not in (None, "t") and index is None and wide(values):
-            found.setdefault(signal, values[:, :JOINTS])
-        elif signal not in (None, "t") and index is not None and values.ndim == 1:
-            numbered.setdefault((signal, words), {}).setdefault(index, values)
-    for (signal, _), parts in numbered.items():
-        joints = sorted(parts)[:JOINTS]  # from 0 or 1 on; fingers come behind
-        if joints in (list(range(JOINTS)), list(range(1, JOINTS + 1))):
-            found.setdefault(signal, np.column_stack([parts[joint] for joint in joints]))
-    return found
+def _is_named(arm: Arm, columns: ColumnMap) -> bool:
+    """Compare an arm's name with that in the map, of which a part will do."""
+    if columns.joints is None or columns.numbers:
+        return True
+    words = {*words_of(columns.joints)} - SILENT
+    return words <= {*words_of(arm.name)} if words else not arm.name
 
 
-def split(name: str) -> tuple[str, int | None]:
-    """Words of a column's name, joined by `_`, and the number of its joint: `state.tau_J[3]` → tau_j, 3."""
-    text = re.sub(r"(?i)\b(fr3|iiwa\d*)", "", name.replace("_", " "))
-    numbers = re.findall(r"\d+", text)
-    words = [w for w in re.split(r"[^a-z]+", text.lower()) if w and w not in MEANINGLESS]
-    return "_".join(words), int(numbers[-1]) if numbers else None
+def _is_same(one: Arm, other: Arm) -> bool:
+    """Compare names, or the joints of two topics at the times that both have."""
+    if (one.topic, one.name) == (other.topic, other.name):
+        return True  # in other messages further joints, or no velocities
+    a, b = (
+        {name: x[np.isfinite(arm["tau"]).all(1)] for name, x in arm.items()}
+        for arm in (one.signals, other.signals)
+    )
+    t, u = a["t"], b["t"]
+    both = np.flatnonzero((t >= u.min(initial=np.inf)) & (t <= u.max(initial=-np.inf)))
+    both = both[:: max(1, len(both) // 500)]
+    for name, most in SAME.items():
+        for joint in range(JOINTS):
+            x, y = a[name][both, joint], b[name][:, joint]
+            if not len(both) or np.median(np.abs(np.interp(t[both], u, y) - x)) > most:
+                return False
+    return True
 
 
-def wide(values: Array) -> bool:
-    """A column has a number for each joint."""
-    return values.ndim == 2 and values.shape[1] >= JOINTS
-
-
-def _stated(table: Table, signal: str, stated: str | list[str], source: str) -> Array:
-    if isinstance(stated, list):
-        if len(stated) != JOINTS:
-            raise InputError(f"{source}: {signal}: a list of {JOINTS} columns, not {len(stated)}")
-        return np.column_stack([_column(table, signal, name, source) for name in stated])
-    sliced = re.fullmatch(r"(.+)\[(\d+):(\d+)\]", stated)
-    if sliced is not None and sliced[1] in table:
-        values = table[sliced[1]]
-        part = values[:, int(sliced[2]) : int(sliced[3])] if values.ndim == 2 else values[:, None]
-        if part.shape[1] != JOINTS:
-            raise InputError(f"{source}: {signal}: {stated} has {part.shape[1]} numbers, not 7")
-        return part
-    if signal == "t" or stated in table:
-        values = _column(table, signal, stated, source)
-        if signal != "t" and not wide(values):
-            raise InputError(f"{source}: {signal}: column {stated} has not {JOINTS} numbers")
-        return values if signal == "t" else values[:, :JOINTS]
-    parts = {index: name for name in table for stem, index in [_stem(name)] if stem == stated}
-    joints = sorted(parts)[:JOINTS]
-    if len(joints) < JOINTS or joints[-1] - joints[0] != JOINTS - 1:
-        raise _unknown(table, signal, stated, source)
-    return np.column_stack([table[parts[joint]] for joint in joints])
-
-
-def _stem(name: str) -> tuple[str, int]:
-    """`state.q[3]` → state.q, 3; a name without a number at its end has -1."""
-    parts = re.fullmatch(r"(.*?)[\[_./ ]*(\d+)\]?", name)
-    return (parts[1], int(parts[2])) if parts else (name, -1)
-
-
-def _column(table: Table, signal: str, name: str, source: str) -> Array:
-    if name not in table:
-        raise _unknown(table, signal, name, source)
-    return table[name]
-
-
-def _unknown(table: Table, signal: str, name: str, source: str) -> InputError:
+def _missing(topic: str, table: Table, columns: ColumnMap, source: str) -> InputError:
+    """Say which columns of a table are missing, too few or too many."""
+    flat, on = _flat(table), f"{source}: {topic}" if topic else source
+    stated = _stated(flat, columns)
+    for signal, run in stated.items():
+        given: str | list[str] = getattr(columns, signal)
+        names = [given] if isinstance(given, str) else given
+        unknown = next((name for name in names if name not in flat), "")
+        if not run:
+            return InputError(
+                f"{on}: {signal}: no column '{unknown[:80]}';{perhaps(unknown, table)} columns: {listed(table)}"
+            )
+        if not _is_arm(signal, run):
+            return InputError(
+                f"{on}: {signal}: {listed(names)} has {len(run)} numbers, not {JOINTS}; give {JOINTS} names, or "
+                f"'{signal}: NAME[0:{JOINTS}]'. Columns: {listed(table)}"
+            )
+    found = {*_families(flat), *stated}
+    missing = [signal for signal in ("t", "q", "tau") if signal not in found]
+    missing = missing or [signal for signal in ("q", "tau") if signal not in stated]
+    meant = {"t": "time", "q": "joint positions", "tau": "joint torques with gravity"}
+    names = " and ".join(f"{meant[signal]} ({signal})" for signal in missing)
+    lines = "; ".join(f"{signal}: COLUMN" for signal in missing)
     return InputError(
-        f"{source}: {signal}: no column '{name[:80]}';{perhaps(name, table)} columns: {listed(table)}"
+        f"{on}: no column for {names}. Columns: {listed(table)}. An arm has {JOINTS} joints. State them in "
+        f"a file with '{lines}', and give it as columns=MAP.yaml"
     )
 
 
-def listed(names: Iterable[str]) -> str:
-    """At most forty names, for a message."""
+def _is_arm(signal: str, run: Sequence[Column]) -> bool:
+    return len(run) == 1 if signal == "t" else JOINTS <= len(run) < 2 * JOINTS
+
+
+def _arms(place: int, topic: str, table: Table, columns: ColumnMap) -> Iterator[Arm]:
+    """Find the arms of a table that have time, positions and torques, those of the map among them."""
+    flat, context = _flat(table), [] if columns.topic else words_of(topic)
+    stated, found = _stated(flat, columns), _families(flat)
+    if not all(_is_arm(*one) for one in stated.items()) or NOT_MEASURED & {*context}:
+        return
+    guide = "tau" if "q" in stated else "q"
+    names = [""] if guide in stated else [*found.get(guide, {})]
+    for name in names:
+        best = {"t": _clocks(found.get("t", {}), name)} | stated
+        for signal in found.keys() - best.keys():
+            # Columns that name no arm belong to the arms that are named.
+            families = found[signal].get(name) or ({} if "" in names else found[signal].get("", {}))
+            runs = (_run(families[key], columns) for key in sorted(families))
+            # Which seven of more the map means is known of its own columns alone.
+            most = JOINTS if {"q", "tau"} & stated.keys() else len(flat)
+            if run := next((run for run in runs if JOINTS <= len(run) <= most), None):
+                best[signal] = run
+        if not {"q", "tau"} <= best.keys() or not best["t"]:
+            continue
+        parts = 1 if columns.numbers else min(len(best[one]) // JOINTS for one in ("q", "tau"))
+        for part in range(parts):
+            picked = {
+                signal: run[part * (len(run) // parts) :][:JOINTS]
+                for signal, run in best.items()
+                if len(run) >= parts * JOINTS
+            }
+            q = picked["q"]
+            numbers = f"{q[0].joint}-{q[-1].joint}" if parts > 1 else ""
+            words = [*(word for word in context if word not in SILENT), name, numbers]
+            every = (
+                best["q"]
+                if "q" in stated
+                else [
+                    column
+                    for arm in found["q"].values()
+                    for f in arm.values()
+                    for column in f.values()
+                ]
+            )
+            used = {column.name for column in q}
+            rest = [column.name for column in every if column.name not in used]
+            notes = [f"joints {q[0].name} to {q[-1].name} are read, not {listed(rest, 8)}"]
+            clocks = [column.name for column in best["t"]]
+            others = f"the clock is {clocks[0]}, not {listed(clocks[1:])}"
+            yield Arm(
+                "_".join(filter(None, words)),
+                place,
+                topic,
+                picked | {"t": best["t"][:1]},
+                (*(notes if rest else ()), *([others] if clocks[1:] else ())),
+            )
+
+
+def _run(family: Mapping[int | None, Column], columns: ColumnMap) -> list[Column]:
+    """Columns of the joints that the map states by numbers, else of all from 0 or 1 on without a gap."""
+    first = 0 if 0 in family else 1
+    wanted = columns.numbers or range(first, first + len(family))
+    return [family[joint] for joint in takewhile(family.__contains__, wanted)]
+
+
+def _clocks(found: Arms, arm: str) -> list[Column]:
+    """Clocks, the best one first: that of the arm, then those that name no arm."""
+    words = {*words_of(arm)}
+    ranked = sorted(
+        (not {*words_of(name)} <= words, -len(words_of(name)), key, name)
+        for name, families in found.items()
+        for key in families
+    )
+    return [found[name][key][None] for *_, key, name in ranked if None in found[name][key]]
+
+
+def _flat(table: Table) -> Table:
+    """Columns of one number each, `q[0]` of a wide one; the two of a stamp (`sec`, `nanosec`) joined."""
+    flat: dict[str, Array] = {}
+    for name, values in table.items():
+        fine = re.fullmatch(r"(.*?)[._/ ]*((?:n|nano_?)(secs?))", name)
+        coarse = name.removesuffix(fine[2]) + fine[3] if fine else ""
+        if values.ndim == 2 and values.shape[1] <= WIDEST:
+            flat |= {f"{name}[{i}]": part for i, part in enumerate(values.T)}
+        elif fine and coarse in flat and len(values) == len(flat[coarse]):
+            stamp = f"{fine[1]}_stamp_s".replace("stamp_stamp", "stamp")
+            flat[stamp] = flat.pop(coarse) + 1e-9 * values
+        elif values.ndim == 1:
+            flat[name] = values
+    return flat
+
+
+def words_of(name: str) -> list[str]:
+    """Words of a name in lower case, with the numbers behind them: `left_fr3/tauJ` → left, fr3, tau, j."""
+    return WORD.findall(_lower(name))
+
+
+def unit_in(name: str, units: Mapping[str, T]) -> T | None:
+    """Unit that the words of a column's name state."""
+    return next((units[word] for word in words_of(name)[::-1] if word in units), None)
+
+
+def _lower(name: str) -> str:
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)
+    return re.sub("[µμ]s", "us", spaced).lower()
+
+
+def _families(flat: Table) -> dict[str, Arms]:
+    """Group the columns of measured signals by the signal, arm and joint in their names."""
+    found: dict[str, Arms] = {}
+    for name, values in flat.items():
+        text = _lower(name)
+        number = next(iter([*NUMBER.finditer(text)][-1:]), None)
+        stem = f"{text[: number.start()]}#{text[number.end() :]}" if number else text
+        words = WORD.findall(stem)
+        core = [word for word in words if word not in SILENT] or words
+        alias = _alias(core)
+        if alias is None or NOT_MEASURED & {*words}:
+            continue
+        signal, rank = KNOWN["_".join(core[alias])]
+        del core[alias]
+        key = not MEASURED & {*words}, rank, stem
+        family = found.setdefault(signal, {}).setdefault("_".join(core), {}).setdefault(key, {})
+        joint = int(number[0]) if number else None
+        family.setdefault(joint, Column(joint, name, values))
+    return found
+
+
+def _alias(words: list[str]) -> slice | None:
+    """Place of the longest run of words that names a signal, the last of several."""
+    for size in range(len(words), 0, -1):
+        for start in range(len(words) - size, -1, -1):
+            if "_".join(words[start : start + size]) in KNOWN:
+                return slice(start, start + size)
+    return None
+
+
+def _stated(flat: Table, columns: ColumnMap) -> dict[str, list[Column]]:
+    """Columns of the signals that the map states, as far as there are such."""
+    found: dict[str, list[Column]] = {}
+    for signal in ALIASES:
+        stated: str | list[str] | None = getattr(columns, signal)
+        if isinstance(stated, str):
+            sliced = re.fullmatch(r"(.+)\[(\d+):(\d+)\]", stated)
+            name = sliced[1] if sliced else stated
+            every = (
+                [(name, -1)] if name in flat else [(n, i) for n in flat for i in _places(n, name)]
+            )
+            # A slice is of the columns in the order of the file.
+            run = [Column(i, n, flat[n]) for n, i in every]
+            if sliced:
+                run = run[int(sliced[2]) : int(sliced[3])]
+            elif signal != "t" and name not in flat:
+                run = _run({column.joint: column for column in run}, columns)
+            found[signal] = run
+        elif stated is not None:
+            found[signal] = [Column(i, n, flat[n]) for i, n in enumerate(stated) if n in flat]
+    return found
+
+
+def _places(name: str, stem: str) -> list[int]:
+    """Number of a column `state.q[3]` of `state.q`, or none; that of a named joint `q.wrist` is -1."""
+    rest = name.removeprefix(stem)
+    number = re.fullmatch(r"[\[_./ ]*(\d+)\]?", rest)
+    if rest == name:
+        return []
+    return [int(number[1])] if number else [-1] * rest.startswith(".")
+
+
+def listed(names: Iterable[str], most: int = 40) -> str:
+    """At most so many names, for a message."""
     every = [name[:60] for name in names]
-    more = f" and {len(every) - 40} more" if len(every) > 40 else ""
-    return ", ".join(every[:40]) + more
+    more = f" and {len(every) - most} more" if len(every) > most else ""
+    return ", ".join(every[:most]) + more

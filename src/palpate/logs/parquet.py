@@ -83,6 +83,7 @@ def _named(path: Path, table: dict[str, Any]) -> Table:
         # Either a list, or a list by a name of its own: {"motors": [...]}.
         lists: Any = stated.values() if hasattr(stated, "values") else [stated]
         names: list[str] = next(iter(lists), None) or []
-        if values.ndim == 2 and len(names) == values.shape[1]:
+        if values.ndim == 2 and len({*names}) == len(names) == values.shape[1]:
+            del found[column]
             found |= {f"{column}.{name}": part for name, part in zip(names, values.T, strict=True)}
     return found

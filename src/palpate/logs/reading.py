@@ -10,9 +10,9 @@ import numpy as np
 
 from palpate.errors import InputError
 from palpate.files.read import opened, read_text
-from palpate.logs.bags import read_bag
+from palpate.logs.bags import STORED, read_bag
 from palpate.logs.clocks import cleaned
-from palpate.logs.columns import ColumnMap, Table, read_map, signals
+from palpate.logs.columns import ANGLES, UNITS, ColumnMap, Table, find_arm, read_map, unit_in
 from palpate.logs.parquet import read_parquet
 from palpate.trace.log import ArmLog
 
@@ -33,32 +33,38 @@ def log_of(log: str | Path | ArmLog, columns: str | Path | None = None) -> ArmLo
 def read_log(path: Path, columns: Path | None = None) -> ArmLog:
     """Read the joint signals of an arm from a recording.
 
-    Rows that repeat their predecessor, go back in time or lack a number are left out; clocks in ms, µs or ns
-    and angles in degrees are recognised; velocities that are not logged are differentiated. The log's `notes`
-    say so.
+    The log's `notes` say which topics, joints and rows are left out, and which unit, stamp or velocity is
+    inferred.
 
     Args:
         path: CSV (.csv, .tsv, .txt), .npz, .mcap, .parquet, a folder or database of rosbag2, or a .bag.
-        columns: YAML that maps columns to signals (`ColumnMap`); what it leaves out is guessed.
+        columns: YAML that maps columns to signals (`ColumnMap`) and names the arm; the rest is guessed.
 
     Raises:
-        InputError: not such a file, too large, or without time, positions or torques.
+        InputError: not such a file, too large, without time, positions or torques, or of several arms.
         Unavailable: the library for its format is not installed.
     """
     mapped = read_map(columns)
-    if path.is_dir() and not any(path.glob("*.db3")) and not any(path.glob("*.mcap")):
+    reader, notes = READERS.get(path.suffix.lower()), list[str]()
+    if path.is_dir() and not any(file for kind in STORED for file in path.glob(f"*{kind}")):
         raise InputError(
-            f"{path}: neither a run folder nor one of rosbag2, which holds .db3 or .mcap"
+            f"{path}: neither a run folder nor one of rosbag2, which holds {', '.join(STORED)}"
         )
-    reader = read_bag if path.is_dir() else READERS.get(path.suffix.lower())
-    if reader is None:
-        kinds = ", ".join(READERS)
+    if path.is_dir() or path.name.lower().endswith((*STORED, ".bag")):
+        tables, notes = read_bag(path, mapped)
+    elif reader is not None:
+        tables = [("", reader(path, mapped))]
+    else:
+        kinds = ", ".join((*READERS, ".bag", *STORED))
         raise InputError(
             f"{path}: unknown kind of recording '{path.suffix}'; valid: {kinds}, and a folder of rosbag2"
         )
-    table = reader(path, mapped)
-    _bounded(table, path)
-    found, notes = cleaned(signals(table, mapped, str(path)), mapped, str(path))
+    for _, table in tables:
+        _bounded(table, path)
+    arm = find_arm(tables, mapped, str(path))
+    unit = unit_in(arm.columns["t"][0].name, UNITS)
+    angles = unit_in(arm.columns["q"][0].name, ANGLES)
+    found, repairs = cleaned(arm.signals, mapped, str(path), unit, angles)
     return ArmLog(
         found["t"],
         found["q"],
@@ -66,7 +72,7 @@ def read_log(path: Path, columns: Path | None = None) -> ArmLog:
         found["tau"],
         found.get("tau_ext"),
         path.name,
-        notes,
+        (*notes, *arm.notes, *repairs),
     )
 
 
@@ -134,9 +140,6 @@ READERS = {
     ".tsv": read_csv,
     ".txt": read_csv,
     ".npz": read_npz,
-    ".mcap": read_bag,
-    ".db3": read_bag,
-    ".bag": read_bag,
     ".parquet": read_parquet,
 }
 

@@ -313,16 +313,13 @@ def unpacked(chunk: Chunk, most: int) -> bytes:
         ValueError: it has more than `most` bytes, or another compression than zstd or lz4.
     """
     import lz4.frame
-    import zstandard
 
     # One byte more than allowed shows an excess.
     match chunk.compression:
         case "":
             return chunk.data
         case "zstd":
-            unpacker = zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK)
-            with unpacker.stream_reader(chunk.data) as stream:
-                data = stream.read(most + 1)
+            data = unpacked_zstd(chunk.data, most + 1)
         case "lz4":
             data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=most + 1)
         case other:
@@ -330,3 +327,12 @@ def unpacked(chunk: Chunk, most: int) -> bytes:
     if len(data) > most:
         raise ValueError("it unpacks to more than recorded signals do")
     return data
+
+
+def unpacked_zstd(data: bytes, most: int) -> bytes:
+    """Unpack at most `most` bytes."""
+    import zstandard
+
+    unpacker = zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK)
+    with unpacker.stream_reader(data) as stream:
+        return stream.read(most)
