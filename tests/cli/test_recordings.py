@@ -56,6 +56,26 @@ def test_errors_say_what_to_do(palpate: Palpate, tmp_path: Path) -> None:
         assert said in " ".join(answer.err.split())
 
 
+def test_one_arm_of_two_is_named(palpate: Palpate, tmp_path: Path) -> None:
+    with np.load(motion(tmp_path)) as log:
+        t, q, dq, tau = (log[name] for name in ("time", "position", "velocity", "moment"))
+    columns = {"t": t}
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        columns |= {f"{side}_q": sign * q, f"{side}_dq": sign * dq, f"{side}_tau": sign * tau}
+    np.savez(tmp_path / "two.npz", **columns)
+    asked = ("noise", tmp_path / "two.npz", "--json")
+    refused = palpate(*asked)
+    assert refused.status == 2
+    said = " ".join(refused.err.split())
+    assert "several arms: 'left' (left_q[0] …), 'right' (right_q[0] …)" in said
+    assert "in a file with 'joints: right', and give it as --columns MAP.yaml" in said
+    (tmp_path / "left.yaml").write_text("joints: left\n")
+    answer = palpate(*asked, "--columns", tmp_path / "left.yaml")
+    assert answer.status == 0
+    (note,) = json.loads(answer.out)["notes"]
+    assert note.startswith("joints left_q[0] to left_q[6] are read, not right_q[0]")
+
+
 def test_how_to_record(palpate: Palpate, tmp_path: Path) -> None:
     file = tmp_path / "motion.csv"
     answer = palpate("estimate", "--how", "-o", file)

@@ -161,6 +161,31 @@ def test_an_episode_of_a_lerobot_data_set(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_log(file, columns).dq, DQ)
 
 
+def test_two_arms_in_a_lerobot_data_set(tmp_path: Path) -> None:
+    pyarrow = pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    file, info = tmp_path / "data" / "chunk-000" / "file-000.parquet", tmp_path / "meta/info.json"
+    for made in (file, info):
+        made.parent.mkdir(parents=True)
+    kinds = {"pos": Q, "vel": DQ, "effort": TAU}
+    sides = {"left": 1.0, "right": -1.0}
+    table = {
+        f"observation.{side}.{kind}": sign * part
+        for side, sign in sides.items()
+        for kind, part in kinds.items()
+    }
+    labels = [f"{side}_joint_{i}.{kind}" for side in sides for kind in kinds for i in range(7)]
+    states = np.hstack(list(table.values())).tolist()
+    parquet.write_table(pyarrow.table({"observation.state": states, "timestamp": T}), file)
+    info.write_text(json.dumps({"features": {"observation.state": {"names": labels}}}))
+    with pytest.raises(InputError, match=r"'left' .*, 'right' .*'joints: right'"):
+        read_log(file)
+    assert is_left(with_map(tmp_path, file, "joints: right\n"), -1.0)
+    text = "q: observation.state[0:7]\ndq: observation.state[7:14]\ntau: observation.state[14:21]\n"
+    assert is_left(with_map(tmp_path, file, text))
+
+
 def joint_states(store: Any, names: list[str], *signals: np.ndarray, stamp: float = EPOCH) -> Any:
     """One message; `stamp` s."""
     header, time = (

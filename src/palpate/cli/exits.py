@@ -25,6 +25,7 @@ ERRORS: dict[type[PalpateError], int] = {
 }
 
 _FLAGS = {option.field.name: option.flags[-1] for option in declared(Settings)}
+_FLAGS["columns"] = "--columns"  # of the commands that read recordings
 _ARGUMENT = re.compile(rf"\b({'|'.join(_FLAGS)})=(?=[\s\w,:.*]|$)")
 
 

@@ -65,6 +65,8 @@ NOT_MEASURED = set(_OTHERS.split())
 WORD = re.compile(r"[a-z]+(?:_?\d+)?|\d+")
 NUMBER = re.compile(r"(?<!fr)(?<!iiwa)(?<!\d)\d+")
 """Number in a name that is not part of a robot's."""
+ROBOTS = {"panda", "franka", "fer", "fr3", "lbr", "iiwa", "iiwa7", "iiwa14"}
+"""Words of an arm's name that go without saying."""
 WIDEST = 2_000
 """Numbers of a column that may be an arm's."""
 SAME = {"q": 2e-3, "tau": 0.2}
@@ -289,7 +291,11 @@ def _arms(place: int, topic: str, table: Table, columns: ColumnMap) -> Iterator[
             )
             used = {column.name for column in q}
             rest = [column.name for column in every if column.name not in used]
-            notes = [f"joints {q[0].name} to {q[-1].name} are read, not {listed(rest, 8)}"]
+            notes = [f"joints {q[0].name} to {q[-1].name} are read, not {listed(rest, 8)}"] * bool(
+                rest
+            )
+            if not rest and {*words_of(name)} - ROBOTS:
+                notes = [f"the columns are those of '{name}', as {q[0].name}"]
             clocks = [column.name for column in best["t"]]
             others = f"the clock is {clocks[0]}, not {listed(clocks[1:])}"
             yield Arm(
@@ -297,7 +303,7 @@ def _arms(place: int, topic: str, table: Table, columns: ColumnMap) -> Iterator[
                 place,
                 topic,
                 picked | {"t": best["t"][:1]},
-                (*(notes if rest else ()), *([others] if clocks[1:] else ())),
+                (*notes, *([others] if clocks[1:] else ())),
             )
 
 
