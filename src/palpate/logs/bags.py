@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import re
 import tempfile
-from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -66,10 +65,10 @@ class Part:
             if (table[name] == 0.0).any():
                 del table[name]  # not set
         bag_time = table.pop("bag_time_s")
-        clock = table.setdefault(
-            "header.stamp_s" if "header.stamp_s" in table else "bag_time_s", bag_time
-        )
-        table = {name: values[np.argsort(clock, kind="stable")] for name, values in table.items()}
+        if "header.stamp_s" not in table:
+            table["bag_time_s"] = bag_time
+        order = np.argsort(table.get("header.stamp_s", bag_time), kind="stable")
+        table = {name: values[order] for name, values in table.items()}
         for name, joints in self.names.items():
             parts = table.pop(name).T
             table |= {f"{name}.{joint}": part for joint, part in zip(joints, parts, strict=True)}
@@ -90,7 +89,7 @@ def read_bag(path: Path, columns: ColumnMap) -> tuple[list[tuple[str, Table]], l
         raise Unavailable(f"{path}: a bag needs rosbags: pip install 'palpate[logs]'") from None
     parts: dict[Any, Part] = {}
     topics: dict[str, str] = {}
-    lost: Counter[tuple[str, str]] = Counter()
+    lost: dict[str, list[str]] = {}
     try:
         with ExitStack() as stack:
             _collect(_messages(path, stack), columns.topic, parts, topics, lost)
@@ -99,8 +98,8 @@ def read_bag(path: Path, columns: ColumnMap) -> tuple[list[tuple[str, Table]], l
     except Exception as error:  # damaged bytes raise anything
         raise InputError(f"{path} is no bag that can be read: {_reason(error)}") from error
     notes = [
-        f"{count} messages on {topic} ({topics[topic]}) cannot be decoded and are left out: {reason}"
-        for (topic, reason), count in lost.items()
+        f"{len(reasons)} messages on {topic} ({topics[topic]}) cannot be decoded and are left out: {reasons[0]}"
+        for topic, reasons in lost.items()
     ]
     if columns.topic is not None and columns.topic not in topics:
         raise InputError(
@@ -122,9 +121,9 @@ def _collect(
     wanted: str | None,
     parts: dict[Any, Part],
     topics: dict[str, str],
-    lost: Counter[tuple[str, str]],
+    lost: dict[str, list[str]],
 ) -> None:
-    """Decode the messages that may hold joint signals, and count those that cannot be."""
+    """Decode the messages that may hold joint signals; of those that cannot be, keep the reasons by topic."""
     decoders: dict[str, Decoder] = {}
     for count, raw in enumerate(messages):
         topics[raw.topic] = raw.datatype
@@ -134,14 +133,13 @@ def _collect(
         if count > MAX_MESSAGES:
             raise ValueError(f"it has more than {MAX_MESSAGES} messages; cut it")
         try:
-            if raw.topic not in decoders:
-                decoders[raw.topic] = _decoder(raw)
+            decode = decoders.get(raw.topic) or decoders.setdefault(raw.topic, _decoder(raw))
             data = raw.data
             if data[:4] == PACKED:
                 data = unpacked_zstd(data, MAX_MESSAGE)
-            found = list(_numbers(_fields(decoders[raw.topic](data)) or {}))
+            found = list(_numbers(_fields(decode(data)) or {}))
         except Exception as error:  # damaged bytes raise anything
-            lost[raw.topic, _reason(error)] += 1
+            lost.setdefault(raw.topic, []).append(_reason(error))
             continue
         layout = tuple((name, frozenset(joints) or np.size(value)) for name, joints, value in found)
         names = {name: joints for name, joints, _ in found if joints}
@@ -158,6 +156,19 @@ def _reason(error: Exception) -> str:
 
 
 def _decoder(raw: Raw) -> Decoder:
+    """Find the decoder of a topic's messages: of each, it raises ValueError if their type is not known."""
+    try:
+        return _known_decoder(raw)
+    except Exception as error:  # a damaged definition raises anything
+        reason = _reason(error)
+
+    def decode(data: bytes) -> Any:
+        raise ValueError(reason)
+
+    return decode
+
+
+def _known_decoder(raw: Raw) -> Decoder:
     """Decoder of a topic's messages.
 
     Raises:

@@ -279,22 +279,13 @@ def _arms(place: int, topic: str, table: Table, columns: ColumnMap) -> Iterator[
             q = picked["q"]
             numbers = f"{q[0].joint}-{q[-1].joint}" if parts > 1 else ""
             words = [*(word for word in context if word not in SILENT), name, numbers]
-            every = (
-                best["q"]
-                if "q" in stated
-                else [
-                    column
-                    for arm in found["q"].values()
-                    for f in arm.values()
-                    for column in f.values()
-                ]
-            )
+            families = (f for arm in found.get("q", {}).values() for f in arm.values())
+            every = best["q"] if "q" in stated else [c for f in families for c in f.values()]
             used = {column.name for column in q}
-            rest = [column.name for column in every if column.name not in used]
-            notes = [f"joints {q[0].name} to {q[-1].name} are read, not {listed(rest, 8)}"] * bool(
-                rest
-            )
-            if not rest and {*words_of(name)} - ROBOTS:
+            notes: list[str] = []
+            if rest := [column.name for column in every if column.name not in used]:
+                notes = [f"joints {q[0].name} to {q[-1].name} are read, not {listed(rest, 8)}"]
+            elif {*words_of(name)} - ROBOTS:
                 notes = [f"the columns are those of '{name}', as {q[0].name}"]
             clocks = [column.name for column in best["t"]]
             others = f"the clock is {clocks[0]}, not {listed(clocks[1:])}"
