@@ -7,7 +7,12 @@ from hypothesis import strategies as st
 
 from palpate.errors import InputError
 from palpate.parameter import Parameter
-from palpate.planning.model.answer import MAX_ATTEMPTS, SceneObject, read_answer
+from palpate.planning.model.answer import (
+    MAX_ATTEMPTS,
+    SceneObject,
+    json_objects,
+    read_answer,
+)
 from palpate.planning.plan import MAX_BYTES
 
 PLAN = {
@@ -41,6 +46,59 @@ def test_the_plan_is_found_amid_prose_and_fences(answer: str) -> None:
 def test_of_several_plans_the_last_counts() -> None:
     draft = json.dumps(PLAN | {"explanation": "draft"})
     assert read_answer(f"First {draft}. Better: {TEXT}").plan.explanation == PLAN["explanation"]
+
+
+DRAFT = json.dumps(PLAN | {"explanation": "draft"})
+CUT = TEXT[:-25]
+WRAPPERS = [
+    ("<think>", "</think>"),
+    ("", "</think>"),
+    ("Hm.\n<think> I may use <think> here. ", "</think>\n"),
+    ("<THINKING>", "</THINKING>"),
+    ('<think time="3">', "</think>"),
+    ("<reasoning_content>", "</reasoning_content>"),
+    ("<seed:think>", "</seed:think>"),
+    ("[THINK]", "[/THINK]"),
+    ("◁think▷", "◁/think▷"),
+    ("<|begin_of_thought|>", "<|end_of_thought|>"),
+    (
+        "<|channel|>analysis<|message|>",
+        "<|end|><|start|>assistant<|channel|>final<|message|>",
+    ),
+    ("<unused94>thought\n", "<unused95>"),
+]
+
+
+@pytest.mark.parametrize(("opens", "closes"), WRAPPERS)
+def test_a_draft_in_reasoning_is_never_the_plan(opens: str, closes: str) -> None:
+    assert read_answer(f"{opens}{DRAFT}{closes}{TEXT}").plan.explanation == PLAN["explanation"]
+    with pytest.raises(InputError, match="breaks off"):
+        read_answer(f"{opens}{DRAFT}{closes}{CUT}")
+    with pytest.raises(InputError, match="reasoning alone|no JSON object"):
+        read_answer(f"{opens}{DRAFT}{closes}")
+    assert list(json_objects(f"{opens}{DRAFT}{closes}{TEXT}")) == [PLAN]
+
+
+@pytest.mark.parametrize("opens", [opens for opens, _ in WRAPPERS if opens])
+def test_reasoning_without_an_end_holds_no_plan(opens: str) -> None:
+    with pytest.raises(InputError):
+        read_answer(f"{opens}{DRAFT}")
+
+
+@pytest.mark.parametrize("end", range(2, len(TEXT) - 1, 7))
+def test_a_draft_is_not_the_plan_where_the_final_one_is_cut_off(end: int) -> None:
+    with pytest.raises(InputError, match="breaks off"):
+        read_answer(f"First {DRAFT}. Better: {TEXT[:end]}")
+
+
+def test_a_tag_in_the_text_of_a_plan_is_text() -> None:
+    said = "It has a </think> on it."
+    assert read_answer(json.dumps(PLAN | {"explanation": said})).plan.explanation == said
+
+
+def test_brackets_in_prose_are_no_reasoning() -> None:
+    answer = f"[thinking of the cup] {TEXT} That is all {{of it}}."
+    assert read_answer(answer).plan.explanation == PLAN["explanation"]
 
 
 @pytest.mark.parametrize(

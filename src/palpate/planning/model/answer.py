@@ -33,6 +33,7 @@ MAX_COMMENTS = 200
 MAX_OBJECTS = 100
 """Objects of a scene that a model may list."""
 
+REASONING = "the answer holds reasoning alone; return the JSON object after it"
 NO_JSON = "there is no JSON object in the answer; return one with parameters, explanation and tree"
 NO_TREE = "the JSON object has no field 'tree'; return one with parameters, explanation and tree"
 QUOTES = "JSON takes double quotes around names and texts; return the whole object again"
@@ -52,6 +53,15 @@ _APART = re.compile(
     re.DOTALL,
 )
 _TRAILING = re.compile(_STRING + r"|,(?=\s*[}\]])", re.DOTALL)
+_THOUGHT = "think|thought|reason|reflection|analysis|scratch_?pad|chain_of_thought"
+_REASONING = re.compile(
+    # <think>, </thinking>, <seed:think>, <|begin_of_thought|>; [THINK] and ◁think▷; channels of chat templates
+    rf"<\|?\s*(?P<end>/|end_of_)?(?:\w+:|begin_of_)?(?:{_THOUGHT})\w*(?:\s[^<>]{{0,200}})?\|?>"
+    r"|[\[◁](?P<end2>/)?think[\]▷]|<\|channel\|>analysis|<unused94>thought|<\|channel>thought"
+    r"|(?P<end3><\|channel\|>final|<unused95>|<channel\|>)",
+    re.IGNORECASE,
+)
+"""Tag that begins or ends a model's reasoning."""
 _ESCAPED = {code: f"\\u{code:04x}" for code in range(0x20)}
 _LITERALS = {"None": "null", "True": "true", "False": "false"}
 
@@ -80,6 +90,9 @@ def read_answer(text: str) -> Proposal:
         raise InputError(
             f"the answer has {len(text)} characters, more than {MAX_BYTES}; return the JSON object only"
         )
+    text = without_reasoning(text)
+    if not text.strip():
+        raise InputError(REASONING)
     source, written = plan_object(text)
     # Before any recursion over the document.
     if nesting(source) > MAX_NESTING:
@@ -88,6 +101,25 @@ def read_answer(text: str) -> Proposal:
     document = normalized(written)
     plan = nested(document) if "nodes" in document else document
     return Proposal(parse_plan(json.dumps(plan)), scene_objects(document.get("scene") or []))
+
+
+def without_reasoning(text: str) -> str:
+    """Remove a model's reasoning from its answer: text between tags, before a closing tag alone (chat
+    templates may open it), and after an opening tag alone (the answer was cut off)."""
+    alone = text.strip("\ufeff \t\r\n")
+    value, end, _ = decoded(alone, 0)
+    if value is not None and end == len(alone):
+        return text  # its strings may hold tags
+    kept: list[str] = []
+    position, inside = 0, False
+    for tag in _REASONING.finditer(text):
+        closes = any(tag.groups())
+        if closes and not inside:
+            kept.clear()
+        if not closes and not inside:
+            kept.append(text[position : tag.start()])
+        position, inside = tag.end(), not closes
+    return "".join(kept) if inside else "".join([*kept, text[position:]])
 
 
 def decoded_objects(text: str) -> Iterator[tuple[int, int, object, str]]:
@@ -106,8 +138,8 @@ def decoded_objects(text: str) -> Iterator[tuple[int, int, object, str]]:
 
 
 def json_objects(text: str) -> Iterator[dict[str, Any]]:
-    """The JSON objects in a text, those inside others left out."""
-    for _, _, value, _ in decoded_objects(text):
+    """The JSON objects in an answer, those inside others and in reasoning left out."""
+    for _, _, value, _ in decoded_objects(without_reasoning(text)):
         if isinstance(value, dict):
             yield cast("dict[str, Any]", value)
 
@@ -117,7 +149,8 @@ def plan_object(text: str) -> tuple[str, dict[str, Any]]:
     after its repair.
 
     Raises:
-        InputError: there is none; the fault is that of the longest attempt.
+        InputError: there is none; the fault is that of the longest attempt. Or an object that breaks
+            off follows: the plan before may be a draft.
     """
     found: tuple[str, dict[str, Any]] | None = None
     problem = QUOTES if _QUOTED.search(text) else NO_JSON
@@ -126,6 +159,8 @@ def plan_object(text: str) -> tuple[str, dict[str, Any]]:
         value = unwrapped(whole)
         if is_plan(value):  # a draft may come first: the last plan counts
             found = (text[start:end], cast("dict[str, Any]", value))
+        elif found and "breaks off" in fault:
+            raise InputError(fault)
         elif end - start > furthest:
             furthest, problem = end - start, fault
     if found is not None:
