@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 import palpate as pp
-from palpate.estimation.estimate import not_identified
+from palpate.estimation.estimate import Shared, not_identified
 from palpate.runs.answer import answer
 
 SHELF = """<mujoco><worldbody>
@@ -85,3 +85,90 @@ def test_values_that_the_scene_states_are_compared_with_measured_ones_alone() ->
         "brick: brick 0.5 against block 0.4"
     )
     assert answer(run_with("Is the brick heavier than the block?")) is None
+
+
+@pytest.mark.parametrize(
+    ("request_", "said"),
+    [
+        ("Is the novel heavier than 160 g?", "yes: novel 0.1660 ± 0.0010 against 0.16 kg (p < 1e"),
+        ("Is the novel lighter than 0.16 kg?", "no: 0.16 against novel 0.1660 ± 0.0010 kg"),
+        ("Does the novel weigh more than 400 g?", "no: 0.4 against novel"),
+        ("Does the novel weigh less than half a kilo?", "yes: novel 0.1660 ± 0.0010 against 0.5"),
+        ("Does the novel weigh at least 100 grams?", "yes: novel"),
+        ("Does the novel weigh at most 0,1 kg?", "no: 0.1 against novel"),
+        ("Does the novel weigh no more than 100 g?", "novel: novel 0.1660 ± 0.0010 against 0.1"),
+        ("Is the novel heavier than 5 oz?", "yes: novel 0.1660 ± 0.0010 against 0.1417 kg"),
+        ("Is the novel heavier than 166 g?", "open: novel 0.1660 ± 0.0010 against 0.166 kg, too"),
+        ("Is the novel heavier than 5 cm?", "open: '5 cm' is not in kg"),
+        ("Ist novel schwerer als 160 g?", "yes: novel 0.1660"),
+    ],
+)
+def test_a_value_is_compared_with_an_amount(request_: str, said: str) -> None:
+    assert str(answer(run_with(request_, novel=0.166))).startswith(said)
+
+
+def test_each_object_is_compared_with_an_amount() -> None:
+    found = answer(run_with("Which objects weigh more than 160 g?", novel=0.166, glass=0.151))
+    yes, no = str(found).split("; ")
+    assert yes.startswith("yes: novel 0.1660")
+    assert no.startswith("no: 0.16 against glass 0.1510")
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        "What do the novel and the glass weigh together?",
+        "What is the total mass of the novel and the glass?",
+        "Was wiegen novel und glass zusammen?",
+    ],
+)
+def test_a_sum_has_an_interval(request_: str) -> None:
+    found = answer(run_with(request_, novel=0.166, glass=0.151))
+    assert found == "together: novel and glass 0.3170 ± 0.0014 kg, 95 % [0.3142, 0.3198]"
+
+
+def test_errors_that_the_parts_of_a_sum_share_add_up() -> None:
+    run = run_with("What do the novel and the glass weigh together?", novel=0.166, glass=0.151)
+    gain = Shared("gain", "arm", (0.001,))
+    shared = replace(run, estimates=tuple(replace(one, shared=(gain,)) for one in run.estimates))
+    assert "0.3170 ± 0.0020 kg" in str(answer(shared))
+
+
+@pytest.mark.parametrize(
+    ("request_", "said"),
+    [
+        ("Are the novel and the glass together heavier than 300 g?", "yes: novel and glass 0.3170"),
+        (
+            "Is the brick heavier than the novel and the glass together?",
+            "yes: brick 0.5 against novel and glass 0.3170",
+        ),
+        (
+            "Are the novel and the glass together heavier than the block?",
+            "no: block 0.4 against novel and glass 0.3170",
+        ),
+    ],
+)
+def test_sums_are_compared(request_: str, said: str) -> None:
+    assert str(answer(run_with(request_, novel=0.166, glass=0.151))).startswith(said)
+
+
+@pytest.mark.parametrize(
+    ("request_", "said"),
+    [
+        ("Are the novel and the glass equally heavy?", "no: novel 0.1660"),
+        ("Is the novel as heavy as the glass?", "no: novel 0.1660"),
+        ("Does the novel weigh as much as the glass?", "no: novel 0.1660"),
+        ("Does the novel weigh more than the glass?", "yes: novel 0.1660"),
+        ("Does the novel weigh less than the glass?", "no: glass 0.1510"),
+        ("Which one weighs the least?", "glass: glass 0.1510"),
+    ],
+)
+def test_what_is_said_without_a_comparative_is_compared(request_: str, said: str) -> None:
+    assert str(answer(run_with(request_, novel=0.166, glass=0.151))).startswith(said)
+
+
+def test_two_values_that_may_be_alike_and_one_without_another_stay_open() -> None:
+    alike = answer(run_with("Are the novel and glass equally heavy?", novel=0.1512, glass=0.151))
+    assert "too close to tell" in str(alike)
+    alone = answer(run_with("Is the novel the heaviest?", novel=0.166))
+    assert alone == "open: no other mass was measured than that of novel"

@@ -82,14 +82,16 @@ def fuse(sources: Sequence[Source]) -> Estimate:
 
 
 def difference(one: Source, other: Source) -> tuple[Array, Array]:
-    """(n,) difference of `other` from `one`, and its standard deviation by C_11 + C_22 - 2 C_12, in which
-    shared errors cancel."""
-    apart = [_apart(one), _apart(other)]
-    stds: list[float] = []
-    for i in range(len(one.estimate.values)):
-        covariance = component_covariance(apart, i)
-        stds.append(math.sqrt(covariance[0, 0] + covariance[1, 1] - 2.0 * covariance[0, 1]))
-    return other.estimate.values - one.estimate.values, np.array(stds)
+    """(n,) difference of `other` from `one`, and its standard deviation, in which shared errors cancel."""
+    return weighted_sum([one, other], (-1.0, 1.0))
+
+
+def weighted_sum(sources: Sequence[Source], weights: Sequence[float]) -> tuple[Array, Array]:
+    """(n,) sum of w_i x_i, and its standard deviation sqrt(w^T C w). Unnamed errors are not shared."""
+    apart, w = [_apart(source) for source in sources], np.array(weights)
+    count = len(sources[0].estimate.values)
+    variances = [w @ component_covariance(apart, i) @ w for i in range(count)]
+    return w @ np.array([source.estimate.values for source in sources]), np.sqrt(variances)
 
 
 def component_covariance(sources: Sequence[Source], component: int) -> Array:

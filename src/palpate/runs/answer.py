@@ -1,4 +1,5 @@
-"""Answer to a question that compares: "is the novel heavier than the glass?", "which is the lightest?"."""
+"""Answer to a question that compares, or adds up: "is the novel heavier than the glass?", "which is the
+lightest?", "is the can heavier than 400 g?", "what do they weigh together?"."""
 
 from __future__ import annotations
 
@@ -8,8 +9,9 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from palpate.estimation.estimate import Estimate, rounded
-from palpate.estimation.fusion import Source, difference
+from palpate.estimation.estimate import Z95, Estimate, rounded
+from palpate.estimation.fusion import Source, weighted_sum
+from palpate.planning.request.languages import in_english, spoken
 from palpate.planning.request.wording import english
 
 if TYPE_CHECKING:
@@ -17,78 +19,178 @@ if TYPE_CHECKING:
 
 LESS: Collection[str] = (
     *("lighter", "lightest", "lower", "lowest", "smaller", "smallest", "narrower", "thinner"),
-    *("thinnest", "softer", "softest", "springier", "slipperier", "slipperiest"),
+    *("thinnest", "softer", "softest", "springier", "slipperier", "slipperiest", "less", "least"),
 )
 """Comparing words that ask for the smaller value."""
+UNNAMED = ("more", "most", "less", "least")
+"""Comparing words that name no quantity."""
+TOGETHER = frozenset({"together", "total", "altogether", "combined", "sum"})
+"""Words that ask for a sum."""
+MULTIPLE = frozenset({"twice", "double", "half", "times"})
+NEGATIONS = frozenset({"not", "no", "never"})
 ASKING = ("is", "are", "does", "do", "was", "were", "will", "would")
 """First words of a question that is answered by yes or no."""
 CERTAIN = 1e-6
 """Smallest probability that is printed as a number."""
 UNCERTAIN = 0.05
 """Probability of the opposite order above which a comparison stays open."""
+AMOUNTS = {
+    "kg": {
+        "kg": 1.0,
+        "kilo": 1.0,
+        "g": 1e-3,
+        "gram": 1e-3,
+        "mg": 1e-6,
+        "lb": 0.45359237,
+        "pound": 0.45359237,
+    }
+    | {"oz": 0.028349523125, "ounce": 0.028349523125},
+    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
+    "N/m": {"n/m": 1.0, "n/mm": 1e3},
+}
+"""Units of amounts in requests, by SI unit; pound and ounce are the international ones (avoirdupois, 1959)."""
+NUMBERS = {
+    "half a": 0.5,
+    "half an": 0.5,
+    "a": 1.0,
+    "an": 1.0,
+    "one": 1.0,
+    "two": 2.0,
+    "three": 3.0,
+    "five": 5.0,
+}
+_BOUND = re.compile(
+    r"\b(?P<than>than|least|most|above|over|under|below|exceeds?) "
+    rf"(?P<number>\d+(?:[.,]\d+)?|{'|'.join(NUMBERS)}) ?(?P<unit>n ?/ ?mm?|[a-z]+)\b"
+)
+_ALIKE = re.compile(r"\b(?:equally|same|as (?!well |soon )\w+ as)\b")
 
 
 @dataclass(frozen=True, slots=True)
-class _Compared:
-    """A compared object, with the estimate or the value that the scene states."""
+class _Side:
+    """One side of a comparison: the sum of the values of some objects, or an amount of the request.
+
+    Attributes:
+        name: the objects; empty for an amount.
+        estimates: those among the values that were measured; the others are exact.
+    """
 
     name: str
     value: float
-    estimate: Estimate | None
+    estimates: tuple[Estimate, ...] = ()
 
     def __str__(self) -> str:
-        if self.estimate is None:
-            return f"{self.value:.4g}"
-        return " ± ".join(rounded(self.value, float(self.estimate.stds[0])))
+        std = _std(self)
+        figure = " ± ".join(rounded(self.value, std)) if std else f"{self.value:.4g}"
+        return f"{self.name} {figure}".lstrip()
 
 
 def answer(run: Run) -> str | None:
-    """Answer an English request that compares, from the identified estimates; None if it compares
-    nothing that was measured. Values stated by the scene count as exact."""
-    asked = _words(run.settings.request or "")
-    word = next((word for word in asked if word in english().compared), None)
-    if word is None:
+    """Answer a request that compares or adds up, from the identified estimates; None if it does neither
+    with what was measured. Values stated by the scene count as exact."""
+    request = run.settings.request or ""
+    names = frozenset(word for name in run.scene.bodies for word in _words(name))
+    text = in_english(request, names, spoken(request))
+    asked, bound = _words(text), _BOUND.search(text)
+    compared = english().compared
+    word = next((word for word in asked if word in compared or word in UNNAMED), "")
+    together = not TOGETHER.isdisjoint(asked)
+    if not (word or bound or together or _ALIKE.search(text)):
         return None
-    quantity = english().compared[word]
+    measured = {estimate.parameter.quantity for estimate in run.estimates}
+    quantity = compared.get(word) or (measured.pop() if len(measured) == 1 else "mass")
     estimates = [each for each in run.estimates if each.parameter.quantity == quantity]
     if not estimates:
         return None
     if unknown := [each.parameter.object for each in estimates if not each.identified]:
         return f"open: the {quantity} of {' and '.join(unknown)} is not identified"
-    compared = [_Compared(e.parameter.object, float(e), e) for e in estimates if len(e.values) == 1]
-    compared += _stated(run, quantity, asked)
-    if len(compared) < 2:
-        return None
-    compared.sort(key=lambda each: each.value, reverse=word not in LESS)
-    return _worded(compared, asked, estimates[0].unit)
+    sides = [_Side(e.parameter.object, float(e), (e,)) for e in estimates if len(e.values) == 1]
+    sides += _stated(run, quantity, asked)
+    unit = f" {estimates[0].unit}" * (estimates[0].unit != "1")
+    if together:
+        sides = _summed(sides, asked)
+        if len(sides) == 1 and bound is None:
+            low, high = (
+                rounded(sides[0].value + z * _std(sides[0]), _std(sides[0]))[0] for z in (-Z95, Z95)
+            )
+            return f"together: {sides[0]}{unit}, 95 % [{low}, {high}]"
+    if bound is not None:
+        return _against_amount(sides, bound, word, asked, estimates[0].unit)
+    if len(sides) < 2:
+        return (
+            f"open: no other {quantity} was measured than that of {sides[0].name}"
+            if sides
+            else None
+        )
+    subject = _subject(sides, asked)
+    if together and asked[0] in ASKING:
+        subject = sides[0].name
+    sides.sort(key=lambda each: each.value, reverse=word not in LESS)
+    if word or not MULTIPLE.isdisjoint(asked):
+        return _worded(sides[0], sides[1], subject, unit)
+    # Two values are never known to be alike: they differ, or it stays open.
+    return _worded(sides[0], sides[-1], "", unit, tails=2)
 
 
-def _worded(compared: Sequence[_Compared], asked: Sequence[str], unit: str) -> str:
-    """Word the answer from the first two of the sorted objects."""
-    first, second = compared[:2]
-    figures = f"{first.name} {first} against {second.name} {second}" + (f" {unit}" * (unit != "1"))
-    chance = _chance(first, second)
+def _against_amount(
+    sides: Sequence[_Side], bound: re.Match[str], word: str, asked: Sequence[str], unit: str
+) -> str:
+    """Compare each side with the amount that the request states."""
+    number, named = bound["number"].replace(",", "."), bound["unit"].replace(" ", "")
+    factor = AMOUNTS.get(unit, {}).get(named) or AMOUNTS.get(unit, {}).get(named.rstrip("s"))
+    if factor is None:
+        return f"open: '{bound['number']} {named}' is not in {unit}"
+    amount = _Side("", (NUMBERS.get(number) or float(number)) * factor)
+    below = ("under", "below", "most")
+    less = word in LESS if bound["than"] == "than" else bound["than"] in below
+    answers: list[str] = []
+    for side in sides:
+        first, second = sorted((side, amount), key=lambda each: each.value, reverse=not less)
+        subject = side.name if NEGATIONS.isdisjoint(asked) else None
+        answers.append(_worded(first, second, subject, f" {unit}"))
+    return "; ".join(answers)
+
+
+def _summed(sides: Sequence[_Side], asked: Sequence[str]) -> list[_Side]:
+    """Sums of the sides before "than" and behind it."""
+    than = asked.index("than") if "than" in asked else len(asked)
+    groups: dict[bool, list[_Side]] = {}
+    for side in sides:
+        groups.setdefault((_place(side.name, asked) or 0) > than, []).append(side)
+    return [
+        _Side(
+            " and ".join(side.name for side in group),
+            sum(side.value for side in group),
+            tuple(estimate for side in group for estimate in side.estimates),
+        )
+        for _, group in sorted(groups.items())
+    ]
+
+
+def _worded(first: _Side, second: _Side, subject: str | None, unit: str, tails: int = 1) -> str:
+    """Word the order of two sides; with a `subject` as yes, where it is the first, or no."""
+    figures = f"{first} against {second}{unit}"
+    chance = tails * _chance(first, second)
     if chance > UNCERTAIN:
         return f"open: {figures}, too close to tell (p {chance:.2g})"
     certain = f"{figures} (p {chance:.1g})" if chance > CERTAIN else f"{figures} (p < {CERTAIN:g})"
-    subject = _subject(compared, asked)
     if subject is None:
-        return f"{first.name}: {certain}"
+        return f"{first.name or second.name}: {certain}"
     return f"{'yes' if subject == first.name else 'no'}: {certain}"
 
 
-def _stated(run: Run, quantity: str, asked: Sequence[str]) -> list[_Compared]:
+def _stated(run: Run, quantity: str, asked: Sequence[str]) -> list[_Side]:
     """Objects named in the request whose value the scene states."""
     measured = {estimate.parameter.object for estimate in run.estimates}
-    found: list[_Compared] = []
+    found: list[_Side] = []
     for name, body in run.scene.bodies.items():
         known = body.known.get(quantity)
         if known is not None and name not in measured and _place(name, asked) is not None:
-            found.append(_Compared(name, known[0], None))
+            found.append(_Side(name, known[0]))
     return found
 
 
-def _subject(compared: Sequence[_Compared], asked: Sequence[str]) -> str | None:
+def _subject(compared: Sequence[_Side], asked: Sequence[str]) -> str | None:
     """Object before "than" in a question about two; None in other requests, or if the names do not
     stand there in full, which leaves the sides uncertain."""
     places = {each.name: _place(each.name, asked) for each in compared}
@@ -113,16 +215,20 @@ def _words(text: str) -> list[str]:
     return re.findall(r"[a-z0-9]+", text.lower())
 
 
-def _chance(first: _Compared, second: _Compared) -> float:
+def _std(first: _Side, second: _Side | None = None) -> float:
+    """Standard deviation of the first side, or of its difference from the second, in which errors that
+    both share cancel."""
+    plus, minus = first.estimates, second.estimates if second is not None else ()
+    if not (plus or minus):
+        return 0.0
+    sources = [Source("", "this arm", estimate) for estimate in (*plus, *minus)]
+    weights = [1.0] * len(plus) + [-1.0] * len(minus)
+    return float(weighted_sum(sources, weights)[1][0])
+
+
+def _chance(first: _Side, second: _Side) -> float:
     """Probability of the opposite order, p = erfc(d / (σ √2)) / 2 with the difference d and its std σ."""
-    estimates = [each.estimate for each in (first, second) if each.estimate is not None]
-    if len(estimates) == 2:
-        # Errors that both estimates share cancel in the difference.
-        sources = [Source("", "this arm", estimate) for estimate in estimates]
-        std = float(difference(*sources)[1][0])
-    else:
-        std = max((float(estimate.stds[0]) for estimate in estimates), default=0.0)
-    apart = abs(first.value - second.value)
+    apart, std = abs(first.value - second.value), _std(first, second)
     if std == 0.0:
         return 0.0 if apart > 0.0 else 0.5
     return 0.5 * math.erfc(apart / (std * math.sqrt(2.0)))

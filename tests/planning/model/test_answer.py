@@ -74,7 +74,7 @@ def test_a_draft_in_reasoning_is_never_the_plan(opens: str, closes: str) -> None
     assert read_answer(f"{opens}{DRAFT}{closes}{TEXT}").plan.explanation == PLAN["explanation"]
     with pytest.raises(InputError, match="breaks off"):
         read_answer(f"{opens}{DRAFT}{closes}{CUT}")
-    with pytest.raises(InputError, match="reasoning alone|no JSON object"):
+    with pytest.raises(InputError, match=r"reasoning alone|no JSON object"):
         read_answer(f"{opens}{DRAFT}{closes}")
     assert list(json_objects(f"{opens}{DRAFT}{closes}{TEXT}")) == [PLAN]
 
