@@ -179,7 +179,7 @@ def test_what_cannot_be_planned_is_a_rejection_that_says_why() -> None:
         _ = rejected.trace
     with pytest.raises(pp.InputError, match="no twin: its plan was rejected"):
         _ = rejected.twin
-    assert repr(rejected) == "<Run rejected>"
+    assert repr(rejected).startswith("<Run rejected: The temperature cannot be measured: ")
 
 
 class Nothing:
@@ -272,6 +272,157 @@ def test_a_data_frame_needs_pandas(done: pp.Run, monkeypatch: pytest.MonkeyPatch
 def test_a_data_frame_has_one_row_a_sample(done: pp.Run) -> None:
     pytest.importorskip("pandas")
     assert len(done.trace.to_dataframe()) == len(done.trace.t)
+
+
+class Frame:
+    """Stands for pandas, of which the data frame alone is used."""
+
+    def __init__(self, columns: dict[str, list[Any]]) -> None:
+        self.columns = columns
+
+
+def test_a_run_is_a_container_of_its_parameters(
+    done: pp.Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert list(done) == [MASS]
+    assert len(done) == 1
+    assert [done[parameter] for parameter in done] == list(done.estimates)
+    assert "mug.mass" in done
+    assert MASS in done
+    assert "desk.height" not in done
+    assert "mug" not in done
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(pp.Unavailable, match="pip install pandas"):
+        done.to_dataframe()
+    monkeypatch.setitem(sys.modules, "pandas", type("pandas", (), {"DataFrame": Frame}))
+    mass, columns = done["mug.mass"], done.to_dataframe().columns
+    row = {name: values for name, (values,) in columns.items()}  # type: ignore[misc]
+    assert row == {
+        "object": "mug",
+        "quantity": "mass",
+        "value": mass.value,
+        "std": mass.std,
+        "unit": "kg",
+        "ci95": mass.ci95,
+        "verdict": "identified",
+        "method": mass.method,
+    }
+
+
+def test_fusion_and_comparison_are_containers_too(done: pp.Run) -> None:
+    again = pp.run(DESK, REQUEST, world=WORLD, noise="lab", seed=1, fast=True)
+    fused, compared = pp.fuse([done, again]), pp.compare([done, again])
+    for several in (fused, compared):
+        assert (list(several), len(several), "mug.mass" in several) == ([MASS], 1, True)
+        with pytest.raises(KeyError, match=r"'mug.com' is in none of the runs; there is mug.mass"):
+            several["mug.com"]
+    assert fused[MASS].unit == "kg"
+    assert len(compared[MASS]) == 2
+
+
+NO_ARGUMENT = [
+    (pp.run, (DESK, REQUEST), "sed", "seed"),
+    (pp.run, (DESK, REQUEST), "mesure", "measure"),
+    (pp.load, (DESK,), "pose", "poses"),
+    (pp.load(DESK).plan, (REQUEST,), "mesure", "measure"),
+    (pp.load(DESK).plan().run, (), "nois", "noise"),
+    (pp.estimate, ("log.csv",), "load", "loaded"),
+    (pp.dynamics, ("log.csv",), "column", "columns"),
+    (pp.noise, ("log.csv",), "column", "columns"),
+    (pp.see, (DESK, "0"), "intrinsic", "intrinsics"),
+    (pp.open, (), "foldr", "folder"),
+    (pp.fuse, (), "run", "runs"),
+    (pp.compare, (), "run", "runs"),
+]
+
+
+@pytest.mark.parametrize(("verb", "given", "wrong", "meant"), NO_ARGUMENT)
+def test_an_unknown_keyword_is_a_type_error_that_names_the_nearest(
+    verb: Any, given: tuple[str, ...], wrong: str, meant: str
+) -> None:
+    with pytest.raises(TypeError, match=f"no argument '{wrong}'; did you mean '{meant}'"):
+        verb(*given, **{wrong: None})
+
+
+def test_a_keyword_like_no_other_is_told_what_there_is() -> None:
+    with pytest.raises(TypeError, match="no argument 'xyzzy'; it takes source, poses, arm"):
+        pp.load(DESK, xyzzy=1)  # type: ignore[call-arg]
+
+
+@pytest.mark.parametrize("loaded", [3, (12.0,), ["a", "b"], (1.0, 2.0, 3.0)])
+def test_windows_of_another_form_are_shown_the_form(loaded: Any) -> None:
+    with pytest.raises(pp.InputError, match=r"loaded=.*: give \(start, stop\)"):
+        pp.estimate("log.csv", loaded=loaded)
+
+
+def test_a_parameter_may_be_named_by_itself() -> None:
+    assert pp.load(DESK).plan(measure=MASS).parameters == (MASS,)
+    assert pp.load(DESK).plan(measure=None).made.settings.measure == ()
+
+
+def test_what_the_planner_cannot_be_is_named() -> None:
+    with pytest.raises(pp.InputError, match="planner=: Input should be a valid string"):
+        pp.load(DESK).plan(REQUEST, planner=3)  # type: ignore[arg-type]
+    with pytest.raises(pp.InputError, match="measure=: "):
+        pp.load(DESK).plan(measure=3)  # type: ignore[arg-type]
+
+
+CRATE = DESK.replace(
+    "</worldbody>",
+    '<body name="crate" pos="0.5 -0.2 0.1"><freejoint/><geom type="box" size=".1 .1 .1"/></body></worldbody>',
+)
+
+
+def test_a_requested_parameter_that_no_plan_measures_leaves_the_run_incomplete(
+    tmp_path: Path,
+) -> None:
+    plan = pp.load(CRATE).plan(measure="mug.mass,crate.mass")
+    assert plan.parameters == (MASS,)
+    run = plan.run(noise="none", out=tmp_path / "run", fast=True)
+    assert run.status == "failed"
+    assert [one.verdict for one in run.estimates] == ["identified", "not identified"]
+    assert "200 mm wide" in run["crate.mass"].method
+    (line,) = run.shortfalls
+    assert line.startswith("crate.mass: The mass of 'crate' cannot be measured: 'crate' cannot be")
+    assert repr(run).startswith("<Run failed: mug.mass = ")
+    assert "crate.mass unknown; crate.mass: The mass of 'crate' cannot be measured" in repr(run)
+    again = pp.open(tmp_path / "run")
+    assert (repr(again), again.shortfalls, again.plan) == (repr(run), run.shortfalls, run.plan)
+    assert [one.verdict for one in again.estimate().estimates] == ["identified", "not identified"]
+    # The plan's file says so, too.
+    replayed = pp.run(CRATE, planner=f"replay:{tmp_path / 'run'}", noise="none", fast=True)
+    assert replayed.status == "failed"
+
+
+def test_a_plan_of_others_that_leaves_out_what_is_asked_for_is_not_complete(tmp_path: Path) -> None:
+    pp.load(CRATE).plan(measure="mug.mass").run(noise="none", out=tmp_path / "run", fast=True)
+    replay = f"replay:{tmp_path / 'run' / 'plan.json'}"
+    run = pp.run(CRATE, planner=replay, measure="mug.mass,crate.mass", noise="none", fast=True)
+    assert run.status == "failed"
+    assert run.shortfalls == ("crate.mass: The plan does not measure it.",)
+
+
+def test_a_value_that_has_no_place_in_the_twin_leaves_the_run_incomplete(done: pp.Run) -> None:
+    notes = ("mug.mass is not in the twin: a weld decides it", "desk.height is assumed")
+    without = replace(done, finished=replace(done.twin, unwritten=(MASS,), notes=notes))
+    assert (without.status, without.reason) == ("failed", notes[0])
+    assert repr(without) == f"<Run failed: mug.mass = 0.34; {notes[0]}, simulated>"
+    other = replace(done.twin, unwritten=(pp.Parameter("desk.size"),), notes=notes)
+    assert replace(done, finished=other).status == "complete", "nobody asked for it"
+
+
+def test_a_property_that_nothing_measures_leaves_the_run_incomplete() -> None:
+    run = pp.run(DESK, "the mass and the temperature of the mug", noise="none", fast=True)
+    assert run.status == "failed"
+    assert list(run) == [MASS]
+    assert "temperature" in run.shortfalls[0]
+
+
+def test_why_several_quantities_of_one_object_cannot_be_measured_is_said_of_each() -> None:
+    plan = pp.load(CRATE).plan(measure="crate.mass,crate.friction,mug.mass")
+    (one,) = plan.unmeasured
+    assert [str(parameter) for parameter in one.parameters] == ["crate.mass", "crate.friction"]
+    assert "200 mm wide" in one.reason
 
 
 def test_the_twin_is_text_a_model_and_a_file(done: pp.Run, tmp_path: Path) -> None:

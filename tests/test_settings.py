@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from palpate.errors import InputError
+from palpate.parameter import Parameter
 from palpate.planning.planner import MAX_REQUEST
 from palpate.robots.simulated.noise.models import noise_models
 from palpate.settings import Settings, request_json, settings_from
@@ -72,3 +73,22 @@ def test_a_request_is_read_as_it_was_written(tmp_path: Path) -> None:
 
 def test_the_sensor_worlds_are_the_robots() -> None:
     assert noise_models().names == ("none", "lab", "datasheet", "hardware", "measured")
+
+
+@pytest.mark.parametrize(
+    "within", ["mass=2g", "mass = 2 g", ["mass=2g"], {"mass": "2g"}, {"mass": 0.002}]
+)
+def test_widths_may_be_texts_or_a_mapping(within: Any) -> None:
+    assert dict(Settings(within=within).within) == {"mass": 0.002}
+
+
+def test_widths_of_parameters_and_several_in_one_text() -> None:
+    text = Settings(within="mug.mass=2g, com=1mm")  # type: ignore[arg-type]
+    mapping = Settings(within={Parameter("mug.mass"): "2g", "com": "1mm"})  # type: ignore[arg-type]
+    assert text.within == mapping.within
+
+
+@pytest.mark.parametrize("within", ["mass", 0.002, ["mass"], "=2g", "mass=", ("mass=2g", "com")])
+def test_widths_of_another_form_are_shown_the_form(within: Any) -> None:
+    with pytest.raises(InputError, match=r"within=.*: give QUANTITY=VALUE, such as mass=1g"):
+        Settings(within=within)

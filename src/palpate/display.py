@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from palpate.errors import Unavailable
+
+if TYPE_CHECKING:
+    from pandas import DataFrame  # pyright: ignore[reportMissingModuleSource]
 
 _UNSEEN = re.compile(
     "["
@@ -47,6 +52,19 @@ def _json_escape(found: re.Match[str]) -> str:
     return "".join(
         f"\\u{high:02x}{low:02x}" for high, low in zip(units[::2], units[1::2], strict=True)
     )
+
+
+def data_frame(columns: Mapping[str, Any]) -> DataFrame:
+    """Make a pandas data frame of columns of one length.
+
+    Raises:
+        Unavailable: pandas is not installed.
+    """
+    try:
+        from pandas import DataFrame  # pyright: ignore[reportMissingModuleSource]
+    except ImportError:
+        raise Unavailable("a data frame needs pandas: pip install pandas") from None
+    return DataFrame(columns)
 
 
 def table(caption: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -1,10 +1,14 @@
-"""Parameter: an unknown quantity of a named object."""
+"""Parameter: an unknown quantity of a named object; containers with an entry for each."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import ClassVar, Generic, TypeVar
 
 from palpate.errors import InputError
+
+T = TypeVar("T")
 
 _set = object.__setattr__
 
@@ -36,6 +40,39 @@ class Parameter:
 
     def __repr__(self) -> str:
         return f"Parameter('{self}')"
+
+
+class ByParameter(Generic[T]):
+    """Container with one entry a parameter: `run["mug.mass"]`, `list(run)`, `len(run)`, `"mug.mass" in run`."""
+
+    __slots__ = ()
+    _ABSENT: ClassVar[str] = "is in none of the runs; there is"
+    """Predicate of a name without an entry, before the names that have one."""
+
+    def _entries(self) -> Mapping[Parameter, T]:
+        raise NotImplementedError
+
+    def __getitem__(self, name: str | Parameter) -> T:
+        """The entry of a parameter.
+
+        Raises:
+            KeyError: there is none; the message lists the parameters that have one.
+        """
+        wanted = Parameter(name) if isinstance(name, str) else name
+        entries = self._entries()
+        if wanted not in entries:
+            raise KeyError(f"'{wanted}' {self._ABSENT} {', '.join(map(str, entries)) or 'nothing'}")
+        return entries[wanted]
+
+    def __iter__(self) -> Iterator[Parameter]:
+        """The parameters."""
+        return iter(self._entries())
+
+    def __len__(self) -> int:
+        return len(self._entries())
+
+    def __contains__(self, name: object) -> bool:
+        return str(name) in map(str, self._entries())
 
 
 def _split(name: str) -> tuple[str, str]:

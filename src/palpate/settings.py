@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 from palpate import __version__
 from palpate.errors import InputError, unknown_name
 from palpate.option import Option
+from palpate.parameter import Parameter
 from palpate.planning.model.settings import ModelSettings
 from palpate.robots.simulated.noise import DEFAULT_LEVEL, LEVELS
 
@@ -33,8 +34,11 @@ def _widths(given: Any = None) -> Within:
     return given if isinstance(given, Within) else Within.read(given or {})
 
 
-def _names(given: Any) -> tuple[str, ...]:
-    return (given,) if isinstance(given, str) else tuple(str(name) for name in given)
+def _names(given: Any) -> Any:
+    if isinstance(given, str | Parameter):
+        return (str(given),)
+    listed: Any = () if given is None else given
+    return tuple(str(name) for name in listed) if hasattr(listed, "__iter__") else given
 
 
 WORLD_CAMERA = "world:"

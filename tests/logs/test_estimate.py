@@ -100,6 +100,12 @@ def test_the_twin_of_a_scene(npz: Path, tmp_path: Path) -> None:
     assert not any(f">{what}<" in page for what in ("Seed", "seed", "Sensor noise", "Reproduce"))
 
 
+def test_one_window_needs_no_list(npz: Path) -> None:
+    one, listed = pp.estimate(npz, loaded=WINDOW), pp.estimate(npz, loaded=[WINDOW])
+    assert one["load.mass"].value == listed["load.mass"].value
+    assert len(one) == len(one.estimates) > 0
+
+
 def test_windows_outside_of_the_recording(npz: Path) -> None:
     with pytest.raises(InputError, match=r"loaded=30-40: log.npz lasts 24.0 s"):
         pp.estimate(npz, [(30.0, 40.0)])

@@ -347,6 +347,17 @@ def test_completing_a_scene_answers_every_mark_and_says_what_was_assumed(tmp_pat
     assert "palpate_bottle" not in made.texts.main, "an assumption is not recorded as an estimate"
 
 
+def test_a_measured_value_that_cannot_be_written_is_not_called_unmeasured() -> None:
+    scene = parse_scene(SCENE.replace('type="cylinder"', 'type="cylinder" mass="?"'))
+    made = complete(scene, [estimate("bottle", "mass", -0.002), estimate("table", "height", 0.18)])
+    refused, assumed = made.notes
+    assert refused.startswith("bottle.mass is not in the twin: ")
+    assert assumed.startswith("bottle.mass: the twin holds the assumed value ")
+    # Without a value of its own, as where the evidence disagrees.
+    asked = complete(scene, [estimate("table", "height", 0.18)], {Parameter("bottle.mass")})
+    assert asked.notes == (assumed,)
+
+
 def test_an_assumed_inertia_goes_with_the_measured_mass_and_centre() -> None:
     text = (
         '<mujoco><worldbody><body name="a" pos="0.5 0 0.03"><freejoint/>'

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
+from functools import partial
 from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from palpate import pipeline
-from palpate.api.given import Widths, is_file, planner_name
+from palpate.api.given import Widths, is_file, known_keywords, planner_name
 from palpate.api.plans import Plan, hidden_world, plan_of
 from palpate.api.runs import Run, run_of
 from palpate.api.scenes import Scene, load
@@ -38,7 +39,7 @@ class Options(TypedDict, total=False):
     robot_config: str | Path | None
     root: str | Path | None
     robot_body: str | Sequence[str]
-    measure: str | Sequence[str | Parameter]
+    measure: str | Parameter | Sequence[str | Parameter] | None
     images: Sequence[str | Path]
     remeasure: bool
     within: Widths | None
@@ -57,6 +58,7 @@ class Options(TypedDict, total=False):
     out: str | Path | None
 
 
+@partial(known_keywords, more=Options.__annotations__)
 def run(
     scene: str | Path | Scene | None = None,
     request: str | None = None,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from palpate.api.given import contents_of
+from palpate.api.given import contents_of, known_keywords
 from palpate.estimation.arm.dynamics import ArmDynamics as InnerDynamics
 from palpate.estimation.arm.dynamics import identify
 from palpate.robots.registry import DEFAULT, load_description
@@ -28,6 +28,7 @@ class ArmDynamics(InnerDynamics):
         return save_arm(self, Path(path))
 
 
+@known_keywords
 def dynamics(
     log: str | Path | ArmLog,
     arm: str | Path = DEFAULT,

@@ -2,15 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
+from functools import wraps
+from inspect import Parameter, signature
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
+from palpate.errors import perhaps
 from palpate.planning.planner import Planner
 
-Widths = Mapping[str, str | float]
-"""Half widths of intervals, by quantity or by parameter: `{"mass": "1g"}`, or SI numbers."""
+P = ParamSpec("P")
+R = TypeVar("R")
+Widths = Mapping[str, str | float] | str | Sequence[str]
+"""Half widths of intervals, by quantity or by parameter: `{"mass": "1g"}`, or SI numbers; or `"mass=1g, com=2mm"`."""
+
+
+def known_keywords(verb: Callable[P, R], more: Iterable[str] = ()) -> Callable[P, R]:
+    """Decorate a function so that an unknown keyword is a TypeError that names the nearest known one.
+
+    Args:
+        more: keywords that it takes as `**options`.
+    """
+    named = (Parameter.KEYWORD_ONLY, Parameter.POSITIONAL_OR_KEYWORD)
+    parameters = signature(verb).parameters.values()
+    known = [one.name for one in parameters if one.kind in named and one.name != "self"]
+    known += more
+
+    @wraps(verb)
+    def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+        for name in kwargs:
+            if name not in known:
+                guess = perhaps(name, known) or f" it takes {', '.join(known)}"
+                raise TypeError(f"{verb.__name__}() has no argument '{name}';{guess}")
+        return verb(*args, **kwargs)
+
+    return checked
 
 
 def is_text(source: object) -> bool:
@@ -25,7 +52,8 @@ def is_file(source: object) -> bool:
 
 def planner_name(planner: str | Planner) -> str:
     """Name of a planner, for the settings."""
-    return planner if isinstance(planner, str) else planner.name
+    named: Any = planner  # the settings refuse what is neither
+    return getattr(named, "name", named)
 
 
 def contents_of(thing: Any, kind: type) -> dict[str, Any]:

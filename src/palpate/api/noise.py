@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from palpate.api.given import known_keywords
 from palpate.files.write import write_new
 from palpate.logs.figure import Figure
 from palpate.logs.noise_model import noise_file, stated
@@ -71,6 +72,7 @@ class ArmNoise:
         return path
 
 
+@known_keywords
 def noise(
     log: str | Path | ArmLog, arm: str | Path = DEFAULT, *, columns: str | Path | None = None
 ) -> ArmNoise:

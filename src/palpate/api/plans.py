@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate import pipeline
-from palpate.api.given import Widths, contents_of, is_text
+from palpate.api.given import Widths, contents_of, is_text, known_keywords
 from palpate.api.runs import Run, run_of
 from palpate.callbacks import Confirm, Progress, RunCallbacks, quiet, unasked
 from palpate.cells.cell import Cell
@@ -57,6 +57,7 @@ class Plan(InnerPlan):
             raise InputError("this plan is not checked against a scene yet: Scene.plan does that")
         return self.begun
 
+    @known_keywords
     def run(
         self,
         cell: Cell | None = None,

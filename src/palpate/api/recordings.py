@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
+from palpate.api.given import known_keywords
 from palpate.api.runs import Run, run_of
 from palpate.callbacks import Progress, RunCallbacks, quiet
 from palpate.errors import InputError
@@ -14,9 +17,10 @@ from palpate.stages.recorded import LOAD, Carrying, Recorded, estimate_recorded,
 from palpate.threads import single_threaded_blas
 
 
+@known_keywords
 def estimate(
     log: str | Path,
-    loaded: Sequence[tuple[float, float]] = (),
+    loaded: tuple[float, float] | Sequence[tuple[float, float]] = (),
     *,
     empty: str | Path | None = None,
     hand: float | Literal["found"] | None = None,
@@ -32,8 +36,8 @@ def estimate(
 
     Args:
         log: CSV, NPZ, MCAP, rosbag2, a ROS bag or Parquet, with joint positions and sensed joint torques.
-        loaded: windows in s since its first row, in which the load hung free on the hand; none: all of it.
-            At other times the hand is empty, and touches nothing.
+        loaded: one window `(start, stop)`, or several, in s since its first row, in which the load hung free
+            on the hand; none: all of it. At other times the hand is empty, and touches nothing.
         empty: another recording, of the empty hand.
         hand: mass of what is mounted on the flange, kg, or `found`, to weigh it from the recording; by default that
             of the arm's description.
@@ -60,7 +64,10 @@ def estimate(
     if in_hand is not None and not isinstance(in_hand, str):
         in_hand = " ".join(f"{number:g}" for number in in_hand)
     pose = None if in_hand is None else pose_text(in_hand)
-    windows = tuple((float(start), float(stop)) for start, stop in loaded)
+    try:
+        windows = tuple((float(start), float(stop)) for start, stop in np.reshape(loaded, (-1, 2)))
+    except (TypeError, ValueError):
+        raise InputError(f"loaded={loaded}: give (start, stop) in s, or several of these") from None
     settings = settings_of(scene=scene, arm=arm, robot_config=robot_config)
     recorded = Recorded(
         Path(log),

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate import pipeline
-from palpate.api.given import contents_of
+from palpate.api.given import contents_of, known_keywords
 from palpate.callbacks import Progress, RunCallbacks, quiet
 from palpate.display import table, text_table
 from palpate.estimation.estimate import COLUMNS, Estimate
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 class Run(InnerRun):
     """Result of a run: `run["mug.mass"]`, `run.trace`, `run.twin`. See `palpate.runs.run.Run`."""
 
+    @known_keywords
     def save(self, folder: str | Path) -> Run:
         """Write the run folder: request, plan, tree, trace, result, twin, report and images.
 
@@ -39,6 +40,7 @@ class Run(InnerRun):
         """
         return run_of(pipeline.save(self, Path(folder)))
 
+    @known_keywords
     def estimate(self, estimators: Mapping[str, str] | None = None) -> Run:
         """Estimate again from the trace; return the run with the new estimates, without a twin.
         Nothing moves, and the folder is not changed.
@@ -52,6 +54,7 @@ class Run(InnerRun):
         with single_threaded_blas():
             return run_of(reestimate(self, estimators))
 
+    @known_keywords
     def export(self, to: str, folder: str | Path | None = None) -> Export:
         """Write the twin for another simulator into a new folder, and read it back.
 
@@ -113,6 +116,7 @@ class Fusion(InnerFusion):
         return table(f"<Fusion of {len(self.runs)} runs>", COLUMNS, rows)
 
 
+@known_keywords
 def open(folder: str | Path) -> Run:
     """The run in a folder that `Run.save` or the command line wrote.
 
@@ -125,6 +129,7 @@ def open(folder: str | Path) -> Run:
     return run_of(pipeline.reopen(Path(folder)))
 
 
+@known_keywords
 def fuse(runs: Sequence[str | Path | InnerRun]) -> Fusion:
     """Fuse the estimates of several runs of one scene.
 
@@ -146,6 +151,7 @@ def fuse(runs: Sequence[str | Path | InnerRun]) -> Fusion:
     return Fusion(**contents)
 
 
+@known_keywords
 def compare(runs: Sequence[str | Path | InnerRun]) -> Comparison:
     """Compare the estimates of several runs, each with the first that has a value.
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from palpate.api.given import Widths, contents_of, is_text, planner_name
+from palpate.api.given import Widths, contents_of, is_text, known_keywords, planner_name
 from palpate.api.plans import Plan, plan_of
 from palpate.display import table
 from palpate.parameter import Parameter
@@ -33,12 +33,13 @@ class Scene(InnerScene):
 
     given: Settings = field(default_factory=Settings)
 
+    @known_keywords
     def plan(
         self,
         request: str | None = None,
         planner: str | Planner = "symbolic",
         *,
-        measure: str | Sequence[str | Parameter] = (),
+        measure: str | Parameter | Sequence[str | Parameter] | None = (),
         images: Sequence[str | Path] = (),
         remeasure: bool = False,
         within: Widths | None = None,
@@ -90,6 +91,7 @@ class Scene(InnerScene):
         return table(repr(self), ("body", "role", "missing", "known"), rows)
 
 
+@known_keywords
 def load(
     source: str | Path,
     poses: str | Path | None = None,

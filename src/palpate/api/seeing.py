@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from palpate.api.given import known_keywords
 from palpate.robots.registry import DEFAULT
 from palpate.scene.scene import Scene
 from palpate.seeing.look import Seen
 
 
+@known_keywords
 def see(
     scene: str | Path | Scene,
     camera: str | int,

@@ -186,7 +186,8 @@ def measuring_tree(scene: Scene, parameters: tuple[Parameter, ...]) -> Node:
     """
     found = assemble(scene, parameters)
     if found.failed or found.tree is None:
-        raise InputError(f"nothing is calibrated there: {' '.join(found.failed)}")
+        reasons = " ".join(one.reason for one in found.failed)
+        raise InputError(f"nothing is calibrated there: {reasons}")
     return found.tree
 
 

@@ -47,7 +47,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Physics-accurate digital twins by touch: say what you want to simulate, and a robot measures only what your "
     "MuJoCo scene does not know yet.",
-    epilog="Exit status: 0 every parameter identified · 1 finished, but a parameter is not, or wider than "
+    epilog="Exit status: 0 every requested parameter identified · 1 finished, but a parameter is not, or wider than "
     "--within asks · 2 bad input · 3 no plan (the explanation says why) · 4 interrupted, or stopped early · "
     "5 planner or robot unavailable.",
 )

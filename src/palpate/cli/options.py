@@ -113,8 +113,6 @@ class FromSettings:
         found: Given = {}
         for name in (one.name for one in self._chosen()):
             value = values.pop(_flat(name))
-            if name == "within" and value is not None:
-                value = by_quantity("within", value, "VALUE")
             if value is not None:
                 *outer, last = name.split(".")
                 inner = found

@@ -6,16 +6,20 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from html import escape
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from palpate.display import data_frame
 from palpate.estimation.agreement import FitTest
 from palpate.estimation.view import FitView
 from palpate.geometry.pose import Array
-from palpate.parameter import Parameter
+from palpate.parameter import ByParameter, Parameter
 from palpate.trace.recording import Recording
+
+if TYPE_CHECKING:
+    from pandas import DataFrame  # pyright: ignore[reportMissingModuleSource]
 
 Verdict = Literal["identified", "prior-dominated", "contradicted", "not identified"]
 
@@ -287,6 +291,32 @@ class Estimate:
     def _bounds(self, i: int) -> list[str]:
         """The ends of a component's interval, with the digits of its value."""
         return [rounded(bound, float(self.stds[i]))[0] for bound in self.intervals[i].tolist()]
+
+
+class Estimates(ByParameter[Estimate]):
+    """Estimates by parameter."""
+
+    __slots__ = ()
+    estimates: tuple[Estimate, ...]
+
+    def _entries(self) -> dict[Parameter, Estimate]:
+        return {estimate.parameter: estimate for estimate in self.estimates}
+
+    def to_dataframe(self) -> DataFrame:
+        """Convert to a pandas data frame, one row a parameter. Of a vector, `value` and `std` are (n,) and
+        `ci95` is (n, 2).
+
+        Raises:
+            Unavailable: pandas is not installed.
+        """
+        columns = ("value", "std", "unit", "ci95", "verdict", "method")
+        found: dict[str, list[Any]] = {
+            "object": [parameter.object for parameter in self],
+            "quantity": [parameter.quantity for parameter in self],
+        }
+        for name in columns:
+            found[name] = [getattr(estimate, name) for estimate in self.estimates]
+        return data_frame(found)
 
 
 def _of_scalar(numbers: Array) -> float | Array:

@@ -64,6 +64,19 @@ question, as it is ambiguous."""
 OUTCOMES: tuple[str, ...] = get_args(Outcome)
 
 
+@dataclass(frozen=True, slots=True)
+class Unmeasured:
+    """Requested parameters that a plan does not measure, and the reason, a sentence. A property that no
+    quantity stands for, such as the temperature, has no parameters."""
+
+    reason: str
+    parameters: tuple[Parameter, ...] = ()
+
+    def __str__(self) -> str:
+        names = ", ".join(str(parameter) for parameter in self.parameters)
+        return f"{names}: {self.reason}" if names else self.reason
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class Plan:
     """Plan of a planner. `tree` is None when nothing is to be measured; the explanation says why."""
@@ -82,6 +95,8 @@ class Plan:
     """Words of that request that the proposal leaves out."""
     again: tuple[Parameter, ...] = ()
     """Those of `parameters` that are measured again, though the scene states them."""
+    unmeasured: tuple[Unmeasured, ...] = ()
+    """What was requested and is not in `parameters`; a run of the plan is not complete then."""
 
     @property
     def outcome(self) -> Outcome:
@@ -176,7 +191,10 @@ def plan_from(document: object) -> Plan:
         )
     # 'measure' and 'cannot' follow from the tree, or its absence.
     declared = None if outcome in (None, "measure", "cannot") else cast("Outcome", outcome)
-    return Plan(parameters, tree, explanation, planner, notes, declared, again=again)
+    unmeasured = _each(_unmeasured, fields.get("unmeasured", []), "unmeasured")
+    return Plan(
+        parameters, tree, explanation, planner, notes, declared, again=again, unmeasured=unmeasured
+    )
 
 
 def plan_json(plan: Plan) -> dict[str, Any]:
@@ -195,6 +213,11 @@ def plan_json(plan: Plan) -> dict[str, Any]:
         document["planner"] = plan.planner
     if plan.notes:
         document["notes"] = list(plan.notes)
+    if plan.unmeasured:
+        document["unmeasured"] = [
+            {"parameters": _parameters_json(one.parameters), "reason": one.reason}
+            for one in plan.unmeasured
+        ]
     return document | proposal_json(plan)
 
 
@@ -299,6 +322,13 @@ def _parameter(value: object, path: str) -> tuple[Parameter, bool]:
         _fail(f"{path}.again", f"must be true or false, not {_kind(again)}")
     named = (_text(fields[key], f"{path}.{key}") for key in ("object", "quantity"))
     return Parameter(*named), bool(again)
+
+
+def _unmeasured(value: object, path: str) -> Unmeasured:
+    fields = _mapping(value, path)
+    listed = _each(_parameter, fields.get("parameters", []), f"{path}.parameters")
+    reason = _text(fields.get("reason", ""), f"{path}.reason")
+    return Unmeasured(reason, tuple(parameter for parameter, _ in listed))
 
 
 def _frozen(value: object, path: str) -> object:

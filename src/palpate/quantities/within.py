@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 
@@ -37,6 +37,7 @@ CURES = {
     "arm": "; calibrate the arm to go below",
     "scene": "; the scene would have to say more to go below",
 }
+FORM = "give QUANTITY=VALUE, such as mass=1g"
 NUMBER = re.compile(r"([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(.*)")
 
 Outcome = Literal["reached", "floor", "rounds used up"]
@@ -111,14 +112,27 @@ class Within:
     widths: tuple[tuple[str, float], ...] = ()
 
     @classmethod
-    def read(cls, asked: Mapping[str, str | float]) -> Within:
-        """Parse a request such as `{"mass": "1g", "bottle.height": 0.001}`.
+    def read(cls, asked: Any) -> Within:
+        """Parse a request: a mapping `{"mass": "1g", "bottle.height": 0.001}`, a comma list
+        `"mass=1g, com=2mm"`, or several of these.
 
         Raises:
-            InputError: no such quantity or unit, or no positive number; the message lists the valid
-                ones.
+            InputError: not of such a form, no such quantity or unit, or no positive number; the
+                message lists the valid ones.
         """
-        return cls(tuple((name, parse_width(name, value)) for name, value in asked.items()))
+        listed = asked.split(",") if isinstance(asked, str) else asked
+        entries: dict[str, Any] = {}
+        if isinstance(listed, Mapping):
+            entries |= {str(name): value for name, value in cast("Any", listed).items()}
+        elif not isinstance(listed, Iterable):
+            raise InputError(f"within={asked}: {FORM}")
+        else:
+            for entry in (part for text in cast("Any", listed) for part in str(text).split(",")):
+                name, equals, value = (part.strip() for part in entry.partition("="))
+                if not (name and equals and value):
+                    raise InputError(f"within={entry.strip()}: {FORM}")
+                entries[name] = value
+        return cls(tuple((name, parse_width(name, value)) for name, value in entries.items()))
 
     def __bool__(self) -> bool:
         return bool(self.widths)

@@ -33,8 +33,9 @@ WRITING = 0.02
 class Keeper:
     """Keeper of a run in `folder`, or in memory if that is None.
 
-    A failed stage, or a file that cannot be written, adds a line to the run's `shortfalls`. A signal
-    ends the run after the present stage (`Run.interrupted`).
+    A failed stage, an unwritable file, and a requested value that cannot be measured, or written into
+    the twin, each add a line to the run's `shortfalls`. A signal ends the run after the present stage
+    (`Run.interrupted`).
     """
 
     def __init__(self, folder: Path | None, signals: Interrupts) -> None:
@@ -172,7 +173,9 @@ class Keeper:
             self._shortfalls.append(line)
 
     def _with_shortfalls(self, run: Run) -> Run:
-        return replace(run, shortfalls=tuple(dict.fromkeys([*run.shortfalls, *self._shortfalls])))
+        of_values = [*map(str, run.plan.unmeasured), *run.unwritten]
+        lines = dict.fromkeys([*run.shortfalls, *of_values, *self._shortfalls])
+        return replace(run, shortfalls=tuple(lines))
 
     def _close_stream(self) -> None:
         stream, self._stream = self._stream, None

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from textwrap import shorten
 from typing import TYPE_CHECKING, Literal
 
 from palpate.errors import InputError
-from palpate.estimation.estimate import Estimate
+from palpate.estimation.estimate import Estimate, Estimates
 from palpate.execution.stop import Held
 from palpate.parameter import Parameter
 from palpate.planning.check.check import Finding
-from palpate.planning.plan import Plan
+from palpate.planning.plan import MAX_REASON, Plan
 from palpate.quantities.catalogue import catalogue
 from palpate.scene.scene import Scene
 from palpate.trace.mcap import read_mcap
 from palpate.trace.samples import Trace
 from palpate.twin.held_out.judged import HeldOut
+from palpate.twin.inject import as_stated
 from palpate.twin.twin import Twin
 
 if TYPE_CHECKING:
@@ -76,7 +78,7 @@ class Ending:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Run:
+class Run(Estimates):
     """Results of a run; those of stages that were not reached are None or empty.
 
     Attributes:
@@ -108,6 +110,8 @@ class Run:
         begun: `time.perf_counter()` at the start of the command.
         total_seconds: wall time since then, s; None if unknown.
     """
+
+    _ABSENT = "was not measured by this run; measured:"
 
     settings: Settings
     scene: Scene
@@ -156,13 +160,42 @@ class Run:
             return "complete" if self.plan.satisfied else "rejected"
         if self.execution.status == "stopped":
             return "aborted"
-        found = {estimate.parameter for estimate in self.estimates if self.suffices(estimate)}
-        if self.finished is not None:
-            found -= set(self.finished.unwritten)
-        contradicted = any(belief.contradiction for belief in self.beliefs.values())
-        if found >= set(self.plan.parameters) and not contradicted:
-            return "complete"
-        return "failed"
+        return "failed" if any(self._failures()) else "complete"
+
+    @property
+    def reason(self) -> str:
+        """Reason for a status that is neither `complete` nor `running`; else empty."""
+        if self.status == "rejected":
+            return self.findings[0].message if self.findings else self.plan.explanation
+        if self.status == "aborted":
+            return self.interrupted or (self.execution and self.execution.stopped_by) or ""
+        return "; ".join(self._failures()) if self.status == "failed" else ""
+
+    def _failures(self) -> Iterator[str]:
+        """Reasons why a finished run is not complete."""
+        yield from map(str, self.plan.unmeasured)
+        yield from self.unwritten
+        for name, belief in self.beliefs.items():
+            if belief.contradiction:
+                yield f"the pose of {name} is contradicted: {belief.contradiction}"
+        found = {estimate.parameter: estimate for estimate in self.estimates}
+        for parameter in self.plan.parameters:
+            estimate = found.get(parameter)
+            if estimate is None:
+                yield f"{parameter}: there is no estimate"
+            elif not self.suffices(estimate):
+                is_wide = estimate.identified and not estimate.unseen
+                verdict = "the interval is wider than asked" if is_wide else estimate.whole
+                yield f"{parameter}: {estimate.contradiction or verdict}"
+
+    @property
+    def unwritten(self) -> tuple[str, ...]:
+        """Notes of the twin on requested values that were measured and could not be written."""
+        if self.finished is None:
+            return ()
+        stated = {as_stated(parameter, catalogue()) for parameter in self.plan.parameters}
+        without = [str(one) for one in self.finished.unwritten if one in stated]
+        return tuple(n for n in self.finished.notes if n.split(" is not in the twin")[0] in without)
 
     @property
     def is_recorded(self) -> bool:
@@ -233,26 +266,11 @@ class Run:
             return None
         return read_mcap(self.folder / TRACE)
 
-    def __getitem__(self, name: str | Parameter) -> Estimate:
-        """The estimate of a parameter: `run["mug.mass"]`.
-
-        Raises:
-            KeyError: it was not measured; the message lists the measured parameters.
-        """
-        wanted = Parameter(name) if isinstance(name, str) else name
-        for estimate in self.estimates:
-            if estimate.parameter == wanted:
-                return estimate
-        measured = ", ".join(str(estimate.parameter) for estimate in self.estimates)
-        raise KeyError(
-            f"'{wanted}' was not measured by this run; measured: {measured or 'nothing'}"
-        )
-
     def __repr__(self) -> str:
-        line = f"Run {self.status}"
-        if self.estimates:
-            line += ": " + ", ".join(_brief(estimate) for estimate in self.estimates)
-        return f"<{line}{self._where()}>"
+        parts = [", ".join(_brief(estimate) for estimate in self.estimates)]
+        parts.append(shorten(self.reason, MAX_REASON, placeholder=" …"))
+        told = "; ".join(filter(None, parts))
+        return f"<Run {self.status}{': ' * bool(told)}{told}{self._where()}>"
 
     def _where(self) -> str:
         if self.execution is None:

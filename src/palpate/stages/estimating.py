@@ -69,13 +69,20 @@ def estimates(
         early = _unchanged(ahead.results(), scene, trace)
         found |= {one.parameter: one for each in early.values() for one in each.estimates}
     yield from make(later=())
-    made = replace(made, estimates=tuple(found[one] for one in made.plan.parameters))
+    every = [found[one] for one in made.plan.parameters]
+    made = replace(made, estimates=(*every, *_unmeasured(made)))
     callbacks.progress("validating the estimates on held-out motions")
     made = _validated(made, scene, early={name: each.motion for name, each in early.items()})
     yield made
     # The truth is asked for when the estimates are final, never before.
     if cell is not None:
         yield replace(made, truth=truths(made, cell))
+
+
+def _unmeasured(made: Run) -> Iterator[Estimate]:
+    """Estimates without a value, of the requested parameters that the plan does not measure."""
+    for one in made.plan.unmeasured:
+        yield from (failed(parameter, one.reason) for parameter in one.parameters)
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +174,7 @@ def reestimate(made: Run, choice: Mapping[str, str] | None = None) -> Run:
     scene = _as_felt(made, trace)
     recorded = [one.parameter for one in made.estimates] if made.is_recorded else ()
     found = estimate_all(recorded or made.plan.parameters, trace, scene.bodies, choice or {})
-    annotated = tuple(_annotated(made, estimate) for estimate in found)
+    annotated = (*(_annotated(made, estimate) for estimate in found), *_unmeasured(made))
     again = replace(made, recorded=trace, estimates=annotated, held_out=None, finished=None)
     return _validated(again, scene, choice)
 

@@ -16,10 +16,10 @@ from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
 from palpate.planning.check.check import Finding, check
 from palpate.planning.measure import in_words, named_parameters
-from palpate.planning.plan import Plan
+from palpate.planning.plan import Plan, Unmeasured
 from palpate.planning.planner import Observant, Planner, PlannerSettings
 from palpate.planning.registry import OWN, planners
-from palpate.planning.symbolic.planner import requested
+from palpate.planning.symbolic.planner import requested, split_known
 from palpate.runs.run import Run
 from palpate.scene.camera import load_image
 from palpate.scene.load import load_scene, parse_scene
@@ -112,6 +112,8 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
         seen, conversation = planner.seen, planner.conversation
     scene = scene or _detected_scene(answer, seen)
     answer = _with_reading_note(settings, answer, scene)
+    if measure is not None:
+        answer = _with_left_out(answer, split_known(measure, scene, settings.remeasure)[1])
     answer = replace(answer, notes=(*answer.notes, *blind))
 
     findings: tuple[Finding, ...] = ()
@@ -256,6 +258,16 @@ def _detected_scene(answer: Plan, seen: DetectedScene | None) -> Scene:
             "the plan comes without the objects of its scene: give the MJCF with scene=D.xml"
         )
     return parse_scene("<mujoco><worldbody/></mujoco>")
+
+
+def _with_left_out(answer: Plan, wanted: Sequence[Parameter]) -> Plan:
+    """Note the wanted parameters of which a plan says nothing, as a model's or a file's may."""
+    explained = {parameter for one in answer.unmeasured for parameter in one.parameters}
+    left_out = [one for one in wanted if one not in explained | set(answer.parameters)]
+    if answer.tree is None or not left_out:
+        return answer
+    more = Unmeasured("The plan does not measure it.", tuple(left_out))
+    return replace(answer, unmeasured=(*answer.unmeasured, more))
 
 
 def _with_reading_note(settings: Settings, answer: Plan, scene: Scene) -> Plan:

@@ -20,8 +20,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.display import table
-from palpate.errors import Unavailable
+from palpate.display import data_frame, table
 from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
 from palpate.trace.recording import Conversion, Hand, LeafRun, Recording
@@ -145,11 +144,7 @@ class Trace:
         Raises:
             Unavailable: pandas is not installed.
         """
-        try:
-            from pandas import DataFrame  # pyright: ignore[reportMissingModuleSource]
-        except ImportError:
-            raise Unavailable("a data frame needs pandas: pip install pandas") from None
-        return DataFrame(self.columns())
+        return data_frame(self.columns())
 
     def __repr__(self) -> str:
         seconds = float(self.t[-1] - self.t[0]) if len(self.t) else 0.0

@@ -117,8 +117,10 @@ def complete(
         notes.append(f"{parameter} is not in the twin: {reason}")
     for parameter in marked:
         if parameter not in fitting:
+            has_verdict = parameter in reasons or parameter in asked
+            what = ":" if has_verdict else " was not measured;"
             held = f"the twin holds the assumed value {as_text(filled[parameter])}"
-            notes.append(f"{parameter} was not measured; {held}")
+            notes.append(f"{parameter}{what} {held}")
     moved = any(parameter.quantity in ("position", "height") for parameter in fitting)
     if moved and any(key.get("qpos") for key in resolved.document.root.iterfind("keyframe/key")):
         notes.append("the keyframes keep the poses that they state")

@@ -16,7 +16,7 @@ from palpate.parameter import Parameter
 from palpate.planning.check.case import Case
 from palpate.planning.check.regions import estimated_poses, unpassable_regions
 from palpate.planning.check.walk import Walk
-from palpate.planning.plan import Node, Plan
+from palpate.planning.plan import Node, Plan, Unmeasured
 from palpate.planning.planner import needs_scene
 from palpate.planning.request.item import GRIPPER, Grounded
 from palpate.planning.symbolic.passes import Efforts, efforts
@@ -42,12 +42,12 @@ friction"."""
 
 @dataclass(frozen=True, slots=True)
 class Assembled:
-    """A tree, the parameters that it yields, and a sentence for each that it cannot yield (`failed`) and
-    for each optional recording without room (`omitted`)."""
+    """A tree, the parameters that it yields, those that it cannot yield (`failed`), and a sentence for
+    each optional recording without room (`omitted`)."""
 
     tree: Node | None
     measured: tuple[Parameter, ...]
-    failed: tuple[str, ...]
+    failed: tuple[Unmeasured, ...]
     omitted: tuple[str, ...] = ()
 
 
@@ -89,28 +89,31 @@ class SymbolicPlanner:
                 raise
             return self._errand(found, scene)
         known, wanted = split_known(asked.asked, scene, self.remeasure)
-        cannot = list(asked.cannot)
+        cannot = [Unmeasured(reason) for reason in asked.cannot]
         for parameter in wanted:
             quantity = catalogue()[parameter.quantity]
             if not quantity.identifiable:
-                cannot.append(f"{spoken([parameter])} cannot be measured: {quantity.how}.")
+                cannot.append(_unmeasured([parameter], quantity.how))
         found = with_needs(scene, wanted)
         made = assemble(scene, found, efforts=efforts(scene, found, self.within))
         doubts = list(contradictions(scene.resolved)) if wanted else []
+        unmeasured = (*made.failed, *cannot)
+        reasons = [one.reason for one in unmeasured]
         if made.failed and not made.measured:
-            raise PlanRejected(" ".join(dict.fromkeys([*made.failed, *cannot, *doubts])))
+            raise PlanRejected(" ".join(dict.fromkeys([*reasons, *doubts])))
         notes = [known_note(parameter, scene) for parameter in known]
-        sentences = [*asked.remarks, *explanation(made), *notes, *made.failed, *cannot]
-        remarks = [*notes, *unknown_heights(made, scene), *doubts, *made.failed]
+        sentences = [*asked.remarks, *explanation(made), *notes, *reasons]
+        remarks = [*notes, *unknown_heights(made, scene), *doubts]
         if made.measured:
-            remarks += cannot
+            remarks += reasons
         return Plan(
             parameters=made.measured,
             tree=made.tree,
             explanation=" ".join(sentences) or "Nothing is missing.",
             planner=self.name,
             notes=tuple(remarks),
-            declared=None if wanted or cannot or made.failed else "nothing_missing",
+            declared=None if wanted or unmeasured else "nothing_missing",
+            unmeasured=unmeasured,
         )
 
     def _errand(self, errand: Errand, scene: Scene) -> Plan:
@@ -152,7 +155,10 @@ class ExhaustivePlanner:
             "Every surface is probed, every object weighed and slid, whether or not "
             "it is known or asked for.",
             self.name,
-            tuple(made.failed),
+            tuple(one.reason for one in made.failed),
+            unmeasured=tuple(
+                one for one in made.failed if not set(scene.missing).isdisjoint(one.parameters)
+            ),
         )
 
 
@@ -226,7 +232,7 @@ def _assembled(
 ) -> Assembled:
     chainer.go_home()
     measured: list[Parameter] = []
-    failed: list[str] = []
+    failed: list[Unmeasured] = []
     groups: dict[str, list[Parameter]] = {}
     for wanted in parameters:
         groups.setdefault(wanted.object, []).append(wanted)
@@ -236,10 +242,10 @@ def _assembled(
         measured += done
         for reason in dict.fromkeys(reasons.values()):
             alike = [parameter for parameter in reasons if reasons[parameter] == reason]
-            failed.append(f"{spoken(alike)} cannot be measured: {reason.removesuffix('.')}.")
+            failed.append(_unmeasured(alike, reason))
     chainer.go_home()
     tree = chainer.tree() if measured else None
-    return Assembled(tree, tuple(measured), tuple(dict.fromkeys(failed)), tuple(chainer.omitted))
+    return Assembled(tree, tuple(measured), tuple(failed), tuple(chainer.omitted))
 
 
 def _measure(
@@ -276,6 +282,12 @@ def _measure(
         return [], reasons or dict.fromkeys(parameters, reason)
     done, others = _measure(chainer, name, possible, efforts)
     return done, {**others, **reasons}
+
+
+def _unmeasured(parameters: Sequence[Parameter], reason: str) -> Unmeasured:
+    """Parameters of one body, with a sentence that says why they cannot be measured."""
+    why = reason.removesuffix(".")
+    return Unmeasured(f"{spoken(parameters)} cannot be measured: {why}.", tuple(parameters))
 
 
 def unusable(scene: Scene, name: str) -> str:

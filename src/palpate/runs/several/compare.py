@@ -14,7 +14,7 @@ from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate, Shared
 from palpate.estimation.fusion import Source, difference
 from palpate.geometry.pose import Array
-from palpate.parameter import Parameter
+from palpate.parameter import ByParameter, Parameter
 from palpate.runs.result import finite
 from palpate.runs.run import Run
 from palpate.runs.several.fuse import arm_of, differences, estimate_of, names_of, parameters_of
@@ -47,7 +47,7 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Comparison:
+class Comparison(ByParameter[tuple[Row, ...]]):
     """Comparison of several runs: `comparison["mug.mass"]` has a row of each run.
 
     Attributes:
@@ -61,16 +61,8 @@ class Comparison:
     rows: dict[Parameter, tuple[Row, ...]]
     remarks: tuple[str, ...]
 
-    def __getitem__(self, name: str | Parameter) -> tuple[Row, ...]:
-        """Estimates of a parameter, by run.
-
-        Raises:
-            KeyError: no run measured it; the message lists the measured parameters.
-        """
-        wanted = Parameter(name) if isinstance(name, str) else name
-        if wanted not in self.rows:
-            raise KeyError(f"'{wanted}' is in none of the runs; there is {self._listed()}")
-        return self.rows[wanted]
+    def _entries(self) -> dict[Parameter, tuple[Row, ...]]:
+        return self.rows
 
     def __repr__(self) -> str:
         return f"<Comparison of {len(self.runs)} runs: {self._listed()}>"

@@ -12,7 +12,7 @@ import numpy as np
 
 from palpate import __version__
 from palpate.errors import InputError
-from palpate.estimation.estimate import Estimate, not_identified
+from palpate.estimation.estimate import Estimate, Estimates, not_identified
 from palpate.estimation.fusion import Source, fuse
 from palpate.parameter import Parameter
 from palpate.runs.folder import new_folder, write_json, write_text
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fusion:
+class Fusion(Estimates):
     """Fusion of several runs.
 
     Attributes:
@@ -47,19 +47,6 @@ class Fusion:
     def identified(self) -> bool:
         """True if every parameter is."""
         return all(estimate.identified for estimate in self.estimates)
-
-    def __getitem__(self, name: str | Parameter) -> Estimate:
-        """The estimate of a parameter: `fusion["mug.mass"]`.
-
-        Raises:
-            KeyError: no run measured it.
-        """
-        wanted = Parameter(name) if isinstance(name, str) else name
-        for estimate in self.estimates:
-            if estimate.parameter == wanted:
-                return estimate
-        known = ", ".join(str(estimate.parameter) for estimate in self.estimates)
-        raise KeyError(f"'{wanted}' is in none of the runs; in them: {known or 'nothing'}")
 
     def __repr__(self) -> str:
         said = ", ".join(repr(estimate).strip("<>") for estimate in self.estimates)
