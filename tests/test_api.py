@@ -120,6 +120,12 @@ def test_what_cannot_run_is_said_before_anybody_plans(wrong: dict[str, Any], nam
         pp.run(DESK, "how heavy is the mug?", planner=Unasked(), **wrong)
 
 
+def test_a_question_is_answered() -> None:
+    run = pp.run(DESK, "is the mug heavier than 300 g?", world=WORLD, noise="lab", fast=True)
+    assert str(run.answer).startswith("yes: mug 0.34")
+    assert "against 0.3 kg (p < 1e-06)" in str(run.answer)
+
+
 def test_a_run_tells_its_stages(tmp_path: Path) -> None:
     told: list[str] = []
     pp.run(DESK, "how heavy is the mug?", noise="none", out=tmp_path / "run", progress=told.append)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
 from functools import wraps
-from inspect import Parameter, signature
+from inspect import signature
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
@@ -18,16 +18,17 @@ Widths = Mapping[str, str | float] | str | Sequence[str]
 """Half widths of intervals, by quantity or by parameter: `{"mass": "1g"}`, or SI numbers; or `"mass=1g, com=2mm"`."""
 
 
+UNNAMED = ("self", "options")
+"""Parameters that are no keywords."""
+
+
 def known_keywords(verb: Callable[P, R], more: Iterable[str] = ()) -> Callable[P, R]:
     """Decorate a function so that an unknown keyword is a TypeError that names the nearest known one.
 
     Args:
         more: keywords that it takes as `**options`.
     """
-    named = (Parameter.KEYWORD_ONLY, Parameter.POSITIONAL_OR_KEYWORD)
-    parameters = signature(verb).parameters.values()
-    known = [one.name for one in parameters if one.kind in named and one.name != "self"]
-    known += more
+    known = [*(name for name in signature(verb).parameters if name not in UNNAMED), *more]
 
     @wraps(verb)
     def checked(*args: P.args, **kwargs: P.kwargs) -> R:

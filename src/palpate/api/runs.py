@@ -12,6 +12,7 @@ from palpate.api.given import contents_of, known_keywords
 from palpate.callbacks import Progress, RunCallbacks, quiet
 from palpate.display import table, text_table
 from palpate.estimation.estimate import COLUMNS, Estimate
+from palpate.runs.answer import answer
 from palpate.runs.run import Run as InnerRun
 from palpate.runs.several.compare import Comparison, compare_runs
 from palpate.runs.several.fuse import Fusion as InnerFusion
@@ -89,6 +90,11 @@ class Run(InnerRun):
         if self.folder is not None:
             pipeline.save_proof(self, self.folder, proof)
         return proof
+
+    @property
+    def answer(self) -> str | None:
+        """Answer to a request that compares or adds up; None to others."""
+        return answer(self)
 
     def _repr_html_(self) -> str:
         return table(repr(self), COLUMNS, [estimate.cells() for estimate in self.estimates])

@@ -9,10 +9,12 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from palpate.estimation.estimate import Z95, Estimate, rounded
+from palpate.errors import InputError
+from palpate.estimation.estimate import Estimate, interval95, rounded
 from palpate.estimation.fusion import Source, weighted_sum
 from palpate.planning.request.languages import in_english, spoken
 from palpate.planning.request.wording import english
+from palpate.quantities.within import parse_width
 
 if TYPE_CHECKING:
     from palpate.runs.run import Run
@@ -24,9 +26,11 @@ LESS: Collection[str] = (
 """Comparing words that ask for the smaller value."""
 UNNAMED = ("more", "most", "less", "least")
 """Comparing words that name no quantity."""
+CHOOSING = frozenset({"than", "which", "who", "what"})
+"""Words of which one stands beside such a word where it compares."""
 TOGETHER = frozenset({"together", "total", "altogether", "combined", "sum"})
 """Words that ask for a sum."""
-MULTIPLE = frozenset({"twice", "double", "half", "times"})
+BELOW = ("under", "below", "most")
 NEGATIONS = frozenset({"not", "no", "never"})
 ASKING = ("is", "are", "does", "do", "was", "were", "will", "would")
 """First words of a question that is answered by yes or no."""
@@ -34,36 +38,14 @@ CERTAIN = 1e-6
 """Smallest probability that is printed as a number."""
 UNCERTAIN = 0.05
 """Probability of the opposite order above which a comparison stays open."""
-AMOUNTS = {
-    "kg": {
-        "kg": 1.0,
-        "kilo": 1.0,
-        "g": 1e-3,
-        "gram": 1e-3,
-        "mg": 1e-6,
-        "lb": 0.45359237,
-        "pound": 0.45359237,
-    }
-    | {"oz": 0.028349523125, "ounce": 0.028349523125},
-    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
-    "N/m": {"n/m": 1.0, "n/mm": 1e3},
-}
-"""Units of amounts in requests, by SI unit; pound and ounce are the international ones (avoirdupois, 1959)."""
-NUMBERS = {
-    "half a": 0.5,
-    "half an": 0.5,
-    "a": 1.0,
-    "an": 1.0,
-    "one": 1.0,
-    "two": 2.0,
-    "three": 3.0,
-    "five": 5.0,
-}
+SPELT = {"gram": "g", "kilo": "kg", "kilogram": "kg", "n/m": "N/m", "n/mm": "kN/m"}
+"""Units as they are spelt in lower case, and in the plural with an s."""
+NUMBERS = {"half a": "0.5", "a": "1", "one": "1", "two": "2", "three": "3", "five": "5"}
 _BOUND = re.compile(
     r"\b(?P<than>than|least|most|above|over|under|below|exceeds?) "
-    rf"(?P<number>\d+(?:[.,]\d+)?|{'|'.join(NUMBERS)}) ?(?P<unit>n ?/ ?mm?|[a-z]+)\b"
+    rf"(?P<number>\d+(?:[.,]\d+)?|{'|'.join(NUMBERS)}) ?(?P<unit>n ?/ ?mm?|[a-z]+?)s?\b"
 )
-_ALIKE = re.compile(r"\b(?:equally|same|as (?!well |soon )\w+ as)\b")
+_ALIKE = re.compile(r"\b(?:equally|as (?!well |soon )\w+ as)\b")
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +75,8 @@ def answer(run: Run) -> str | None:
     text = in_english(request, names, spoken(request))
     asked, bound = _words(text), _BOUND.search(text)
     compared = english().compared
-    word = next((word for word in asked if word in compared or word in UNNAMED), "")
+    unnamed = () if CHOOSING.isdisjoint(asked) else UNNAMED
+    word = next((word for word in asked if word in compared or word in unnamed), "")
     together = not TOGETHER.isdisjoint(asked)
     if not (word or bound or together or _ALIKE.search(text)):
         return None
@@ -110,61 +93,52 @@ def answer(run: Run) -> str | None:
     if together:
         sides = _summed(sides, asked)
         if len(sides) == 1 and bound is None:
+            std = _std(sides[0])
             low, high = (
-                rounded(sides[0].value + z * _std(sides[0]), _std(sides[0]))[0] for z in (-Z95, Z95)
+                rounded(end, std)[0] for end in interval95(sides[0].value, std)[0].tolist()
             )
             return f"together: {sides[0]}{unit}, 95 % [{low}, {high}]"
     if bound is not None:
-        return _against_amount(sides, bound, word, asked, estimates[0].unit)
+        number, named = (
+            NUMBERS.get(bound["number"]) or bound["number"],
+            bound["unit"].replace(" ", ""),
+        )
+        try:
+            size = f"{number.replace(',', '.')} {SPELT.get(named, named)}"
+            amount = _Side("", parse_width(quantity, size))
+        except InputError as error:
+            return f"open: {error}"
+        less = word in LESS if bound["than"] == "than" else bound["than"] in BELOW
+        return "; ".join(_against(side, amount, less, asked, unit) for side in sides)
     if len(sides) < 2:
         return (
-            f"open: no other {quantity} was measured than that of {sides[0].name}"
-            if sides
-            else None
+            f"open: no other {quantity} was measured than that of {estimates[0].parameter.object}"
         )
-    subject = _subject(sides, asked)
-    if together and asked[0] in ASKING:
-        subject = sides[0].name
     sides.sort(key=lambda each: each.value, reverse=word not in LESS)
-    if word or not MULTIPLE.isdisjoint(asked):
-        return _worded(sides[0], sides[1], subject, unit)
+    if word:
+        return _worded(sides[0], sides[1], _subject(sides, asked), unit)
     # Two values are never known to be alike: they differ, or it stays open.
     return _worded(sides[0], sides[-1], "", unit, tails=2)
 
 
-def _against_amount(
-    sides: Sequence[_Side], bound: re.Match[str], word: str, asked: Sequence[str], unit: str
-) -> str:
-    """Compare each side with the amount that the request states."""
-    number, named = bound["number"].replace(",", "."), bound["unit"].replace(" ", "")
-    factor = AMOUNTS.get(unit, {}).get(named) or AMOUNTS.get(unit, {}).get(named.rstrip("s"))
-    if factor is None:
-        return f"open: '{bound['number']} {named}' is not in {unit}"
-    amount = _Side("", (NUMBERS.get(number) or float(number)) * factor)
-    below = ("under", "below", "most")
-    less = word in LESS if bound["than"] == "than" else bound["than"] in below
-    answers: list[str] = []
-    for side in sides:
-        first, second = sorted((side, amount), key=lambda each: each.value, reverse=not less)
-        subject = side.name if NEGATIONS.isdisjoint(asked) else None
-        answers.append(_worded(first, second, subject, f" {unit}"))
-    return "; ".join(answers)
+def _against(side: _Side, amount: _Side, less: bool, asked: Sequence[str], unit: str) -> str:
+    """Compare a side with an amount; a negated question gets no yes or no."""
+    first, second = sorted((side, amount), key=lambda each: each.value, reverse=not less)
+    return _worded(first, second, side.name if NEGATIONS.isdisjoint(asked) else None, unit)
 
 
 def _summed(sides: Sequence[_Side], asked: Sequence[str]) -> list[_Side]:
     """Sums of the sides before "than" and behind it."""
     than = asked.index("than") if "than" in asked else len(asked)
-    groups: dict[bool, list[_Side]] = {}
+    sums: dict[bool, _Side] = {}
     for side in sides:
-        groups.setdefault((_place(side.name, asked) or 0) > than, []).append(side)
-    return [
-        _Side(
-            " and ".join(side.name for side in group),
-            sum(side.value for side in group),
-            tuple(estimate for side in group for estimate in side.estimates),
-        )
-        for _, group in sorted(groups.items())
-    ]
+        is_behind = (_place(side.name, asked) or 0) > than
+        before = sums.get(is_behind)
+        if before is not None:
+            name, parts = f"{before.name} and {side.name}", before.estimates + side.estimates
+            side = _Side(name, before.value + side.value, parts)
+        sums[is_behind] = side
+    return list(sums.values())
 
 
 def _worded(first: _Side, second: _Side, subject: str | None, unit: str, tails: int = 1) -> str:
@@ -193,7 +167,7 @@ def _stated(run: Run, quantity: str, asked: Sequence[str]) -> list[_Side]:
 def _subject(compared: Sequence[_Side], asked: Sequence[str]) -> str | None:
     """Object before "than" in a question about two; None in other requests, or if the names do not
     stand there in full, which leaves the sides uncertain."""
-    places = {each.name: _place(each.name, asked) for each in compared}
+    places = {each.name: _place(each.name.split(" and ")[0], asked) for each in compared}
     than = asked.index("than") if "than" in asked and asked[0] in ASKING else None
     if than is None or len(compared) > 2:
         return None
