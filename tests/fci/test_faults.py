@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from .conftest import RESTS, connected, mean_force, passed
+from .conftest import RESTS, connected, fresh, mean_force, passed
 from .served import Served, files, served
 
 franky = pytest.importorskip("franky", reason="franky-control has no wheel for this machine")
@@ -179,15 +179,16 @@ def test_a_killed_robot_is_an_error_and_a_new_one_is_found_at_its_address() -> N
 
 
 def test_a_free_running_robot_does_not_wait() -> None:
-    """Commands that come late are lost, and counted."""
+    """Commands that come late are lost, and counted. How many are late, the load of the machine decides."""
     with served(**files("bottle_and_table"), lockstep=False) as bench:
         robot = connected(bench)
-        began, at = time.monotonic(), robot.state.time.to_sec()
-        time.sleep(0.3)
-        later = robot.state.time.to_sec() - at
-        assert 0.1 < later < time.monotonic() - began + 0.1
+        began, at = time.monotonic(), fresh(robot).time.to_sec()
+        later = passed(robot, 0.3).time.to_sec() - at
+        assert later < time.monotonic() - began + 0.1
         tracking(robot)
-        assert 0.0 < robot.state.control_command_success_rate <= 1.0
+        while not (counts := bench.ask("counts"))["commanded"]:
+            assert time.monotonic() < began + HANGS, "no command arrived"
+        assert 0 <= counts["lost"] < counts["commanded"]
 
 
 def test_another_version_of_the_protocol_is_said() -> None:
