@@ -195,7 +195,9 @@ class Run(Estimates):
             return ()
         stated = {as_stated(parameter, catalogue()) for parameter in self.plan.parameters}
         without = [str(one) for one in self.finished.unwritten if one in stated]
-        return tuple(n for n in self.finished.notes if n.split(" is not in the twin")[0] in without)
+        notes = self.finished.notes
+        told = tuple(note for note in notes if note.split(" is not in the twin")[0] in without)
+        return told or tuple(f"{name} is not in the twin" for name in without)
 
     @property
     def is_recorded(self) -> bool:
