@@ -1,12 +1,21 @@
 """An estimate: what it holds, and how it reads."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from palpate.estimation.agreement import FitTest, chi_squared
-from palpate.estimation.estimate import Estimate, Part, interval95, not_identified, rounded
+from palpate.estimation.estimate import (
+    Estimate,
+    Part,
+    Shared,
+    interval95,
+    not_identified,
+    rounded,
+)
+from palpate.estimation.fusion import Source, fuse
 from palpate.parameter import Parameter
 
 MUG = Parameter("mug", "mass")
@@ -63,7 +72,103 @@ def test_the_interval_of_a_normal_is_one_rule(weighed):
     assert weighed.intervals[0] == pytest.approx(
         (0.34182 - 1.96 * 0.00138, 0.34182 + 1.96 * 0.00138)
     )
-    assert interval95((0.1, 1.0), (0.1, 0.1), least=0.0)[:, 0] == pytest.approx((0.0, 0.804))
+    assert interval95((0.1, 1.0), (0.1, 0.1))[:, 0] == pytest.approx((-0.096, 0.804))
+    # Four degrees of freedom widen it (Student's table: 2.776).
+    assert interval95(0.0, 1.0, 4.0)[0] == pytest.approx((-2.776, 2.776), abs=1e-3)
+
+
+def test_a_value_at_a_bound_is_no_measurement_but_a_limit():
+    """A door whose damping is 0.9: what was `0.00 ± 0.52, identified`."""
+    door = Estimate.normal(Parameter("door", "damping"), "N·m·s/rad", -0.11, 0.52, "passes")
+    assert door.identified
+    found = door.bounded((0.0, math.inf))
+    assert (found.verdict, found.identified, found.is_evidence) == ("prior-dominated", False, True)
+    # Value and interval stay the unconstrained ones, which are fused, compared and scored.
+    assert (found.value, found.std, found.ci95) == (door.value, door.std, door.ci95)
+    assert found.z_score(0.9) == pytest.approx(-1.942, abs=1e-3)
+    assert "at most 0.94 (95 %), prior-dominated" in repr(found)
+    assert found.cells()[2] == "at most 0.94"
+    assert (
+        found.doubt == "at most 0.94 N·m·s/rad (95 %): the 95 % interval reaches a physical bound"
+    )
+    # The twin has the mean of what is possible.
+    held = found.physical
+    assert 0.3 < float(held) < 0.5
+    assert held.ci95 == pytest.approx((0.0, found.limits[0]))
+    assert found.verdict == held.verdict
+    assert found.physical.physical == held
+
+
+def test_a_value_away_from_its_bound_is_what_it_was(weighed):
+    found = weighed.bounded((0.0, math.inf))
+    assert found.identified
+    assert found.limits == (None,)
+    assert found.physical is found
+    assert (found.reason, found.doubt) == ("", "")
+    assert weighed.bounded((-math.inf, math.inf)) is weighed
+
+
+def test_a_value_far_beyond_its_bound_is_contradicted():
+    found = Estimate.normal(MUG, "kg", -0.40, 0.05, "weighed").bounded((0.0, math.inf))
+    assert found.verdict == "contradicted"
+    assert "The mass comes out" in found.contradiction
+    assert found.limits == (None,)
+    assert not found.is_evidence
+    # Few degrees of freedom: noise that was itself estimated explains more.
+    unsure = Estimate.normal(MUG, "kg", -0.40, 0.05, "weighed", freedom=2.0)
+    assert unsure.bounded((0.0, math.inf)).verdict == "prior-dominated"
+
+
+def test_an_upper_bound_gives_a_lower_limit():
+    bouncy = Estimate.normal(Parameter("mat", "restitution"), "1", 0.99, 0.05, "pressed")
+    found = bouncy.bounded((0.0, 1.0))
+    assert found.verdict == "prior-dominated"
+    assert found.doubt.startswith("at least 0.9")
+    assert 0.9 < float(found.physical) < 0.99
+
+
+def test_each_component_has_its_own_bound():
+    inertia = Estimate.normal(
+        Parameter("mug", "inertia"), "kg·m²", (3e-3, 2e-4, 3e-3, 0.0, 0.0, 0.0), (3e-4,) * 6, ""
+    ).bounded(((0.0, math.inf),) * 3 + ((-math.inf, math.inf),) * 3)
+    assert inertia.identified
+    assert inertia.whole == "prior-dominated"
+    assert inertia.doubtful_axes == ("yy",)
+    assert inertia.doubt.startswith("at most 0.00073 kg·m² (95 %)")
+    # An inertia tensor belongs together: no component is moved alone.
+    assert inertia.physical is inertia
+
+
+def test_a_prior_dominated_value_has_a_reason(weighed):
+    assert replace(weighed, verdict="prior-dominated").reason.startswith(
+        "the recordings say no more"
+    )
+    alone = Estimate.normal(MUG, "kg", 0.001, 0.01, "", reason="nothing was compared")
+    assert alone.verdict == "prior-dominated"
+    bounded = alone.bounded((0.0, math.inf))
+    assert bounded.doubt == "at most 0.0204 kg (95 %): nothing was compared"
+    assert not bounded.is_evidence
+
+
+def test_at_truth_zero_z_is_standard_normal_and_25_runs_cover():
+    random = np.random.default_rng(11)
+    for truth in (0.0, 0.004):
+        z: list[float] = []
+        covered = 0
+        for _ in range(200):
+            found = [
+                replace(
+                    Estimate.normal(MUG, "kg", truth + error, 0.008, "weighed"),
+                    shared=(Shared("gain of joint 4", "arm", (0.0,)),),
+                ).bounded((0.0, math.inf))
+                for error in random.normal(0.0, 0.008, 25).tolist()
+            ]
+            kept = [one for one in found if one.is_evidence]
+            z += [float(one.z_score(truth)) for one in kept]
+            fused = fuse([Source(f"run {i}", "arm", one) for i, one in enumerate(kept)])
+            covered += fused.ci95[0] <= truth <= fused.ci95[1]
+        assert (np.mean(z), np.std(z)) == pytest.approx((0.0, 1.0), abs=0.05)
+        assert 0.90 <= covered / 200 <= 0.99
 
 
 def test_what_is_not_identified_has_no_value():

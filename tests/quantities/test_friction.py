@@ -8,6 +8,7 @@ import pytest
 from palpate.estimation.load.chain import own_motion
 from palpate.estimation.load.observation import observe
 from palpate.parameter import Parameter
+from palpate.quantities.estimators import estimate_all
 from palpate.quantities.friction import PRIOR_SPREAD, estimate_friction
 from palpate.robots.registry import load_description
 
@@ -153,14 +154,14 @@ def test_friction_without_a_drag_is_not_identified(weighing, noises):
     assert len(found.values) == 0
 
 
-def test_friction_indistinguishable_from_zero_has_no_value(bench, noises):
+def test_friction_indistinguishable_from_zero_is_a_limit(bench, noises):
     """Something on ice, under a pressure that tells little."""
     trace = drag(bench, noises["lab"], 1, CONSTANT, static=0.05, dynamic=0.02)
-    found = estimate_friction(trace, PARAMETER, None)
-    assert found.verdict == "not identified"
-    assert len(found.values) == 0
-    assert not found.parts
-    assert "cannot be distinguished from zero" in found.method
+    (found,) = estimate_all([PARAMETER], trace, {})
+    assert found.verdict == "prior-dominated"
+    assert found.doubt.startswith("at most 0.")
+    assert found.ci95[0] < 0.0 < 0.02 < found.ci95[1]
+    assert "static" not in found.parts
     assert len(found.evidence) == 4
 
 

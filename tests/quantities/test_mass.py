@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from palpate.parameter import Parameter
+from palpate.quantities.estimators import estimate_all
 from palpate.quantities.mass import estimate_mass
 
 MASS = 0.254
@@ -114,11 +115,27 @@ def test_mass_without_a_reference_contains_the_bias_of_the_datasheet(bench, nois
     assert found.verdict == "prior-dominated"
 
 
-def test_a_mass_is_never_negative(weighing, noises):
-    found = weighed(weighing(1e-4, replace(noises["datasheet"], white=0.8), 5))
-    assert found.values[0] > 0.0
-    assert found.intervals[0][0] >= 0.0
+def test_a_mass_near_zero_is_a_limit(weighing, noises):
+    """The datum is unconstrained, and may be negative; what a twin holds may not."""
+    trace = weighing(1e-4, replace(noises["datasheet"], white=0.8), 5)
+    (found,) = estimate_all([Parameter("bottle", "mass")], trace, {})
+    assert found.values[0] < 0.0
+    assert abs(found.z_score(1e-4)) < 2.0
     assert found.verdict == "prior-dominated"
+    assert found.doubt.startswith("at most 0.0")
+    assert 0.0 < float(found.physical) < found.limits[0]
+    # The chart's fit is the card's value.
+    assert found.views[0].predicted[0] == pytest.approx(found.values[0])
+
+
+def test_z_of_an_empty_hand_is_standard_normal(weighing, noises):
+    noise = replace(noises["lab"], white=0.4)
+    parameter = Parameter("bottle", "mass")
+    found = [estimate_all([parameter], weighing(1e-6, noise, seed), {})[0] for seed in range(12)]
+    z = np.array([one.z_score(0.0) for one in found])
+    assert min(z) < -0.3
+    assert max(z) > 0.3
+    assert 0.4 < np.sqrt(np.mean(z**2)) < 1.6
 
 
 def test_another_object_in_the_hand_is_not_a_reference(bench, noises):

@@ -21,7 +21,7 @@ from palpate.parameter import Parameter
 from palpate.planning.check.check import Finding
 from palpate.planning.plan import Node, Plan
 from palpate.runs.read import belief_from, estimate_from
-from palpate.runs.result import belief_json, parameter_json, result_json
+from palpate.runs.result import belief_json, finite, parameter_json, result_json
 from palpate.runs.run import Ending, Run, Status
 from palpate.scene.load import parse_scene
 from palpate.settings import Settings
@@ -188,7 +188,12 @@ def test_a_scalar_is_a_number_and_a_vector_a_list() -> None:
         "method": "Weighed.",
         "verdict": "identified",
         "verdicts": None,
+        "unseen": [],
         "whole": "identified",
+        "reason": None,
+        "bounds": None,
+        "at_most": None,
+        "at_least": None,
         "axes": None,
         "contradiction": None,
         "tests": [],
@@ -215,6 +220,41 @@ def test_what_no_recording_tells_of_a_vector_has_a_verdict_of_its_own() -> None:
     assert estimate_from(found) == com
     guessed = parameter_json(replace(com, verdict="prior-dominated"))
     assert guessed["verdicts"] == ["prior-dominated"] * 3
+
+
+def test_a_value_at_a_bound_is_read_back_with_its_limit() -> None:
+    light = Estimate.normal(MASS, "kg", -0.002, 0.004, "Weighed.").bounded((0.0, math.inf))
+    found = json.loads(json.dumps(finite(parameter_json(light))))
+    assert (found["value"], found["bounds"], found["verdict"]) == (
+        -0.002,
+        [0.0, None],
+        "prior-dominated",
+    )
+    assert found["at_most"] == pytest.approx(0.0062, abs=5e-4)
+    assert found["at_least"] is None
+    assert found["reason"] == "the 95 % interval reaches a physical bound"
+    again = estimate_from(found)
+    assert again == light
+    assert again.is_evidence
+    # A vector, with an unseen component and one at its bound.
+    inertia = Estimate.normal(
+        Parameter("cup", "inertia"),
+        "kg·m²",
+        (3e-3, 2e-4, 3e-3, 0, 0, 0),
+        (3e-4,) * 6,
+        "",
+        unseen=(5,),
+    ).bounded(((0.0, math.inf),) * 3 + ((-math.inf, math.inf),) * 3)
+    found = json.loads(json.dumps(finite(parameter_json(inertia))))
+    assert [limit is None for limit in found["at_most"]] == [True, False, True, True, True, True]
+    assert estimate_from(found) == inertia
+
+
+def test_a_result_of_an_earlier_version_is_read() -> None:
+    row = parameter_json(WEIGHED)
+    for name in ("reason", "bounds", "at_most", "at_least", "unseen"):
+        del row[name]
+    assert estimate_from(row) == WEIGHED
 
 
 def test_the_evidence_of_an_estimate_is_read_back() -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import replace
 
 import pytest
 
 from palpate.estimation.agreement import FitTest
-from palpate.estimation.estimate import Estimate, Part, not_identified
+from palpate.estimation.estimate import BELIEVED, Estimate, Part, not_identified
 from palpate.mjcf.contacts import pair_friction
 from palpate.parameter import Parameter
 from palpate.scene.load import parse_scene
@@ -93,7 +95,23 @@ def test_a_prior_dominated_estimate_is_marked() -> None:
     twin = build(scene(), replace(MASS, verdict="prior-dominated"))
     assert parse_scene(twin.xml).body("cup").known["mass"] == (0.2541,)
     assert '<text name="palpate_cup_mass_verdict" data="prior-dominated"/>' in twin.xml
-    assert twin.notes == ("cup.mass is prior-dominated: what was believed before says as much",)
+    (note,) = twin.notes
+    assert note == f"cup.mass is prior-dominated: {BELIEVED}"
+
+
+def test_a_twin_never_holds_what_is_impossible() -> None:
+    light = Estimate.normal(Parameter("cup", "mass"), "kg", -0.002, 0.004, "measured")
+    twin = build(scene(), light.bounded((0.0, math.inf)))
+    (mass,) = parse_scene(twin.xml).body("cup").known["mass"]
+    assert 0.001 < mass < 0.004
+    (numbers,) = re.findall(r'palpate_cup_mass" data="([^"]*)"', twin.xml)
+    value, std, low, high = map(float, numbers.split())
+    assert (value, low) == pytest.approx((mass, 0.0), abs=1e-4)
+    assert 0.0 < std < 0.004 < high
+    (note,) = twin.notes
+    assert note.startswith("cup.mass is prior-dominated: at most 0.0066 kg (95 %): ")
+    assert "the mean of what is possible" in note
+    assert twin.validation is not None
 
 
 def test_the_poses_that_came_with_the_scene_hold_for_the_twin() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from html import escape
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.display import data_frame
-from palpate.estimation.agreement import FitTest
+from palpate.estimation.agreement import KNOWN, Bound, FitTest, chi_squared, reached_bound
 from palpate.estimation.view import FitView
 from palpate.geometry.pose import Array
 from palpate.parameter import ByParameter, Parameter
@@ -28,6 +28,13 @@ AXES = {1: ("",), 2: ("x", "y"), 3: ("x", "y", "z"), 6: ("xx", "yy", "zz", "xy",
 order."""
 Z95 = 1.96
 """Half width of the central 95 % interval of a normal distribution, in standard deviations."""
+BELIEVED = "the recordings say no more than what was believed before"
+UNSEEN = "the recordings hardly observe it"
+AS_WIDE = "the interval is no narrower than the prior's"
+AT_BOUND = "the 95 % interval reaches a physical bound"
+"""Reasons of a prior-dominated value: the default one, of unseen components, of a wide interval, and at a
+bound."""
+UNBOUNDED = (-math.inf, math.inf)
 
 
 def axes_of(count: int) -> tuple[str, ...]:
@@ -84,12 +91,13 @@ class Estimate:
         unit: SI unit of all numbers, as printed; `1` where there is none.
         values: (n,) one number per component; empty when not identified.
         stds: (n,) standard deviations.
-        intervals: (n, 2) low and high end of each component's central 95 % interval.
+        intervals: (n, 2) low and high end of each component's central 95 % interval. Like `values` they are
+            unconstrained: those of a mass may be negative. See `physical`.
         method: a sentence or two for people: what was done with which recordings.
         evidence: the recordings it rests on, for the report's plots.
         verdict: `identified`; `prior-dominated` where what was believed before says as much as the
-            recordings; `contradicted` where a test of fit failed, whatever the estimator said;
-            `not identified`, which has no value. Only what is identified counts as measured.
+            recordings, or the interval reaches a bound; `contradicted` where a test of fit failed, whatever the
+            estimator said; `not identified`, which has no value. Only what is identified counts as measured.
         parts: further values by name, e.g. `static` and `dynamic`; `components` in `result.json`.
         tests: the tests of fit that were made, passed or not.
         shared: what of `stds` it has in common with other runs, cause by cause.
@@ -97,6 +105,8 @@ class Estimate:
         unseen: components that its recordings say nothing of, which are as they were believed to
             be; the verdict is that of the others.
         views: what was fitted, for charts; not part of `result.json`.
+        reason: why it, or a component of it, is prior-dominated, a phrase; else empty.
+        bounds: the least and the largest value that is physically possible, of all components or of each.
     """
 
     parameter: Parameter
@@ -113,6 +123,8 @@ class Estimate:
     freedom: float = math.inf
     unseen: tuple[int, ...] = ()
     views: tuple[FitView, ...] = ()
+    reason: str = ""
+    bounds: tuple[float, float] | tuple[tuple[float, float], ...] = UNBOUNDED
 
     @classmethod
     def normal(
@@ -125,25 +137,31 @@ class Estimate:
         evidence: tuple[Recording, ...] = (),
         verdict: Verdict = "identified",
         parts: Mapping[str, Part] | None = None,
-        least: float = -math.inf,
         tests: tuple[FitTest, ...] = (),
+        shared: tuple[Shared, ...] = (),
+        freedom: float = math.inf,
         unseen: tuple[int, ...] = (),
         views: tuple[FitView, ...] = (),
+        reason: str = "",
     ) -> Estimate:
-        """With the interval of a normal distribution, cut off below `least`."""
+        """With the interval of a normal distribution, or of Student's t with `freedom` degrees of freedom. One with a
+        `reason` is prior-dominated."""
         return cls(
             parameter,
             unit,
             np.atleast_1d(value),
             np.atleast_1d(std),
-            interval95(value, std, least),
+            interval95(value, std, freedom),
             method,
             evidence,
-            verdict,
+            "prior-dominated" if reason else verdict,
             parts or {},
             tests,
-            unseen=unseen,
-            views=views,
+            shared,
+            freedom,
+            unseen,
+            views,
+            reason,
         )
 
     def __post_init__(self) -> None:
@@ -159,6 +177,31 @@ class Estimate:
             object.__setattr__(self, "verdict", "contradicted")
         elif self.verdict == "contradicted":
             raise ValueError(f"{self.parameter}: contradicted, though no test of fit failed")
+        if self.identified:
+            reason = UNSEEN if self.unseen else AT_BOUND if any(self.at_bound) else ""
+            object.__setattr__(self, "reason", reason)
+            if all(self.at_bound):
+                object.__setattr__(self, "verdict", "prior-dominated")
+        elif self.verdict == "prior-dominated" and not self.reason:
+            object.__setattr__(self, "reason", BELIEVED)
+
+    def bounded(self, bounds: tuple[float, float] | tuple[tuple[float, float], ...]) -> Estimate:
+        """The estimate of a quantity with physical `bounds`; a value too far beyond them is contradicted."""
+        if not self.has_value:
+            return self
+        low, high = np.broadcast_to(np.array(bounds), (len(self.values), 2)).T
+        beyond = np.maximum(low - self.values, self.values - high)
+        squares = np.square(np.maximum(beyond, 0.0) / np.maximum(self.stds, 1e-300))
+        if not np.isfinite(beyond).any():
+            return self
+        test = chi_squared(
+            "physical bound",
+            float(squares.sum()),
+            int(np.isfinite(beyond).sum()),
+            f"The {self.parameter.quantity} comes out farther below or above what is possible than its errors explain.",
+            min(KNOWN, self.freedom),
+        )
+        return replace(self, bounds=bounds, tests=(*self.tests, test))
 
     @property
     def value(self) -> float | Array:
@@ -200,32 +243,75 @@ class Estimate:
         return self.verdict == "identified"
 
     @property
-    def whole(self) -> Verdict:
-        """Verdict of all components together: a vector with an unseen one is not identified as a whole."""
-        return "prior-dominated" if self.identified and self.unseen else self.verdict
+    def is_evidence(self) -> bool:
+        """The value rests on the recordings alone: identified, or kept from it by a bound only. Such values are fused
+        and scored, because a selection by the distance from the bound would select by the error."""
+        return self.identified or self.reason == AT_BOUND
 
     @property
-    def unseen_axes(self) -> tuple[str, ...]:
-        """Names of the components that no recording tells of."""
-        axes = axes_of(len(self.values))
-        return tuple(axes[place] for place in self.unseen)
+    def at_bound(self) -> tuple[Bound | None, ...]:
+        """(n,) physical bound that the 95 % interval of a component reaches, so that it is not excluded. None for the
+        others, and where a test of fit contradicts the value."""
+        bounds = self.bounds if self.verdict in ("identified", "prior-dominated") else UNBOUNDED
+        each = np.broadcast_to(np.array(bounds), (len(self.values), 2)).tolist()
+        pairs = zip(self.intervals.tolist(), each, strict=True)
+        return tuple(reached_bound(low, high, bound) for (low, high), bound in pairs)
+
+    @property
+    def limits(self) -> tuple[float | None, ...]:
+        """(n,) one-sided 95 % limit of a component at a bound; None where no bound acts."""
+        found: list[float | None] = []
+        for i, bound in enumerate(self.at_bound):
+            value, std = float(self.values[i]), float(self.stds[i])
+            found.append(None if bound is None else bound.limit(value, std, self.freedom))
+        return tuple(found)
+
+    @property
+    def physical(self) -> Estimate:
+        """What a twin holds: a scalar at a bound has its mean, deviation and interval given the bound. The components
+        of a vector belong together and stay."""
+        bound = self.at_bound[0] if len(self.values) == 1 else None
+        if bound is None:
+            return self
+        moments = np.array(bound.moments(float(self.values[0]), float(self.stds[0])))
+        ends = np.sort(np.array([bound.at, self.limits[0]], dtype=np.float64))
+        return replace(self, values=moments[:1], stds=moments[1:], intervals=ends, bounds=UNBOUNDED)
+
+    @property
+    def whole(self) -> Verdict:
+        """Verdict of all components together: not identified as a whole if one is unseen or at a bound."""
+        return "prior-dominated" if self.identified and self.reason else self.verdict
+
+    @property
+    def doubtful_axes(self) -> tuple[str, ...]:
+        """Names of the components of a vector that are not identified."""
+        pairs = zip(axes_of(len(self.values)), self.verdicts, strict=True)
+        return tuple(axis for axis, verdict in pairs if verdict != "identified")
 
     @property
     def verdict_in_words(self) -> str:
         """The verdict, with the axes that it holds for where others are unseen."""
         if self.whole == self.verdict:
             return self.verdict
-        axes = axes_of(len(self.values))
-        seen = ", ".join(axis for axis in axes if axis not in self.unseen_axes)
-        return f"{seen} identified, {', '.join(self.unseen_axes)} prior-dominated"
+        doubtful = self.doubtful_axes
+        seen = [axis for axis in axes_of(len(self.values)) if axis not in doubtful]
+        return f"{', '.join(seen)} identified, {', '.join(doubtful)} prior-dominated"
+
+    @property
+    def doubt(self) -> str:
+        """Reason why it, or a component, is prior-dominated, after the limits of those at a bound; else empty."""
+        limits = [self.limit_in_words(i) for i in range(len(self.values))]
+        said = ", ".join(f"{limit}{_suffix(self.unit)}" for limit in limits if limit)
+        return f"{said} (95 %): {self.reason}" if said and self.reason else self.reason
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
         """(n,) of each component."""
         found: list[Verdict] = [self.verdict] * len(self.values)
         if self.identified:
-            for component in self.unseen:
-                found[component] = "prior-dominated"
+            for component, bound in enumerate(self.at_bound):
+                if bound or component in self.unseen:
+                    found[component] = "prior-dominated"
         return tuple(found)
 
     @property
@@ -248,7 +334,7 @@ class Estimate:
         if not isinstance(other, Estimate):
             return NotImplemented
         # Views are made with the numbers, and charts are no part of the result.
-        arrays = {"values", "stds", "intervals"}
+        arrays = {"values", "stds", "intervals", "bounds"}
         plain = {one.name for one in fields(self)} - arrays - {"views"}
         return all(getattr(self, name) == getattr(other, name) for name in plain) and all(
             np.array_equal(getattr(self, name), getattr(other, name)) for name in arrays
@@ -260,8 +346,9 @@ class Estimate:
         values, stds = _columns(self.values, self.stds)
         text = f"{self.parameter} = {_joined(values)} ± {_joined(stds)}{_suffix(self.unit)}"
         if len(self.values) == 1:
-            low, high = self._bounds(0)
-            text += f", 95 % [{low}, {high}]"
+            ends = f"95 % [{', '.join(self._ends(0))}]"
+            limit = self.limit_in_words(0)
+            text += f", {limit} (95 %)" if limit else f", {ends}"
         return f"<{text}, {self.verdict_in_words}>"
 
     def cells(self) -> tuple[str, str, str, str]:
@@ -270,7 +357,7 @@ class Estimate:
         if not self.has_value:
             return name, "", "", self.verdict
         values, stds = _columns(self.values, self.stds)
-        bounds = [" … ".join(self._bounds(i)) for i in range(len(values))]
+        bounds = [self.limit_in_words(i) or " … ".join(self._ends(i)) for i in range(len(values))]
         number = f"{_joined(values)} ± {_joined(stds)}{_suffix(self.unit)}"
         return name, number, ", ".join(bounds), self.verdict_in_words
 
@@ -283,12 +370,20 @@ class Estimate:
             return f"<p>{heading}. {escape(self.method)}</p>"
         rows: list[str] = []
         for i, (value, std) in enumerate(zip(*_columns(self.values, self.stds), strict=True)):
-            interval = " … ".join(self._bounds(i))
+            interval = self.limit_in_words(i) or " … ".join(self._ends(i))
             rows.append(f"<tr><td>{value}</td><td>± {std}</td><td>{interval}</td></tr>")
         columns = f"<tr><th>value{_suffix(escape(self.unit))}</th><th>std</th><th>95 %</th></tr>"
         return f"<table><caption>{heading}</caption>{columns}{''.join(rows)}</table>"
 
-    def _bounds(self, i: int) -> list[str]:
+    def limit_in_words(self, i: int) -> str:
+        """One-sided 95 % limit of a component at a bound, as `at most 0.007`; empty where no bound acts."""
+        bound, limit = self.at_bound[i], self.limits[i]
+        if bound is None or limit is None:
+            return ""
+        # One more digit than the value has, as it is rounded to either side.
+        return f"{bound.words} {rounded(limit, 0.1 * float(self.stds[i]))[0]}"
+
+    def _ends(self, i: int) -> list[str]:
         """The ends of a component's interval, with the digits of its value."""
         return [rounded(bound, float(self.stds[i]))[0] for bound in self.intervals[i].tolist()]
 
@@ -342,11 +437,11 @@ def not_measured(parameter: Parameter, unit: str) -> Estimate:
     )
 
 
-def interval95(value: ArrayLike, std: ArrayLike, least: float = -math.inf) -> Array:
-    """(n, 2) central 95 % intervals of normal distributions, cut off below `least`."""
+def interval95(value: ArrayLike, std: ArrayLike, freedom: float = math.inf) -> Array:
+    """(n, 2) central 95 % intervals of Student's t distributions, by default of normal ones."""
     middle = np.atleast_1d(np.asarray(value, dtype=np.float64))
-    half = Z95 * np.atleast_1d(np.asarray(std, dtype=np.float64))
-    return np.column_stack([np.maximum(middle - half, least), middle + half])
+    half = half95(freedom) * np.atleast_1d(np.asarray(std, dtype=np.float64))
+    return np.column_stack([middle - half, middle + half])
 
 
 def rounded(value: float, std: float) -> tuple[str, str]:

@@ -78,6 +78,7 @@ def fuse(sources: Sequence[Source]) -> Estimate:
         tests=(agreement_test(sources, value),),
         shared=_shared(sources, weights),
         freedom=freedom,
+        bounds=first.bounds,
     )
 
 

@@ -125,7 +125,7 @@ def failed(parameter: Parameter, reason: str) -> Estimate:
 def guarded_estimate(
     estimator: Estimator, trace: Trace, parameter: Parameter, body: Body | None
 ) -> Estimate:
-    """Call an estimator; its failure affects this parameter only."""
+    """Call an estimator and apply the quantity's physical bounds. Its failure affects this parameter only."""
     try:
         found = estimator(trace, parameter, body)
     except Exception as error:
@@ -133,7 +133,8 @@ def guarded_estimate(
     numbers = (found.values, found.stds, found.intervals)
     if not all(np.isfinite(part).all() for part in numbers):
         return failed(parameter, "Not every number that was recorded for it is finite.")
-    return found
+    quantity = catalogue().get(parameter.quantity)
+    return found if quantity is None else found.bounded(quantity.bounds)
 
 
 def judged(found: Estimate, evidence: Trace, trace: Trace) -> Estimate:

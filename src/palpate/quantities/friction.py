@@ -10,7 +10,7 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
-from palpate.estimation.estimate import Estimate, Part, not_identified
+from palpate.estimation.estimate import AS_WIDE, Estimate, Part, not_identified
 from palpate.estimation.friction.breakaway import static_friction
 from palpate.estimation.friction.columns import AXES, HELD, PLACES, SPEED, WAYS
 from palpate.estimation.friction.drags import Drag, steady_drags
@@ -43,6 +43,7 @@ class Friction(Quantity):
     id = "friction"
     unit = UNIT
     subject = "object"
+    bounds = (0.0, np.inf)
     label = "sliding friction"
     elsewhere = "frictionloss"
     words: ClassVar = {
@@ -158,17 +159,13 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
     method = drag_method(len(drags), float(normal.min()), float(normal.max()), whole is not None)
     names = sorted({recording.context.support or "" for recording in evidence} - {""})
     method += f" It is the coefficient of the pair with {' and '.join(names)}." if names else ""
-    if value <= tuning.SIGNIFICANT * std:
-        reasons = [test.finding for test in tests if not test.passed]
-        none = f"The result, {value:.2g} ± {std:.2g}, cannot be distinguished from zero."
-        return not_identified(parameter, UNIT, " ".join([method, none, *reasons]), evidence)
-
     parts = {
         "dynamic": Part(value, std),
         "normal force": Part(float(normal.mean()), float(normal.std()), "N"),
     }
     fit = found if whole is None else found.knowing(value, std)
-    static = static_friction(drags, fit)
+    # A breakaway force is told from sliding only where the object rubs at all.
+    static = static_friction(drags, fit) if value > tuning.SIGNIFICANT * std else None
     if static is not None:
         parts["static"] = Part(*static)
     made = Estimate.normal(
@@ -178,12 +175,10 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
         std,
         method,
         evidence,
-        # An estimate that is no narrower than the prior says no more than the prior.
-        verdict="identified" if std < PRIOR_SPREAD else "prior-dominated",
         parts=parts,
-        least=0.0,
         tests=tests,
         views=tuple(fit.views(drags, static)),
+        reason="" if std < PRIOR_SPREAD else AS_WIDE,
     )
     return replace(made, shared=found.shared if whole is None else whole.shared)
 

@@ -37,6 +37,7 @@ class Inertia(Quantity):
     id = "inertia"
     unit = UNIT
     subject = "object"
+    bounds = ((0.0, np.inf),) * 3 + ((-np.inf, np.inf),) * 3
     label = "inertia tensor"
     words: ClassVar = {
         "en": ("inertia", "moment of inertia", "moments of inertia", "inertia tensor"),

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from palpate.estimation import tuning
-from palpate.estimation.estimate import Estimate, not_identified, not_measured
+from palpate.estimation.estimate import Estimate, not_measured
 from palpate.estimation.load.equations import FORCE_Z
 from palpate.estimation.load.foresight import Lift
 from palpate.estimation.load.observation import observation_of_torques
@@ -47,7 +47,6 @@ WHOLE = (
     " Fitted together with all motion in free air for 15 s around it: noise alone accounts for the residuals "
     "of a model of the arm's links, sensors and friction there."
 )
-LIGHT = " The object is too light for this scatter: the bound of a positive mass says as much as the forces."
 
 
 class Mass(Quantity):
@@ -56,6 +55,7 @@ class Mass(Quantity):
     id = "mass"
     unit = UNIT
     subject = "object"
+    bounds = (0.0, np.inf)
     words: ClassVar = {
         "en": ("mass", "weight", "heavy", "weigh", "heaviness"),
         "de": ("masse", "massen", "gewicht", "gewichte"),
@@ -190,22 +190,19 @@ def _contrast(trace: Trace, parameter: Parameter, by_all_motion: bool) -> Estima
     method = contrast_method(weight.segments)
     if weight.whole is not None:
         method += WHOLE
-    if weight.ci95[0] == 0.0:  # the interval was cut at 0
-        method += LIGHT
-    return Estimate(
+    return Estimate.normal(
         parameter,
         UNIT,
-        values=np.array([weight.mass]),
-        stds=np.array([weight.std]),
-        intervals=np.array([weight.ci95]),
-        method=method,
+        weight.mass,
+        weight.std,
+        method,
         evidence=(recording,),
-        verdict=weight.verdict,
         parts=parts,
         tests=weight.tests,
         shared=weight.shared,
         freedom=weight.freedom,
         views=(weight.view(trace.gravity),),
+        reason=weight.doubt,
     )
 
 
@@ -219,8 +216,6 @@ def estimate_single_shot(trace: Trace, parameter: Parameter, body: Body | None) 
     if recording is None:
         return not_measured(parameter, UNIT)
     mean = single_shot(trace, recording)
-    if not mean.value > 0.0:
-        return not_identified(parameter, UNIT, "The held object did not pull down.", (recording,))
     method = (
         "Mean vertical force while held still, over g; not compared with the empty hand, so the "
         "arm's own bias is only bounded, by the forces of the empty hand."
@@ -236,7 +231,7 @@ def estimate_single_shot(trace: Trace, parameter: Parameter, body: Body | None) 
         slopes=unit_slopes(samples.t),
     )
     return Estimate.normal(
-        parameter, UNIT, mean.value, mean.std, method, (recording,), least=0.0, views=(view,)
+        parameter, UNIT, mean.value, mean.std, method, (recording,), views=(view,)
     )
 
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from palpate.estimation.estimate import Estimate, Part, not_measured
+from palpate.estimation.estimate import Estimate, Part, half95, not_measured
 from palpate.estimation.load.weighing import weigh
 from palpate.estimation.motion import mean_velocity
 from palpate.mjcf.body import Body
@@ -106,6 +106,7 @@ def estimate_momentum(trace: Trace, parameter: Parameter, body: Body | None) -> 
         return not_measured(parameter, MOMENTUM_UNIT)
     velocity = mean_velocity(trace, recording)
     weight = weigh(trace, recording)
+    light = weight.mass < half95(weight.freedom) * weight.std
     # Product of independent factors: the relative variances add, to first order.
     std = np.hypot(weight.mass * velocity.std, weight.std * velocity.value)
     # The fits of both factors; the interval of their product is that of neither.
@@ -121,7 +122,7 @@ def estimate_momentum(trace: Trace, parameter: Parameter, body: Body | None) -> 
         std,
         method,
         evidence=(recording,),
-        verdict=weight.verdict,
+        reason=weight.doubt or ("the mass is not told from zero" if light else ""),
         parts={"mass": weight.part},
         tests=weight.tests,
         views=tuple(replace(view, slopes=None) for view in fits),

@@ -16,6 +16,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from palpate.estimation.estimate import UNBOUNDED
 from palpate.geometry.pose import Pose
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.edits import Change, Edit, Slot
@@ -174,6 +175,8 @@ class Quantity:
         label: name for people; the id unless declared.
         words: by language, its names in requests, singular, lower case.
         size: number of components of its value.
+        bounds: least and largest value that is physically possible, of all components or of each; its estimators need
+            not know of them (`quantities.estimators.guarded_estimate`).
         evidence: recordings from which it is estimated, all of them needed.
         elsewhere: id of the quantity that its words mean for things which cannot have it.
         derived: true if those recordings are sufficient; otherwise a conversion primitive has to declare
@@ -194,6 +197,7 @@ class Quantity:
     label: ClassVar[str]
     words: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     size: ClassVar[int] = 1
+    bounds: ClassVar[tuple[float, float] | tuple[tuple[float, float], ...]] = UNBOUNDED
     evidence: ClassVar[tuple[Evidence, ...]] = ()
     elsewhere: ClassVar[str] = ""
     derived: ClassVar[bool] = False

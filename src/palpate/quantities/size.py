@@ -53,6 +53,7 @@ class Size(Quantity):
     id = "size"
     unit = UNIT
     subject = "object"
+    bounds = (0.0, np.inf)
     words: ClassVar = {
         "en": (
             *("size", "dimension", "extent", "width", "length", "breadth", "thickness"),
@@ -224,7 +225,6 @@ def size_of(
         std,
         method,
         evidence=(*held, *(touch.recording for touch in touches)),
-        least=0.0,
         # A rigid top: an object ends where it is met. A little compliance, of it or of its support, widens
         # the standard deviation of the touch; something soft is a test that fails.
         tests=tuple(touch.firm() for touch in touches if touch.penetration > tolerated),

@@ -29,6 +29,9 @@ from palpate.trace.recording import Hand
 from palpate.trace.samples import Trace
 
 UNIT, DAMPING_UNIT, RESTITUTION_UNIT = "N/m", "N·s/m", "1"
+UNRESOLVED = (
+    "it is too little to be told from the arm's friction and inertia at the speed of a touch"
+)
 WIDEST = 0.5
 """Width of an interval of the restitution, between 0 and 1, from which on it says nothing."""
 
@@ -40,6 +43,7 @@ class Stiffness(Quantity):
     id = "stiffness"
     unit = UNIT
     subject = "surface"
+    bounds = (0.0, np.inf)
     elsewhere = "spring"
     words: ClassVar = {
         "en": ("stiffness", "stiff", "softness", "soft", "springiness", "firmness", "compliance"),
@@ -76,6 +80,7 @@ class ContactDamping(Quantity):
     id = "contact_damping"
     unit = DAMPING_UNIT
     subject = "surface"
+    bounds = (0.0, np.inf)
     label = "contact damping"
     words: ClassVar = {
         "en": ("contact damping", "dissipation"),
@@ -120,6 +125,7 @@ class Restitution(Quantity):
     id = "restitution"
     unit = RESTITUTION_UNIT
     subject = "surface"
+    bounds = (0.0, 1.0)
     words: ClassVar = {
         "en": ("restitution", "bounciness", "coefficient of restitution", "bouncy"),
         "de": ("restitution", "restitutionskoeffizient", "stoßzahl", "sprungkraft"),
@@ -239,13 +245,6 @@ def estimate_damping(trace: Trace, parameter: Parameter, body: Body | None) -> E
         return not_identified(parameter, DAMPING_UNIT, spring.method, spring.evidence)
     touches = touches_of(trace, spring.evidence)
     value, std = mean_damping([touch.spring for touch in touches])
-    if value < std / tuning.RESOLVED:
-        most = f"{float(f'{max(value, 0.0) + Z95 * std:.2g}'):g}"
-        reason = (
-            f"What {parameter.object} dissipates is less than {most} N·s/m: too little to be told from the arm's "
-            "friction and inertia at the speed of a touch."
-        )
-        return not_identified(parameter, DAMPING_UNIT, reason, spring.evidence)
     return Estimate.normal(
         parameter,
         DAMPING_UNIT,
@@ -254,9 +253,9 @@ def estimate_damping(trace: Trace, parameter: Parameter, body: Body | None) -> E
         "Force that comes with the speed of the fingertips as they sink in, and not with their depth, with the arm's "
         "inertia and friction taken out.",
         spring.evidence,
-        least=0.0,
         tests=spring.tests,
         views=tuple(damping_view(t.spring, value, t.recording.start) for t in touches),
+        reason="" if value >= std / tuning.RESOLVED else UNRESOLVED,
     )
 
 
@@ -287,17 +286,17 @@ def estimate_restitution(trace: Trace, parameter: Parameter, body: Body | None) 
     # zeta = d / (2 sqrt(k m)): the relative error of k counts half.
     doubt = Z95 * float(np.hypot(std, damping * float(spring.stds[0]) / stiffness / 2.0))
     least, most = (
-        restitution(damping_ratio(stiffness, max(one, 0.0)))
-        for one in (damping + doubt, damping - doubt)
+        restitution(damping_ratio(stiffness, one)) for one in (damping + doubt, damping - doubt)
     )
-    if most - least > WIDEST:
+    possible = min(most, 1.0)
+    if possible - least > WIDEST:
         reason = (
-            f"A body of 1 kg returns from {parameter.object} with {least:.2f} to {most:.2f} of its speed: what it "
+            f"A body of 1 kg returns from {parameter.object} with {least:.2f} to {possible:.2f} of its speed: what it "
             "dissipates is not told well enough from the arm's friction and inertia."
         )
         return not_identified(parameter, RESTITUTION_UNIT, reason, spring.evidence)
-    value = restitution(damping_ratio(stiffness, max(damping, 0.0)))
-    step = restitution(damping_ratio(stiffness, max(damping, 0.0) + std)) - value
+    value = restitution(damping_ratio(stiffness, damping))
+    step = restitution(damping_ratio(stiffness, damping + std)) - value
     return Estimate(
         parameter,
         RESTITUTION_UNIT,

@@ -56,6 +56,7 @@ class Interval:
     width: float
     truth: Truth | None
     verdict: str
+    limit: str
     number: float
     bounds: tuple[float, float]
 
@@ -71,6 +72,7 @@ class Card:
     whole: str
     said: str
     contradiction: str
+    doubt: str
     method: str
     intervals: tuple[Interval, ...]
     further: tuple[tuple[str, str], ...]
@@ -102,6 +104,7 @@ def estimate_card(measured: Measured, trace: Trace | None, anchor: str) -> Card:
         whole=estimate.whole,
         said=estimate.verdict_in_words,
         contradiction=estimate.contradiction,
+        doubt=estimate.doubt,
         method=estimate.method,
         intervals=tuple(component_intervals(measured)),
         further=tuple(further),
@@ -140,6 +143,7 @@ def component_intervals(measured: Measured) -> Iterable[Interval]:
             width=round(right - left, 2),
             truth=revealed,
             verdict=figure.verdict,
+            limit=figure.limit,
             number=value,
             bounds=(low, high),
         )
@@ -158,7 +162,7 @@ def in_words(measured: Sequence[Measured]) -> tuple[str, str]:
         if not card.intervals:
             continue
         name = f"{card.object} {card.quantity}"
-        values = " ".join(interval.value for interval in card.intervals)
+        values = " ".join(interval.limit or interval.value for interval in card.intervals)
         unknown.append(name)
         known.append(with_unit(f"{name} {values}", card.unit))
     return ", ".join(unknown), ", ".join(known)

@@ -107,9 +107,9 @@ def verdict_sentence(data: ReportData) -> str:
     wanted = max(len(data.plan.parameters), len(data.measured))
     unknowns = "unknown" if wanted == 1 else "unknowns"
     blind = [
-        f"{m.estimate.parameter} along {' and '.join(m.estimate.unseen_axes)}"
+        f"{m.estimate.parameter} along {' and '.join(m.estimate.doubtful_axes)}"
         for m in data.measured
-        if m.estimate.identified and m.estimate.unseen
+        if m.estimate.identified and m.estimate.reason
     ]
     but = f", but for {', '.join(blind)}" if blind else ""
     elsewhere = [row.object for row in data.poses if row.contradiction]

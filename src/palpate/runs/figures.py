@@ -11,7 +11,7 @@ from palpate.geometry.pose import Array
 @dataclass(frozen=True, slots=True)
 class Figure:
     """Component of an estimate: its name, empty for a scalar, and its numbers as text, all with the
-    same digits after the point."""
+    same digits after the point. `limit`: its one-sided limit, `at most 0.007`, where a bound acts."""
 
     axis: str
     value: str
@@ -19,6 +19,7 @@ class Figure:
     low: str
     high: str
     verdict: Verdict
+    limit: str = ""
 
 
 def figures(estimate: Estimate) -> tuple[Figure, ...]:
@@ -28,14 +29,17 @@ def figures(estimate: Estimate) -> tuple[Figure, ...]:
     for i, axis in enumerate(axes):
         std = float(estimate.stds[i])
         value, spread = rounded(float(estimate.values[i]), std)
+        limit = estimate.limit_in_words(i)
         low, high = (rounded(bound, std)[0] for bound in estimate.intervals[i].tolist())
-        found.append(Figure(axis, value, spread, low, high, estimate.verdicts[i]))
+        found.append(Figure(axis, value, spread, low, high, estimate.verdicts[i], limit))
     return tuple(found)
 
 
 def in_a_line(estimate: Estimate) -> str:
     """Format the values alone, with names of components and without a unit: `x 0.0647, y −0.0005`."""
-    return ", ".join(f"{figure.axis} {figure.value}".strip() for figure in figures(estimate))
+    return ", ".join(
+        f"{figure.axis} {figure.limit or figure.value}".strip() for figure in figures(estimate)
+    )
 
 
 def significant(value: float, digits: int, sign: str = "") -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from palpate import __version__
 from palpate.errors import InputError
-from palpate.estimation.estimate import Estimate, Part, Shared
+from palpate.estimation.estimate import UNBOUNDED, Estimate, Part, Shared
 from palpate.execution.stop import Held
 from palpate.geometry.belief import Belief, Touch
 from palpate.geometry.pose import Array, Pose
@@ -191,7 +191,9 @@ def estimate_from(row: Mapping[str, Any]) -> Estimate:
         tests=tuple(fit_test(test) for test in row.get("tests", ())),
         shared=tuple(_shared(one) for one in row.get("shared", ())),
         freedom=_limitless(row.get("freedom")),
-        unseen=_unseen(row),
+        unseen=tuple(row["unseen"]) if "unseen" in row else _unseen(row),
+        reason=row.get("reason") or "",
+        bounds=_bounds(row.get("bounds")),
     )
 
 
@@ -235,7 +237,7 @@ def _recording(document: Mapping[str, Any]) -> Recording:
 
 
 def _unseen(row: Mapping[str, Any]) -> tuple[int, ...]:
-    """Indices of the components whose verdict differs from that of the whole."""
+    """Indices of the components whose verdict differs from that of the whole: unseen ones in earlier versions."""
     verdicts = enumerate(row.get("verdicts") or ())
     return tuple(place for place, verdict in verdicts if verdict != row["verdict"])
 
@@ -247,6 +249,12 @@ def _shared(document: Mapping[str, Any]) -> Shared:
 def _limitless(number: float | None) -> float:
     """Null stands for infinity."""
     return math.inf if number is None else number
+
+
+def _bounds(document: Any) -> Any:
+    """Physical bounds, of all components or of each. Null stands for infinity; earlier versions have none."""
+    ends = np.array([None, None] if document is None else document, dtype=float)  # null: NaN
+    return np.where(np.isnan(ends), UNBOUNDED, ends).tolist()
 
 
 def _numbers(document: Any) -> Array:

@@ -7,8 +7,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+import numpy as np
+
 from palpate import __version__
-from palpate.estimation.estimate import Estimate, axes_of
+from palpate.estimation.estimate import UNBOUNDED, Estimate, axes_of
 from palpate.planning.plan import dump_plan, proposal_json
 from palpate.runs.answer import answer
 from palpate.runs.held_out import held_out_json
@@ -123,7 +125,12 @@ def parameter_json(estimate: Estimate) -> dict[str, Any]:
         "method": estimate.method,
         "verdict": estimate.verdict,
         "verdicts": list(estimate.verdicts) if len(estimate.verdicts) > 1 else None,
+        "unseen": list(estimate.unseen),
         "whole": estimate.whole,
+        "reason": estimate.reason or None,
+        "bounds": None if estimate.bounds == UNBOUNDED else np.array(estimate.bounds).tolist(),
+        "at_most": _limit(estimate, 1),
+        "at_least": _limit(estimate, -1),
         "axes": axes if len(axes) > 1 else None,
         "contradiction": estimate.contradiction or None,
         "tests": [asdict(test) | {"passed": test.passed} for test in estimate.tests],
@@ -132,6 +139,13 @@ def parameter_json(estimate: Estimate) -> dict[str, Any]:
         "freedom": estimate.freedom if math.isfinite(estimate.freedom) else None,
         "evidence": [asdict(recording) for recording in estimate.evidence],
     }
+
+
+def _limit(estimate: Estimate, sign: int) -> Any:
+    """One-sided 95 % limits of the components at a lower bound (`sign` 1) or an upper one (-1); null for the others."""
+    pairs = zip(estimate.at_bound, estimate.limits, strict=True)
+    limits = [limit if bound and bound.sign == sign else None for bound, limit in pairs]
+    return _shaped(limits) if any(limit is not None for limit in limits) else None
 
 
 def belief_json(name: str, belief: Belief) -> dict[str, Any]:

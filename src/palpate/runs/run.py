@@ -16,6 +16,7 @@ from palpate.parameter import Parameter
 from palpate.planning.check.check import Finding
 from palpate.planning.plan import MAX_REASON, Plan
 from palpate.quantities.catalogue import catalogue
+from palpate.runs.figures import in_a_line
 from palpate.scene.scene import Scene
 from palpate.trace.mcap import read_mcap
 from palpate.trace.samples import Trace
@@ -284,6 +285,8 @@ def _brief(estimate: Estimate) -> str:
     """An estimate in a few characters."""
     if not estimate.has_value:
         return f"{estimate.parameter} unknown"
+    if any(estimate.at_bound):
+        return f"{estimate.parameter} {in_a_line(estimate)}"
     values = " ".join(f"{value:.4g}" for value in estimate.values.tolist())
     if estimate.contradiction:
         return f"{estimate.parameter} = {values}, contradicted"

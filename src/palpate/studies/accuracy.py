@@ -45,6 +45,7 @@ class ScoredEstimate:
         single_shot: for masses, the naive mean of F_z/g from the same recording.
         unit: as printed.
         verdict: of this component.
+        at_bound: its interval reaches a physical bound, which alone keeps it from being identified.
     """
 
     parameter: Parameter
@@ -58,6 +59,12 @@ class ScoredEstimate:
     single_shot: float | None
     unit: str = ""
     verdict: Verdict = "identified"
+    at_bound: bool = False
+
+    @property
+    def is_evidence(self) -> bool:
+        """It rests on the recordings alone, as `Estimate.is_evidence`."""
+        return self.verdict == "identified" or self.at_bound
 
     @property
     def covered(self) -> bool:
@@ -93,8 +100,8 @@ class SeedRun:
 
     Attributes:
         status: of the run, or `CRASHED`.
-        estimates: identified components.
-        doubted: components with a value but another verdict.
+        estimates: components that rest on the recordings alone: identified ones, and those at a physical bound.
+        doubted: other components with a value.
         unmeasured: components without a value.
         wall_seconds, cpu_seconds: of the whole run, with planning and estimation.
         crash: a traceback.
@@ -169,8 +176,8 @@ def run_seed(settings: Settings, seed: int, displaced: bool = False) -> SeedRun:
         run.status,
         done.actions,
         done.robot_seconds,
-        estimates=tuple(each for each in scored if each.verdict == "identified"),
-        doubted=tuple(each for each in scored if each.verdict != "identified"),
+        estimates=tuple(each for each in scored if each.is_evidence),
+        doubted=tuple(each for each in scored if not each.is_evidence),
         unmeasured=tuple(
             each for estimate in run.estimates for each in unmeasured_components(run, estimate)
         ),
@@ -220,6 +227,7 @@ def scored_estimates(run: Run, estimate: Estimate) -> Iterator[ScoredEstimate]:
             single_shot=naive.value if naive else None,
             unit=estimate.unit,
             verdict=estimate.verdicts[i],
+            at_bound=estimate.is_evidence and estimate.at_bound[i] is not None,
         )
 
 

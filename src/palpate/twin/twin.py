@@ -126,8 +126,10 @@ def build_twin(
         if estimate.verdict == "contradicted":
             notes.append(f"{estimate.parameter} is not in the twin: {estimate.contradiction}")
         if estimate.verdict == "prior-dominated":
-            dominated = "prior-dominated: what was believed before says as much"
-            notes.append(f"{estimate.parameter} is {dominated}")
+            note = f"{estimate.parameter} is prior-dominated: {estimate.doubt}"
+            if (held := estimate.physical) is not estimate:
+                note += f"; the twin holds {float(held):.4g}, the mean of what is possible"
+            notes.append(note)
     notes += pair_notes(scene, written)
     notes += [felt_note(scene, estimate) for estimate in on_the_way]
     notes += made.notes
@@ -226,8 +228,8 @@ def read_twin(
 
 
 def held_by_twin(estimates: Sequence[Estimate]) -> list[Estimate]:
-    """Estimates whose values the twin holds."""
-    return [e for e in estimates if e.verdict in ("identified", "prior-dominated")]
+    """Estimates whose values the twin holds, as far as they are physically possible."""
+    return [e.physical for e in estimates if e.verdict in ("identified", "prior-dominated")]
 
 
 def diff_of(document: Document, texts: Texts) -> str:

@@ -118,8 +118,8 @@ class _Conversion(ConversionPrimitive):
         # The rest of the run goes by the value: what stands on a measured surface moves with it.
         blackboard.state = blackboard.state.learned(parameter, values)
         if parameter == Parameter(blackboard.state.holding or "", Mass.id):
-            gravity, (std,) = blackboard.robot.gravity, found.stds.tolist()
-            blackboard.load = blackboard.load.weighed(values[0], std, gravity)
+            mass, gravity = found.physical, blackboard.robot.gravity
+            blackboard.load = blackboard.load.weighed(float(mass), float(mass.stds[0]), gravity)
         pairs = zip(values, found.stds.tolist(), strict=True)
         shown = ", ".join(" ± ".join(rounded(value, std)) for value, std in pairs)
         return f"{subject} {quantity.label} {shown} {quantity.unit}"

@@ -22,8 +22,6 @@ COLUMNS = (
 STYLES = {"identified": "green", "prior-dominated": "yellow"}
 """Colours of verdicts; all others are red."""
 
-UNSEEN = "the recordings hardly observe it; it does not count as measured"
-
 
 def show_estimates(
     estimates: Iterable[Estimate], truth: Mapping[Parameter, Sequence[float]] | None = None
@@ -44,17 +42,18 @@ def show_estimates(
 
 
 def show_objection(estimate: Estimate) -> None:
-    """Print the contradiction of an estimate, why it has no value, or which axes rest on the prior."""
+    """Print the contradiction of an estimate, or why it has no value or is prior-dominated, with the axes."""
     name = escape(str(estimate.parameter))
     if estimate.contradiction:
         out.prose(f"[bold red]contradicted[/] {name}: {escape(estimate.contradiction)}")
     elif not estimate.has_value:
         out.prose(f"[bold red]not identified[/] {name}: {escape(estimate.method)}")
-    elif estimate.identified and estimate.unseen:
-        parts = " and ".join(estimate.unseen_axes)
-        out.prose(
-            f"[yellow]prior-dominated[/] {name} {parts}: {UNSEEN}, and as a whole it is not identified"
-        )
+    elif estimate.reason:
+        said = escape(estimate.doubt)
+        if estimate.identified:
+            name += f" {' and '.join(estimate.doubtful_axes)}"
+            said += ", and as a whole it is not identified"
+        out.prose(f"[yellow]prior-dominated[/] {name}: {said}")
 
 
 def estimate_rows(estimate: Estimate) -> list[list[str]]:
@@ -63,7 +62,7 @@ def estimate_rows(estimate: Estimate) -> list[list[str]]:
     rows: list[list[str]] = []
     for figure in figures(estimate):
         value = f"[bold]{figure.value}[/] ± {figure.std} {unit}".rstrip()
-        interval = f"{figure.low} … {figure.high}"
+        interval = figure.limit or f"{figure.low} … {figure.high}"
         rows.append([f"{name} {figure.axis}".rstrip(), value, interval, _verdict(figure.verdict)])
     return rows or [[name, "–", "", _verdict(estimate.verdict)]]
 

@@ -13,8 +13,7 @@ import numpy as np
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.carried.fit import HAND, LOAD, Carried, carried
-from palpate.estimation.estimate import Z95, Estimate, Part, Shared, interval95, not_identified
-from palpate.estimation.load.weighing import positive
+from palpate.estimation.estimate import UNSEEN, Z95, Estimate, Part, Shared, not_identified
 from palpate.estimation.regression import Cause
 from palpate.estimation.rigid import linear, of_box, pseudo_inertia
 from palpate.estimation.view import FitView, constant, unit_slopes
@@ -29,8 +28,8 @@ EMPTY_PARTS = 6
 PARTS = 24
 """Parts of a recording in a chart, at most."""
 ALONE = (
-    " The recording holds no motion of the empty hand, so that errors of the arm's model count as load: give one "
-    "(empty=LOG)."
+    "the recording holds no motion of the empty hand, so that errors of the arm's model count as load: give one "
+    "(empty=LOG)"
 )
 
 
@@ -42,25 +41,19 @@ def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
     name = HAND if parameter.object == HAND else LOAD
     mean, covariance = found.posterior[name]
     mass, std = float(mean[0]), float(np.sqrt(covariance[0, 0]))
-    sure = mass > Z95 * std and (found.compared or name == HAND)
-    bounds = interval95(mass, std, 0.0)
-    if mass <= Z95 * std:
-        mass, std = positive(mass, std)
-        bounds = np.array([[0.0, max(float(bounds[0, 1]), 2.0 * mass)]])
     what = "hand with what is mounted on it" if name == HAND else "load"
     method = (
         f"Weight of the {what} and its resistance to acceleration in {_seconds(found)}, fitted together with friction, "
         "zeros and gains of the joints and errors of the arm's model; the noise is what the recording itself leaves."
     )
-    return Estimate(
+    return Estimate.normal(
         parameter,
         "kg",
-        np.array([mass]),
-        np.array([std]),
-        bounds,
-        method if found.compared or name == HAND else method + ALONE,
+        mass,
+        std,
+        method,
         _recordings(trace),
-        "identified" if sure else "prior-dominated",
+        reason="" if found.compared or name == HAND else ALONE,
         tests=_same_in_all_parts(trace, found) if name == LOAD else (),
         shared=_shared(found, np.eye(10)[:1], name),
         views=(_mass_view(trace, found),) if name == LOAD else (),
@@ -87,8 +80,8 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
         stds,
         f"First moment of the load over its mass, in {_axes(trace)}.",
         _recordings(trace),
-        "prior-dominated" if len(unseen) == 3 or not found.compared else "identified",
-        {"mass": Part(float(found.value[0]), float(np.sqrt(found.covariance[0, 0])), "kg")},
+        parts={"mass": Part(float(found.value[0]), float(np.sqrt(found.covariance[0, 0])), "kg")},
+        reason=UNSEEN if len(unseen) == 3 else "" if found.compared else ALONE,
         unseen=unseen,
         tests=_same_in_all_parts(trace, found),
     )
@@ -137,7 +130,7 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
         f"Resistance of the load to being turned, about its centre of mass, in {_axes(trace)}; of the physically "
         f"consistent body nearest to the fit (Wensing, Kim and Slotine, RA-L 2018).{excited}",
         _recordings(trace),
-        "prior-dominated" if len(unseen) == 6 or not found.compared else "identified",
+        reason=UNSEEN if len(unseen) == 6 else "" if found.compared else ALONE,
         unseen=unseen,
         tests=(test, *_same_in_all_parts(trace, found)),
     )

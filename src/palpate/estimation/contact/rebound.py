@@ -15,7 +15,10 @@ from palpate.estimation import tuning
 
 
 def restitution(zeta: float) -> float:
-    """Speed after over speed before the contact, at a damping ratio `zeta` (zero or more)."""
+    """Speed after over speed before the contact, at a damping ratio `zeta`. Below zero, where only errors lead, it is
+    continued by its tangent, 1 - pi zeta."""
+    if zeta < 0.0:
+        return 1.0 - float(np.pi) * zeta
     if zeta < 1.0:
         root = float(np.sqrt(1.0 - zeta**2))
         # The time of contact times omega; of both branches of the arc tangent the one in (0, pi).

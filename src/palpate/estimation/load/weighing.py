@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from statistics import NormalDist
 
 import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest
-from palpate.estimation.estimate import Part, Shared, Verdict, half95
+from palpate.estimation.estimate import Part, Shared
 from palpate.estimation.load.blocks import Blocks
 from palpate.estimation.load.causes import by_signal, of_load
 from palpate.estimation.load.equations import FORCE_Z, TORQUE_X, TORQUE_Y, each_its_own, in_each
@@ -24,6 +23,7 @@ from palpate.geometry.pose import Array
 from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, Trace
 
+ALONE = "no rest or pass of the empty hand at the same pose was recorded for comparison"
 KINDS = {"up": "on the way up", "down": "on the way down", "rest": "at rest", "turn": "turning"}
 
 
@@ -32,9 +32,8 @@ class Weight:
     """Mass of the object held during a recording.
 
     Attributes:
-        mass, std, ci95: kg.
-        verdict: `prior-dominated` where the object is so light that the bound at 0 says as much about its
-            mass as the forces, or where nothing was recorded of the empty hand.
+        mass, std: kg, unconstrained: the mass of a light object may be negative.
+        doubt: why the mass is prior-dominated, a phrase; empty where the empty hand was recorded.
         weighings: of which it is the mass.
         tests: for other forces on the object.
         shared: errors in common with other weighings on that arm.
@@ -45,8 +44,7 @@ class Weight:
 
     mass: float
     std: float
-    ci95: tuple[float, float]
-    verdict: Verdict
+    doubt: str
     weighings: Sequence[Weighing]
     tests: tuple[FitTest, ...]
     shared: tuple[Shared, ...]
@@ -90,17 +88,9 @@ def weigh(trace: Trace, recording: Recording, by_all_motion: bool = True) -> Wei
         shared += shared_links(links)
     mass, std = force / trace.gravity, std / trace.gravity
     freedom = load.freedom if whole is None else whole.posterior.freedom
-    half = std * half95(freedom)
-    low, high = mass - half, mass + half
-    common = shared, freedom, load, whole
-    if low > 0.0:
-        # Without a reference the bias of the arm has its prior.
-        compared = any(referenced(weighing.segments) for weighing in found)
-        verdict = "identified" if compared else "prior-dominated"
-        return Weight(mass, std, (low, high), verdict, found, load.tests, *common)
-    mass, std = positive(mass, std)
-    bounds = (0.0, max(high, 2.0 * mass))
-    return Weight(mass, std, bounds, "prior-dominated", found, load.tests, *common)
+    # Without a reference the bias of the arm has its prior.
+    doubt = "" if any(referenced(weighing.segments) for weighing in found) else ALONE
+    return Weight(mass, std, doubt, found, load.tests, shared, freedom, load, whole)
 
 
 def whole_of(
@@ -167,20 +157,6 @@ def alone(trace: Trace, found: Sequence[Weighing]) -> Mapping[str, Part]:
             force, std = untested(group, trace.gravity, trace.hand)
             parts[name] = Part(force / trace.gravity, std / trace.gravity, "kg")
     return parts
-
-
-def positive(mean: float, std: float) -> tuple[float, float]:
-    """Mean and standard deviation of a normal, given that it is positive.
-
-    With alpha = -mean/std and hazard h = pdf(alpha) / (1 - cdf(alpha)) of the standard normal, they
-    are mean + std h and std sqrt(1 + alpha h - h²) (Johnson, Kotz and Balakrishnan, Continuous
-    Univariate Distributions 1, section 10.1).
-    """
-    unit = NormalDist()
-    alpha = -mean / std
-    hazard = unit.pdf(alpha) / max(1.0 - unit.cdf(alpha), 1e-12)
-    narrower = float(np.sqrt(max(1.0 + alpha * hazard - hazard**2, 1e-6)))
-    return mean + std * hazard, std * narrower
 
 
 def weighing_view(load: Load, gravity: float) -> FitView:

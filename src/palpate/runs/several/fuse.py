@@ -71,8 +71,8 @@ def fuse_runs(runs: Sequence[Run]) -> Fusion:
     left_out: list[str] = []
     for parameter in parameters_of(runs):
         found = _sources(parameter, runs, names)
-        sources = [source for source in found if source.estimate.identified]
-        left_out += [_left_out(source) for source in found if not source.estimate.identified]
+        sources = [source for source in found if source.estimate.is_evidence]
+        left_out += [_left_out(source) for source in found if not source.estimate.is_evidence]
         # A prior is no evidence: without an identified estimate there is no fused value.
         unknown = not_identified(parameter, found[0].estimate.unit, "No run identified it.")
         estimates.append(fuse(sources) if sources else unknown)
@@ -93,7 +93,7 @@ def _sources(parameter: Parameter, runs: Sequence[Run], names: Sequence[str]) ->
 def _left_out(source: Source) -> str:
     """Line on an estimate that is left out, with the reason."""
     one = source.estimate
-    why = one.contradiction or one.method
+    why = one.contradiction or one.doubt or one.method
     return f"{one.parameter} of {source.run} is {one.verdict}: {why}"
 
 

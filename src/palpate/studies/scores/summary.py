@@ -55,11 +55,11 @@ class Scores:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """A parameter's component over all seeds, in its SI unit. Its figures are those of the seeds
-    that identified it, None without any.
+    """A parameter's component over all seeds, in its SI unit. Its figures are those of the seeds that
+    identified it or were kept from it by a physical bound only, None without any.
 
     Attributes:
-        runs: number of seeds that identified it.
+        runs: number of these seeds.
         truth, mean: mean true and estimated value of these.
         bias: mean error.
         sd: standard deviation of the errors.
@@ -107,7 +107,7 @@ def component_summary(
 ) -> Summary:
     verdicts = Counter(each.verdict for each in found)
     identified = [each for each in found if isinstance(each, ScoredEstimate)]
-    identified = [each for each in identified if each.verdict == "identified"]
+    identified = [each for each in identified if each.is_evidence]
     summary = Summary(
         *key,
         runs=len(identified),
@@ -146,7 +146,6 @@ def shares(estimates: Sequence[ScoredEstimate]) -> Array:
     The stated distribution is Student's t, with the degrees of freedom that give the stated upper half
     of the 95 % interval.
     """
-    # The lower half may be cut off at a bound of the quantity, such as a mass of zero.
     halves = np.array([(each.high - each.value) / each.std for each in estimates])
     # np.interp needs increasing abscissae, and the quantile falls with the degrees of freedom.
     freedom = np.interp(-halves, -QUANTILES, FREEDOMS)
