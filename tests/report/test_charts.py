@@ -12,12 +12,14 @@ import pytest
 from recordings import bench, noises
 
 from palpate.estimation.estimate import Estimate
+from palpate.estimation.view import FitView, constant, unit_slopes
 from palpate.parameter import Parameter
 from palpate.quantities.friction import estimate_friction
 from palpate.quantities.height import estimate_height, estimate_tilt
 from palpate.quantities.position import estimate_position
 from palpate.quantities.size import estimate_size
 from palpate.quantities.stiffness import estimate_stiffness
+from palpate.report.cards import estimate_card
 from palpate.report.charts import Chart, charts
 from palpate.report.data import Measured
 from palpate.scene.load import parse_scene
@@ -163,3 +165,28 @@ def test_a_chart_that_fails_costs_nothing_else(bench, noises, monkeypatch, caplo
     broken = replace(found.views[0], predicted=np.zeros(1))
     assert len(charts(Measured(replace(found, views=(broken, found.views[1]))))) == 1
     assert "no chart of mat.stiffness: " in caplog.text
+
+
+def test_chart_and_card_show_one_value_also_at_a_bound() -> None:
+    x = np.array([1.0, 2.0, 3.0])
+    view = FitView(
+        name="Mass by part.",
+        note="",
+        axes=("robot time (s)", "mass (kg)"),
+        x=x,
+        measured=np.array([-0.004, 0.001, -0.003]),
+        predicted=constant(-0.002, x),
+        std=0.004,
+        slopes=unit_slopes(x),
+    )
+    light = Estimate.normal(Parameter("cup", "mass"), "kg", -0.002, 0.004, "", views=(view,))
+    measured = Measured(light.bounded((0.0, np.inf)), (0.003,))
+    (chart,) = charts(measured)
+    card = estimate_card(measured, None, "estimate-1")
+    (interval,) = card.intervals
+    assert (interval.value, interval.std) == ("-0.002", "0.004")
+    assert (interval.limit, interval.verdict) == ("at most 0.0066", "prior-dominated")
+    assert card.doubt.startswith("at most 0.0066 kg (95 %): ")
+    fit = named(chart, "the fit")
+    assert fit["name"] == f"the fit, {interval.value} ± {interval.std} kg"
+    assert values(fit["y"]) == pytest.approx(interval.number)

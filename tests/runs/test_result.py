@@ -191,7 +191,7 @@ def test_a_scalar_is_a_number_and_a_vector_a_list() -> None:
         "unseen": [],
         "whole": "identified",
         "reason": None,
-        "bounds": None,
+        "bounds": [None, None],
         "at_most": None,
         "at_least": None,
         "axes": None,

@@ -15,8 +15,9 @@ from palpate.estimation.estimate import Z95
 from palpate.estimation.view import FitView
 from palpate.geometry.pose import Array
 from palpate.report.data import Measured
-from palpate.report.numbers import Axis, with_spread
+from palpate.report.numbers import Axis, with_unit
 from palpate.report.plots import FAINT, MARK, NORM, Figure, decimate, packed
+from palpate.runs.figures import figures
 
 TRUTH = "#c2710c"
 COLOURS = (MARK, TRUTH, "#3b82f6")
@@ -127,11 +128,11 @@ def prediction_traces(view: FitView, measured: Measured, shown: list[Array]) -> 
     if view.slopes is not None:
         slopes = view.slopes[order]
         if len(estimate.values) == 1:
-            unit = "" if estimate.unit == "1" else estimate.unit
-            value, std = float(estimate.values[0]), float(estimate.stds[0])
-            name = f"the fit, {with_spread(value, std, unit)}"
-            # The interval of one component may be skewed, e.g. cut off at 0.
-            low, high = (estimate.intervals[0] - value).tolist()
+            # The text of the card: one value has one text.
+            (figure,) = figures(estimate)
+            name = with_unit(f"the fit, {figure.value} ± {figure.std}", estimate.unit)
+            # The interval of one component may be skewed, e.g. that of a stiffness.
+            low, high = (estimate.intervals[0] - estimate.values[0]).tolist()
             ends = predicted + low * slopes[:, 0], predicted + high * slopes[:, 0]
         else:
             # Independent components: σ² = Σ (slope σ)².

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from palpate import __version__
-from palpate.estimation.estimate import UNBOUNDED, Estimate, axes_of
+from palpate.estimation.estimate import Estimate, axes_of
 from palpate.planning.plan import dump_plan, proposal_json
 from palpate.runs.answer import answer
 from palpate.runs.held_out import held_out_json
@@ -128,7 +128,7 @@ def parameter_json(estimate: Estimate) -> dict[str, Any]:
         "unseen": list(estimate.unseen),
         "whole": estimate.whole,
         "reason": estimate.reason or None,
-        "bounds": None if estimate.bounds == UNBOUNDED else np.array(estimate.bounds).tolist(),
+        "bounds": finite(np.array(estimate.bounds).tolist()),
         "at_most": _limit(estimate, 1),
         "at_least": _limit(estimate, -1),
         "axes": axes if len(axes) > 1 else None,

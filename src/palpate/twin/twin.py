@@ -24,6 +24,7 @@ from palpate.trace.samples import Trace
 from palpate.twin.files import TWIN, one_text, pack, write_files
 from palpate.twin.inject import complete
 from palpate.twin.pressed import press_notes
+from palpate.twin.text import as_text
 from palpate.twin.validate import Replay, Replayed, Validation, touched, validate
 
 if TYPE_CHECKING:
@@ -128,7 +129,7 @@ def build_twin(
         if estimate.verdict == "prior-dominated":
             note = f"{estimate.parameter} is prior-dominated: {estimate.doubt}"
             if (held := estimate.physical) is not estimate:
-                note += f"; the twin holds {float(held):.4g}, the mean of what is possible"
+                note += f"; the twin holds {as_text(held.values)} {held.unit}, the mean of what is possible"
             notes.append(note)
     notes += pair_notes(scene, written)
     notes += [felt_note(scene, estimate) for estimate in on_the_way]
