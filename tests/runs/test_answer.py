@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -58,6 +59,16 @@ def test_what_is_too_close_or_not_identified_stays_open() -> None:
     assert "too close to tell" in str(answer(run_with(request, novel=0.1511, glass=0.151)))
     found = answer(run_with(request, novel=0.166, glass=None))
     assert found == "open: the mass of glass is not identified"
+
+
+def test_a_value_at_its_bound_is_compared_without_it() -> None:
+    """A feather's mass is not identified, but it is surely less than that of the other."""
+    run = run_with("Is the novel heavier than the glass?", novel=0.166, glass=-0.0003)
+    limited = [one.bounded((0.0, math.inf)) for one in run.estimates]
+    assert [one.verdict for one in limited] == ["identified", "prior-dominated"]
+    found = answer(replace(run, estimates=tuple(limited)))
+    assert found is not None
+    assert found.startswith("yes: novel 0.1660 ± 0.0010 against glass -0.0003 ± 0.0010 kg")
 
 
 def test_a_request_that_compares_nothing_has_no_answer() -> None:

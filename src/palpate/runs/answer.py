@@ -68,8 +68,8 @@ class _Side:
 
 
 def answer(run: Run) -> str | None:
-    """Answer a request that compares or adds up, from the identified estimates; None if it does neither
-    with what was measured. Values stated by the scene count as exact."""
+    """Answer a request that compares or adds up, from estimates that are identified or at a physical bound;
+    None if it does neither with what was measured. Values stated by the scene count as exact."""
     request = run.settings.request or ""
     names = frozenset(word for name in run.scene.bodies for word in _words(name))
     text = in_english(request, names, spoken(request))
@@ -85,7 +85,7 @@ def answer(run: Run) -> str | None:
     estimates = [each for each in run.estimates if each.parameter.quantity == quantity]
     if not estimates:
         return None
-    if unknown := [each.parameter.object for each in estimates if not each.identified]:
+    if unknown := [each.parameter.object for each in estimates if not each.is_evidence]:
         return f"open: the {quantity} of {' and '.join(unknown)} is not identified"
     sides = [_Side(e.parameter.object, float(e), (e,)) for e in estimates if len(e.values) == 1]
     sides += _stated(run, quantity, asked)
