@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from palpate.errors import InputError
+from palpate.errors import InputError, PlanRejected
 from palpate.planning.measure import named_parameters
 from palpate.planning.symbolic.planner import SymbolicPlanner
 from palpate.scene.load import parse_scene
@@ -44,9 +44,9 @@ def test_bodies_that_are_neither_object_nor_surface_are_remarked() -> None:
     door = '<body name="door"><joint axis="0 1 0"/><joint/><geom size=".1"/></body>'
     lines = read('<site name="robot_base"/>' + door)
     assert "'door'" in lines[0]
-    assert "needs a <freejoint/>" in lines[0]
+    assert "An object needs a body with a <freejoint/>" in lines[0]
     assert lines[1:] == (
-        "There is no object: no body has a free joint.",
+        "There is no object. An object needs a body with a <freejoint/>, and no other joint.",
         "There is no surface: nothing static has a name and a level top.",
     )
 
@@ -78,7 +78,7 @@ def test_static_bodies_that_are_no_surface_are_remarked() -> None:
     lines = read('<site name="robot_base"/>' + wall + ramp + TABLE + BALL)
     assert "'wall' (it is narrower than 0.1 m and carries nothing)" in lines[0]
     assert "'ramp' (its top is not level)" in lines[0]
-    assert "What is to be measured as an object needs a <freejoint/>" in lines[0]
+    assert "An object needs a body with a <freejoint/>" in lines[0]
 
 
 GHOST = """<body name="ghost" pos="0.5 0.2 0.25"><{joint}/>
@@ -93,14 +93,24 @@ def test_a_body_that_no_hand_touches_leaves_the_rest(joint: str, mask: str) -> N
     scene = parse_scene(f"<mujoco><worldbody>{inside}</worldbody></mujoco>")
     assert list(scene.bodies) == ["table", "ball"]
     (line,) = remarks(scene)
-    assert "'ghost' (no geom of it collides with the hand: give one contype" in line
-    assert SymbolicPlanner().plan(None, scene).tree is not None
+    assert "'ghost': no geom of it collides with the hand: give one contype" in line
+    plan = SymbolicPlanner().plan(None, scene)
+    assert plan.tree is not None
+    assert plan.notes == (line,)
+
+
+def test_where_no_hand_touches_the_only_object_something_is_missing() -> None:
+    ghost = GHOST.format(joint="freejoint", mask="0")
+    scene = parse_scene(f"<mujoco><worldbody>{TABLE}{ghost}</worldbody></mujoco>")
+    assert not any("Nothing is missing" in line for line in remarks(scene))
+    with pytest.raises(PlanRejected, match="Nothing is measured of 'ghost'"):
+        SymbolicPlanner().plan(None, scene)
 
 
 def test_a_free_body_without_a_shape_leaves_the_rest() -> None:
     frame = """<body name="frame"><freejoint/><site/>
     <inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/></body>"""
-    assert read(UNKNOWN + frame) == ("Nothing is measured of 'frame' (it has no geom).",)
+    assert read(UNKNOWN + frame) == ("Nothing is measured of 'frame': it has no geom.",)
 
 
 def test_what_nothing_collides_with_is_no_surface() -> None:
@@ -130,3 +140,5 @@ def test_the_mass_of_a_surface_needs_a_free_joint() -> None:
     scene = parse_scene(f"<mujoco><worldbody>{UNKNOWN}</worldbody></mujoco>")
     with pytest.raises(InputError, match=r"'table' is a surface, .*<freejoint/>"):
         named_parameters(["table.mass"], scene)
+    plan = SymbolicPlanner().plan("how heavy is the table?", scene)
+    assert "an object needs a body with a <freejoint/>" in plan.explanation

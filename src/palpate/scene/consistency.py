@@ -1,4 +1,6 @@
-"""Contradictions inside a scene's file, and how it is read in spite of them."""
+"""Contradictions inside a scene's file, and how it is read in spite of them.
+
+They are said by `gap` and with each plan, as they make measured values wrong or impossible."""
 
 from __future__ import annotations
 
@@ -29,6 +31,10 @@ def contradictions(scene: ResolvedScene) -> Iterator[str]:
             f'<compiler settotalmass="{total}"> scales every mass, that of a simulated arm, too: no mass acts as it '
             "is written, and a measured one cannot be stated; remove it."
         )
+    for untouchable, reason in scene.description.roles.untouchable.items():
+        called = untouchable.get("name")
+        label = f"'{called}'" if called else f"a body in line {untouchable.sourceline}"
+        yield f"Nothing is measured of {label}: {reason}."
     for key, names in placed_by_keyframes(scene).items():
         listed = ", ".join(f"'{name}'" for name in names)
         yield (

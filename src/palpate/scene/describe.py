@@ -28,7 +28,7 @@ from palpate.quantities.catalogue import Catalogue
 from palpate.scene.named.places import APPROACH
 from palpate.scene.poses import Poses
 
-AN_OBJECT = "what is to be measured as an object needs a <freejoint/>, and no other joint"
+AN_OBJECT = "an object needs a body with a <freejoint/>, and no other joint"
 CARRYING = 0.10
 """m: a static body narrower than this is a surface only when something stands on it."""
 

@@ -74,9 +74,6 @@ def _others(scene: Scene) -> Iterator[str]:
             "Neither object nor surface nor robot, as they have joints that are not free: "
             f"{_names(map(_label, roles.ignored))}. {_sentence(AN_OBJECT)}{advice}"
         )
-    if roles.untouchable:
-        reasons = [f"{_label(body)} ({reason})" for body, reason in roles.untouchable.items()]
-        yield f"Nothing is measured of {_names(reasons)}."
     copies: list[str] = []
     for attach in roles.copied:
         content = attach.get("body") or attach.get("frame") or attach.get("model") or ""
@@ -136,11 +133,10 @@ def _contradictions(scene: Scene) -> Iterator[str]:
 
 def _why_nothing(scene: Scene) -> Iterator[str]:
     if not scene.objects:
-        of_any = not scene.resolved.description.roles.untouchable
-        yield f"There is no object{': no body has a free joint' if of_any else ' to measure'}."
+        yield f"There is no object. {_sentence(AN_OBJECT)}"
     if not scene.surfaces:
         yield "There is no surface: nothing static has a name and a level top."
-    if scene.bodies and not scene.missing:
+    if scene.bodies and not scene.missing and not scene.resolved.description.roles.untouchable:
         yield (
             "Nothing is missing: the file states all that palpate would measure unasked. What is "
             "written `?` is measured, and what a request asks for with --remeasure."

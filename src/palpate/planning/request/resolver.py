@@ -10,6 +10,7 @@ from palpate.parameter import Parameter
 from palpate.planning.request.item import GRIPPER, Item
 from palpate.planning.request.sentence.query import Quantity
 from palpate.quantities.catalogue import Catalogue
+from palpate.scene.describe import AN_OBJECT
 from palpate.scene.scene import Scene
 
 SHOWN = 6
@@ -189,9 +190,11 @@ class Resolver:
         subject = self.catalogue[id].subject
         article = "an" if subject[0] in "aeiou" else "a"
         carriers = ", ".join(self._carriers(id)) or "none here"
+        is_fixed = subject == "object" and objects[0].names[0] in self.scene.surfaces
+        hint = f"; {AN_OBJECT}" if is_fixed else ""
         return (
             f"The {self.catalogue[id].label} of '{objects[0].text}' cannot be measured: it is measured of "
-            f"{article} {subject} ({carriers})."
+            f"{article} {subject} ({carriers}){hint}."
         )
 
     def _listed_bodies(self) -> str:

@@ -96,11 +96,12 @@ class SymbolicPlanner:
                 cannot.append(_unmeasured([parameter], quantity.how))
         found = with_needs(scene, wanted)
         made = assemble(scene, found, efforts=efforts(scene, found, self.within))
-        doubts = list(contradictions(scene.resolved)) if wanted else []
         unmeasured = (*made.failed, *cannot)
         reasons = [one.reason for one in unmeasured]
-        if made.failed and not made.measured:
-            raise PlanRejected(" ".join(dict.fromkeys([*reasons, *doubts])))
+        doubts = [one for one in contradictions(scene.resolved) if one not in " ".join(reasons)]
+        nothing_asked = not asked.asked and scene.resolved.description.roles.untouchable
+        if not made.measured and (made.failed or nothing_asked):
+            raise PlanRejected(" ".join([*reasons, *doubts]))
         notes = [known_note(parameter, scene) for parameter in known]
         sentences = [*asked.remarks, *explanation(made), *notes, *reasons]
         remarks = [*notes, *unknown_heights(made, scene), *doubts]
