@@ -5,6 +5,7 @@ They are said by `gap` and with each plan, as they make measured values wrong or
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
 
 import mujoco
@@ -41,39 +42,26 @@ def contradictions(scene: ResolvedScene) -> Iterator[str]:
             f"The keyframe '{key}' places {listed} elsewhere than the file's pos. Keyframes are not read: write "
             "the places into pos, or give them by --poses."
         )
-    bodies = scene.description.bodies
-    for name, other in overlaps(scene):
-        yield f"{overlap_of(scene, name, other)}."
-    for name, body in bodies.items():
-        foot = scene.shapes.cloud(body.elements.colliding).min(axis=0)[2]
-        for other in body.objects() if body.role == "object" and _has_open_z(scene, name) else ():
-            top = scene.shapes.cloud(other.elements.colliding).max(axis=0)[2]
-            if abs(top - foot) < MOVED and other.reaches_over(body.footing()):
-                yield f"The z of '{name}' is `?`: it is taken to stand on '{other.name}', whose z is written."
+    for sentence in overlaps(scene).values():
+        yield f"{sentence}."
+    for name, body in scene.description.bodies.items():
+        if body.role == "object" and _has_open_z(scene, name):
+            placed = replace(body, shapes=scene.shapes)
+            for other in (replace(other, shapes=scene.shapes) for other in body.objects()):
+                apart = abs(other.top_z - placed.bottom_z)
+                if apart < MOVED and other.reaches_over(placed.footing()):
+                    yield f"The z of '{name}' is `?`: it is taken to stand on '{other.name}', whose z is written."
 
 
-def overlap_of(scene: ResolvedScene, name: str, with_other: str | None = None) -> str:
-    """Sentence on the deepest overlap of a body, or on that `with_other`; empty without one."""
-    found = {pair: depth for pair, depth in overlaps(scene).items() if name in pair}
-    if with_other is not None:
-        found = {(name, with_other): found[name, with_other]}
-    if not found:
-        return ""
-    first, second = max(found, key=lambda pair: found[pair])
-    remedy = "correct the pos of one of them"
-    if _has_open_z(scene, first) or _has_open_z(scene, second):
-        remedy = (
-            "one whose z is `?` stands on the surface below it, or on an object there whose z is written; "
-            "write the z of the lower one"
-        )
-    depth = 1e3 * found[first, second]
-    return f"'{first}' and '{second}' overlap by {depth:.0f} mm where the scene has them: {remedy}"
+def overlap_of(scene: ResolvedScene, name: str) -> str:
+    """Sentence on the deepest overlap of a body; empty without one."""
+    return next((sentence for pair, sentence in overlaps(scene).items() if name in pair), "")
 
 
 @lru_cache(CACHED)
-def overlaps(scene: ResolvedScene) -> dict[tuple[str, str], float]:
-    """Largest depth, m, by which each object is inside another body, from MuJoCo's contacts where the scene
-    begins; of a pair, the object is the first."""
+def overlaps(scene: ResolvedScene) -> dict[tuple[str, str], str]:
+    """A sentence on each object that is inside another body, the deepest first, by the names of object and
+    body: from MuJoCo's contacts where the scene begins."""
     model, data = scene.shapes.model, mujoco.MjData(scene.shapes.model)
     mujoco.mj_fwdPosition(model, data)
     bodies = scene.description.bodies
@@ -83,12 +71,21 @@ def overlaps(scene: ResolvedScene) -> dict[tuple[str, str], float]:
         owners |= dict.fromkeys(ids, name)
     objects = [name for name, body in bodies.items() if body.role == "object"]
     geoms: list[list[int]] = data.contact.geom.reshape(-1, 2).tolist()
-    found: dict[tuple[str, str], float] = {}
-    for pair, distance in zip(geoms, data.contact.dist.tolist(), strict=True):
+    found: dict[tuple[str, str], str] = {}
+    for depth, pair in sorted(zip((-data.contact.dist).tolist(), geoms, strict=True), reverse=True):
         names = [owners.get(geom) or model.body(model.geom_bodyid[geom]).name for geom in pair]
         first, second = sorted(names, key=lambda name: name not in objects)
-        if first != second and first in objects and -distance > DEEP:
-            found[first, second] = max(found.get((first, second), 0.0), -distance)
+        if depth < DEEP or first == second or first not in objects or (first, second) in found:
+            continue
+        remedy = "correct the pos of one of them"
+        if _has_open_z(scene, first) or _has_open_z(scene, second):
+            remedy = (
+                "one whose z is `?` stands on the surface below it, or on an object there whose z is "
+                "written; write the z of the lower one"
+            )
+        found[first, second] = (
+            f"'{first}' and '{second}' overlap by {1e3 * depth:.0f} mm where the scene has them: {remedy}"
+        )
     return found
 
 

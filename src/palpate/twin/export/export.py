@@ -15,13 +15,15 @@ from palpate.estimation.estimate import Estimate
 from palpate.mjcf.document import Texts
 from palpate.mjcf.reading import reparsed
 from palpate.parameter import Parameter
+from palpate.redaction import redact
 from palpate.scene.describe import Description, describe
 from palpate.scene.poses import Poses
 from palpate.twin.export.facts import Facts, differences, facts_of, unnamed
-from palpate.twin.export.portable import SCENE, ready, write_contained
+from palpate.twin.export.portable import SCENE, ready
 from palpate.twin.export.randomisation import write_randomisation
 from palpate.twin.export.urdf import read_urdf, write_urdf
 from palpate.twin.export.usd import left_behind, read_usd, require_usd, write_usd
+from palpate.twin.files import pack
 from palpate.twin.twin import Twin, held_by_twin
 
 Format = Literal["mjcf", "urdf", "usd", "randomisation"]
@@ -83,7 +85,9 @@ def export_twin(
         raise InputError(f"there is no twin to export: {'; '.join(twin.notes) or 'nothing moved'}")
     document = reparsed(twin.texts or Texts(twin.xml), twin.scene.resolved.document)
     description = describe(document, Poses(), twin.scene.catalogue, settled=False)
-    write_contained(document, scratch)
+    for name, text in pack(document, scratch, SCENE).items():
+        # Keys of the environment reach no file that is handed on.
+        (scratch / name).write_text(redact(text), encoding="utf-8", newline="")
     scene = scratch / SCENE
     try:
         packed = mujoco.MjModel.from_xml_path(str(scene))

@@ -1,9 +1,4 @@
-"""Portable scenes: MJCF in one folder with its files, and a model whose bodies, masses and shapes other
-formats can state.
-
-The text of the MJCF does not change, but for its includes, which are replaced by their contents, and the
-names of files, which are copied to `assets/`.
-"""
+"""Models whose bodies, masses and shapes formats other than MJCF can state."""
 
 from __future__ import annotations
 
@@ -13,11 +8,8 @@ import mujoco
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
-from palpate.mjcf.document import Document
 from palpate.mjcf.shapes import mesh_corners
-from palpate.redaction import redact
 from palpate.twin.export.facts import unnamed
-from palpate.twin.files import pack
 
 SCENE = "scene.xml"
 """The name of the scene among its files."""
@@ -26,18 +18,6 @@ SUBDIVISIONS = 3
 READ = (".obj", ".stl")
 """Formats of meshes that are read everywhere."""
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
-
-
-def write_contained(document: Document, folder: Path) -> None:
-    """Write the document as `scene.xml`, attached models beside it, and its files as `assets/…`, into
-    an existing folder.
-
-    Raises:
-        InputError: a file has gone since the document was read.
-    """
-    for name, text in pack(document, folder, SCENE).items():
-        # Keys of the environment reach no file that is handed on.
-        (folder / name).write_text(redact(text), encoding="utf-8", newline="")
 
 
 def ready(scene: Path) -> tuple[mujoco.MjSpec, list[str]]:
