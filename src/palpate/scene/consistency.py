@@ -19,7 +19,7 @@ DEEP = 0.003
 rest are less deep."""
 MOVED = 0.001
 """m: an object nearer to its place in a keyframe, or to the top below it, is there."""
-CACHED = 16
+CACHED = 4
 NUMBERS = {"freejoint": 7, "free": 7, "ball": 4}
 """Numbers in `qpos` of a joint, by its kind; one for the others."""
 
