@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -49,8 +50,10 @@ def test_without_a_world_the_unknowns_are_drawn_the_same_for_the_same_seed() -> 
     assert set(one.drawn) == {Parameter("cup", "mass"), Parameter("table", "height")}
     assert one.drawn == again.drawn
     assert one.drawn != other.drawn
-    assert one.truth(Parameter("cup", "mass")) == one.drawn[Parameter("cup", "mass")]
-    assert one.truth(Parameter("cup", "friction")) == (0.5,)
+    drawn = one.drawn[Parameter("cup", "mass")]
+    assert one.truth(Parameter("cup", "mass")) == pytest.approx(drawn, rel=1e-6)
+    # The cup's own 0.5 does not act: MuJoCo takes the larger one, the table's.
+    assert one.truth(Parameter("cup", "friction")) == (0.6,)
     assert "drawn from priors" in one.description
 
 
@@ -69,7 +72,9 @@ def test_a_worlds_file_holds_the_truth(tmp_path: Path) -> None:
     assert cell.drawn == {}
     assert cell.truth(Parameter("cup", "mass")) == (0.3,)
     assert cell.truth(Parameter("table", "height")) == pytest.approx((0.0,))
-    assert cell.truth(Parameter("cup", "inertia")) is None
+    # Of a box of 60 x 40 x 100 mm: m (b² + c²) / 12.
+    inertia = cell.truth(Parameter("cup", "inertia"))
+    assert inertia == pytest.approx((2.9e-4, 3.4e-4, 1.3e-4, 0, 0, 0), abs=1e-9)
     assert cell.truth(Parameter("kettle", "mass")) is None
     assert cell.description == "simulated world world.xml"
 
@@ -206,6 +211,142 @@ def test_an_estimator_hears_of_the_datasheet_alone(tmp_path: Path) -> None:
     hand = cell.robot().hand
     assert (hand.torque_gain, hand.tip_offset, hand.tip_offset_std) == (0.03, 0.0095, 1e-3)
     assert hand.force_repeatability == cell.world.arm.nominal.force_repeatability, "not said"
+
+
+WORLD = """<mujoco>{before}<worldbody><site name="robot_base"/>
+  <body name="table" pos="0.5 0 0.2"><geom name="table" type="box" size=".3 .4 .02" {table}/></body>
+  <body name="cup" pos="0.5 0.1 {z}"><freejoint/>{inertial}<geom name="cup" type="box" size=".02 .03 .05" {cup}/></body>
+  <body name="drawer" pos="0.3 -.6 .3"><joint name="slide" type="slide" axis="1 0 0" {joint}/>
+    <geom name="handle" type="box" size=".02 .02 .02"/></body>
+</worldbody>{after}</mujoco>"""
+EMPTY = dict.fromkeys(("before", "table", "inertial", "cup", "joint", "after"), "") | {"z": "0.27"}
+INERTIAL = '<inertial pos="0 0 .01" mass=".3" diaginertia="1e-3 1e-4 1e-4"/>'
+PAIR = '<contact><pair geom1="table" geom2="cup" {}/></contact>'
+
+
+def as_compiled(model: mujoco.MjModel) -> dict[str, Array]:
+    """All that a world's file decides of its bodies, geoms, joints and pairs."""
+    found: dict[str, Array] = {}
+    for name in ("table", "cup", "drawer"):
+        body = model.body(name)
+        found |= {f"{name} {key}": getattr(body, key) for key in ("mass", "inertia", "ipos", "pos")}
+    for name in ("table", "cup", "handle"):
+        geom = model.geom(name)
+        keys = ("friction", "condim", "priority", "solref", "solimp", "margin")
+        found |= {f"{name} {key}": getattr(geom, key) for key in keys}
+    joint = model.joint("slide")
+    keys = ("damping", "frictionloss", "stiffness", "range", "armature")
+    found |= {key: getattr(joint, key) for key in keys}
+    scene = {model.geom(name).id for name in ("table", "cup")}
+    ends = zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True)
+    of_scene = [set(pair) == scene for pair in ends]
+    return found | {"pairs": model.pair_friction[of_scene].ravel()}
+
+
+@pytest.mark.parametrize(
+    ("changes", "truth"),
+    [
+        # Nothing stated: MuJoCo's density of 1000 kg/m³ and friction of 1.
+        ({}, {"cup.mass": 0.24, "cup.friction": 1.0, "drawer.damping": 0.0}),
+        ({"table": 'friction="0.3"'}, {"cup.friction": 1.0}),
+        ({"cup": 'friction="0.2"', "table": 'friction="0.3"'}, {"cup.friction": 0.3}),
+        ({"cup": 'condim="1"', "table": 'condim="1"'}, {"cup.friction": 0.0}),
+        ({"cup": 'condim="1"'}, {"cup.friction": 1.0}),
+        (
+            {"before": '<default><geom friction="0.35" density="300"/></default>'},
+            {"cup.mass": 0.072, "cup.friction": 0.35},
+        ),
+        (
+            {
+                "before": '<default><default class="slippery"><geom friction=".15" priority="1"/></default></default>',
+                "cup": 'class="slippery"',
+            },
+            {"cup.friction": 0.15},
+        ),
+        ({"after": PAIR.format("")}, {"cup.friction": 1.0}),
+        (
+            {"after": PAIR.format(""), "cup": 'friction="0.2"', "table": 'friction="0.3"'},
+            {"cup.friction": 1.0},
+        ),
+        ({"after": PAIR.format('friction="0.45 0.45"')}, {"cup.friction": 0.45}),
+        ({"after": PAIR.format('condim="1"')}, {"cup.friction": 0.0}),
+        ({"before": '<compiler settotalmass="3"/>'}, {"cup.mass": 0.0369155}),
+        ({"before": '<compiler boundmass="2" boundinertia="0.01"/>'}, {"cup.mass": 2.0}),
+        (
+            {"before": '<compiler inertiafromgeom="true"/>', "inertial": INERTIAL},
+            {"cup.mass": 0.24},
+        ),
+        ({"before": '<compiler balanceinertia="true"/>', "inertial": INERTIAL}, {"cup.mass": 0.3}),
+        (
+            {"joint": 'damping="3" frictionloss="2"'},
+            {"drawer.damping": 3.0, "drawer.frictionloss": 2.0},
+        ),
+        ({"joint": 'springdamper="0.2 1"'}, {"drawer.damping": 0.64, "drawer.spring": 1.6}),
+        ({"table": 'solref="-2000 -50" solimp=".1 .1 .001"'}, {"table.height": 0.22}),
+        (
+            {"before": '<option><flag override="enable"/></option>', "cup": 'friction=".2"'},
+            {"cup.friction": 1.0},
+        ),
+        ({"z": "0.275"}, {"cup.friction": 1.0}),
+        ({"after": '<keyframe><key qpos="0 0 1 1 0 0 0 0"/></keyframe>'}, {"cup.mass": 0.24}),
+    ],
+)
+def test_a_world_is_its_file_as_mujoco_compiles_it(
+    tmp_path: Path, changes: dict[str, str], truth: dict[str, float]
+) -> None:
+    """No prior fills it, and the truth is what acts."""
+    path, scene = tmp_path / "world.xml", parse_scene(WORLD.format(**EMPTY))
+    path.write_text(WORLD.format(**EMPTY | changes))
+    cell = simulated_cell(scene, path, noise="none")
+    wanted, made = mujoco.MjModel.from_xml_path(str(path)), cell.robot().world.model
+    for key, value in as_compiled(wanted).items():
+        assert as_compiled(made)[key] == pytest.approx(value, rel=1e-6), key
+    # The arm in it keeps its own masses.
+    alone = simulated_cell(scene, noise="none").robot().world.model
+    assert made.body("robot/fr3_link5").mass == pytest.approx(alone.body("robot/fr3_link5").mass)
+    assert truth == {
+        key: pytest.approx(cell.truth(Parameter(*key.split(".")))[0], rel=1e-5) for key in truth
+    }
+
+
+def test_a_scene_that_is_given_as_the_world_is_compiled_likewise() -> None:
+    """Only a scene without a world has its unknowns drawn."""
+    scene = parse_scene(WORLD.format(**EMPTY))
+    cell = simulated_cell(scene, scene, noise="none")
+    assert cell.truth(Parameter("cup", "mass")) == pytest.approx((0.24,))
+    assert cell.robot().world.model.body("cup").mass == pytest.approx(0.24)
+    assert simulated_cell(scene, noise="none").truth(Parameter("cup", "mass")) != pytest.approx(
+        (0.24,)
+    )
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"cup": 'mass="?"'},
+        {"joint": 'damping="?"'},
+        {"before": '<default><geom friction="?"/></default>'},
+    ],
+)
+def test_a_world_with_an_unknown_is_refused(tmp_path: Path, changes: dict[str, str]) -> None:
+    path, scene = tmp_path / "world.xml", parse_scene(WORLD.format(**EMPTY))
+    path.write_text(WORLD.format(**EMPTY | changes))
+    with pytest.raises(InputError, match=r"the world states no value of <.*drawn from priors"):
+        simulated_cell(scene, path)
+
+
+def test_an_object_on_the_seam_of_two_frictions_has_no_true_coefficient() -> None:
+    seam = '<geom type="box" size=".3 .2 .02" pos="0 {} 0" friction="{}"/>'
+    text = WORLD.format(**EMPTY | {"cup": 'friction="0.1"'}).replace('pos="0.5 0.1 ', 'pos="0.5 0 ')
+    whole = '<geom name="table" type="box" size=".3 .4 .02" />'
+    assert whole in text
+    halves = [
+        text.replace(whole, seam.format(0.2, 0.6) + seam.format(-0.2, mu)) for mu in (0.3, 0.6)
+    ]
+    truths = [
+        SimulatedCell(parse_scene(half)).truth(Parameter("cup", "friction")) for half in halves
+    ]
+    assert truths == [None, pytest.approx((0.6,))]
 
 
 def test_an_arm_that_stands_elsewhere_is_another_workplace(tmp_path: Path) -> None:

@@ -267,7 +267,8 @@ def test_a_width_that_a_grasp_tells_on_the_way_corrects_a_size_that_is_unsure(tm
     """Only the mass is asked for; a size that nobody marked as unsure stays as it is stated."""
     scene, world = tmp_path / "scene.xml", tmp_path / "world.xml"
     scene.write_text(MARKED.format(".03", ""))
-    text = MARKED.format(".03", ' mass=".3"').replace(".03 .03 .05", ".029 .029 .05")
+    stated = ' mass=".3" friction="0.5" priority="1"'
+    text = MARKED.format(".03", stated).replace(".03 .03 .05", ".029 .029 .05")
     world.write_text(text)
     poses = "objects: {box: {pos: [0.5, 0, 0.2], std: 0.003}}"
     (tmp_path / "poses.yaml").write_text(poses)

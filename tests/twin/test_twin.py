@@ -10,7 +10,7 @@ import pytest
 
 from palpate.estimation.agreement import FitTest
 from palpate.estimation.estimate import BELIEVED, Estimate, Part, not_identified
-from palpate.mjcf.contacts import pair_friction
+from palpate.mjcf.contacts import acting_friction
 from palpate.parameter import Parameter
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
@@ -150,4 +150,4 @@ def test_the_pair_of_a_friction_acts_and_is_said_where_the_support_may_decide(
     found = replace(estimate(Parameter("cup", "friction"), value), evidence=(slid,))
     twin = build(parse_scene(text), found)
     assert any("pair with table" in note for note in twin.notes) == is_said
-    assert pair_friction(parse_scene(twin.xml).resolved.description.bodies["cup"]) == value
+    assert acting_friction(parse_scene(twin.xml).resolved.description.bodies["cup"]) == value

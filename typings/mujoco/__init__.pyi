@@ -150,6 +150,7 @@ class MjOption:
     cone: int
     impratio: float
     ccd_tolerance: float
+    o_margin: float
 
 class MjVisual:
     class Global:
@@ -260,6 +261,7 @@ class MjModel:
     body_mass: _Doubles
     body_subtreemass: _Doubles
     body_inertia: _Doubles
+    body_margin: _Doubles
     jnt_type: _Ints
     jnt_bodyid: _Ints
     jnt_actfrcrange: _Doubles
@@ -284,6 +286,7 @@ class MjModel:
     eq_objtype: _Ints
     eq_active0: NDArray[np.bool_]
     geom_priority: _Ints
+    geom_margin: _Doubles
     geom_solref: _Doubles
     geom_solimp: _Doubles
     geom_condim: _Ints
@@ -291,6 +294,7 @@ class MjModel:
     pair_geom1: _Ints
     pair_geom2: _Ints
     pair_friction: _Doubles
+    pair_margin: _Doubles
     geom_rbound: _Doubles
     geom_dataid: _Ints
     geom_group: _Ints
@@ -379,6 +383,8 @@ class _MjContactList:
     dist: _Doubles
     pos: _Doubles
     frame: _Doubles
+    friction: _Doubles
+    dim: _Ints
 
 class MjData:
     time: float
@@ -865,6 +871,7 @@ def mj_kinematics(m: MjModel, d: MjData) -> None: ...
 def mj_comPos(m: MjModel, d: MjData) -> None: ...
 def mj_crb(m: MjModel, d: MjData) -> None: ...
 def mj_comVel(m: MjModel, d: MjData) -> None: ...
+def mj_setConst(m: MjModel, d: MjData) -> None: ...
 def mj_fwdPosition(m: MjModel, d: MjData) -> None: ...
 def mj_fullM(m: MjModel, d: MjData, dst: _Doubles) -> None: ...
 def mj_jac(

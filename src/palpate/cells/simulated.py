@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from palpate.errors import InputError
-from palpate.mjcf.body import Body
+from palpate.mjcf.body import Body, BodyDescription
 from palpate.parameter import Parameter
 from palpate.pictures.annotate import closer_png
 from palpate.pictures.film import Footage
 from palpate.pictures.moments import render_workspace
 from palpate.pictures.renderer import extent, gl_available
 from palpate.robots.simulated.noise import DEFAULT_LEVEL
-from palpate.scene.load import load_scene
+from palpate.scene.load import NOTHING, as_world, load_scene
 from palpate.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class SimulatedCell:
     """A world made of MJCF, with what is true in it. Implements `palpate.cells.cell.Cell`.
 
     Attributes:
-        world: the world as a scene, with a value for every quantity that acts.
+        world: the world as a scene: a world of its own (`palpate.scene.load.as_world`), or D.
         drawn: values drawn from priors, for a world made from D.
         description: for the report.
         noise: noise model of the robot, by name or file.
@@ -72,6 +72,7 @@ class SimulatedCell:
     names: Mapping[str, str] = field(default_factory=dict[str, str])
     _robot: MujocoRobot | None = field(default=None, init=False, repr=False)
     _spec: MjSpec | None = field(default=None, init=False, repr=False)
+    _compiled: Mapping[str, BodyDescription] | None = field(default=None, init=False, repr=False)
 
     @property
     def simulated(self) -> bool:
@@ -137,23 +138,14 @@ class SimulatedCell:
         return Footage(world.model, tuple(world.frames), self._spec)
 
     def truth(self, parameter: Parameter) -> tuple[float, ...] | None:
-        """Return the true value in the world, None where undefined. Call it after estimating only."""
-        if parameter in self.drawn:
-            return self.drawn[parameter]
-        body = self.world.bodies.get(self.names.get(parameter.object, parameter.object))
-        if body is None:
-            return None
-        quantity = self.world.catalogue.get(parameter.quantity)
-        if quantity is None:
-            return body.known.get(parameter.quantity)
-        if quantity.stands_for is not None:
-            # The file states another quantity in its place.
-            return self.truth(Parameter(parameter.object, quantity.stands_for))
-        stated = body.known.get(parameter.quantity, quantity.shown(body))
-        # The acting value may differ from the stated one: MuJoCo combines the frictions of a pair.
-        if stated is None:
-            return None
-        return quantity.acting(self.world.resolved.description.bodies[body.name], stated)
+        """Return the value that acts in the compiled world, None where undefined. Call it after
+        estimating only."""
+        if self._compiled is None:
+            self._compiled = self.world.resolved.compiled(self.drawn)
+        body = self._compiled.get(self.names.get(parameter.object, parameter.object))
+        quantity = (self.scene or self.world).catalogue.get(parameter.quantity)
+        acting = None if body is None or quantity is None else quantity.compiled(body)
+        return self.drawn.get(parameter) if acting is None else acting
 
 
 def draw_truth(scene: Scene, seed: int) -> dict[Parameter, tuple[float, ...]]:
@@ -201,7 +193,8 @@ def simulated_cell(
     made_of = f"simulated world {world.name}"
     if isinstance(world, Path):
         arm = scene.arm if scene is not None else arm
-        world = load_scene(world, arm=arm, root=root, robot_body=robot_body)
+        world = load_scene(world, None, arm, NOTHING, root, robot_body)
+    world = as_world(world)
     names: dict[str, str] = {}
     if scene is not None and seen:
         # A detected scene has other names and rough sizes: only the arm's place must agree.

@@ -18,12 +18,15 @@ with the mass of what presses and the number of points at which it touches.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from copy import copy
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.mjcf.body import BodyDescription
+from palpate.mjcf.document import Element
 from palpate.mjcf.edits import Edit, number
 from palpate.mjcf.inertial import mass_of
 from palpate.mjcf.shapes import RESTING
@@ -36,6 +39,10 @@ LIFTING = 0.1
 """m/s, usual speed of a carried object."""
 FRICTIONAL = 3
 """Least `condim` of a contact with friction."""
+UPWARD = 0.7
+"""Least vertical component of the normal of a contact that carries."""
+SAME_TOP = 0.001
+"""m: largest difference in distance of tops that carry an object together."""
 FINGERTIPS = 5.37
 """kg as which MuJoCo rates both fingertips of palpate's arms in a contact: 16 points, the corners of two boxes a
 finger, of 2.98 /kg each. A test compares it with their models."""
@@ -64,58 +71,98 @@ def highest_priority(body: BodyDescription) -> int:
     return max([0, *body.shapes.model.geom_priority[standing].tolist()])
 
 
+@dataclass(frozen=True, slots=True)
+class StandingContact:
+    """Contact of an object with what it stands on, with the parameters that MuJoCo combines for it.
+
+    Attributes:
+        own, below: ids of the object's geom and of the one that carries it.
+        sliding: coefficient of sliding friction; 0 for a contact without friction (`condim="1"`).
+    """
+
+    own: int
+    below: int
+    sliding: float
+
+
+def standing_contacts(body: BodyDescription) -> tuple[StandingContact, ...]:
+    """Find the contacts of an object with what is less than `RESTING` below it, as compiled.
+
+    MuJoCo itself combines their parameters: `<pair>`, priority, the larger of two, overrides.
+    """
+    own = [body.shapes.geom_ids[geom] for geom in body.elements.colliding]
+    # A margin lets MuJoCo find a support that the object does not quite touch.
+    model = copy(body.shapes.model)
+    model.geom_margin[own] = model.opt.o_margin = RESTING
+    model.body_margin[model.geom_bodyid[own]] = RESTING
+    model.pair_margin[:] = RESTING
+    data = mujoco.MjData(model)
+    mujoco.mj_fwdPosition(model, data)
+    is_own = np.isin(data.contact.geom, own)
+    # The normal points from the first geom to the second: upwards into the object.
+    up = data.contact.frame[:, 2] * np.where(is_own[:, 1], 1.0, -1.0)
+    carrying = is_own.any(axis=1) & ~is_own.all(axis=1) & (up > UPWARD)
+    # Of several tops, one above the other, the nearest carries.
+    distances = data.contact.dist
+    nearest = distances.min(where=carrying, initial=np.inf)
+    found: list[StandingContact] = []
+    for i in np.flatnonzero(carrying & (distances < nearest + SAME_TOP)).tolist():
+        (mine,) = data.contact.geom[i, is_own[i]].tolist()
+        (below,) = data.contact.geom[i, ~is_own[i]].tolist()
+        # A pair may state two coefficients, along two axes.
+        has_friction = bool(data.contact.dim[i] >= FRICTIONAL)
+        for sliding in data.contact.friction[i, :2].tolist():
+            found.append(StandingContact(mine, below, sliding * has_friction))
+    return tuple(dict.fromkeys(found))
+
+
 def what_decides(body: BodyDescription) -> str:
     """Name the statement that decides the contact friction in place of the object's own; empty if
     its own does."""
     model = body.shapes.model
     if model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
         return "<option> overrides the friction of every contact"
-    standing = static_geoms(body)
-    priorities, frictions = model.geom_priority[standing], model.geom_friction[standing, 0]
-    pairs = np.column_stack([model.pair_geom1, model.pair_geom2])
-    for geom in body.elements.colliding:
-        i = body.shapes.geom_ids[geom]
-        # A `<pair>` of this geom and a static one, with another friction or none.
-        mine = (pairs == i).any(axis=1) & np.isin(pairs, standing).any(axis=1)
-        other = ~np.isclose(model.pair_friction[:, 0], model.geom_friction[i, 0], rtol=1e-6)
-        if (mine & (other | (model.pair_dim < FRICTIONAL))).any():
-            return "a <pair> decides how it rubs on what it stands on"
-        above = priorities > model.geom_priority[i]
-        above |= (priorities == model.geom_priority[i]) & (frictions > model.geom_friction[i, 0])
-        if above.any():
+    for contact in standing_contacts(body):
+        if contact.sliding == 0.0 < float(model.geom_friction[contact.own, 0]):
+            return 'its contact with what it stands on is without friction (condim="1")'
+        if not np.isclose(contact.sliding, model.geom_friction[contact.own, 0], rtol=1e-6):
             return "what it stands on decides, by its priority or its larger friction"
-        if model.geom_condim[i] < FRICTIONAL:
-            return 'its contacts are without friction (condim="1")'
     return ""
 
 
-def pair_friction(body: BodyDescription) -> float | None:
-    """Sliding friction of an object on its supporting surface, by MuJoCo's rules for a pair of geoms;
-    None without such a surface."""
-    model, foot = body.shapes.model, body.footing()
-    for surface in body.surfaces():
-        if surface.reaches_over(foot) and abs(foot[2] - surface.top_z) < RESTING:
-            below = body.shapes.geom_ids[surface.carrier]
-            own = [body.shapes.geom_ids[geom] for geom in body.elements.colliding]
-            return max(friction_of_geoms(model, geom, below) for geom in own)
-    return None
+def acting_friction(body: BodyDescription) -> float | None:
+    """Sliding friction that acts between an object and what it stands on; None where nothing carries
+    it, and where its contacts differ, so that no single coefficient acts."""
+    found = [contact.sliding for contact in standing_contacts(body)]
+    return found[0] if found and np.ptp(found) < 1e-9 else None
+
+
+def static_pairs(body: BodyDescription) -> tuple[Element, ...]:
+    """Explicit `<pair>`s of an object's colliding geoms with static ones, from which MuJoCo takes the
+    friction of their contacts, whatever the geoms state."""
+    model, geoms = body.shapes.model, body.shapes.geom_ids
+    if not len(model.pair_dim):
+        return ()
+    static = set(static_geoms(body).tolist())
+    roots = dict.fromkeys(geom.getroottree().getroot() for geom in geoms)
+    found: list[Element] = []
+    for pair in (pair for root in roots for pair in root.iterfind("contact/pair")):
+        root, ends = pair.getroottree().getroot(), {pair.get("geom1"), pair.get("geom2")}
+        # The main file names geoms as compiled, an attached model by the names of its own.
+        ids = {
+            i
+            for geom, i in geoms.items()
+            if model.geom(i).name in ends
+            or (geom.get("name") in ends and geom.getroottree().getroot() is root)
+        }
+        if ids & static and ids & {geoms[geom] for geom in body.elements.colliding}:
+            found.append(pair)
+    return tuple(found)
 
 
 def surface_friction(surface: BodyDescription) -> float:
     """Sliding friction that a surface states, of the geom that carries."""
     return float(surface.shapes.model.geom_friction[surface.shapes.geom_ids[surface.carrier], 0])
-
-
-def friction_of_geoms(model: mujoco.MjModel, geom: int, other: int) -> float:
-    """Sliding friction between two geoms: of their `<pair>`, their priority, or the larger one."""
-    pairs = np.sort(np.column_stack([model.pair_geom1, model.pair_geom2]), axis=1)
-    stated = np.flatnonzero((pairs == sorted((geom, other))).all(axis=1))
-    if len(stated):
-        return float(model.pair_friction[stated[0], 0])
-    first, second = model.geom_priority[[geom, other]].tolist()
-    if first == second:
-        return float(model.geom_friction[[geom, other], 0].max())
-    return float(model.geom_friction[geom if first > second else other, 0])
 
 
 def spring_of(body: BodyDescription) -> tuple[float, float] | None:

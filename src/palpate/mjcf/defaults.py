@@ -10,6 +10,9 @@ from palpate.mjcf.edits import Edit
 MUJOCO_FRICTION = ("1", "0.005", "0.0001")
 """MuJoCo's default sliding, torsional and rolling friction."""
 
+MUJOCO_PAIR_FRICTION = "1 1 0.005 0.0001 0.0001"
+"""MuJoCo's default friction of a `<pair>`: sliding along two axes, torsional, rolling about two axes."""
+
 INHERITED: Mapping[str, tuple[str, ...] | None] = {
     "mass": None,
     "density": None,

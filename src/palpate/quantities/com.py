@@ -79,7 +79,7 @@ class CentreOfMass(Quantity):
             return "assumed"
         return "missing" if lacks(body.elements.inertial, "pos") else "known"
 
-    def known(self, body: BodyDescription) -> tuple[float, ...]:
+    def compiled(self, body: BodyDescription) -> tuple[float, ...]:
         return com_of(body)
 
     def overruled(self, body: BodyDescription) -> str:

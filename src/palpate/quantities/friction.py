@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import ClassVar
 
@@ -19,9 +19,15 @@ from palpate.estimation.friction.whole import fit_whole
 from palpate.estimation.load.observation import observe
 from palpate.estimation.load.weighing import hangs_free
 from palpate.mjcf.body import Body, BodyDescription
-from palpate.mjcf.contacts import highest_priority, pair_friction, what_decides
-from palpate.mjcf.defaults import MUJOCO_FRICTION
-from palpate.mjcf.document import UNKNOWN, Element, tokens
+from palpate.mjcf.contacts import (
+    acting_friction,
+    highest_priority,
+    standing_contacts,
+    static_pairs,
+    what_decides,
+)
+from palpate.mjcf.defaults import MUJOCO_FRICTION, MUJOCO_PAIR_FRICTION
+from palpate.mjcf.document import UNKNOWN, Element, has_unknown, tokens
 from palpate.mjcf.edits import Edit, Slot, number
 from palpate.mjcf.elements import Elements
 from palpate.parameter import Parameter
@@ -70,9 +76,16 @@ class Friction(Quantity):
     estimators: ClassVar = {"drag": "palpate.quantities.friction:estimate_friction"}
 
     def status(self, body: BodyDescription) -> Status:
-        return "missing" if open_geoms(body) else "known"
+        """Status of the pairs where explicit ones decide, unless a geom is written `?`."""
+        pairs, geoms = static_pairs(body), open_geoms(body)
+        if pairs and not any(has_unknown(geom, "friction", 0) for geom in geoms):
+            return "missing" if open_pairs(body, pairs) else "known"
+        return "missing" if geoms else "known"
 
     def known(self, body: BodyDescription) -> tuple[float, ...]:
+        acting = acting_friction(body) if static_pairs(body) else None
+        if acting is not None:
+            return (acting,)
         ids = [body.shapes.geom_ids[geom] for geom in body.elements.colliding]
         return (float(max(body.shapes.model.geom_friction[i][0] for i in ids)),)
 
@@ -89,8 +102,8 @@ class Friction(Quantity):
     def write(
         self, body: BodyDescription, value: tuple[float, ...], std: float | None
     ) -> Iterator[Edit]:
-        """Write with a `priority` above that of all static geoms. Without it MuJoCo would take the larger
-        of the object's and its support's coefficient, or the support's."""
+        """Write with a `priority` above that of all static geoms, and into explicit pairs with them. Without
+        it MuJoCo would take the larger of the object's and its support's coefficient, or the support's."""
         text, above = number(value[0], std), highest_priority(body) + 1
         for geom in open_geoms(body) or body.elements.colliding:
             base = body.defaults.attribute(geom, "friction") or " ".join(MUJOCO_FRICTION)
@@ -100,11 +113,20 @@ class Friction(Quantity):
             yield Edit(geom, "friction", {**numbers, 0: text}, base)
             if int(body.defaults.attribute(geom, "priority") or 0) < above:
                 yield Edit(geom, "priority", {0: str(above)}, "0")
+        pairs = static_pairs(body)
+        for pair in open_pairs(body, pairs) or pairs:
+            base = body.defaults.attribute(pair, "friction") or MUJOCO_PAIR_FRICTION
+            # A pair has a coefficient for each of two directions; MuJoCo lets the second one be left out.
+            both = {0: text, 1: text} if len(tokens(base)) > 1 else {0: f"{text} {text}"}
+            yield Edit(pair, "friction", both, base)
 
-    def acting(self, body: BodyDescription, stated: tuple[float, ...]) -> tuple[float, ...]:
-        """Friction of the pair with the support: a slide measures that one."""
-        pair = pair_friction(body)
-        return stated if pair is None else (pair,)
+    def compiled(self, body: BodyDescription) -> tuple[float, ...] | None:
+        """Friction of the contact with the support, which a slide measures; the object's own where
+        nothing carries it, None where several coefficients act."""
+        if not standing_contacts(body):
+            return self.known(body)
+        acting = acting_friction(body)
+        return None if acting is None else (acting,)
 
     def overruled(self, body: BodyDescription) -> str:
         return what_decides(body)
@@ -118,6 +140,11 @@ def open_geoms(body: BodyDescription) -> tuple[Element, ...]:
     if marked or any(stated.values()):
         return marked
     return geoms
+
+
+def open_pairs(body: BodyDescription, pairs: Iterable[Element]) -> tuple[Element, ...]:
+    """Those of the `pairs` whose friction nothing states."""
+    return tuple(pair for pair in pairs if body.defaults.attribute(pair, "friction") is None)
 
 
 def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:

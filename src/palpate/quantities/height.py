@@ -69,7 +69,7 @@ class Height(Quantity):
     def status(self, body: BodyDescription) -> Status:
         return "missing" if body.top_is_open else "known"
 
-    def known(self, body: BodyDescription) -> tuple[float, ...]:
+    def compiled(self, body: BodyDescription) -> tuple[float, ...]:
         return (body.top_z,)
 
     def slots(self, elements: Elements) -> Iterator[Slot]:

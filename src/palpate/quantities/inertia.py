@@ -65,7 +65,7 @@ class Inertia(Quantity):
             return "assumed"
         return "missing" if inertia_is_open(body.elements.inertial) else "known"
 
-    def known(self, body: BodyDescription) -> tuple[float, ...]:
+    def compiled(self, body: BodyDescription) -> tuple[float, ...]:
         return tuple(components(whole(body.shapes.model, body.name).tensor))
 
     def overruled(self, body: BodyDescription) -> str:

@@ -81,7 +81,7 @@ class Mass(Quantity):
     def status(self, body: BodyDescription) -> Status:
         return "missing" if mass_is_open(body) else "known"
 
-    def known(self, body: BodyDescription) -> tuple[float, ...]:
+    def compiled(self, body: BodyDescription) -> tuple[float, ...]:
         return (mass_of(body),)
 
     def overruled(self, body: BodyDescription) -> str:

@@ -60,7 +60,7 @@ class Position(Quantity):
     def status(self, body: BodyDescription) -> Status:
         return "missing" if has_unknown(body.elements.element, "pos", 0, 1) else "known"
 
-    def known(self, body: BodyDescription) -> tuple[float, ...]:
+    def compiled(self, body: BodyDescription) -> tuple[float, ...]:
         x, y, _ = body.pose_world.position
         return float(x), float(y)
 

@@ -258,22 +258,17 @@ class Quantity:
         return "not applicable"
 
     def known(self, body: BodyDescription) -> tuple[float, ...]:
-        """Value that the file states; called only where it states one."""
-        raise NotImplementedError(f"{self.id} has no place in MJCF")
-
-    def shown(self, body: Body) -> tuple[float, ...] | None:
-        """Value that a body's geometry implies though no file states it (a size); None if there is
-        none."""
-        return None
+        """Value that the file states; called only where it states one. The compiled one by default."""
+        compiled = self.compiled(body)
+        if compiled is None:
+            raise NotImplementedError(f"{self.id} has no place in MJCF")
+        return compiled
 
     def compiled(self, body: BodyDescription) -> tuple[float, ...] | None:
-        """Value in the compiled model of `body`, where the file states it by several numbers together;
-        None if there is none."""
-        return None
-
-    def acting(self, body: BodyDescription, stated: tuple[float, ...]) -> tuple[float, ...]:
-        """Value that acts in the compiled world: the `stated` one, unless another body shares in it."""
-        return stated
+        """Value that acts in the compiled model of `body`, whatever the file leaves to MuJoCo's defaults;
+        None if there is no such value. By default the one that the file states."""
+        reads_file = type(self).known is not Quantity.known
+        return self.known(body) if reads_file and self.status(body) == "known" else None
 
     def overruled(self, body: BodyDescription) -> str:
         """Name the statement elsewhere in the file that overrides the one of `body`; empty if there

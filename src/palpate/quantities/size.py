@@ -96,9 +96,6 @@ class Size(Quantity):
             if body.name in other.carries and "height" in other.missing:
                 yield Parameter(other.name, "height")
 
-    def shown(self, body: Body) -> tuple[float, ...]:
-        return tuple(body.size.tolist())
-
     def compiled(self, body: BodyDescription) -> tuple[float, ...]:
         return tuple(body.box()[1].tolist())
 

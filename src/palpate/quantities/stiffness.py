@@ -60,10 +60,9 @@ class Stiffness(Quantity):
         """Known where a direct `solref` makes its contact a linear spring."""
         return "not applicable" if spring_of(body) is None else "known"
 
-    def known(self, body: BodyDescription) -> tuple[float, ...]:
+    def compiled(self, body: BodyDescription) -> tuple[float, ...] | None:
         spring = spring_of(body)
-        assert spring is not None
-        return spring[:1]
+        return None if spring is None else spring[:1]
 
     def write(
         self, body: BodyDescription, value: tuple[float, ...], std: float | None
@@ -102,10 +101,9 @@ class ContactDamping(Quantity):
     def status(self, body: BodyDescription) -> Status:
         return "not applicable" if spring_of(body) is None else "known"
 
-    def known(self, body: BodyDescription) -> tuple[float, ...]:
+    def compiled(self, body: BodyDescription) -> tuple[float, ...] | None:
         spring = spring_of(body)
-        assert spring is not None
-        return spring[1:]
+        return None if spring is None else spring[1:]
 
     def write(
         self, body: BodyDescription, value: tuple[float, ...], std: float | None

@@ -29,7 +29,7 @@ def contradictions(scene: ResolvedScene) -> Iterator[str]:
     total = compiler_settings(scene.document.root).get("settotalmass", "")
     if total and not total.strip().startswith("-"):
         yield (
-            f'<compiler settotalmass="{total}"> scales every mass, that of a simulated arm, too: no mass acts as it '
+            f'<compiler settotalmass="{total}"> scales every mass: no mass acts as it '
             "is written, and a measured one cannot be stated; remove it."
         )
     for untouchable, reason in scene.description.roles.untouchable.items():

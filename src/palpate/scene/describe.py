@@ -101,7 +101,7 @@ def describe(
     for body in roles.bodies.values():
         for quantity in catalogue.of(body.role):
             slots += quantity.slots(body)
-    _refuse_other_unknowns(document, roles, slots)
+    _refuse_other_unknowns(document, roles, slots, catalogue)
     for names, kind, valid in (
         (poses.objects, "object in poses", roles.bodies),
         (poses.grasps, "object in grasps", roles.graspable),
@@ -153,8 +153,10 @@ def _described(roles: Roles, shapes: Shapes, poses: Poses) -> dict[str, BodyDesc
     return found
 
 
-def _refuse_other_unknowns(document: Document, roles: Roles, slots: Iterable[Slot]) -> None:
-    """Refuse a `?` that stands in no slot."""
+def _refuse_other_unknowns(
+    document: Document, roles: Roles, slots: Iterable[Slot], catalogue: Catalogue
+) -> None:
+    """Refuse a `?` that stands in no slot; in a world, whose catalogue is empty, each `?`."""
     allowed: dict[tuple[Element, str], list[Slot]] = {}
     for slot in slots:
         allowed.setdefault((slot.element, slot.attribute), []).append(slot)
@@ -169,11 +171,17 @@ def _refuse_other_unknowns(document: Document, roles: Roles, slots: Iterable[Slo
         in_default = next(element.iterancestors("default"), None) is not None
         for key, value in element.items():
             attribute, text = str(key), str(value)
-            if attribute == "name" or (attribute in INHERITED and in_default):
+            if attribute == "name" or (attribute in INHERITED and in_default and catalogue):
                 continue
             unknown = {i for i, part in enumerate(tokens(text)) if part == UNKNOWN}
             for slot in allowed.get((element, attribute), []) if unknown else ():
                 unknown -= {i for i in unknown if slot.covers(i)}
+            if unknown and not catalogue:
+                raise InputError(
+                    f'the world states no value of {label(element)}: {attribute}="{text[:60]}"; a world is simulated '
+                    "as MuJoCo compiles it: write a number or remove the attribute, or give no world, and the "
+                    "unknowns of the scene are drawn from priors"
+                )
             if unknown:
                 raise InputError(
                     f'{label(element)}: {attribute}="{text[:60]}" cannot be measured; '

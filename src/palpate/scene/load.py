@@ -20,6 +20,9 @@ from palpate.scene.raised import level, raised
 from palpate.scene.resolve import resolve
 from palpate.scene.scene import Scene
 
+NOTHING = Catalogue(())
+"""Catalogue of a simulated world: nothing in it is unknown, so that no prior fills it."""
+
 
 def load_scene(
     path: Path,
@@ -45,7 +48,13 @@ def load_scene(
     text = read_text(path)
     document = parse_document(text, path.resolve().parent, str(path), root, robot_body)
     given = Poses() if poses is None else read_poses(Path(poses))
-    return _scene(document, path, given, arm or load_description(), quantities or catalogue())
+    return _scene(
+        document,
+        path,
+        given,
+        arm or load_description(),
+        catalogue() if quantities is None else quantities,
+    )
 
 
 def parse_scene(
@@ -64,7 +73,27 @@ def parse_scene(
     """
     document = parse_document(text, folder, robots=robot_body)
     given = parse_poses(poses) if isinstance(poses, str) else poses or Poses()
-    return _scene(document, None, given, arm or load_description(), quantities or catalogue())
+    return _scene(
+        document,
+        None,
+        given,
+        arm or load_description(),
+        catalogue() if quantities is None else quantities,
+    )
+
+
+def as_world(scene: Scene) -> Scene:
+    """The scene as a simulated world, exactly as MuJoCo compiles it: what it leaves out has MuJoCo's
+    default, and nothing in it is unknown.
+
+    Raises:
+        InputError: a value is written `?`.
+    """
+    if not scene.catalogue:
+        return scene
+    resolved = scene.resolved
+    document = reparsed(Texts(scene.text), resolved.document)
+    return _scene(document, scene.path, resolved.poses, scene.arm, NOTHING)
 
 
 def scene_from_text(

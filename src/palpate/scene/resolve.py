@@ -86,9 +86,21 @@ class ResolvedScene:
 
     def spec(self, values: Values) -> mujoco.MjSpec:
         """An editable model without any robot, with `values`, and beliefs for the rest."""
+        return compile_spec(model_tree(self.document, self.description.roles, self._edits(values)))
+
+    def _edits(self, values: Values) -> list[Change]:
+        """Changes of the file that place its bodies and state `values`, and beliefs for the rest."""
         stated = self.changes(self.completed(self.means(), values), {})
-        made = [*self.description.placed, *stated]
-        return compile_spec(model_tree(self.document, self.description.roles, made))
+        return [*self.description.placed, *stated]
+
+    def compiled(self, values: Values) -> Bodies:
+        """Every body in the model that `spec` makes of the same `values`."""
+        roles = self.description.roles
+        shapes = compile_shapes(self.document, roles, self._edits(values))
+        found: dict[str, BodyDescription] = {}
+        for name, body in self.description.bodies.items():
+            found[name] = replace(body, shapes=shapes, others=found)
+        return found
 
     def bodies(self) -> dict[str, Body]:
         """Objects, surfaces and fixtures by name, in document order."""
@@ -165,7 +177,8 @@ def resolve(document: Document, poses: Poses, catalogue: Catalogue) -> ResolvedS
         InputError: a `?` where nothing can be measured, names that do not match, scenes that MuJoCo
             does not accept.
     """
-    description = describe(document, poses, catalogue)
+    # A world, of which no quantity is open, begins as MuJoCo compiles it.
+    description = describe(document, poses, catalogue, settled=bool(catalogue))
     priors = beliefs(description.bodies, catalogue)
     resolved = ResolvedScene(description, poses, catalogue, priors, description.shapes)
     stated = resolved.changes(resolved.means(), {})

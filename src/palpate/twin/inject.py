@@ -214,7 +214,7 @@ def _filled(
 def moved_along(
     scene: Scene, description: Description, values: Values, records: Sequence[Estimate]
 ) -> Iterator[Edit]:
-    """The z of each object that stands on a surface of measured height, as precise as that."""
+    """The z of all that stands on a surface of measured height, as precise as that."""
     heights = [parameter for parameter in values if parameter.quantity == "height"]
     std = min((deviations(records)[parameter] for parameter in heights), default=None)
     for name, rise in at_heights(scene, values).rises.items():
@@ -222,7 +222,9 @@ def moved_along(
         element = body.elements.element
         # A z of the poses belongs to the poses; an open z follows by `Position.follows`.
         posed = scene.resolved.description.bodies[name].given is not None
-        if body.role == "surface" or posed or body.elements.moved_by() is not None:
+        is_measured = Parameter(name, "height") in values
+        is_placed = element.get("fromto") is None and body.elements.moved_by() is None
+        if is_measured or posed or not is_placed:
             continue
         if not has_unknown(element, "pos", 2):
             z = float(tokens(element.get("pos") or "0 0 0")[2]) + rise
@@ -293,7 +295,7 @@ def misread(
             yield parameter, reason
             continue
         stated = status in ("known", "assumed")
-        read = quantity.known(body) if stated else quantity.compiled(body)
+        read = quantity.compiled(body)
         if read is None:
             continue
         # Components are written that the file did not state: those with a prior, or all of them.

@@ -10,7 +10,13 @@ import numpy as np
 
 from palpate.errors import InputError
 from palpate.scene.symbols import PoseExpression
-from palpate.vocabulary.admissible.support import LIFTED, MIN_SLIDE, dragged_off, slides
+from palpate.vocabulary.admissible.support import (
+    LIFTED,
+    MIN_SLIDE,
+    dragged_off,
+    slides,
+    surfaces_slid_on,
+)
 from palpate.vocabulary.base import Primitive
 from palpate.vocabulary.motion import MoveJoints, MovePose
 from palpate.vocabulary.state import HOME_CONFIG, SymbolicState
@@ -95,8 +101,8 @@ def raised(expression: str, state: SymbolicState) -> list[str]:
 
 
 def unfelt_slide(before: SymbolicState, after: SymbolicState) -> Violation | None:
-    """Violation of a motion beside a force log that drags a held object: too short, downward, or off the
-    support. A lift is no slide."""
+    """Violation of a motion beside a force log that drags a held object: too short, downward, off the
+    support, or across several surfaces. A lift is no slide."""
     start, end = before.pose_world_tcp, after.pose_world_tcp
     if before.holding is None or before.lifted or start is None or end is None:
         return None
@@ -108,12 +114,15 @@ def unfelt_slide(before: SymbolicState, after: SymbolicState) -> Violation | Non
         problem = f"is {math.floor(1e4 * travel) / 10:.1f} mm long"
     elif dragged_off(before, after):
         problem = "leads off the support"
+    elif slides(before, after) and len(surfaces_slid_on(before, after)) > 1:
+        names = " and ".join(f"'{name}'" for name in dict.fromkeys(surfaces_slid_on(before, after)))
+        problem = f"lies across parts of {names} that need not have the same friction"
     else:
         return None
     return Violation(
         "short-slide",
-        f"the slide of '{before.holding}' to '{after.at}' {problem}; a slide is level and at least "
-        f"{1e3 * MIN_SLIDE:.0f} mm long{alternative_slide(before)}",
+        f"the slide of '{before.holding}' to '{after.at}' {problem}; a slide is level, on one surface and at "
+        f"least {1e3 * MIN_SLIDE:.0f} mm long{alternative_slide(before)}",
     )
 
 
@@ -124,7 +133,7 @@ def alternative_slide(before: SymbolicState) -> str:
         if slide.violations(before):
             continue
         after = before.after(slide)
-        if slides(before, after):
+        if slides(before, after) and len(surfaces_slid_on(before, after)) == 1:
             assert before.pose_world_tcp is not None
             assert after.pose_world_tcp is not None
             travel = before.pose_world_tcp.distance_to(after.pose_world_tcp)

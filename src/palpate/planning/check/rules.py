@@ -104,7 +104,7 @@ _ACTIONS = {
     f"{np.degrees(UPRIGHT):.3g}° with its centre of mass {mm(TIPPING)} inside what carries it (unknown: all of it, "
     f"{mm(EDGE)}); what is slid stays so, too.",
     "tilted": f"What is held stays upright to {np.degrees(HELD_UPRIGHT):.3g}°, but for Tilt and Swing.",
-    "short-slide": "A slide that is felt for friction is level, along the support, and "
+    "short-slide": "A slide that is felt for friction is level, along one surface, and "
     f"{mm(MIN_SLIDE)} or longer.",
     "gripper-at-end": "At the end the gripper is empty and open.",
     "not-restored": f"At the end every object is within {mm(RESTORED_POSITION)} of where it was found.",

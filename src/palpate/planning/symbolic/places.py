@@ -11,8 +11,10 @@ import numpy as np
 from palpate.errors import InputError
 from palpate.parameter import Parameter
 from palpate.planning.symbolic.steps import ASIDE, SLIDE
+from palpate.scene.raised import TEMPORARY
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.solids import solids
+from palpate.vocabulary.admissible.support import carriers
 from palpate.vocabulary.state import SymbolicState
 
 SPOT = 1.5
@@ -75,6 +77,12 @@ def domains(scene: Scene, name: str) -> Iterator[list[str]]:
     for axis in SIDEWAYS:
         factor = multiples(scene, axis, spot, SLIDE)
         yield [above, spot, *(f"{spot} {sign} {factor}*{axis}" for sign in "+-")]
+    if stands_on_seam(scene, name):
+        place = f"{name}{TEMPORARY}"
+        for axis in SIDEWAYS if exists(scene, place) else ():
+            factor = multiples(scene, axis, place, SLIDE)
+            ends = [place, *(f"{place} {sign} {factor}*{axis}" for sign in "+-")]
+            yield [above, spot, *ends, *(f"{end} + z_offset" for end in ends)]
     # Other grasps, last the one nearer to the believed centre of mass: there the object sags least in
     # the fingers when it is turned after all grasps.
     for axis in reversed(SIDEWAYS):
@@ -110,6 +118,11 @@ def exists(scene: Scene, expression: str) -> bool:
     except InputError:
         return False
     return True
+
+
+def stands_on_seam(scene: Scene, name: str) -> bool:
+    """True if several surfaces carry an object together, so that it has to be slid elsewhere."""
+    return len(carriers(SymbolicState(scene), name, [scene.body(name).pose_world])) > 1
 
 
 def towards_centre(scene: Scene, name: str, axis: str) -> float:

@@ -6,7 +6,7 @@ what it needs. It needs no key and no network, and rejects what it does not unde
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,7 +20,7 @@ from palpate.planning.plan import Node, Plan, Unmeasured
 from palpate.planning.planner import needs_scene
 from palpate.planning.request.item import GRIPPER, Grounded
 from palpate.planning.symbolic.passes import Efforts, efforts
-from palpate.planning.symbolic.places import BALANCE, approach
+from palpate.planning.symbolic.places import BALANCE, SIDEWAYS, approach
 from palpate.planning.symbolic.search import Backchainer
 from palpate.quantities.catalogue import catalogue
 from palpate.quantities.within import Within
@@ -399,13 +399,17 @@ def explanation(made: Assembled) -> list[str]:
             how = f"{quantity.how}, and the value is derived from the recordings"
         sentences.append(f"{quantity.label.capitalize()} of {', '.join(names)}: {how}.")
     for name in visited(made.tree, TEMPORARY):
-        sentences.append(f"'{name}' is in the way; it is carried to a free place and back.")
+        slides = any(visited(made.tree, axis, f"{name}{TEMPORARY}") for axis in SIDEWAYS)
+        why = "stands on several surfaces, and is slid on one" if slides else "is in the way"
+        sentences.append(f"'{name}' {why}; it is carried to a free place and back.")
     for name in visited(made.tree, BALANCE):
         sentences.append(f"'{name}' is grasped last where the run finds it to balance.")
     return [*sentences, *made.omitted, "Everything is put back where it was."]
 
 
-def visited(tree: Node, ending: str) -> Iterable[str]:
-    """Objects to whose pose with a name of that ending the hand goes, in the order of the tree."""
+def visited(tree: Node, ending: str, start: str = "") -> Mapping[str, None]:
+    """Objects to whose pose with a name of that ending, and that start, the hand goes, in the order of
+    the tree."""
     values = [str(value) for _, node in tree.walk() for _, value in node.args]
+    values = [value for value in values if value.startswith(start)]
     return dict.fromkeys(v.removesuffix(ending) for v in values if v.endswith(ending))

@@ -383,6 +383,8 @@ class Backchainer:
         here = [grasp, f"{grasp} + z_offset"] if grasp else []
         if self.state.contact and self.state.at:
             here.append(self.state.at)
+        if grasp and self.state.at and TEMPORARY in self.state.at:
+            here.append(f"{self.state.at} + z_offset")  # lifts it where it was slid
         poses = [name for name in dict.fromkeys([*expressions, *here]) if exists(self.scene, name)]
         return Surroundings(self.state, subject, tuple(poses))
 

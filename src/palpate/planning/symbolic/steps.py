@@ -11,6 +11,7 @@ from palpate.planning.plan import Node
 from palpate.scene.raised import TEMPORARY
 from palpate.vocabulary.admissible import motion
 from palpate.vocabulary.admissible.clearance import straddled
+from palpate.vocabulary.admissible.support import surfaces_slid_on
 from palpate.vocabulary.base import Primitive
 from palpate.vocabulary.gripper import TOP
 from palpate.vocabulary.state import (
@@ -143,11 +144,14 @@ def releases_in_place(before: SymbolicState) -> bool:
 
 
 def slides_well(before: SymbolicState, after: SymbolicState, recorded: bool) -> bool:
-    """True if an object is slid straight, far enough for its friction to be recorded, or back to where
-    it was found."""
+    """True if an object is slid straight on one surface, far enough for its friction to be recorded, or
+    back to where it was found."""
     if before.pose_world_tcp is None or after.pose_world_tcp is None:
         return False
     if after.pose_world_tcp.angle_to(before.pose_world_tcp) > SAME_POSE:
+        return False
+    # The estimate of a friction takes every drag, recorded or not.
+    if len(surfaces_slid_on(before, after)) != 1:
         return False
     travel = after.pose_world_tcp.distance_to(before.pose_world_tcp)
     if recorded:

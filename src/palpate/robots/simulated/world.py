@@ -350,10 +350,6 @@ def compile_world(
         InputError: it does not compile, or lacks physics that weighing and touching need.
     """
     require_physics(spec)
-    if spec.compiler.settotalmass > 0.0:
-        raise InputError(
-            f'<compiler settotalmass="{spec.compiler.settotalmass:g}"> would scale the arm, too: remove it'
-        )
     robot = arm.spec()
     for pair in sorted(map(sorted, neighbours(robot, arm))):
         robot.add_exclude(bodyname1=pair[0], bodyname2=pair[1])
@@ -383,11 +379,26 @@ def compile_world(
         add_sensors(spec, arm)
         let_touch(spec)
         keep_softness(spec, arm)
-        return spec.compile()
+        # `settotalmass` is of the scene's bodies: with the robot among them it would scale both.
+        total, spec.compiler.settotalmass = spec.compiler.settotalmass, -1.0
+        model = spec.compile()
+        if total > 0.0:
+            scale_scene(model, total)
+        return model
     except ValueError as error:
         raise InputError(
             f"the simulated world does not compile with the robot in it: {error}"
         ) from error
+
+
+def scale_scene(model: mujoco.MjModel, total: float) -> None:
+    """Scale mass and inertia of all bodies but the robot's to a sum of `total`, kg, as MuJoCo's
+    `mj_setTotalmass` does for all bodies."""
+    scene = [i for i in range(1, model.nbody) if not model.body(i).name.startswith(PREFIX)]
+    scale = total / model.body_mass[scene].sum()
+    model.body_mass[scene] *= scale
+    model.body_inertia[scene] *= scale
+    mujoco.mj_setConst(model, mujoco.MjData(model))
 
 
 def add_sensors(world: mujoco.MjSpec, arm: RobotDescription) -> None:

@@ -8,6 +8,7 @@ the face is its support polygon; the object is stable with its centre of mass ov
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -26,6 +27,7 @@ SETTLES = 0.005
 FACE = 0.002  # m above an object's lowest point up to which its lower face reaches
 SUNK = 0.02
 """m of a top above an object's lowest point up to which it counts as below, by the error of belief."""
+SAME_TOP = 0.001  # m between the heights of tops that carry an object together
 LIFTED = 0.005  # m between a held object and its support above which it hangs free
 TIPPING = 0.005  # m that a centre of mass must be inside the support polygon
 OFF_CENTRE = 0.1
@@ -40,12 +42,14 @@ MIN_SLIDE = 0.03  # m: a shorter slide is not much more than the grip's and the 
 @dataclass(frozen=True, slots=True, eq=False)
 class Top:
     """Upper face of a shape: its owner, (k, 2) corners counterclockwise, and height, world z, m; `foot`
-    is the world z of the shape's lowest point."""
+    is the world z of the shape's lowest point, `friction` what MuJoCo takes from it for a contact:
+    sliding coefficient, priority and `condim`."""
 
     owner: str
     outline: Array
     height: float
     foot: float
+    friction: tuple[float, int, int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +136,13 @@ def _top(shapes: Solids, around: Arrangement, i: int) -> Top:
     def compute() -> Top:
         shape = shapes.convex(part.geom, position, rotation)
         foot, height = float(shape.points[:, 2].min()), float(shape.points[:, 2].max())
-        return Top(part.owner, hull(slab(shape, height - FACE, height)), height, foot)
+        model, geom = shapes.model, part.geom
+        friction = (
+            float(model.geom_friction[geom, 0]),
+            int(model.geom_priority[geom]),
+            int(model.geom_condim[geom]),
+        )
+        return Top(part.owner, hull(slab(shape, height - FACE, height)), height, foot, friction)
 
     key = ("top", part.geom, position.tobytes(), rotation.tobytes())
     return shapes.cached(key, compute)
@@ -233,6 +243,29 @@ def dragged_off(before: SymbolicState, after: SymbolicState) -> str | None:
     if rise < -SUNK:
         return f"'{after.at}' is {-1e3 * rise:.0f} mm lower than where it stands"
     return stable(before, held, end)
+
+
+def surfaces_slid_on(before: SymbolicState, after: SymbolicState) -> list[str]:
+    """Surfaces that carry the held object during a slide, as `carriers`."""
+    held = before.holding
+    if held is None:
+        return []
+    start, end = before.pose_of(held), after.pose_of(held)
+    half = start.translated((end.position - start.position) / 2)
+    return carriers(before, held, (start, half, end))
+
+
+def carriers(state: SymbolicState, name: str, poses: Iterable[Pose]) -> list[str]:
+    """Bodies whose tops carry an object at some of the poses (world): a name for each body and each
+    friction of its shapes, so that a single surface has one."""
+    found: dict[tuple[object, ...], str] = {}
+    for pose in poses:
+        tops = footing(state, name, pose).carriers
+        highest = max((top.height for top in tops), default=0.0)
+        for top in tops:
+            if top.height > highest - SAME_TOP:
+                found[top.owner, top.friction] = top.owner
+    return list(found.values())
 
 
 def _travel(before: SymbolicState, after: SymbolicState) -> Array:
