@@ -682,3 +682,32 @@ def test_keyframes_keep_their_places_and_a_note_says_so() -> None:
     assert "the keyframes keep the poses that they state" in made.notes
     weighed = complete(parse_scene(SCENE), [estimate("table", "height", 0.181)])
     assert not any("keyframes" in note for note in weighed.notes)
+
+
+ON_TABLE = """<mujoco><worldbody>
+  <body name="table" pos="0.5 0 ?"><geom type="box" size=".3 .4 .02"/></body>
+  <body name="shelf" pos="0.5 0.2 0.245"><geom type="box" size=".1 .1 .025"/></body>
+  {other}
+  <body name="cup" pos="0.5 0.2 0.32"><freejoint/><geom type="box" size=".03 .03 .05" mass=".2" friction=".5"/></body>
+  <body name="can" pos="0.5 -0.1 0.27"><freejoint/><geom type="box" size=".03 .03 .05" mass=".2" friction=".5"/></body>
+</worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("top", [0.211, 0.229])
+def test_a_static_body_on_a_surface_follows_its_measured_height(top: float) -> None:
+    """And what stands on that body; a body beside the surface stays."""
+    floor = '<geom name="step" type="box" size=".1 .2 .05" pos="-.5 0 .05"/>'
+    text = ON_TABLE.format(other=floor)
+    made = complete(parse_scene(text), [estimate("table", "height", top)])
+    before, after = parse_scene(text).bodies, parse_scene(made.texts.main).bodies
+    rise = top - 0.22
+    for name, by in (("shelf", rise), ("cup", rise), ("can", rise), ("step", 0.0)):
+        assert after[name].bottom_z() - before[name].bottom_z() == pytest.approx(by, abs=1e-6), name
+    assert after["shelf"].bottom_z() == pytest.approx(after["table"].top_z(), abs=1e-6)
+
+
+def test_a_static_body_whose_height_is_measured_too_keeps_its_own() -> None:
+    text = ON_TABLE.format(other="").replace('"0.5 0.2 0.245"', '"0.5 0.2 ?"')
+    heights = [estimate("table", "height", 0.211), estimate("shelf", "height", 0.262)]
+    after = parse_scene(complete(parse_scene(text), heights).texts.main).bodies
+    assert after["shelf"].top_z() == pytest.approx(0.262)

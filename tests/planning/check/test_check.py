@@ -24,6 +24,7 @@ from workbench import (
 
 from palpate.planning.check.check import MAX_FINDINGS, RULES, check
 from palpate.planning.plan import Node, Plan
+from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
 
 TALL = '<body name="tower" pos="0.50 0.00 0.08"><freejoint/><geom type="box" size=".06 .06 .08"/></body>'
@@ -114,6 +115,24 @@ def test_a_slide_is_long_enough_to_feel(scene: Scene):
     assert rules(plan(tree, "bottle.friction"), scene, remeasure=True) == {
         "short-slide": "tree.children[8]"
     }
+
+
+def test_a_slide_stays_on_one_surface():
+    """Of two that need not be equally slippery, it would measure neither."""
+    half = (
+        '<body name="{}" pos="0.5 {} 0.18"><geom type="box" size=".3 .2 .02" friction="{}"/></body>'
+    )
+    bottle = '<body name="bottle" pos="0.5 0 0.28"><freejoint/><geom type="cylinder" size=".03 .08"/></body>'
+    text = "".join([half.format("oak", 0.2, 0.3), half.format("steel", -0.2, 0.6), bottle])
+    around = parse_scene(f'<mujoco><worldbody><site name="robot_base"/>{text}</worldbody></mujoco>')
+    (finding,) = check(
+        plan(friction("bottle_pose + 5*y_offset", *HANGING), "bottle.friction"), around
+    )
+    assert finding.rule == "short-slide"
+    assert (
+        "lies across parts of 'oak' and 'steel' that need not have the same friction"
+        in finding.message
+    )
 
 
 @pytest.mark.parametrize("slide", ["bottle_pose + x_offset", "bottle_pose + 5.9*x_offset", "low"])

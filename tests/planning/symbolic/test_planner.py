@@ -350,3 +350,51 @@ def test_a_name_of_several_words_is_as_good_as_any(quantity: str):
         trees.append(str(tree).replace(name, "mug"))
     assert "MoveJoints" in trees[0]
     assert trees[1:] == trees[:1] * 2
+
+
+SEAM = """<mujoco><worldbody><site name="robot_base"/>{surfaces}
+  <body name="cup" pos="0.5 0 0.27"><freejoint/><geom type="cylinder" size=".03 .05"/></body>
+</worldbody></mujoco>"""
+HALF = '<geom type="box" size=".3 {half} .02" pos="{x} {y} {z}" friction="{friction}"/>'
+FRICTION = (Parameter("cup", "friction"),)
+
+
+def seam(frictions: tuple[float, float], half: float = 0.25, one_body: bool = False) -> Scene:
+    """A cup on the line where two boxes of these frictions meet, of one body or of two."""
+    place = {"x": 0.0, "z": 0.0, "half": half}
+    left, right = (
+        HALF.format(**place, y=side * half, friction=friction)
+        for side, friction in zip((1, -1), frictions, strict=True)
+    )
+    body = '<body name="{}" pos="0.5 0 0.2">{}</body>'
+    parts = [("table", left + right)] if one_body else [("left", left), ("right", right)]
+    return parse_scene(SEAM.format(surfaces="".join(body.format(*part) for part in parts)))
+
+
+def recorded_slides(plan: Plan) -> list[str]:
+    assert plan.tree is not None
+    parallels = [node for _, node in plan.tree.walk() if node.type == "Parallel"]
+    return [str(value) for node in parallels for _, value in node.children[0].args]
+
+
+@pytest.mark.parametrize("one_body", [False, True])
+def test_an_object_on_a_seam_is_slid_on_one_surface_and_put_back(one_body: bool):
+    scene = seam((0.3, 0.6), one_body=one_body)
+    plan = SymbolicPlanner(measure=FRICTION).plan(None, scene)
+    assert check(plan, scene) == ()
+    assert recorded_slides(plan)
+    assert all(pose.startswith("cup_temporary ") for pose in recorded_slides(plan))
+    assert "'cup' stands on several surfaces, and is slid on one" in plan.explanation
+    # Neither is it dragged back across the seam.
+    back = [str(value) for _, node in plan.tree.walk() for _, value in node.args][-4:]
+    assert back == ["cup_pose + z_offset", "cup_pose", "cup_pose + z_offset", "home_config"]
+
+
+def test_a_surface_of_several_shapes_of_one_friction_is_one_surface():
+    plan = SymbolicPlanner(measure=FRICTION).plan(None, seam((0.5, 0.5), one_body=True))
+    assert all(pose.startswith("cup_pose ") for pose in recorded_slides(plan))
+
+
+def test_without_a_place_on_one_surface_a_friction_is_not_measured():
+    with pytest.raises(PlanRejected, match="on several surfaces, and there is no free place"):
+        SymbolicPlanner(measure=FRICTION).plan(None, seam((0.3, 0.6), half=0.025))

@@ -27,6 +27,7 @@ from palpate.planning.symbolic.places import (
     domains,
     exists,
     places,
+    stands_on_seam,
 )
 from palpate.planning.symbolic.recording import yielding
 from palpate.planning.symbolic.shortest import (
@@ -241,6 +242,12 @@ class Backchainer:
             raise PlanRejected(
                 f"no sequence of primitives measures {parameter}; {' and '.join(mute)} would need "
                 "`groundings`"
+            )
+        kinds = self.scene.catalogue[parameter.quantity].evidence
+        slides = any("sliding" in kind.activity for kind in kinds)
+        if slides and stands_on_seam(self.scene, parameter.object):
+            raise PlanRejected(
+                "it stands on several surfaces, and there is no free place to slide it on one of them"
             )
         operators = (self._operators(parameter.object, expressions) for expressions in tried)
         reasons = (obstacle(self.state, each) for each in operators)
