@@ -68,6 +68,12 @@ def dahl(steps: Array, presliding: Array) -> tuple[Array, Array]:
     return turned, np.multiply.accumulate(keep, axis=0)
 
 
+def turned_round(friction: Array) -> Mask:
+    """(m,) joints that turned both ways far enough to show their friction, by its Dahl states (n, m) over the largest
+    presliding distance of `tuning.PRESLIDINGS`."""
+    return (friction.max(axis=0) > tuning.TURNED) & (friction.min(axis=0) < -tuning.TURNED)
+
+
 def _steps(q: Array) -> Array:
     """(k,) rad that a joint at angles `q` (k,) turned at each, beyond the play of its encoder."""
     # The play moves to clip(play, q - most, q + most). Two such clips in a row are one: so all up to each row,

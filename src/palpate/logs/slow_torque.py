@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.estimation.joint_friction import dahl
+from palpate.estimation import tuning
+from palpate.estimation.joint_friction import dahl, turned_round
 from palpate.estimation.load.chain import load_torques, own_motion
 from palpate.geometry.pose import Array
 from palpate.logs.figure import SURE, Figure
@@ -19,7 +20,6 @@ from palpate.trace.samples import STANDARD_GRAVITY
 DOWN: Array = np.array([0.0, 0.0, -STANDARD_GRAVITY])
 SLOW = 5.0  # Hz: the torques are fitted below
 RATE = 100.0  # Hz of the fit
-TURNS = 0.01  # rad that a joint must go either way to show its friction
 PRESLIDING: Array = np.geomspace(2e-4, 2e-2, 21)  # rad
 USUAL = 2e-3  # rad, where the recording does not tell
 WIDE = 1.0  # rad, range of a joint that shows how its friction varies over a turn
@@ -92,8 +92,7 @@ def slow_torque(log: ArmLog, chain: Chain) -> dict[str, Figure]:
     load = banded(load_torques(chain, *motion)[:, :, :4], rate, None, SLOW)
     steps = np.diff(q, axis=0, prepend=q[:1])
     curves = banded(dahl(steps, PRESLIDING)[0], rate, None, SLOW)
-    moved = np.diff(q, axis=0)
-    turns = np.minimum(moved.clip(0).sum(0), -moved.clip(None, 0).sum(0)) > TURNS
+    turns = turned_round(dahl(steps, np.array(tuning.PRESLIDINGS[-1:]))[0][:, :, 0])
     level, presliding = np.ones_like(y), Figure.unseen()
     fit, rubbing = Fit.of(y, [level], load, t), np.zeros_like(y)
     for _ in range(3):

@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from palpate.errors import InputError
+from palpate.estimation.arm.explained import explained_upright
 from palpate.geometry.pose import Array
 from palpate.logs.figure import Figure
 from palpate.logs.ripple import ripple
@@ -55,12 +56,15 @@ def statistics(log: ArmLog, arm: RobotDescription) -> LogStatistics:
     A load beyond the nominal hand, or a hand that is not there, is fitted and counts as no error.
 
     Raises:
-        InputError: the recording is too short.
+        InputError: the recording is too short, or the described arm does not explain it.
     """
     if len(log) < 2 or log.t[-1] - log.t[0] < SHORTEST:
         raise InputError(
             f"{log.source}: give at least {SHORTEST:g} s of free motion; a minute is better"
         )
+    found = explained_upright(log, arm)
+    if not found.passed:
+        raise InputError(f"{log.source}: {found.finding}")
     chain = arm.nominal.chain
     assert chain is not None
     return LogStatistics(

@@ -161,6 +161,7 @@ def read_description(folder: Path, name: str, known: Mapping[str, Path]) -> Robo
         fingers=sheet.hand.fingers,
         chain=chain(model, sheet),
         ripple_cycles=sheet.ripple_cycles,
+        payload=sheet.payload,
         **dict(sheet.accuracy),
     )
     return RobotDescription(

@@ -10,6 +10,7 @@ import numpy as np
 
 from palpate.callbacks import SILENT, RunCallbacks
 from palpate.errors import InputError, unknown_name
+from palpate.estimation.arm.explained import require_within_limits
 from palpate.estimation.carried.fit import HAND
 from palpate.geometry.pose import Pose
 from palpate.logs.reading import read_log
@@ -70,6 +71,8 @@ def estimate_recorded(
             )
     callbacks.progress("reading the recording")
     logs = [read_log(one, recorded.columns) for one in (recorded.log, recorded.empty) if one]
+    for log in logs:
+        require_within_limits(log, arm)
     quantities = ["mass"]
     notes = [f"{log.source}: {note}." for log in logs for note in log.notes]
     if settings.scene is None or carrying.in_hand is not None:

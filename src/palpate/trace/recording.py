@@ -162,6 +162,7 @@ class Hand:
         chain: kinematics of the arm; None in an older trace.
         ripple_cycles: number of times a turn at which the gear of each joint ripples; None where it is unknown.
         joints, fingers: names, as logged; an older trace has none and is from an FR3.
+        payload: kg that the arm may carry; an older trace has none and is from an FR3.
     """
 
     tip_offset: float
@@ -178,3 +179,4 @@ class Hand:
     gain_covariance: tuple[tuple[float, ...], ...] | None = None
     chain: Chain | None = None
     ripple_cycles: tuple[float, ...] | None = None
+    payload: float = 3.0

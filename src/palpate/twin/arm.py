@@ -38,8 +38,11 @@ def save_arm(found: ArmDynamics, path: Path) -> tuple[Path, ...]:
         Every file written, `path` first.
 
     Raises:
-        InputError: `path` exists, or cannot be written, or a joint or link is in an attached model.
+        InputError: `path` exists, or cannot be written, or a joint or link is in an attached model; or the dynamics
+            are contradicted.
     """
+    if found.contradictions:
+        raise InputError(f"{path} is not written: {found.contradictions[0]}")
     document = read_document(found.arm.mjcf)
     texts = rewritten(document, [*_joints(found, document), *_links(found, document)])
     return write_files(texts, document, path)
@@ -77,7 +80,7 @@ def _links(found: ArmDynamics, document: Document) -> Iterator[Change]:
         (int(model.jnt_bodyid[model.joint(name).id]), joint, found.parameters[joint] - described)
         for joint, (name, described) in enumerate(zip(arm.joints, bodies.links, strict=True))
     ]
-    if found.hand is not None:
+    if found.hand is not None and found.hand.centre is not None:
         hand = int(model.body(arm.hand.body).id)
         changed.append((hand, len(bodies.links) - 1, found.hand.parameters - bodies.hand))
     for body, joint, change in changed:

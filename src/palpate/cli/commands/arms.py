@@ -105,8 +105,9 @@ def dynamics(
     from palpate.cli.show.dynamics import mass_of, show_dynamics
 
     found = pp.dynamics(recording, given["arm"], hand=mass_of(hand), columns=columns)
-    written = found.save(out) if out is not None else ()
+    written = found.save(out) if out is not None and not found.contradictions else ()
     show_dynamics(found, written, as_json)
+    raise typer.Exit(1 if found.contradictions else 0)
 
 
 def noise(

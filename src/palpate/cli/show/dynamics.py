@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from palpate.cli.console import figure_table, out, print_json, printing
+from palpate.cli.console import escape, figure_table, out, print_json, printing
 from palpate.errors import InputError
 
 if TYPE_CHECKING:
@@ -61,10 +61,13 @@ def show_dynamics(found: ArmDynamics, written: Sequence[Path], as_json: bool) ->
         out.print(table)
         if found.hand is not None:
             low, high = found.hand.interval
-            centre = ", ".join(f"{1e3 * part:.0f}" for part in found.hand.centre.tolist())
             mass, std = found.hand.mass, found.hand.mass_std
             out.print(f"hand {mass:.3f} ± {std:.3f} kg, 95 % [{low:.3f}, {high:.3f}]", markup=False)
-            out.print(f"its centre of mass {centre} mm from the TCP, along x y z", markup=False)
+            if found.hand.centre is None:
+                out.print(f"its centre of mass is {UNSEEN}", markup=False)
+            else:
+                centre = ", ".join(f"{1e3 * part:.0f}" for part in found.hand.centre.tolist())
+                out.print(f"its centre of mass {centre} mm from the TCP, along x y z", markup=False)
         title = f"torque left in the last {found.held_out:.0f} s, N m rms, joints 1 to 7"
         held_out = figure_table(
             "model", *(str(i + 1) for i in range(len(found.arm.joints))), "all", title=title
@@ -75,6 +78,8 @@ def show_dynamics(found: ArmDynamics, written: Sequence[Path], as_json: bool) ->
         out.print(held_out)
         for note in found.notes:
             out.print(note, style="dim", markup=False)
+        for text in found.contradictions:
+            out.prose(f"[bold red]contradicted[/] {escape(text)}")
         for path in written:
             out.print(f"written to {path}", markup=False, soft_wrap=True)
 

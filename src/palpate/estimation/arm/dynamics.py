@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from palpate.errors import InputError
 from palpate.estimation import tuning
 from palpate.estimation.arm.causes import COULOMB, Bodies, Rows, Setup
+from palpate.estimation.arm.explained import explained_upright
 from palpate.estimation.arm.fit import (
     DETAILS,
     FRICTION,
@@ -21,7 +22,10 @@ from palpate.estimation.arm.fit import (
     fitted,
 )
 from palpate.estimation.arm.motion import Motion, stretches
-from palpate.estimation.load.observation import gain_root
+from palpate.estimation.estimate import Z95
+from palpate.estimation.joint_friction import turned_round
+from palpate.estimation.load.observation import own_and_common_gains
+from palpate.estimation.motion import Mask
 from palpate.estimation.rigid import placed_at
 from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription
@@ -38,16 +42,18 @@ class Figure:
     Attributes:
         value, std: (n,).
         prior: standard deviation before the recording.
+        shown: (n,) joints whose motion can show it.
     """
 
     value: Array
     std: Array
     prior: float
+    shown: Mask
 
     @property
     def observed(self) -> tuple[bool, ...]:
-        """(n,) True where the recording narrows the prior, by joint."""
-        return tuple((self.std < tuning.OBSERVED * self.prior).tolist())
+        """(n,) True where the joint's motion shows it and narrows the prior."""
+        return tuple((self.shown & (self.std < tuning.OBSERVED * self.prior)).tolist())
 
     def record(self, joint: int) -> dict[str, float] | None:
         """Value and deviation of a joint, if observed."""
@@ -62,28 +68,28 @@ class FoundHand:
 
     Attributes:
         mass: kg.
-        centre: (3,) m from the TCP, in the axes of the tool.
+        centre: (3,) m from the TCP, in the axes of the tool; None where the mass does not stand out of its error.
         mass_std, centre_std: of them.
         parameters: (10,) about the last joint's anchor, as the regressor's.
     """
 
     mass: float
     mass_std: float
-    centre: Array
+    centre: Array | None
     centre_std: Array
     parameters: Array
 
     def record(self) -> dict[str, object]:
         """Return the figures as plain numbers, for JSON."""
-        return {
-            "mass": {"value": self.mass, "std": self.mass_std},
-            "centre": {"value": self.centre.tolist(), "std": self.centre_std.tolist()},
-        }
+        centre = None
+        if self.centre is not None:
+            centre = {"value": self.centre.tolist(), "std": self.centre_std.tolist()}
+        return {"mass": {"value": self.mass, "std": self.mass_std}, "centre": centre}
 
     @property
     def interval(self) -> tuple[float, float]:
         """95 % interval of the mass, kg."""
-        return self.mass - 1.96 * self.mass_std, self.mass + 1.96 * self.mass_std
+        return self.mass - Z95 * self.mass_std, self.mass + Z95 * self.mass_std
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,6 +110,7 @@ class ArmDynamics:
         rms: (7,) N m of torque left below `tuning.BAND` in the held-out part, by model: `described`, `friction`
             (offset and friction identified), `all`, and `controller` (its own tau_ext) where logged.
         notes: what was repaired in the recording, and what is wrong with it.
+        contradictions: figures that no arm has, a sentence each with the likely cause; then nothing is written.
     """
 
     source: str
@@ -120,6 +127,7 @@ class ArmDynamics:
     hand: FoundHand | None
     rms: Mapping[str, Array]
     notes: tuple[str, ...]
+    contradictions: tuple[str, ...] = ()
 
     def record(self) -> dict[str, object]:
         """All figures as plain numbers, SI units; None where the recording does not show one."""
@@ -140,6 +148,7 @@ class ArmDynamics:
             "hand": None if self.hand is None else self.hand.record(),
             "rms": {name: rms.tolist() for name, rms in self.rms.items()},
             "notes": list(self.notes),
+            "contradictions": list(self.contradictions),
         }
 
 
@@ -152,7 +161,7 @@ def identify(log: ArmLog, arm: RobotDescription, hand: float | None = None) -> A
             to be found.
 
     Raises:
-        InputError: too short, or no joint moves.
+        InputError: too short, no joint moves, or angles or velocities that the arm cannot have.
     """
     chain, accuracy = arm.nominal.chain, arm.sensors
     assert chain is not None
@@ -164,9 +173,16 @@ def identify(log: ArmLog, arm: RobotDescription, hand: float | None = None) -> A
             f"a hand of {hand:g} kg is not between 0 and {most:.2f} kg, hand and payload"
         )
     first, rest = stretches(log)
+    reversing = turned_round(np.concatenate([motion.dahl[:, :, -1] for motion in (*first, *rest)]))
+    if not reversing.any():
+        raise InputError(
+            f"{log.source}: no joint moves enough to show its friction: record a motion in which each joint turns "
+            "round often, by some degrees at least"
+        )
+    explains = explained_upright(log, arm)
     learnt, held_out = (Rows.of(motions, setup) for motions in (first, rest))
     known = None if hand is None else bodies.hand * (hand / max(float(bodies.hand[0]), 1e-9))
-    assumed = Assumed(bodies, known, gain_root(arm.nominal, len(arm.joints)))
+    assumed = Assumed(bodies, known, own_and_common_gains(arm.nominal, len(arm.joints)))
     given = Assumed(bodies, bodies.hand if known is None else known, assumed.gains)
     every = (*FRICTION, *DETAILS, *PARTS, *((HAND,) if known is None else ()))
     left = {"described": given.described(held_out, given.hand)}
@@ -177,7 +193,10 @@ def identify(log: ArmLog, arm: RobotDescription, hand: float | None = None) -> A
         left["controller"] = held_out.tau_ext
     rms = {name: np.sqrt((e**2).sum(axis=0) / held_out.samples) for name, e in left.items()}
     notes = (*log.notes, *_uneven([*first, *rest]))
-    return _dynamics(log, arm, fitted(Rows.joined([learnt, held_out]), assumed, every), rms, notes)
+    found = fitted(Rows.joined([learnt, held_out]), assumed, every)
+    made = _dynamics(log, arm, found, reversing, rms, notes)
+    # Figures of an arm that does not explain its recording mean nothing: they are no second contradiction.
+    return made if explains.passed else replace(made, contradictions=(explains.finding,))
 
 
 def _uneven(motions: Sequence[Motion]) -> Iterator[str]:
@@ -195,12 +214,15 @@ def _dynamics(
     log: ArmLog,
     arm: RobotDescription,
     found: Fitted,
+    reversing: Mask,
     rms: Mapping[str, Array],
     notes: tuple[str, ...],
 ) -> ArmDynamics:
     def figure(name: str) -> Figure:
         mean, covariance = found.posterior[name]
-        return Figure(mean, np.sqrt(np.diag(covariance)), PRIORS[name])
+        # What changes its sign with the direction needs both; what grows with a rate does not.
+        shown = reversing | (name != COULOMB)
+        return Figure(mean, np.sqrt(np.diag(covariance)), PRIORS[name], shown)
 
     bodies = found.assumed.bodies
     links, links_std = np.empty_like(bodies.links), np.empty_like(bodies.links)
@@ -209,28 +231,57 @@ def _dynamics(
         links[:, part] = mean.reshape(len(links), -1)
         links_std[:, part] = np.sqrt(np.diag(covariance)).reshape(len(links), -1)
     turned = [bodies.link_frame(i) @ link for i, link in enumerate(links)]
-    coulomb, seconds = figure(COULOMB), float(log.t[-1] - log.t[0])
-    if not any(coulomb.observed):
-        raise InputError(
-            f"{log.source}: no joint moves enough to show its friction: record a motion in which each joint turns "
-            "round often, by some degrees at least"
-        )
+    coulomb, viscous = figure(COULOMB), figure("viscous")
+    seconds = float(log.t[-1] - log.t[0])
+    hand = _hand(arm, found) if found.assumed.hand is None else None
     return ArmDynamics(
         source=log.source,
         arm=arm,
         seconds=seconds,
         held_out=seconds * (1.0 - tuning.LEARNT),
         coulomb=coulomb,
-        viscous=figure("viscous"),
+        viscous=viscous,
         armature=figure("armature"),
         offset=figure("offset"),
         links=links,
         links_std=links_std,
         parameters=bodies.links + turned,
-        hand=_hand(arm, found) if found.assumed.hand is None else None,
+        hand=hand,
         rms=rms,
         notes=notes,
+        contradictions=tuple(_contradictions(coulomb, viscous, hand)),
     )
+
+
+def _contradictions(coulomb: Figure, viscous: Figure, hand: FoundHand | None) -> Iterator[str]:
+    """Yield figures that no arm has, where they are surely so, and their likely cause."""
+    for figure, name, least in zip(
+        (coulomb, viscous), ("Friction", "Damping"), tuning.FRICTION_BELOW, strict=True
+    ):
+        low = figure.value + tuning.SURELY * figure.std < -least
+        surely = np.flatnonzero(low & figure.observed)
+        if len(surely):
+            listed = ", ".join(
+                f"{figure.value[i]:.2f} ± {figure.std[i]:.2f} (joint {i + 1})" for i in surely
+            )
+            yield (
+                f"{name} is negative: {listed}: velocities or torques have the opposite sign, or the torques are "
+                "without friction."
+            )
+    if hand is None:
+        return
+    if hand.mass + tuning.SURELY * hand.mass_std < 0.0:
+        yield (
+            f"The hand weighs {hand.mass:.2f} ± {hand.mass_std:.2f} kg, less than nothing: the links are lighter than "
+            "described, as of another arm (arm=NAME or a folder), or the torques are in another unit."
+        )
+    if hand.centre is not None:
+        away = float(np.linalg.norm(hand.centre))
+        if away > tuning.HAND_SIZE + tuning.SURELY * float(np.linalg.norm(hand.centre_std)):
+            yield (
+                f"The hand's centre of mass is {away:.2f} m from the TCP: something touches the arm, it "
+                "carries a load, or it is another arm (arm=NAME or a folder)."
+            )
 
 
 def _hand(arm: RobotDescription, found: Fitted) -> FoundHand:
@@ -238,14 +289,16 @@ def _hand(arm: RobotDescription, found: Fitted) -> FoundHand:
     chain, reach = arm.nominal.chain, found.assumed.bodies.reach
     assert chain is not None
     mean, covariance = found.posterior[HAND]
-    mass, shift = float(mean[0]), mean[1:4] / mean[0]
+    mass, std, shift = float(mean[0]), float(np.sqrt(covariance[0, 0])), mean[1:4] / mean[0]
     tool = np.array(chain.tool)
     slope = np.concatenate([-shift[:, None], np.eye(3)], axis=1) / mass
     spread = tool.T @ slope @ covariance[:4, :4] @ slope.T @ tool
     return FoundHand(
         mass=mass,
-        mass_std=float(np.sqrt(covariance[0, 0])),
-        centre=tool.T @ (found.assumed.bodies.anchors[-1] + reach + shift - np.array(chain.tcp)),
+        mass_std=std,
+        centre=tool.T @ (found.assumed.bodies.anchors[-1] + reach + shift - np.array(chain.tcp))
+        if mass > Z95 * std
+        else None,
         centre_std=np.sqrt(np.diag(spread)),
         parameters=placed_at(reach) @ mean,
     )

@@ -46,7 +46,7 @@ PRIORS = {
 }
 """Standard deviation of each unknown of a cause, about 0 ..."""
 LABELS = {
-    GAIN: tuple(f"gain of joint {joint}" for joint in range(1, 8)),
+    GAIN: (*(f"gain of joint {joint}" for joint in range(1, 8)), "common gain"),
     WEIGHT: tuple(
         f"link {kind} at joint {joint}"
         for joint in range(1, 8)
@@ -65,7 +65,7 @@ class Assumed:
     Attributes:
         bodies: as described.
         hand: (10,) known parameters of all that the last joint carries; None: to be found.
-        gains: (7, 7) effects of one standard deviation of each cause on the relative errors of the torque sensors.
+        gains: (7, 8) effects of one standard deviation of each cause on the relative errors of the torque sensors.
     """
 
     bodies: Bodies
@@ -91,7 +91,7 @@ class Assumed:
             columns = rows.columns[LINKS][:, :, -PARAMETERS:] @ placed_at(self.bodies.reach)
             prior = self.bodies.hand_prior()
         elif name == GAIN:
-            columns, prior = rows.columns[GAIN] @ self.gains, np.ones(len(self.gains))
+            columns, prior = rows.columns[GAIN] @ self.gains, np.ones(self.gains.shape[1])
         else:
             columns = rows.columns[name]
             prior = np.full(columns.shape[2], PRIORS[name])

@@ -37,7 +37,7 @@ def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
     """Mass of the load, or of the hand itself, by its weight and its resistance to acceleration."""
     found = _carried(trace)
     if found is None:
-        return _nothing(parameter, "kg")
+        return _nothing(parameter, "kg", trace)
     name = HAND if parameter.object == HAND else LOAD
     mean, covariance = found.posterior[name]
     mass, std = float(mean[0]), float(np.sqrt(covariance[0, 0]))
@@ -54,7 +54,10 @@ def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
         method,
         _recordings(trace),
         reason="" if found.compared or name == HAND else ALONE,
-        tests=_same_in_all_parts(trace, found) if name == LOAD else (),
+        tests=(
+            *_sound(trace, found, name),
+            *(_same_in_all_parts(trace, found) if name == LOAD else ()),
+        ),
         shared=_shared(found, np.eye(10)[:1], name),
         views=(_mass_view(trace, found),) if name == LOAD else (),
     )
@@ -63,8 +66,8 @@ def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
 def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
     """Centre of mass of the load: its first moment over its mass."""
     found = _carried(trace)
-    if found is None or not _is_felt(found):
-        return _nothing(parameter, "m")
+    if found is None or not _is_felt(trace, found):
+        return _nothing(parameter, "m", trace)
     to_body = _in_hand(trace).inverse()
 
     def centre(value: Array) -> Array:
@@ -91,8 +94,8 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
 def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
     """Inertia of the load about its centre of mass: that of the physically consistent body nearest to the fit."""
     found = _carried(trace)
-    if found is None or not _is_felt(found):
-        return _nothing(parameter, "kg·m²")
+    if found is None or not _is_felt(trace, found):
+        return _nothing(parameter, "kg·m²", trace)
     pose, theta, statistic = _in_hand(trace), *consistent(found.value, found.covariance)
 
     def central(value: Array) -> Array:
@@ -176,14 +179,44 @@ def _axes(trace: Trace) -> str:
     return "the object's frame" if stated else "the axes of the tool, from the TCP"
 
 
-def _is_felt(found: Carried) -> bool:
+def _is_felt(trace: Trace, found: Carried) -> bool:
     """There is a load that a quotient by its mass says something of."""
-    return float(found.value[0]) > Z95 * float(np.sqrt(found.covariance[0, 0]))
+    mass, std = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
+    return mass > Z95 * std and all(test.passed for test in _sound(trace, found, LOAD))
 
 
-def _nothing(parameter: Parameter, unit: str) -> Estimate:
+def _nothing(parameter: Parameter, unit: str, trace: Trace) -> Estimate:
+    found = _carried(trace)
+    if found is not None and not all(test.passed for test in _sound(trace, found, LOAD)):
+        return not_identified(parameter, unit, "The mass is contradicted: see there.")
     return not_identified(
         parameter, unit, "No load was felt in the windows in which one was said to be carried."
+    )
+
+
+def _sound(trace: Trace, found: Carried, name: str) -> tuple[FitTest, ...]:
+    """Tests that the described arm explains the recording; and if it does, that a mass is one that it can carry."""
+    if not found.explained.passed:
+        return (found.explained,)
+    mean, covariance = found.posterior[name]
+    mass, doubt = float(mean[0]), tuning.SURELY * float(np.sqrt(covariance[0, 0]))
+    payload = trace.hand.payload
+    return (
+        found.explained,
+        FitTest(
+            "a mass is not negative",
+            -(mass + doubt),
+            tuning.CARRIED_LEAST,
+            f"The {name} weighs less than nothing: the windows of the load and of the empty hand are exchanged, or the "
+            "hand is lighter than described (hand=KG or found).",
+        ),
+        FitTest(
+            "a mass is within the payload",
+            mass - doubt,
+            payload * (1.0 + tuning.CLAIM_MASS),
+            f"The {name} weighs more than the arm's payload of {payload:g} kg: the torques are in another unit, or the "
+            "recording is of another arm (arm=NAME or a folder with its description).",
+        ),
     )
 
 

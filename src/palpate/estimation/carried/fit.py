@@ -13,13 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.estimation import tuning
+from palpate.estimation.agreement import FitTest
 from palpate.estimation.arm.causes import Bodies, Rows, Setup
+from palpate.estimation.arm.explained import Claim, explained
 from palpate.estimation.arm.fit import DETAILS, FRICTION, PARTS, Assumed, fitted
 from palpate.estimation.arm.motion import Motion, cut, uniform_runs
 from palpate.estimation.arm.spectrum import kept, transformed
 from palpate.estimation.load.chain import load_torques
 from palpate.estimation.load.in_hand import load_rows
-from palpate.estimation.load.observation import gain_root, observe
+from palpate.estimation.load.observation import observe, own_and_common_gains
 from palpate.estimation.motion import Mask
 from palpate.estimation.regression import Cause, Posterior, Scale
 from palpate.estimation.rigid import PARAMETERS
@@ -43,6 +45,7 @@ class Carried:
         hanging: (s,) stretches in which it was carried.
         torques: (s,) of each, (n, 7, 10) joint torques of a unit of each parameter, carried or not.
         posterior: of the fit.
+        explained: test that the described arm explains the recording.
     """
 
     value: Array
@@ -51,6 +54,7 @@ class Carried:
     hanging: Mask
     torques: Sequence[Array]
     posterior: Posterior
+    explained: FitTest
 
     @property
     def compared(self) -> bool:
@@ -87,6 +91,8 @@ def carried(trace: Trace, name: str) -> Carried | None:
     if not found:
         return None
     found += [(motion, False) for motion in _stretches(log, rows.empty)]
+    used = rows.loaded | rows.empty
+    claim = Claim.of(log, trace.hand, gravity, rows.loaded, used, held=True)
     motions, hanging = [motion for motion, _ in found], np.array([hung for _, hung in found])
     torques = [load_torques(chain, one.q, one.dq, one.ddq, gravity) for one in motions]
     bodies = Bodies.of(chain, tuning.LINK_MASS, tuning.LINK_CENTRE, 0.0)
@@ -95,10 +101,10 @@ def carried(trace: Trace, name: str) -> Carried | None:
     begun = list(_restarts(seen, log, motions))
     alike = Scale(tuple(one.name for one in begun), (0.0, 1.0), tuning.LIKELY_RESTART)
     names, learned = (*FRICTION, *DETAILS, *PARTS), [alike] if begun else []
-    assumed = Assumed(bodies, bodies.hand, gain_root(trace.hand, len(chain.axes)))
+    assumed = Assumed(bodies, bodies.hand, own_and_common_gains(trace.hand, len(chain.axes)))
     posterior = fitted(seen, assumed, names, loads, begun, learned).posterior
     value, covariance = posterior[LOAD]
-    return Carried(value, covariance, motions, hanging, torques, posterior)
+    return Carried(value, covariance, motions, hanging, torques, posterior, explained(claim))
 
 
 def _loads(

@@ -115,6 +115,17 @@ def gain_root(hand: Hand, signals: int) -> Array:
     return (axes * np.sqrt(np.maximum(sizes, 0.0))) @ axes.T
 
 
+def own_and_common_gains(hand: Hand, signals: int) -> Array:
+    """(m, m + 1) `gain_root`, and the effect of one standard deviation of an error that all sensors share.
+
+    A datasheet's bound of each sensor says nothing of what they have in common, such as their temperature or the
+    reference that they were calibrated with. A calibrated arm's covariance says it.
+    """
+    calibrated = hand.gain_covariance is not None and len(hand.gain_covariance) == signals
+    common = 0.0 if calibrated else hand.torque_gain / np.sqrt(3.0)
+    return np.column_stack([gain_root(hand, signals), np.full(signals, common)])
+
+
 def crosstalk(hand: Hand, torque: Array) -> Array:
     """(k, m) N m, 1 sigma of what each of m sensors reads of the torques (k, m) in the other joints.
 

@@ -44,6 +44,10 @@ PRESLIDINGS = (1.5e-3, 6e-4, 4e-3, 1e-2)
 """rad over which parts of a joint's friction turn round: the usual one (1 to 4 mrad were seen on real arms) ...
 Sensitive: hand 0.4 σ, std ×0.9–1.1; others at most 1.7 σ, std ×0.7–1.3."""
 
+TURNED = 0.7
+"""part of its level that the slowest friction reaches, 12 mrad after a joint began to turn, in both directions where
+a joint shows its friction: that of one that turns one way only is no other than an offset. Sensitive: no."""
+
 PRESLIDING_SHARE = 0.3
 """... and parts (1 sigma) of it that do so over each of the others: no law of friction is Dahl's alone. Sensitive:
 hand 0.2 σ, std ×1.0–1.1; others at most 2.0 σ, std ×0.8–1.1."""
@@ -131,3 +135,34 @@ std ×0.8–1.1."""
 
 OBSERVED = 0.5
 """part of its prior deviation to which a figure must be known to be shown as observed. Sensitive: no."""
+
+CLAIM_TORQUE = 0.45
+"""N m (1 sigma) of zeros, of friction about its usual size and of the residual, in the test that an arm explains its
+recording; real arms leave 0.05 to 0.3. Sensitive: no wrong arm or unit passes at 0.3 to 0.5."""
+
+CLAIM_SHARE = 0.02
+"""part of the torque that holds the arm up, added to each of these. Sensitive: likewise, 0.02 to 0.03."""
+
+CLAIM_LINKS = (0.03, 3e-3)
+"""part of a link's mass, and m of its centre (1 sigma), that its description may be off: a real Panda passes as an FR3,
+an iiwa 14 does not. Sensitive: likewise, half of it to 0.05 and 5 mm."""
+
+CLAIM_GRAVITY = (0.015, 0.015, 0.03)
+"""part of gravity (1 sigma) along each axis of the base that is tolerated: real arms show 0.02 across and along, other
+arms 0.2 and more. Sensitive: no wrong arm or unit passes at twice of it."""
+
+CLAIM_MASS = 0.1
+"""part of the payload (1 sigma) by which a mass on the hand may exceed it. Sensitive: no."""
+
+FRICTION_BELOW = (0.05, 0.1)
+"""N m and N m s/rad below 0 that friction and damping may be: the simulated arm's damping is -0.03, a controller may
+compensate for some. Sensitive: no."""
+
+HAND_SIZE = 0.3
+"""m from the TCP, beyond which no hand's centre is. Sensitive: no."""
+
+BEYOND_RANGE = 0.1
+"""rad beyond the range of a joint, where no such arm can be: encoders are off by less. Sensitive: no."""
+
+BEYOND_SPEED = 1.5
+"""times the largest speed of a joint, which no such arm exceeds. Sensitive: no."""

@@ -131,6 +131,10 @@ Sensitive: no."""
 CARRIED_LEAST = 0.005
 """kg (1 sigma), likewise. Sensitive: no."""
 
+SURELY = 3.7
+"""standard deviations by which a mass or a friction is surely beyond a limit: chance exceeds them in one of 10 000.
+Sensitive: no."""
+
 THINNEST = 2e-3
 """m: radius of gyration along any axis that every load has. Sensitive: no."""
 
