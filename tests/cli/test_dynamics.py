@@ -53,6 +53,21 @@ def test_dynamics_as_json(palpate: Call) -> None:
     assert len(told["links"]) == 7
 
 
+def test_a_wrong_recording_is_contradicted_and_not_written(palpate: Call) -> None:
+    made = recorded(ARM, 0.9, seconds=6.0)
+    np.savez("log.npz", t=made.t, q=made.q, dq=made.dq, tau=-made.tau)
+    done = palpate("dynamics", "log.npz", "-o", "arm.xml")
+    assert done.status == 1
+    assert "contradicted The described arm does not explain the torques" in " ".join(
+        done.out.split()
+    )
+    assert not Path("arm.xml").exists()
+    noise = palpate("noise", "log.npz", "-o", "mine.yaml")
+    assert noise.status == 2
+    assert "have the opposite sign: negate them" in noise.err
+    assert not Path("mine.yaml").exists()
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

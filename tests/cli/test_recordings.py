@@ -37,6 +37,9 @@ def test_a_recording_in_json_and_as_a_folder(palpate: Palpate, tmp_path: Path) -
     assert found["provenance"]["seed"] is None
     assert found["plan"]["planner"] == "recording"
     assert answer.status == (0 if found["status"] == "complete" else 1)
+    # Torques of noise alone hold no arm up.
+    assert found["parameters"][0]["verdict"] == "contradicted"
+    assert "own weight is not in the torques" in str(found["parameters"][0])
     assert (tmp_path / "run" / "report.html").exists()
     again = json.loads(palpate("estimate", tmp_path / "run", "--json").out)
     assert again["parameters"][0]["value"] == found["parameters"][0]["value"]

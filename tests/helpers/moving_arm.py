@@ -61,12 +61,19 @@ def friction(q: Array) -> Array:
 
 
 def recorded(
-    arm: RobotDescription, hand: float, seconds: float = 30.0, noise: float = 0.05, seed: int = 0
+    arm: RobotDescription,
+    hand: float,
+    seconds: float = 30.0,
+    noise: float = 0.05,
+    seed: int = 0,
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
 ) -> ArmLog:
-    """Recording of an arm with `hand` kg on its flange, a sensor noise of `noise` N m, and drift."""
+    """Recording of an arm with `hand` kg on its flange, a sensor noise of `noise` N m, and drift; its base is mounted
+    so that `gravity` acts along its axes."""
     rng = np.random.default_rng(seed)
     t, q, dq, ddq = fourier(seconds, arm, seed)
     model = mujoco.MjModel.from_xml_path(str(arm.mjcf))
+    model.opt.gravity = gravity
     body = model.body(arm.hand.body).id
     factor = hand / model.body_subtreemass[body]
     for each in range(body, model.nbody):

@@ -11,11 +11,14 @@ import pytest
 
 import palpate as pp
 from palpate.errors import InputError
+from palpate.estimation.load.chain import load_torques
 from palpate.logs.reading import read_log
+from palpate.robots.registry import load_description
 
 from .conftest import COM, INERTIA, MASS, WINDOW, Log
 
 REAL = Path(os.environ.get("PALPATE_SHARED", Path(__file__).parents[3] / "shared")) / "real"
+ARM = load_description("fr3")
 SCENE = """<mujoco><worldbody><site name="robot_base"/>
 <body name="drill" pos="0.5 0 0.06"><freejoint/>
 <inertial pos="? ? ?" mass="?" diaginertia="? ? ?"/><geom type="box" size=".04 .03 .06"/></body>
@@ -74,6 +77,73 @@ def test_a_load_that_came_and_went_is_contradicted(npz: Path) -> None:
     assert "differs between parts" in found.contradiction
     carried_elsewhere = pp.estimate(npz, [(12.4, 17.0)])["load.mass"]
     assert carried_elsewhere.verdict == "contradicted"
+
+
+@pytest.mark.parametrize(
+    ("factor", "cause"),
+    [
+        (-1.0, "have the opposite sign: negate them"),
+        (1000.0, "give N m at the joints, not mN m"),
+        (1.0 / 7.0, "not mN m, motor currents"),
+    ],
+)
+def test_torques_that_the_arm_does_not_explain_are_contradicted(
+    recording: Log, tmp_path: Path, factor: float, cause: str
+) -> None:
+    file = tmp_path / "wrong.npz"
+    np.savez(file, **{**recording, "tau": factor * recording["tau"]})
+    run = pp.estimate(file, [WINDOW])
+    mass = run["load.mass"]
+    assert run.status == "failed"
+    assert mass.verdict == "contradicted"
+    assert cause in mass.contradiction
+    assert mass.intervals[0, 0] < mass.values[0] < mass.intervals[0, 1]
+    # One message: what follows from the mass says no more.
+    for name in ("com", "inertia"):
+        assert run[f"load.{name}"].verdict == "not identified"
+        assert "mass is contradicted" in run[f"load.{name}"].method
+
+
+def test_a_load_of_less_than_nothing_is_contradicted(npz: Path) -> None:
+    """The empty hand's window, said to be loaded."""
+    mass = pp.estimate(npz, [(0.5, 11.5)])["load.mass"]
+    low, high = mass.intervals[0]
+    assert low < -MASS < high < 0.0
+    assert mass.verdict == "contradicted"
+    assert "weighs less than nothing: the windows" in mass.contradiction
+
+
+def test_a_load_beyond_the_payload_is_contradicted(recording: Log, tmp_path: Path) -> None:
+    """The load and ten times as much: 4.4 kg, at FR3's payload of 3 kg."""
+    held = recording["t"] > 15.0
+    chain = ARM.nominal.chain
+    assert chain is not None
+    more = load_torques(
+        chain, recording["q"], recording["dq"], 0 * recording["q"], np.array([0, 0, -9.81])
+    )
+    file = tmp_path / "heavy.npz"
+    tau = recording["tau"] + np.where(held[:, None], more[:, :, 0] * 4.0, 0.0)
+    np.savez(file, **{**recording, "tau": tau})
+    mass = pp.estimate(file, [WINDOW])["load.mass"]
+    assert mass.verdict == "contradicted"
+    assert "payload of 3 kg" in mass.contradiction
+
+
+@pytest.mark.parametrize("gain", [0.99, 1.01])
+def test_an_error_that_all_sensors_share_is_in_the_interval(
+    recording: Log, tmp_path: Path, gain: float
+) -> None:
+    file = tmp_path / "gain.npz"
+    np.savez(file, **{**recording, "tau": gain * recording["tau"]})
+    mass = pp.estimate(file, [WINDOW])["load.mass"]
+    assert mass.identified
+    assert mass.intervals[0, 0] < MASS < mass.intervals[0, 1]
+    assert "gain of all joints" in {one.cause for one in mass.shared}
+
+
+def test_a_recording_of_another_arm_is_refused_by_its_range(npz: Path) -> None:
+    with pytest.raises(InputError, match=r"joint 4 is at .* 'iiwa14' turns it from -2.09 to"):
+        pp.estimate(npz, [WINDOW], arm="iiwa14")
 
 
 def test_the_twin_of_a_scene(npz: Path, tmp_path: Path) -> None:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from moving_arm import COULOMB, OFFSET, VISCOUS, recorded
+from mujoco import MjModel
 
 from palpate.errors import InputError
 from palpate.estimation.arm.dynamics import Figure, identify
 from palpate.logs.reading import read_log
 from palpate.robots.registry import load_description
 from palpate.trace.log import ArmLog
+from palpate.twin.arm import save_arm
 
 ARM = load_description("fr3")
 REAL = Path(__file__).parents[4] / "shared" / "real"
@@ -72,6 +75,52 @@ def test_a_joint_at_rest_is_not_observed() -> None:
     found = identify(log, ARM)
     assert found.coulomb.observed == (True, True, False, True, True, True, True)
     assert found.coulomb.record(2) is None
+
+
+def test_a_joint_that_turns_one_way_only_is_not_observed() -> None:
+    """Its friction is no other than an offset."""
+    moving = recorded(ARM, 0.76, seconds=10.0)
+    only = np.arange(7) == 6
+    dq = np.where(only, 0.05, moving.dq)
+    q = np.where(only, ARM.home + 0.05 * moving.t[:, None], moving.q)
+    tau = moving.tau + np.where(only, 0.15, 0.0)
+    found = identify(ArmLog(moving.t, q, dq, tau, None, "one way"), ARM)
+    assert found.coulomb.observed == (True,) * 6 + (False,)
+    assert found.coulomb.record(6) is None
+
+
+def test_figures_that_no_arm_has_are_contradicted(tmp_path: Path) -> None:
+    log = recorded(ARM, 0.76, seconds=10.0)
+    negative = replace(log, tau=log.tau - 2.0 * (COULOMB * np.tanh(log.dq / 0.02)))
+    found = identify(negative, ARM)
+    (finding,) = found.contradictions
+    assert finding.startswith("Friction is negative: -0.")
+    assert "(joint 1)" in finding
+    assert found.record()["contradictions"] == [finding]
+    with pytest.raises(InputError, match=r"arm\.xml is not written: Friction is negative"):
+        save_arm(found, tmp_path / "arm.xml")
+    assert not (tmp_path / "arm.xml").exists()
+    assert identify(log, ARM).contradictions == ()
+
+
+def test_a_recording_that_the_arm_does_not_explain_is_contradicted() -> None:
+    log = recorded(ARM, 0.76, seconds=10.0)
+    (finding,) = identify(replace(log, tau=-log.tau), ARM).contradictions
+    assert "have the opposite sign: negate them" in finding
+    (finding,) = identify(
+        recorded(load_description("iiwa14"), 0.76, seconds=10.0), ARM
+    ).contradictions
+    assert "another arm" in finding
+
+
+def test_a_hand_of_no_weight_has_no_centre(tmp_path: Path) -> None:
+    found = identify(recorded(ARM, 1e-6, seconds=10.0), ARM)
+    assert found.hand is not None
+    assert found.hand.centre is None
+    assert found.hand.record()["centre"] is None
+    save_arm(found, tmp_path / "arm.xml")
+    written, given = (MjModel.from_xml_path(str(path)) for path in (tmp_path / "arm.xml", ARM.mjcf))
+    assert written.body(ARM.hand.body).ipos == pytest.approx(given.body(ARM.hand.body).ipos)
 
 
 def test_bad_recordings_are_refused() -> None:

@@ -24,7 +24,7 @@ from palpate.estimation.arm.fit import (
 from palpate.estimation.arm.motion import Motion, stretches
 from palpate.estimation.estimate import Z95
 from palpate.estimation.joint_friction import turned_round
-from palpate.estimation.load.observation import own_and_common_gains
+from palpate.estimation.load.observation import gain_root
 from palpate.estimation.motion import Mask
 from palpate.estimation.rigid import placed_at
 from palpate.geometry.pose import Array
@@ -182,7 +182,7 @@ def identify(log: ArmLog, arm: RobotDescription, hand: float | None = None) -> A
     explains = explained_upright(log, arm)
     learnt, held_out = (Rows.of(motions, setup) for motions in (first, rest))
     known = None if hand is None else bodies.hand * (hand / max(float(bodies.hand[0]), 1e-9))
-    assumed = Assumed(bodies, known, own_and_common_gains(arm.nominal, len(arm.joints)))
+    assumed = Assumed(bodies, known, gain_root(arm.nominal, len(arm.joints)))
     given = Assumed(bodies, bodies.hand if known is None else known, assumed.gains)
     every = (*FRICTION, *DETAILS, *PARTS, *((HAND,) if known is None else ()))
     left = {"described": given.described(held_out, given.hand)}

@@ -1,16 +1,11 @@
 """Test that a described arm explains the joint torques of a recording, and the likely cause where it does not.
 
-The torques are compared with their prior prediction: the described links, with errors of their masses and centres; an
-unknown hand and loads up to the payload; friction and zeros of the sensors; and a residual. Three statistics follow
-from one linear-Gaussian fit:
-
-    J = |residual|² + |unknowns / prior deviations|², the prior predictive check (G. Box, Sampling and Bayes'
-        inference, Journal of the Royal Statistical Society A 143, 1980);
-    a Wald test of the gravity that the torques show, as a vector in the axes of the base;
-    the masses on the hand, which lie between that of a missing hand and the payload.
-
-Where one of them fails, the recording is changed as each likely mistake would be mended. The first mistake whose
-mended recording passes is named.
+One linear-Gaussian fit predicts the torques from the described links, with errors of their masses and centres, an
+unknown hand and load up to the payload, friction, and zeros of the sensors. Three statistics of it are compared with
+their limits: |residual|² + |unknowns / prior deviations|² (prior predictive check: G. Box, Journal of the Royal
+Statistical Society A 143, 1980); a Wald test of the gravity that the torques show, a vector in the axes of the base;
+and masses on the hand. Where one fails, each likely mistake is mended in turn: the first that lets the recording pass
+is named.
 """
 
 from __future__ import annotations
@@ -34,41 +29,31 @@ from palpate.trace.log import ArmLog
 from palpate.trace.recording import Chain, Hand
 from palpate.trace.samples import STANDARD_GRAVITY
 
-NAME = "torques of the described arm"
 HAND, LOAD = "hand", "load"
-ROWS, PIECES = 300, 6
-"""Means of the signals at most, and pieces of a recording that carry a load of their own each."""
-ANY = 100_000
-"""Times the described torques (1 sigma): prior of an unknown unit."""
-STRONG, ALIKE, HEAVIER = 2, 30, 4
+ROWS = 300
+"""Means of the signals, at most."""
+STRONG, ALIKE, HEAVIER = 2, 10, 4
 """N m (rms) that show a joint's own unit; largest quotient of two units; times the payload that is recognised."""
 UPRIGHT: Array = np.array([0.0, 0.0, -STANDARD_GRAVITY])
 SIGN = "the torques have the opposite sign: negate them"
-REMOVED = (
-    "the arm's own weight is not in the torques, as in external or commanded ones: give the sensed joint torques, "
-    "gravity included (libfranka's tau_J)"
+MOUNT = (
+    "the base is mounted otherwise ({}): gravity acts along ({:.2f}, {:.2f}, {:.2f}) of its axes; state its pose by "
+    "the site robot_base of a scene (scene=D.xml)"
 )
 UNIT = (
-    "the torques are {:.3g} times what holds the arm up: give N m at the joints, not mN m or motor "
-    "currents"
+    "the torques are {} times what holds the arm up: give N m at the joints, not mN m, motor currents or torques "
+    "before the gears"
 )
-CURRENTS = (
-    "the torques are {} times what holds the arm up, joint by joint: give N m at the joints, not motor currents or "
-    "torques before the gears"
-)
-MOUNT = (
-    "the base is mounted otherwise, {}: gravity acts along ({:.2f}, {:.2f}, {:.2f}) of its axes. State its pose by the "
-    "site robot_base of a scene (scene=D.xml)"
+REMOVED = (
+    "the arm's own weight is not in the torques, as in external or commanded ones: give the sensed ones, gravity "
+    "included (libfranka's tau_J)"
 )
 PAYLOAD = "the hand carries more than the arm's payload of {:g} kg"
-LOADS = (
-    "a load came or went outside of the stated windows (loaded=A-B), or something touched the arm"
-)
-OTHER = "; or the recording is of another arm (arm=NAME or a folder with its description)"
 UNKNOWN = (
-    "no other sign, unit or mounting does either. Its joints are in another order, something touches the arm"
-    + OTHER
+    "no other sign, unit or mounting does. Its joints are in another order, something touches or loads it outside of "
+    "the stated windows (loaded=A-B)"
 )
+OTHER = ", or the recording is of another arm (arm=NAME or a folder with its description)."
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,7 +63,7 @@ class Claim:
     Attributes:
         t: (n,) s.
         q, dq, tau: (n, 7) rad, rad/s, N m; gravity is in the torques.
-        loads: (n, k) 1 where load k is carried, else 0.
+        loaded: (n,) 1 where a load is carried, else 0.
         hand: the arm's chain and payload.
         gravity: (3,) m/s², in the axes of the base.
     """
@@ -87,7 +72,7 @@ class Claim:
     q: Array
     dq: Array
     tau: Array
-    loads: Array
+    loaded: Array
     hand: Hand
     gravity: Array
 
@@ -110,7 +95,7 @@ class Claim:
         if len(rows) > ROWS:
             rows = rows[np.linspace(0, len(rows) - 1, ROWS).astype(int)]
         t, q, dq, tau = (mean(signal)[rows] for signal in (log.t, log.q, log.dq, log.tau))
-        made = cls(t, q, dq, tau, share[rows, None], hand, gravity)
+        made = cls(t, q, dq, tau, share[rows], hand, gravity)
         return replace(made, tau=tau + made.holding(gravity)) if held else made
 
     @property
@@ -130,10 +115,10 @@ def explained(claim: Claim) -> FitTest:
     found = _test(claim)
     if found.passed:
         return found
-    likely = next(
-        (text + OTHER for mended, text in _mended(claim) if _test(mended).passed), UNKNOWN
+    likely = next((text for mended, text in _mended(claim) if _test(mended).passed), UNKNOWN)
+    return replace(
+        found, finding=f"The described arm does not explain the torques: {likely}{OTHER}"
     )
-    return replace(found, finding=f"The described arm does not explain the torques: {likely}.")
 
 
 def explained_upright(log: ArmLog, arm: RobotDescription) -> FitTest:
@@ -154,42 +139,42 @@ def require_within_limits(log: ArmLog, arm: RobotDescription) -> None:
         InputError: they are not; the message names the joint.
     """
     limits, low, high = arm.limits, log.q.min(axis=0), log.q.max(axis=0)
-    for i in np.flatnonzero(
-        np.maximum(limits.q_min - low, high - limits.q_max) > tuning.BEYOND_RANGE
-    ):
+    beyond = np.maximum(limits.q_min - low, high - limits.q_max) > tuning.BEYOND_RANGE
+    for i in np.flatnonzero(beyond):
         raise InputError(
-            f"{log.source}: joint {i + 1} is at {low[i]:.2f} to {high[i]:.2f} rad, and that of '{arm.name}' turns from "
-            f"{limits.q_min[i]:.2f} to {limits.q_max[i]:.2f}: the recording is of another arm (arm=), its joints are "
-            "in another order, or its angles are not in rad (angles: deg in columns=MAP.yaml)"
+            f"{log.source}: joint {i + 1} is at {low[i]:.2f} to {high[i]:.2f} rad, and '{arm.name}' turns it from "
+            f"{limits.q_min[i]:.2f} to {limits.q_max[i]:.2f}: its angles are not in rad (angles: deg in "
+            f"columns=MAP.yaml), its joints are in another order{OTHER}"
         )
     fast = np.quantile(np.abs(log.dq), 0.99, axis=0)
     for i in np.flatnonzero(fast > tuning.BEYOND_SPEED * limits.dq_max):
         raise InputError(
-            f"{log.source}: joint {i + 1} turns at {fast[i]:.3g} rad/s, and that of '{arm.name}' at "
-            f"{limits.dq_max[i]:.3g} at most: state the unit of the clock (time: ms in columns=MAP.yaml), or mend the "
-            "velocities"
+            f"{log.source}: joint {i + 1} turns at {fast[i]:.3g} rad/s, and that of '{arm.name}' at most at "
+            f"{limits.dq_max[i]:.3g}: state the unit of the clock (time: ms in columns=MAP.yaml), or mend velocities"
         )
 
 
 def _test(claim: Claim) -> FitTest:
     """Compute the largest of the three statistics, each in units of its limit."""
     if not len(claim.t):
-        return FitTest(NAME, 0.0, 1.0, "")
+        return FitTest("torques of the described arm", 0.0, 1.0, "")
     posterior = _fitted(claim)
-    unknowns = posterior.mean / posterior.model.prior
+    unknowns = (posterior.mean / posterior.model.prior)[posterior.model.prior > 0.0]
     misfit = float(posterior.residual @ posterior.residual + unknowns @ unknowns)
-    tests = [chi_squared("misfit", misfit, 7 * _seconds(claim), "")]
-    # Gravity as the torques show it, in units of the stated one.
-    tests.append(posterior.test(_gravity(claim, 1.0), np.array(tuning.CLAIM_GRAVITY), ""))
+    tests = [
+        chi_squared("misfit", misfit, 7 * _seconds(claim), ""),
+        posterior.test(_gravity(claim, 1.0), np.array(tuning.CLAIM_GRAVITY), ""),
+    ]
     # Masses on the hand beyond the described one: at all times, and as loads.
     payload, least = claim.hand.payload, -float(Bodies.of(claim.chain, 0.0, 0.0, 0.0).hand[0])
     for name, usual in ((HAND, 0.0), (LOAD, payload / 2.0)):
         mean, covariance = posterior[name]
-        for mass, variance in zip(usual + mean[::4], np.diag(covariance)[::4], strict=True):
-            beyond = mass - np.clip(mass, least, payload)
-            spread = variance + (tuning.CLAIM_MASS * payload) ** 2
-            tests.append(chi_squared("mass", float(beyond**2 / spread), 1, ""))
-    return FitTest(NAME, max(one.statistic / one.limit for one in tests), 1.0, "")
+        beyond = usual + mean[0] - np.clip(usual + mean[0], least, payload)
+        spread = covariance[0, 0] + (tuning.CLAIM_MASS * payload) ** 2
+        tests.append(chi_squared("mass", float(beyond**2 / spread), 1, ""))
+    return FitTest(
+        "torques of the described arm", max(one.statistic / one.limit for one in tests), 1.0, ""
+    )
 
 
 def _fitted(claim: Claim, *more: Cause) -> Posterior:
@@ -206,12 +191,12 @@ def _fitted(claim: Claim, *more: Cause) -> Posterior:
     weights = [links[:, :, i] @ bodies.link_frame(i)[:, :4] for i in range(len(bodies.links))]
     # A hand that differs from the described one, and loads between nothing and the payload.
     mass, load = claim.hand.payload / 2.0, load_torques(chain, claim.q, still, still, claim.gravity)
-    carried = [one[:, None, None] * load[:, :, :4] for one in claim.loads.T]
+    carried = claim.loaded[:, None, None] * load[:, :, :4]
     of_load = mass * np.array([1.0, *[2.0 * tuning.HAND_REACH] * 3])
     parts = [
         ("links", np.concatenate(weights, axis=2), bodies.errors[:, :4].ravel()),
         (HAND, load[:, :, :4], of_load),
-        (LOAD, np.concatenate(carried, axis=2), np.tile(of_load, len(carried))),
+        (LOAD, carried, of_load),
         ("inertia", moved[:, :, None], np.array([tuning.LINK_INERTIA])),
         ("offset", each(np.ones_like(held)), size),
         ("coulomb", each(turning), size),
@@ -220,12 +205,9 @@ def _fitted(claim: Claim, *more: Cause) -> Posterior:
     causes = [Cause(name, columns.reshape(held.size, -1), prior) for name, columns, prior in parts]
     # A residual stays alike for about a second: the rows of a second count as one.
     std = np.tile(size * np.sqrt(max(1.0, n / max(_seconds(claim), 1))), n)
-    expected = (
-        held + moved + tuning.USUAL_FRICTION * turning + mass * sum(one[:, :, 0] for one in carried)
-    )
-    return fit(
-        [*causes, *more], SpectralNoise(std, float(held.size)), (claim.tau - expected).ravel()
-    )
+    expected = held + moved + tuning.USUAL_FRICTION * turning + mass * carried[:, :, 0]
+    noise = SpectralNoise(std, float(held.size))
+    return fit([*causes, *more], noise, (claim.tau - expected).ravel())
 
 
 def _seconds(claim: Claim) -> int:
@@ -243,44 +225,36 @@ def _gravity(claim: Claim, prior: float) -> Cause:
 def _mended(claim: Claim) -> Iterator[tuple[Claim, str]]:
     """Yield the recording, or its arm, without each likely mistake, and the mistake."""
     size = float(np.linalg.norm(claim.gravity))
-    # Gravity that the torques show by themselves; that of a reversed sign is that of a hanging arm.
-    shown = claim.gravity / size + _fitted(claim, _gravity(claim, ANY))["gravity"][0]
-    ratio = float(np.linalg.norm(shown))
-    place = "on a ceiling" if shown[2] > 0.7 * ratio else "on a wall or tilted"
+    # Gravity that the torques show by themselves: that of a reversed sign is that of a hanging arm.
+    shown = claim.gravity / size + _fitted(claim, _gravity(claim, 1e5))["gravity"][0]
+    shown /= np.linalg.norm(shown)
+    place = "on a ceiling" if shown[2] > np.sqrt(0.5) else "on a wall, or tilted"
     ways = [
         (replace(claim, tau=-claim.tau), SIGN),
-        (
-            replace(claim, gravity=size * shown / ratio),
-            MOUNT.format(place, *(shown / ratio).tolist()),
-        ),
+        (replace(claim, gravity=size * shown), MOUNT.format(place, *shown.tolist())),
     ]
     yield from sorted(ways, key=lambda way: -_fitted(way[0]).density)
-    scales = _scales(claim, np.ones((*claim.tau.shape, 1)))
-    yield replace(claim, tau=claim.tau / scales), UNIT.format(float(scales[0]))
-    scales = _scales(claim, each(np.ones_like(claim.tau)))
-    if scales.max() < ALIKE * scales.min():
-        listed = ", ".join(f"{part:.3g}" for part in scales.tolist())
-        yield replace(claim, tau=claim.tau / scales), CURRENTS.format(listed)
+    for scales in (_scales(claim, alike=True), _scales(claim, alike=False)):
+        if scales.max() < ALIKE * scales.min():
+            listed = ", ".join(dict.fromkeys(f"{part:.3g}" for part in scales.tolist()))
+            yield replace(claim, tau=claim.tau / scales), UNIT.format(listed)
     yield replace(claim, tau=claim.tau + claim.holding(claim.gravity)), REMOVED
     stronger = replace(claim.hand, payload=HEAVIER * claim.hand.payload)
     yield replace(claim, hand=stronger), PAYLOAD.format(claim.hand.payload)
-    pieces = np.arange(len(claim.t)) * PIECES // max(len(claim.t), 1)
-    loads = (pieces[:, None] == np.arange(PIECES)).astype(float)
-    yield replace(claim, loads=loads), LOADS
 
 
-def _scales(claim: Claim, columns: Array) -> Array:
-    """(7,) by how much the torques are larger than what holds up the described arm: k factors of it, with `columns`
-    (n, 7, k) each; joints that hold too little to show it are given the median of the others."""
-    held = claim.holding(claim.gravity)
+def _scales(claim: Claim, alike: bool) -> Array:
+    """(7,) by how much the torques are larger than what holds up the described arm: `alike` for all joints, or of each,
+    where joints that hold too little to show it have the median of the others."""
+    held, scales = claim.holding(claim.gravity), np.ones(7)
     strong = np.sqrt((held**2).mean(axis=0)) > STRONG
-    scales = np.ones(7)
+    columns = held.reshape(-1, 1) if alike else each(held).reshape(held.size, -1)
+    cause = Cause("scale", columns, np.full(int(columns.shape[1]), 1e5))
     # Priors are those of torques in N m: the first round is far off where the unit is.
     for _ in range(tuning.LOAD_ITERATIONS):
         mended = replace(claim, tau=claim.tau / scales)
-        scaled = (columns * held[:, :, None]).reshape(held.size, -1)
-        cause = Cause("scale", scaled, np.full(int(columns.shape[2]), float(ANY)))
         found = 1.0 + _fitted(mended, cause)["scale"][0] * np.ones(7)
-        found = np.where(strong, found, np.median(found[strong])) if strong.any() else found
+        if strong.any():
+            found = np.where(strong, found, np.median(found[strong]))
         scales = scales * np.where(found > 1e-6, found, 1.0)
     return scales

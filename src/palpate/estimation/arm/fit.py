@@ -14,7 +14,7 @@ from palpate.estimation.regression import Cause, Posterior, Scale, fit
 from palpate.estimation.rigid import PARAMETERS, placed_at
 from palpate.geometry.pose import Array
 
-HAND, GAIN = "hand", "gain"
+HAND, GAIN, COMMON = "hand", "gain", "common gain"
 WEIGHT, INERTIA = "weight", "inertia"
 PARTS = {WEIGHT: slice(0, 4), INERTIA: slice(4, PARAMETERS)}
 """Of the links: masses and first moments, which gravity shows, and inertias."""
@@ -46,7 +46,8 @@ PRIORS = {
 }
 """Standard deviation of each unknown of a cause, about 0 ..."""
 LABELS = {
-    GAIN: (*(f"gain of joint {joint}" for joint in range(1, 8)), "common gain"),
+    GAIN: tuple(f"gain of joint {joint}" for joint in range(1, 8)),
+    COMMON: ("gain of all joints",),
     WEIGHT: tuple(
         f"link {kind} at joint {joint}"
         for joint in range(1, 8)
@@ -65,12 +66,14 @@ class Assumed:
     Attributes:
         bodies: as described.
         hand: (10,) known parameters of all that the last joint carries; None: to be found.
-        gains: (7, 8) effects of one standard deviation of each cause on the relative errors of the torque sensors.
+        gains: (7, 7) effects of one standard deviation of each cause on the relative errors of the torque sensors.
+        common: standard deviation of one that all of them share.
     """
 
     bodies: Bodies
     hand: Array | None
     gains: Array
+    common: float = 0.0
 
     def described(self, rows: Rows, hand: Array | None) -> Array:
         """(k, 7) torques of the described links and of a hand."""
@@ -91,7 +94,10 @@ class Assumed:
             columns = rows.columns[LINKS][:, :, -PARAMETERS:] @ placed_at(self.bodies.reach)
             prior = self.bodies.hand_prior()
         elif name == GAIN:
-            columns, prior = rows.columns[GAIN] @ self.gains, np.ones(self.gains.shape[1])
+            columns, prior = rows.columns[GAIN] @ self.gains, np.ones(len(self.gains))
+        elif name == COMMON:
+            columns = rows.columns[GAIN].sum(axis=2, keepdims=True)
+            prior = np.array([self.common])
         else:
             columns = rows.columns[name]
             prior = np.full(columns.shape[2], PRIORS[name])

@@ -16,12 +16,12 @@ from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest
 from palpate.estimation.arm.causes import Bodies, Rows, Setup
 from palpate.estimation.arm.explained import Claim, explained
-from palpate.estimation.arm.fit import DETAILS, FRICTION, PARTS, Assumed, fitted
+from palpate.estimation.arm.fit import COMMON, DETAILS, FRICTION, PARTS, Assumed, fitted
 from palpate.estimation.arm.motion import Motion, cut, uniform_runs
 from palpate.estimation.arm.spectrum import kept, transformed
 from palpate.estimation.load.chain import load_torques
 from palpate.estimation.load.in_hand import load_rows
-from palpate.estimation.load.observation import observe, own_and_common_gains
+from palpate.estimation.load.observation import common_gain, gain_root, observe
 from palpate.estimation.motion import Mask
 from palpate.estimation.regression import Cause, Posterior, Scale
 from palpate.estimation.rigid import PARAMETERS
@@ -100,8 +100,10 @@ def carried(trace: Trace, name: str) -> Carried | None:
     loads = list(_loads(trace, motions, hanging, torques))
     begun = list(_restarts(seen, log, motions))
     alike = Scale(tuple(one.name for one in begun), (0.0, 1.0), tuning.LIKELY_RESTART)
-    names, learned = (*FRICTION, *DETAILS, *PARTS), [alike] if begun else []
-    assumed = Assumed(bodies, bodies.hand, own_and_common_gains(trace.hand, len(chain.axes)))
+    gains, common = gain_root(trace.hand, len(chain.axes)), common_gain(trace.hand)
+    names = (*FRICTION, *DETAILS, *([COMMON] if common else []), *PARTS)
+    learned = [alike] if begun else []
+    assumed = Assumed(bodies, bodies.hand, gains, common)
     posterior = fitted(seen, assumed, names, loads, begun, learned).posterior
     value, covariance = posterior[LOAD]
     return Carried(value, covariance, motions, hanging, torques, posterior, explained(claim))

@@ -115,15 +115,10 @@ def gain_root(hand: Hand, signals: int) -> Array:
     return (axes * np.sqrt(np.maximum(sizes, 0.0))) @ axes.T
 
 
-def own_and_common_gains(hand: Hand, signals: int) -> Array:
-    """(m, m + 1) `gain_root`, and the effect of one standard deviation of an error that all sensors share.
-
-    A datasheet's bound of each sensor says nothing of what they have in common, such as their temperature or the
-    reference that they were calibrated with. A calibrated arm's covariance says it.
-    """
-    calibrated = hand.gain_covariance is not None and len(hand.gain_covariance) == signals
-    common = 0.0 if calibrated else hand.torque_gain / np.sqrt(3.0)
-    return np.column_stack([gain_root(hand, signals), np.full(signals, common)])
+def common_gain(hand: Hand) -> float:
+    """Standard deviation of a relative error that all torque sensors share: a datasheet's bound of each says nothing of
+    what they have in common, such as their temperature or reference. A calibrated arm's covariance says it."""
+    return hand.torque_gain / np.sqrt(3.0) if hand.gain_covariance is None else 0.0
 
 
 def crosstalk(hand: Hand, torque: Array) -> Array:

@@ -161,8 +161,8 @@ compensate for some. Sensitive: no."""
 HAND_SIZE = 0.3
 """m from the TCP, beyond which no hand's centre is. Sensitive: no."""
 
-BEYOND_RANGE = 0.1
-"""rad beyond the range of a joint, where no such arm can be: encoders are off by less. Sensitive: no."""
+BEYOND_RANGE = 0.2
+"""rad beyond the range of a joint, where no such arm can be: ranges differ by less between its makes. Sensitive: no."""
 
 BEYOND_SPEED = 1.5
 """times the largest speed of a joint, which no such arm exceeds. Sensitive: no."""

@@ -1,0 +1,155 @@
+"""An arm explains its own recording, and no other: the message names the likely mistake."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from moving_arm import inverse, recorded
+from mujoco import MjModel
+
+from bench.recorded import free_motion, real
+from palpate.errors import InputError
+from palpate.estimation.arm.explained import explained_upright
+from palpate.robots.description import RobotDescription
+from palpate.robots.registry import load_description
+from palpate.trace.log import ArmLog
+
+FR3, IIWA = load_description("fr3"), load_description("iiwa14")
+REAL = Path(__file__).parents[4] / "shared" / "real"
+HAND = 0.76
+CONSTANTS = np.array([24.0, 24.0, 12.0, 8.0, 4.0, 4.0, 4.0])
+"""N m of a joint for each ampere of its motor."""
+
+
+@cache
+def upright(name: str = "fr3", hand: float = HAND, seconds: float = 8.0) -> ArmLog:
+    return recorded(load_description(name), hand, seconds)
+
+
+def part(log: ArmLog, start: int, end: int) -> ArmLog:
+    rows = slice(start, end)
+    return ArmLog(log.t[rows], log.q[rows], log.dq[rows], log.tau[rows], None, "part")
+
+
+def reachable(log: ArmLog) -> ArmLog:
+    """Rows at angles that an iiwa, too, can have; an FR3's joint 4 bends further."""
+    rows = log.q[:, 3] > IIWA.limits.q_min[3]
+    return ArmLog(log.t[rows], log.q[rows], log.dq[rows], log.tau[rows], None, log.source)
+
+
+def without_weight(log: ArmLog) -> ArmLog:
+    model, still = MjModel.from_xml_path(str(FR3.mjcf)), np.zeros_like(log.q)
+    return replace(log, tau=log.tau - inverse(model, log.q, still, still))
+
+
+def at_rest(log: ArmLog, rows: tuple[int, ...]) -> ArmLog:
+    """Rests of a second each at the angles of some rows, with the weight of the arm and an offset."""
+    q = np.repeat(log.q[list(rows)], 100, axis=0)
+    model, still = MjModel.from_xml_path(str(FR3.mjcf)), np.zeros_like(q)
+    tau = inverse(model, q, still, still) + 0.2
+    return ArmLog(np.arange(len(q)) / 100.0, q, still, tau, None, "rests")
+
+
+@pytest.mark.parametrize("hand", [1e-6, HAND, HAND + 3.0])
+def test_an_arm_explains_its_recording_with_any_hand_up_to_its_payload(hand: float) -> None:
+    whole = upright(hand=hand)
+    assert explained_upright(whole, FR3).statistic < 0.25
+    assert explained_upright(part(whole, 500, 750), FR3).statistic < 0.35
+    assert explained_upright(part(whole, 500, 520), FR3).passed
+    assert explained_upright(part(whole, 500, 501), FR3).passed
+
+
+def test_an_arm_at_rest_explains_its_recording() -> None:
+    log = upright()
+    assert explained_upright(at_rest(log, (0,)), FR3).passed
+    assert explained_upright(at_rest(log, (0, 500, 1000, 1500)), FR3).passed
+
+
+@pytest.mark.parametrize("noise", ["none", "lab", "datasheet", "hardware", "measured"])
+def test_the_simulated_arm_explains_its_recording(noise: str) -> None:
+    assert explained_upright(free_motion(noise, 2, 4.0), FR3).statistic < 0.5
+
+
+def test_another_arm_explains_its_own_recording() -> None:
+    assert explained_upright(reachable(upright("iiwa14")), IIWA).statistic < 0.25
+
+
+WRONG: dict[str, tuple[Callable[[], ArmLog], str]] = {
+    "sign": (lambda: replace(upright(), tau=-upright().tau), "have the opposite sign"),
+    "mN m": (
+        lambda: replace(upright(), tau=1e3 * upright().tau),
+        "e+03 times what holds the arm up",
+    ),
+    "A": (lambda: replace(upright(), tau=upright().tau / 11.0), "torques are 0.09"),
+    "A of several motors": (
+        lambda: replace(upright(), tau=upright().tau / CONSTANTS),
+        "before the gears",
+    ),
+    "without gravity": (lambda: without_weight(upright()), "own weight is not in the torques"),
+    "noise": (
+        lambda: replace(upright(), tau=np.random.default_rng(0).normal(size=(2000, 7))),
+        "own weight is not in the torques",
+    ),
+    "ceiling": (
+        lambda: recorded(FR3, HAND, 8.0, gravity=(0.0, 0.0, 9.81)),
+        "on a ceiling",
+    ),
+    "wall": (
+        lambda: recorded(FR3, HAND, 8.0, gravity=(9.81, 0.0, 0.0)),
+        "on a wall, or tilted): gravity acts along (1.0",
+    ),
+    "tilted": (
+        lambda: recorded(FR3, HAND, 8.0, gravity=(0.0, 4.9, -8.5)),
+        "gravity acts along (-0.00, 0.50, -0.87)",
+    ),
+    "payload": (lambda: upright(hand=HAND + 6.0), "more than the arm's payload of 3 kg"),
+    "order of joints": (
+        lambda: replace(upright(), tau=upright().tau[:, ::-1]),
+        "joints are in another order",
+    ),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_a_wrong_recording_fails_with_its_cause(wrong: str) -> None:
+    made, cause = WRONG[wrong]
+    found = explained_upright(made(), FR3)
+    assert found.statistic > 2.0
+    assert cause in found.finding
+    assert "another arm (arm=NAME" in found.finding
+
+
+@pytest.mark.parametrize(("name", "other"), [("iiwa14", FR3), ("fr3", IIWA)])
+def test_a_recording_of_another_arm_fails(name: str, other: RobotDescription) -> None:
+    found = explained_upright(reachable(upright(name)), other)
+    assert found.statistic > 1.5
+    assert "another arm (arm=NAME" in found.finding
+
+
+def test_angles_and_velocities_that_the_arm_cannot_have_are_refused() -> None:
+    log = upright()
+    with pytest.raises(InputError, match=r"joint 6 is at 0\.02 to 0\.03 rad, and 'fr3' turns it"):
+        explained_upright(replace(log, q=np.radians(log.q)), FR3)
+    with pytest.raises(
+        InputError, match=r"joint 1 turns at .* rad/s, and .* at most at 2\.62: state"
+    ):
+        explained_upright(replace(log, dq=1e3 * log.dq), FR3)
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason="recordings of real arms are not here")
+@pytest.mark.parametrize("name", ["fr3_free_1", "panda_free"])
+def test_real_arms_explain_their_recordings(name: str) -> None:
+    """A real FR3, and a real Panda without a hand by the description of an FR3; an iiwa is neither."""
+    log = real(REAL / f"{name}.npz")
+    assert explained_upright(log, FR3).statistic < 0.2
+    seconds = round(len(log) / log.t[-1])
+    for start in (0, 3 * seconds, 6 * seconds):
+        assert explained_upright(part(log, start, start + 3 * seconds), FR3).statistic < 0.2
+    # Its wrist bends further than an iiwa's.
+    with pytest.raises(InputError, match="'iiwa14' turns it from"):
+        explained_upright(log, IIWA)
