@@ -8,6 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from palpate.estimation.load.chain import own_motion
+from palpate.robots.registry import load_description
+
 from .conftest import Answer
 
 Palpate = Callable[..., Answer]
@@ -62,6 +65,9 @@ def test_errors_say_what_to_do(palpate: Palpate, tmp_path: Path) -> None:
 def test_one_arm_of_two_is_named(palpate: Palpate, tmp_path: Path) -> None:
     with np.load(motion(tmp_path)) as log:
         t, q, dq, tau = (log[name] for name in ("time", "position", "velocity", "moment"))
+    arm, still = load_description("fr3"), np.zeros_like(q)
+    assert arm.nominal.chain is not None
+    tau = tau + own_motion(arm.nominal.chain, q, still, still, np.array([0.0, 0.0, -9.81]))
     columns = {"t": t}
     for side, sign in (("left", 1.0), ("right", -1.0)):
         columns |= {f"{side}_q": sign * q, f"{side}_dq": sign * dq, f"{side}_tau": sign * tau}
