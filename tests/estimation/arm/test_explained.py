@@ -14,7 +14,7 @@ from mujoco import MjModel
 
 from bench.recorded import free_motion, real
 from palpate.errors import InputError
-from palpate.estimation.arm.explained import explained_upright
+from palpate.estimation.arm.explained import Claim, explained, explained_upright
 from palpate.robots.description import RobotDescription
 from palpate.robots.registry import load_description
 from palpate.trace.log import ArmLog
@@ -124,6 +124,14 @@ def test_a_wrong_recording_fails_with_its_cause(wrong: str) -> None:
     assert "another arm (arm=NAME" in found.finding
 
 
+def test_a_hanging_arm_explains_its_recording_where_that_is_stated() -> None:
+    log, up = recorded(FR3, HAND, 8.0, gravity=(0.0, 0.0, 9.81)), np.array([0.0, 0.0, 9.81])
+    every = np.ones(len(log), dtype=bool)
+    assert explained(Claim.of(log, FR3.nominal, up, ~every, every)).statistic < 0.25
+    found = explained(Claim.of(upright(), FR3.nominal, up, ~every, every))
+    assert "upright, or tilted" in found.finding
+
+
 @pytest.mark.parametrize(("name", "other"), [("iiwa14", FR3), ("fr3", IIWA)])
 def test_a_recording_of_another_arm_fails(name: str, other: RobotDescription) -> None:
     found = explained_upright(reachable(upright(name)), other)
@@ -139,6 +147,15 @@ def test_angles_and_velocities_that_the_arm_cannot_have_are_refused() -> None:
         InputError, match=r"joint 1 turns at .* rad/s, and .* at most at 2\.62: state"
     ):
         explained_upright(replace(log, dq=1e3 * log.dq), FR3)
+
+
+@pytest.mark.parametrize("factor", [0.0, -1.0, 1.0 / 0.6])
+def test_velocities_that_do_not_follow_from_the_angles_are_refused(factor: float) -> None:
+    log = upright()
+    with pytest.raises(
+        InputError, match=r"velocities are .* times the change of the angles: state"
+    ):
+        explained_upright(replace(log, dq=factor * log.dq), FR3)
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="recordings of real arms are not here")

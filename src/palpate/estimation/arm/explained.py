@@ -32,6 +32,8 @@ from palpate.trace.samples import STANDARD_GRAVITY
 HAND, LOAD = "hand", "load"
 ROWS = 300
 """Means of the signals, at most."""
+JUMPS = 20
+"""Changes of the angles that count as a motion, not as jumps from rest to rest."""
 STRONG, ALIKE, HEAVIER = 2, 10, 4
 """N m (rms) that show a joint's own unit; largest quotient of two units; times the payload that is recognised."""
 UPRIGHT: Array = np.array([0.0, 0.0, -STANDARD_GRAVITY])
@@ -152,6 +154,18 @@ def require_within_limits(log: ArmLog, arm: RobotDescription) -> None:
             f"{log.source}: joint {i + 1} turns at {fast[i]:.3g} rad/s, and that of '{arm.name}' at most at "
             f"{limits.dq_max[i]:.3g}: state the unit of the clock (time: ms in columns=MAP.yaml), or mend velocities"
         )
+    # Velocities and the change of the angles, over stretches that hide the noise of both, without gaps and jumps.
+    dt = np.diff(log.t)
+    step = max(1, round(tuning.WHOLE_BLOCK * len(dt) / max(float(dt.sum()), 1e-9)))
+    travel = np.cumsum(np.concatenate([np.zeros((1, 7)), log.dq[:-1] * dt[:, None]]), axis=0)
+    moved, told = (np.diff(signal[::step], axis=0) for signal in (log.q, travel))
+    used = (np.abs(moved).max(axis=1) > tuning.MOVED) & (np.diff(log.t[::step]) < tuning.LOG_GAP)
+    share = float((moved * told)[used].sum() / max(float((moved[used] ** 2).sum()), 1e-12))
+    if used.sum() > JUMPS and not 1.0 / tuning.BEYOND_SPEED < share < tuning.BEYOND_SPEED:
+        raise InputError(
+            f"{log.source}: the velocities are {share:.2g} times the change of the angles: state the units of clock "
+            "and angles (time: and angles: in columns=MAP.yaml), or leave the velocities out"
+        )
 
 
 def _test(claim: Claim) -> FitTest:
@@ -228,7 +242,9 @@ def _mended(claim: Claim) -> Iterator[tuple[Claim, str]]:
     # Gravity that the torques show by themselves: that of a reversed sign is that of a hanging arm.
     shown = claim.gravity / size + _fitted(claim, _gravity(claim, 1e5))["gravity"][0]
     shown /= np.linalg.norm(shown)
-    place = "on a ceiling" if shown[2] > np.sqrt(0.5) else "on a wall, or tilted"
+    place = ("upright, or tilted", "on a wall, or tilted", "on a ceiling")[
+        round(float(shown[2])) + 1
+    ]
     ways = [
         (replace(claim, tau=-claim.tau), SIGN),
         (replace(claim, gravity=size * shown), MOUNT.format(place, *shown.tolist())),

@@ -165,4 +165,8 @@ BEYOND_RANGE = 0.2
 """rad beyond the range of a joint, where no such arm can be: ranges differ by less between its makes. Sensitive: no."""
 
 BEYOND_SPEED = 1.5
-"""times the largest speed of a joint, which no such arm exceeds. Sensitive: no."""
+"""times the largest speed of a joint, which no such arm exceeds; times by which velocities may differ from the change
+of the angles: less than 1.01 in recordings of real arms. Sensitive: no."""
+
+MOVED = 1e-3
+"""rad in 0.1 s, from which velocities are compared with the change of the angles. Sensitive: no."""
