@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import shutil
 import subprocess
 import sys
+import weakref
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -124,6 +126,10 @@ def test_a_question_is_answered() -> None:
     run = pp.run(DESK, "is the mug heavier than 300 g?", world=WORLD, noise="lab", fast=True)
     assert str(run.answer).startswith("yes: mug 0.34")
     assert "against 0.3 kg (p < 1e-06)" in str(run.answer)
+    trace = weakref.ref(run.trace)
+    del run
+    gc.collect()
+    assert trace() is None, "no cache keeps the trace of a run"
 
 
 def test_a_run_tells_its_stages(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from palpate.errors import PlanRejected
+from palpate.errors import InputError, PlanRejected
 from palpate.mjcf.contacts import what_decides
 from palpate.planning.symbolic.planner import SymbolicPlanner
 from palpate.scene.consistency import contradictions, overlaps
@@ -111,3 +111,9 @@ def test_copies_of_an_object_are_nothing_that_it_stands_on() -> None:
     )
     scene = read(f'{table}{box}<replicate count="2" offset="0 -.1 0">{tin}</replicate>')
     assert what_decides(scene.resolved.description.bodies["box"]) == ""
+
+
+def test_a_keyframe_that_is_no_numbers_is_refused() -> None:
+    scene = read(TABLE.format(".1") + TIN.format(".23"), tail=HOME.format("1 far 0"))
+    with pytest.raises(InputError, match=r'<key name="home"> \(line 2\): qpos: .*\'far\''):
+        remarks(scene)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -77,3 +79,14 @@ def test_recordings_of_the_empty_hand_beside_its_own_belong_to_it(long: Trace) -
 
 def test_of_what_was_never_held_anything_may_be_evidence(long: Trace) -> None:
     assert around(long, "table") is long
+
+
+@pytest.mark.parametrize("name", ["box_4", "table"])
+def test_a_trace_lives_no_longer_than_its_run(long: Trace, name: str) -> None:
+    """What is cached of a trace does not refer to it."""
+    own = replace(long)
+    around(own, name)
+    alive = weakref.ref(own)
+    del own
+    gc.collect()
+    assert alive() is None

@@ -385,11 +385,8 @@ def _stated(flat: Table, columns: ColumnMap) -> dict[str, list[Column]]:
         if isinstance(stated, str):
             sliced = re.fullmatch(r"(.+)\[(\d+):(\d+)\]", stated)
             name = sliced[1] if sliced else stated
-            every = (
-                [(name, -1)] if name in flat else [(n, i) for n in flat for i in _places(n, name)]
-            )
+            run = [Column(None, name, flat[name])] if name in flat else _parts(flat, name)
             # A slice is of the columns in the order of the file.
-            run = [Column(i, n, flat[n]) for n, i in every]
             if sliced:
                 run = run[int(sliced[2]) : int(sliced[3])]
             elif signal != "t" and name not in flat:
@@ -400,13 +397,11 @@ def _stated(flat: Table, columns: ColumnMap) -> dict[str, list[Column]]:
     return found
 
 
-def _places(name: str, stem: str) -> list[int]:
-    """Number of a column `state.q[3]` of `state.q`, or none; that of a named joint `q.wrist` is -1."""
-    rest = name.removeprefix(stem)
-    number = re.fullmatch(r"[\[_./ ]*(\d+)\]?", rest)
-    if rest == name:
-        return []
-    return [int(number[1])] if number else [-1] * rest.startswith(".")
+def _parts(flat: Table, stem: str) -> list[Column]:
+    """Columns of one signal: `state.q[3]` of `state.q` by its number, `q.wrist` of `q` by its name."""
+    pattern = re.compile(re.escape(stem) + r"(?:[\[_./ ]*(\d+)\]?|\..*)")
+    matches = [(name, part) for name in flat if (part := pattern.fullmatch(name))]
+    return [Column(int(part[1]) if part[1] else None, name, flat[name]) for name, part in matches]
 
 
 def listed(names: Iterable[str], most: int = 40) -> str:

@@ -1,17 +1,15 @@
-"""Contradictions inside a scene's file, and how it is read in spite of them.
-
-They are said by `gap` and with each plan, as they make measured values wrong or impossible."""
+"""Contradictions inside a scene's file, which make measured values wrong or impossible, and their remedies."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import lru_cache
 
 import mujoco
 import numpy as np
 
-from palpate.mjcf.document import Element, compiler_settings, has_unknown, tokens
+from palpate.errors import InputError
+from palpate.mjcf.document import Element, compiler_settings, has_unknown, label, tokens
 from palpate.scene.resolve import ResolvedScene
 
 DEEP = 0.003
@@ -19,9 +17,10 @@ DEEP = 0.003
 rest are less deep."""
 MOVED = 0.001
 """m: an object nearer to its place in a keyframe, or to the top below it, is there."""
-CACHED = 4
 NUMBERS = {"freejoint": 7, "free": 7, "ball": 4}
 """Numbers in `qpos` of a joint, by its kind; one for the others."""
+GENERATED = ("replicate", "attach", "flexcomp", "composite")
+"""Elements from which MuJoCo makes joints that are not in the file."""
 
 
 def contradictions(scene: ResolvedScene) -> Iterator[str]:
@@ -34,8 +33,8 @@ def contradictions(scene: ResolvedScene) -> Iterator[str]:
         )
     for untouchable, reason in scene.description.roles.untouchable.items():
         called = untouchable.get("name")
-        label = f"'{called}'" if called else f"a body in line {untouchable.sourceline}"
-        yield f"Nothing is measured of {label}: {reason}."
+        shown = f"'{called}'" if called else label(untouchable)
+        yield f"Nothing is measured of {shown}: {reason}."
     for key, names in placed_by_keyframes(scene).items():
         listed = ", ".join(f"'{name}'" for name in names)
         yield (
@@ -58,17 +57,12 @@ def overlap_of(scene: ResolvedScene, name: str) -> str:
     return next((sentence for pair, sentence in overlaps(scene).items() if name in pair), "")
 
 
-@lru_cache(CACHED)
 def overlaps(scene: ResolvedScene) -> dict[tuple[str, str], str]:
-    """A sentence on each object that is inside another body, the deepest first, by the names of object and
-    body: from MuJoCo's contacts where the scene begins."""
+    """Describe each object that is inside another body, the deepest first, by the names of object and body."""
     model, data = scene.shapes.model, mujoco.MjData(scene.shapes.model)
     mujoco.mj_fwdPosition(model, data)
-    bodies = scene.description.bodies
-    owners: dict[int, str] = {}
-    for name, body in bodies.items():
-        ids = [scene.shapes.geom_ids[geom] for geom in body.elements.geoms]
-        owners |= dict.fromkeys(ids, name)
+    bodies, ids = scene.description.bodies, scene.shapes.geom_ids
+    owners = {ids[geom]: name for name, body in bodies.items() for geom in body.elements.geoms}
     objects = [name for name, body in bodies.items() if body.role == "object"]
     geoms: list[list[int]] = data.contact.geom.reshape(-1, 2).tolist()
     found: dict[tuple[str, str], str] = {}
@@ -90,25 +84,31 @@ def overlaps(scene: ResolvedScene) -> dict[tuple[str, str], str]:
 
 
 def placed_by_keyframes(scene: ResolvedScene) -> dict[str, list[str]]:
-    """Objects that a keyframe places elsewhere than their pos, by the keyframe's name. None where
-    `<replicate>` or `<attach>` adds joints that are no elements."""
+    """Find the objects that a keyframe places elsewhere than their pos, by the keyframe's name. None is
+    found in a file with `GENERATED` joints.
+
+    Raises:
+        InputError: a keyframe's `qpos` is no numbers.
+    """
     root, defaults = scene.document.root, scene.description.roles.defaults
+    # Each joint's place in qpos: MuJoCo counts the joints in the order of the file.
     starts: dict[Element, int] = {}
     at = 0
     for world in root.iterfind("worldbody"):
-        for joint in world.iter(
-            "joint", "freejoint", "replicate", "attach", "flexcomp", "composite"
-        ):
-            if joint.tag not in ("joint", "freejoint"):
+        for joint in world.iter("joint", "freejoint", *GENERATED):
+            if joint.tag in GENERATED:
                 return {}
             starts[next(joint.iterancestors("body"), world)] = at
             kind = str(joint.tag) if joint.tag == "freejoint" else defaults.attribute(joint, "type")
             at += NUMBERS.get(kind or "hinge", 1)
     found: dict[str, list[str]] = {}
     for key in root.iterfind("keyframe/key"):
-        qpos = [float(number) for number in tokens(key.get("qpos"))]
+        try:
+            qpos = [float(number) for number in tokens(key.get("qpos"))]
+        except ValueError as error:
+            raise InputError(f"{label(key)}: qpos: {error}; give numbers") from None
         for name, body in scene.description.bodies.items():
-            at = starts.get(body.elements.element, at)
+            at = starts.get(body.elements.element, len(qpos))
             if body.role == "object" and len(qpos) >= at + 7:
                 pos = scene.shapes.body_pose(name).position
                 if np.linalg.norm(pos - qpos[at : at + 3]) > MOVED:

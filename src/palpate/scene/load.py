@@ -48,13 +48,7 @@ def load_scene(
     text = read_text(path)
     document = parse_document(text, path.resolve().parent, str(path), root, robot_body)
     given = Poses() if poses is None else read_poses(Path(poses))
-    return _scene(
-        document,
-        path,
-        given,
-        arm or load_description(),
-        catalogue() if quantities is None else quantities,
-    )
+    return _scene(document, path, given, arm, quantities)
 
 
 def parse_scene(
@@ -73,13 +67,7 @@ def parse_scene(
     """
     document = parse_document(text, folder, robots=robot_body)
     given = parse_poses(poses) if isinstance(poses, str) else poses or Poses()
-    return _scene(
-        document,
-        None,
-        given,
-        arm or load_description(),
-        catalogue() if quantities is None else quantities,
-    )
+    return _scene(document, None, given, arm, quantities)
 
 
 def as_world(scene: Scene) -> Scene:
@@ -142,10 +130,11 @@ def _scene(
     document: Document,
     path: Path | None,
     poses: Poses,
-    arm: RobotDescription,
-    quantities: Catalogue,
+    arm: RobotDescription | None,
+    quantities: Catalogue | None,
 ) -> Scene:
-    resolved = resolve(document, poses, quantities)
+    arm = arm or load_description()
+    resolved = resolve(document, poses, catalogue() if quantities is None else quantities)
     bodies = resolved.bodies()
     base = resolved.shapes.base()
     return Scene(

@@ -48,12 +48,14 @@ def reach(of: Recorded, name: str) -> tuple[float, float] | None:
     return first - AROUND, max(one.end for one in (*held, *used)) + AROUND
 
 
-@once
+_during = once(Trace.during)
+
+
 def around(trace: Trace, name: str) -> Trace:
-    """The part of a trace that is evidence of the object `name`."""
+    """Return the part of a trace that is evidence of the object `name`; a part is cached, the whole is not."""
     reached = reach(trace, name)
     if reached is None or not len(trace.t):
         return trace
     first, last = reached
     whole = first <= float(trace.t[0]) and float(trace.t[-1]) <= last
-    return trace if whole else trace.during(first, last)
+    return trace if whole else _during(trace, first, last)

@@ -216,8 +216,10 @@ T = TypeVar("T")
 
 
 def once(find: Callable[Concatenate[K, P], T]) -> Callable[Concatenate[K, P], T]:
-    """Cache the results of `find`, a function of samples, a trace or the like and of hashable arguments, as long as
-    these live. A cached array is shared by all callers and therefore read-only."""
+    """Cache the results of `find` for as long as its first argument lives: samples, a trace or the like.
+
+    A result must not refer to that argument, which would then live for ever. The other arguments are hashable. A
+    cached array is shared by all callers and therefore read-only."""
     known: WeakKeyDictionary[Any, dict[Hashable, T]] = WeakKeyDictionary()
 
     @wraps(find)
