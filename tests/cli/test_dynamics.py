@@ -58,9 +58,9 @@ def test_a_wrong_recording_is_contradicted_and_not_written(palpate: Call) -> Non
     np.savez("log.npz", t=made.t, q=made.q, dq=made.dq, tau=-made.tau)
     done = palpate("dynamics", "log.npz", "-o", "arm.xml")
     assert done.status == 1
-    assert "contradicted The described arm does not explain the torques" in " ".join(
-        done.out.split()
-    )
+    said = " ".join(done.out.split())
+    assert "contradicted The described arm does not explain the torques: the torques have" in said
+    assert "another arm (--arm NAME or a folder" in said
     assert not Path("arm.xml").exists()
     noise = palpate("noise", "log.npz", "-o", "mine.yaml")
     assert noise.status == 2

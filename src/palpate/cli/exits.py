@@ -25,7 +25,8 @@ ERRORS: dict[type[PalpateError], int] = {
 }
 
 _FLAGS = {option.field.name: option.flags[-1] for option in declared(Settings)}
-_FLAGS["columns"] = "--columns"  # of the commands that read recordings
+# Of the commands that read recordings.
+_FLAGS.update({name: f"--{name}" for name in ("columns", "loaded", "empty", "hand")})
 _ARGUMENT = re.compile(rf"\b({'|'.join(_FLAGS)})=(?=[\s\w,:.*]|$)")
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate.cli.console import escape, figure_table, out, print_json, printing
+from palpate.cli.exits import in_flags
 from palpate.errors import InputError
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ def show_dynamics(found: ArmDynamics, written: Sequence[Path], as_json: bool) ->
         for note in found.notes:
             out.print(note, style="dim", markup=False)
         for text in found.contradictions:
-            out.prose(f"[bold red]contradicted[/] {escape(text)}")
+            out.prose(f"[bold red]contradicted[/] {escape(in_flags(text))}")
         for path in written:
             out.print(f"written to {path}", markup=False, soft_wrap=True)
 

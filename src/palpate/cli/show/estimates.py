@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from palpate.cli.console import escape, out
+from palpate.cli.exits import in_flags
 from palpate.cli.show.layout import Column, print_rows
 from palpate.runs.figures import figures
 
@@ -45,7 +46,7 @@ def show_objection(estimate: Estimate) -> None:
     """Print the contradiction of an estimate, or why it has no value or is prior-dominated, with the axes."""
     name = escape(str(estimate.parameter))
     if estimate.contradiction:
-        out.prose(f"[bold red]contradicted[/] {name}: {escape(estimate.contradiction)}")
+        out.prose(f"[bold red]contradicted[/] {name}: {escape(in_flags(estimate.contradiction))}")
     elif not estimate.has_value:
         out.prose(f"[bold red]not identified[/] {name}: {escape(estimate.method)}")
     elif estimate.reason:
