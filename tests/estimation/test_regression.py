@@ -128,6 +128,25 @@ def test_shared_errors_are_no_more_than_the_deviation():
     assert abs(moved[0]) < np.sqrt(found["load"][1][0, 0])
 
 
+@pytest.mark.parametrize("cause", [1, 2])
+def test_shared_errors_are_those_of_the_learned_scales(cause):
+    causes, noise, y = problem(7)
+    causes[cause] = replace(
+        causes[cause], of="scene", prior=0.02 * np.ones_like(causes[cause].prior)
+    )
+    name = causes[cause].name
+    # The recording has a hundred times the prior deviation.
+    y = y + causes[cause].columns @ (100.0 * causes[cause].prior)
+    factors, chances = (0.0, 1.0, 100.0), (0.9, 0.08, 0.02)
+    found = fit(causes, noise, y, [Scale((name,), factors, chances)])
+    wider = replace(causes[cause], prior=100.0 * causes[cause].prior)
+    large = fit([wider if one.name == name else one for one in causes], noise, y)
+    shared = np.array([one.effect[0] for one in found.shared("load")])
+    assert shared == pytest.approx(large.effects(name)[0], rel=1e-3)
+    every = np.array([np.sum(found.effects(one.name) ** 2, axis=1) for one in causes]).sum(axis=0)
+    assert (every <= 1.000001 * np.diag(found.covariance)).all()
+
+
 def test_a_further_cause_fails_its_test_only_where_it_acts():
     causes, noise, y = problem(7)
     pull = Cause("pull", np.random.default_rng(8).standard_normal((len(y), 1)), np.array([1e3]))

@@ -180,6 +180,7 @@ class Posterior:
         model: whitened.
         mean: (p,) of all unknowns, cause after cause.
         covariance: (p, p) of them, or its first rows.
+        errors: (p, p) effects on the estimates of one prior deviation of each unknown, or the first rows.
         density: log probability density of the whitened rows.
     """
 
@@ -188,6 +189,7 @@ class Posterior:
     model: Model
     mean: Array
     covariance: Array
+    errors: Array
     density: float
 
     def __getitem__(self, name: str) -> tuple[Array, Array]:
@@ -231,10 +233,11 @@ class Posterior:
         return tuple(found)
 
     def effects(self, name: str) -> Array:
-        """(p, k) effects on all unknowns, or the first, of one prior deviation of each unknown of a cause."""
-        here = placed(self.causes)[name]
-        # With prior deviations P of the coefficients x, the error is -covariance P^-2 x.
-        return -self.covariance[:, here] / self.model.prior[here]
+        """(p, k) effects on all estimates, or the first, of one prior deviation of each unknown of a cause.
+
+        The sum of their squares over all unknowns is at most the variance of the estimate.
+        """
+        return self.errors[:, placed(self.causes)[name]]
 
     def test(
         self, cause: Cause, tolerated: Array, finding: str | Callable[[Array], str]
@@ -243,7 +246,7 @@ class Posterior:
         what disagrees, by the mean (k + p,) of its unknowns and of all others."""
         count = len(cause.prior)
         wider = self.model.extended(self.noise.white(cause.columns), cause.prior)
-        mean, covariance, _ = wider.solve(count)
+        mean, covariance, *_ = wider.solve(count)
         spread = covariance[:, :count] + np.diag(tolerated**2)
         statistic = float(mean[:count] @ np.linalg.solve(spread, mean[:count]))
         text = finding if isinstance(finding, str) else finding(mean)
@@ -279,11 +282,15 @@ class _Information(NamedTuple):
 
     def solve(self, columns: Array) -> Array:
         """Covariance of the unknowns, times `columns` (p, k)."""
+        return self.per_deviation(self.prior[:, None] * columns)
+
+    def per_deviation(self, columns: Array) -> Array:
+        """Covariance of the unknowns over their prior deviations, times `columns` (p, k)."""
         from scipy.linalg.lapack import dpotrs
 
         if not columns.size:
             return np.zeros_like(columns)
-        return dpotrs(self.root, self.prior[:, None] * columns, lower=True)[0] * self.prior[:, None]
+        return dpotrs(self.root, columns, lower=True)[0] * self.prior[:, None]
 
 
 class _Solved(NamedTuple):
@@ -341,19 +348,33 @@ class _Reduced:
             0.5 * float(projected[others] @ offset) - information.volume,
         )
 
-    def all_of(self, mean: Array, covariance: Array, first: int) -> tuple[Array, Array]:
-        """Mean (p,) and covariance (first, p) of all unknowns, where those whose scale is chosen have `mean` (v,) and
-        `covariance` (v, v)."""
+    def all_of(
+        self, mean: Array, covariance: Array, within: Array, first: int
+    ) -> tuple[Array, Array, Array]:
+        """Mean (p,), covariance (first, p) and effects of one prior deviation (first, p) of all unknowns.
+
+        Args:
+            mean: (v,) of those whose scale is chosen.
+            covariance: (v, v) of these, with the spread of the means.
+            within: (2, v, v) their covariance without that spread; and the same over their prior deviations.
+            first: number of rows.
+        """
         count = len(self.scaled) + len(self.others)
         follow = np.empty((count, len(mean)))
         follow[self.scaled], follow[self.others] = np.eye(len(mean)), -self.slope
         means = follow @ mean
         means[self.others] += self.offset
         covariances: Array = follow[:first] @ covariance @ follow.T
+        # The error of the estimates is -covariance P^-2 x, with coefficients x of prior deviations P.
+        errors = np.empty_like(covariances)
+        deviation = np.where(self.information.prior > 0.0, self.information.prior, np.inf)
+        errors[:, self.scaled] = -follow[:first] @ within[1]
+        errors[:, self.others] = follow[:first] @ within[0] @ self.slope.T / deviation
         head = self.others[self.others < first]
         own = self.information.solve(np.eye(len(self.others), len(head)))
         covariances[np.ix_(head, self.others)] += own.T
-        return means, covariances
+        errors[np.ix_(head, self.others)] -= own.T / deviation
+        return means, covariances, errors
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -377,10 +398,15 @@ class Model:
     freedom: float
     hyperpriors: tuple[ScaleHyperprior, ...]
 
-    def solve(self, first: int | None = None) -> tuple[Array, Array, float]:
-        """Posterior mean (p,) and covariance (first, p), all p rows by default, averaged over the hyperpriors
-        (Bayesian model averaging: Hoeting et al., Statistical Science 14, 1999), and the logarithm of the
-        probability density of `y`, but for a constant."""
+    def solve(self, first: int | None = None) -> tuple[Array, Array, Array, float]:
+        """Posterior averaged over the hyperpriors (Bayesian model averaging: Hoeting et al., Statistical Science 14,
+        1999).
+
+        Returns:
+            Mean (p,); covariance (first, p), all p rows by default; effects (first, p) on the estimates of one prior
+            deviation of each coefficient, of the scale that each combination chooses; and the logarithm of the
+            probability density of `y`, but for a constant.
+        """
         reduced = _Reduced.of(self)
         every = self._every(reduced)
         evidence = np.array([each.evidence for each in every])
@@ -393,10 +419,13 @@ class Model:
         means = np.array([each.mean for each in solved])
         mean: Array = weights @ means
         covariance: Array = (means - mean).T @ (weights[:, None] * (means - mean))
+        # The spread of the means between scales is no error that one scale explains.
+        within = np.zeros((2, *covariance.shape))
         for weight, each in zip(weights, solved, strict=True):
-            covariance += weight * each.information.solve(np.eye(len(mean)))
+            carried = each.information.per_deviation(np.eye(len(mean)))
+            within += weight * np.array([carried * each.information.prior, carried])
         count = len(self.prior) if first is None else first
-        return *reduced.all_of(mean, covariance, count), density
+        return *reduced.all_of(mean, covariance + within[0], within, count), density
 
     def _every(self, reduced: _Reduced) -> Sequence[_Solved]:
         """Posteriors for each combination of the hyperpriors' factors."""

@@ -64,9 +64,9 @@ class Columns:
         """(p,) prior standard deviations for a `share` of uneven friction."""
         return self.fixed + share * self.uneven
 
-    def shared(self, covariance: Array) -> Iterator[tuple[str, Origin, float]]:
-        """Causes shared with other runs, their origin, and the effect of one standard deviation of each on an
-        unknown, by its `covariance` (p,) with all of them."""
+    def shared(self, errors: Array) -> Iterator[tuple[str, Origin, float]]:
+        """Yield causes shared with other runs, their origin, and their effect, of the `errors` (p,) of an unknown by
+        one prior deviation of each."""
         kinds: tuple[tuple[str, Origin, slice], ...] = (
             ("gain of joint", "arm", self.gains),
             ("friction of joint", "arm", self.joints),
@@ -76,8 +76,7 @@ class Columns:
             ("what pulls with the place", "scene", SPRING),
         )
         for what, of, which in kinds:
-            effects = -covariance[which] / self.fixed[which]
-            for i, effect in enumerate(effects.tolist()):
+            for i, effect in enumerate(errors[which].tolist()):
                 yield f"{what} {i + 1}", of, effect
 
 

@@ -34,10 +34,17 @@ from palpate.trace.recording import Hand
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posterior:
-    """Normal posterior of all unknowns: mean (p,), covariance (p, p), and the log evidence of the forces."""
+    """Normal posterior of all unknowns.
+
+    Attributes:
+        mean, covariance: (p,), (p, p).
+        errors: (p,) effects on the estimated friction of one prior deviation of each unknown.
+        evidence: log evidence of the forces.
+    """
 
     mean: Array
     covariance: Array
+    errors: Array
     evidence: float = 0.0
 
 
@@ -77,7 +84,8 @@ class Forces:
         misfit = float(np.sum((beyond - rows @ found) ** 2))
         size = 2.0 * float(np.log(np.abs(np.diag(triangle))).sum())
         spread = prior[:, None] * inverse
-        return Posterior(expected + prior * found, spread @ spread.T, -0.5 * (misfit + size))
+        mean, errors = expected + prior * found, -spread[MU] @ inverse.T
+        return Posterior(mean, spread @ spread.T, errors, -0.5 * (misfit + size))
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +122,7 @@ class Sliding:
     @property
     def shared(self) -> tuple[Shared, ...]:
         """Errors of mu_d shared by measurements with that arm or of that object."""
-        effects = self.columns.shared(self.found.covariance[MU])
+        effects = self.columns.shared(self.found.errors)
         causes = [Shared(cause, of, (effect,)) for cause, of, effect in effects]
         return *causes, Shared("unevenness of the friction", "scene", (self.uneven,))
 
@@ -266,10 +274,12 @@ def averaged(forces: Forces, unknowns: Columns) -> tuple[Posterior, float]:
     weights = np.exp(evidence - evidence.max())
     weights /= weights.sum()
     mean = sum(w * one.mean for w, one in zip(weights, each, strict=True))
+    errors = sum(w * one.errors for w, one in zip(weights, each, strict=True))
     covariance = np.zeros_like(each[0].covariance)
     for weight, one in zip(weights, each, strict=True):
         covariance += weight * (one.covariance + np.outer(one.mean - mean, one.mean - mean))
-    return Posterior(np.asarray(mean), covariance), float(np.sqrt(weights @ np.square(uneven)))
+    found = Posterior(np.asarray(mean), covariance, np.asarray(errors))
+    return found, float(np.sqrt(weights @ np.square(uneven)))
 
 
 def _forces(drags: Sequence[Drag], unknowns: Columns, mu: float) -> Forces:
