@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from palpate.estimation import tuning
 from palpate.estimation.coloured import Residual
 from palpate.estimation.joint_friction import joint_friction, joint_ways
-from palpate.estimation.load.blocks import turned
+from palpate.estimation.load.blocks import apart, turned
 from palpate.estimation.load.causes import of_empty_hand
 from palpate.estimation.load.in_hand import load_rows
 from palpate.estimation.load.noise import Noise, block_noise
@@ -264,7 +264,7 @@ def _drags(trace: Trace, name: str, observed: WrenchObservation) -> Iterator[Dra
     # Noise of each signal, at rest or in slow motion through free air.
     gaining = acceleration(samples, tuning.SPEED_SMOOTH)
     slow = np.linalg.norm(samples.twist[:, :3], axis=1) < tuning.SLOW
-    calm = high & steady(samples) & slow & (load.loaded | load.empty)
+    calm = high & steady(samples) & slow & (load.loaded | load.empty) & apart(trace)
     noise = block_noise(observed.signals, samples.t, gaining[:, 2], list(runs(calm)))
     ways = joint_ways(samples, load.empty, floor + tuning.HANGING)
     free = Hanging(

@@ -163,12 +163,16 @@ def free_rows(trace: Trace, name: str, surely: bool = False) -> list[Rows]:
     hangs, t = _hangs(trace, load, surely), samples.t
     if not hangs.any():
         return []
-    first, last = t[hangs][0] - tuning.WHOLE_AROUND, t[hangs][-1] + tuning.WHOLE_AROUND
-    used = (hangs | (load.empty & apart(trace))) & (first <= t) & (t <= last)
+    used = hangs | (load.empty & apart(trace))
     # Ripple and friction of the gears differ in swings of some mrad from those in all other motion.
     for one in trace.recordings:
         if one.context.activity == "swinging":
             used &= (t < one.start) | (t > one.end)
+    # The window counts free motion alone: contact between lift and return takes nothing from the evidence.
+    free = np.cumsum(used * np.gradient(t))
+    first, last = free[hangs][0] - tuning.WHOLE_AROUND, free[hangs][-1] + tuning.WHOLE_AROUND
+    used &= (first <= free) & (free <= last)
+    length = max(tuning.WHOLE_BLOCK, float(np.ptp(free[used])) / tuning.WHOLE_MOST)
     if surely:
         # Near the places where the load hung.
         position = samples.pose_world_tcp[:, :3]
@@ -176,7 +180,6 @@ def free_rows(trace: Trace, name: str, surely: bool = False) -> list[Rows]:
         beyond = np.maximum(np.maximum(low - position, position - high), 0.0)
         used &= np.linalg.norm(beyond, axis=1) < tuning.WHOLE_NEAR
         used &= _settled_or_away(samples)
-    length = max(tuning.WHOLE_BLOCK, float(min(last, t[-1]) - max(first, t[0])) / tuning.WHOLE_MOST)
     place = ((t - t[0]) / length).astype(int)
     parts = np.split(np.arange(len(t)), np.flatnonzero(np.diff(place)) + 1)
     return [rows for rows in parts if used[rows].all()]

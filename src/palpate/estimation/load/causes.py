@@ -10,7 +10,7 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.coloured import Residual, learned
-from palpate.estimation.load.blocks import Blocks, blocks, free_rows
+from palpate.estimation.load.blocks import Blocks, apart, blocks, free_rows
 from palpate.estimation.load.chain import link_parameters, regressor
 from palpate.estimation.load.in_hand import load_rows
 from palpate.estimation.load.noise import Noise, block_noise, flicker
@@ -159,7 +159,7 @@ def of_empty_hand(trace: Trace, name: str) -> Residual | None:
     if len(empty) < tuning.EMPTY_BLOCKS:
         return None
     seen, samples = blocks(trace, observed, name, empty), trace.samples
-    windows = list(runs(at_rest(samples) & load.empty))
+    windows = list(runs(at_rest(samples) & load.empty & apart(trace)))
     rising = acceleration(samples, tuning.FOLLOWED)[:, 2]
     noise = free_noise(seen, block_noise(observed.signals, samples.t, rising, windows))
     y = by_signal(seen.observed)

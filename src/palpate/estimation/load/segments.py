@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from palpate.estimation import tuning
 from palpate.estimation.coloured import Residual, Spans
 from palpate.estimation.joint_friction import slip_states
-from palpate.estimation.load.blocks import turned
+from palpate.estimation.load.blocks import apart, turned
 from palpate.estimation.load.causes import of_empty_hand
 from palpate.estimation.load.in_hand import LoadRows, load_rows
 from palpate.estimation.load.noise import Noise, Rows, block_noise, flicker
@@ -300,7 +300,7 @@ class _Signals:
         """Signals of a trace; the torques that move the arm's links only in the rows of `cuts`."""
         samples, t = trace.samples, trace.samples.t
         observed, rising = observe(trace), acceleration(samples, tuning.FOLLOWED)[:, 2]
-        used = np.zeros(len(samples), dtype=bool)
+        used, cuts = np.zeros(len(samples), dtype=bool), tuple(cuts)
         for cut in cuts:
             used[cut.rows] = True
         motion = observed.own_motion(samples, used, tuning.FOLLOWED)
@@ -308,13 +308,14 @@ class _Signals:
         net = smoothed_with_rate(observed.signals, t, tuning.FOLLOWED)[0]
         if motion.shape[1]:
             net = net - motion
-        moves = np.linalg.norm(samples.twist[:, :3], axis=1) > tuning.PASS_SPEED
+        # Ripple of the gears is as slow as their motion: in a guarded descent it passes for 1/f noise, which the passes
+        # would then be said to have.
+        speed = np.linalg.norm(samples.twist[:, :3], axis=1)
+        passes = [float(speed[cut.rows].mean()) for cut in cuts if cut.kind in ("up", "down")]
+        moves = speed > max(tuning.PASS_SPEED, tuning.ALIKE_SPEED * min(passes, default=0.0))
         calm = (at_rest(samples) | (steady(samples) & moves)) & (load.loaded | load.empty)
-        slides = [one for one in trace.recordings if one.context.activity == "sliding"]
-        if slides:
-            # Friction with the support is no noise of the sensors.
-            first, last = min(one.start for one in slides), max(one.end for one in slides)
-            calm &= ~((first <= t) & (t <= last))
+        # What a contact changes is no noise of the sensors.
+        calm &= apart(trace)
         joints = observed.chain is not None
         return cls(
             samples,

@@ -54,6 +54,10 @@ PASS_SPEED = 0.01
 """m/s along the path from which the joints certainly slide. Sensitive: mass 0.2 σ, std ×0.9–1.1; com 0.1 σ, std
 ×1.0–1.1."""
 
+ALIKE_SPEED = 0.5
+"""part of the speed of the slowest pass, from which noise in motion counts as that of the passes. Chosen: it keeps the
+ramps of passes, and leaves out descents of a tenth of their speed. Sensitive: no between 0.3 and 0.8."""
+
 FOLLOWED = 0.1
 """s over which speeds and torques are averaged: between 8 and 30 Hz the torque of a real arm does not follow its links'
 motion, as gears, encoders and controller ripple and resonate. Sensitive: mass std ×1.05 at `lab`; on a recorded FR3 it
