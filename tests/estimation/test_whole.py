@@ -8,14 +8,23 @@ import numpy as np
 import pytest
 
 from palpate import pipeline
+from palpate.cells.simulated import simulated_cell
 from palpate.estimation.holds import held
+from palpate.estimation.load.blocks import free_rows
 from palpate.estimation.load.fit import fit_load
 from palpate.estimation.load.weighing import weigh
 from palpate.estimation.load.whole import fit_whole
+from palpate.parameter import Parameter
 from palpate.scenarios.catalogue import scenario
+from palpate.scene.load import parse_scene
+from palpate.settings import Settings
 
 TRUTH = 0.187
 """kg."""
+DESK = """<mujoco><worldbody><site name="robot_base"/>
+<body name="table" pos="0.5 0 {top}"><geom type="box" size="0.5 0.6 0.02" friction="0.3"/></body>
+<body name="mug" pos="0.5 0.1 0.045"><freejoint/><geom type="cylinder" size="0.035 0.045" {mug}/></body>
+</worldbody></mujoco>"""
 
 
 def recorded(name: str):
@@ -53,6 +62,35 @@ def test_what_the_model_does_not_explain_widens_it(trace):
     assert whole.std > 1.5 * before.std
     assert abs(whole.force / spoilt.gravity - TRUTH) < 3.0 * whole.std / spoilt.gravity
     assert whole.misfit < 1.2
+
+
+@pytest.fixture(scope="module")
+def in_one_go():
+    """Height, mass and friction, at the default noise."""
+    asked = ("table.height", "mug.mass", "mug.friction")
+    settings = Settings(measure=asked, noise="measured", seed=1).checked(at_hand=True)
+    scene = parse_scene(DESK.format(top="?", mug='mass="?" friction="?"'))
+    world = parse_scene(DESK.format(top="-0.02", mug='mass="0.3" friction="0.5"'))
+    cell = simulated_cell(scene, world, noise="measured", seed=1)
+    return pipeline.execute(pipeline.plan(settings, scene), cell).trace
+
+
+def test_a_slow_descent_before_the_lift_does_not_widen_the_mass(in_one_go):
+    lift = in_one_go.converted(Parameter("mug", "mass"))
+    probed = in_one_go.converted(Parameter("table", "height"))
+    assert probed.end < lift.start
+    together = weigh(in_one_go, lift)
+    alone = weigh(in_one_go.during(probed.end + 1.0, np.inf), lift)
+    assert together.std < 1.25 * alone.std
+    assert together.load.force_std < 1.25 * alone.load.force_std
+    assert abs(together.mass - 0.3) < 2.0 * together.std
+
+
+def test_the_way_back_after_a_drag_counts_as_without_one(in_one_go):
+    drags = [one for one in in_one_go.recordings if one.context.activity == "sliding"]
+    rows = free_rows(in_one_go, "mug", surely=True)
+    after = [part for part in rows if in_one_go.t[part[0]] > drags[-1].end]
+    assert len(after) >= 10
 
 
 def test_what_hangs_askew_is_free_only_when_its_far_end_is(hammer):

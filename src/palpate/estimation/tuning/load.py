@@ -56,7 +56,7 @@ PASS_SPEED = 0.01
 
 ALIKE_SPEED = 0.5
 """part of the speed of the slowest pass, from which noise in motion counts as that of the passes. Chosen: it keeps the
-ramps of passes, and leaves out descents of a tenth of their speed. Sensitive: no between 0.3 and 0.8."""
+ramps of passes, and leaves out descents of a tenth of their speed. Sensitive: mass std ×1.0–1.3 at 0.3, no at 0.8."""
 
 FOLLOWED = 0.1
 """s over which speeds and torques are averaged: between 8 and 30 Hz the torque of a real arm does not follow its links'
