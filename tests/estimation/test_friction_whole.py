@@ -65,6 +65,17 @@ def test_it_is_narrower_than_how_forces_grow_with_pressure_and_right(run):
     assert any(cause.cause.startswith("lean of support") for cause in whole.shared)
 
 
+def test_the_coefficient_does_not_depend_on_where_the_fit_begins(run):
+    observed = observe(run.trace)
+    drags = steady_drags(run.trace, "bottle", observed)
+    begins = [share * TRUTH for share in (0.8, 1.2)]
+    low, high = (fit_whole(run.trace, "bottle", drags, observed, about) for about in begins)
+    assert abs(low.friction - high.friction) < 0.1 * low.std
+    # Errors in common with other runs are parts of the deviation.
+    shared = np.array([one.effect[0] for one in low.shared])
+    assert float(shared @ shared) < low.std**2
+
+
 def test_what_the_model_of_the_arm_leaves_widens_it(run):
     _, whole = fitted(run.trace)
     samples, before = run.trace.samples, whole.std

@@ -44,7 +44,7 @@ ROUND = 8.0
 MOST_CYCLES = 4
 """Cycles in one tree at most; what noise they leave is reduced by another round."""
 WHOLE = (
-    " Fitted together with all motion in free air for 15 s around it: noise alone accounts for the residuals "
+    " Fitted together with 15 s of motion in free air before and after it: noise alone accounts for the residuals "
     "of a model of the arm's links, sensors and friction there."
 )
 

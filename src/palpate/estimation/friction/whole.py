@@ -114,6 +114,23 @@ def fit_whole(
         slid += [first + block for block in drag.slid]
     seen = blocks(trace, observed, name, [*free, *slid])
     pressed = _pressed(drags, len(free))
+    found: Whole | None = None
+    # Gauss-Newton: the measured normal force, with all its errors, counts times the step of the coefficient.
+    for _ in range(tuning.WHOLE_ITERATIONS):
+        found = _fitted(trace, drags, observed, seen, pressed, about)
+        about = max(found.friction, 0.0)
+    return found
+
+
+def _fitted(
+    trace: Trace,
+    drags: Sequence[Drag],
+    observed: WrenchObservation,
+    seen: Blocks,
+    pressed: _Pressed,
+    about: float,
+) -> Whole:
+    """Fit the coefficient, linearised at `about`."""
     force = drags[0].mass * trace.gravity
     slides = pressed.slides[:, None]
     # In a drag hand and support bear its weight together, and the hand accelerates it.
@@ -122,7 +139,8 @@ def fit_whole(
     load = list(of_load(seen, pull))
     rubs = pressed.normal[:, None] * (about * pressed.way - slides * UP)
     borne = force * load[0].columns[:, 0] + by_signal(seen.torques(rubs))
-    scene = [*of_scene(seen, pressed, about), of_steps(seen, len(free))]
+    free = int(np.sum(pressed.slides == 0.0))
+    scene = [*of_scene(seen, pressed, about), of_steps(seen, free)]
     causes = [
         *scene,
         *load,

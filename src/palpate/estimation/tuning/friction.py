@@ -155,6 +155,10 @@ HELD_RANGE = 10.0
 FRICTION_ITERATIONS = 2
 """solutions: what gains and joints do depends on the coefficient. Sensitive: no."""
 
+WHOLE_ITERATIONS = 3
+"""solutions of the fit to all motion: the first is up to two deviations from the last where the coefficient that it
+begins with is 15 % off. Sensitive: no from 3 on (0.1 σ)."""
+
 CORRELATED_BLOCKS = 3.0
 """blocks: what the model of a drag leaves out is the same in about so many neighbouring ones. Sensitive: friction
 std ×0.8–1.3."""
