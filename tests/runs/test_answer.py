@@ -108,6 +108,7 @@ def test_values_that_the_scene_states_are_compared_with_measured_ones_alone() ->
         ("Does the novel weigh more than 400 g?", "no: 0.4 against novel"),
         ("Does the novel weigh less than half a kilo?", "yes: novel 0.1660 ± 0.0010 against 0.5"),
         ("Does the novel weigh at least 100 grams?", "yes: novel"),
+        ("Does the novel weigh less than four grams?", "no: 0.004 against novel"),
         ("Does the novel weigh at most 0,1 kg?", "no: 0.1 against novel"),
         ("Does the novel weigh no more than 100 g?", "novel: novel 0.1660 ± 0.0010 against 0.1"),
         ("Is the novel heavier than 5 oz?", "open: unknown unit of mass 'oz'; valid: g, kg, mg"),

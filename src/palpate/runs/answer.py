@@ -40,7 +40,7 @@ UNCERTAIN = 0.05
 """Probability of the opposite order above which a comparison stays open."""
 SPELT = {"gram": "g", "kilo": "kg", "kilogram": "kg", "n/m": "N/m", "n/mm": "kN/m"}
 """Units as they are spelt in lower case, and in the plural with an s."""
-NUMBERS = {"half a": "0.5", "a": "1", "one": "1", "two": "2", "three": "3", "five": "5"}
+NUMBERS = {"half a": "0.5", "a": "1", "one": "1"}
 _BOUND = re.compile(
     r"\b(?P<than>than|least|most|above|over|under|below|exceeds?) "
     rf"(?P<number>\d+(?:[.,]\d+)?|{'|'.join(NUMBERS)}) ?(?P<unit>n ?/ ?mm?|[a-z]+?)s?\b"
@@ -73,8 +73,8 @@ def answer(run: Run) -> str | None:
     request = run.settings.request or ""
     names = frozenset(word for name in run.scene.bodies for word in _words(name))
     text = in_english(request, names, spoken(request))
-    asked, bound = _words(text), _BOUND.search(text)
-    compared = english().compared
+    asked, compared, numbers = _words(text), english().compared, english().labels["numbers"]
+    bound = _BOUND.search(re.sub("[a-z]+", lambda word: numbers.get(word[0], word[0]), text))
     unnamed = () if CHOOSING.isdisjoint(asked) else UNNAMED
     word = next((word for word in asked if word in compared or word in unnamed), "")
     together = not TOGETHER.isdisjoint(asked)
@@ -94,18 +94,14 @@ def answer(run: Run) -> str | None:
         sides = _summed(sides, asked)
         if len(sides) == 1 and bound is None:
             std = _std(sides[0])
-            low, high = (
-                rounded(end, std)[0] for end in interval95(sides[0].value, std)[0].tolist()
-            )
-            return f"together: {sides[0]}{unit}, 95 % [{low}, {high}]"
+            ends = interval95(sides[0].value, std)[0].tolist()
+            interval = ", ".join(rounded(end, std)[0] for end in ends)
+            return f"together: {sides[0]}{unit}, 95 % [{interval}]"
     if bound is not None:
-        number, named = (
-            NUMBERS.get(bound["number"]) or bound["number"],
-            bound["unit"].replace(" ", ""),
-        )
+        number = NUMBERS.get(bound["number"], bound["number"]).replace(",", ".")
+        named = bound["unit"].replace(" ", "")
         try:
-            size = f"{number.replace(',', '.')} {SPELT.get(named, named)}"
-            amount = _Side("", parse_width(quantity, size))
+            amount = _Side("", parse_width(quantity, f"{number} {SPELT.get(named, named)}"))
         except InputError as error:
             return f"open: {error}"
         less = word in LESS if bound["than"] == "than" else bound["than"] in BELOW

@@ -195,10 +195,9 @@ class Run(Estimates):
         if self.finished is None:
             return ()
         stated = {as_stated(parameter, catalogue()) for parameter in self.plan.parameters}
-        without = [str(one) for one in self.finished.unwritten if one in stated]
+        begun = [f"{one} is not in the twin" for one in self.finished.unwritten if one in stated]
         notes = self.finished.notes
-        told = tuple(note for note in notes if note.split(" is not in the twin")[0] in without)
-        return told or tuple(f"{name} is not in the twin" for name in without)
+        return tuple(next((note for note in notes if note.startswith(one)), one) for one in begun)
 
     @property
     def is_recorded(self) -> bool:

@@ -65,7 +65,7 @@ def english() -> English:
         for value, phrases in said[table].items():
             for phrase in _listed(phrases):
                 classes[phrase].append((kind, (value,)))
-    labels = ("compared", "asked", "unfelt", "irregular")
+    labels = ("compared", "asked", "unfelt", "irregular", "numbers")
     return English(
         turned={tuple(phrase.split()): tuple(by.split()) for phrase, by in said["turned"].items()},
         classes=classes,
