@@ -18,17 +18,14 @@ Widths = Mapping[str, str | float] | str | Sequence[str]
 """Half widths of intervals, by quantity or by parameter: `{"mass": "1g"}`, or SI numbers; or `"mass=1g, com=2mm"`."""
 
 
-UNNAMED = ("self", "options")
-"""Parameters that are no keywords."""
-
-
 def known_keywords(verb: Callable[P, R], more: Iterable[str] = ()) -> Callable[P, R]:
     """Decorate a function so that an unknown keyword is a TypeError that names the nearest known one.
 
     Args:
         more: keywords that it takes as `**options`.
     """
-    known = [*(name for name in signature(verb).parameters if name not in UNNAMED), *more]
+    known = [name for name in signature(verb).parameters if name not in ("self", "options")]
+    known += more
 
     @wraps(verb)
     def checked(*args: P.args, **kwargs: P.kwargs) -> R:

@@ -133,11 +133,12 @@ def _collect(
         if count > MAX_MESSAGES:
             raise ValueError(f"it has more than {MAX_MESSAGES} messages; cut it")
         try:
-            decode = decoders.get(raw.topic) or decoders.setdefault(raw.topic, _decoder(raw))
-            data = raw.data
-            if data[:4] == PACKED:
-                data = unpacked_zstd(data, MAX_MESSAGE)
-            found = list(_numbers(_fields(decode(data)) or {}))
+            if raw.topic not in decoders:
+                decoders[raw.topic] = _refuse  # once, where the next line fails
+                decoders[raw.topic] = _decoder(raw)
+            is_packed = raw.data[:4] == PACKED
+            data = unpacked_zstd(raw.data, MAX_MESSAGE) if is_packed else raw.data
+            found = list(_numbers(_fields(decoders[raw.topic](data)) or {}))
         except Exception as error:  # damaged bytes raise anything
             lost.setdefault(raw.topic, []).append(_reason(error))
             continue
@@ -155,24 +156,15 @@ def _reason(error: Exception) -> str:
     return " ".join(str(error).split())[:200] or type(error).__name__
 
 
+def _refuse(_: bytes) -> Any:
+    raise ValueError("its type is not known")
+
+
 def _decoder(raw: Raw) -> Decoder:
-    """Find the decoder of a topic's messages: of each, it raises ValueError if their type is not known."""
-    try:
-        return _known_decoder(raw)
-    except Exception as error:  # a damaged definition raises anything
-        reason = _reason(error)
-
-    def decode(data: bytes) -> Any:
-        raise ValueError(reason)
-
-    return decode
-
-
-def _known_decoder(raw: Raw) -> Decoder:
-    """Decoder of a topic's messages.
+    """Make the decoder of a topic's messages.
 
     Raises:
-        ValueError: an encoding, or a definition of a type, that cannot be read.
+        ValueError: an encoding, or a definition of a type, that cannot be read; rosbags raises others.
     """
     if raw.encoding == "json":
         return partial(json.loads, object_hook=lambda fields: SimpleNamespace(**fields))

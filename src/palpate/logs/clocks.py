@@ -42,8 +42,8 @@ def cleaned(
     """Repair clock, repeated rows and units of signals (`t`, `q`, `tau`, perhaps `dq`, `tau_ext`).
 
     Args:
-        unit: of the clock, as its column's name has it.
-        angles: unit of the angles, likewise.
+        unit: of the clock, in its column's name.
+        angles: unit of the angles, in their columns' names.
 
     Raises:
         InputError: no number is left of more than half of the rows, or the clock does not run.
@@ -96,10 +96,10 @@ def _slope_unit(signals: dict[str, Array]) -> Unit | None:
     moving = speeds > MOVING
     way = float(np.abs(np.diff(signals["q"], axis=0))[moving].sum())
     expected = float((speeds * steps)[moving].sum())
-    fit: list[Unit] = [
-        u for u, size in SECONDS.items() if 1 / 3 < way / (expected * size + 1e-12) < 3
-    ]
-    return fit[0] if fit else None
+    ratios: dict[Unit, float] = {
+        unit: way / (expected * size + 1e-12) for unit, size in SECONDS.items()
+    }
+    return next((unit for unit, ratio in ratios.items() if 1 / 3 < ratio < 3), None)
 
 
 def _likely_unit(signals: dict[str, Array]) -> Unit:

@@ -287,15 +287,12 @@ def _arms(place: int, topic: str, table: Table, columns: ColumnMap) -> Iterator[
                 notes = [f"joints {q[0].name} to {q[-1].name} are read, not {listed(rest, 8)}"]
             elif {*words_of(name)} - ROBOTS:
                 notes = [f"the columns are those of '{name}', as {q[0].name}"]
-            clocks = [column.name for column in best["t"]]
-            others = f"the clock is {clocks[0]}, not {listed(clocks[1:])}"
-            yield Arm(
-                "_".join(filter(None, words)),
-                place,
-                topic,
-                picked | {"t": best["t"][:1]},
-                (*notes, *([others] if clocks[1:] else ())),
-            )
+            clock, *others = best["t"]
+            if others:
+                unread = listed(column.name for column in others)
+                notes.append(f"the clock is {clock.name}, not {unread}")
+            full_name = "_".join(filter(None, words))
+            yield Arm(full_name, place, topic, picked | {"t": [clock]}, tuple(notes))
 
 
 def _run(family: Mapping[int | None, Column], columns: ColumnMap) -> list[Column]:

@@ -292,8 +292,7 @@ def static_geoms(body: BodyDescription) -> NDArray[np.intp]:
     """Ids of the colliding geoms that move with no free joint; copies of an object do."""
     model = body.shapes.model
     touching = (model.geom_contype | model.geom_conaffinity) != 0
+    # Without a joint a body has index -1, which finds the appended -1.
     joints = model.body_jntadr[model.body_rootid[model.geom_bodyid]]
-    is_free = (joints >= 0) & (
-        np.append(model.jnt_type, -1)[joints] == int(mujoco.mjtJoint.mjJNT_FREE)
-    )
+    is_free = np.append(model.jnt_type, -1)[joints] == int(mujoco.mjtJoint.mjJNT_FREE)
     return np.flatnonzero(touching & ~is_free)

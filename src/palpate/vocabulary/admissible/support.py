@@ -17,6 +17,7 @@ import numpy as np
 from palpate.errors import InputError
 from palpate.geometry.outline import Convex, clipped, depth, hull, rim, slab
 from palpate.geometry.pose import Array, Pose, digits
+from palpate.mjcf.contacts import SAME_TOP
 from palpate.vocabulary.admissible.arrangement import Arrangement, arrangement
 from palpate.vocabulary.admissible.solids import Solids, solids
 from palpate.vocabulary.state import SymbolicState
@@ -27,7 +28,6 @@ SETTLES = 0.005
 FACE = 0.002  # m above an object's lowest point up to which its lower face reaches
 SUNK = 0.02
 """m of a top above an object's lowest point up to which it counts as below, by the error of belief."""
-SAME_TOP = 0.001  # m between the heights of tops that carry an object together
 LIFTED = 0.005  # m between a held object and its support above which it hangs free
 TIPPING = 0.005  # m that a centre of mass must be inside the support polygon
 OFF_CENTRE = 0.1
