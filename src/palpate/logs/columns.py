@@ -190,7 +190,7 @@ def find_arm(tables: Sequence[tuple[str, Table]], columns: ColumnMap, source: st
 
 
 def _is_named(arm: Arm, columns: ColumnMap) -> bool:
-    """Compare an arm's name with that in the map, of which a part will do."""
+    """Test that an arm's name has the words that the map states."""
     if columns.joints is None or columns.numbers:
         return True
     words = {*words_of(columns.joints)} - SILENT
@@ -198,7 +198,7 @@ def _is_named(arm: Arm, columns: ColumnMap) -> bool:
 
 
 def _is_same(one: Arm, other: Arm) -> bool:
-    """Compare names, or the joints of two topics at the times that both have."""
+    """Test that two arms are one, by their names, or by their joints at the times that both topics have."""
     if (one.topic, one.name) == (other.topic, other.name):
         return True  # in other messages further joints, or no velocities
     a, b = (
@@ -217,7 +217,7 @@ def _is_same(one: Arm, other: Arm) -> bool:
 
 
 def _missing(topic: str, table: Table, columns: ColumnMap, source: str) -> InputError:
-    """Say which columns of a table are missing, too few or too many."""
+    """Error that names the columns that are missing in a table, too few or too many."""
     flat, on = _flat(table), f"{source}: {topic}" if topic else source
     stated = _stated(flat, columns)
     for signal, run in stated.items():
@@ -375,7 +375,7 @@ def _alias(words: list[str]) -> slice | None:
 
 
 def _stated(flat: Table, columns: ColumnMap) -> dict[str, list[Column]]:
-    """Columns of the signals that the map states, as far as there are such."""
+    """Find the columns that the map states; those that do not exist are left out."""
     found: dict[str, list[Column]] = {}
     for signal in ALIASES:
         stated: str | list[str] | None = getattr(columns, signal)

@@ -86,7 +86,7 @@ class StandingContact:
 
 
 def standing_contacts(body: BodyDescription) -> tuple[StandingContact, ...]:
-    """Find the contacts of an object with what is less than `RESTING` below it, as compiled.
+    """Find the contacts of an object with its support, at most `RESTING` below it, as compiled.
 
     MuJoCo itself combines their parameters: `<pair>`, priority, the larger of two, overrides.
     """

@@ -27,7 +27,7 @@ LESS: Collection[str] = (
 UNNAMED = ("more", "most", "less", "least")
 """Comparing words that name no quantity."""
 CHOOSING = frozenset({"than", "which", "who", "what"})
-"""Words of which one stands beside such a word where it compares."""
+"""Words that make a question with one of `UNNAMED` a comparison."""
 TOGETHER = frozenset({"together", "total", "altogether", "combined", "sum"})
 """Words that ask for a sum."""
 BELOW = ("under", "below", "most")

@@ -123,8 +123,8 @@ class Keeper:
             return self._with_shortfalls(run)
 
     def follow(self, failure: str, step: Callable[[], object]) -> None:
-        """Carry out a step of work beside the execution. After an exception the step of that `failure` is
-        not carried out again, and the run falls short of it; the other steps go on."""
+        """Carry out a step of work during the execution. After an exception `failure` is noted, and its step
+        is not carried out again; the other steps go on."""
         if failure in self._ended:
             return
         try:

@@ -271,8 +271,8 @@ class Run(Estimates):
     def __repr__(self) -> str:
         parts = [", ".join(_brief(estimate) for estimate in self.estimates)]
         parts.append(shorten(self.reason, MAX_REASON, placeholder=" …"))
-        told = "; ".join(filter(None, parts))
-        return f"<Run {self.status}{': ' * bool(told)}{told}{self._where()}>"
+        details = "; ".join(filter(None, parts))
+        return f"<Run {self.status}{': ' * bool(details)}{details}{self._where()}>"
 
     def _where(self) -> str:
         if self.execution is None:

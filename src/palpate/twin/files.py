@@ -96,7 +96,7 @@ class _Packing:
 
     def add(self, path: Path, is_model: bool, document: Document) -> None:
         """Pack a file under a free name. An asset keeps its own, by which MuJoCo refers to it. Models
-        are beside the main text: the files that they name are found from the same folder."""
+        are in the folder of the main text, from which the files that they name are found."""
         taken = {self.main, *self.names.values()}
         name, number = (f"{BESIDE}{path.name}" if is_model else f"{ASSETS}/{path.name}"), 1
         while name in taken:

@@ -101,7 +101,7 @@ def raised(expression: str, state: SymbolicState) -> list[str]:
 
 
 def unfelt_slide(before: SymbolicState, after: SymbolicState) -> Violation | None:
-    """Violation of a motion beside a force log that drags a held object: too short, downward, off the
+    """Violation of a motion that drags a held object during a force log: too short, downward, off the
     support, or across several surfaces. A lift is no slide."""
     start, end = before.pose_world_tcp, after.pose_world_tcp
     if before.holding is None or before.lifted or start is None or end is None:

@@ -104,8 +104,8 @@ def read_answer(text: str) -> Proposal:
 
 
 def without_reasoning(text: str) -> str:
-    """Remove a model's reasoning from its answer: text between tags, before a closing tag alone (chat
-    templates may open it), and after an opening tag alone (the answer was cut off)."""
+    """Remove a model's reasoning from its answer: text between two tags, before a single closing tag (a chat
+    template may have opened it), and after a single opening tag (the answer was cut off)."""
     alone = text.strip("\ufeff \t\r\n")
     value, end, _ = decoded(alone, 0)
     if value is not None and end == len(alone):
@@ -114,12 +114,10 @@ def without_reasoning(text: str) -> str:
     position, inside = 0, False
     for tag in _REASONING.finditer(text):
         closes = any(tag.groups())
-        if closes and not inside:
-            kept.clear()
-        if not closes and not inside:
-            kept.append(text[position : tag.start()])
+        if not inside:
+            kept = [] if closes else [*kept, text[position : tag.start()]]
         position, inside = tag.end(), not closes
-    return "".join(kept) if inside else "".join([*kept, text[position:]])
+    return "".join(kept) + ("" if inside else text[position:])
 
 
 def decoded_objects(text: str) -> Iterator[tuple[int, int, object, str]]:
