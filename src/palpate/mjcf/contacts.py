@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from copy import copy
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -71,24 +70,13 @@ def highest_priority(body: BodyDescription) -> int:
     return max([0, *body.shapes.model.geom_priority[standing].tolist()])
 
 
-@dataclass(frozen=True, slots=True)
-class StandingContact:
-    """Contact of an object with what it stands on, with the parameters that MuJoCo combines for it.
-
-    Attributes:
-        own, below: ids of the object's geom and of the one that carries it.
-        sliding: coefficient of sliding friction; 0 for a contact without friction (`condim="1"`).
-    """
-
-    own: int
-    below: int
-    sliding: float
-
-
-def standing_contacts(body: BodyDescription) -> tuple[StandingContact, ...]:
+def standing_contacts(body: BodyDescription) -> tuple[tuple[int, float], ...]:
     """Find the contacts of an object with its support, at most `RESTING` below it, as compiled.
 
     MuJoCo itself combines their parameters: `<pair>`, priority, the larger of two, overrides.
+
+    Returns:
+        Id of the object's geom and coefficient of sliding friction, 0 for a contact without it (`condim="1"`).
     """
     own = [body.shapes.geom_ids[geom] for geom in body.elements.colliding]
     # A margin lets MuJoCo find a support that the object does not quite touch.
@@ -105,14 +93,13 @@ def standing_contacts(body: BodyDescription) -> tuple[StandingContact, ...]:
     # Of several tops, one above the other, the nearest carries.
     distances = data.contact.dist
     nearest = distances.min(where=carrying, initial=np.inf)
-    found: list[StandingContact] = []
+    found: list[tuple[int, float]] = []
     for i in np.flatnonzero(carrying & (distances < nearest + SAME_TOP)).tolist():
-        (mine,) = data.contact.geom[i, is_own[i]].tolist()
-        (below,) = data.contact.geom[i, ~is_own[i]].tolist()
+        (geom,) = data.contact.geom[i, is_own[i]].tolist()
         # A pair may state two coefficients, along two axes.
         has_friction = bool(data.contact.dim[i] >= FRICTIONAL)
         for sliding in data.contact.friction[i, :2].tolist():
-            found.append(StandingContact(mine, below, sliding * has_friction))
+            found.append((geom, sliding * has_friction))
     return tuple(dict.fromkeys(found))
 
 
@@ -122,10 +109,11 @@ def what_decides(body: BodyDescription) -> str:
     model = body.shapes.model
     if model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
         return "<option> overrides the friction of every contact"
-    for contact in standing_contacts(body):
-        if contact.sliding == 0.0 < float(model.geom_friction[contact.own, 0]):
+    for geom, sliding in standing_contacts(body):
+        own = float(model.geom_friction[geom, 0])
+        if sliding == 0.0 < own:
             return 'its contact with what it stands on is without friction (condim="1")'
-        if not np.isclose(contact.sliding, model.geom_friction[contact.own, 0], rtol=1e-6):
+        if not np.isclose(sliding, own, rtol=1e-6):
             return "what it stands on decides, by its priority or its larger friction"
     return ""
 
@@ -133,7 +121,7 @@ def what_decides(body: BodyDescription) -> str:
 def acting_friction(body: BodyDescription) -> float | None:
     """Sliding friction that acts between an object and what it stands on; None where nothing carries
     it, and where its contacts differ, so that no single coefficient acts."""
-    found = [contact.sliding for contact in standing_contacts(body)]
+    found = [sliding for _, sliding in standing_contacts(body)]
     return found[0] if found and np.ptp(found) < 1e-9 else None
 
 
