@@ -87,19 +87,16 @@ def read_bag(path: Path, columns: ColumnMap) -> tuple[list[tuple[str, Table]], l
         import rosbags  # noqa: F401  # pyright: ignore
     except ImportError:
         raise Unavailable(f"{path}: a bag needs rosbags: pip install 'palpate[logs]'") from None
-    parts: dict[Any, Part] = {}
-    topics: dict[str, str] = {}
-    lost: dict[str, list[str]] = {}
     try:
         with ExitStack() as stack:
-            _collect(_messages(path, stack), columns.topic, parts, topics, lost)
+            parts, topics, lost = _collect(_messages(path, stack), columns.topic)
     except (InputError, Unavailable):
         raise
     except Exception as error:  # damaged bytes raise anything
         raise InputError(f"{path} is no bag that can be read: {_reason(error)}") from error
     notes = [
-        f"{len(reasons)} messages on {topic} ({topics[topic]}) cannot be decoded and are left out: {reasons[0]}"
-        for topic, reasons in lost.items()
+        f"{count} messages on {topic} ({topics[topic]}) cannot be decoded and are left out: {reason}"
+        for topic, (count, reason) in lost.items()
     ]
     if columns.topic is not None and columns.topic not in topics:
         raise InputError(
@@ -117,13 +114,17 @@ def read_bag(path: Path, columns: ColumnMap) -> tuple[list[tuple[str, Table]], l
 
 
 def _collect(
-    messages: Iterator[Raw],
-    wanted: str | None,
-    parts: dict[Any, Part],
-    topics: dict[str, str],
-    lost: dict[str, list[str]],
-) -> None:
-    """Decode the messages that may hold joint signals; of those that cannot be, keep the reasons by topic."""
+    messages: Iterator[Raw], wanted: str | None
+) -> tuple[dict[Any, Part], dict[str, str], dict[str, tuple[int, str]]]:
+    """Decode the messages on the `wanted` topic, or all that may hold joint signals.
+
+    Returns:
+        Messages by topic and layout; types by topic; and by topic the number of messages that cannot be
+        decoded, with the first reason.
+    """
+    parts: dict[Any, Part] = {}
+    topics: dict[str, str] = {}
+    lost: dict[str, tuple[int, str]] = {}
     decoders: dict[str, Decoder] = {}
     for count, raw in enumerate(messages):
         topics[raw.topic] = raw.datatype
@@ -140,7 +141,8 @@ def _collect(
             data = unpacked_zstd(raw.data, MAX_MESSAGE) if is_packed else raw.data
             found = list(_numbers(_fields(decoders[raw.topic](data)) or {}))
         except Exception as error:  # damaged bytes raise anything
-            lost.setdefault(raw.topic, []).append(_reason(error))
+            count_lost, reason = lost.get(raw.topic, (0, _reason(error)))
+            lost[raw.topic] = count_lost + 1, reason
             continue
         layout = tuple((name, frozenset(joints) or np.size(value)) for name, joints, value in found)
         names = {name: joints for name, joints, _ in found if joints}
@@ -150,6 +152,7 @@ def _collect(
             same = not joints or joints == part.names[name]
             row[name] = value if same else value[[joints.index(one) for one in part.names[name]]]
         part.rows.append(row)
+    return parts, topics, lost
 
 
 def _reason(error: Exception) -> str:
