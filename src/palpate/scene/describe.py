@@ -75,7 +75,7 @@ class Description:
         roles = self.roles
         found = {one: f"'{one}' stands still; {AN_OBJECT}" for one in self.refused}
         for body in (*roles.ignored, *roles.replicated, *roles.untouchable):
-            found[body.get("name", "")] = _no_object(body, roles).rstrip("; ")
+            found[body.get("name", "")] = _no_object(body, roles)
         for one, reason in found.items():
             if name.replace(" ", "_").lower() in (one.lower(), *one.lower().split("_")):
                 return f"{reason}."
@@ -183,9 +183,10 @@ def _refuse_other_unknowns(
                     "unknowns of the scene are drawn from priors"
                 )
             if unknown:
+                reason = _no_object(element, roles)
                 raise InputError(
                     f'{label(element)}: {attribute}="{text[:60]}" cannot be measured; '
-                    f"{_no_object(element, roles)}`?` may stand for an object's mass, density, "
+                    f"{reason}{'; ' * bool(reason)}`?` may stand for an object's mass, density, "
                     "friction, <inertial>, pos, and size where it is one shape whose z is known; of a "
                     "surface only the height can be measured: z in pos, or half height in size; of a drawer's or "
                     "door's joint damping, frictionloss, stiffness and range"
@@ -199,19 +200,16 @@ def _no_object(element: Element, roles: Roles) -> str:
         if body in roles.ignored:
             return (
                 f"'{called}' has joints that are not free: with a <freejoint/> in their place it "
-                "would be an object, with a name and one slide or hinge joint a drawer or a door; "
+                "would be an object, with a name and one slide or hinge joint a drawer or a door"
             )
         if any(body is one.element and one.role == "fixture" for one in roles.bodies.values()):
-            return (
-                f"'{called}' slides or turns on a joint: with a <freejoint/> in its place it would be an "
-                "object; "
-            )
+            return f"'{called}' slides or turns on a joint: with a <freejoint/> in its place it would be an object"
         if body in roles.untouchable:
-            return f"'{called}' is no object: {roles.untouchable[body]}; "
+            return f"'{called}' is no object: {roles.untouchable[body]}"
         if body in roles.replicated:
-            return f"'{called}' has parts that one line makes several of: write each of them; "
+            return f"'{called}' has parts that one line makes several of: write each of them"
         if body.get("mocap") == "true":
-            return f"'{called}' is a mocap body, which nothing moves: take mocap away; "
+            return f"'{called}' is a mocap body, which nothing moves: take mocap away"
     return ""
 
 
