@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import takewhile
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -54,8 +55,8 @@ EXPECTED_WITHIN = 0.03
 """m above the known top in which contact is expected; above one of unknown height it is everywhere."""
 CONTACT_FORCE = 8.0  # N: the threshold tau_c of the paper, against the force in free air on the way
 FIRM_FORCE = 30.0
-"""N: the threshold where the hand tilts at contact: one finger alone may be supported, or the arm may be
-out of level by so little that the other one follows."""
+"""N: the threshold of a firm press: through something soft, and where the hand tilts at contact, as one finger
+alone may be supported, or the arm may be out of level by so little that the other one follows."""
 EASED = 10.0
 """N to which the pressing force is reduced again: below the limit of a hand in contact, and above the
 error by the joints' friction, which reverses with the arm."""
@@ -69,8 +70,13 @@ EASING_SPEED = 0.006
 """m/s: half of the probing speed, so that the arm's dampers do not lift it off as it sets out."""
 ASKEW = 3e-4  # rad of tilt at contact: a third of the effect of `CONTACT_FORCE` on one finger
 SOFT_DEPTH = 5e-4
-"""m of travel between half of `CONTACT_FORCE` and all of it on a soft body, 8 kN/m or less: the fingers
-sink in by what they are out of level, and firm pressing gains nothing."""
+"""m of travel between half of `CONTACT_FORCE` and all of it on a soft body, 8 kN/m or less. A rigid body below it
+stops the tips within as much for all of that force: 60 µm/N, the tips included."""
+PRESS_SPEED = 0.006
+"""m/s through something soft, from rest: on springs of 3000 N/m the force on a rigid body grows by 18 N/s, so that
+`CONTACT_FORCE` takes 90 samples."""
+DEEPER = 0.02
+"""m of further travel in something soft, within which something rigid is expected below."""
 SIDE_FORCE = 2.0
 """N: the threshold where a free object may be met sideways: the least that is certainly not the joints'
 friction."""
@@ -197,8 +203,11 @@ class MoveUntilContact(Primitive):
             robot.move_axis(self.direction, speed, travel)
             if (yield from guarded(blackboard, lambda: contact.exceeds(threshold), far)):
                 travelled = robot.state.pose_world_tcp.distance_to(start)
-                firm = self.axis == "-z" and contact.depth() < SOFT_DEPTH
+                soft = contact.depth() >= SOFT_DEPTH
+                if soft and self._is_open(state):
+                    yield from self._press_through(blackboard, contact)
                 yield from settle(blackboard)
+                firm = self.axis == "-z" and not soft
                 if firm and abs(_tilt(robot.state) - upright) > ASKEW:
                     # Press firmly, until the other finger is in contact too, and lightly again.
                     robot.move_axis(self.direction, PROBE_SPEED, PROBE_TRAVEL)
@@ -214,18 +223,36 @@ class MoveUntilContact(Primitive):
             "start nearer, or probe another direction"
         )
 
+    def _press_through(self, blackboard: Blackboard, contact: _Contact) -> Wait:
+        """Press on slowly, until something rigid stops the tips, or none is expected."""
+        robot, springs = blackboard.robot, blackboard.scene.arm.stiffness.translation
+        yield from finish(blackboard)
+        yield from settle(blackboard, BRIEF)
+        contact.restart()
+        robot.move_axis(self.direction, PRESS_SPEED, DEEPER + FIRM_FORCE / springs)
+        yield from guarded(
+            blackboard, lambda: contact.exceeds(FIRM_FORCE) or contact.stops(CONTACT_FORCE)
+        )
+
     def _ease(self, blackboard: Blackboard, contact: _Contact) -> Wait:
         """Retreat until the hand presses lightly."""
         robot = blackboard.robot
-        for _ in range(EASINGS):
+        for easing in range(EASINGS):
             force = contact.at_rest((yield from median_wrench(blackboard)))
             if force < EASED:
                 break
-            relief = max(force - EASED, RELIEF) / blackboard.scene.arm.stiffness.translation
+            # Something soft follows the tips, and relieves the arm's springs by less than the retreat.
+            excess = 2.0**easing * (force - EASED)
+            relief = max(excess, RELIEF) / blackboard.scene.arm.stiffness.translation
             robot.move_axis(-self.direction, EASING_SPEED, relief)
             yield from finish(blackboard)
             yield from settle(blackboard, BRIEF)
         yield from settle(blackboard)
+
+    def _is_open(self, state: SymbolicState) -> bool:
+        """True if the probe is for a surface whose height the scene does not state."""
+        below = state.surface_below(state.pose_world_tcp)
+        return self.axis == "-z" and below is not None and is_open(state.scene, below.name)
 
     def _stages(self, state: SymbolicState, z: float) -> list[tuple[float, float]]:
         """Speed, m/s, and travel, m, of the parts of the motion in order; `z` of the start, m."""
@@ -295,6 +322,7 @@ class _Contact:
         self._robot, self._direction = robot, direction
         self._filtered, self._free_air = WrenchFilter(robot), FreeAir(robot, direction)
         self._met: Pose | None = None
+        self._course: list[tuple[float, Pose]] = []
 
     def at_rest(self, wrench: Array) -> float:
         """Reaction force on an arm at rest, N, by a wrench (6,) against the first one at rest."""
@@ -308,6 +336,7 @@ class _Contact:
         self._free_air.follow(wrench)
         met = wrench - self._free_air.wrench
         along, turning = float(met[:3] @ self._direction), met[3:]
+        self._course.append((along, self._robot.state.pose_world_tcp))
         if along < CONTACT_FORCE / 2:
             self._met = None  # the joints' friction on the way
         elif self._met is None:
@@ -317,6 +346,18 @@ class _Contact:
     def far(self) -> bool:
         """True if nothing is felt, and the arm has set out."""
         return self._met is None and self._free_air.known
+
+    def restart(self) -> None:
+        """Forget the reaction force so far."""
+        self._course.clear()
+
+    def stops(self, rise: float) -> bool:
+        """True if the reaction force grew by `rise`, N, over the last `SOFT_DEPTH` of travel since the restart."""
+        if not self._course:
+            return False
+        force, here = self._course[-1]
+        near = takewhile(lambda at: here.distance_to(at[1]) <= SOFT_DEPTH, reversed(self._course))
+        return force - min(felt for felt, _ in near) > rise
 
     def depth(self) -> float:
         """m of travel since the reaction force exceeded half of `CONTACT_FORCE`."""

@@ -91,6 +91,10 @@ class Descent:
         after = np.flatnonzero(self.smooth[self.onset :] >= force)
         return self.onset + int(after[0]) if len(after) else len(self.z) - 1
 
+    def last_crossing(self, force: float) -> int:
+        """Row before the greatest force from which on the force exceeds `force`, N."""
+        return int(np.flatnonzero(self.smooth[: self.smooth.argmax()] < force)[-1]) + 1
+
 
 def leans(samples: Samples) -> Array:
     """(n,) rad of lean in the closing direction, against the command: a force on one finger alone turns the

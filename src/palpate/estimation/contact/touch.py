@@ -49,8 +49,9 @@ class Touch:
     Attributes:
         recording: of the held pose.
         spot: (2,) m, world x and y of the fingertips.
-        held: m, tip height at the force `full`, N.
-        rise: N, of the last stretch.
+        held: m, tip height at the force `full`, N, at rest: of the recording, or before a press through
+            something soft was eased, as the tip may rise into that again.
+        rise: N, of the last stretch, with its standard deviation by joint friction.
         compliance: m/N, of the last stretch of the loading curve.
         knee: N, force at the beginning of that stretch; 0 where it began in free air.
         bottomed: m, tip height at which something soft had been pressed through; None without such.
@@ -70,6 +71,7 @@ class Touch:
     held: float
     full: float
     rise: float
+    rise_std: float
     compliance: float
     knee: float
     bottomed: float | None
@@ -135,9 +137,8 @@ class Touch:
         return self._stretched(2.0) - self.own - 2.0 * self.own_std
 
     def _stretched(self, sigmas: float) -> float:
-        """Compliance of the last stretch, m/N, if the force had risen by so many standard deviations more, as
-        joint friction relaxes by an unknown part when the arm stops."""
-        risen = max(self.rise + sigmas * self.descent.friction, tuning.SOFT_FORCE)
+        """Compliance of the last stretch, m/N, if the force had risen by so many standard deviations more."""
+        risen = max(self.rise + sigmas * self.rise_std, tuning.SOFT_FORCE)
         return self.compliance * self.rise / risen
 
     @property
@@ -253,18 +254,21 @@ def touched(trace: Trace, recording: Recording) -> Touch | None:
     descent = descent_before(trace, recording)
     if descent is None:
         return None
-    samples, full, held = descent.samples, descent.full, descent.held
+    samples = descent.samples
     most, deepest = at_most(descent)
-    late = descent.crossing(tuning.LATE_FORCE * most)
+    level = tuning.LATE_FORCE * most
+    late = descent.crossing(level)
     first, first_std = first_contact(descent, late)
-    rise = most - tuning.LATE_FORCE * most
     if first - float(descent.z[late]) > tuning.SOFT:
         # Something soft may bear that force.
-        late, rise = descent.crossing(tuning.LATER_FORCE * most), most - tuning.LATER_FORCE * most
-    sunk = float(np.median(descent.z[late - 2 : late + 3])) - deepest
+        level = max(tuning.LATER_FORCE * most, most - tuning.LAST_RISE)
+        late = descent.last_crossing(level)
+    rise, rise_std, compliance = last_stretch(descent, level, late)
     through = bottomed(descent, late, first)
     onset = Onset(first, first_std, through, max(first - deepest, 0.0) / most)
     lever, lever_std = force_lever(descent, trace.hand)
+    below = knee(descent, late, first)
+    full, held = (most, deepest) if below else (descent.full, descent.held)
     return Touch(
         recording,
         descent,
@@ -272,8 +276,9 @@ def touched(trace: Trace, recording: Recording) -> Touch | None:
         held,
         full,
         rise,
-        compliance=max(sunk, 0.0) / rise,
-        knee=knee(descent, late, first),
+        rise_std,
+        compliance=compliance,
+        knee=below,
         bottomed=through,
         first=first,
         first_std=first_std,
@@ -286,6 +291,28 @@ def touched(trace: Trace, recording: Recording) -> Touch | None:
         out_of_level=max(tuning.LEANS_OVER, trace.hand.tip_offset_std / tuning.REACH),
         spring=fit_spring(descent, onset, trace.hand),
     )
+
+
+def last_stretch(descent: Descent, level: float, late: int) -> tuple[float, float, float]:
+    """Rise of the force in the last stretch of the loading curve, N, with its standard deviation by joint friction,
+    and compliance, m/N: from the force `level`, N, at row `late`, on."""
+    z, force = descent.z, descent.smooth
+    most, deepest = at_most(descent)
+    # From where the running median has left the impact to where the commanded motion ends.
+    target = descent.samples.target_world_tcp[:, 2]
+    stop = int(np.argmax(target < target.min() + tuning.STOPPED))
+    rows = np.arange(late + tuning.SUSTAINED // 2 + 1, stop + 1)
+    rise = float(np.ptp(force[rows])) if len(rows) >= tuning.BLOCK_ROWS else 0.0
+    if rise >= tuning.LEAST_RISE:
+        # Slope of z(F) while the joints hardly move, so that their friction stays; and how far the tip sinks in after
+        # the greatest force, which a rigid surface forbids.
+        slope = float(np.polyfit(force[rows], z[rows], 1)[0])
+        sunk = max(float(z[np.argmax(force)]) - deepest, 0.0)
+        return rise, float(descent.wander[2]), max(-slope, 0.0) + sunk / rise
+    # To rest, as friction relaxes by an unknown part.
+    rise = most - level
+    sunk = float(np.median(z[late - 2 : late + 3])) - deepest
+    return rise, descent.friction, max(sunk, 0.0) / rise
 
 
 def largest_lean(descent: Descent) -> float:
