@@ -75,8 +75,9 @@ stops the tips within as much for all of that force: 60 µm/N, the tips included
 PRESS_SPEED = 0.006
 """m/s through something soft, from rest: on springs of 3000 N/m the force on a rigid body grows by 18 N/s, so that
 `CONTACT_FORCE` takes 90 samples."""
-DEEPER = 0.02
-"""m of further travel in something soft, within which something rigid is expected below."""
+THICKEST = 0.03
+"""m: a cover that is pressed through is not thicker. The tips go no deeper into what is soft, unless `CONTACT_FORCE`
+alone presses them."""
 SIDE_FORCE = 2.0
 """N: the threshold where a free object may be met sideways: the least that is certainly not the joints'
 friction."""
@@ -224,14 +225,15 @@ class MoveUntilContact(Primitive):
         )
 
     def _press_through(self, blackboard: Blackboard, contact: _Contact) -> Wait:
-        """Press on slowly, until something rigid stops the tips, or none is expected."""
-        robot, springs = blackboard.robot, blackboard.scene.arm.stiffness.translation
+        """Press on slowly, until something rigid stops the tips, or they have gone through the thickest cover."""
+        # Under an even spring, half of the force is reached at half of the depth.
+        left = THICKEST - 2.0 * contact.depth()
         yield from finish(blackboard)
         yield from settle(blackboard, BRIEF)
         contact.restart()
-        robot.move_axis(self.direction, PRESS_SPEED, DEEPER + FIRM_FORCE / springs)
+        blackboard.robot.move_axis(self.direction, PRESS_SPEED, PROBE_TRAVEL)
         yield from guarded(
-            blackboard, lambda: contact.exceeds(FIRM_FORCE) or contact.stops(CONTACT_FORCE)
+            blackboard, lambda: contact.exceeds(FIRM_FORCE) or contact.is_stopped(left)
         )
 
     def _ease(self, blackboard: Blackboard, contact: _Contact) -> Wait:
@@ -351,13 +353,15 @@ class _Contact:
         """Forget the reaction force so far."""
         self._course.clear()
 
-    def stops(self, rise: float) -> bool:
-        """True if the reaction force grew by `rise`, N, over the last `SOFT_DEPTH` of travel since the restart."""
+    def is_stopped(self, left: float) -> bool:
+        """True if the reaction force grew by `CONTACT_FORCE` over the last `SOFT_DEPTH` of travel since the restart,
+        or the travel exceeds `left`, m."""
         if not self._course:
             return False
         force, here = self._course[-1]
         near = takewhile(lambda at: here.distance_to(at[1]) <= SOFT_DEPTH, reversed(self._course))
-        return force - min(felt for felt, _ in near) > rise
+        rise = force - min(felt for felt, _ in near)
+        return rise > CONTACT_FORCE or here.distance_to(self._course[0][1]) > left
 
     def depth(self) -> float:
         """m of travel since the reaction force exceeded half of `CONTACT_FORCE`."""
