@@ -32,6 +32,9 @@ NEAR_FLOOR = 1.1
 tenth at most."""
 SPARE = 0.9
 """Share of the permitted noise at which work aims, because predictions are not exact."""
+DECISIVE = 3.0
+"""Part of the way from a bound to the one-sided limit of a value there, that the 95 % interval shall reach to either
+side: the bound is then excluded unless the value is in the lower third."""
 JOINT = re.compile(r"joint \d+$")
 CURES = {
     "arm": "; calibrate the arm to go below",
@@ -179,11 +182,31 @@ class Within:
         return Precision(asked, float(half[widest]), floor, cause, owner)
 
     def told(self, estimate: Estimate) -> Estimate:
-        """Return the estimate; if a width was requested, with the outcome added to its method."""
+        """Return the estimate; if a width was requested, with the outcome added to its method, else with advice."""
         precision = self.precision(estimate)
         if precision is None or not estimate.has_value:
-            return estimate
+            return advised(estimate)
         return replace(estimate, method=f"{estimate.method} {precision.in_words(estimate.unit)}")
+
+
+def advised(estimate: Estimate) -> Estimate:
+    """Return the estimate; if it is at a bound, with the width that would tell it from there added to its reason."""
+    limit = estimate.limits[0] if len(estimate.values) == 1 else None
+    bound = estimate.at_bound[0] if limit is not None else None
+    if limit is None or bound is None:
+        return estimate
+    name, asked = str(estimate.parameter), abs(limit - bound.at) / DECISIVE
+    precision = Within(((name, asked),)).precision(estimate)
+    assert precision is not None
+    width, floor = (shown(one, estimate.unit).replace(" ", "") for one in (asked, precision.floor))
+    if precision.floor < asked:
+        times = 1 + precision.further(1)
+        advice = (
+            f"--within {name}={width} measures it again, about {times} times in all, to ± {width}"
+        )
+    else:
+        advice = f"repetition leaves ± {floor} ({precision.cause}){CURES.get(precision.of, '')}"
+    return replace(estimate, reason=f"{estimate.reason}; {advice}")
 
 
 def noise_std(width: float, floor: float) -> float:
