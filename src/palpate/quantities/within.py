@@ -201,11 +201,10 @@ def advised(estimate: Estimate) -> Estimate:
     width, floor = (shown(one, estimate.unit).replace(" ", "") for one in (asked, precision.floor))
     if precision.floor < asked:
         times = 1 + precision.further(1)
-        advice = (
-            f"--within {name}={width} measures it again, about {times} times in all, to ± {width}"
-        )
+        advice = f"about {times} times the work tells it from there (--within {name}={width})"
     else:
-        advice = f"repetition leaves ± {floor} ({precision.cause}){CURES.get(precision.of, '')}"
+        cure = CURES.get(precision.of, "")
+        advice = f"however often it is measured, ± {floor} remain ({precision.cause}){cure}"
     return replace(estimate, reason=f"{estimate.reason}; {advice}")
 
 

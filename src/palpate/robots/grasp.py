@@ -35,6 +35,9 @@ SLANT = 0.3
 MOST_TURN = np.radians(165.0)
 """rad by which the tool may be turned against home: it takes the shorter way, which beyond half a turn
 is not the sum of the turns of base and wrist."""
+LITTLE_TURN = np.radians(60.0)
+"""rad by which the tool may be turned against the direction from the base to it without another grasp that is as good
+being preferred."""
 WRIST_SPARE = 0.2  # rad of the last joint's margin where the tool turns the other way round
 STATION = 0.005  # m between places along an object where a grasp is tried
 NEIGHBOUR = 0.002  # m of clearance between the hand and other objects
@@ -69,13 +72,15 @@ def derive_grasp(
     for height in _heights(arm, bottom, top):
         outlines = scene.outlines(height)
         found = [scene.grasp(outlines, a, height) for a in _angles(outlines, yaw, base)]
-        # Problems first, then room for what is unsure, then width (to 3 mm).
+        # Problems first, then room for what is unsure, width (to 3 mm), and a wrist that turns little: else the elbow
+        # of a folded arm gives way to the side, joints turn round in a lift, and friction hides the load.
         best = min(
             found if best is None else [*found, best],
             key=lambda grasp: (
                 bool(grasp.problem),
                 round(grasp.short / 0.001),
                 round(grasp.width / 0.003),
+                scene.turn(grasp.pose) > LITTLE_TURN,
             ),
             default=None,
         )
@@ -179,6 +184,11 @@ class _Scene:
             clearance(finger, spots, nearby).min() < NEIGHBOUR
             or clearance(palm, centre[None], tall).min() < NEIGHBOUR
         )
+
+    def turn(self, pose: Pose) -> float:
+        """Angle of the tool against the direction from the base to it, rad, unsigned."""
+        away = pose.position - self._base.position
+        return float(abs(np.arctan2(*(pose.rotation[:2, :2].T @ away[:2])[::-1])))
 
     def _tool_pose(self, centre: Array, height: float, closing: float) -> Pose:
         """Return the top-down pose with tool y along `closing`; of both directions, the one that
