@@ -121,3 +121,28 @@ def test_a_component_without_evidence_does_not_count_for_the_width() -> None:
     assert precision is not None
     assert precision.outcome == "reached"
     assert precision.reached == pytest.approx(1.96 * 0.8e-3, rel=1e-3)
+
+
+def near_zero(*shared: Shared) -> Estimate:
+    """Mass of which the 95 % interval reaches 0."""
+    estimate = Estimate.normal(BOTTLE, "kg", 0.015, 0.008, "a weighing", (), shared=shared)
+    return estimate.bounded((0.0, float("inf")))
+
+
+def test_a_value_at_a_bound_comes_with_the_width_that_tells_it_from_there() -> None:
+    told = Within().told(near_zero())
+    assert told.verdict == "prior-dominated"
+    assert "about 4 times the work tells it from there (--within bottle.mass=9.4g)" in told.doubt
+    width = Within.read({"bottle.mass": "9.4g"}).of(BOTTLE)
+    assert width == pytest.approx(told.limits[0] / 3.0, rel=0.01)
+
+
+def test_a_value_at_a_bound_that_no_repetition_tells_from_there_names_the_cause() -> None:
+    told = Within().told(near_zero(Shared("gain of joint 2", "arm", (0.007,))))
+    assert "--within" not in told.doubt
+    assert "± 14g remain (gain of the joints); calibrate the arm to go below" in told.doubt
+
+
+def test_a_value_apart_from_its_bounds_needs_no_advice() -> None:
+    estimate = Estimate.normal(BOTTLE, "kg", 0.3, 0.008, "a weighing", ())
+    assert Within().told(estimate.bounded((0.0, float("inf")))).reason == ""

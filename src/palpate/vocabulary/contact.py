@@ -108,7 +108,7 @@ class MoveUntilContact(Primitive):
 
     claims: ClassVar = ARM
     group: ClassVar = "motion"
-    timeout: ClassVar[float] = 40.0
+    timeout: ClassVar[float] = 60.0
 
     axis: Annotated[
         Literal["+x", "-x", "+y", "-y", "+z", "-z"],
