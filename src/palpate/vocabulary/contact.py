@@ -230,7 +230,7 @@ class MoveUntilContact(Primitive):
         left = THICKEST - 2.0 * contact.depth()
         yield from finish(blackboard)
         yield from settle(blackboard, BRIEF)
-        contact.restart()
+        contact.course.clear()
         blackboard.robot.move_axis(self.direction, PRESS_SPEED, PROBE_TRAVEL)
         yield from guarded(
             blackboard, lambda: contact.exceeds(FIRM_FORCE) or contact.is_stopped(left)
@@ -324,7 +324,7 @@ class _Contact:
         self._robot, self._direction = robot, direction
         self._filtered, self._free_air = WrenchFilter(robot), FreeAir(robot, direction)
         self._met: Pose | None = None
-        self._course: list[tuple[float, Pose]] = []
+        self.course: list[tuple[float, Pose]] = []  # reaction force, N, and pose at every tick
 
     def at_rest(self, wrench: Array) -> float:
         """Reaction force on an arm at rest, N, by a wrench (6,) against the first one at rest."""
@@ -338,7 +338,7 @@ class _Contact:
         self._free_air.follow(wrench)
         met = wrench - self._free_air.wrench
         along, turning = float(met[:3] @ self._direction), met[3:]
-        self._course.append((along, self._robot.state.pose_world_tcp))
+        self.course.append((along, self._robot.state.pose_world_tcp))
         if along < CONTACT_FORCE / 2:
             self._met = None  # the joints' friction on the way
         elif self._met is None:
@@ -349,19 +349,15 @@ class _Contact:
         """True if nothing is felt, and the arm has set out."""
         return self._met is None and self._free_air.known
 
-    def restart(self) -> None:
-        """Forget the reaction force so far."""
-        self._course.clear()
-
     def is_stopped(self, left: float) -> bool:
-        """True if the reaction force grew by `CONTACT_FORCE` over the last `SOFT_DEPTH` of travel since the restart,
-        or the travel exceeds `left`, m."""
-        if not self._course:
+        """True if over the course the travel exceeds `left`, m, or over its last `SOFT_DEPTH` the force grew by
+        `CONTACT_FORCE`."""
+        if not self.course:
             return False
-        force, here = self._course[-1]
-        near = takewhile(lambda at: here.distance_to(at[1]) <= SOFT_DEPTH, reversed(self._course))
+        force, here = self.course[-1]
+        near = takewhile(lambda at: here.distance_to(at[1]) <= SOFT_DEPTH, reversed(self.course))
         rise = force - min(felt for felt, _ in near)
-        return rise > CONTACT_FORCE or here.distance_to(self._course[0][1]) > left
+        return rise > CONTACT_FORCE or here.distance_to(self.course[0][1]) > left
 
     def depth(self) -> float:
         """m of travel since the reaction force exceeded half of `CONTACT_FORCE`."""

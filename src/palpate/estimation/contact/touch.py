@@ -299,8 +299,7 @@ def last_stretch(descent: Descent, level: float, late: int) -> tuple[float, floa
     z, force = descent.z, descent.smooth
     most, deepest = at_most(descent)
     # From where the running median has left the impact to where the commanded motion ends.
-    target = descent.samples.target_world_tcp[:, 2]
-    stop = int(np.argmax(target < target.min() + tuning.STOPPED))
+    stop = int(np.argmin(descent.samples.target_world_tcp[:, 2]))
     rows = np.arange(late + tuning.SUSTAINED // 2 + 1, stop + 1)
     rise = float(np.ptp(force[rows])) if len(rows) >= tuning.BLOCK_ROWS else 0.0
     if rise >= tuning.LEAST_RISE:

@@ -67,14 +67,11 @@ LATER_FORCE = 0.66
 """the same below something soft, which may bear as much. Sensitive: cloths of some 400 N/m, foams in layers."""
 
 LAST_RISE = 6.0
-"""N of rise at most that the last stretch below something soft has: a press goes on for 8 N after something rigid
-stops the tips (`vocabulary.contact`). Sensitive: cloths that bear more than 12 N."""
+"""N of rise at most of the last stretch below something soft: a press goes on for 8 N after something rigid stops the
+tips (`vocabulary.contact`). Sensitive: cloths that bear more than 12 N."""
 
 LEAST_RISE = 1.5
-"""N by which the force changes there at least for its slope to count. Sensitive: no."""
-
-STOPPED = 1e-5
-"""m above the lowest command at which the commanded motion has ended. Sensitive: no."""
+"""N by which the force changes in that stretch at least for its slope to count. Sensitive: no."""
 
 STIFF_SHARE = 0.1
 """part of the way through something soft that still belongs to the stiff stretch below it. Sensitive: hardly."""
