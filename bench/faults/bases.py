@@ -10,7 +10,7 @@ from palpate import pipeline
 from palpate.errors import PalpateError
 from palpate.planning.check.check import check
 from palpate.planning.plan import Plan
-from palpate.planning.recorded import load_plan
+from palpate.planning.recorded import load_proposal
 from palpate.scenarios.catalogue import Scenario, scenario, scenarios
 from palpate.scene.scene import Scene
 
@@ -72,7 +72,7 @@ def _of(task: Scenario) -> list[Base]:
             plans[planner] = made.plan
     for name, file in task.plans.items():
         try:
-            plan = load_plan(file)
+            plan = load_proposal(file).plan
         except PalpateError:
             continue
         if plan.tree is not None and not check(plan, scene):

@@ -5,7 +5,7 @@ import pytest
 
 from palpate import pipeline
 from palpate.planning.check.check import check
-from palpate.planning.recorded import load_plan
+from palpate.planning.recorded import load_proposal
 from palpate.runs.run import Run
 from palpate.scenarios.catalogue import scenario
 from palpate.studies.planners.judgement import objection
@@ -18,7 +18,8 @@ FIGURES = {"bottle_and_table": 17, "one_missing_mass": 12, "friction": 15, "hamm
 def test_the_papers_tree_passes_the_check_and_acquires_exactly_what_is_asked(name: str) -> None:
     task = scenario(name)
     settings = task.settings(noise="none").checked()
-    scene, plan = pipeline.load(settings), load_plan(task.folder / "plans" / "paper.json")
+    scene = pipeline.load(settings)
+    plan = load_proposal(task.folder / "plans" / "paper.json").plan
     assert scene is not None
     assert check(plan, scene) == ()
     assert set(plan.parameters) == set(task.expects)

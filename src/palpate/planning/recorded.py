@@ -85,20 +85,11 @@ class ReplayPlanner:
             self.seen = judge.seen
 
 
-def load_plan(path: Path) -> Plan:
-    """The plan in a plan file, a run folder or a chat's answer.
+def load_proposal(path: Path) -> Proposal:
+    """Load the plan in a plan file, a run folder or a chat's answer, with the objects that a model saw.
 
     Raises:
         InputError: no such file, or not a plan.
-    """
-    return load_proposal(path).plan
-
-
-def load_proposal(path: Path) -> Proposal:
-    """Load a plan as `load_plan`, with the objects that a model saw.
-
-    Raises:
-        InputError: as `load_plan`.
     """
     return read_proposal(_read(plan_file(path)))
 

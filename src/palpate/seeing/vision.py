@@ -14,10 +14,8 @@ from palpate.errors import Unavailable
 from palpate.geometry.pose import Array, Pose
 from palpate.seeing.lens import Lens
 
-FAMILY = "tag36h11"
-"""Of the AprilTags that are printed and looked for."""
 TAGS = 587
-"""Tags of the family."""
+"""AprilTags of the family tag36h11, which are printed and looked for."""
 MODULES = 8
 """Modules along a tag's black square."""
 CELL = 8
