@@ -247,6 +247,8 @@ def test_an_aborted_run_says_why_and_shows_the_stop(data: ReportData, tmp_path: 
         "4 of 16",
     ):
         assert words in page.text, words
+    assert "`" not in page.text
+    assert "<code>--on-failure skip</code>" in (tmp_path / "report.html").read_text("utf-8")
     assert "Keep what was measured" not in page.text
     assert "#failed" in [a["href"] for a in page.all("a")]
     (leaf,) = [a for a in page.all("span") if a.get("id") == "failed"]

@@ -6,9 +6,10 @@ import base64
 import gzip
 import hashlib
 import io
+import re
 from functools import cache
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from palpate.display import visible
 
@@ -62,7 +63,16 @@ def template(package: str, name: str) -> Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    filters: dict[str, Any] = cast(Any, environment).filters
+    filters["code"] = mark_code
     return environment.get_template(name)
+
+
+def mark_code(text: str) -> Markup:
+    """Escape a text, and set its parts in backticks as code."""
+    from markupsafe import Markup, escape
+
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))
 
 
 def escaped_controls(value: Any) -> Any:
