@@ -132,6 +132,7 @@ def near_zero(*shared: Shared) -> Estimate:
 def test_a_value_at_a_bound_comes_with_the_width_that_tells_it_from_there() -> None:
     told = Within().told(near_zero())
     assert told.verdict == "prior-dominated"
+    assert told.is_evidence
     assert "about 4 times the work tells it from there (--within bottle.mass=9.4g)" in told.doubt
     width = Within.read({"bottle.mass": "9.4g"}).of(BOTTLE)
     assert width == pytest.approx(told.limits[0] / 3.0, rel=0.01)

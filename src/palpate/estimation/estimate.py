@@ -246,7 +246,8 @@ class Estimate:
     def is_evidence(self) -> bool:
         """The value rests on the recordings alone: identified, or kept from it by a bound only. Such values are fused
         and scored, because a selection by the distance from the bound would select by the error."""
-        return self.identified or self.reason == AT_BOUND
+        # Advice may follow the cause: "CAUSE; ADVICE".
+        return self.identified or self.reason.partition(";")[0] == AT_BOUND
 
     @property
     def at_bound(self) -> tuple[Bound | None, ...]:
