@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -179,8 +180,28 @@ def test_one_window_needs_no_list(npz: Path) -> None:
 def test_windows_outside_of_the_recording(npz: Path) -> None:
     with pytest.raises(InputError, match=r"loaded=30-40: log.npz lasts 24.0 s"):
         pp.estimate(npz, [(30.0, 40.0)])
-    with pytest.raises(InputError, match="in_hand='up': give X Y Z"):
-        pp.estimate(npz, [WINDOW], in_hand="up")
+
+
+@pytest.mark.parametrize("window", [(-3.0, 13.0), (4.0, 26.0), (float("nan"), 13.0)])
+def test_windows_partly_outside_of_the_recording(npz: Path, window: tuple[float, float]) -> None:
+    with pytest.raises(
+        InputError, match=r"loaded=.*: log.npz lasts 24.0 s; give windows within it"
+    ):
+        pp.estimate(npz, [window])
+
+
+@pytest.mark.parametrize(
+    "pose", ["up", (0, 0, 0, 0, 0, 0, 0), (0, 0, 50), (0, 0, float("nan")), (0, 0)]
+)
+def test_poses_in_the_hand_that_are_none(npz: Path, pose: str | tuple[float, ...]) -> None:
+    with pytest.raises(InputError, match=r"in_hand='.*': give X Y Z in m, at most 2"):
+        pp.estimate(npz, [WINDOW], in_hand=pose)
+
+
+@pytest.mark.parametrize("hand", ["fund", "0.7", True, -1.0, 700.0, float("nan")])
+def test_hands_that_are_none(npz: Path, hand: Any) -> None:
+    with pytest.raises(InputError, match=r"hand=.*: give a number of kg, 0 to 50, or 'found'"):
+        pp.estimate(npz, [WINDOW], hand=hand)
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="recordings of real arms are not at hand")

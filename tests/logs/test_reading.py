@@ -128,3 +128,24 @@ def test_what_is_not_a_recording(tmp_path: Path) -> None:
     nameless = csv(tmp_path / "nameless.csv", numbered("{}"), Q)
     with pytest.raises(InputError, match="first line must name the columns"):
         read_log(nameless)
+
+
+NAMES = ["t", *(name for form in ("q{}", "dq{}", "tau{}") for name in numbered(form))]
+
+
+def test_decimal_commas_of_a_spreadsheet(tmp_path: Path) -> None:
+    file = csv(tmp_path / "log.csv", NAMES, T, Q, DQ, TAU, split=";")
+    file.write_text(file.read_text().replace(".", ","))
+    np.testing.assert_allclose(read_log(file).tau, TAU, atol=1e-9)
+
+
+def test_a_line_that_is_cut_off_and_a_line_of_units(tmp_path: Path) -> None:
+    file = csv(tmp_path / "log.csv", NAMES, T, Q, DQ, TAU)
+    whole = file.read_text()
+    file.write_text(whole[:-60])
+    with pytest.raises(InputError, match=f"line {N + 1} of {N + 1} is cut off; remove or complete"):
+        read_log(file)
+    names, rows = whole.split("\n", 1)
+    file.write_text(f"{names}\n{','.join(['s'] + ['rad'] * 14 + ['Nm'] * 7)}\n{rows}")
+    with pytest.raises(InputError, match="second line holds no number; leave one line of names"):
+        read_log(file)

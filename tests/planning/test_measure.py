@@ -48,6 +48,8 @@ def test_missing_is_everything_missing(desk: Scene) -> None:
         ("mug", "measure=mug names no quantity"),
         ("desk.mass", "'desk' is a surface, and the mass is measured of an object"),
         ("x*.mass", "unknown object or surface"),
+        ("", "measure= is empty"),
+        (" , ", "measure= is empty"),
     ],
 )
 def test_unknown_names_are_named(desk: Scene, name: str, message: str) -> None:

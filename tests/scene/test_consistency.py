@@ -117,3 +117,41 @@ def test_a_keyframe_that_is_no_numbers_is_refused() -> None:
     scene = read(TABLE.format(".1") + TIN.format(".23"), tail=HOME.format("1 far 0"))
     with pytest.raises(InputError, match=r'<key name="home"> \(line 2\): qpos: .*\'far\''):
         remarks(scene)
+
+
+@pytest.mark.parametrize(
+    ("quat", "is_said"), [("1 0 0 0", False), ("-2 0 0 0", False), (".7 .7 0 0", True)]
+)
+def test_a_keyframe_that_turns_an_object(quat: str, is_said: bool) -> None:
+    qpos = f".5 .1 .23 {quat}"
+    scene = read(TABLE.format(".1") + TIN.format(".23"), tail=HOME.format(qpos))
+    found = [line for line in remarks(scene) if "keyframe 'home' places 'tin'" in line]
+    assert bool(found) == is_said
+
+
+def test_a_keyframe_that_mujoco_would_refuse_is_refused() -> None:
+    scene = read(TABLE.format(".1") + TIN.format(".23"), tail=HOME.format("1 2"))
+    with pytest.raises(InputError, match=r"qpos has 2 numbers, the scene's joints 7; give 7"):
+        remarks(scene)
+
+
+@pytest.mark.parametrize(("stiffness", "is_said"), [("0", False), ("50", True)])
+def test_a_spring_on_an_objects_own_joint(stiffness: str, is_said: bool) -> None:
+    joint = f'<joint type="free" stiffness="{stiffness}"/>'
+    scene = read(TABLE.format(".1") + TIN.format(".23").replace("<freejoint/>", joint))
+    found = [line for line in remarks(scene) if "'tin' in the hand would not be its own" in line]
+    assert bool(found) == is_said
+
+
+def test_memory_that_the_file_reserves_does_not_matter() -> None:
+    scene = read(TABLE.format(".1") + TIN.format(".23"), '<size memory="1K"/>')
+    assert not overlaps(scene.resolved)
+    assert remarks(scene) == ()
+
+
+def test_a_number_that_mujoco_would_ignore_is_refused() -> None:
+    tin = TIN.format(".23").replace("<geom", '<geom mass="NaN"')
+    with pytest.raises(
+        InputError, match=r'<geom> .*mass="NaN" is no number; leave .* or write `\?`'
+    ):
+        read(TABLE.format(".1") + tin)

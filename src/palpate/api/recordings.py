@@ -16,6 +16,9 @@ from palpate.settings import settings_of
 from palpate.stages.recorded import LOAD, Carrying, Recorded, estimate_recorded, pose_text
 from palpate.threads import single_threaded_blas
 
+HEAVIEST_HAND = 50.0
+"""kg; more on a flange is a mistake of the unit."""
+
 
 @known_keywords
 def estimate(
@@ -59,8 +62,9 @@ def estimate(
     """
     if scene is not None and object is None:
         raise InputError("a scene needs object=, the name of the body that was carried")
-    if isinstance(hand, float | int) and not 0.0 <= hand < 50.0:
-        raise InputError(f"hand={hand:g}: give kg, or 'found'")
+    is_mass = isinstance(hand, float | int) and not isinstance(hand, bool)
+    if not (hand in (None, "found") or (is_mass and 0.0 <= hand < HEAVIEST_HAND)):
+        raise InputError(f"hand={hand!r}: give a number of kg, 0 to {HEAVIEST_HAND:g}, or 'found'")
     if in_hand is not None and not isinstance(in_hand, str):
         in_hand = " ".join(f"{number:g}" for number in in_hand)
     pose = None if in_hand is None else pose_text(in_hand)

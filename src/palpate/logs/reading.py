@@ -97,10 +97,14 @@ def read_csv(path: Path, columns: ColumnMap) -> Table:
         raise InputError(f"{path}: columns with one name: {', '.join(twice[:10])}")
     if len(names) > MAX_COLUMNS:
         raise InputError(f"{path} has {len(names)} columns, at most {MAX_COLUMNS} are read")
+    if split != "," and "," in lines[1] and "." not in lines[1]:
+        lines[1:] = [line.replace(",", ".") for line in lines[1:]]  # decimal commas
     first = lines[1].split(split)
     used = [i for i, cell in enumerate(first[: len(names)]) if not cell.strip() or _is_number(cell)]
     if not used:
-        raise InputError(f"{path}: its second line holds no number")
+        raise InputError(
+            f"{path}: its second line holds no number; leave one line of names, without one of units"
+        )
     try:
         rows = np.loadtxt(
             lines[1 : MAX_ROWS + 2],
@@ -110,6 +114,12 @@ def read_csv(path: Path, columns: ColumnMap) -> Table:
             converters=None if _complete(lines, split) else _number,
         )
     except ValueError as error:
+        cells = lines[1].count(split)
+        for number, line in enumerate(lines[2:], 3):
+            if split != " " and line.count(split) < cells:
+                raise InputError(
+                    f"{path}: line {number} of {len(lines)} is cut off; remove or complete it"
+                ) from None
         raise InputError(f"{path}: {str(error).splitlines()[0]}") from None
     return {names[i]: rows[:, k] for k, i in enumerate(used)}
 

@@ -101,7 +101,8 @@ def trace_of(
 
 def _inside(window: Window, end: float, source: str) -> Window:
     start, stop = max(window[0], 0.0), min(window[1], end)
-    if stop - start < SHORTEST:
+    is_inside = window[0] >= -EDGE and window[1] <= end + EDGE
+    if not is_inside or stop - start < SHORTEST:
         raise InputError(
             f"loaded={window[0]:g}-{window[1]:g}: {source} lasts {end:.1f} s; give windows within it, of "
             f"{SHORTEST:g} s or more"

@@ -172,10 +172,10 @@ def _keep_all(root: Element) -> None:
 
     They do not change the physics, and elements are looked up in the model in their own frames.
     """
-    # The deprecated `njmax` only reserves memory (XMLreference, size-njmax): gigabytes at 5000.
+    # `memory` and the deprecated `njmax` only reserve memory (XMLreference, size): too little, or gigabytes.
     for tag, attributes in (
         ("compiler", ("discardvisual", "fusestatic", "alignfree")),
-        ("size", ("njmax",)),
+        ("size", ("memory", "njmax")),
         (".//freejoint", ("align",)),
         (".//joint", ("align",)),
     ):

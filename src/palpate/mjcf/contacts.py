@@ -34,8 +34,8 @@ NEGLIGIBLE = 0.01
 """Share of an object's weight: about the accuracy of a measured mass."""
 CANCELLING = 0.05
 """Share of its weight, for resistance to its motion: it has opposite signs in passes up and down."""
-LIFTING = 0.1
-"""m/s, usual speed of a carried object."""
+LIFT, LIFTING = 0.1, 0.1
+"""m and m/s, usual height and speed of a carried object."""
 FRICTIONAL = 3
 """Least `condim` of a contact with friction."""
 UPWARD = 0.7
@@ -259,15 +259,22 @@ def carried(body: BodyDescription) -> str:
         return "there is no gravity (<option gravity>)"
     data = mujoco.MjData(model)
     friction = float(model.dof_frictionloss[moved].max())
-    # At rest, then on the way up, where damping and joint friction resist.
-    for speed, resists, bound in ((0.0, 0.0, NEGLIGIBLE), (LIFTING, friction, CANCELLING)):
+    # At rest where it stands and lifted, where springs pull; then on the way up, where damping and joint
+    # friction resist.
+    height = model.jnt_qposadr[joint] + 2
+    for lift, speed, resists, bound in (
+        (0.0, 0.0, 0.0, NEGLIGIBLE),
+        (LIFT, 0.0, 0.0, NEGLIGIBLE),
+        (LIFT, LIFTING, friction, CANCELLING),
+    ):
+        data.qpos[height] = model.qpos0[height] + lift
         data.qvel[moved] = (0.0, 0.0, speed)
         mujoco.mj_forward(model, data)
         others = data.qfrc_passive[moved] + data.qfrc_actuator[moved]
         if np.linalg.norm(others) + resists > bound * weight:
             return (
                 "more than its weight acts on it while it is carried: gravcomp, a tendon, an actuator, "
-                "its own joint's damping or friction, or a fluid"
+                "its own joint's stiffness, damping or friction, or a fluid"
             )
     # At LIFTING without rotation the bias force is gravity alone.
     pull = -data.qfrc_bias[moved] - (0.0, 0.0, -weight)

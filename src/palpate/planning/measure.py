@@ -26,7 +26,10 @@ def named_parameters(names: Iterable[str], scene: Scene) -> tuple[Parameter, ...
         InputError: no such body or quantity, or a quantity that such a body does not have.
     """
     found: list[Parameter] = []
-    for name in (part.strip() for given in names for part in given.split(",")):
+    listed = [part.strip() for given in names for part in given.split(",")]
+    if listed and not any(listed):
+        raise InputError(f"measure= is empty. {HINT}")
+    for name in listed:
         if name == MISSING:
             found += scene.missing
         elif "*" in name:

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from palpate.errors import InputError
+from palpate.geometry.pose import Pose
 from palpate.mjcf.document import Element, compiler_settings, has_unknown, label, tokens
 from palpate.scene.resolve import ResolvedScene
 
@@ -17,6 +18,8 @@ DEEP = 0.003
 rest are less deep."""
 MOVED = 0.001
 """m: an object nearer to its place in a keyframe, or to the top below it, is there."""
+TURNED = 0.01
+"""rad: an object turned less from its orientation in a keyframe has it."""
 NUMBERS = {"freejoint": 7, "free": 7, "ball": 4}
 """Numbers in `qpos` of a joint, by its kind; one for the others."""
 GENERATED = ("replicate", "attach", "flexcomp", "composite")
@@ -38,8 +41,8 @@ def contradictions(scene: ResolvedScene) -> Iterator[str]:
     for key, names in placed_by_keyframes(scene).items():
         listed = ", ".join(f"'{name}'" for name in names)
         yield (
-            f"The keyframe '{key}' places {listed} elsewhere than the file's pos. Keyframes are not read: write "
-            "the places into pos, or give them by --poses."
+            f"The keyframe '{key}' places {listed} elsewhere than the file's pos, or turned. Keyframes are not "
+            "read: write the places into pos and quat, or give them by --poses."
         )
     for sentence in overlaps(scene).values():
         yield f"{sentence}."
@@ -84,11 +87,11 @@ def overlaps(scene: ResolvedScene) -> dict[tuple[str, str], str]:
 
 
 def placed_by_keyframes(scene: ResolvedScene) -> dict[str, list[str]]:
-    """Find the objects that a keyframe places elsewhere than their pos, by the keyframe's name. None is
-    found in a file with `GENERATED` joints.
+    """Find the objects that a keyframe places elsewhere than their pos or turns, by the keyframe's name. None
+    is found in a file with `GENERATED` joints.
 
     Raises:
-        InputError: a keyframe's `qpos` is no numbers.
+        InputError: a keyframe's `qpos` is no numbers, or not as many as the joints have.
     """
     root, defaults = scene.document.root, scene.description.roles.defaults
     # Each joint's place in qpos: MuJoCo counts the joints in the order of the file.
@@ -101,17 +104,23 @@ def placed_by_keyframes(scene: ResolvedScene) -> dict[str, list[str]]:
             starts[next(joint.iterancestors("body"), world)] = at
             kind = str(joint.tag) if joint.tag == "freejoint" else defaults.attribute(joint, "type")
             at += NUMBERS.get(kind or "hinge", 1)
-    found: dict[str, list[str]] = {}
+    total, found = at, dict[str, list[str]]()
     for key in root.iterfind("keyframe/key"):
         try:
             qpos = [float(number) for number in tokens(key.get("qpos"))]
         except ValueError as error:
             raise InputError(f"{label(key)}: qpos: {error}; give numbers") from None
+        if qpos and len(qpos) != total:
+            raise InputError(
+                f"{label(key)}: qpos has {len(qpos)} numbers, the scene's joints {total}; give {total}"
+            )
         for name, body in scene.description.bodies.items():
             at = starts.get(body.elements.element, len(qpos))
-            if body.role == "object" and len(qpos) >= at + 7:
-                pos = scene.shapes.body_pose(name).position
-                if np.linalg.norm(pos - qpos[at : at + 3]) > MOVED:
+            if body.role == "object" and len(qpos) >= at + 7 and any(qpos[at + 3 : at + 7]):
+                there = Pose.of(qpos[at : at + 3], qpos[at + 3 : at + 7])
+                pose = scene.shapes.body_pose(name)
+                moved = np.linalg.norm(pose.position - there.position)
+                if moved > MOVED or pose.angle_to(there) > TURNED:
                     found.setdefault(key.get("name") or "without a name", []).append(name)
     return found
 

@@ -29,6 +29,8 @@ from palpate.scene.named.places import APPROACH
 from palpate.scene.poses import Poses
 
 AN_OBJECT = "an object needs a body with a <freejoint/>, and no other joint"
+PHYSICAL, NAMES = ("geom", "inertial", "joint"), ("name", "class", "mesh", "material", "hfield")
+"""Elements whose attributes are numbers, and those of them that are not. MuJoCo reads `nan` as absent."""
 CARRYING = 0.10
 """m: a static body narrower than this is a surface only when something stands on it."""
 
@@ -171,6 +173,12 @@ def _refuse_other_unknowns(
         in_default = next(element.iterancestors("default"), None) is not None
         for key, value in element.items():
             attribute, text = str(key), str(value)
+            is_number = element.tag in PHYSICAL and attribute not in NAMES
+            if is_number and "nan" in tokens(text.lower()):
+                raise InputError(
+                    f'{label(element)}: {attribute}="{text[:60]}" is no number; leave the attribute out, or write '
+                    "`?` for a value to be measured"
+                )
             if attribute == "name" or (attribute in INHERITED and in_default and catalogue):
                 continue
             unknown = {i for i, part in enumerate(tokens(text)) if part == UNKNOWN}

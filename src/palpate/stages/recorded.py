@@ -25,6 +25,8 @@ from palpate.scene.load import load_scene, parse_scene
 from palpate.settings import Settings
 from palpate.stages.building import build_twin
 
+FARTHEST = 2.0
+"""m from the hand to the frame of the object in it."""
 LOAD = "load"
 """Name of a load that is no object of a scene."""
 
@@ -134,8 +136,10 @@ def pose_text(pose: str) -> str:
         numbers = [float(word) for word in pose.replace(",", " ").split()]
     except ValueError:
         numbers = []
-    if len(numbers) not in (3, 7) or not np.isfinite(numbers).all():
-        raise InputError(f"in_hand='{pose[:60]}': give X Y Z in m, or X Y Z QW QX QY QZ")
-    return " ".join(
-        f"{number:g}" for number in Pose.of(numbers[:3], numbers[3:] or (1, 0, 0, 0)).vector
-    )
+    turn = numbers[3:] or [1.0, 0.0, 0.0, 0.0]
+    is_pose = len(numbers) in (3, 7) and np.isfinite(numbers).all() and any(turn)
+    if not is_pose or max(map(abs, numbers[:3])) > FARTHEST:
+        raise InputError(
+            f"in_hand='{pose[:60]}': give X Y Z in m, at most {FARTHEST:g}, or X Y Z QW QX QY QZ"
+        )
+    return " ".join(f"{number:g}" for number in Pose.of(numbers[:3], turn).vector)
