@@ -171,6 +171,17 @@ def test_the_twin_of_a_scene(npz: Path, tmp_path: Path) -> None:
     assert not any(f">{what}<" in page for what in ("Seed", "seed", "Sensor noise", "Reproduce"))
 
 
+def test_a_value_that_the_scene_states_is_named_before_it_is_replaced(
+    npz: Path, tmp_path: Path
+) -> None:
+    stated = "The scene states the mass of 'drill' (0.7); what is measured replaces it in the twin."
+    for mass, is_said in (("0.7", True), ("?", False)):
+        scene = tmp_path / "scene.xml"
+        scene.write_text(SCENE.replace('mass="?"', f'mass="{mass}"'))
+        run = pp.estimate(npz, [WINDOW], scene=scene, object="drill")
+        assert (stated in run.plan.notes) == is_said
+
+
 def test_one_window_needs_no_list(npz: Path) -> None:
     one, listed = pp.estimate(npz, loaded=WINDOW), pp.estimate(npz, loaded=[WINDOW])
     assert one["load.mass"].value == listed["load.mass"].value

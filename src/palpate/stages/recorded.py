@@ -81,6 +81,14 @@ def estimate_recorded(
         quantities += ["com", "inertia"]
     else:
         notes.append("Centre of mass and inertia need the object's pose in the hand: in_hand=POSE.")
+    if settings.scene is not None:
+        known = scene.bodies[carrying.name].known
+        notes += [
+            f"The scene states the {scene.catalogue[id].label} of '{carrying.name}' "
+            f"({' '.join(f'{number:.4g}' for number in known[id])}); what is measured replaces it in the twin."
+            for id in quantities
+            if id in known
+        ]
     parameters = [Parameter(carrying.name, quantity) for quantity in quantities]
     if carrying.hand == "found":
         parameters.append(Parameter(HAND, "mass"))
