@@ -337,3 +337,13 @@ def test_a_centre_of_mass_in_all_axes_is_complete_only_with_all(
     assert replace(COMPLETE, plan=plan, estimates=(blind,)).status == status
     seen = replace(blind, unseen=())
     assert replace(COMPLETE, plan=plan, estimates=(seen,)).status == "complete"
+
+
+def test_a_negative_standard_deviation_is_refused() -> None:
+    mass = Estimate(
+        Parameter("mug", "mass"), "kg", 0.3, 0.01, (0.28, 0.32), "contrast", (), "identified"
+    )
+    row = parameter_json(mass)
+    assert estimate_from(row).stds.tolist() == [0.01]
+    with pytest.raises(ValueError, match=r"std of mug.mass is negative: -0.01"):
+        estimate_from({**row, "std": -0.01})

@@ -176,13 +176,20 @@ def _total_seconds(document: dict[str, Any] | None) -> float | None:
 
 
 def estimate_from(row: Mapping[str, Any]) -> Estimate:
-    """Read the output of `parameter_json`."""
+    """Read the output of `parameter_json`.
+
+    Raises:
+        ValueError: a standard deviation is negative.
+    """
+    stds = _numbers(row["std"])
+    if (stds < 0.0).any():
+        raise ValueError(f"std of {row['object']}.{row['quantity']} is negative: {row['std']}")
     parts = {name: Part(**part) for name, part in row["components"].items()}
     return Estimate(
         Parameter(row["object"], row["quantity"]),
         row["unit"],
         _numbers(row["value"]),
-        _numbers(row["std"]),
+        stds,
         _numbers(row["ci95"]),
         row["method"],
         tuple(_recording(document) for document in row.get("evidence", ())),
