@@ -14,7 +14,7 @@ import typer
 from palpate.cli.command import command
 from palpate.cli.console import aside
 from palpate.cli.options import AsJson
-from palpate.errors import InputError
+from palpate.common.errors import InputError
 
 CORES = os.cpu_count() or 1
 Names = Annotated[list[str] | None, typer.Argument(metavar="[NAME]...")]
@@ -160,7 +160,7 @@ def variety(
 ) -> None:
     """Ten scenes of other objects, heights and gaps, or drawn ones and requests, one run each."""
     from bench.variety import run_all
-    from palpate.cli.show.studies import show_seed_runs
+    from palpate.cli.show_studies import show_seed_runs
 
     runs = {name: [run] for name, run in run_all(noise, seed, workers, drawn).items()}
     show_seed_runs(runs, f"--noise {noise}", as_json)

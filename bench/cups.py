@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from bench.fixtures import Case, FixtureRun, execute_or_read, score
-from palpate import pipeline
-from palpate.cells.simulated import simulated_cell
+from palpate.execution.simulated_cell import simulated_cell
+from palpate.runs import pipeline
+from palpate.runs.settings import Settings
 from palpate.scene.load import parse_scene
-from palpate.settings import Settings
 
 STREAM = 52
 """Random stream of the hidden cups, independent of all others of a seed."""
@@ -58,7 +58,7 @@ def judge(case: Case, traces: Path | None = None) -> FixtureRun:
     text = hidden(case.seed)
     known = re.sub(r'mass="[^"]*" friction="[^"]*"', 'mass="?" friction="?"', text)
     settings = Settings(measure=("cup.friction",), noise=case.noise, seed=case.seed)
-    settings = settings.checked(at_hand=True)
+    settings = settings.check_values(at_hand=True)
     arm = settings.described_arm()
     scene, world = parse_scene(known, arm=arm), parse_scene(text, arm=arm)
     cell = simulated_cell(scene, world, noise=case.noise, seed=case.seed)

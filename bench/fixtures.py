@@ -14,14 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from palpate import pipeline
-from palpate.cells.simulated import SimulatedCell, simulated_cell
+from palpate.execution.simulated_cell import SimulatedCell, simulated_cell
 from palpate.robots.simulated.robot import MujocoRobot
+from palpate.runs import pipeline
+from palpate.runs.executing import cut_off
 from palpate.runs.run import Run
-from palpate.scenarios.catalogue import scenario
 from palpate.scene.load import parse_scene
-from palpate.stages.executing import cut_off
-from palpate.studies.lines import Lines
+from palpate.studies.scenarios.catalogue import scenario
+from palpate.studies.workers import Lines
 from palpate.trace.mcap import read_mcap, write_mcap
 from palpate.trace.samples import Trace
 
@@ -152,7 +152,7 @@ def measured(case: Case, traces: Path | None = None) -> tuple[Run, float]:
     name = case.scenario.rpartition("/")[2]
     asked = tuple(f"{name}.{id}" for id in wanted)
     settings = replace(settings, world=None, request=None, measure=asked)
-    settings = settings.checked(at_hand=True)
+    settings = settings.check_values(at_hand=True)
     arm = settings.described_arm()
     scene, world = parse_scene(known, arm=arm), parse_scene(text, arm=arm)
     given = simulated_cell(scene, world, noise=case.noise, seed=case.seed)

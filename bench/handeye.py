@@ -17,29 +17,28 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from palpate.calibration.camera import (
-    KEPT,
-    PICTURES,
-    configurations,
-    in_view,
-    locate,
+from palpate.common.pose import Array, Pose
+from palpate.execution.simulated_cell import SimulatedCell
+from palpate.perception.detection import CORNERS
+from palpate.perception.hand_eye import HAND, HELD, STICKER
+from palpate.perception.hand_eye_fit import (
+    CalibrationViews,
+    HandEye,
+    frame_of,
+    hand_eye,
+    stances,
+    surest,
 )
-from palpate.calibration.session import Session
-from palpate.calibration.stated import LENGTH, Known
-from palpate.cells.simulated import SimulatedCell
-from palpate.geometry.pose import Array, Pose
-from palpate.robots.description import RobotDescription
-from palpate.robots.model import PREFIX
+from palpate.perception.lens import FACING, Lens, Mount, pinhole
+from palpate.perception.solve import move_pose, pose_difference
+from palpate.robots.description import PREFIX, RobotDescription
 from palpate.robots.nominal import NominalArm
-from palpate.robots.owner.config import RobotConfig
+from palpate.robots.robot_config import RobotConfig
+from palpate.runs.calibration.camera import KEPT, PICTURES, configurations, in_view, locate
+from palpate.runs.calibration.gains import LENGTH, Known
+from palpate.runs.calibration.session import CalibrationSession
+from palpate.runs.settings import WORLD_CAMERA, Settings
 from palpate.scene.scene import Scene
-from palpate.seeing.handeye.arm import stances
-from palpate.seeing.handeye.embedded import HAND, HELD, STICKER
-from palpate.seeing.handeye.fit import HandEye, Views, frame_of, hand_eye, surest
-from palpate.seeing.lens import FACING, Lens, Mount, pinhole
-from palpate.seeing.solve import apart, moved
-from palpate.seeing.vision import CORNERS
-from palpate.settings import WORLD_CAMERA, Settings
 from palpate.trace.samples import STANDARD_GRAVITY
 
 SIDE, PLACE, LENS = 0.1, 0.005, 0.01
@@ -102,7 +101,7 @@ class Off:
     point: float | None = None
 
 
-def drawn(session: Session, noise: float, seed: int) -> Off:
+def drawn(session: CalibrationSession, noise: float, seed: int) -> Off:
     """A calibration by drawn corners with `noise`, pixels."""
     random = np.random.default_rng([seed, 7])
     scene, arm = session.bench_with_camera(), session.arm
@@ -115,12 +114,12 @@ def drawn(session: Session, noise: float, seed: int) -> Off:
         pinhole(869.1, 639.5, 359.5), (1280, 720), np.array([-0.08, 0.03, 5e-4, -3e-4, 0]), LENS
     )
     frame = frame_of(hands[:KEPT], jacobians[:KEPT])
-    views = Views(hands, jacobians, frame, SIDE / 2, 0.0, lens, believed, False, 1e-4)
+    views = CalibrationViews(hands, jacobians, frame, SIDE / 2, 0.0, lens, believed, False, 1e-4)
     left = in_view(views, STICKER)
     chosen = [left[i] for i in surest(views.some(left), STICKER, PICTURES)]
-    true = moved(believed.pose_world_camera, PLACE * random.standard_normal(6))
+    true = move_pose(believed.pose_world_camera, PLACE * random.standard_normal(6))
     zoom = float(np.exp(LENS * random.standard_normal()))
-    sticker = moved(STICKER, np.array([0.005] * 3 + [0.05] * 3) * random.standard_normal(6))
+    sticker = move_pose(STICKER, np.array([0.005] * 3 + [0.05] * 3) * random.standard_normal(6))
     corners, eye = list[Array](), true @ FACING
     for hand in true_poses(cell, arm, q[chosen]):
         tag = hand @ sticker
@@ -137,7 +136,7 @@ def drawn(session: Session, noise: float, seed: int) -> Off:
     return _off(found, reported(cell, arm) @ true, float(point))
 
 
-def whole(session: Session, source: str) -> Off:
+def whole(session: CalibrationSession, source: str) -> Off:
     """A calibration of a camera of the simulated world, as `palpate calibrate --camera` does it."""
     tag = Known.of(f"0={SIDE * 1e3:g}mm±0.1mm", LENGTH, "tag")
     found, _ = locate(session, source, None, tag)
@@ -156,7 +155,7 @@ def reported(cell: SimulatedCell, arm: RobotDescription) -> Pose:
 
 
 def _off(found: HandEye, wanted: Pose, point: float | None = None) -> Off:
-    off = apart(found.mount.pose_world_camera, wanted)
+    off = pose_difference(found.mount.pose_world_camera, wanted)
     return Off(off, found.mount.covariance[:6, :6], wanted.rotation, point)
 
 
@@ -164,7 +163,9 @@ def main(runs: int, corners: str, level: str) -> None:
     """Print the figures."""
     all_off, began = list[Off](), time.process_time()
     for seed in range(runs):
-        session = Session(Settings(seed=seed, noise=level).checked(at_hand=True), RobotConfig())
+        session = CalibrationSession(
+            Settings(seed=seed, noise=level).check_values(at_hand=True), RobotConfig()
+        )
         if corners.startswith(WORLD_CAMERA):
             off = whole(session, corners)
             view = " ".join(f"{1e3 * part:+.2f}" for part in off.along.T @ off.pose[:3])

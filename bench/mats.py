@@ -9,13 +9,13 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from bench.fixtures import Case, FixtureRun, Score
-from palpate import pipeline
-from palpate.cells.simulated import simulated_cell
-from palpate.estimation.contact.rebound import damping_ratio, restitution
+from palpate.estimation.spring import damping_ratio, restitution
+from palpate.execution.simulated_cell import simulated_cell
 from palpate.mjcf.contacts import FINGERTIPS
-from palpate.scenarios.catalogue import scenario
+from palpate.runs import pipeline
 from palpate.scene.load import parse_scene
-from palpate.twin.pressed import press, rest_depth
+from palpate.studies.scenarios.catalogue import scenario
+from palpate.twin.validate import press, rest_depth
 
 STIFFNESSES = (500.0, 2_000.0, 10_000.0, 50_000.0)
 """N/m under both fingertips."""
@@ -60,7 +60,7 @@ def judge(case: Case) -> FixtureRun:
     known = given.scene.read_text(encoding="utf-8")
     option, stiffness, damping = hidden(case.seed)
     asked = tuple(f"mat.{quantity}" for quantity in QUANTITIES)
-    settings = replace(given, world=None, request=None, measure=asked).checked(at_hand=True)
+    settings = replace(given, world=None, request=None, measure=asked).check_values(at_hand=True)
     arm = settings.described_arm()
     scene = parse_scene(known, arm=arm)
     hidden_world = parse_scene(world(known, option, stiffness, damping), arm=arm)

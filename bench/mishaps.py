@@ -10,11 +10,11 @@ from itertools import product
 
 import numpy as np
 
-from palpate import pipeline
-from palpate.execution.harm.harm import FALLING, TIPPED
-from palpate.geometry.pose import Array
-from palpate.pictures.film import Footage
-from palpate.scenarios.catalogue import scenario, scenarios
+from palpate.common.pose import Array
+from palpate.execution.harm import FALLING, TIPPED
+from palpate.perception.film import Footage
+from palpate.runs import pipeline
+from palpate.studies.scenarios.catalogue import scenario, scenarios
 from palpate.studies.workers import spread
 
 
@@ -82,7 +82,7 @@ def _ending(case: tuple[str, int], noise: str) -> Ending:
     """Run a mishap with a seed."""
     name, seed = case
     task = scenario(name)
-    settings = task.settings(noise=noise, seed=seed).checked()
+    settings = task.settings(noise=noise, seed=seed).check_values()
     run = pipeline.measure(pipeline.plan(settings, pipeline.load(settings)))
     done = run.execution
     if done is None:  # the plan was rejected: nothing moved

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageFilter
 
-from palpate.pictures.renderer import Painter, Pixels
-from palpate.scenarios.catalogue import ROOT
+from palpate.perception.renderer import Painter, Pixels
+from palpate.studies.scenarios.catalogue import ROOT
 
 WORLD = ROOT / "synthetic_and_real" / "world.xml"
 WIDTH, HEIGHT = 800, 600

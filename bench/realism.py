@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from bench.recorded import free_motion, real
-from palpate.geometry.pose import Array, Pose
-from palpate.logs.sampling import resampled
-from palpate.logs.statistics import statistics
+from palpate.common.pose import Array, Pose
+from palpate.estimation.logs.noise_model import statistics
+from palpate.estimation.logs.torque_errors import resample
 from palpate.robots.nominal import NominalArm, wrenches
-from palpate.robots.registry import load_description
-from palpate.trace.log import ArmLog
+from palpate.robots.owner import load_description
+from palpate.trace.recording import ArmLog
 from palpate.trace.samples import STANDARD_GRAVITY
 
 ROWS = {
@@ -66,7 +66,7 @@ def hand_force(log: ArmLog) -> Array:
     nominal = NominalArm(
         load_description(), Pose.of([0, 0, 0]), np.array([0, 0, -STANDARD_GRAVITY])
     )
-    q, dq, tau = (resampled(log.t, values, RATE)[1] for values in (log.q, log.dq, log.tau))
+    q, dq, tau = (resample(log.t, values, RATE)[1] for values in (log.q, log.dq, log.tau))
     here = nominal.kinematics(q, dq, np.gradient(dq, 1 / RATE, axis=0))
     left = tau - here.gravity_torque - here.inertia_torque
     force = wrenches(here.jacobian, left[:, :, None])[:, :3, 0]

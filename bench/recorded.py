@@ -7,13 +7,12 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from palpate.geometry.pose import Array, Pose
-from palpate.logs.clocks import cleaned
-from palpate.logs.columns import ColumnMap
-from palpate.robots.registry import load_description
+from palpate.common.pose import Array, Pose
+from palpate.estimation.logs.columns import ColumnMap, clean_signals
+from palpate.robots.owner import load_description
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.robots.simulated.timing import BLOCK, PERIOD, TIMESTEP
-from palpate.trace.log import ArmLog
+from palpate.trace.recording import ArmLog
 from palpate.trace.samples import Samples
 
 REACH: Array = np.array([0.4, 0.35, 0.4, 0.5, 0.5, 0.4, 0.8])  # rad about the home pose
@@ -57,5 +56,5 @@ def real(path: Path) -> ArmLog:
         signals["t"] = np.cumsum(data["dt_us"].astype(float)) * 1e-6
     else:
         signals = {name: data[name].astype(float) for name in data.files}
-    found, notes = cleaned(signals, ColumnMap(), path.name)
+    found, notes = clean_signals(signals, ColumnMap(), path.name)
     return ArmLog(found["t"], found["q"], found["dq"], found["tau"], None, path.name, notes)

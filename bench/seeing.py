@@ -16,15 +16,23 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from palpate.geometry.pose import Array, Pose
+from palpate.common.pose import Array, Pose
+from palpate.perception.lens import FACING, Lens, Mount
+from palpate.perception.look import Seen, look, things_of
+from palpate.perception.rendered import Imperfections, take
+from palpate.perception.solve import (
+    GLUED,
+    LEVEL,
+    UPRIGHT,
+    Problem,
+    Solution,
+    move_pose,
+    pose_difference,
+    solve,
+)
+from palpate.perception.tags import corners, tags_of
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
-from palpate.seeing.lens import FACING, Lens, Mount
-from palpate.seeing.look import Seen, look, things_of
-from palpate.seeing.problem import Problem
-from palpate.seeing.rendered import Imperfections, take
-from palpate.seeing.solve import GLUED, LEVEL, UPRIGHT, Solution, apart, moved, solve
-from palpate.seeing.tags import corners, tags_of
 
 SCENE = """<mujoco><worldbody>
 <camera name="over" pos="0.9 -0.5 1.1" xyaxes="0.6 0.8 0 -0.45 0.35 0.8" fovy="45"/>
@@ -50,9 +58,9 @@ def drawn_look(
     """A fit to corners drawn as the fit takes them to be, of which those of one tag may be shifted, and
     where the box is."""
     around = np.array([0.04, 0.04, LEVEL, UPRIGHT, UPRIGHT, 0.4]) * random.standard_normal(6)
-    truth = moved(BOX, around)
+    truth = move_pose(BOX, around)
     step = np.linalg.cholesky(mount.covariance) @ random.standard_normal(6)
-    camera = moved(mount.pose_world_camera @ FACING, step)
+    camera = move_pose(mount.pose_world_camera @ FACING, step)
     zoom = float(np.exp(lens.focal_std * random.standard_normal()))
     tags, seen = tags_of(GIVEN), dict[int, Array]()
     for number, tag in tags.items():
@@ -114,7 +122,7 @@ def world_by_hand(random: np.random.Generator, askew: float) -> tuple[Scene, muj
 
 
 def _print(head: str, rows: Sequence[tuple[Seen | Solution, Pose]]) -> None:
-    off = np.array([apart(found.poses["box"], truth) for found, truth in rows])
+    off = np.array([pose_difference(found.poses["box"], truth) for found, truth in rows])
     spread = np.array([np.sqrt(np.diag(found.covariances["box"])) for found, _ in rows])
     z = np.sqrt(np.mean((off / spread) ** 2, axis=0))
     level = 1e3 * np.sqrt(np.mean(np.sum(off[:, :2] ** 2, axis=1)))

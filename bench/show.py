@@ -17,56 +17,56 @@ from bench.deceptions.page import Coverage, by_world, coverage, worst
 from bench.fixtures import Group
 from bench.mishaps import Ending
 from palpate.cli.console import out, print_json
-from palpate.cli.show.layout import Column, print_rows
+from palpate.cli.show_layout import TableColumn, print_rows
 
 MISHAPS = (
-    Column("mishap"),
-    Column("ended", words=True),
-    Column("as it should", right=True),
-    Column("dropped", right=True),
-    Column("still held", right=True),
+    TableColumn("mishap"),
+    TableColumn("ended", words=True),
+    TableColumn("as it should", right=True),
+    TableColumn("dropped", right=True),
+    TableColumn("still held", right=True),
 )
 CAMPAIGN = (
-    Column("kind"),
-    Column("cases", right=True),
-    Column("crashes", right=True),
-    Column("beyond", right=True),
-    Column("ended", words=True),
+    TableColumn("kind"),
+    TableColumn("cases", right=True),
+    TableColumn("crashes", right=True),
+    TableColumn("beyond", right=True),
+    TableColumn("ended", words=True),
 )
 WORLDS = (
-    Column("world", words=True),
-    Column("kind"),
-    Column("answers", words=True),
-    Column("worst std", right=True),
+    TableColumn("world", words=True),
+    TableColumn("kind"),
+    TableColumn("answers", words=True),
+    TableColumn("worst std", right=True),
 )
 COVERAGE = (
-    Column("identified"),
-    Column("values", right=True),
-    Column("in 95 %", right=True),
-    Column("in 50 %", right=True),
-    Column("stated / actual", right=True),
-    Column("worst", right=True),
+    TableColumn("identified"),
+    TableColumn("values", right=True),
+    TableColumn("in 95 %", right=True),
+    TableColumn("in 50 %", right=True),
+    TableColumn("stated / actual", right=True),
+    TableColumn("worst", right=True),
 )
 
 
 BOUNDS = (
-    Column("scenario"),
-    Column("parameter"),
-    Column("values", right=True),
-    Column("RMSE / bound", right=True),
-    Column("95 % interval", right=True),
+    TableColumn("scenario"),
+    TableColumn("parameter"),
+    TableColumn("values", right=True),
+    TableColumn("RMSE / bound", right=True),
+    TableColumn("95 % interval", right=True),
 )
 
 
 FIXTURES = (
-    Column("scenario"),
-    Column("noise"),
-    Column("quantity"),
-    Column("complete", right=True),
-    Column("identified, hold", right=True),
-    Column("rms z", right=True),
-    Column("median std", right=True),
-    Column("peak N", right=True),
+    TableColumn("scenario"),
+    TableColumn("noise"),
+    TableColumn("quantity"),
+    TableColumn("complete", right=True),
+    TableColumn("identified, hold", right=True),
+    TableColumn("rms z", right=True),
+    TableColumn("median std", right=True),
+    TableColumn("peak N", right=True),
 )
 
 

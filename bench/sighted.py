@@ -18,25 +18,24 @@ from unittest.mock import patch
 
 import numpy as np
 
-from palpate import pipeline
-from palpate.cells.simulated import SimulatedCell, simulated_cell
-from palpate.errors import PalpateError
-from palpate.execution.harm.harm import harm
-from palpate.execution.harm.witness import Witness
+from palpate.common.errors import PalpateError
+from palpate.common.pose import Array, Pose
+from palpate.execution.harm import harm
 from palpate.execution.rehearsal import named_objects
-from palpate.geometry.pose import Array, Pose
+from palpate.execution.simulated_cell import SimulatedCell, simulated_cell
+from palpate.execution.witness import Witness
+from palpate.perception.detection import Grey, detect
+from palpate.perception.lens import Lens
+from palpate.perception.look import Seen, look
+from palpate.perception.rendered import Imperfections, take
+from palpate.perception.solve import pose_difference
 from palpate.robots.simulated.robot import MujocoRobot
+from palpate.runs import pipeline
 from palpate.runs.run import Run
-from palpate.scenarios.catalogue import scenario
-from palpate.scene.load import parse_scene, replaced
+from palpate.scene.load import parse_scene, replace_objects
 from palpate.scene.scene import Scene
-from palpate.seeing.detection import detect
-from palpate.seeing.lens import Lens
-from palpate.seeing.look import Seen, look
-from palpate.seeing.rendered import Imperfections, take
-from palpate.seeing.solve import apart
-from palpate.seeing.vision import Grey
-from palpate.studies.lines import Lines
+from palpate.studies.scenarios.catalogue import scenario
+from palpate.studies.workers import Lines
 
 SCENARIOS = (
     "one_missing_mass",
@@ -181,7 +180,7 @@ def seen_in(world: Scene, scene: Scene, seed: int, random: np.random.Generator) 
         found = detect(grey, lens)
         return [(number, at + NOISE * random.standard_normal(at.shape)) for number, at in found]
 
-    with patch("palpate.seeing.look.detect", noisy):
+    with patch("palpate.perception.detection.detect", noisy):
         return look(scene, [picture.pixels], picture.lens, picture.mount)
 
 
@@ -204,8 +203,8 @@ def judge(name: str, noise: str, seed: int) -> SightedRun:
         seen = seen_in(world, scene, seed, random)
         if seen.unseen:
             return replace(row, error=f"not seen: {', '.join(seen.unseen)}")
-        settings = replace(settings, world=None, scene=None).checked(at_hand=True)
-        believed = replaced(scene, seen.entries)
+        settings = replace(settings, world=None, scene=None).check_values(at_hand=True)
+        believed = replace_objects(scene, seen.entries)
         made = simulated_cell(believed, world, noise=noise, seed=seed)
         cell = WatchedCell(made.world, noise=noise, seed=seed, scene=believed)
         run = pipeline.plan(settings, believed)
@@ -228,7 +227,7 @@ def _off(seen: Seen, world: Scene) -> float:
 
 def _z(pose: Pose, covariance: Array, truth: Pose) -> float:
     """Error of a position over what its covariance says, rms of three axes."""
-    off = apart(pose, truth)[:3]
+    off = pose_difference(pose, truth)[:3]
     return float(np.sqrt(off @ np.linalg.solve(covariance[:3, :3], off) / 3))
 
 

@@ -21,17 +21,17 @@ import mujoco
 import numpy as np
 
 from bench.variety import crowd
-from palpate import pipeline
-from palpate.callbacks import SILENT
-from palpate.cells.simulated import simulated_cell
+from palpate.common.pose import Array
+from palpate.estimation.quantities.estimators import estimate_all
 from palpate.execution.runner import TICK_PERIOD
-from palpate.geometry.pose import Array
-from palpate.pictures.film import Footage
+from palpate.execution.simulated_cell import simulated_cell
+from palpate.perception.film import Footage
 from palpate.planning.check.check import check
-from palpate.quantities.estimators import estimate_all
-from palpate.scenarios.catalogue import scenario
-from palpate.settings import Settings
-from palpate.stages.executing import perform
+from palpate.runs import pipeline
+from palpate.runs.callbacks import SILENT
+from palpate.runs.executing import perform
+from palpate.runs.settings import Settings
+from palpate.studies.scenarios.catalogue import scenario
 
 ROOT = Path(__file__).parents[1]
 ROUNDS = 3

@@ -16,8 +16,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from palpate.parameter import Parameter
-from palpate.settings import Settings
+from palpate.common.parameter import Parameter
+from palpate.runs.settings import Settings
 from palpate.studies.accuracy import SeedRun, run_seed
 from palpate.studies.workers import spread
 
@@ -307,7 +307,7 @@ def run_all(noise: str, seed: int, workers: int = 1, count: int = 0) -> dict[str
         todo: list[Settings] = []
         for variety in scenes:
             settings = variety.write(Path(folder) / variety.name)
-            todo.append(replace(settings, noise=noise).checked())
+            todo.append(replace(settings, noise=noise).check_values())
         runs = spread(partial(run_seed, seed=seed), todo, workers)
     return {variety.name: run for variety, run in zip(scenes, runs, strict=True)}
 

@@ -11,11 +11,11 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 import palpate as pp
-from palpate.cells.simulated import simulated_cell
 from palpate.execution.runner import run
+from palpate.execution.simulated_cell import simulated_cell
 from palpate.planning.check.check import check
 from palpate.planning.plan import parse_plan
-from palpate.vocabulary.registry import load_vocabulary
+from palpate.primitives.registry import load_vocabulary
 
 
 class Wait(pp.Primitive):

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import ClassVar
 
 import palpate as pp
-from palpate.quantities.catalogue import Catalogue, catalogue
-from palpate.quantities.quantity import Prior
+from palpate.estimation.quantities.catalogue import Catalogue, catalogue
+from palpate.estimation.quantities.quantity import Prior
 from palpate.scene.load import parse_scene
 
 

@@ -1,7 +1,7 @@
 """Press on a mat: its stiffness and damping, and a twin in which it gives way as it did."""
 
 import palpate as pp
-from palpate.scenarios.catalogue import scenario
+from palpate.studies.scenarios.catalogue import scenario
 
 settings = scenario("soft_mat").settings()
 

@@ -19,9 +19,9 @@ from failing import Failing
 from standin import StandIn
 
 import palpate as pp
-from palpate.api.plans import Plan
-from palpate.api.runs import finish
-from palpate.stages import building
+from palpate.runs import building
+from palpate.runs.api import Plan
+from palpate.runs.stored import finish
 from palpate.trace.mcap import read_mcap
 
 
@@ -114,7 +114,7 @@ def test_a_page_that_fails(
     def broken(*_: object) -> None:
         raise RuntimeError("no OpenGL\ncontext")
 
-    monkeypatch.setattr(f"palpate.report.writing.{part}", broken)
+    monkeypatch.setattr(f"palpate.runs.report.writing.{part}", broken)
     run = plan.run(Bench(), out=tmp_path / "run")
     assert run.status == "complete"
     assert run.shortfalls == (

@@ -11,11 +11,11 @@ from typing import Any
 
 import pytest
 
-from palpate import pipeline
-from palpate.parameter import Parameter
-from palpate.pictures.renderer import gl_available
+from palpate.common.parameter import Parameter
+from palpate.perception.renderer import gl_available
+from palpate.runs import pipeline
+from palpate.runs.settings import Settings
 from palpate.scene.load import load_scene
-from palpate.settings import Settings
 from palpate.studies.accuracy import run_seed
 
 BASE = '<site name="robot_base"/>'

@@ -23,11 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from palpate.estimation.load.observation import observe
+from palpate.common.pose import Array
 from palpate.estimation.motion import Mask, acceleration
-from palpate.geometry.pose import Array
-from palpate.robots.simulated.noise.gauge import PER_DECADE, WALK_TIME
+from palpate.estimation.wrench_observation import observe
 from palpate.robots.simulated.noise.model import Torque
+from palpate.robots.simulated.noise.sensors import PER_DECADE, WALK_TIME
 from palpate.robots.simulated.timing import BLOCK as CYCLES
 from palpate.trace.samples import Trace
 

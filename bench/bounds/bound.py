@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 from bench.bounds.heights import of_height
 from bench.bounds.loads import of_friction, of_load
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Array
 from palpate.estimation.balance import accuracy
 from palpate.estimation.estimate import Estimate
-from palpate.geometry.pose import Array
-from palpate.parameter import Parameter
 from palpate.robots.description import RobotDescription
 from palpate.robots.simulated.noise.model import NoiseModel
 from palpate.robots.simulated.noise.models import noise_models

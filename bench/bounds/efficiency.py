@@ -10,11 +10,11 @@ from itertools import product
 import numpy as np
 
 from bench.bounds.bound import bounds_of
-from palpate import pipeline
+from palpate.runs import pipeline
 from palpate.runs.run import Run
-from palpate.scenarios.catalogue import scenario
 from palpate.studies.accuracy import displaced_cell
-from palpate.studies.figures import Ranged
+from palpate.studies.efficiency import Ranged
+from palpate.studies.scenarios.catalogue import scenario
 from palpate.studies.workers import spread
 
 Ratio = tuple[str, float]

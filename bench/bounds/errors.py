@@ -16,13 +16,13 @@ import mujoco
 import numpy as np
 
 from bench.bounds.blocks import Blocks, Column
-from palpate.geometry.pose import Array
+from palpate.common.pose import Array
 from palpate.robots.description import RobotDescription
 from palpate.robots.simulated.noise.disturbances import NEW_APPROACH, REACH, REST_SPEED
 from palpate.robots.simulated.noise.model import (
-    Drawn,
-    Friction,
-    Model,
+    DrawnValue,
+    FrictionNoise,
+    ModelErrors,
     NoiseModel,
     Ripple,
     Sticking,
@@ -90,7 +90,7 @@ def errors(
     ]
 
 
-def deviation(drawn: Drawn) -> Array:
+def deviation(drawn: DrawnValue) -> Array:
     """Standard deviation of a drawn number."""
     return drawn.size / math.sqrt(3.0) if drawn.law == "uniform" else drawn.size
 
@@ -129,7 +129,7 @@ def _of_links(links: _Links) -> Iterator[Column]:
 
 
 def _frame(
-    model: Model, links: _Links, blocks: Blocks, load: Hanging, gravity: float
+    model: ModelErrors, links: _Links, blocks: Blocks, load: Hanging, gravity: float
 ) -> Iterator[Column]:
     """Direction of gravity in the base's axes, and its magnitude."""
     tilt = gravity * deviation(model.base_tilt)
@@ -139,7 +139,7 @@ def _frame(
 
 
 def _rubbing(
-    friction: Friction, samples: Samples, blocks: Blocks, borne: Array
+    friction: FrictionNoise, samples: Samples, blocks: Blocks, borne: Array
 ) -> Iterator[Column]:
     """Friction behind the sensors (Dahl): level, initial state, viscous part, variation with the angle,
     Stribeck increase at low speed, and increase with the torque `borne` (n, 7)."""

@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 
 from bench.bounds.errors import deviation
-from palpate.estimation.contact.descent import probes
-from palpate.geometry.pose import Array, Pose
-from palpate.parameter import Parameter
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Array, Pose
+from palpate.estimation.descent import probes
 from palpate.robots.description import RobotDescription
 from palpate.robots.simulated.noise.model import NoiseModel
 from palpate.trace.samples import Trace

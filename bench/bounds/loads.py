@@ -10,12 +10,12 @@ import numpy as np
 
 from bench.bounds.blocks import Blocks, Column, blocks, covariance
 from bench.bounds.errors import Hanging, deviation, errors
-from palpate.estimation.load.blocks import apart, lifted
-from palpate.estimation.load.in_hand import load_rows
+from palpate.common.pose import Array
+from palpate.estimation.load_blocks import rows_above_lift, rows_in_free_air
+from palpate.estimation.load_noise import load_rows
 from palpate.estimation.motion import Mask, runs
-from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription
-from palpate.robots.simulated.noise.model import Model, NoiseModel
+from palpate.robots.simulated.noise.model import ModelErrors, NoiseModel
 from palpate.trace.samples import Trace
 
 ANY_MASS, ANY_LEVER, ANY_FORCE, ANY_RATIO = 10.0, 1.0, 1e3, 10.0
@@ -141,7 +141,7 @@ def of_friction(
     return float(np.sqrt(found[0, 0]))
 
 
-def _leaning(blocks: Blocks, pressed: Array, way: Array, model: Model) -> Iterator[Column]:
+def _leaning(blocks: Blocks, pressed: Array, way: Array, model: ModelErrors) -> Iterator[Column]:
     """Force along the motion on a support that appears to lean, by a tilt of the base or by encoder
     zeros."""
     zeros = zip(
@@ -203,8 +203,8 @@ def _carried(trace: Trace, name: str, standing: Array) -> Carried | None:
     if found is None:
         return None
     load = load_rows(trace, name)
-    away = apart(trace)
-    hangs = load.loaded & away & lifted(trace, load)
+    away = rows_in_free_air(trace)
+    hangs = load.loaded & away & rows_above_lift(trace, load)
     empty, held = found.all(load.empty & away), found.all(load.loaded)
     hanging = found.all(hangs)
     pull = hanging[:, None] * (found.acceleration + trace.gravity * UP)

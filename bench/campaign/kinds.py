@@ -16,7 +16,7 @@ from bench.faults import hidden, inputs, nasty, plans, runtime, signals
 from bench.faults.bases import bases
 from bench.schema import judging
 from palpate import __version__
-from palpate.errors import InputError, unknown_name
+from palpate.common.errors import InputError, unknown_name
 
 Work = Callable[..., Row]
 """Fills the blank row of a case: `work(case, blank)`, with what `Kind.given` returns as keywords."""

@@ -14,9 +14,8 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from bench.harm.probe import Probed
-from palpate.execution.harm.harm import Harm
-from palpate.studies.lines import Lines
-from palpate.studies.workers import Lost, Processes
+from palpate.execution.harm import Harm
+from palpate.studies.workers import Lines, Lost, Processes
 
 LONGEST = 120
 """s of processor time after which a case counts as hung."""

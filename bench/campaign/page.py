@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
 from bench.campaign.ledger import Row
-from palpate.execution.harm.touch import SHOWN, UNSEEN
-from palpate.report.assets import style as shared_style
+from palpate.execution.contact_limits import SHOWN, UNSEEN
+from palpate.runs.report.page import style as shared_style
 
 TITLES = {
     "plans": "Corrupted plans, checked",

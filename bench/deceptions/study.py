@@ -19,16 +19,16 @@ import numpy as np
 
 from bench.campaign.ledger import Ledger, Row
 from bench.deceptions.world import Deception, Jump, deception, task
-from palpate import pipeline
-from palpate.cells.simulated import SimulatedCell, simulated_cell
+from palpate.common.parameter import Parameter
 from palpate.estimation.estimate import Estimate
-from palpate.estimation.load.observation import observe
-from palpate.parameter import Parameter
+from palpate.estimation.wrench_observation import observe
+from palpate.execution.simulated_cell import SimulatedCell, simulated_cell
 from palpate.robots.simulated.noise.models import noise_models
+from palpate.runs import pipeline
+from palpate.runs.executing import cut_off
 from palpate.runs.run import Run
+from palpate.runs.settings import Settings
 from palpate.scene.load import parse_scene
-from palpate.settings import Settings
-from palpate.stages.executing import cut_off
 from palpate.trace.mcap import read_mcap, write_mcap
 from palpate.trace.samples import Trace
 
@@ -185,7 +185,7 @@ def measured(case: Case, traces: Path | None = None) -> Run:
 def _planned(
     settings: Settings, scene_text: str | None, world_text: str
 ) -> tuple[Run, SimulatedCell]:
-    settings = settings.checked(at_hand=True)
+    settings = settings.check_values(at_hand=True)
     arm, folder = settings.described_arm(), None
     if scene_text is not None:
         scene = parse_scene(scene_text, arm=arm)

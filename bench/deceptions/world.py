@@ -14,10 +14,10 @@ from typing import Literal
 
 from pydantic import Field
 
-from palpate.errors import unknown_name
-from palpate.files.plain_yaml import Section
-from palpate.scenarios.catalogue import scenario
-from palpate.settings import Settings
+from palpate.common.errors import unknown_name
+from palpate.common.files import Section
+from palpate.runs.settings import Settings
+from palpate.studies.scenarios.catalogue import scenario
 
 FILE = Path(__file__).with_name("worlds.toml")
 

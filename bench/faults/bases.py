@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from palpate import pipeline
-from palpate.errors import PalpateError
+from palpate.common.errors import PalpateError
 from palpate.planning.check.check import check
 from palpate.planning.plan import Plan
-from palpate.planning.recorded import load_proposal
-from palpate.scenarios.catalogue import Scenario, scenario, scenarios
+from palpate.planning.registry import load_proposal
+from palpate.runs import pipeline
 from palpate.scene.scene import Scene
+from palpate.studies.scenarios.catalogue import Scenario, scenario, scenarios
 
 LIGHT = 7
 """Most objects of a scenario that is quick to simulate."""

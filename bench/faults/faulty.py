@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from palpate.execution.harm.witness import Witness
+from palpate.execution.witness import Witness
 from palpate.robots.robot import RobotState
 
 if TYPE_CHECKING:

@@ -10,12 +10,12 @@ import numpy as np
 from bench.campaign.ledger import Drawn, Row, judged_run
 from bench.faults.bases import bases
 from bench.harm.probe import probed_run
-from palpate import pipeline
-from palpate.execution.harm.touch import UNSEEN, Figures
-from palpate.geometry.pose import Pose
-from palpate.scenarios.catalogue import scenario
-from palpate.scene.load import rearranged, scene_from_text
+from palpate.common.pose import Pose
+from palpate.execution.contact_limits import UNSEEN, Figures
+from palpate.runs import pipeline
+from palpate.scene.load import rearrange, scene_from_text
 from palpate.scene.scene import Scene
+from palpate.studies.scenarios.catalogue import scenario
 
 MOST = 0.020
 """m: largest displacement of an object from its pose in the scene."""
@@ -104,9 +104,9 @@ def _shifted(true: Scene, random: np.random.Generator) -> tuple[Scene, str]:
         # The square root makes positions uniform over the disk.
         way, angle = MOST * np.sqrt(random.random()), random.uniform(0, 2 * np.pi)
         aside = way * np.array([np.cos(angle), np.sin(angle), 0.0])
-        poses[name] = body.pose_world.translated(aside)
+        poses[name] = body.pose_world.translate(aside)
         shifts.append(f"{name} {1e3 * way:.0f} mm")
-    return rearranged(true, poses), f"off: {', '.join(shifts)}"
+    return rearrange(true, poses), f"off: {', '.join(shifts)}"
 
 
 def _on_the_way(true: Scene, random: np.random.Generator) -> tuple[float, float, float]:

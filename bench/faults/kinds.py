@@ -17,10 +17,10 @@ from bench.faults.faulty import (
     telling,
     wrenched,
 )
-from palpate.errors import ExecutionAborted
-from palpate.geometry.pose import Array
-from palpate.robots.model import PREFIX
-from palpate.robots.simulated.gripper import DRIVE
+from palpate.common.errors import ExecutionAborted
+from palpate.common.pose import Array
+from palpate.robots.description import PREFIX
+from palpate.robots.simulated.actuators import DRIVE
 
 if TYPE_CHECKING:
     import mujoco
@@ -260,9 +260,9 @@ FAULTS: tuple[Fault, ...] = (
     Fault("disk full at 2 kB", _nothing, bytes=2_000),
     Fault("disk full at 100 kB", _nothing, bytes=100_000),
     Fault("disk full at 1 MB", _nothing, bytes=1_000_000),
-    Fault("estimator fails", _nothing, ("palpate.quantities.mass:estimate_mass",)),
-    Fault("twin fails", _nothing, ("palpate.stages.building:build",)),
-    Fault("pictures fail", _nothing, ("palpate.report.writing:take_stills",)),
-    Fault("film fails", _nothing, ("palpate.report.writing:take_film",)),
-    Fault("report fails", _nothing, ("palpate.report.writing:write_report",)),
+    Fault("estimator fails", _nothing, ("palpate.estimation.quantities.mass:estimate_mass",)),
+    Fault("twin fails", _nothing, ("palpate.twin.twin:build_twin",)),
+    Fault("pictures fail", _nothing, ("palpate.runs.report.writing:take_stills",)),
+    Fault("film fails", _nothing, ("palpate.runs.report.writing:take_film",)),
+    Fault("report fails", _nothing, ("palpate.runs.report.page:write_report",)),
 )

@@ -21,8 +21,8 @@ from typing import Any
 from bench.campaign.ledger import Row, judged_run
 from bench.harm.probe import probed_run
 from bench.variety import standing, tabletop
+from palpate.common.parameter import Parameter
 from palpate.execution.rehearsal import rehearse
-from palpate.parameter import Parameter
 from palpate.planning.check.check import check
 from palpate.planning.plan import Node, Plan
 from palpate.scene.load import parse_scene

@@ -9,10 +9,10 @@ from bench.campaign.ledger import Drawn, Row, judged_run
 from bench.faults.bases import Base, bases
 from bench.faults.corrupt import Corrupted, corrupted
 from bench.harm.probe import probed_run
-from palpate.errors import InputError
+from palpate.common.errors import InputError
+from palpate.estimation.quantities.estimators import estimate_all
 from palpate.planning.check.check import check
 from palpate.planning.plan import parse_plan
-from palpate.quantities.estimators import estimate_all
 
 NOISE = "lab"
 UNBUILDABLE = frozenset({"unknown-primitive", "bad-argument", "leaf-children", "empty-composite"})

@@ -21,15 +21,14 @@ import numpy as np
 from bench.campaign.ledger import Row, touches_of
 from bench.faults.faulty import FaultyRobot
 from bench.faults.kinds import FAULTS, OBJECT, Fault
-from palpate import pipeline
-from palpate.callbacks import RunCallbacks
-from palpate.cells.simulated import SimulatedCell, simulated_cell
-from palpate.errors import PalpateError
-from palpate.execution.harm.harm import Harm, harm
+from palpate.common.errors import PalpateError
+from palpate.execution.harm import Harm, harm
 from palpate.execution.rehearsal import AFTERWARDS
+from palpate.execution.simulated_cell import SimulatedCell, simulated_cell
+from palpate.runs import executing, pipeline, workplace
+from palpate.runs.callbacks import RunCallbacks
 from palpate.runs.run import Run
-from palpate.scenarios.catalogue import scenario
-from palpate.stages import executing, workplace
+from palpate.studies.scenarios.catalogue import scenario
 
 SCENARIO = "one_missing_mass"
 MOMENTS = (0.1, 0.3, 0.5, 0.7, 0.9)

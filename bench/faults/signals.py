@@ -14,10 +14,10 @@ from functools import cache, partial
 from pathlib import Path
 
 from bench.campaign.ledger import Drawn, Row
-from palpate import pipeline
-from palpate.errors import PalpateError
+from palpate.common.errors import PalpateError
+from palpate.runs import pipeline
 from palpate.runs.run import Run
-from palpate.scenarios.catalogue import scenario
+from palpate.studies.scenarios.catalogue import scenario
 
 SCENARIO = "one_missing_mass"
 KINDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL)

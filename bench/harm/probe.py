@@ -10,18 +10,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from palpate.callbacks import RunCallbacks
-from palpate.cells.simulated import SimulatedCell, simulated_cell
-from palpate.execution.harm.harm import Harm, harm
-from palpate.execution.harm.touch import SHOWN, UNSEEN, Figures
-from palpate.execution.harm.witness import Witness
+from palpate.execution.contact_limits import SHOWN, UNSEEN, Figures
+from palpate.execution.harm import Harm, harm
 from palpate.execution.recovery import OnFailure
 from palpate.execution.rehearsal import AFTERWARDS, named_objects
+from palpate.execution.simulated_cell import SimulatedCell, simulated_cell
+from palpate.execution.witness import Witness
 from palpate.planning.plan import Plan
-from palpate.robots.owner.arm import known
+from palpate.robots.owner import owner_arm
 from palpate.robots.simulated.noise.models import noise_models
+from palpate.runs import executing
+from palpate.runs.callbacks import RunCallbacks
 from palpate.scene.scene import Scene
-from palpate.stages import executing
 
 if TYPE_CHECKING:
     from palpate.execution.runner import Execution, Observer
@@ -67,7 +67,7 @@ def probed_run(
     """
     if cell is None:
         sheet = noise_models().load(noise, scene.arm).datasheet
-        scene = replace(scene, arm=known(scene.arm, sheet))
+        scene = replace(scene, arm=owner_arm(scene.arm, sheet))
         cell = simulated_cell(scene, world, noise=noise, seed=seed)
     robot = cell.robot()
     witness = Witness.of(robot.world)

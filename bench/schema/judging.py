@@ -16,9 +16,9 @@ import numpy as np
 from bench.campaign.ledger import Drawn, Row
 from bench.schema.growing import Grower
 from bench.schema.leaving import opened, written
-from palpate.errors import InputError
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter
 from palpate.estimation.estimate import Estimate
-from palpate.parameter import Parameter
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
 from palpate.twin.inject import complete

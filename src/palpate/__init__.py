@@ -23,39 +23,40 @@ nothing.
 
 from __future__ import annotations
 
+from palpate.common.version import __version__ as __version__
+
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from palpate.api.at_once import run as run
-    from palpate.api.dynamics import dynamics as dynamics
-    from palpate.api.noise import noise as noise
-    from palpate.api.plans import Plan as Plan
-    from palpate.api.recordings import estimate as estimate
-    from palpate.api.runs import Fusion as Fusion
-    from palpate.api.runs import Run as Run
-    from palpate.api.runs import compare as compare
-    from palpate.api.runs import fuse as fuse
-    from palpate.api.runs import open as open
-    from palpate.api.scenes import Scene as Scene
-    from palpate.api.scenes import load as load
-    from palpate.api.seeing import see as see
-    from palpate.cells.cell import Cell as Cell
-    from palpate.cells.simulated import SimulatedCell as SimulatedCell
-    from palpate.errors import ExecutionAborted as ExecutionAborted
-    from palpate.errors import InputError as InputError
-    from palpate.errors import PalpateError as PalpateError
-    from palpate.errors import PlanRejected as PlanRejected
-    from palpate.errors import Unavailable as Unavailable
+    from palpate.common.errors import ExecutionAborted as ExecutionAborted
+    from palpate.common.errors import InputError as InputError
+    from palpate.common.errors import PalpateError as PalpateError
+    from palpate.common.errors import Unavailable as Unavailable
+    from palpate.common.parameter import Parameter as Parameter
+    from palpate.common.parameter import PlanRejected as PlanRejected
     from palpate.estimation.estimate import Estimate as Estimate
-    from palpate.parameter import Parameter as Parameter
+    from palpate.estimation.quantities.quantity import Quantity as Quantity
+    from palpate.execution.cell import Cell as Cell
+    from palpate.execution.simulated_cell import SimulatedCell as SimulatedCell
     from palpate.planning.planner import Planner as Planner
-    from palpate.quantities.quantity import Quantity as Quantity
+    from palpate.primitives.base import Primitive as Primitive
+    from palpate.primitives.registry import Vocabulary as Vocabulary
     from palpate.robots.description import RobotDescription as RobotDescription
+    from palpate.runs.api import Plan as Plan
+    from palpate.runs.api import Scene as Scene
+    from palpate.runs.api import load as load
+    from palpate.runs.api import run as run
+    from palpate.runs.recordings import dynamics as dynamics
+    from palpate.runs.recordings import estimate as estimate
+    from palpate.runs.recordings import noise as noise
+    from palpate.runs.recordings import see as see
+    from palpate.runs.stored import Fusion as Fusion
+    from palpate.runs.stored import Run as Run
+    from palpate.runs.stored import compare as compare
+    from palpate.runs.stored import fuse as fuse
+    from palpate.runs.stored import open as open
     from palpate.trace.samples import Trace as Trace
     from palpate.twin.twin import Twin as Twin
-    from palpate.vocabulary.base import Primitive as Primitive
-    from palpate.vocabulary.registry import Vocabulary as Vocabulary
 
-__version__ = "0.1.0"
 
 __all__ = [
     "Cell",
@@ -90,35 +91,35 @@ __all__ = [
 ]
 
 _HOMES = {
-    "Cell": "cells.cell",
+    "Cell": "execution.cell",
     "Estimate": "estimation.estimate",
-    "ExecutionAborted": "errors",
-    "Fusion": "api.runs",
-    "InputError": "errors",
-    "PalpateError": "errors",
-    "Parameter": "parameter",
-    "Plan": "api.plans",
-    "PlanRejected": "errors",
+    "ExecutionAborted": "common.errors",
+    "Fusion": "runs.stored",
+    "InputError": "common.errors",
+    "PalpateError": "common.errors",
+    "Parameter": "common.parameter",
+    "Plan": "runs.api",
+    "PlanRejected": "common.parameter",
     "Planner": "planning.planner",
-    "Primitive": "vocabulary.base",
-    "Quantity": "quantities.quantity",
+    "Primitive": "primitives.base",
+    "Quantity": "estimation.quantities.quantity",
     "RobotDescription": "robots.description",
-    "Run": "api.runs",
-    "Scene": "api.scenes",
-    "SimulatedCell": "cells.simulated",
+    "Run": "runs.stored",
+    "Scene": "runs.api",
+    "SimulatedCell": "execution.simulated_cell",
     "Trace": "trace.samples",
     "Twin": "twin.twin",
-    "Unavailable": "errors",
-    "Vocabulary": "vocabulary.registry",
-    "compare": "api.runs",
-    "dynamics": "api.dynamics",
-    "estimate": "api.recordings",
-    "fuse": "api.runs",
-    "load": "api.scenes",
-    "noise": "api.noise",
-    "open": "api.runs",
-    "run": "api.at_once",
-    "see": "api.seeing",
+    "Unavailable": "common.errors",
+    "Vocabulary": "primitives.registry",
+    "compare": "runs.stored",
+    "dynamics": "runs.recordings",
+    "estimate": "runs.recordings",
+    "fuse": "runs.stored",
+    "load": "runs.api",
+    "noise": "runs.recordings",
+    "open": "runs.stored",
+    "run": "runs.api",
+    "see": "runs.recordings",
 }
 """The module that defines each public name."""
 

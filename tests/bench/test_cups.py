@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from bench import cups
-from palpate.cells.simulated import SimulatedCell
-from palpate.parameter import Parameter
+from palpate.common.parameter import Parameter
+from palpate.execution.simulated_cell import SimulatedCell
 from palpate.scene.load import parse_scene
 
 

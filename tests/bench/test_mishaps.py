@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from bench.mishaps import dropped, faults, mishaps, table
-from palpate.errors import InputError
-from palpate.pictures.film import Footage
+from palpate.common.errors import InputError
+from palpate.perception.film import Footage
 
 BALL = '<mujoco><worldbody><body name="ball"><freejoint/><geom size=".03"/></body></worldbody></mujoco>'
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from bench.sighted import SCENARIOS, SHIFT, SightedRun, Value, displaced, marked, summary
-from palpate.scenarios.catalogue import scenario
+from palpate.perception.tags import tags_of
 from palpate.scene.load import parse_scene
-from palpate.seeing.tags import tags_of
+from palpate.studies.scenarios.catalogue import scenario
 
 
 @pytest.mark.parametrize("name", SCENARIOS)

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from bench.variety import SCENES, Variety, crowd, drawn, frustum
-from palpate import pipeline
-from palpate.parameter import Parameter
+from palpate.common.parameter import Parameter
+from palpate.runs import pipeline
 from palpate.scene.load import load_scene
 from palpate.studies.accuracy import run_seed
 

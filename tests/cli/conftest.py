@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from installed import install
 
-from palpate.cells.registry import drivers
 from palpate.cli.main import main
+from palpate.execution.cell_drivers import drivers
 
 TABLE = """<mujoco model="cell">
   <worldbody>
@@ -72,8 +72,8 @@ def scene(tmp_path: Path) -> Callable[..., Path]:
     return write
 
 
-GONE = """from palpate.cells.registry import Driver
-from palpate.errors import Unavailable
+GONE = """from palpate.execution.cell_drivers import Driver
+from palpate.common.errors import Unavailable
 
 
 def connect(url, scene):

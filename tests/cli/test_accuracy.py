@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from palpate.parameter import Parameter
-from palpate.settings import Settings
+from palpate.common.parameter import Parameter
+from palpate.runs.settings import Settings
 from palpate.studies import accuracy
 from palpate.studies.accuracy import ScoredEstimate, SeedRun
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from palpate.robots.owner.config import read_config
+from palpate.robots.robot_config import read_config
 
 from .conftest import TABLE, Answer, cube
 

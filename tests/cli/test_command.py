@@ -13,9 +13,9 @@ import typer
 
 from palpate.cli import console
 from palpate.cli.command import command
-from palpate.errors import InputError, Unavailable
-from palpate.robots.registry import DEFAULT
-from palpate.settings import Settings
+from palpate.common.errors import InputError, Unavailable
+from palpate.robots.owner import DEFAULT
+from palpate.runs.settings import Settings
 
 Loud = Annotated[bool, typer.Option("--loud", help="Louder.")]
 Times = Annotated[int, typer.Option("--times", min=1)]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from moving_arm import recorded
 
-from palpate.robots.registry import load_description
+from palpate.robots.owner import load_description
 
 from .conftest import Answer
 

@@ -12,7 +12,7 @@ import pytest
 from loopback import Fails, Loopback, Reply, Sends
 
 from palpate.planning.model import session as session_module
-from palpate.scenarios.catalogue import scenario
+from palpate.studies.scenarios.catalogue import scenario
 
 from .conftest import Answer
 

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 import palpate as pp
 from palpate.cli.app import app
-from palpate.scenarios.catalogue import scenario
+from palpate.studies.scenarios.catalogue import scenario
 
 SEEN = scenario("from_picture")
 

@@ -17,7 +17,7 @@ from palpate.trace.mcap import read_mcap
 
 
 def test_without_viser_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in [name for name in sys.modules if name.startswith("palpate.live.p")]:
+    for name in [name for name in sys.modules if name.startswith("palpate.runs.report.live_p")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "viser", None)
     done = CliRunner().invoke(app, ["demo", "one_missing_mass", "--live"])

@@ -13,13 +13,12 @@ import pytest
 from PIL import Image
 
 import palpate as pp
-from palpate.errors import InputError
-from palpate.geometry.pose import Pose
-from palpate.pictures.renderer import gl_available
-from palpate.pipeline import require_seen
-from palpate.scene.load import parse_scene, replaced
-from palpate.seeing.look import Seen
-from palpate.seeing.outlines import Outlines
+from palpate.common.errors import InputError
+from palpate.common.pose import Pose
+from palpate.perception.look import Outlines, Seen
+from palpate.perception.renderer import gl_available
+from palpate.runs.workplace import require_seen
+from palpate.scene.load import parse_scene, replace_objects
 
 from .conftest import Answer, cube
 
@@ -75,7 +74,7 @@ def test_a_person_confirms_what_was_seen_before_anything_is_planned(
     said: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("palpate.stages.looking.seen_from", lambda *_: seen("cube"))
+    monkeypatch.setattr("palpate.runs.workplace.seen_from", lambda *_: seen("cube"))
     monkeypatch.setattr(sys, "stdin", io.StringIO(said))
     look = ("run", scene(cube()), "--camera", "0", "--robot", "bench://arm", "--quiet")
     answer = palpate(*look)
@@ -85,7 +84,7 @@ def test_a_person_confirms_what_was_seen_before_anything_is_planned(
     with Image.open(picture.removeprefix("outlined in ")) as shown:
         assert shown.size == (10, 10)
     assert "move?" not in answer.err
-    monkeypatch.setattr("palpate.stages.looking.seen_from", lambda *_: seen(unseen=("cube",)))
+    monkeypatch.setattr("palpate.runs.workplace.seen_from", lambda *_: seen(unseen=("cube",)))
     agreed = palpate(*look, "--yes")
     assert agreed.status == 2, agreed.err
     assert "did not see cube:" in agreed.err
@@ -108,7 +107,7 @@ def test_objects_that_were_seen_overrule_a_file_whose_places_stay(
 ) -> None:
     stated = "{objects: {cube: {pos: [0.4, 0.1, 0.03]}}, places: {aside: {pos: [0.4, 0.2, 0.3]}}, accuracy: 0.004}"
     given = parse_scene(scene(cube(), cube("tin", y=0.2)).read_text(), poses=stated)
-    found = replaced(given, seen("cube").entries)
+    found = replace_objects(given, seen("cube").entries)
     assert found.body("cube").pose_world.position == pytest.approx([0.51, 0.02, 0.03])
     assert found.body("cube").accuracy == pytest.approx(0.001)
     assert found.body("tin").accuracy == pytest.approx(0.004)
@@ -118,7 +117,7 @@ def test_objects_that_were_seen_overrule_a_file_whose_places_stay(
 def test_a_look_in_python_is_kept_with_the_run(
     scene: Callable[..., Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("palpate.stages.looking.seen_from", lambda *_: seen("cube"))
+    monkeypatch.setattr("palpate.runs.workplace.seen_from", lambda *_: seen("cube"))
     known = scene(cube(mass='mass=".2"'))
     run = pp.run(known, measure="cube.friction", camera=0, out=tmp_path / "out")
     assert run.scene.body("cube").pose_world.position == pytest.approx([0.51, 0.02, 0.03])

@@ -16,11 +16,11 @@ from plans import SCENE, weighing
 from plans import answer as weighed
 
 from palpate.planning.model import session as session_module
-from palpate.planning.model.prompt.compose import system_prompt
+from palpate.planning.model.prompt import system_prompt
 from palpate.planning.model.settings import Budget, ModelSettings
-from palpate.scenarios.catalogue import scenario
-from palpate.settings import Settings, request_json, settings_from
-from palpate.vocabulary.registry import vocabulary
+from palpate.primitives.registry import vocabulary
+from palpate.runs.settings import Settings, request_json, settings_from
+from palpate.studies.scenarios.catalogue import scenario
 
 from .conftest import Answer, cube
 

@@ -11,7 +11,7 @@ import pytest
 import yaml
 from moving_arm import COULOMB, OFFSET, recorded
 
-from palpate.robots.registry import load_description
+from palpate.robots.owner import load_description
 from palpate.robots.simulated.noise.models import noise_models
 
 from .conftest import Answer

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from palpate.estimation.load.chain import own_motion
-from palpate.robots.registry import load_description
+from palpate.estimation.rigid_bodies import own_motion
+from palpate.robots.owner import load_description
 
 from .conftest import Answer
 

@@ -1,7 +1,7 @@
 from pathlib import Path
 
 from palpate.cli.reference import page
-from palpate.vocabulary.registry import vocabulary
+from palpate.primitives.registry import vocabulary
 
 DOCS = Path(__file__).parents[2] / "docs"
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import palpate as pp
-from palpate.pictures.renderer import gl_available
+from palpate.perception.renderer import gl_available
 
 pytest.importorskip("cv2")
 SCENE = """<mujoco><worldbody>
@@ -28,7 +28,7 @@ def test_a_look_writes_poses_that_a_scene_takes(
 ) -> None:
     from PIL import Image
 
-    from palpate.seeing.rendered import take
+    from palpate.perception.rendered import take
 
     monkeypatch.delenv("MUJOCO_GL")
     scene, poses = tmp_path / "desk.xml", tmp_path / "poses.yaml"

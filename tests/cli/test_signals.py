@@ -24,7 +24,7 @@ SCENE = """<mujoco model="desk"><worldbody>
 </worldbody></mujoco>
 """
 DRIVER = """import os, signal, time
-from palpate.cells.registry import Driver
+from palpate.execution.cell_drivers import Driver
 from palpate.stages import building
 from test_nothing_lost import Bench
 

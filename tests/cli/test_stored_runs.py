@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 import palpate as pp
-from palpate.interrupt import interrupts
-from palpate.parameter import Parameter
-from palpate.pictures.renderer import gl_available
+from palpate.common.parameter import Parameter
+from palpate.common.processes import interrupts
+from palpate.perception.renderer import gl_available
 from palpate.runs.keeper import Keeper
 
 from .conftest import TABLE, Answer, cube

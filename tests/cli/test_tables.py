@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from palpate.cli.console import out
-from palpate.cli.show.estimates import show_estimates
+from palpate.cli.show_stored import show_estimates
+from palpate.common.parameter import Parameter
 from palpate.estimation.estimate import Estimate, not_identified
-from palpate.parameter import Parameter
 
 from .conftest import TABLE, Answer, cube
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import truncnorm
 
-from palpate.estimation.agreement import Bound, FitTest, reached_bound
+from palpate.estimation.estimate import Bound, FitTest, reached_bound
 
 
 @pytest.mark.parametrize(("statistic", "passed"), [(1.0, True), (3.0, False), (np.nan, False)])

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from palpate.estimation.load.chain import own_motion
-from palpate.geometry.pose import Pose
+from palpate.common.pose import Pose
+from palpate.estimation.rigid_bodies import own_motion
 from palpate.robots.nominal import NominalArm
-from palpate.robots.registry import load_description
+from palpate.robots.owner import load_description
 
 
 def test_moving_the_links_takes_what_rigid_bodies_take():

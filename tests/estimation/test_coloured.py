@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from palpate.estimation.coloured import Residual, Spans, learned, with_residual
+from palpate.estimation.coloured_residual import (
+    ColouredResidual,
+    Spans,
+    learn_residual,
+    with_residual,
+)
 from palpate.estimation.regression import Cause, SignalNoise, fit
 
 ROWS, SIGNALS, TRIALS = 80, 2, 60
@@ -25,7 +30,7 @@ def fitted(y: np.ndarray, learn: bool):
     causes = [Cause("load", load, np.array([1e3])), Cause("zero", zeros, np.full(SIGNALS, 10.0))]
     noise = SignalNoise([WHITE * np.eye(ROWS)] * SIGNALS, 40.0)
     if learn:
-        noise = with_residual(noise, learned(causes, noise, y, SPANS), SPANS)
+        noise = with_residual(noise, learn_residual(causes, noise, y, SPANS), SPANS)
     mean, covariance = fit(causes, noise, y)["load"]
     return float(mean[0]), float(np.sqrt(covariance[0, 0]))
 
@@ -63,7 +68,7 @@ def test_a_mean_over_a_long_stretch_errs_less_and_one_at_rest_does_not():
     # Half of the variance is that of gears, over the path alone.
     sizes = np.zeros((1, len(SPANS.kernels(0))))
     sizes[0, [0, -1]] = 0.5
-    residual = Residual(sizes, np.array([10.0]))
+    residual = ColouredResidual(sizes, np.array([10.0]))
 
     def variance(lasts: float, turns: float) -> float:
         one = np.ones(1)
@@ -76,7 +81,9 @@ def test_a_mean_over_a_long_stretch_errs_less_and_one_at_rest_does_not():
 
 
 def test_a_known_residual_says_how_sure_its_size_is():
-    residual = Residual(np.full((SIGNALS, len(SPANS.kernels(0))), 0.01), np.full(SIGNALS, 8.0))
+    residual = ColouredResidual(
+        np.full((SIGNALS, len(SPANS.kernels(0))), 0.01), np.full(SIGNALS, 8.0)
+    )
     alone = residual.freedom_beside(np.full(SIGNALS, 1e-9), 100.0, SPANS)
     beside = residual.freedom_beside(np.full(SIGNALS, 1e3), 100.0, SPANS)
     assert alone == pytest.approx(8.0)

@@ -6,17 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from palpate.estimation.agreement import FitTest, chi_squared
+from palpate.common.parameter import Parameter
 from palpate.estimation.estimate import (
     Estimate,
-    Part,
+    FitTest,
+    FurtherValue,
     Shared,
+    chi_squared,
     interval95,
     not_identified,
-    rounded,
+    round_to_std,
 )
 from palpate.estimation.fusion import Source, fuse
-from palpate.parameter import Parameter
 
 MUG = Parameter("mug", "mass")
 HAMMER = Parameter("hammer", "com")
@@ -25,7 +26,7 @@ HAMMER = Parameter("hammer", "com")
 @pytest.fixture
 def weighed():
     return Estimate.normal(
-        MUG, "kg", 0.34182, 0.00138, "weighed", parts={"rests": Part(0.34, 0.01)}
+        MUG, "kg", 0.34182, 0.00138, "weighed", parts={"rests": FurtherValue(0.34, 0.01)}
     )
 
 
@@ -214,7 +215,7 @@ def test_chance_rarely_exceeds_the_limit_of_a_sum_of_squares():
 
 def test_it_is_a_value(weighed):
     again = Estimate.normal(
-        MUG, "kg", 0.34182, 0.00138, "weighed", parts={"rests": Part(0.34, 0.01)}
+        MUG, "kg", 0.34182, 0.00138, "weighed", parts={"rests": FurtherValue(0.34, 0.01)}
     )
     assert weighed == again
     assert weighed != Estimate.normal(MUG, "kg", 0.34182, 0.00139, "weighed", parts=weighed.parts)
@@ -241,7 +242,7 @@ def test_it_keeps_its_own_numbers():
     ],
 )
 def test_digits_follow_the_standard_deviation(value, std, shown):
-    assert rounded(value, std) == shown
+    assert round_to_std(value, std) == shown
 
 
 def test_a_vector_with_an_unseen_component_is_not_identified_as_a_whole() -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from palpate.estimation.load.foresight import Lift
-from palpate.estimation.load.observation import observation_of_torques
-from palpate.robots.registry import load_description
+from palpate.estimation.weighing import Lift
+from palpate.estimation.wrench_observation import observation_of_torques
+from palpate.robots.owner import load_description
 
 ARM = load_description()
 GRAVITY = 9.81

@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 
 from bench.bounds.loads import of_friction
-from palpate import pipeline
-from palpate.estimation.friction.drags import steady_drags
-from palpate.estimation.friction.fit import Forces, fit_sliding
-from palpate.estimation.friction.whole import fit_whole
+from palpate.estimation.drags import steady_drags
+from palpate.estimation.friction_fit import TangentialForces, fit_sliding
+from palpate.estimation.friction_whole import fit_whole
 from palpate.estimation.joint_friction import dahl
-from palpate.estimation.load.observation import observe
+from palpate.estimation.wrench_observation import observe
 from palpate.robots.simulated.noise.model import NoiseModel
-from palpate.scenarios.catalogue import scenario
+from palpate.runs import pipeline
+from palpate.studies.scenarios.catalogue import scenario
 
 TRUTH, MASS = 0.34, 0.32
 
 
 @pytest.fixture(scope="module")
 def run():
-    settings = scenario("friction").settings(noise="lab", seed=501).checked()
+    settings = scenario("friction").settings(noise="lab", seed=501).check_values()
     return pipeline.measure(pipeline.plan(settings, pipeline.load(settings)))
 
 
@@ -30,7 +30,7 @@ def test_forces_as_the_joints_friction_is_known_to_make_them_tell_nothing_else()
     """Whatever the share of each unknown, the posterior's means are those before."""
     random = np.random.default_rng(0)
     design, expected = random.normal(size=(20, 4)), np.array([0.3, 0.0, 0.5, -0.2])
-    forces = Forces(design @ expected, design, np.full(20, 0.01), 0.1 * np.eye(20))
+    forces = TangentialForces(design @ expected, design, np.full(20, 0.01), 0.1 * np.eye(20))
     found = forces.given(expected, np.array([0.5, 1.0, 0.01, 0.1]))
     assert found.mean == pytest.approx(expected, abs=1e-9)
 

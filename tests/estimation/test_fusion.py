@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.special import stdtrit
 
+from palpate.common.parameter import Parameter
 from palpate.estimation.estimate import Estimate, Shared
 from palpate.estimation.fusion import Source, fuse
-from palpate.parameter import Parameter
 
 MASS, COM = Parameter("mug.mass"), Parameter("mug.com")
 OWN, GAIN = 0.001, 0.0008

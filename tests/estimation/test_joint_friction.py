@@ -7,16 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from palpate.estimation import tuning
 from palpate.estimation.joint_friction import (
+    ENCODER_PLAY,
     LEFT,
+    PRESLIDING,
+    RUBBING_ROWS,
     TURNED,
     dahl_states,
     joint_friction,
     joint_friction_force,
 )
-from palpate.estimation.load.observation import observation_of_torques
-from palpate.trace.recording import Chain, Hand
+from palpate.estimation.wrench_observation import observation_of_torques
+from palpate.trace.recording import Chain, NominalHand
 from palpate.trace.samples import Samples, Trace
 
 FRICTION = np.array([0.3, 0.1, 0.0, 0.5, 0.05, 0.2, 0.1])
@@ -64,7 +66,7 @@ def test_a_hand_that_is_low_or_moves_too_shortly_shows_none():
         assert std == pytest.approx(0.3)
 
 
-UNTOLD = Hand(0.0, 0.1, 0.0, 1e-4)
+UNTOLD = NominalHand(0.0, 0.1, 0.0, 1e-4)
 """Of an arm whose joints nobody told."""
 Y, Z = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 CHAIN = Chain(
@@ -107,7 +109,7 @@ def test_a_joint_that_turns_rubs_against_its_way() -> None:
 
 
 def test_friction_changes_over_as_the_joint_reverses() -> None:
-    way = tuning.PRESLIDING
+    way = PRESLIDING
     state = dahl_states(turned(0.1, -way, 0.0))[-1, 0, TURNED]
     assert state == pytest.approx(-1.0 + 2.0 / np.e, abs=0.04)
 
@@ -128,13 +130,13 @@ def test_dahl_states_follow_dahls_model_row_by_row() -> None:
     draws = np.random.default_rng(1)
     pace = np.repeat(draws.choice([0.0, 1e-4, -1e-4], size=(20, 3)), 40, axis=0)
     q = np.cumsum(pace + 3e-6 * draws.standard_normal(pace.shape), axis=0)
-    coarse = q.reshape(-1, tuning.RUBBING_ROWS, 3).mean(axis=1)
+    coarse = q.reshape(-1, RUBBING_ROWS, 3).mean(axis=1)
     play, state = coarse[0], np.array([[0.0] * 3, [1.0] * 3])
-    found = dahl_states(q)[:: tuning.RUBBING_ROWS]
+    found = dahl_states(q)[::RUBBING_ROWS]
     for row, angles in zip(found, coarse, strict=True):
         step = angles - play
-        step = step - np.clip(step, -tuning.ENCODER_PLAY, tuning.ENCODER_PLAY)
+        step = step - np.clip(step, -ENCODER_PLAY, ENCODER_PLAY)
         play = play + step
-        keep = np.exp(-np.abs(step) / tuning.PRESLIDING)
+        keep = np.exp(-np.abs(step) / PRESLIDING)
         state = keep * state + [np.copysign(1.0 - keep, step), np.zeros(3)]
         assert row == pytest.approx(np.stack([state[TURNED], state[LEFT]], axis=1), abs=1e-12)

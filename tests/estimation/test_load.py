@@ -9,17 +9,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from palpate.estimation import tuning
-from palpate.estimation.load.equations import FORCE_Z
-from palpate.estimation.load.fit import fit_load
-from palpate.estimation.load.noise import block_noise
-from palpate.estimation.load.observation import crosstalk, observe
-from palpate.estimation.load.segments import weighings
-from palpate.geometry.pose import Pose
-from palpate.parameter import Parameter
-from palpate.quantities.mass import estimate_mass
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Pose
+from palpate.estimation.load_equations import FORCE_Z
+from palpate.estimation.load_fit import fit_load
+from palpate.estimation.load_noise import block_noise
+from palpate.estimation.quantities.mass import estimate_mass
+from palpate.estimation.segments import weighings
+from palpate.estimation.wrench_observation import crosstalk, observe
 from palpate.robots.nominal import NominalArm
-from palpate.robots.registry import load_description
+from palpate.robots.owner import load_description
 from palpate.trace.samples import STANDARD_GRAVITY
 
 ARM = load_description("fr3")
@@ -177,7 +176,7 @@ def test_rests_that_agree_tell_that_nothing_stays(lifted):
 
 def test_rests_and_passes_that_are_biased_alike_tell_of_each_other(lifted, monkeypatch):
     alike = estimate_mass(lifted(), BOTTLE, None)
-    monkeypatch.setattr(tuning, "KINDS_APART", (1.0,))
+    monkeypatch.setattr("palpate.estimation.load_fit.KINDS_APART", (1.0,))
     assert alike.stds[0] < estimate_mass(lifted(), BOTTLE, None).stds[0]
 
 
@@ -185,7 +184,7 @@ def test_what_goes_with_the_direction_cancels_as_it_did(lifted, monkeypatch):
     """A quarter of a newton that turns round with the direction, with the load and without."""
     trace = lifted(extra=lambda samples: upward(0.25 * np.sign(samples.twist[:, 2])))
     found = estimate_mass(trace, BOTTLE, None)
-    monkeypatch.setattr(tuning, "KINDS_APART", (1.0,))
+    monkeypatch.setattr("palpate.estimation.load_fit.KINDS_APART", (1.0,))
     apart = estimate_mass(trace, BOTTLE, None)
     assert abs(found.values[0] - MASS) < 3.0 * found.stds[0]
     assert found.values[0] == pytest.approx(apart.values[0], abs=apart.stds[0])

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Pose
 from palpate.estimation.estimate import half95
-from palpate.estimation.load.noise import Noise
-from palpate.estimation.load.whole import fit_whole
-from palpate.geometry.pose import Pose
-from palpate.logs.trace import Carrying, trace_of
-from palpate.parameter import Parameter
-from palpate.robots.registry import load_description
-from palpate.trace.log import ArmLog
+from palpate.estimation.load_noise import SignalLevels
+from palpate.estimation.load_whole import fit_whole
+from palpate.estimation.logs.trace import Carrying, trace_of
+from palpate.robots.owner import load_description
+from palpate.trace.recording import ArmLog
 
 REAL = Path(os.environ.get("PALPATE_SHARED", Path(__file__).parents[3] / "shared")) / "real"
 LENGTH, STEP = 3.0, 1.2
@@ -38,7 +38,7 @@ def recorded() -> ArmLog:
 @pytest.mark.skipif(not REAL.is_dir(), reason="recordings of real arms are not at hand")
 def test_intervals_of_nothing_hold_nothing() -> None:
     log, arm = recorded(), load_description("fr3")
-    unknown = Noise(np.full(7, 4e-4), np.zeros(7), 20.0)
+    unknown = SignalLevels(np.full(7, 4e-4), np.zeros(7), 20.0)
     errors: list[tuple[float, float, float]] = []
     for start in np.arange(0.1, float(log.t[-1]) - LENGTH - 0.1, STEP):
         carrying = Carrying("load", ((start, start + LENGTH),))

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from palpate.estimation.regression import Cause, Projected, Scale, SignalNoise, fit
+from palpate.estimation.regression import Cause, PriorScale, Projected, SignalNoise, fit
 
 SIGNALS, ROWS = 3, 20
 
@@ -63,7 +63,7 @@ def test_evidence_is_the_density_of_the_rows():
 def test_a_scale_of_a_prior_is_learned():
     causes, noise, y = problem(4)
     friction = causes[1].columns @ np.array([20.0, -10.0, 15.0])
-    scale = Scale(("friction",), (1.0, 50.0), (0.9, 0.1))
+    scale = PriorScale(("friction",), (1.0, 50.0), (0.9, 0.1))
     mean, _ = fit(causes, noise, y + friction, [scale])["friction"]
     narrow, _ = fit(causes, noise, y + friction)["friction"]
     assert np.all(np.abs(mean) > np.abs(narrow))
@@ -74,8 +74,8 @@ def test_a_scale_of_a_prior_is_learned():
 def test_the_posterior_is_the_mixture_over_all_scales(scaled):
     causes, noise, y = problem(6)
     scales = [
-        Scale(scaled, (0.1, 1.0, 10.0), (0.3, 0.3, 0.4)),
-        Scale(scaled[:1], (1.0, 3.0), (0.5, 0.5)),
+        PriorScale(scaled, (0.1, 1.0, 10.0), (0.3, 0.3, 0.4)),
+        PriorScale(scaled[:1], (1.0, 3.0), (0.5, 0.5)),
     ]
     found, weights, parts = fit(causes, noise, y, scales), [], []
     for factor, chance in zip(scales[0].factors, scales[0].chance, strict=True):
@@ -138,7 +138,7 @@ def test_shared_errors_are_those_of_the_learned_scales(cause):
     # The recording has a hundred times the prior deviation.
     y = y + causes[cause].columns @ (100.0 * causes[cause].prior)
     factors, chances = (0.0, 1.0, 100.0), (0.9, 0.08, 0.02)
-    found = fit(causes, noise, y, [Scale((name,), factors, chances)])
+    found = fit(causes, noise, y, [PriorScale((name,), factors, chances)])
     wider = replace(causes[cause], prior=100.0 * causes[cause].prior)
     large = fit([wider if one.name == name else one for one in causes], noise, y)
     shared = np.array([one.effect[0] for one in found.shared("load")])

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from moving_arm import inverse
 
-from palpate.estimation.load.chain import regressor
-from palpate.estimation.rigid import inertia_about_centre, parameters, placed_at
-from palpate.geometry.pose import components
-from palpate.robots.registry import load_description
-from palpate.trace.recording import Link
+from palpate.common.pose import components
+from palpate.estimation.rigid_bodies import inertia_about_centre, parameters, placed_at, regressor
+from palpate.robots.owner import load_description
+from palpate.trace.recording import ChainLink
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 
@@ -46,18 +45,18 @@ def test_the_regressor_equals_inverse_dynamics(name: str) -> None:
     assert not np.allclose(changed, described, atol=0.1)
 
 
-def link_of(data: mujoco.MjData, body: int) -> Link:
+def link_of(data: mujoco.MjData, body: int) -> ChainLink:
     axes = data.ximat[body].reshape(3, 3)
     tensor = components(axes @ np.diag(data.model.body_inertia[body]) @ axes.T)
-    return Link(0, data.model.body_mass[body], tuple(data.xipos[body]), tuple(tensor))  # type: ignore[arg-type]
+    return ChainLink(0, data.model.body_mass[body], tuple(data.xipos[body]), tuple(tensor))  # type: ignore[arg-type]
 
 
 def test_parameters_about_a_centre_are_those_of_the_body() -> None:
     centre = np.array([0.1, -0.2, 0.3])
     tensor = (0.02, 0.03, 0.04, 0.001, -0.002, 0.003)
-    found = parameters([Link(0, 2.0, tuple(centre), tensor)], np.zeros(3))
+    found = parameters([ChainLink(0, 2.0, tuple(centre), tensor)], np.zeros(3))
     assert found[1:4] / found[0] == pytest.approx(centre)
     assert components(inertia_about_centre(found)) == pytest.approx(tensor)
     moved = placed_at(centre) @ [2.0, 2e-6, 0.0, 0.0, *tensor]
-    beside = parameters([Link(0, 2.0, (0.1 + 1e-6, -0.2, 0.3), tensor)], np.zeros(3))
+    beside = parameters([ChainLink(0, 2.0, (0.1 + 1e-6, -0.2, 0.3), tensor)], np.zeros(3))
     assert moved == pytest.approx(beside, abs=1e-9), "a first moment is a centre that has moved"

@@ -3,8 +3,14 @@
 import numpy as np
 import pytest
 
-from palpate.estimation.rigid import about_centre, linear, moved, of_box, pseudo_inertia
-from palpate.geometry.pose import Pose, tensor_of
+from palpate.common.pose import Pose, tensor_of
+from palpate.estimation.rigid_bodies import (
+    about_centre,
+    linear,
+    move_inertia,
+    of_box,
+    pseudo_inertia,
+)
 
 
 def test_a_box_is_what_it_weighs():
@@ -33,7 +39,7 @@ def test_whatever_the_numbers_are_it_is_a_body():
 def test_it_is_the_same_body_in_another_frame():
     theta = of_box(0.4, np.array([0.1, 0.0, 0.02]), np.array([0.2, 0.06, 0.04]))
     turned = Pose.of((0.3, -0.1, 0.2), (np.cos(0.3), 0.0, np.sin(0.3), 0.0))
-    there = linear(moved(pseudo_inertia(theta), turned))
+    there = linear(move_inertia(pseudo_inertia(theta), turned))
     centre = turned.apply(np.array([0.1, 0.0, 0.02]))
     central = turned.rotation @ tensor_of(about_centre(theta)) @ turned.rotation.T
     about_origin = central + 0.4 * (centre @ centre * np.eye(3) - np.outer(centre, centre))

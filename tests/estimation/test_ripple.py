@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from palpate.estimation.contact.ripple import joint_ripple, ripple_force
-from palpate.robots.registry import load_description
+from palpate.estimation.descent import joint_ripple, ripple_force
+from palpate.robots.owner import load_description
 
 CYCLES = 240.0
 Q = 0.9 + np.linspace(0.0, 0.12, 1200)  # rad: four and a half cycles

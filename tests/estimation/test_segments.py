@@ -2,8 +2,8 @@
 
 import pytest
 
-from palpate.estimation.load.in_hand import load_rows
-from palpate.estimation.load.segments import lift_path
+from palpate.estimation.load_noise import load_rows
+from palpate.estimation.segments import lift_path
 
 
 def test_hand_is_neither_empty_nor_loaded_while_it_closes(weighing, noises):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from palpate.estimation.slip import LIKELY, Droop, PutDown, before, slid
-from palpate.geometry.pose import Pose
+from palpate.common.pose import Pose
+from palpate.estimation.grip import LIKELY, Droop, PutDownRecord, before, slid
 from palpate.scene.load import parse_scene
 
 SCENE = """<mujoco><worldbody>
@@ -16,7 +16,7 @@ FROM_ABOVE = Pose.of(np.array([0.0, 0.0, HIGHER]), (0.0, 1.0, 0.0, 0.0))
 
 
 def put_down(time, moment=0.1, age=10.0):
-    return PutDown(time, FROM_ABOVE, Droop(moment, age), swept=2.0)
+    return PutDownRecord(time, FROM_ABOVE, Droop(moment, age), swept=2.0)
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +26,7 @@ def body():
 
 def test_a_drooping_end_that_meets_the_support_carries_it_along(body):
     """By the height of the hand over the support times the angle."""
-    moved = put_down(1.0).levelled(body)
+    moved = put_down(1.0).displacement_std(body)
     drooped = 0.1 * float(np.hypot(LIKELY[0], 10.0 * LIKELY[1]))
     assert moved == pytest.approx(drooped * (0.012 + HIGHER))
 

@@ -7,17 +7,17 @@ import pytest
 from moving_arm import friction
 from scipy.spatial.transform import Rotation
 
-from palpate.estimation.load.chain import tool_kinematics
-from palpate.estimation.load.noise import Noise
-from palpate.estimation.slip import EXPECTED, LIKELY, SPREAD, Droop
-from palpate.estimation.swung import contrast, swings
-from palpate.geometry.pose import Pose
-from palpate.robots.registry import load_description
-from palpate.trace.recording import Context, Hand, Recording
+from palpate.common.pose import Pose
+from palpate.estimation.grip import EXPECTED, LIKELY, SPREAD, Droop
+from palpate.estimation.load_noise import SignalLevels
+from palpate.estimation.rigid_bodies import tool_kinematics
+from palpate.estimation.swings import contrast, swings
+from palpate.robots.owner import load_description
+from palpate.trace.recording import Context, NominalHand, Recording
 from palpate.trace.samples import FORCES, Samples, Trace
 
-QUIET = Noise(white=np.zeros(6), flicker=np.zeros(6), freedom=np.inf)
-HAND = Hand(0.0, 0.1, 0.0, 1e-4)
+QUIET = SignalLevels(white=np.zeros(6), flicker=np.zeros(6), freedom=np.inf)
+HAND = NominalHand(0.0, 0.1, 0.0, 1e-4)
 MASS, FIRST, TENSOR = 0.4, np.array([0.02, 0.0, 0.004]), np.diag([1e-3, 3e-3, 4e-3])
 
 
@@ -100,7 +100,7 @@ def test_a_grasp_of_which_nothing_is_told_has_no_age():
 
 def test_slow_noise_is_told_at_the_swings_own_frequency():
     trace, recording = swing(0.0)
-    wandering = Noise(np.zeros(6), np.full(6, 4e-4), np.inf)
+    wandering = SignalLevels(np.zeros(6), np.full(6, 4e-4), np.inf)
     found = swings(trace, recording, wandering)[0]
     # h²/f over a second of it for each second that it lasts: two of the three are steady.
     assert found.variance == pytest.approx(4e-4 / 2.0 / 2.0, rel=0.02)
@@ -142,7 +142,7 @@ def rippling(lean: float, holding: str | None):
 def test_ripple_and_friction_of_gears_are_no_load():
     """Bent by 4 mrad by the load, the arm ripples and rubs otherwise than with the empty hand, by 0.1 N m: that is in
     the model of what the gears do, and not in the noise."""
-    quiet = Noise(white=np.full(7, 1e-6), flicker=np.zeros(7), freedom=np.inf)
+    quiet = SignalLevels(white=np.full(7, 1e-6), flicker=np.zeros(7), freedom=np.inf)
     empty, loaded = (swings(*rippling(*how), quiet) for how in ((0.0, None), (0.004, "thing")))
     ((_, observed, variance, gears),) = contrast(loaded, empty)
     both = np.sqrt(variance + (gears**2).sum(axis=1))

@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from palpate import pipeline
-from palpate.cells.simulated import simulated_cell
-from palpate.estimation.holds import held
-from palpate.estimation.load.blocks import free_rows
-from palpate.estimation.load.fit import fit_load
-from palpate.estimation.load.weighing import weigh
-from palpate.estimation.load.whole import fit_whole
-from palpate.parameter import Parameter
-from palpate.scenarios.catalogue import scenario
+from palpate.common.parameter import Parameter
+from palpate.estimation.holds import find_holds
+from palpate.estimation.load_blocks import free_rows
+from palpate.estimation.load_fit import fit_load
+from palpate.estimation.load_whole import fit_whole
+from palpate.estimation.weighing import weigh
+from palpate.execution.simulated_cell import simulated_cell
+from palpate.runs import pipeline
+from palpate.runs.settings import Settings
 from palpate.scene.load import parse_scene
-from palpate.settings import Settings
+from palpate.studies.scenarios.catalogue import scenario
 
 TRUTH = 0.187
 """kg."""
@@ -28,7 +28,7 @@ DESK = """<mujoco><worldbody><site name="robot_base"/>
 
 
 def recorded(name: str):
-    settings = scenario(name).settings(noise="lab", seed=501).checked()
+    settings = scenario(name).settings(noise="lab", seed=501).check_values()
     return pipeline.measure(pipeline.plan(settings, pipeline.load(settings)))
 
 
@@ -68,7 +68,7 @@ def test_what_the_model_does_not_explain_widens_it(trace):
 def in_one_go():
     """Height, mass and friction, at the default noise."""
     asked = ("table.height", "mug.mass", "mug.friction")
-    settings = Settings(measure=asked, noise="measured", seed=1).checked(at_hand=True)
+    settings = Settings(measure=asked, noise="measured", seed=1).check_values(at_hand=True)
     scene = parse_scene(DESK.format(top="?", mug='mass="?" friction="?"'))
     world = parse_scene(DESK.format(top="-0.02", mug='mass="0.3" friction="0.5"'))
     cell = simulated_cell(scene, world, noise="measured", seed=1)
@@ -94,7 +94,7 @@ def test_the_way_back_after_a_drag_counts_as_without_one(in_one_go):
 
 def test_what_hangs_askew_is_free_only_when_its_far_end_is(hammer):
     body = hammer.scene.bodies["hammer"]
-    found = held(hammer.trace, body)
+    found = find_holds(hammer.trace, body)
     assert found is not None
     whole = fit_whole(hammer.trace, "hammer", found.weighings[0].noise, found.load.force)
     assert whole is not None
@@ -102,7 +102,7 @@ def test_what_hangs_askew_is_free_only_when_its_far_end_is(hammer):
 
 
 def test_moments_of_a_long_object_are_narrower_than_from_its_holds_and_agree(hammer):
-    found = held(hammer.trace, hammer.scene.bodies["hammer"])
+    found = find_holds(hammer.trace, hammer.scene.bodies["hammer"])
     assert found is not None
     assert found.links
     contrast = fit_load(found.weighings, hammer.trace.gravity, hammer.trace.hand)
@@ -112,7 +112,7 @@ def test_moments_of_a_long_object_are_narrower_than_from_its_holds_and_agree(ham
 
 
 def test_what_errors_of_links_and_gains_do_to_moments_is_in_their_deviation(hammer):
-    found = held(hammer.trace, hammer.scene.bodies["hammer"])
+    found = find_holds(hammer.trace, hammer.scene.bodies["hammer"])
     assert found is not None
     shared = np.column_stack([found.load.gains, *found.links.values()])
     assert np.all((shared**2).sum(axis=1) < np.diag(found.load.covariance))

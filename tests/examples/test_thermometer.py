@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from palpate.scenarios.catalogue import scenario
+from palpate.studies.scenarios.catalogue import scenario
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "palpate-thermometer"
 PLAN = EXAMPLE / "plan.json"

@@ -5,10 +5,10 @@ from xml.etree import ElementTree
 import behaviortreepy as bt
 import pytest
 
-from palpate.errors import InputError
+from palpate.common.errors import InputError
 from palpate.execution.btcpp import tree_nodes_model, tree_xml
 from palpate.planning.plan import Node, Plan
-from palpate.vocabulary.registry import vocabulary
+from palpate.primitives.registry import vocabulary
 
 
 def leaf(kind, **args):

@@ -6,8 +6,8 @@ import pytest
 from py_trees.common import Status
 from standin import TICK, tick
 
-from palpate.errors import InputError
-from palpate.execution.build import build, leaves
+from palpate.common.errors import InputError
+from palpate.execution.leaf import build, leaves
 from palpate.planning.plan import Node, Plan, part_of
 
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from standin import StandIn
 
+from palpate.common.pose import Pose
 from palpate.execution.foresight import Foresight, difference, moved_by
-from palpate.geometry.pose import Pose
+from palpate.primitives.base import Blackboard, LeafFailure, Recorder
+from palpate.primitives.load import NOTHING, FingerLoad
+from palpate.primitives.state import SymbolicState
 from palpate.scene.load import parse_scene
-from palpate.vocabulary.base import Blackboard, LeafFailure, Recorder
-from palpate.vocabulary.load import NOTHING, Load
-from palpate.vocabulary.state import SymbolicState
 
 SCENE = parse_scene("""<mujoco><worldbody>
   <geom name="floor" type="plane" size="3 3 .1" pos="0 0 -.5"/>
@@ -34,7 +34,7 @@ HELD = replace(
 GRASPED = Foresight(widths={"tree": 0.060}, weights={"can": (1.5, 4.0)})
 
 
-def board(state: SymbolicState, width: float = 0.06, load: Load = NOTHING) -> Blackboard:
+def board(state: SymbolicState, width: float = 0.06, load: FingerLoad = NOTHING) -> Blackboard:
     robot = StandIn()
     robot.put(width=width)
     return Blackboard(robot, state, Recorder(robot), load=load)
@@ -45,7 +45,7 @@ def apart(one: Pose, other: Pose) -> float:
 
 
 def test_agreement_within_a_millimetre_corrects_nothing() -> None:
-    near = SCENE.body("can").pose_world.translated((0.0006, 0.0, -0.0006))
+    near = SCENE.body("can").pose_world.translate((0.0006, 0.0, -0.0006))
     assert difference(SymbolicState(SCENE), "can", near, TCP) is None
     assert moved_by(HELD, {}) is HELD
 
@@ -53,7 +53,7 @@ def test_agreement_within_a_millimetre_corrects_nothing() -> None:
 def test_a_thing_that_ended_elsewhere_is_believed_there() -> None:
     state, true = (
         SymbolicState(SCENE),
-        SCENE.body("can").pose_world.translated((0.004, -0.008, 0.0)),
+        SCENE.body("can").pose_world.translate((0.004, -0.008, 0.0)),
     )
     shift = difference(state, "can", true, TCP)
     assert shift is not None
@@ -64,14 +64,14 @@ def test_a_thing_that_ended_elsewhere_is_believed_there() -> None:
 
 def test_a_held_thing_is_corrected_in_the_hand_and_the_sag_of_the_arm_is_not() -> None:
     """The fingers centre the can by 8 mm; the arm sags by 5 mm."""
-    sagged = TCP.translated((0.0, 0.0, -0.005))
-    true = SCENE.body("can").pose_world.translated((0.0, 0.008, -0.005))
+    sagged = TCP.translate((0.0, 0.0, -0.005))
+    true = SCENE.body("can").pose_world.translate((0.0, 0.008, -0.005))
     shift = difference(HELD, "can", true, sagged)
     assert shift is not None
     after = moved_by(HELD, {"can": shift})
     assert after.pose_tcp_object is not None
     assert apart(after.pose_of("can"), TCP @ after.pose_tcp_object) < 1e-9
-    centred = SCENE.body("can").pose_world.translated((0.0, 0.008, 0.0))
+    centred = SCENE.body("can").pose_world.translate((0.0, 0.008, 0.0))
     assert apart(TCP @ after.pose_tcp_object, centred) < 1e-9
 
 
@@ -79,17 +79,17 @@ def test_a_held_thing_is_corrected_in_the_hand_and_the_sag_of_the_arm_is_not() -
 def test_a_correction_keeps_with_a_support_that_was_found_higher(rise: float) -> None:
     """A rehearsal knows the believed height, the run a measured one: the difference stays."""
     state = SymbolicState(SCENE)
-    true = SCENE.body("can").pose_world.translated((0.003, 0.0, 0.0))
+    true = SCENE.body("can").pose_world.translate((0.003, 0.0, 0.0))
     shift = difference(state, "can", true, TCP)
     assert shift is not None
-    raised = replace(state, moved={"can": state.pose_of("can").translated((0.0, 0.0, rise))})
+    raised = replace(state, moved={"can": state.pose_of("can").translate((0.0, 0.0, rise))})
     found = moved_by(raised, {"can": shift}).pose_of("can")
-    assert found.position == pytest.approx(true.translated((0.0, 0.0, rise)).position)
+    assert found.position == pytest.approx(true.translate((0.0, 0.0, rise)).position)
 
 
 def test_a_correction_is_in_the_frame_of_the_thing() -> None:
     state = SymbolicState(SCENE)
-    true = SCENE.body("can").pose_world.translated((0.004, 0.0, 0.0))
+    true = SCENE.body("can").pose_world.translate((0.004, 0.0, 0.0))
     shift = difference(state, "can", true, TCP)
     assert shift is not None
     here = state.pose_of("can")
@@ -121,7 +121,7 @@ def test_weights_of_all_worlds_count() -> None:
 
 @pytest.mark.parametrize("weight", [0.3, 3.0, 14.0])
 def test_a_grasp_as_rehearsed_goes_on(weight: float) -> None:
-    load = Load(np.zeros(6)).hung(np.array([0.0, 0.0, weight, 0.0, 0.0, 0.0]), TCP)
+    load = FingerLoad(np.zeros(6)).hung(np.array([0.0, 0.0, weight, 0.0, 0.0, 0.0]), TCP)
     assert GRASPED.settled("tree", board(HELD, 0.063, load)) is HELD
 
 
@@ -133,6 +133,6 @@ def test_a_grasp_as_rehearsed_goes_on(weight: float) -> None:
     ],
 )
 def test_what_was_not_rehearsed_stops_the_run(width: float, weight: float, said: str) -> None:
-    load = Load(np.zeros(6)).hung(np.array([0.0, 0.0, weight, 0.0, 0.0, 0.0]), TCP)
+    load = FingerLoad(np.zeros(6)).hung(np.array([0.0, 0.0, weight, 0.0, 0.0, 0.0]), TCP)
     with pytest.raises(LeafFailure, match=f"^not as rehearsed: .*{said}"):
         GRASPED.settled("tree", board(HELD, width, load))

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from py_trees.common import Status
 from standin import TICK, tick
 
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Pose
 from palpate.execution.leaf import PrimitiveLeaf
-from palpate.geometry.pose import Pose
-from palpate.parameter import Parameter
+from palpate.primitives.state import SymbolicState, merge_states
 from palpate.trace.recording import Context
-from palpate.vocabulary.state import SymbolicState, merged
 
 
 def make(words, blackboard, kind, **args):
@@ -186,7 +186,7 @@ def test_merging_one_change_gives_that_change(base, other):
         converted=base.converted | other.converted,
         buffers={**base.buffers, **other.buffers},
     )
-    result = merged(base, base, after)
+    result = merge_states(base, base, after)
     assert (result.at, result.holding, result.logged) == (after.at, after.holding, after.logged)
     assert result.converted == after.converted
     assert result.buffers == after.buffers
@@ -196,7 +196,7 @@ def test_merging_one_change_gives_that_change(base, other):
 def test_two_sensing_leaves_at_once_both_leave_their_mark(base, one, two):
     first = replace(base, buffers={**base.buffers, "a": one}, logged=(*base.logged, ("a", one)))
     second = replace(base, buffers={**base.buffers, "b": two}, logged=(*base.logged, ("b", two)))
-    both = merged(first, base, second)
+    both = merge_states(first, base, second)
     assert both.buffers == {**base.buffers, "a": one, "b": two}
     assert both.logged == (*base.logged, ("a", one), ("b", two))
 
@@ -205,7 +205,10 @@ def test_changes_of_another_leaf_meanwhile_stay():
     base = SymbolicState(None, gripper="closed")  # type: ignore[arg-type]
     now = replace(base, gripper="open")
     after = replace(base, at="home", pose_world_tcp=Pose.of((0, 0, 0)))
-    assert (merged(now, base, after).gripper, merged(now, base, after).at) == ("open", "home")
+    assert (merge_states(now, base, after).gripper, merge_states(now, base, after).at) == (
+        "open",
+        "home",
+    )
 
 
 def test_a_reflex_fails_the_motion_in_which_it_comes_and_no_later_one(words, blackboard, robot):

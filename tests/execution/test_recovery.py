@@ -9,25 +9,25 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from palpate import pipeline
-from palpate.cells.simulated import SimulatedCell
-from palpate.errors import Unavailable
+from palpate.common.errors import Unavailable
+from palpate.common.parameter import Parameter
 from palpate.execution import recovery
 from palpate.execution.recovery import ATTEMPTS, OnFailure, failed_at, recover, replan, resumable
 from palpate.execution.rehearsal import rehearse
 from palpate.execution.runner import Execution, run
-from palpate.parameter import Parameter
+from palpate.execution.simulated_cell import SimulatedCell
 from palpate.planning.plan import Node, Plan
 from palpate.planning.symbolic.planner import assemble
-from palpate.robots.registry import load_description
+from palpate.primitives.base import Blackboard, LeafFailure, Primitive, Steps
+from palpate.primitives.registry import Vocabulary, vocabulary
+from palpate.robots.owner import load_description
+from palpate.runs import pipeline
 from palpate.runs.run import Run
-from palpate.scene.load import parse_scene, rearranged
+from palpate.runs.settings import Settings
+from palpate.scene.load import parse_scene, rearrange
 from palpate.scene.scene import Scene
-from palpate.settings import Settings
 from palpate.trace.recording import Context, LeafRun
 from palpate.trace.samples import Samples, Trace
-from palpate.vocabulary.base import Blackboard, LeafFailure, Primitive, Steps
-from palpate.vocabulary.registry import Vocabulary, vocabulary
 
 CELL = """<mujoco><worldbody>
   <site name="robot_base"/>
@@ -282,7 +282,7 @@ def test_object_of_a_failed_leaf_is_found_under_any_node_prefix(scene: Scene, at
 
 def test_rearranged_scene_moves_the_object_and_its_grasp(scene: Scene) -> None:
     before = scene.body("dry").pose_world
-    moved = rearranged(scene, {"dry": before.translated([0.05, 0.0, 0.0])})
+    moved = rearrange(scene, {"dry": before.translate([0.05, 0.0, 0.0])})
     assert moved.body("dry").pose_world.position[0] == pytest.approx(0.55)
     assert moved.symbols.resolve("dry_pose").position[0] == pytest.approx(0.55, abs=1e-6)
     assert moved.body("wet").pose_world.position == pytest.approx(

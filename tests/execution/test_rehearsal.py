@@ -8,20 +8,20 @@ from collections.abc import Sequence
 import pytest
 from loopback import Loopback, Says
 
-from palpate import pipeline
+from palpate.common.parameter import Parameter
 from palpate.execution import rehearsal
-from palpate.execution.rehearsal import Pace, Rehearsal, rehearse
+from palpate.execution.rehearsal import Rehearsal, TimePrediction, rehearse
 from palpate.execution.runner import run
-from palpate.parameter import Parameter
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.plan import Node, Plan, dump_plan
 from palpate.planning.symbolic.planner import assemble
-from palpate.robots.owner.arm import as_measured
+from palpate.robots.owner import measured_arm
 from palpate.robots.simulated.robot import MujocoRobot
+from palpate.runs import pipeline
 from palpate.runs.run import Run
+from palpate.runs.settings import Settings
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
-from palpate.settings import Settings
 
 TABLE = """
 <mujoco>
@@ -152,15 +152,15 @@ def test_a_plan_whose_first_motions_foretell_too_long_a_run_is_refused_early(
 
 def test_a_plan_is_as_long_as_its_motions_of_each_kind() -> None:
     turns = ["MeasureForces", "CloseGripper", "OpenGripper"]
-    pace = Pace(sequence(150 * turns), 2.0)
+    pace = TimePrediction(sequence(150 * turns), 2.0)
     for turn in range(5):
         assert not pace.is_too_slow, "five of a kind are needed"
-        pace.ended(f"tree.children[{3 * turn + 1}]", 2.0 + 6.1 * (turn + 1))
+        pace.note_end(f"tree.children[{3 * turn + 1}]", 2.0 + 6.1 * (turn + 1))
     assert pace.is_too_slow
-    quick = Pace(sequence(140 * turns), 2.0)
-    quick.ended("stop", 2.0)
+    quick = TimePrediction(sequence(140 * turns), 2.0)
+    quick.note_end("stop", 2.0)
     for turn in range(20):
-        quick.ended(f"tree.children[{3 * turn + 1}]", 2.0 + 6.1 * (turn + 1))
+        quick.note_end(f"tree.children[{3 * turn + 1}]", 2.0 + 6.1 * (turn + 1))
     assert not quick.is_too_slow, "854 s, fewer than half as many again as may be"
 
 
@@ -189,7 +189,7 @@ def test_a_run_stops_where_something_that_no_scene_shows_is_in_the_thing() -> No
     stuck = '<geom type="box" pos="0 0 -.04" size=".01 .01 .01" mass="1.4"/></body>'
     world = scene(CAN.replace("</body>", stuck))
     plan = weighing(cell, "can")
-    robot = MujocoRobot(world.spec({}), world.pose_world_base, as_measured(world.arm))
+    robot = MujocoRobot(world.spec({}), world.pose_world_base, measured_arm(world.arm))
     foresight = rehearse(plan, cell, draws=0).foresight
     done = run(plan, cell, robot, noiseless=True, settled=foresight.settled)
     assert "MovePose(can_pose + z_offset): not as rehearsed: 'can' pulls" in str(done.stopped_by)

@@ -8,17 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from palpate.callbacks import RunCallbacks
+from palpate.common.pose import Pose
 from palpate.execution.foresight import Foresight
-from palpate.execution.rehearsal import Rehearsal
-from palpate.execution.rehearsed import FILE, keep_rehearsal, kept_rehearsal
-from palpate.geometry.pose import Pose
+from palpate.execution.rehearsal import FILE, Rehearsal, keep_rehearsal, kept_rehearsal
 from palpate.planning.plan import Node, Plan, dump_plan
+from palpate.runs.callbacks import RunCallbacks
+from palpate.runs.planning import rehearse
 from palpate.runs.run import Run
+from palpate.runs.settings import Settings
 from palpate.scene.load import parse_scene
 from palpate.scene.poses import Poses
-from palpate.settings import Settings
-from palpate.stages.planning import rehearse
 
 TEXT = """<mujoco><worldbody>
   <geom name="floor" type="plane" size="3 3 .1" pos="0 0 -.5"/>

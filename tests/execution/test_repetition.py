@@ -10,15 +10,15 @@ import pytest
 from performing import CELL, CUP, cell
 
 import palpate as pp
+from palpate.common.parameter import Parameter
 from palpate.estimation.estimate import Estimate
-from palpate.execution import repetition
-from palpate.execution.repetition import repeat
+from palpate.estimation.quantities.estimators import estimate_all
+from palpate.estimation.quantities.within import Within
+from palpate.execution import recovery as repetition
+from palpate.execution.recovery import repeat
 from palpate.execution.runner import Execution, run
-from palpate.parameter import Parameter
 from palpate.planning.plan import Plan
 from palpate.planning.symbolic.planner import SymbolicPlanner
-from palpate.quantities.estimators import estimate_all
-from palpate.quantities.within import Within
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.runs.run import Run
 from palpate.scene.scene import Scene

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from palpate.errors import InputError
+from palpate.common.errors import InputError
 from palpate.execution.leaf import PrimitiveLeaf
 from palpate.execution.recovery import resumable
 from palpate.execution.runner import run
 from palpate.planning.plan import Plan
-from palpate.vocabulary.sensing import FORCE_WINDOW
+from palpate.primitives.sensing import FORCE_WINDOW
 
 TABLE = 0.1
 """m: TCP height at which the cup stands on its support; it is also its grasp height."""

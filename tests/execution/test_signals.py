@@ -7,7 +7,7 @@ import pytest
 
 from palpate.execution.recovery import resumable
 from palpate.execution.runner import STOP_NODE, run
-from palpate.trace.soundness import sound
+from palpate.trace.samples import sound
 
 
 def test_a_fault_of_the_sensors_stops_the_run_and_nothing_is_let_go_of(

@@ -9,11 +9,11 @@ import pytest
 from faulty import Faulty
 
 from palpate.execution.runner import run
-from palpate.execution.stop import Held, unproven
+from palpate.execution.stop import HeldObject, unproven
 from palpate.planning.plan import Node, Plan
+from palpate.primitives.state import SymbolicState
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.scene.load import parse_scene
-from palpate.vocabulary.state import SymbolicState
 
 CELL = """<mujoco><worldbody>
 <body name="table" pos="0.5 0 0.05"><geom type="box" size="0.3 0.4 0.05"/></body>
@@ -99,7 +99,7 @@ def test_too_heavy_an_object_is_put_down():
     done, robot = execute(cup='mass="4"')
     assert "more than the payload of 3 kg" in str(done.stopped_by)
     assert done.trace.leaves[-1].message == "put cup down"
-    assert done.held == Held("cup", "put down")
+    assert done.held == HeldObject("cup", "put down")
     assert displacement(robot) < 0.005
 
 
@@ -107,7 +107,7 @@ def test_a_slippery_object_is_noticed_when_it_is_lost():
     done, robot = execute(cup='mass="1" priority="2" friction="0.05 0.005 0.0001"')
     assert "slip" in str(done.stopped_by)
     assert done.final_state.holding is None
-    assert done.held == Held("cup", "lost")
+    assert done.held == HeldObject("cup", "lost")
     assert "cup" not in done.final_state.moved, "the best guess is where it stood"
     assert str(done.stopped_by).endswith("is not in the fingers any more: see where it is")
     assert displacement(robot) < 0.01
@@ -159,7 +159,7 @@ def test_fingers_that_were_opening_on_its_support_have_put_it_down():
         return closed and robot.state.width > 0.065
 
     done, robot = execute(stop_when=opening)
-    assert (done.stopped_by, done.held) == ("stop requested", Held("cup", "put down"))
+    assert (done.stopped_by, done.held) == ("stop requested", HeldObject("cup", "put down"))
     assert done.final_state.moved["cup"].distance_to(SCENE.body("cup").pose_world) < 0.005
     assert displacement(robot) < 0.005
 
@@ -217,7 +217,7 @@ def test_an_object_that_would_tip_stays_in_the_fingers():
     assert done.stopped_by == "stop requested; the fingers still hold 'cup'"
     assert "would tip over the edge of 'table'" in done.trace.leaves[-1].message
     assert robot.state.gripping
-    assert done.held == Held("cup", "held")
+    assert done.held == HeldObject("cup", "held")
     assert robot.world.true_pose("cup").position[2] > 0.2
 
 
@@ -240,5 +240,5 @@ def test_a_thing_is_put_on_another_only_where_it_stood_on_it() -> None:
     state = SymbolicState(parse_scene(CELL.format(cup="", more=STACK)))
     found = state.pose_of("can")
     assert unproven(state, "can", found) is None
-    assert unproven(state, "can", found.translated((-0.04, 0, 0))) == "'plate' might tip under it"
-    assert unproven(state, "can", found.translated((0, 0.2, -0.02))) is None
+    assert unproven(state, "can", found.translate((-0.04, 0, 0))) == "'plate' might tip under it"
+    assert unproven(state, "can", found.translate((0, 0.2, -0.02))) is None

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from scipy.linalg.lapack import dposv
 
-from palpate.geometry.pose import Array
+from palpate.common.pose import Array
 from palpate.robots.description import RobotDescription
 
 GRAVITY = 9.81

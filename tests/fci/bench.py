@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from palpate.cells.simulated import SimulatedCell, simulated_cell
-from palpate.robots.owner.arm import known, unmeasured
+from palpate.execution.simulated_cell import SimulatedCell, simulated_cell
+from palpate.robots.owner import owner_arm, without_calibration_figures
 from palpate.robots.simulated.noise.model import Streams
 from palpate.robots.simulated.noise.models import noise_models
-from palpate.robots.simulated.noise.true_arm import Truth
+from palpate.robots.simulated.noise.true_arm import TrueArm
 from palpate.scene.load import load_scene
 
 from .believed import BelievedArm
@@ -61,7 +61,10 @@ class Workbench:
         self.cell: SimulatedCell = simulated_cell(scene, world, noise=setup.noise, seed=setup.seed)
         noise = noise_models().load(setup.noise, scene.arm)
         streams = Streams(setup.seed, setup.visit)
-        arm, truth = unmeasured(known(scene.arm, noise.datasheet)), Truth(noise.model, streams)
+        arm, truth = (
+            without_calibration_figures(owner_arm(scene.arm, noise.datasheet)),
+            TrueArm(noise.model, streams),
+        )
         spec = self.cell.world.spec(self.cell.drawn)
         q = None if setup.q is None else np.array(setup.q)
         self.plant = Plant(spec, self.cell.world.pose_world_base, arm, truth, q)

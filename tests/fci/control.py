@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from palpate.geometry.pose import Array
+from palpate.common.pose import Array
 from palpate.robots.simulated.timing import TIMESTEP
 
 from .believed import BelievedArm

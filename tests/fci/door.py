@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from palpate.parameter import Parameter
+from palpate.common.parameter import Parameter
 
 from .believed import Body
 from .bench import Workbench

@@ -7,13 +7,11 @@ import math
 import mujoco
 import numpy as np
 
-from palpate.errors import ExecutionAborted
-from palpate.geometry.pose import Array, Pose
-from palpate.robots.description import RobotDescription
-from palpate.robots.model import PREFIX
-from palpate.robots.simulated.gripper import LAG, STANDSTILL
-from palpate.robots.simulated.impedance import Gains
-from palpate.robots.simulated.noise.true_arm import Truth
+from palpate.common.errors import ExecutionAborted
+from palpate.common.pose import Array, Pose
+from palpate.robots.description import PREFIX, RobotDescription
+from palpate.robots.simulated.actuators import LAG, STANDSTILL, SpringGains
+from palpate.robots.simulated.noise.true_arm import TrueArm
 from palpate.robots.simulated.timing import BLOCK, PERIOD, TIMESTEP
 from palpate.robots.simulated.world import World
 
@@ -32,14 +30,14 @@ class Plant(World):
         spec: mujoco.MjSpec,
         pose_world_base: Pose,
         arm: RobotDescription,
-        truth: Truth,
+        truth: TrueArm,
         q: Array | None = None,
     ) -> None:
         """As a `World`, with the arm at rest at `q` (7,), rad; at home by default."""
         super().__init__(spec, pose_world_base, arm, truth)
         if q is not None:
             self._data.qpos[self._q] = q
-        self.actuators.set(Gains.of_torques(np.eye(7)))
+        self.actuators.set(SpringGains.of_torques(np.eye(7)))
         self.cycles, self._tcp, self._hand = 0, arm.tcp, arm.hand.body
         self.q, self.dq = self._data.qpos[self._q], self._data.qvel[self._v]
         self.motor, self.contact = (

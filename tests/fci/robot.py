@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.geometry.pose import Array
+from palpate.common.pose import Array
 from palpate.robots.description import RobotDescription
 from palpate.robots.simulated.timing import TIMESTEP
 

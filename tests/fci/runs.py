@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 import palpate as pp
-from palpate.robots.registry import load_description
-from palpate.scenarios.catalogue import scenario
+from palpate.robots.owner import load_description
+from palpate.studies.scenarios.catalogue import scenario
 
 from .served import ROOT, Served, files, served
 

@@ -10,10 +10,10 @@ import math
 
 import numpy as np
 
-from palpate.geometry.pose import Array
+from palpate.common.pose import Array
 from palpate.robots.description import RobotDescription
 from palpate.robots.nominal import RIDGE, wrench
-from palpate.robots.simulated.noise.disturbances import Motion
+from palpate.robots.simulated.noise.disturbances import LoggedMotion
 from palpate.robots.simulated.noise.model import JOINTS, NoiseModel, Streams
 from palpate.robots.simulated.noise.sensors import PAD_TIME, Encoders, Sensors
 from palpate.robots.simulated.readout import OBSERVER_TIME
@@ -69,7 +69,7 @@ class Sensing:
         self.q = plant.q + off
         believed.update(self.q, self.dq, self.dq)
         place = believed.O_T_EE[None, :3, 3]
-        start = Motion(self.q[None], np.zeros((1, 7)), believed.jacobian, place)
+        start = LoggedMotion(self.q[None], np.zeros((1, 7)), believed.jacobian, place)
         self.tau = believed.gravity.copy()
         self._sensors.zero(self._bearing, self.tau, start)
 
@@ -96,7 +96,7 @@ class Sensing:
             q += self._bent()
         if self._fine.any():
             q += self._fine * self._blur.standard_normal(JOINTS)
-        q = self._encoders.quantised(q)
+        q = self._encoders.quantise_angles(q)
         off = q - plant.q
         self.q, self.dq = q, plant.dq + (off - self._late[self._cycle % BLOCK]) / PERIOD
         self._late[self._cycle % BLOCK] = off
@@ -112,7 +112,7 @@ class Sensing:
         self._sums[:] = 0.0
         believed = self._believed
         position = believed.O_T_EE[None, :3, 3]
-        motion = Motion(q[None], dq[None], believed.jacobian, position)
+        motion = LoggedMotion(q[None], dq[None], believed.jacobian, position)
         shown, arrived, _ = self._sensors.measure(torque[None], motion)
         if arrived is None or arrived[0]:
             self._deviation = shown[0] - torque

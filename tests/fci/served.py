@@ -14,7 +14,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from palpate.scenarios.catalogue import scenario
+from palpate.studies.scenarios.catalogue import scenario
 
 from .bench import Setup
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from palpate.geometry.pose import Array
+from palpate.common.pose import Array
 from palpate.robots.simulated.noise.model import Streams
 from palpate.robots.simulated.noise.models import noise_models
 

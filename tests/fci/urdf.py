@@ -11,7 +11,7 @@ from xml.sax.saxutils import quoteattr
 import mujoco
 import numpy as np
 
-from palpate.geometry.pose import Array
+from palpate.common.pose import Array
 from palpate.robots.description import RobotDescription
 
 from .believed import BelievedArm

@@ -7,11 +7,11 @@ import difflib
 import numpy as np
 import pytest
 
-from palpate.estimation.estimate import Estimate, Part
-from palpate.parameter import Parameter
+from palpate.common.parameter import Parameter
+from palpate.estimation.estimate import Estimate, FurtherValue
 from palpate.planning.plan import Node, Plan
-from palpate.report.data import Measured, ParameterRow, ReportData
-from palpate.trace.recording import Context, Conversion, Hand, LeafRun, Recording
+from palpate.runs.report.data import EstimateWithTruth, ParameterRow, ReportData
+from palpate.trace.recording import Context, Conversion, LeafRun, NominalHand, Recording
 from palpate.trace.samples import FORCES, POSE, Samples, Trace
 
 MASS, HEIGHT = Parameter("bottle", "mass"), Parameter("table", "height")
@@ -34,7 +34,7 @@ STEPS = (
     ("Pose2Height", {}, 0.1),
     ("MoveJoints", {"joints": "home_config"}, 4.2),
 )
-HAND = Hand(
+HAND = NominalHand(
     tip_offset=0.009,
     force_repeatability=0.15,
     torque_gain=0.01,
@@ -129,7 +129,7 @@ def make_estimates(trace: Trace) -> tuple[Estimate, ...]:
         ((0.2525, 0.2557),),
         "Mean vertical force while held still, less the empty hand's at the same pose, over g.",
         (weigh,),
-        parts={"single-shot": Part(0.262, 0.02)},
+        parts={"single-shot": FurtherValue(0.262, 0.02)},
     )
     height = Estimate(
         HEIGHT,
@@ -179,7 +179,7 @@ def make_data() -> ReportData:
             ParameterRow("bottle", "friction", "known", True, (0.7,)),
             ParameterRow("bottle", "com", "assumed", False),
         ),
-        measured=(Measured(mass, (0.254,)), Measured(height, (0.765,))),
+        measured=(EstimateWithTruth(mass, (0.254,)), EstimateWithTruth(height, (0.765,))),
         trace=trace,
         robot_seconds=31.0,
         total_seconds=4.2,

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from palpate.geometry.pose import Pose
+from palpate.common.pose import Pose
 from palpate.robots.nominal import NominalArm
-from palpate.robots.registry import load_description
+from palpate.robots.owner import load_description
 
 ARM = load_description()
 BASE = Pose.of((0.1, -0.2, 0.3), (np.cos(0.4), 0.0, 0.0, np.sin(0.4)))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.robots.description import RobotDescription
-from palpate.trace.log import ArmLog
+from palpate.trace.recording import ArmLog
 
 Array = NDArray[np.float64]
 COULOMB = np.array([0.5, 0.4, 0.3, 0.25, 0.35, 0.25, 0.15])

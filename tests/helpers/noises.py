@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from palpate.geometry.pose import Array, Pose
+from palpate.common.pose import Array, Pose
 from palpate.robots.nominal import NominalArm
-from palpate.robots.registry import load_description
-from palpate.robots.simulated.noise.disturbances import Motion
+from palpate.robots.owner import load_description
+from palpate.robots.simulated.noise.disturbances import LoggedMotion
 from palpate.robots.simulated.noise.model import NoiseModel, Streams
 from palpate.robots.simulated.noise.sensors import Sensors
 
@@ -24,12 +24,12 @@ def model(**sections: Any) -> NoiseModel:
     return NoiseModel.model_validate(sections)
 
 
-def moving(count: int, rate: float | Array = 0.0, position: Array | None = None) -> Motion:
+def moving(count: int, rate: float | Array = 0.0, position: Array | None = None) -> LoggedMotion:
     """`count` log periods at a constant rate (rad/s) of every joint, from home on."""
     dq = np.broadcast_to(rate, (count, 7)).astype(float)
     q = ARM.home + np.cumsum(dq, axis=0) * 0.005
     place = np.zeros((count, 3)) if position is None else position
-    return Motion(q, dq, JACOBIAN, place)
+    return LoggedMotion(q, dq, JACOBIAN, place)
 
 
 def sensors(noise: NoiseModel, seed: int = 0) -> Sensors:

@@ -9,16 +9,16 @@ from typing import Any
 
 import pytest
 
+from palpate.common.pose import Array
 from palpate.execution.runner import Execution, run
-from palpate.geometry.pose import Array
 from palpate.planning.plan import Node, Plan
+from palpate.primitives.base import Primitive
+from palpate.primitives.registry import vocabulary
+from palpate.primitives.state import SymbolicState
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Recording
-from palpate.vocabulary.base import Primitive
-from palpate.vocabulary.registry import vocabulary
-from palpate.vocabulary.state import SymbolicState
 
 CELL = """<mujoco><worldbody>
   <site name="robot_base"/>

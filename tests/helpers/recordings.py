@@ -14,14 +14,14 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from palpate.geometry.pose import Array, Pose
-from palpate.trace.recording import Activity, Context, Conversion, Hand, LeafRun, Recording
+from palpate.common.pose import Array, Pose
+from palpate.trace.recording import Activity, Context, Conversion, LeafRun, NominalHand, Recording
 from palpate.trace.samples import FORCES, POSE, Samples, Trace
 
 DT = 0.01
 STIFFNESS = 1200.0
 APPARENT = 3.5
-HAND = Hand(
+HAND = NominalHand(
     tip_offset=0.009,
     force_repeatability=0.15,
     torque_gain=0.01,
@@ -322,7 +322,7 @@ class Bench:
             )
         )
 
-    def trace(self, hand: Hand = HAND) -> Trace:
+    def trace(self, hand: NominalHand = HAND) -> Trace:
         """Everything so far."""
         t, position, target, velocity, wrench, width = (
             np.array(column) for column in zip(*self.rows, strict=True)

@@ -12,22 +12,21 @@ import pytest
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from palpate.geometry.pose import Pose
+from palpate.common.pose import Pose
 from palpate.planning.plan import Node, Plan
+from palpate.primitives.base import Blackboard, LeafFailure, Primitive, Recorder
+from palpate.primitives.registry import COMPOSITES, Vocabulary
+from palpate.primitives.sensing import MeasureForces, MeasureGripperPose
+from palpate.primitives.state import SymbolicState, Violation
 from palpate.robots.description import Limits
-from palpate.robots.reflex import Reflex
-from palpate.robots.registry import load_description
+from palpate.robots.owner import load_description
 from palpate.robots.robot import RobotState
 from palpate.robots.safety import Expectation
+from palpate.robots.sheet import Reflex
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
-from palpate.trace.recording import Hand
+from palpate.trace.recording import NominalHand
 from palpate.trace.samples import Samples
-from palpate.vocabulary.base import Blackboard, LeafFailure, Primitive, Recorder
-from palpate.vocabulary.registry import COMPOSITES, Vocabulary
-from palpate.vocabulary.sensing import MeasureForces, MeasureGripperPose
-from palpate.vocabulary.state import SymbolicState
-from palpate.vocabulary.violation import Violation
 
 LIMITS = Limits(
     q_min=np.full(7, -3.0),
@@ -75,7 +74,7 @@ class StandIn:
     """
 
     limits = LIMITS
-    hand = Hand(0.009, 0.15, 0.01, 0.0001)
+    hand = NominalHand(0.009, 0.15, 0.01, 0.0001)
     gravity = 9.81
 
     def __init__(self) -> None:
@@ -122,7 +121,7 @@ class StandIn:
         self.put(moving=True)
 
     def move_axis(self, direction: Any, speed: float, travel: float) -> None:
-        self.move_pose(self.state.pose_world_tcp.translated(travel * np.asarray(direction)), speed)
+        self.move_pose(self.state.pose_world_tcp.translate(travel * np.asarray(direction)), speed)
         self.calls[-1] = ("move_axis", tuple(direction))
 
     def open_gripper(self) -> None:

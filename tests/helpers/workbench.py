@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from functools import cache
 
-from palpate.parameter import Parameter
+from palpate.common.parameter import Parameter
 from palpate.planning.plan import Node, Plan
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene

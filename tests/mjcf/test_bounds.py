@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from palpate.errors import InputError
+from palpate.common.errors import InputError
 from palpate.mjcf import bounds
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.scene import Scene

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from palpate.mjcf.defaults import Defaults
+from palpate.mjcf.elements import Defaults
 from palpate.mjcf.reading import parse_document
 
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import mujoco
 import pytest
 
-from palpate.errors import InputError
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter
 from palpate.mjcf.document import MAX_BYTES, MAX_DEPTH, with_tokens
 from palpate.mjcf.reading import is_too_wide, parse_document, read_document
-from palpate.parameter import Parameter
 from palpate.scene.load import load_scene, scene_from_text
 from palpate.scene.remarks import remarks
 from palpate.twin.inject import inject

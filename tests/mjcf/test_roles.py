@@ -7,14 +7,14 @@ from pathlib import Path
 import mujoco
 import pytest
 
-from palpate.errors import InputError
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter
 from palpate.mjcf.reading import parse_document
 from palpate.mjcf.roles import find_roles
-from palpate.parameter import Parameter
 from palpate.scene.load import parse_scene
 from palpate.scene.remarks import remarks
 from palpate.scene.scene import Scene
-from palpate.twin.inject import inject, unfilled
+from palpate.twin.inject import inject, unfilled_unknowns
 
 
 def scene(world: str, before: str = "", after: str = "") -> Scene:
@@ -352,7 +352,7 @@ def test_the_position_of_a_copy_cannot_be_measured() -> None:
 def test_an_inertial_without_its_mass_is_completed() -> None:
     unweighed = INERTIAL.replace(' mass="0.2"', "")
     text = f"<mujoco><worldbody>{cup('', unweighed)}</worldbody></mujoco>"
-    assert unfilled(text) == [Parameter("cup", "mass")]
+    assert unfilled_unknowns(text) == [Parameter("cup", "mass")]
     twin = inject(text, {Parameter("cup", "mass"): (0.25,)})
     assert mujoco.MjModel.from_xml_string(twin).body("cup").mass[0] == pytest.approx(0.25)
 

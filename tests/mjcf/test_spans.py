@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from palpate.errors import InputError
-from palpate.mjcf.spans import (
-    Change,
-    changed,
+from palpate.common.errors import InputError
+from palpate.mjcf.edits import TextChange as Change
+from palpate.mjcf.edits import (
+    apply_changes,
     first_child,
     inline_includes,
     remove_attribute,
@@ -38,7 +38,7 @@ def test_tags_are_found_byte_for_byte() -> None:
 
 def test_attributes_are_set_added_and_removed() -> None:
     tags = scan(TEXT)
-    text = changed(
+    text = apply_changes(
         TEXT,
         [
             set_attribute(tags[1], "a", "it's <2>"),
@@ -54,15 +54,15 @@ def test_attributes_are_set_added_and_removed() -> None:
 
 def test_a_first_child_is_indented_like_the_next() -> None:
     tags = scan(TEXT)
-    assert "<mujoco>\n  <new/>\n  <Größe" in changed(
+    assert "<mujoco>\n  <new/>\n  <Größe" in apply_changes(
         TEXT, [first_child(TEXT.encode(), tags[0], "<new/>")]
     )
-    assert "<c><new/><d/>" in changed(TEXT, [first_child(TEXT.encode(), tags[2], "<new/>")])
+    assert "<c><new/><d/>" in apply_changes(TEXT, [first_child(TEXT.encode(), tags[2], "<new/>")])
 
 
 def test_overlapping_changes_are_refused() -> None:
     with pytest.raises(InputError, match="overlap"):
-        changed("abcdef", [Change(0, 4, "x"), Change(2, 5, "y")])
+        apply_changes("abcdef", [Change(0, 4, "x"), Change(2, 5, "y")])
 
 
 def test_includes_are_inlined_recursively(tmp_path: Path) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 import palpate as pp
-from palpate.errors import InputError
-from palpate.planning.measure import named_parameters
+from palpate.common.errors import InputError
+from palpate.planning.planner import named_parameters
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
 

@@ -6,9 +6,9 @@ from __future__ import annotations
 import pytest
 from workbench import bench
 
-from palpate.parameter import Parameter
-from palpate.planning.check.case import Finding
+from palpate.common.parameter import Parameter
 from palpate.planning.check.check import check
+from palpate.planning.check.finding import Finding
 from palpate.planning.plan import Node, Plan
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene

@@ -3,12 +3,12 @@ trace."""
 
 import pytest
 
-from palpate import pipeline
 from palpate.planning.check.check import check
-from palpate.planning.recorded import load_proposal
+from palpate.planning.registry import load_proposal
+from palpate.runs import pipeline
 from palpate.runs.run import Run
-from palpate.scenarios.catalogue import scenario
-from palpate.studies.planners.judgement import objection
+from palpate.studies.judgement import objection
+from palpate.studies.scenarios.catalogue import scenario
 
 FIGURES = {"bottle_and_table": 17, "one_missing_mass": 12, "friction": 15, "hammer": 28}
 """Scenario, and how many actions its tree has."""
@@ -17,7 +17,7 @@ FIGURES = {"bottle_and_table": 17, "one_missing_mass": 12, "friction": 15, "hamm
 @pytest.mark.parametrize("name", FIGURES)
 def test_the_papers_tree_passes_the_check_and_acquires_exactly_what_is_asked(name: str) -> None:
     task = scenario(name)
-    settings = task.settings(noise="none").checked()
+    settings = task.settings(noise="none").check_values()
     scene = pipeline.load(settings)
     plan = load_proposal(task.folder / "plans" / "paper.json").plan
     assert scene is not None

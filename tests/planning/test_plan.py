@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from palpate.errors import InputError
-from palpate.parameter import Parameter
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter
 from palpate.planning.plan import Node, Plan, dump_plan, parse_plan, plan_from, plan_json
 
 TREE = {

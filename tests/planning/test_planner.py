@@ -12,11 +12,10 @@ from pathlib import Path
 import pytest
 from workbench import BOTTLE, bench
 
-from palpate.errors import InputError
+from palpate.common.errors import InputError
 from palpate.planning.model.provider import PROVIDERS
 from palpate.planning.planner import PlannerKind, PlannerSettings
-from palpate.planning.recorded import ReplayPlanner
-from palpate.planning.registry import Planners, planners
+from palpate.planning.registry import Planners, ReplayPlanner, planners
 from palpate.planning.symbolic.planner import SymbolicPlanner
 
 OWN = '''
@@ -24,7 +23,7 @@ OWN = '''
 
 from palpate.planning.planner import PlannerKind
 from palpate.planning.plan import Plan
-from palpate.planning.recorded import ReplayPlanner
+from palpate.planning.registry import ReplayPlanner
 from palpate.planning.symbolic.planner import SymbolicPlanner
 
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from workbench import BOTTLE, bench, plan, sequence, weigh
 
-from palpate.errors import InputError
+from palpate.common.errors import InputError
 from palpate.planning.model.conversation import Answer, Conversation, Round
 from palpate.planning.plan import dump_plan
-from palpate.planning.recorded import ReplayPlanner, load_proposal, plan_file
+from palpate.planning.registry import ReplayPlanner, load_proposal, plan_file
 
 WEIGHED = plan(sequence(*weigh("bottle")), "bottle.mass")
 

@@ -3,11 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from palpate.geometry.pose import Pose
-from palpate.robots.accuracy import mistaken_force, unexplained_torque
+from palpate.common.pose import Pose
 from palpate.robots.nominal import wrench
-from palpate.robots.pace import configuration, jacobian
-from palpate.robots.registry import load_description
+from palpate.robots.owner import load_description
+from palpate.robots.pace import configuration, jacobian, mistaken_force, unexplained_torque
 
 ARM = load_description()
 DOWN = np.array([0.0, 1.0, 0.0, 0.0])

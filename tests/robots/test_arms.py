@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from own_arm import write_arm
 
-from palpate import pipeline
 from palpate.estimation.estimate import Estimate
+from palpate.runs import pipeline
 from palpate.runs.run import Run
-from palpate.scenarios.catalogue import scenario
+from palpate.studies.scenarios.catalogue import scenario
 
 PANDA = """like: fr3
 label: Franka Emika Panda of MuJoCo Menagerie
@@ -30,7 +30,7 @@ hand:
 
 
 def measured(name: str, arm: str) -> Run:
-    settings = scenario(name).settings(arm=arm, noise="lab", seed=0).checked()
+    settings = scenario(name).settings(arm=arm, noise="lab", seed=0).check_values()
     made = pipeline.plan(settings, pipeline.load(settings))
     assert made.findings == ()
     return pipeline.measure(made)

@@ -12,9 +12,9 @@ import pytest
 from installed import install
 from own_arm import SHEET, write_arm
 
-from palpate.errors import InputError
-from palpate.robots.model import neighbours
-from palpate.robots.registry import arms, load_description
+from palpate.common.errors import InputError
+from palpate.robots.description import neighbours
+from palpate.robots.owner import arms, load_description
 from palpate.scene.load import parse_scene
 
 

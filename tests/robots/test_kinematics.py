@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from palpate.geometry.pose import Pose
+from palpate.common.pose import Pose
 from palpate.robots.kinematics import (
     LIMIT_MARGIN,
     inverse_kinematics,
@@ -17,7 +17,7 @@ from palpate.robots.kinematics import (
     too_far,
     within_joint_limits,
 )
-from palpate.robots.registry import load_description
+from palpate.robots.owner import load_description
 
 ARM = load_description()
 HOME = ARM.home

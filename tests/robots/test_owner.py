@@ -11,16 +11,22 @@ import numpy as np
 import pytest
 
 import palpate as pp
-from palpate.errors import InputError
-from palpate.estimation.load.observation import gain_root
-from palpate.geometry.pose import Array, Pose
+from palpate.common.errors import InputError
+from palpate.common.pose import Array, Pose
+from palpate.estimation.wrench_observation import gain_root
 from palpate.robots.nominal import NominalArm
-from palpate.robots.owner.arm import as_measured, calibrated
-from palpate.robots.owner.config import Gains, Lean, RobotConfig, Value, read_config, write_config
-from palpate.robots.registry import load_description
+from palpate.robots.owner import apply_calibration, load_description, measured_arm
+from palpate.robots.robot_config import (
+    Lean,
+    RobotConfig,
+    SensorGains,
+    Value,
+    read_config,
+    write_config,
+)
 from palpate.robots.simulated.robot import MujocoRobot
+from palpate.runs.settings import Settings, request_json, settings_from
 from palpate.scene.poses import Poses, seen_by
-from palpate.settings import Settings, request_json, settings_from
 
 ARM = load_description()
 DOWN = np.array([0.0, 0.0, -9.81])
@@ -54,7 +60,7 @@ def written(folder: Path, text: str = EVERYTHING) -> Path:
 
 
 def test_the_camera_stands_beside_the_arm_where_no_poses_have_one(tmp_path: Path) -> None:
-    arm = calibrated(ARM, read_config(written(tmp_path)))
+    arm = apply_calibration(ARM, read_config(written(tmp_path)))
     base = Pose.of((0.0, 0.5, 0.7), (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)))
     camera = seen_by(Poses(), arm, base).camera
     assert camera is not None
@@ -95,12 +101,12 @@ def test_the_same_file_is_the_same_arm(tmp_path: Path) -> None:
 
 
 def test_a_weighed_hand_is_in_the_nominal_arm(tmp_path: Path) -> None:
-    arm = calibrated(ARM, read_config(written(tmp_path)))
+    arm = apply_calibration(ARM, read_config(written(tmp_path)))
     config = replace_mass(read_config(written(tmp_path)), 0.9)
     here = ARM.home[None]
     light, heavy = (
         NominalArm(one, Pose.of([0, 0, 0]), DOWN).kinematics(here).gravity_torque[0]
-        for one in (arm, calibrated(ARM, config))
+        for one in (arm, apply_calibration(ARM, config))
     )
     lever = NominalArm(ARM, Pose.of([0, 0, 0]), DOWN).jacobian(ARM.home)[2]
     assert heavy - light == pytest.approx(0.1 * 9.81 * lever, abs=0.02)
@@ -140,7 +146,7 @@ def test_an_invalid_robot_yaml_is_refused_with_its_key(
 ) -> None:
     path = written(tmp_path, text)
     with pytest.raises(InputError) as told:
-        Settings(scene=tmp_path / "scene.xml", robot_config=path).checked()
+        Settings(scene=tmp_path / "scene.xml", robot_config=path).check_values()
     assert str(path) in str(told.value)
     for word in words:
         assert word in str(told.value)
@@ -148,7 +154,7 @@ def test_an_invalid_robot_yaml_is_refused_with_its_key(
 
 def test_a_missing_robot_yaml_is_named() -> None:
     with pytest.raises(InputError, match=r"cannot read nowhere\.yaml"):
-        Settings(scene=Path("scene.xml"), robot_config=Path("nowhere.yaml")).checked()
+        Settings(scene=Path("scene.xml"), robot_config=Path("nowhere.yaml")).check_values()
 
 
 def test_a_written_robot_yaml_reads_the_same(tmp_path: Path) -> None:
@@ -203,9 +209,9 @@ def felt(arm: MujocoRobot) -> Array:
 def test_measured_gains_are_corrected(tmp_path: Path) -> None:
     gains = [0.0, 0.03, 0.0, -0.02, 0.0, 0.0, 0.0]
     hidden = f"torque: {{gain_max: {{fixed: {gains}}}}}"
-    config = RobotConfig(torque_gain=Gains(value=np.array(gains), std=np.full(7, 1e-4)))
+    config = RobotConfig(torque_gain=SensorGains(value=np.array(gains), std=np.full(7, 1e-4)))
     plain = felt(robot(ARM, tmp_path, hidden))
-    right = felt(robot(calibrated(ARM, config), tmp_path, hidden))
+    right = felt(robot(apply_calibration(ARM, config), tmp_path, hidden))
     assert np.abs(plain).max() > 0.1
     assert np.abs(right).max() < 5e-3
 
@@ -213,8 +219,8 @@ def test_measured_gains_are_corrected(tmp_path: Path) -> None:
 def test_estimators_know_the_gains_remaining_errors() -> None:
     rng = np.random.default_rng(0)
     root = 1e-3 * rng.standard_normal((7, 7))
-    config = RobotConfig(torque_gain=Gains(value=np.full(7, 0.25), covariance=root @ root.T))
-    hand = calibrated(ARM, config).nominal
+    config = RobotConfig(torque_gain=SensorGains(value=np.full(7, 0.25), covariance=root @ root.T))
+    hand = apply_calibration(ARM, config).nominal
     left = gain_root(hand, 7)
     assert left @ left.T == pytest.approx(root @ root.T / 1.25**2)
     assert hand.torque_gain == pytest.approx(np.sqrt(3 * (left @ left.T).diagonal().max()))
@@ -226,7 +232,9 @@ def test_estimators_know_the_gains_remaining_errors() -> None:
 def test_the_world_keeps_its_truth_under_a_wrong_robot_yaml(tmp_path: Path) -> None:
     hidden = "model: {tip_offset: {fixed: 3e-4}}"
     config = RobotConfig(tip_offset=Value(value=0.02, std=1e-5))
-    plain, believed = (robot(arm, tmp_path, hidden) for arm in (ARM, calibrated(ARM, config)))
+    plain, believed = (
+        robot(arm, tmp_path, hidden) for arm in (ARM, apply_calibration(ARM, config))
+    )
     assert believed.hand.tip_offset == 0.02
     assert believed.world.model.geom_pos == pytest.approx(plain.world.model.geom_pos)
 
@@ -235,7 +243,7 @@ def test_a_measured_lean_is_in_the_reported_pose(tmp_path: Path) -> None:
     """dz = r_x y - r_y x, of a base at the origin; the hand is half a metre ahead."""
     config = RobotConfig(base_lean=Lean(value=np.array([0.0, 2e-3]), std=np.zeros(2)))
     plain, leaning = (
-        robot(arm, tmp_path, "name: perfect") for arm in (ARM, calibrated(ARM, config))
+        robot(arm, tmp_path, "name: perfect") for arm in (ARM, apply_calibration(ARM, config))
     )
     here, there = plain.state.pose_world_tcp.position, leaning.state.pose_world_tcp.position
     assert there[2] - here[2] == pytest.approx(-2e-3 * here[0], rel=1e-2)
@@ -244,7 +252,7 @@ def test_a_measured_lean_is_in_the_reported_pose(tmp_path: Path) -> None:
 
 
 def test_a_prediction_uses_the_measured_figures(tmp_path: Path) -> None:
-    arm = as_measured(calibrated(ARM, read_config(written(tmp_path))))
+    arm = measured_arm(apply_calibration(ARM, read_config(written(tmp_path))))
     assert arm.tip == 0.0095
     assert np.abs(felt(robot(arm, tmp_path, "name: perfect"))).max() < 5e-3
 
@@ -264,5 +272,5 @@ def test_another_visit_is_the_same_robot_with_other_noise(tmp_path: Path) -> Non
 
 
 def test_an_empty_robot_yaml_leaves_the_arm_as_described(tmp_path: Path) -> None:
-    arm = calibrated(ARM, read_config(written(tmp_path, "name: Fritz")))
+    arm = apply_calibration(ARM, read_config(written(tmp_path, "name: Fritz")))
     assert replace(arm, config=None, described=None).nominal == ARM.nominal

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from palpate.geometry.pose import Array, Pose
+from palpate.common.pose import Array, Pose
 from palpate.robots.nominal import NominalArm
+from palpate.robots.owner import arms, load_description
 from palpate.robots.pace import contact_speed, free_speed, free_speeds, guided_mass, joint_rates
-from palpate.robots.registry import arms, load_description
 
 ARM = load_description()
 NOMINAL = NominalArm(ARM, Pose.of((0, 0, 0)), np.zeros(3))

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from palpate.geometry.pose import Pose
-from palpate.robots.accuracy import unexplained_torque
-from palpate.robots.nominal import NominalArm, unexplained
-from palpate.robots.reflex import Links, Reflex
-from palpate.robots.registry import arms
+from palpate.common.pose import Pose
+from palpate.robots.nominal import NominalArm, explain_torque
+from palpate.robots.owner import arms
+from palpate.robots.pace import unexplained_torque
+from palpate.robots.sheet import Links, Reflex
 
 
 def wrench(*force: float, torque: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:
@@ -67,18 +67,18 @@ def test_a_force_at_the_hand_leaves_nothing_unexplained_and_one_on_a_link_does()
     arm = arms().load("fr3")
     nominal = NominalArm(arm, Pose.of((0.0, 0.0, 0.0)), np.zeros(3))
     jacobian = nominal.jacobian(arm.home + np.array([0.3, 0.2, -0.4, 0.1, 0.3, -0.2, 0.1])).copy()
-    left, force = unexplained(jacobian, jacobian[:3].T @ np.array([10.0, -5.0, 20.0]))
+    left, force = explain_torque(jacobian, jacobian[:3].T @ np.array([10.0, -5.0, 20.0]))
     assert left < 1e-6
     assert force == pytest.approx(np.sqrt(525.0), rel=1e-6)
     on_elbow = nominal.elbow_jacobian().T @ np.array([10.0, -30.0, 20.0])
-    left, force = unexplained(jacobian, on_elbow)
-    assert Links(unexplained_torque(arm), 0.1).met(left, force) is not None
+    left, force = explain_torque(jacobian, on_elbow)
+    assert Links(unexplained_torque(arm), 0.1).stop_reason(left, force) is not None
 
 
 def test_a_moment_within_the_lever_of_the_force_is_the_hands() -> None:
     links = Links(torque=2.0, lever=0.1)
-    assert links.met(2.9, 10.0) is None
-    assert links.met(3.1, 10.0) == (
+    assert links.stop_reason(2.9, 10.0) is None
+    assert links.stop_reason(3.1, 10.0) == (
         "unexpected contact: a link met something: its joints bear 3.1 N m that no "
         "force on the hand explains, more than 3.0 N m"
     )

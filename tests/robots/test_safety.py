@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from palpate.geometry.pose import Pose
+from palpate.common.pose import Pose
 from palpate.robots.description import Limits
-from palpate.robots.registry import load_description
+from palpate.robots.owner import load_description
 from palpate.robots.robot import RobotState
 from palpate.robots.safety import Expectation, violation
 
@@ -91,7 +91,7 @@ def test_an_arm_at_rest_is_safe_whatever_is_expected():
         ({"tau": vector(7, _1=-80.5)}, r"joint 2 bears 80\.5 N m, more than 80 N m"),
         ({"twist": vector(6, _1=0.6)}, r"the TCP moves at 0\.60 m/s, more than 0\.50 m/s"),
         (
-            {"target_world_tcp": POSE.translated((0, 0, -0.05))},
+            {"target_world_tcp": POSE.translate((0, 0, -0.05))},
             "the TCP is 50 mm from where it is commanded",
         ),
         ({"t": 10.5}, "sensor data is 520 ms old, more than 100 ms"),
@@ -110,7 +110,7 @@ def test_a_violation_names_its_figures(changes, reason):
 
 
 def test_the_workspace_box_belongs_to_the_base():
-    high = POSE.translated((0.0, 0.0, 0.9))
+    high = POSE.translate((0.0, 0.0, 0.9))
     outside = state(pose_world_tcp=high, target_world_tcp=high)
     found = violation(outside, LIMITS, FREE)
     assert found is not None

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from faulty import Faulty, stuck
 
-from palpate.geometry.pose import Pose
-from palpate.robots.registry import load_description
+from palpate.common.pose import Pose
+from palpate.robots.owner import load_description
 from palpate.robots.robot import RobotState
 from palpate.robots.safety import Expectation, violation
-from palpate.robots.sense.watched import Watched
 from palpate.robots.simulated.robot import MujocoRobot
+from palpate.robots.watched import Watched
 from palpate.trace.samples import Samples
 
 ARM = load_description()
@@ -45,7 +45,7 @@ def moving(faulty: Any, seconds: float = 2.0) -> Watched:
     """The robot after a straight motion, at the first fault or in the end."""
     watched = Watched(faulty, ARM)
     list(ticked(watched, 0.3))
-    ahead = watched.state.pose_world_tcp.translated(np.array([0.05, 0.05, -0.1]))
+    ahead = watched.state.pose_world_tcp.translate(np.array([0.05, 0.05, -0.1]))
     watched.move_pose(ahead, 0.1)
     for state in ticked(watched, seconds):
         if state.fault:
@@ -99,7 +99,7 @@ FAULTS = {
     "time (stands|leaps)": {"state": lambda first, now: replace(now, t=first.t, stamp=first.stamp)},
     "the pose jumps": every(
         lambda now: replace(
-            now, pose_world_tcp=now.pose_world_tcp.translated(np.array([0.0, 0.1, 0.0]))
+            now, pose_world_tcp=now.pose_world_tcp.translate(np.array([0.0, 0.1, 0.0]))
         )
     ),
     "impossible width": every(lambda now: replace(now, width=0.2)),

@@ -7,34 +7,34 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from palpate.geometry.pose import Pose
+from palpate.common.pose import Pose
 from palpate.robots.trajectory import (
     SWING_PEAK,
-    Motion,
-    Path,
+    MotionState,
     PosePath,
+    PositionPath,
     Stretch,
     quintic,
+    rotate_quaternion,
     rotation_vector,
     still,
     stop,
     straight,
     swing,
-    turned,
 )
 
 ZERO = np.zeros(3)
 
 
-def rest(*p: float) -> Motion:
-    return Motion(np.array(p), np.zeros(len(p)), np.zeros(len(p)))
+def rest(*p: float) -> MotionState:
+    return MotionState(np.array(p), np.zeros(len(p)), np.zeros(len(p)))
 
 
 def steadily(speed: float) -> list[Stretch]:
     return [Stretch(1.0, speed)]
 
 
-def finely(path: Path, step: float = 1e-3) -> tuple[np.ndarray, np.ndarray]:
+def finely(path: PositionPath, step: float = 1e-3) -> tuple[np.ndarray, np.ndarray]:
     t = np.arange(path.knots[0], path.end + step, step)
     return t, path.sample(t)
 
@@ -135,8 +135,8 @@ def test_replacing_a_motion_under_way_keeps_position_and_speed() -> None:
 
 def test_quintic_meets_both_ends() -> None:
     start, end = (
-        Motion(np.array([1.0]), np.array([2.0]), np.array([3.0])),
-        Motion(*np.array([[4.0], [5.0], [6.0]])),
+        MotionState(np.array([1.0]), np.array([2.0]), np.array([3.0])),
+        MotionState(*np.array([[4.0], [5.0], [6.0]])),
     )
     c = quintic(start, end, 1.5)[:, 0]
     polynomial = np.polynomial.Polynomial(c)
@@ -150,7 +150,7 @@ def test_turning_by_the_rotation_vector_between_two_orientations(
     angles: tuple[float, float, float],
 ) -> None:
     start = Pose.top_down([0, 0, 0], 0.4).quaternion
-    goal = turned(start, np.array([angles]))[0]
+    goal = rotate_quaternion(start, np.array([angles]))[0]
     assert np.linalg.norm(goal) == pytest.approx(1.0)
     assert rotation_vector(start, goal) == pytest.approx(np.array(angles), abs=1e-9)
 
@@ -170,7 +170,7 @@ def test_standing_still() -> None:
     assert path.sample(np.array([0.0, 9.0])) == pytest.approx(np.array([[1, 2], [1, 2]]))
 
 
-REST = Motion(np.array([0.4, 0.0]), np.zeros(2), np.zeros(2))
+REST = MotionState(np.array([0.4, 0.0]), np.zeros(2), np.zeros(2))
 AMPLITUDE = np.array([0.0, 0.05])
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from palpate.errors import InputError
+from palpate.common.errors import InputError
 from palpate.runs.folder import default_folder, new_folder, write_json
 
 

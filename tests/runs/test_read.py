@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from palpate import pipeline
-from palpate.scenarios.catalogue import scenario
+from palpate.runs import pipeline
+from palpate.studies.scenarios.catalogue import scenario
 
 
 def test_a_scene_that_was_seen_in_a_picture_is_the_one_that_contact_told(tmp_path: Path) -> None:

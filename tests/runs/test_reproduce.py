@@ -5,11 +5,11 @@ from __future__ import annotations
 import shlex
 from pathlib import Path
 
+from palpate.estimation.quantities.within import Within
 from palpate.planning.model.settings import ModelSettings
-from palpate.quantities.within import Within
 from palpate.runs.reproduce import executing, reproducing, running
-from palpate.scenarios.catalogue import scenario
-from palpate.settings import Settings
+from palpate.runs.settings import Settings
+from palpate.studies.scenarios.catalogue import scenario
 
 
 def test_only_what_is_not_the_default_is_said() -> None:

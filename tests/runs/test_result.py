@@ -12,22 +12,21 @@ import numpy as np
 import pytest
 
 from palpate import __version__
-from palpate.estimation.agreement import FitTest
-from palpate.estimation.estimate import Estimate, Part, Shared, not_identified
+from palpate.common.belief import Belief
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Pose
+from palpate.estimation.estimate import Estimate, FitTest, FurtherValue, Shared, not_identified
 from palpate.execution.rehearsal import Rehearsal
-from palpate.geometry.belief import Belief
-from palpate.geometry.pose import Pose
-from palpate.parameter import Parameter
-from palpate.planning.check.check import Finding
+from palpate.planning.check.finding import Finding
 from palpate.planning.plan import Node, Plan
 from palpate.runs.read import belief_from, estimate_from
 from palpate.runs.result import belief_json, finite, parameter_json, result_json
 from palpate.runs.run import Ending, Run, Status
+from palpate.runs.settings import Settings
 from palpate.scene.load import parse_scene
-from palpate.settings import Settings
 from palpate.trace.recording import Context, Recording
 from palpate.twin.twin import Twin
-from palpate.twin.validate import Residual, Validation
+from palpate.twin.validate import ReplayResidual, Validation
 
 SCENE = parse_scene("<mujoco><worldbody/></mujoco>")
 MASS, COM = Parameter("cup", "mass"), Parameter("cup", "com")
@@ -45,7 +44,7 @@ WEIGHED = Estimate(
     ((0.2525, 0.2557),),
     "Weighed.",
     (),
-    parts={"single-shot": Part(0.262, 0.02)},
+    parts={"single-shot": FurtherValue(0.262, 0.02)},
 )
 PULLED = FitTest("along the lift", 30.1, 4.2, "Something pulls on it: the force grows by 30 N/m.")
 CONTRADICTED = replace(WEIGHED, tests=(PULLED,))
@@ -54,7 +53,7 @@ TWIN = Twin(
     "<mujoco/>",
     "",
     ("a note",),
-    Validation(True, 1e-5, Residual(0.02, None), Residual(None, None, "stopped")),
+    Validation(True, 1e-5, ReplayResidual(0.02, None), ReplayResidual(None, None, "stopped")),
 )
 REJECTED = Run(
     Settings(request="the mass of the cup", seed=7), SCENE, replace(PLAN, tree=None, parameters=())
@@ -259,7 +258,7 @@ def test_a_result_of_an_earlier_version_is_read() -> None:
 
 def test_the_evidence_of_an_estimate_is_read_back() -> None:
     window = Recording("gripper_forces", 1.25, 2.5, Context("still", holding="cup"), "tree", (0.5,))
-    weighed = replace(WEIGHED, evidence=(window,), parts={"held": Part(0.1, 0.01, "s")})
+    weighed = replace(WEIGHED, evidence=(window,), parts={"held": FurtherValue(0.1, 0.01, "s")})
     assert estimate_from(json.loads(json.dumps(parameter_json(weighed)))) == weighed
 
 

@@ -17,10 +17,10 @@ from mcap_ros2.decoder import DecoderFactory
 from PIL import Image
 from workbench import BOTTLE, MUG, bench
 
-from palpate.geometry.pose import Pose
-from palpate.runs.files import write_trace
+from palpate.common.pose import Pose
+from palpate.runs.folder import write_trace
 from palpate.runs.run import Run
-from palpate.settings import Settings
+from palpate.runs.settings import Settings
 from palpate.trace.mcap import read_mcap
 from palpate.trace.recording import LeafRun
 from palpate.trace.samples import Trace

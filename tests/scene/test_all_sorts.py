@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from palpate.errors import InputError
+from palpate.common.errors import InputError
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.remarks import remarks
 from palpate.scene.scene import Scene

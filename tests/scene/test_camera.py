@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from palpate.errors import InputError
-from palpate.geometry.pose import Pose
+from palpate.common.errors import InputError
+from palpate.common.pose import Pose
 from palpate.scene import camera
 from palpate.scene.camera import Camera, load_image
 from palpate.scene.poses import parse_poses

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from palpate.errors import InputError, PlanRejected
+from palpate.common.errors import InputError
+from palpate.common.parameter import PlanRejected
 from palpate.mjcf.contacts import what_decides
 from palpate.planning.symbolic.planner import SymbolicPlanner
-from palpate.scene.consistency import contradictions, overlaps
 from palpate.scene.load import parse_scene
-from palpate.scene.remarks import remarks
+from palpate.scene.remarks import contradictions, overlaps, remarks
 from palpate.scene.scene import Scene
 
 TABLE = '<body name="table" pos=".5 0 {}"><geom type="box" size=".3 .3 .1"/></body>'

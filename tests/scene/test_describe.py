@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from palpate.errors import PlanRejected
-from palpate.parameter import Parameter
+from palpate.common.parameter import Parameter, PlanRejected
 from palpate.planning.symbolic.planner import SymbolicPlanner
 from palpate.scene.load import parse_scene
 from palpate.scene.poses import parse_poses

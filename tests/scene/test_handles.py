@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import palpate as pp
-from palpate.scene.named.handles import points_down
+from palpate.primitives.gripper import OpenGripper
+from palpate.primitives.handle import MoveHandle
+from palpate.primitives.motion import MoveJoints, MovePose
+from palpate.primitives.state import SymbolicState
+from palpate.scene.handle_grasps import points_down
 from palpate.scene.scene import Scene
-from palpate.vocabulary.gripper import OpenGripper
-from palpate.vocabulary.handle import MoveHandle
-from palpate.vocabulary.motion import MoveJoints, MovePose
-from palpate.vocabulary.state import SymbolicState
 
 DRAWER = """<mujoco><worldbody>
   <geom type="plane" size="2 2 .1"/>

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from palpate.errors import InputError
-from palpate.robots.registry import load_description
+from palpate.common.errors import InputError
+from palpate.robots.owner import load_description
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
 

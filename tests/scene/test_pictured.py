@@ -10,17 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from palpate.errors import InputError
-from palpate.geometry.pose import Array
-from palpate.parameter import Parameter
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Array
+from palpate.scene import picture_scene as fitting
 from palpate.scene.camera import Camera
-from palpate.scene.load import load_scene
-from palpate.scene.pictured import fit as fitting
-from palpate.scene.pictured.detected import DetectedScene, SceneBuilder
-from palpate.scene.pictured.fit import fit, projected
-from palpate.scene.pictured.objects import SceneObject, Shape
+from palpate.scene.detections import SceneObject, Shape
+from palpate.scene.load import apply_measurement, load_scene
+from palpate.scene.picture_scene import DetectedScene, SceneBuilder, fit, project_points
 from palpate.scene.poses import Poses, parse_poses
-from palpate.scene.raised import learned
 
 POSES = """
 camera: {pos: [1.15, 0.0, 1.1], quat: [0.6826014, 0.1845407, 0.1845407, 0.6826014], fovy: 45, size: [640, 480]}
@@ -36,7 +34,7 @@ CAMERA = SceneBuilder(poses()).camera
 
 def box_of(points: Array, camera: Camera = CAMERA) -> tuple[float, float, float, float]:
     """The box around points in the image, as fractions."""
-    seen = projected(camera, points)
+    seen = project_points(camera, points)
     (left, top), (right, bottom) = seen.min(axis=0), seen.max(axis=0)
     return (
         float(left / camera.width),
@@ -164,12 +162,12 @@ def test_contact_corrects_heights_and_with_them_shapes_and_places() -> None:
     """Believed 3 cm too low, the can seems farther back; once the table is felt, everything is
     where it is."""
     before = DetectedScene(SceneBuilder(poses()), things(level=0.03)).scene()
-    after = learned(before, Parameter("table", "height"), (0.03,))
+    after = apply_measurement(before, Parameter("table", "height"), (0.03,))
     assert before.body("can").pose_world.position[0] == pytest.approx(0.482, abs=4e-3)
     assert after.body("can").pose_world.position[:2] == pytest.approx([0.5, 0.1], abs=1e-3)
     assert after.body("can").bottom_z() == pytest.approx(0.03, abs=1e-4)
     assert after.body("can").size == pytest.approx([0.06, 0.06, 0.12], abs=1e-3)
-    assert learned(before, Parameter("can", "mass"), (0.3,)) is before
+    assert apply_measurement(before, Parameter("can", "mass"), (0.3,)) is before
 
 
 def test_touched_sizes_correct_the_shapes_of_what_was_seen() -> None:
@@ -191,7 +189,7 @@ def test_a_scene_that_was_given_keeps_its_shapes_when_a_height_is_measured(tmp_p
     file = tmp_path / "scene.xml"
     file.write_text(DetectedScene(SceneBuilder(poses()), things()).scene().text, encoding="utf-8")
     scene = load_scene(file)
-    after = learned(scene, Parameter("table", "height"), (0.02,))
+    after = apply_measurement(scene, Parameter("table", "height"), (0.02,))
     assert after.body("can").size == pytest.approx(scene.body("can").size)
     assert after.body("can").bottom_z() == pytest.approx(0.02, abs=1e-6)
     assert after.body("can").pose_world.position[:2].tolist() == (

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from palpate.errors import InputError
+from palpate.common.errors import InputError
 from palpate.scene.poses import MAX_BYTES, parse_poses, read_poses
 
 

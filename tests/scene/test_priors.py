@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from palpate.cells.simulated import draw_truth
-from palpate.parameter import Parameter
-from palpate.quantities.mass import PRIOR_MASS
+from palpate.common.parameter import Parameter
+from palpate.estimation.quantities.mass import PRIOR_MASS
+from palpate.execution.simulated_cell import draw_truth
 from palpate.scene.load import parse_scene
 
 TEXT = """<mujoco><worldbody>

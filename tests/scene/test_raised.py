@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from palpate.scene.load import parse_scene, rearranged
-from palpate.scene.raised import raised
+from palpate.scene.load import parse_scene, raise_surface, rearrange
 from palpate.scene.scene import Scene
 
 SCENE = """<mujoco><worldbody>
@@ -34,7 +33,7 @@ def rises(before: Scene, after: Scene) -> dict[str, float]:
 
 @pytest.mark.parametrize("rise", [0.05, 0.003, -0.02, -0.05])
 def test_stacks_and_trays_move_with_the_surface_and_nothing_else(scene: Scene, rise: float) -> None:
-    after = raised(scene, "table", rise)
+    after = raise_surface(scene, "table", rise)
     moved = {"table", "tray", "book", "cup", "can"}
     assert rises(scene, after) == {
         name: pytest.approx(rise if name in moved else 0.0, abs=1e-6) for name in scene.bodies
@@ -49,14 +48,14 @@ def test_stacks_and_trays_move_with_the_surface_and_nothing_else(scene: Scene, r
 
 def test_an_object_that_floats_over_its_surface_by_belief_stands_on_it_once_measured() -> None:
     floats = parse_scene(SCENE.replace("0.5 0.15 0.006", "0.3 0.3 0.016"))
-    after = raised(floats, "table", 0.03)
+    after = raise_surface(floats, "table", 0.03)
     assert after.body("book").bottom_z() == pytest.approx(0.03, abs=1e-6)
 
 
 def test_a_rearranged_scene_keeps_its_measured_heights(scene: Scene) -> None:
-    after = raised(scene, "table", 0.03)
-    moved = after.body("can").pose_world.translated((0.0, 0.03, 0.0))
-    again = rearranged(after, {"can": moved})
+    after = raise_surface(scene, "table", 0.03)
+    moved = after.body("can").pose_world.translate((0.0, 0.03, 0.0))
+    again = rearrange(after, {"can": moved})
     assert again.body("can").pose_world.distance_to(moved) < 1e-6
     assert again.body("cup").bottom_z() == pytest.approx(after.body("cup").bottom_z(), abs=1e-6)
     assert again.body("table").top_z() == pytest.approx(0.03, abs=1e-6)

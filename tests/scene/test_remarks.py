@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from palpate.errors import InputError, PlanRejected
-from palpate.planning.measure import named_parameters
+from palpate.common.errors import InputError
+from palpate.common.parameter import PlanRejected
+from palpate.planning.planner import named_parameters
 from palpate.planning.symbolic.planner import SymbolicPlanner
 from palpate.scene.load import parse_scene
 from palpate.scene.remarks import remarks

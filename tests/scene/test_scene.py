@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from palpate.errors import InputError
-from palpate.geometry.pose import Pose
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Pose
 from palpate.mjcf.body import Body
-from palpate.parameter import Parameter
 from palpate.scene.load import load_scene, parse_scene, scene_from_text
 from palpate.scene.scene import Scene
 

@@ -7,12 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from palpate.errors import InputError
-from palpate.geometry.pose import Array
-from palpate.scene.pictured.detected import SceneBuilder
-from palpate.scene.pictured.fit import fit, projected
-from palpate.scene.pictured.objects import SceneObject
-from palpate.scene.pictured.sharpen import Pixels, directions, sharpened
+from palpate.common.errors import InputError
+from palpate.common.pose import Array
+from palpate.scene.detections import Pixels, SceneObject, directions, sharpen_boxes
+from palpate.scene.picture_scene import SceneBuilder, fit, project_points
 from palpate.scene.poses import parse_poses
 
 HEIGHT, WIDTH = 120, 160
@@ -55,36 +53,36 @@ def test_a_box_beside_its_thing_is_put_around_it_without_its_shadow(
     dx, dy = shift
     left, top, right, bottom = CAN.bbox
     rough = replace(CAN, bbox=(left + dx, top + dy, right + dx, bottom + dy))
-    plane, can = sharpened([TABLE, rough], painted(with_can()))
+    plane, can = sharpen_boxes([TABLE, rough], painted(with_can()))
     assert plane == TABLE
     assert can.bbox == pytest.approx(CAN.bbox, abs=1.01 / WIDTH)
     assert can.outline is not None
-    assert sharpened([TABLE, can], painted(table())) == (TABLE, can), "once is enough"
+    assert sharpen_boxes([TABLE, can], painted(table())) == (TABLE, can), "once is enough"
 
 
 def test_the_models_box_stays_where_no_region_is_like_it() -> None:
     empty = painted(table())
-    assert sharpened([TABLE, CAN], empty) == (TABLE, CAN)
+    assert sharpen_boxes([TABLE, CAN], empty) == (TABLE, CAN)
     crowd = replace(CAN, bbox=(0.25, 0.25, 0.7, 0.9))
-    assert sharpened([TABLE, crowd], painted(with_can())) == (TABLE, crowd)
+    assert sharpen_boxes([TABLE, crowd], painted(with_can())) == (TABLE, crowd)
 
 
 def test_on_a_table_of_many_colours_the_models_box_stays() -> None:
     random = np.random.default_rng(1)
     motley = painted(random.random((HEIGHT, WIDTH, 3)))
-    assert sharpened([TABLE, CAN], motley) == (TABLE, CAN)
+    assert sharpen_boxes([TABLE, CAN], motley) == (TABLE, CAN)
 
 
 def test_one_piece_belongs_to_one_thing() -> None:
     further = replace(CAN, name="cup", bbox=(0.3, 0.3, 0.425, 0.55))
-    _, can, cup = sharpened([TABLE, CAN, further], painted(with_can()))
+    _, can, cup = sharpen_boxes([TABLE, CAN, further], painted(with_can()))
     assert can.outline is not None
     assert cup == further
 
 
 def outlined(name: str, shape: str, points: Array) -> SceneObject:
     """A thing whose outline is seen without fault."""
-    seen = projected(CAMERA, points)
+    seen = project_points(CAMERA, points)
     corners = seen[np.argmax(seen @ directions(32).T, axis=0)] / [CAMERA.width, CAMERA.height]
     low, high = corners.min(axis=0), corners.max(axis=0)
     outline = tuple((float(x), float(y)) for x, y in corners)
@@ -132,12 +130,14 @@ def test_a_box_far_from_its_thing_is_refused_with_how_far_and_how_large(
         r"look again, and give the box of 'can', \[0.250, 0.250, 0.375, 0.500\] if that is it"
     )
     with pytest.raises(InputError, match=told):
-        sharpened([TABLE, rough], painted(with_can()))
-    assert sharpened([TABLE, rough], painted(table())) == (TABLE, rough), "there is nothing else"
+        sharpen_boxes([TABLE, rough], painted(with_can()))
+    assert sharpen_boxes([TABLE, rough], painted(table())) == (TABLE, rough), (
+        "there is nothing else"
+    )
 
 
 def test_a_box_at_a_thing_of_the_tables_colour_stays_where_another_has_the_only_piece() -> None:
     pale = replace(CAN, name="pale", bbox=(0.6, 0.4, 0.725, 0.65))
-    _, can, left = sharpened([TABLE, CAN, pale], painted(with_can()))
+    _, can, left = sharpen_boxes([TABLE, CAN, pale], painted(with_can()))
     assert can.outline is not None
     assert left == pale

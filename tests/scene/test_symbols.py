@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from palpate.errors import InputError
-from palpate.geometry.pose import Pose
-from palpate.robots.registry import load_description
+from palpate.common.errors import InputError
+from palpate.common.pose import Pose
+from palpate.robots.owner import load_description
 from palpate.scene.load import parse_scene
 from palpate.scene.symbols import DEFAULT_OFFSETS, MAX_EXPRESSION, Symbols
 

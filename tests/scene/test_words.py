@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from palpate.scene.describe import colour_words, name_words
 from palpate.scene.load import parse_scene
-from palpate.scene.words import colour_words, name_words
 
 
 @pytest.mark.parametrize(

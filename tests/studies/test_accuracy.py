@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from palpate.cells.simulated import SimulatedCell
-from palpate.parameter import Parameter
+from palpate.common.parameter import Parameter
+from palpate.execution.simulated_cell import SimulatedCell
+from palpate.runs.settings import Settings
 from palpate.scene.load import load_scene
-from palpate.settings import Settings
 from palpate.studies.accuracy import SeedRun, accuracy, displaced_cell, run_seed
-from palpate.studies.scores.summary import summarise
+from palpate.studies.summary import summarise
 
 MASS, COM = Parameter("cup", "mass"), Parameter("cup", "com")
 CELL = """<mujoco><worldbody>

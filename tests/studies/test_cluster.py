@@ -14,11 +14,10 @@ from typing import Any
 
 import pytest
 
-from palpate.errors import InputError, Unavailable
-from palpate.settings import Settings
-from palpate.studies.accuracy import Case, Question, SeedRun, accuracy, run_seed, survived
-from palpate.studies.cluster import RayCrew, crew
-from palpate.studies.workers import Lost, Processes
+from palpate.common.errors import InputError, Unavailable
+from palpate.runs.settings import Settings
+from palpate.studies.accuracy import Question, SeedRun, StudyCase, accuracy, run_case, run_seed
+from palpate.studies.workers import Lost, Processes, RayCrew, crew
 
 NODES = ("127.0.0.2", "127.0.0.3")
 """Two places of this machine that nobody else reaches. Ray takes 127.0.0.1 for another one."""
@@ -77,7 +76,7 @@ def test_two_nodes_find_what_this_machine_finds(address: str, tmp_path: Path) ->
         assert isinstance(workers, RayCrew)
         assert workers.room == 4  # two for each of two processors
         found = dict(workers.each(partial(run_seed, settings), [1, 2]))
-        crash = dict(workers.each(survived, [Case(Question("no such scenario"), 7)]))[0]
+        crash = dict(workers.each(run_case, [StudyCase(Question("no such scenario"), 7)]))[0]
         homes = dict(workers.each(by_value(home), range(6)))
         lost = dict(workers.each(by_value(fatal), [1]))[0]
     assert [found[0]] == accuracy(settings, [1])

@@ -7,16 +7,16 @@ import re
 import plotly.graph_objects as go
 import pytest
 
-from palpate.scenarios.catalogue import scenario
 from palpate.studies.accuracy import SeedRun
 from palpate.studies.efficiency import (
     PAPER,
-    Comparison,
+    PlannerComparison,
     comparable,
     efficiency,
     efficiency_figure,
     plot,
 )
+from palpate.studies.scenarios.catalogue import scenario
 
 
 def test_only_scenarios_that_the_symbolic_planner_completes_are_compared() -> None:
@@ -31,9 +31,9 @@ def test_only_scenarios_that_the_symbolic_planner_completes_are_compared() -> No
 
 def test_time_saved_is_a_fraction_of_the_exhaustive_runs() -> None:
     slow, quick = SeedRun(0, "complete", 29, 62.0, ()), SeedRun(0, "complete", 12, 33.0, ())
-    assert Comparison("paper", slow, quick).time_saved == pytest.approx(0.468, abs=1e-3)
+    assert PlannerComparison("paper", slow, quick).time_saved == pytest.approx(0.468, abs=1e-3)
     rejected = SeedRun(0, "rejected", 0, 0.0, ())
-    assert Comparison("nothing to do", rejected, rejected).time_saved is None
+    assert PlannerComparison("nothing to do", rejected, rejected).time_saved is None
 
 
 def test_one_missing_mass_takes_less_than_everything() -> None:
@@ -53,8 +53,8 @@ def seed_run(actions: int, seconds: float) -> SeedRun:
 
 
 ROWS = [
-    Comparison("one_missing_mass", seed_run(20, 41.5), seed_run(8, 17.25)),
-    Comparison("a<b", seed_run(30, 60.0), seed_run(12, 30.0)),
+    PlannerComparison("one_missing_mass", seed_run(20, 41.5), seed_run(8, 17.25)),
+    PlannerComparison("a<b", seed_run(30, 60.0), seed_run(12, 30.0)),
 ]
 
 

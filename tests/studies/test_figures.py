@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from palpate.studies.figures import Ranged, Rate
+from palpate.studies.efficiency import Ranged, Rate
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from palpate.errors import InputError
-from palpate.studies.lines import Lines
+from palpate.common.errors import InputError
+from palpate.studies.workers import Lines
 
 
 def test_rows_come_back_in_order(tmp_path: Path) -> None:

@@ -9,9 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from palpate.trace.around import AROUND, around, reach
 from palpate.trace.recording import Context, Conversion, LeafRun, Recording
-from palpate.trace.samples import Trace
+from palpate.trace.samples import AROUND, Trace, reach, trace_around
 
 EACH = 15.0
 NAMES = [f"box_{i}" for i in range(1, 9)]
@@ -47,18 +46,18 @@ def long(trace: Trace) -> Trace:
 
 
 def test_only_the_time_around_an_object_is_evidence_of_it(long: Trace) -> None:
-    near = around(long, "box_4")
+    near = trace_around(long, "box_4")
     assert near.t[0] == pytest.approx(47.0 - AROUND)
     assert near.t[-1] == pytest.approx(55.0 + AROUND)
     assert "box_4" in {one.context.holding for one in near.recordings}
     assert len(near.recordings) < len(long.recordings)
-    assert around(near, "box_4") is near
-    assert around(long, "box_4") is near, "found once, with what is found in it"
+    assert trace_around(near, "box_4") is near
+    assert trace_around(long, "box_4") is near, "found once, with what is found in it"
 
 
 def test_what_comes_later_changes_nothing(long: Trace) -> None:
     """So that it can be estimated while the next is measured."""
-    whole, sofar = around(long, "box_2"), around(long.until(95.0), "box_2")
+    whole, sofar = trace_around(long, "box_2"), trace_around(long.until(95.0), "box_2")
     assert sofar.leaves == whole.leaves
     assert sofar.recordings == whole.recordings
     assert np.array_equal(sofar.t, whole.t)
@@ -78,14 +77,14 @@ def test_recordings_of_the_empty_hand_beside_its_own_belong_to_it(long: Trace) -
 
 
 def test_of_what_was_never_held_anything_may_be_evidence(long: Trace) -> None:
-    assert around(long, "table") is long
+    assert trace_around(long, "table") is long
 
 
 @pytest.mark.parametrize("name", ["box_4", "table"])
 def test_a_trace_lives_no_longer_than_its_run(long: Trace, name: str) -> None:
     """What is cached of a trace does not refer to it."""
     own = replace(long)
-    around(own, name)
+    trace_around(own, name)
     alive = weakref.ref(own)
     del own
     gc.collect()

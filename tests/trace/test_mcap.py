@@ -21,10 +21,10 @@ from mcap.stream_reader import CRCValidationError
 from mcap.writer import CompressionType, Writer
 from mcap_ros2.decoder import DecoderFactory
 
-from palpate.errors import InputError
-from palpate.robots.registry import load_description
+from palpate.common.errors import InputError
+from palpate.robots.owner import load_description
 from palpate.trace.mcap import PROFILE, TraceStream, read_mcap, stored_messages, write_mcap
-from palpate.trace.recording import Hand
+from palpate.trace.recording import NominalHand
 from palpate.trace.samples import Samples, Trace
 
 
@@ -141,7 +141,7 @@ def test_a_chunk_of_another_program_is_under_its_own_checksum(tmp_path: Path) ->
 
 
 def test_a_trace_from_before_joints_were_named_is_an_fr3s() -> None:
-    hand = Hand(
+    hand = NominalHand(
         tip_offset=0.009, force_repeatability=0.15, torque_gain=0.01, pose_repeatability=1e-4
     )
     arm = load_description("fr3").nominal

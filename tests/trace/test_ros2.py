@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mcap_ros2._dynamic import generate_dynamic
 
-from palpate.trace.ros2 import Layout, definition
+from palpate.trace.topics import Layout, definition
 
 STAMPED = Layout().time("stamp").text("world").doubles("force", 3).doubles("torque", 3)
 NAMED = Layout().time("stamp").text("a").texts(["one", "four"]).array("q", 2)

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from palpate.trace.recording import Context, Conversion, Hand, LeafRun, Recording
+from palpate.trace.recording import Context, Conversion, LeafRun, NominalHand, Recording
 from palpate.trace.samples import FORCES, Samples, Trace, once
 
-HAND = Hand(0.009, 0.15, 0.01, 1e-4)
+HAND = NominalHand(0.009, 0.15, 0.01, 1e-4)
 WIDTHS = {
     "t": (),
     "q": (7,),

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from palpate.trace.recording import Context, Conversion, LeafRun, Recording
-from palpate.trace.samples import Samples, Trace
-from palpate.trace.soundness import sound, spoiled
+from palpate.trace.samples import Samples, Trace, sound, spoiled_spans
 
 STILL = Context("still")
 
@@ -52,7 +51,7 @@ def test_recordings_complete_before_a_failure_stay(ten_seconds: Trace) -> None:
     assert kept.conversions == (weighed,)
     assert [run.node for run in kept.leaves] == ["tree.children[0]"]
     assert kept.samples.t.max() <= 3.0
-    assert spoiled(trace)[0].spoiled_by.node == "tree.children[1]"
+    assert spoiled_spans(trace)[0].spoiled_by.node == "tree.children[1]"
 
 
 def test_a_recording_in_parallel_with_a_failed_leaf_is_no_evidence(ten_seconds: Trace) -> None:

@@ -10,8 +10,8 @@ import pytest
 from moving_arm import COULOMB, fourier, inverse, recorded
 
 import palpate as pp
-from palpate.errors import InputError
-from palpate.robots.registry import load_description
+from palpate.common.errors import InputError
+from palpate.robots.owner import load_description
 from palpate.twin.arm import physical
 
 

@@ -10,18 +10,18 @@ import mujoco
 import numpy as np
 import pytest
 
-from palpate.errors import InputError, PalpateError, Unavailable
+from palpate.common.errors import InputError, PalpateError, Unavailable
+from palpate.common.parameter import Parameter
 from palpate.estimation.estimate import Estimate
-from palpate.parameter import Parameter
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.scene import Scene
-from palpate.trace.recording import Hand
+from palpate.trace.recording import NominalHand
 from palpate.trace.samples import Samples, Trace
-from palpate.twin.export import urdf
-from palpate.twin.export.export import Export, export_twin, require_format
+from palpate.twin import export_urdf as urdf
+from palpate.twin.export import Export, export_twin, require_format
 from palpate.twin.twin import Twin, build_twin
 
-NOTHING = Trace(Samples.empty(), (), (), (), Hand(0.009, 0.15, 0.01, 1e-4))
+NOTHING = Trace(Samples.empty(), (), (), (), NominalHand(0.009, 0.15, 0.01, 1e-4))
 KITCHEN = """<mujoco model="kitchen">
   <default><geom friction="0.7 0.005 0.0001"/></default>
   <worldbody>

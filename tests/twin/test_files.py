@@ -10,10 +10,10 @@ from pathlib import Path
 import mujoco
 import pytest
 
-from palpate.errors import InputError
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter
 from palpate.estimation.estimate import Estimate
-from palpate.parameter import Parameter
-from palpate.quantities.catalogue import catalogue
+from palpate.estimation.quantities.catalogue import catalogue
 from palpate.scene.load import load_scene
 from palpate.twin.twin import Twin, build_twin
 

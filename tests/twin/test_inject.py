@@ -12,13 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
 
-from palpate.errors import InputError
-from palpate.estimation.estimate import Estimate, Part
-from palpate.parameter import Parameter
-from palpate.quantities.catalogue import catalogue
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter
+from palpate.estimation.estimate import Estimate, FurtherValue
+from palpate.estimation.quantities.catalogue import catalogue
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.remarks import remarks
-from palpate.twin.inject import complete, inject, unfilled
+from palpate.twin.inject import complete, inject, unfilled_unknowns
 
 SCENE = """<?xml version="1.0" encoding="utf-8"?>
 <!-- Messung vom Dienstag: Höhe unbekannt -->
@@ -50,7 +50,7 @@ def estimate(
     *value: float,
     std: float = 0.001,
     method: str = "by touch",
-    **parts: Part,
+    **parts: FurtherValue,
 ) -> Estimate:
     return Estimate(
         Parameter(name, quantity),
@@ -90,7 +90,7 @@ def test_only_the_answered_numbers_change() -> None:
 def test_records_go_into_custom() -> None:
     records = [
         estimate("bottle", "mass", 0.25412, std=0.0008, method='weighed "twice" <well> & cleanly'),
-        estimate("bottle", "friction", 0.34, static=Part(0.41, 0.02)),
+        estimate("bottle", "friction", 0.34, static=FurtherValue(0.41, 0.02)),
     ]
     text = inject(
         SCENE,
@@ -280,7 +280,7 @@ def test_an_unknown_in_a_defaults_class_is_answered_on_each_geom() -> None:
     half = {Parameter("a", "mass"): (0.1,), Parameter("a", "friction"): (0.2,)}
     after = inject(text, half)
     assert '<geom mass="?" friction="? 0.01 0.001"/>' in after
-    assert unfilled(after) == [Parameter("b", "friction"), Parameter("b", "mass")]
+    assert unfilled_unknowns(after) == [Parameter("b", "friction"), Parameter("b", "mass")]
     after = inject(after, {Parameter("b", "mass"): (0.3,), Parameter("b", "friction"): (0.4,)})
     model = mujoco.MjModel.from_xml_string(after)
     assert [model.body(n).mass[0] for n in "ab"] == pytest.approx([0.1, 0.3])
@@ -340,7 +340,7 @@ def test_completing_a_scene_answers_every_mark_and_says_what_was_assumed(tmp_pat
     scene = load_scene(path)
     made = complete(scene, [estimate("bottle", "mass", 0.254)])
     assert made.notes == ("table.height was not measured; the twin holds the assumed value 0.18",)
-    assert unfilled(made.texts.main) == []
+    assert unfilled_unknowns(made.texts.main) == []
     mujoco.MjModel.from_xml_string(made.texts.main)
     made = complete(scene, [estimate("table", "height", 0.181)])
     assert [n.split(" was")[0] for n in made.notes] == ["bottle.mass"]

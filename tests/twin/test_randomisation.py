@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from palpate.estimation.estimate import Estimate, Part, Shared
-from palpate.parameter import Parameter
-from palpate.twin.export.randomisation import covariance, write_randomisation
+from palpate.common.parameter import Parameter
+from palpate.estimation.estimate import Estimate, FurtherValue, Shared
+from palpate.twin.randomisation import covariance, write_randomisation
 
 ODD = 'it\'s "a" mug\n'
 
@@ -40,7 +40,7 @@ SIGNATURES = {
 
 
 def measured() -> list[Estimate]:
-    parts = {"static": Part(0.5, 0.01)}
+    parts = {"static": FurtherValue(0.5, 0.01)}
     return [
         Estimate.normal(Parameter(ODD, "mass"), "kg", 0.3, 0.01, "weighed"),
         Estimate.normal(Parameter(ODD, "friction"), "1", 0.4, 0.02, "dragged", parts=parts),

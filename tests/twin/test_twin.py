@@ -8,17 +8,16 @@ from dataclasses import replace
 
 import pytest
 
-from palpate.estimation.agreement import FitTest
-from palpate.estimation.estimate import BELIEVED, Estimate, Part, not_identified
+from palpate.common.parameter import Parameter
+from palpate.estimation.estimate import BELIEVED, Estimate, FitTest, FurtherValue, not_identified
 from palpate.mjcf.contacts import acting_friction
-from palpate.parameter import Parameter
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
-from palpate.trace.recording import Context, Hand, Recording
+from palpate.trace.recording import Context, NominalHand, Recording
 from palpate.trace.samples import Samples, Trace
 from palpate.twin.twin import Twin, build_twin
 
-NOTHING = Trace(Samples.empty(), (), (), (), Hand(0.009, 0.15, 0.01, 1e-4))
+NOTHING = Trace(Samples.empty(), (), (), (), NominalHand(0.009, 0.15, 0.01, 1e-4))
 SCENE = """<mujoco>
   <worldbody>
     <body name="table" pos="0.5 0 -0.02"><geom type="box" size=".3 .3 .02" friction="0.6"/></body>
@@ -80,7 +79,8 @@ def test_a_contradicted_estimate_is_not_written_and_noted() -> None:
 
 def test_a_mass_that_was_estimated_with_a_com_is_written_and_noted() -> None:
     balanced = replace(
-        estimate(Parameter("cup", "com"), 0.001, 0.0, 0.0), parts={"mass": Part(0.341, 0.001, "kg")}
+        estimate(Parameter("cup", "com"), 0.001, 0.0, 0.0),
+        parts={"mass": FurtherValue(0.341, 0.001, "kg")},
     )
     twin = build(scene(), balanced)
     assert parse_scene(twin.xml).body("cup").known["mass"] == pytest.approx((0.341,))

@@ -5,22 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from palpate.errors import ExecutionAborted
+from palpate.common.errors import ExecutionAborted
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
-from palpate.trace.recording import Context, Hand, LeafRun, Recording
+from palpate.trace.recording import Context, LeafRun, NominalHand, Recording
 from palpate.trace.samples import FORCES, POSE, Samples, Trace
 from palpate.twin.validate import (
     FINEST_STEP,
     SETTLE_TIME,
-    Residual,
+    ReplayResidual,
     compare,
-    felt,
+    mean_recordings,
     settle,
     validate,
 )
 
-HAND = Hand(0.009, 0.15, 0.01, 1e-4)
+HAND = NominalHand(0.009, 0.15, 0.01, 1e-4)
 TABLE = '<body name="table" pos="0.5 0 -0.02"><geom type="box" size=".3 .3 .02" friction="0.6 0.005 0.0001"/></body>'
 CUP = (
     '<body name="cup" pos="0.5 0 {z}"><freejoint/>'
@@ -92,24 +92,25 @@ def test_settling_is_bounded_in_time() -> None:
 
 
 def test_the_arms_own_bias_is_no_residual() -> None:
-    found = compare(trace(force=2.0, z=0.1, bias=0.7), felt(trace(force=2.0, z=0.1)))
+    found = compare(trace(force=2.0, z=0.1, bias=0.7), mean_recordings(trace(force=2.0, z=0.1)))
     assert found.force == pytest.approx(0.0, abs=1e-12)
     assert found.position == pytest.approx(0.0, abs=1e-12)
     without_rest = compare(
-        trace(force=2.0, z=0.1, bias=0.7, empty=False), felt(trace(force=2.0, z=0.1, empty=False))
+        trace(force=2.0, z=0.1, bias=0.7, empty=False),
+        mean_recordings(trace(force=2.0, z=0.1, empty=False)),
     )
     assert without_rest.force == pytest.approx(0.7)
 
 
 def test_a_residual_is_the_difference_of_means() -> None:
-    found = compare(trace(force=2.5, z=0.100), felt(trace(force=2.0, z=0.103)))
+    found = compare(trace(force=2.5, z=0.100), mean_recordings(trace(force=2.0, z=0.103)))
     assert found.force == pytest.approx(0.5)
     assert found.position == pytest.approx(0.003)
 
 
 def test_a_trace_without_recordings_has_no_figures() -> None:
     bare = Trace(Samples.empty(), (), (), (), HAND)
-    assert compare(bare, felt(bare)) == Residual(None, None)
+    assert compare(bare, mean_recordings(bare)) == ReplayResidual(None, None)
 
 
 def test_the_twin_and_the_template_are_both_marked() -> None:
@@ -119,7 +120,7 @@ def test_the_twin_and_the_template_are_both_marked() -> None:
     def replay(world: Scene):
         """Heavier by half in the template."""
         z = world.body("cup").pose_world.position[2]
-        return felt(trace(force=0.2 * 9.81 * (1.0 if z == 0.05 else 1.5), z=0.1))
+        return mean_recordings(trace(force=0.2 * 9.81 * (1.0 if z == 0.05 else 1.5), z=0.1))
 
     marks = validate(twin, template, recorded, replay)
     assert marks.settled
@@ -133,12 +134,12 @@ def test_a_replay_that_stops_says_why() -> None:
     def unstable(world):
         raise ExecutionAborted("the simulated world became unstable")
 
-    assert validate(twin, twin, trace(1.0, 0.1), unstable).twin == Residual(
+    assert validate(twin, twin, trace(1.0, 0.1), unstable).twin == ReplayResidual(
         None, None, "the simulated world became unstable"
     )
     half = trace(1.0, 0.1)
     short = Trace(half.samples, half.leaves, half.recordings[:1], (), HAND)
     assert (
-        validate(twin, twin, half, lambda world: felt(short)).twin.note
+        validate(twin, twin, half, lambda world: mean_recordings(short)).twin.note
         == "the replay stopped after 1 of 2 recordings"
     )

@@ -13,15 +13,14 @@ from pathlib import Path
 from statistics import fmean, stdev
 from typing import ClassVar
 
+from palpate.common.parameter import Parameter
 from palpate.estimation.estimate import Estimate, not_identified, not_measured
+from palpate.estimation.quantities.quantity import Quantity
 from palpate.mjcf.body import Body
-from palpate.parameter import Parameter
-from palpate.quantities.quantity import Quantity
+from palpate.primitives.base import Blackboard, ConversionPrimitive, LeafFailure, Steps
+from palpate.primitives.state import SymbolicState, Violation
 from palpate.trace.recording import Conversion, Recording
 from palpate.trace.samples import Trace
-from palpate.vocabulary.base import Blackboard, ConversionPrimitive, LeafFailure, Steps
-from palpate.vocabulary.state import SymbolicState
-from palpate.vocabulary.violation import Violation
 
 __all__ = ["MeasureTemperature", "Temperature"]
 

@@ -7,10 +7,16 @@ from typing import Annotated
 
 import typer
 
-from palpate import __version__
+from palpate.cli import commands_arms as arms
+from palpate.cli import commands_running as running
+from palpate.cli import commands_scenes as plans
+from palpate.cli import commands_scenes as scenes
+from palpate.cli import commands_scenes as seeing
+from palpate.cli import commands_stored as estimates
+from palpate.cli import commands_stored as stored
 from palpate.cli.command import command
-from palpate.cli.commands import arms, estimates, plans, running, scenes, seeing, stored
 from palpate.cli.study import app as studies
+from palpate.common.version import __version__
 
 COMMANDS: dict[str, Callable[..., None]] = {
     "demo": running.demo,

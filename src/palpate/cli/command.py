@@ -14,11 +14,10 @@ import typer
 from typer.core import TyperCommand, TyperOption
 from typer.models import OptionInfo
 
-from palpate.cli.console import print_error
+from palpate.cli.console import Voice, print_error
 from palpate.cli.options import FromSettings
-from palpate.cli.voice import Voice
-from palpate.errors import ExecutionAborted, PalpateError
-from palpate.interrupt import interrupts
+from palpate.common.errors import ExecutionAborted, PalpateError
+from palpate.common.processes import interrupts
 
 VOICE = [field.name for field in fields(Voice)]
 Function = TypeVar("Function", bound=Callable[..., None])
@@ -39,21 +38,21 @@ def command(app: typer.Typer, name: str | None = None) -> Callable[[Function], F
         groups = {name: group for name, hint in hints.items() if (group := _group(hint))}
 
         @wraps(function)
-        def called(**given: Any) -> None:
+        def call(**given: Any) -> None:
             as_json = given.get("as_json", False)
             voice = Voice(**{name: given.pop(name) for name in VOICE})
             with interrupts() as signals:
                 try:
                     with signals.raised(), voice.heard():
-                        function(**_gathered(given, groups))
+                        function(**_gather_options(given, groups))
                 except PalpateError as error:
                     raise typer.Exit(print_error(error, as_json)) from None
                 except KeyboardInterrupt:
                     aborted = ExecutionAborted(signals.reason)
                     raise typer.Exit(print_error(aborted, as_json)) from None
 
-        _set_options(called, [*_options(function, hints, groups), *_Group(Voice).parameters()])
-        app.command(name, cls=SingleValued)(called)
+        _set_options(call, [*_options(function, hints, groups), *_Group(Voice).parameters()])
+        app.command(name, cls=SingleValued)(call)
         return function
 
     return register
@@ -88,7 +87,7 @@ class _Group:
                 info.rich_help_panel = panel
             yield _option(field.name, Annotated[kind, info], _default(field))
 
-    def gathered(self, values: dict[str, Any]) -> Any:
+    def gather(self, values: dict[str, Any]) -> Any:
         return self.kind(**{field.name: values.pop(field.name) for field in fields(self.kind)})
 
 
@@ -131,11 +130,11 @@ def _set_options(called: Any, options: list[Parameter]) -> None:
     called.__annotations__ = {option.name: option.annotation for option in options}
 
 
-def _gathered(
+def _gather_options(
     given: Mapping[str, Any], groups: Mapping[str, _Group | FromSettings]
 ) -> dict[str, Any]:
     """The options as the function takes them: those of a group in a group."""
     arguments = dict(given)
     for name, group in groups.items():
-        arguments[name] = group.gathered(arguments)
+        arguments[name] = group.gather(arguments)
     return arguments

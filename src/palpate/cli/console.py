@@ -1,23 +1,65 @@
-"""Output of the commands: stdout for results, stderr for everything else."""
+"""Output of the commands, exit statuses, and verbosity."""
 
 from __future__ import annotations
 
+import logging
 import math
 import os
+import re
 import sys
 import time
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
-from typing import Any
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
 
+import typer
 from rich.table import Table
 from rich.text import Text
 
-from palpate.cli.exits import exit_status, in_flags
-from palpate.display import json_text, visible
-from palpate.errors import PalpateError
-from palpate.live.console import SafeConsole
-from palpate.redaction import redact
+from palpate.common.display import json_text, visible
+from palpate.common.errors import ExecutionAborted, InputError, PalpateError, Unavailable
+from palpate.common.extensions import iter_options
+from palpate.common.parameter import PlanRejected
+from palpate.common.redaction import redact
+from palpate.runs.report.console import LIVE_LOGGER, SafeConsole
+from palpate.runs.settings import Settings
+
+EXIT = {"complete": 0, "failed": 1, "rejected": 3, "aborted": 4, "running": 4}
+"""Exit status of a run, by its status."""
+
+ERRORS: dict[type[PalpateError], int] = {
+    InputError: 2,
+    PlanRejected: 3,
+    ExecutionAborted: 4,
+    Unavailable: 5,
+}
+
+_FLAGS = {option.field.name: option.flags[-1] for option in iter_options(Settings)}
+# Of the commands that read recordings.
+_FLAGS.update({name: f"--{name}" for name in ("columns", "loaded", "empty", "hand")})
+_ARGUMENT = re.compile(rf"\b({'|'.join(_FLAGS)})=(?=[\s\w,:.*]|$)")
+
+
+def exit_status(error: PalpateError) -> int:
+    """The process's exit status for an error."""
+    found = [status for kind, status in ERRORS.items() if isinstance(error, kind)]
+    return found[0] if found else 1
+
+
+def in_flags(message: str) -> str:
+    """Rewrite the library's `scene=D.xml` as `--scene D.xml`, and `scene=` alone as `--scene`."""
+
+    def flag(found: re.Match[str]) -> str:
+        value_follows = message[found.end() : found.end() + 1] not in " ,:."
+        return _FLAGS[found.group(1)] + " " * value_follows
+
+    return _ARGUMENT.sub(flag, message)
+
+
+# Output of the commands: stdout for results, stderr for everything else.
+
 
 out = SafeConsole(highlight=False)
 err = SafeConsole(stderr=True, highlight=False)
@@ -103,7 +145,7 @@ def escape(text: str) -> str:
     return rich_escape(text)
 
 
-def confirmed(question: str, default: bool = False) -> bool:
+def ask_yes_no(question: str, default: bool = False) -> bool:
     """Ask at the terminal; no answer is a no."""
     import typer
 
@@ -122,3 +164,73 @@ def figure_table(*headings: str, title: str | None = None, no_wrap: bool = False
     for heading in figures:
         table.add_column(heading, justify="right", no_wrap=no_wrap)
     return table
+
+
+# Verbosity on stderr and log file: options of every command.
+
+
+Verbose = Annotated[
+    bool, typer.Option("--verbose", "-v", help="Say on stderr what goes on inside, too.")
+]
+Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Show no progress; errors and results alone.")
+]
+Log = Annotated[
+    Path | None,
+    typer.Option("--log", metavar="FILE", help="Write progress and what goes on inside there."),
+]
+
+
+@dataclass(frozen=True)
+class Voice:
+    """Options of verbosity and log file."""
+
+    verbose: Verbose = False
+    quiet: Quiet = False
+    log: Log = None
+
+    @contextmanager
+    def heard(self) -> Generator[None]:
+        """Apply the options inside the block.
+
+        Raises:
+            InputError: the log cannot be written.
+        """
+        logger = logging.getLogger("palpate")
+        level, quiet = logger.level, err.quiet
+        handlers = list(self._handlers())
+        err.quiet = self.quiet
+        if self.verbose or self.log is not None:
+            logger.setLevel(logging.DEBUG)
+        for handler in handlers:
+            handler.setFormatter(_Redacting("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+            logger.addHandler(handler)
+        try:
+            yield
+        finally:
+            err.quiet = quiet
+            logger.setLevel(level)
+            for handler in handlers:
+                logger.removeHandler(handler)
+                handler.close()
+
+    def _handlers(self) -> Generator[logging.Handler]:
+        if self.verbose or self.log is not None:
+            spoken = logging.StreamHandler(sys.stderr)
+            spoken.setLevel(logging.DEBUG if self.verbose else logging.WARNING)
+            # The live view shows these messages already: they go to the log only.
+            spoken.addFilter(lambda record: record.name != LIVE_LOGGER)
+            yield spoken
+        if self.log is not None:
+            try:
+                yield logging.FileHandler(self.log, encoding="utf-8")
+            except OSError as error:
+                raise InputError(f"cannot write --log '{self.log}': {error.strerror}") from error
+
+
+class _Redacting(logging.Formatter):
+    """Formatter that removes keys of the environment and control characters of terminals."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        # Indented, no line of a message looks like the first line of another one.
+        return visible(redact(super().format(record))).replace("\n", "\n    ")

@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, NamedTuple
 from rich.markup import escape
 from rich.table import Table
 
-from palpate import __version__
 from palpate.cli.console import out
+from palpate.common.version import __version__
 
 if TYPE_CHECKING:
     from palpate.planning.model.settings import ModelSettings
-    from palpate.settings import Settings
+    from palpate.runs.settings import Settings
+
 
 CORE = (
     "mujoco",
@@ -46,7 +47,7 @@ EXTRAS = {
 """Optional packages: purpose and distribution."""
 
 
-class Line(NamedTuple):
+class DoctorLine(NamedTuple):
     """Line of the examination: available or not, subject, and version or remedy."""
 
     good: bool
@@ -67,20 +68,20 @@ def examine() -> int:
 
 def examine_robot(asked: Settings, may_hold: Callable[[], bool]) -> int:
     """Print a line for each requirement of a real robot; return 0 if all are met, else 5."""
-    from palpate.tools import examined
+    from palpate.runs.tools import examine_real_robot
 
-    return _told(examined(asked, may_hold))
+    return _print_checks(examine_real_robot(asked, may_hold))
 
 
 def examine_planner(planner: str, model: ModelSettings) -> int:
     """Print a line for each requirement of a planner, whose server is asked for its models and for a
     word; return 0 if all are met, else 5."""
-    from palpate.tools import examined_planner
+    from palpate.runs.tools import examined_planner
 
-    return _told(examined_planner(planner, model.base_url, model.budget.seconds))
+    return _print_checks(examined_planner(planner, model.base_url, model.budget.seconds))
 
 
-def _told(lines: Iterable[tuple[bool, str, str]]) -> int:
+def _print_checks(lines: Iterable[tuple[bool, str, str]]) -> int:
     """Print the lines as they come; return 0 if all are good, else 5."""
     well = True
     for good, what, detail in lines:
@@ -90,48 +91,48 @@ def _told(lines: Iterable[tuple[bool, str, str]]) -> int:
     return 0 if well else 5
 
 
-def _palpate() -> Line:
+def _palpate() -> DoctorLine:
     system = f"Python {platform.python_version()} on {platform.system()} {platform.machine()}"
-    return Line(True, "palpate", f"{__version__}, {system}")
+    return DoctorLine(True, "palpate", f"{__version__}, {system}")
 
 
-def _core(name: str) -> Line:
-    found = _installed(name)
+def _core(name: str) -> DoctorLine:
+    found = _installed_version(name)
     if found is None:
-        return Line(False, name, f"missing: pip install {name}")
-    return Line(True, name, found)
+        return DoctorLine(False, name, f"missing: pip install {name}")
+    return DoctorLine(True, name, found)
 
 
-def _pictures() -> Line:
-    from palpate.tools import pictures
+def _pictures() -> DoctorLine:
+    from palpate.runs.tools import pictures
 
     good, detail = pictures()
-    return Line(good, "pictures (OpenGL)", detail)
+    return DoctorLine(good, "pictures (OpenGL)", detail)
 
 
-def _robots_and_planners() -> Iterator[Line]:
-    yield Line(True, "embedded robot", "an arm in a MuJoCo world; needs nothing else")
-    yield Line(True, "planner symbolic", "needs no key and no network")
+def _robots_and_planners() -> Iterator[DoctorLine]:
+    yield DoctorLine(True, "embedded robot", "an arm in a MuJoCo world; needs nothing else")
+    yield DoctorLine(True, "planner symbolic", "needs no key and no network")
     for provider, (distribution, key) in PROVIDERS.items():
         yield _provider(provider, distribution, key)
 
 
-def _provider(provider: str, distribution: str, key: str) -> Line:
+def _provider(provider: str, distribution: str, key: str) -> DoctorLine:
     what = f"planner {provider}"
-    if _installed(distribution) is None:
-        return Line(False, what, f"missing: pip install 'palpate[{provider}]'")
+    if _installed_version(distribution) is None:
+        return DoctorLine(False, what, f"missing: pip install 'palpate[{provider}]'")
     if not os.environ.get(key):
-        return Line(False, what, f"set {key} to use it")
-    return Line(True, what, f"{key} is set")
+        return DoctorLine(False, what, f"set {key} to use it")
+    return DoctorLine(True, what, f"{key} is set")
 
 
-def _extras() -> Iterator[Line]:
+def _extras() -> Iterator[DoctorLine]:
     for extra, (what, distribution) in EXTRAS.items():
-        found = _installed(distribution)
-        yield Line(bool(found), what, found or f"missing: pip install 'palpate[{extra}]'")
+        found = _installed_version(distribution)
+        yield DoctorLine(bool(found), what, found or f"missing: pip install 'palpate[{extra}]'")
 
 
-def _installed(distribution: str) -> str | None:
+def _installed_version(distribution: str) -> str | None:
     """Its version."""
     try:
         return version(distribution)

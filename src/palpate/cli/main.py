@@ -10,7 +10,7 @@ import threading
 from importlib import import_module
 from typing import Any, NoReturn
 
-from palpate.interrupt import ending_signals, ignore_signals, interrupts
+from palpate.common.processes import ending_signals, ignore_signals, interrupts
 
 INTERRUPTED = 130
 """Exit status of typer for a signal outside of a command."""
@@ -26,7 +26,7 @@ def main() -> None:
     # Matrices are small: BLAS threads of parallel processes block each other, ten times slower.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     gc.set_threshold(LITTER)
-    with interrupts(ending_signals()) as signals, signals.deferred():
+    with interrupts(ending_signals()) as signals, signals.defer():
         try:
             _without_broken_opengl()
             from palpate.cli.app import app
@@ -35,14 +35,14 @@ def main() -> None:
         except KeyboardInterrupt:
             status = INTERRUPTED
         except Exception as error:
-            status = _reported(error)
+            status = _report_error(error)
         if status == INTERRUPTED:
-            status = _interrupted(signals.reason)
+            status = _report_interrupt(signals.reason)
         elif signals.count and status in (0, 1):
             from palpate.cli.console import say
 
             say(f"{signals.reason}, when all was done" if status == 0 else signals.reason)
-        if not _flushed():
+        if not _flush_stdout():
             status = status or 1
         atexit.register(ignore_signals)
         _leave(4 if signals.count else status)
@@ -80,7 +80,7 @@ def _without_broken_opengl() -> None:
         say(f"no pictures: MuJoCo cannot use MUJOCO_GL={chosen}; unset it, or try egl or osmesa")
 
 
-def _flushed() -> bool:
+def _flush_stdout() -> bool:
     """Flush stdout; return whether all results were written."""
     try:
         sys.stdout.flush()
@@ -93,14 +93,14 @@ def _flushed() -> bool:
     return True
 
 
-def _interrupted(reason: str) -> int:
+def _report_interrupt(reason: str) -> int:
     from palpate.cli.console import print_error
-    from palpate.errors import ExecutionAborted
+    from palpate.common.errors import ExecutionAborted
 
     return print_error(ExecutionAborted(reason), "--json" in sys.argv)
 
 
-def _reported(error: Exception) -> int:
+def _report_error(error: Exception) -> int:
     """Print an error of the command line library in its own words, an unexpected one in one line, with
     `python -X dev` in full; return the exit status."""
     if type(error).__name__ == "Abort":
@@ -110,7 +110,7 @@ def _reported(error: Exception) -> int:
     if sys.flags.dev_mode:
         raise error
     from palpate.cli.console import print_error, say
-    from palpate.errors import PalpateError
+    from palpate.common.errors import PalpateError
 
     if isinstance(error, OSError):
         # Mostly a full or closed output: nothing more is printed there.
@@ -125,7 +125,7 @@ def usage(error: Any, as_json: bool = False) -> int:
     """Print a usage error in the command line library's words, and as JSON with --json; return the
     exit status."""
     from palpate.cli.console import print_failure, printing
-    from palpate.display import visible
+    from palpate.common.display import visible
 
     status: int = getattr(error, "exit_code", 2)
     show = getattr(error, "show", None)

@@ -11,9 +11,9 @@ from typing import Annotated, Any, ClassVar, get_args, get_origin
 
 import typer
 
-from palpate.errors import InputError
-from palpate.option import Declared, declared
-from palpate.settings import Settings
+from palpate.common.errors import InputError
+from palpate.common.extensions import Declared, iter_options
+from palpate.runs.settings import Settings
 
 Given = dict[str, Any]
 """Fields of `Settings` as a command was given them, nested as they are there."""
@@ -80,7 +80,7 @@ class WatchOptions:
     ] = 1667
 
 
-_DECLARED = tuple(declared(Settings))
+_DECLARED = tuple(iter_options(Settings))
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class FromSettings:
                 annotation=Annotated[_kind(one.kind), _typer_option(one)],
             )
 
-    def gathered(self, values: dict[str, Any]) -> Given:
+    def gather(self, values: dict[str, Any]) -> Given:
         """Take these fields out of a command's arguments; lists that were not given are left out."""
         found: Given = {}
         for name in (one.name for one in self._chosen()):

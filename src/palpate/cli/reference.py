@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from palpate.estimation.quantities.catalogue import PURPOSES, catalogue
 from palpate.planning.check.check import RULES
-from palpate.quantities.catalogue import catalogue
-from palpate.quantities.purposes import PURPOSES
-from palpate.vocabulary.base import Primitive
-from palpate.vocabulary.registry import Vocabulary, acquisition, vocabulary
+from palpate.primitives.base import Primitive
+from palpate.primitives.registry import Vocabulary, acquisition, vocabulary
 
 HEAD = """# The vocabulary
 

@@ -14,13 +14,14 @@ import typer
 from palpate.cli.command import command
 from palpate.cli.console import Ticker, aside
 from palpate.cli.options import MODEL, AsJson, Given, settings
-from palpate.settings import settings_of
+from palpate.runs.settings import settings_of
 
 if TYPE_CHECKING:
     from palpate.studies.accuracy import Question
-    from palpate.studies.planners.attempt import Conditions
-    from palpate.studies.planners.trials import Record
-    from palpate.studies.scores.kept import Runs
+    from palpate.studies.attempt import Conditions
+    from palpate.studies.summary import Runs
+    from palpate.studies.trials import TrialRecord
+
 
 Names = Annotated[list[str] | None, typer.Argument(metavar="[SCENARIO]...")]
 Tasks = Annotated[
@@ -82,8 +83,8 @@ class SeedOptions:
 
     def runs(self, questions: Sequence[Question]) -> Runs:
         """Run all questions over all seeds."""
-        from palpate.studies.cluster import crew
-        from palpate.studies.scores.kept import measure
+        from palpate.studies.summary import measure
+        from palpate.studies.workers import crew
 
         seeds = range(self.first_seed, self.first_seed + self.seeds)
         ticker = Ticker()
@@ -95,7 +96,7 @@ class SeedOptions:
 
     def page(self) -> None:
         """Write the page of everything in the folder, if there is a folder."""
-        from palpate.studies.scores.page import write_page
+        from palpate.studies.accuracy_page import write_page
 
         if self.out is not None and (page := write_page(self.out)):
             aside(f"page: {page}")
@@ -103,10 +104,10 @@ class SeedOptions:
 
 def conditions(given: Given) -> Conditions:
     """Conditions for the studies of planners."""
-    from palpate.studies.planners.attempt import Conditions
+    from palpate.studies.attempt import Conditions
 
     asked = settings_of(**given)
-    return Conditions(asked.images, asked.noise, asked.model_settings.checked())
+    return Conditions(asked.images, asked.noise, asked.model_settings.check_values())
 
 
 def accuracy(
@@ -125,7 +126,7 @@ def accuracy(
 
     With --out every run is kept as soon as it is done, and what is there is not run again.
     """
-    from palpate.cli.show.studies import show_seed_runs
+    from palpate.cli.show_studies import show_seed_runs
     from palpate.studies.accuracy import Question
     from palpate.studies.efficiency import comparable
 
@@ -150,7 +151,7 @@ def efficiency(
     as_json: AsJson = False,
 ) -> None:
     """Actions and robot time of the symbolic planner against the exhaustive one."""
-    from palpate.cli.show.studies import show_comparisons
+    from palpate.cli.show_studies import show_comparisons
     from palpate.studies import efficiency
 
     found = efficiency.efficiency(names or efficiency.comparable(), given["noise"], given["seed"])
@@ -177,7 +178,7 @@ def ablation(
 
     A page beside the results shows the paper's tables and these.
     """
-    from palpate.studies.planners import ablation as studies
+    from palpate.studies import ablation as studies
 
     configurations = configuration or studies.CONFIGURATIONS
     study = partial(studies.ablation, names or FIRST, planner, configurations=configurations)
@@ -208,7 +209,7 @@ def repeatability(
 
     A page beside the results shows the paper's tables and these.
     """
-    from palpate.studies.planners import ablation as studies
+    from palpate.studies import ablation as studies
 
     study = partial(studies.repeatability, names or FIRST, planner)
     published = studies.published_repeatability()
@@ -225,7 +226,7 @@ def repeatability(
 
 
 def _show_trials(
-    study: Callable[..., Sequence[Record]],
+    study: Callable[..., Sequence[TrialRecord]],
     published: Mapping[str, str],
     *,
     out: Path,
@@ -236,7 +237,7 @@ def _show_trials(
     as_json: bool,
 ) -> None:
     """Carry out a study of planners, write its page, print its table beside the published one."""
-    from palpate.cli.show.studies import show_trials
+    from palpate.cli.show_studies import show_trials
 
     asked, prompts = conditions(shared), prompt or ["full"]
     with _page_beside(out):
@@ -247,7 +248,7 @@ def _show_trials(
 @contextmanager
 def _page_beside(results: Path) -> Generator[None]:
     """Write the page of trials beside their file, also after an error."""
-    from palpate.studies.planners.page import write_page
+    from palpate.studies.planners_page import write_page
 
     try:
         yield

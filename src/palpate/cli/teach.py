@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate.cli.console import err, out
-from palpate.errors import InputError
+from palpate.common.errors import InputError
 
 if TYPE_CHECKING:
-    from palpate.cells.teach import GuidedHand, Lesson
-    from palpate.settings import Settings
+    from palpate.execution.cell import GuidedHand, Lesson
+    from palpate.runs.settings import Settings
+
 
 LENGTH = {"": 1.0, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
 FARTHEST = 5.0
@@ -29,7 +30,7 @@ def give_lesson(asked: Settings, file: Path) -> None:
         InputError: the file exists.
         Unavailable: the robot.
     """
-    from palpate.tools import guided_hand, lesson, write_poses
+    from palpate.runs.tools import guided_hand, lesson, write_poses
 
     if file.exists():
         raise InputError(f"'{file}' exists already: choose another out=, nothing is overwritten")
@@ -39,7 +40,11 @@ def give_lesson(asked: Settings, file: Path) -> None:
         _introduce(taught, hand is not None)
         for line in _lines():
             try:
-                said = _ruled(taught, line) if hand is None else _shown(taught, hand, line)
+                said = (
+                    _enter_by_ruler(taught, line)
+                    if hand is None
+                    else _enter_by_hand(taught, hand, line)
+                )
             except InputError as error:
                 said = str(error)
             err.print(said, markup=False)
@@ -83,13 +88,13 @@ def _lines() -> Iterator[str]:
         yield line.strip()
 
 
-def _shown(taught: Lesson, hand: GuidedHand, name: str) -> str:
+def _enter_by_hand(taught: Lesson, hand: GuidedHand, name: str) -> str:
     if not re.fullmatch(r"[A-Za-z_]\w{0,99}", name):
         raise InputError(f"'{name[:80]}' is no name: letters, digits and _")
     return taught.shown(name, *hand.where())
 
 
-def _ruled(taught: Lesson, line: str) -> str:
+def _enter_by_ruler(taught: Lesson, line: str) -> str:
     name, _, rest = line.partition(" ")
     numbers = _NUMBER.findall(rest)
     if len(numbers) not in (2, 3) or _NUMBER.sub("", rest).strip(" ,"):

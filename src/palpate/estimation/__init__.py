@@ -1,0 +1,1 @@
+"""Estimators, quantities, and recordings of other programs."""

@@ -7,18 +7,37 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from palpate.estimation import tuning
-from palpate.estimation.agreement import FitTest, chi_squared
-from palpate.estimation.estimate import Shared
-from palpate.estimation.holds import Held, Hold
-from palpate.estimation.load.fit import Load
-from palpate.estimation.load.weighing import shared_links, shared_sensors
-from palpate.estimation.slip import EXPECTED, SPREAD, before, slid
-from palpate.estimation.view import FitView
-from palpate.geometry.pose import Array, Pose
+from palpate.common.pose import Array, Pose
+from palpate.estimation.estimate import FitTest, FitView, Shared, chi_squared
+from palpate.estimation.grip import EXPECTED, SPREAD, before, slid
+from palpate.estimation.holds import Hold, ObjectHolds
+from palpate.estimation.load_fit import LoadEstimate
+from palpate.estimation.weighing import shared_links, shared_sensors
 from palpate.mjcf.body import Body
-from palpate.trace.recording import Hand, Recording
+from palpate.trace.recording import NominalHand, Recording
 from palpate.trace.samples import Trace
+
+GRASP_SHIFT = 2e-4
+"""m (1 sigma): slip of an object along the fingers as it is put down, without its droop and the repeatability of the
+arm; a hammer and a bar, put down six times in the simulation, came to lie within 0.2 mm of the place predicted by
+these. Sensitive: com std ×0.9–1.2."""
+PLACE_ACCURACY = 5e-4
+"""m (1 sigma): error of the place of an object in a scene whose poses were measured. Sensitive: com std ×0.9–1.2."""
+GRIP_SLIDE = 1e-3
+"""m per rad (1 sigma): slip of a load along either axis of the pads as the hand tilts. No published figure of a
+hand. In the simulation a hammer of 0.34 kg slid by 0.4 mm a radian along the fingers' plane and a bar of 0.4 kg by
+1.2, while the hand turned and hardly while it rested. Sensitive: com std ×0.8–1.5 where it was tilted."""
+ARM_WEIGHT = 100.0
+"""N m per m: apparent moment at the hand by the arm's own weight, per error of its pose. Sensitive: no."""
+SEEN = 0.05
+"""part of a coordinate that gravity must show at some grasp for it to be seen. Sensitive: no."""
+COM_PRIOR = 0.25
+"""part of the object's extent that is the 1 sigma of a coordinate of the centre of mass before measuring. Sensitive:
+com std ×0.5–2.0."""
+VIEW_LEVEL = 0.0175
+"""rad: a hand that leans by less counts as level in a chart. Sensitive: no."""
+VIEW_SAME_WAY = 0.9
+"""cosine between two leans of the hand that a chart shows as one tilt. Sensitive: no."""
 
 BELIEVED = "what was believed before"
 """Cause shared by all runs of a scene, so that its prior counts once."""
@@ -46,7 +65,7 @@ class Grasps:
     shared: tuple[Shared, ...]
 
 
-def grasps_of(trace: Trace, held: Held, body: Body, about: Array) -> Grasps:
+def grasps_of(trace: Trace, held: ObjectHolds, body: Body, about: Array) -> Grasps:
     """Set up the equations for the centre of mass c in the body frame, near `about` (3,).
 
     Seen from above, the load is at r = (-M_y, M_x) / F from the TCP, as its moment about the TCP is
@@ -70,12 +89,12 @@ def grasps_of(trace: Trace, held: Held, body: Body, about: Array) -> Grasps:
     covariance += grasp_covariance(held, body, trace.hand.pose_repeatability)
     for place in places:
         covariance += np.outer(place.effect, place.effect)
-    for effect in (droop_effects(held, about) * SPREAD, slip_effects(held) * tuning.GRIP_SLIDE):
+    for effect in (droop_effects(held, about) * SPREAD, slip_effects(held) * GRIP_SLIDE):
         covariance += effect @ effect.T
     links = {name: slopes @ effect for name, effect in held.links.items()}
     sensors = shared_sensors(slopes @ load.gains, slopes @ load.crosstalk)
     shared = (*sensors, *shared_links(links), *places)
-    loose = tuning.ARM_WEIGHT * trace.hand.pose_repeatability / load.force
+    loose = ARM_WEIGHT * trace.hand.pose_repeatability / load.force
     return Grasps(
         recordings, np.vstack(rows), np.concatenate(right), covariance, loose, load.freedom, shared
     )
@@ -89,14 +108,14 @@ def balance(grasps: Grasps, body: Body) -> tuple[Array, Array, FitTest, tuple[Sh
         agreement, and the errors shared with other runs.
     """
     weight = np.linalg.inv(grasps.covariance)
-    spread = tuning.COM_PRIOR * np.maximum(body.size, 1e-3)
+    spread = COM_PRIOR * np.maximum(body.size, 1e-3)
     prior: Array = np.diag(spread**-2.0).astype(np.float64)
     information: Array = grasps.rows.T @ weight @ grasps.rows + prior
     covariance: Array = np.linalg.inv(information).astype(np.float64)
     carried = covariance @ grasps.rows.T @ weight
     centre = carried @ grasps.right + covariance @ prior @ body.centre
     left = grasps.right - grasps.rows @ centre
-    freedom = max(1, len(left) - int(np.linalg.matrix_rank(grasps.rows, tol=tuning.SEEN)))
+    freedom = max(1, len(left) - int(np.linalg.matrix_rank(grasps.rows, tol=SEEN)))
     inflated: Array = covariance * max(1.0, float(left @ weight @ left) / freedom)
     shared: list[Shared] = []
     for one in grasps.shared:
@@ -116,7 +135,7 @@ def balance(grasps: Grasps, body: Body) -> tuple[Array, Array, FitTest, tuple[Sh
     return centre, inflated, agreement, tuple(shared)
 
 
-def balance_views(grasps: Grasps, held: Held, centre: Array) -> Iterator[FitView]:
+def balance_views(grasps: Grasps, held: ObjectHolds, centre: Array) -> Iterator[FitView]:
     """Place at which each hold has the centre of mass, against the fitted one, along world x and y; and
     for each tilt of the hand, how far it moves aside."""
     fitted = (grasps.rows @ centre).reshape(-1, 2)
@@ -131,7 +150,7 @@ def balance_views(grasps: Grasps, held: Held, centre: Array) -> Iterator[FitView
     own = grasps.covariance - sum((np.outer(one, one) for one in common), np.zeros(()))
     times = np.array([(one.start + one.end) / 2.0 for one in grasps.recordings])
     leans = np.linalg.norm(tools[:, :2], axis=1)
-    level = np.flatnonzero(leans < tuning.VIEW_LEVEL)
+    level = np.flatnonzero(leans < VIEW_LEVEL)
     for i, axis in enumerate("xy"):
         place = (fingers + expected)[level, i]
         yield FitView(
@@ -146,7 +165,7 @@ def balance_views(grasps: Grasps, held: Held, centre: Array) -> Iterator[FitView
             groups="a grasp held level",
             slopes=1e3 * grasps.rows[2 * level + i],
         )
-    left = [int(i) for i in np.argsort(-leans) if leans[i] >= tuning.VIEW_LEVEL]
+    left = [int(i) for i in np.argsort(-leans) if leans[i] >= VIEW_LEVEL]
     while left:
         # All bits of tilts of one grasp about the axis of the steepest of them.
         first = left[0]
@@ -155,7 +174,7 @@ def balance_views(grasps: Grasps, held: Held, centre: Array) -> Iterator[FitView
             i
             for i in left
             if held.holds[i].grasp == held.holds[first].grasp
-            and abs(float(tools[i, :2] @ aside)) > tuning.VIEW_SAME_WAY * leans[i]
+            and abs(float(tools[i, :2] @ aside)) > VIEW_SAME_WAY * leans[i]
         ]
         left = [i for i in left if i not in tilt]
         if len(tilt) > 2:
@@ -176,7 +195,7 @@ def balance_views(grasps: Grasps, held: Held, centre: Array) -> Iterator[FitView
             )
 
 
-def grasp_covariance(held: Held, body: Body, repeatability: float) -> Array:
+def grasp_covariance(held: ObjectHolds, body: Body, repeatability: float) -> Array:
     """(2n, 2n) m², covariance of the place of the object in the hand: by the repeatability of the arm in each
     grasp and each put-down, and by slip along the fingers as it is put down. They add up, as it is gripped
     where it was put down."""
@@ -186,14 +205,14 @@ def grasp_covariance(held: Held, body: Body, repeatability: float) -> Array:
     gripped = repeatability**2 * (axes @ axes.T) * same
     put: list[float] = []
     for grasp in grasps:
-        shifts = [one.levelled(body) for one in before(grasp, held.put_down)]
-        each = [tuning.GRASP_SHIFT**2 + repeatability**2 + shift**2 for shift in shifts]
+        shifts = [one.displacement_std(body) for one in before(grasp, held.put_down)]
+        each = [GRASP_SHIFT**2 + repeatability**2 + shift**2 for shift in shifts]
         put += [sum(each)] * 2
     along = axes[:, 0]
     return gripped + np.minimum.outer(put, put) * np.outer(along, along)
 
 
-def droop_effects(held: Held, about: Array) -> Array:
+def droop_effects(held: ObjectHolds, about: Array) -> Array:
     """(2n, 2) m, horizontal displacement of the centre of mass per unit of the softness of the pads, which is
     the same in all grasps."""
     effects: list[Array] = []
@@ -209,7 +228,7 @@ def drooped_pose(hold: Hold) -> Pose:
     return hold.droop.turned(hold.pose_tcp_body, EXPECTED)
 
 
-def slip_effects(held: Held) -> Array:
+def slip_effects(held: ObjectHolds) -> Array:
     """(2n, 2) m, horizontal displacement per metre of slip along the tool's x and z and radian of tilt."""
     effects: list[Array] = []
     for hold in held.holds:
@@ -224,15 +243,15 @@ def accuracy(body: Body, along: Array | None = None) -> float:
     """Standard deviation, m, of the place of an object in the scene along a direction (3,), world; by default the
     largest level one."""
     std = body.accuracy if along is None else body.std(along)
-    return tuning.PLACE_ACCURACY if std is None else std
+    return PLACE_ACCURACY if std is None else std
 
 
-def place_errors(held: Held, body: Body, hand: Hand) -> list[Shared]:
+def place_errors(held: ObjectHolds, body: Body, hand: NominalHand) -> list[Shared]:
     """Shared causes: disagreement of scene and arm on the object's place, the same in all grasps, with its
     effect on the place in the hand, (2n,) m."""
     # The fingers centre the object along y as they close; along x and z no measurement shows its error.
     seen = np.vstack([hold.pose_world_tcp.rotation[:2] for hold in held.holds])
-    placed = {"x": accuracy(body, held.holds[0].along), "z": tuning.PLACE_ACCURACY}
+    placed = {"x": accuracy(body, held.holds[0].along), "z": PLACE_ACCURACY}
     found: list[Shared] = []
     for axis, column in zip("xyz", seen.T, strict=True):
         if axis in placed:
@@ -244,7 +263,7 @@ def place_errors(held: Held, body: Body, hand: Hand) -> list[Shared]:
     return found
 
 
-def place_slopes(load: Load) -> Array:
+def place_slopes(load: LoadEstimate) -> Array:
     """(2n, 1 + 2n) derivative of the places r = (-M_y, M_x) / F by F and the moments."""
     moments = load.value[1:]
     slopes = np.zeros((len(moments), 1 + len(moments)))

@@ -1,25 +1,186 @@
-"""Estimate: a value with its unit, uncertainty and verdict."""
+"""Estimate: a value with unit, uncertainty and verdict; tests of fit; points of a fit for charts."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from html import escape
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from palpate.display import data_frame
-from palpate.estimation.agreement import KNOWN, Bound, FitTest, chi_squared, reached_bound
-from palpate.estimation.view import FitView
-from palpate.geometry.pose import Array
-from palpate.parameter import ByParameter, Parameter
+from palpate.common.display import data_frame
+from palpate.common.parameter import ByParameter, Parameter
+from palpate.common.pose import Array
 from palpate.trace.recording import Recording
+from palpate.trace.samples import Samples, Trace
 
 if TYPE_CHECKING:
-    from pandas import DataFrame  # pyright: ignore[reportMissingModuleSource]
+    from pandas import DataFrame
+
+
+FALSE_ALARM = 1e-4
+"""Probability that one test of fit fails although the model holds: an estimate has up to ten, and some thousand
+valid estimates in a row shall stay identified. Sensitive: no."""
+
+
+KNOWN = 1_000_000_000
+"""Degrees of freedom of a variance that is known."""
+OUTSIDE = 0.05
+"""Probability that a one-sided limit leaves out."""
+
+
+@dataclass(frozen=True, slots=True)
+class FitTest:
+    """Goodness-of-fit test: a statistic against its limit.
+
+    Attributes:
+        name: what was looked at, e.g. `up against down`.
+        statistic: how far it is from agreeing.
+        limit: up to where it agrees.
+        finding: what disagrees, one sentence for people; said where the test fails.
+    """
+
+    name: str
+    statistic: float
+    limit: float
+    finding: str
+
+    @property
+    def passed(self) -> bool:
+        """The statistic is within its limit; NaN is not."""
+        return bool(self.statistic <= self.limit)  # numpy's bool is not JSON serializable
+
+
+def chi_squared(
+    name: str, statistic: float, freedom: int, finding: str, noise_freedom: float = KNOWN
+) -> FitTest:
+    """A sum of `freedom` squares, each of unit variance where the model holds; chance exceeds it
+    with probability `FALSE_ALARM`.
+
+    That variance was itself estimated, with `noise_freedom` degrees of freedom: the sum over
+    `freedom` then is of an F distribution.
+    """
+    from scipy.special import fdtri
+
+    limit = freedom * float(fdtri(freedom, noise_freedom, 1.0 - FALSE_ALARM))
+    return FitTest(name, statistic, limit, finding)
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """Physical bound of a value: a lower one, or with `sign` -1 an upper one, which is mirrored."""
+
+    at: float
+    sign: Literal[1, -1] = 1
+
+    @property
+    def words(self) -> str:
+        """Sense of the one-sided limit that a value near the bound has."""
+        return "at most" if self.sign > 0 else "at least"
+
+    def limit(self, value: float, std: float, freedom: float = math.inf) -> float:
+        """One-sided 95 % limit u of a value that is not below the bound b, estimated as `value` ± `std`.
+
+        u solves P(T > (u - value) / std) = 0.05 P(T < (value - b) / std) with Student's T of `freedom` degrees of
+        freedom. This is the CLs limit, and the Bayesian one with a flat prior above b (A. L. Read, J. Phys. G 28,
+        2693, 2002). It is never below b, and it covers the truth with 95 % or more wherever that is.
+        """
+        from scipy.special import ndtr, ndtri, stdtr, stdtrit
+
+        away = self.sign * (value - self.at) / std
+        if math.isinf(freedom):
+            quantile = float(ndtri(OUTSIDE * ndtr(away)))
+        else:
+            quantile = float(stdtrit(freedom, OUTSIDE * stdtr(freedom, away)))
+        return value - self.sign * std * quantile
+
+    def moments(self, value: float, std: float) -> tuple[float, float]:
+        """Mean and standard deviation of a normal variable, given that it is not below the bound b.
+
+        With alpha = (b - value) / std and the hazard h = pdf(alpha) / (1 - cdf(alpha)) of the standard normal, they
+        are value + std h and std sqrt(1 + alpha h - h²) (Johnson, Kotz and Balakrishnan, Continuous Univariate
+        Distributions 1, section 10.1).
+        """
+        from scipy.special import log_ndtr
+
+        alpha = self.sign * (self.at - value) / std
+        hazard = math.exp(-0.5 * alpha**2 - float(log_ndtr(-alpha))) / math.sqrt(2.0 * math.pi)
+        spread = std * math.sqrt(max(1.0 + alpha * hazard - hazard**2, 1e-6))
+        return value + self.sign * std * hazard, spread
+
+
+def reached_bound(low: float, high: float, bounds: tuple[float, float]) -> Bound | None:
+    """The one of two `bounds`, least and largest, that the interval from `low` to `high` reaches. None for neither, and
+    for an exact value, whose interval has no width."""
+    if low == high:
+        return None
+    if low <= bounds[0]:
+        return Bound(bounds[0])
+    return Bound(bounds[1], -1) if high >= bounds[1] else None
+
+
+# Measured values of a fit against its predictions, for charts.
+
+
+VIEW_CLOSING = 0.4
+"""s before the fingers begin to close that a chart of a grasp shows. Sensitive: no."""
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class FitView:
+    """Points of one fit: measured values, the fit's predictions and standard deviations.
+
+    Attributes:
+        name: title.
+        note: how to read it, one or two sentences.
+        axes: labels of `x` and of the values, each with its unit.
+        x: (n,) abscissa.
+        measured, predicted: (n,) in one unit; NaN in `measured` breaks a curve.
+        std: (n,) of `measured` about `predicted`, or one for all; 0 where it is not stated.
+        used: (n,) rows that the fit rests on; None for all.
+        groups: (n,) words for the legend, at most three different ones, or one for all.
+        slopes: (n, p) change of `predicted` with each of the p components of the estimate, for its
+            interval and the truth; None where the estimate does not determine `predicted`.
+    """
+
+    name: str
+    note: str
+    axes: tuple[str, str]
+    x: Array
+    measured: Array
+    predicted: Array
+    std: Array | float = 0.0
+    used: Mask | None = None
+    groups: Sequence[str] | str = "measured"
+    slopes: Array | None = None
+
+
+def constant(value: float, like: ArrayLike) -> Array:
+    """(n,) the same prediction for every point of `like`."""
+    return np.full(len(np.atleast_1d(like)), value)
+
+
+def unit_slopes(like: ArrayLike, component: int = 0, of: int = 1, scale: float = 1.0) -> Array:
+    """(n, of) slopes of predictions that are a component of the estimate, times `scale`."""
+    return np.tile(scale * np.eye(of)[component], (len(np.atleast_1d(like)), 1))
+
+
+def closing_samples(trace: Trace, recording: Recording) -> Samples | None:
+    """Samples from shortly before the fingers closed to the end of a recording of a held object;
+    None where they never closed."""
+    closed = [leaf for leaf in trace.leaf_runs("CloseGripper") if leaf.end <= recording.start]
+    if recording.context.holding is None or not closed:
+        return None
+    return trace.samples.between(closed[-1].start - VIEW_CLOSING, recording.end)
+
+
+# Estimate: a value with its unit, uncertainty and verdict.
+
 
 Verdict = Literal["identified", "prior-dominated", "contradicted", "not identified"]
 
@@ -50,7 +211,7 @@ def half95(freedom: float) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class FurtherValue:
     """A further value that came with an estimate, e.g. the static beside the dynamic friction.
 
     `unit` is None where it is the estimate's own.
@@ -117,7 +278,7 @@ class Estimate:
     method: str
     evidence: tuple[Recording, ...] = ()
     verdict: Verdict = "identified"
-    parts: Mapping[str, Part] = field(default_factory=dict[str, Part])
+    parts: Mapping[str, FurtherValue] = field(default_factory=dict[str, FurtherValue])
     tests: tuple[FitTest, ...] = ()
     shared: tuple[Shared, ...] = ()
     freedom: float = math.inf
@@ -136,7 +297,7 @@ class Estimate:
         method: str,
         evidence: tuple[Recording, ...] = (),
         verdict: Verdict = "identified",
-        parts: Mapping[str, Part] | None = None,
+        parts: Mapping[str, FurtherValue] | None = None,
         tests: tuple[FitTest, ...] = (),
         shared: tuple[Shared, ...] = (),
         freedom: float = math.inf,
@@ -345,7 +506,7 @@ class Estimate:
         if not self.has_value:
             return f"<{self.parameter}: {self.verdict}>"
         values, stds = _columns(self.values, self.stds)
-        text = f"{self.parameter} = {_joined(values)} ± {_joined(stds)}{_suffix(self.unit)}"
+        text = f"{self.parameter} = {_join_numbers(values)} ± {_join_numbers(stds)}{_suffix(self.unit)}"
         if len(self.values) == 1:
             ends = f"95 % [{', '.join(self._ends(0))}]"
             limit = self.limit_in_words(0)
@@ -359,7 +520,7 @@ class Estimate:
             return name, "", "", self.verdict
         values, stds = _columns(self.values, self.stds)
         bounds = [self.limit_in_words(i) or " … ".join(self._ends(i)) for i in range(len(values))]
-        number = f"{_joined(values)} ± {_joined(stds)}{_suffix(self.unit)}"
+        number = f"{_join_numbers(values)} ± {_join_numbers(stds)}{_suffix(self.unit)}"
         return name, number, ", ".join(bounds), self.verdict_in_words
 
     def _repr_html_(self) -> str:
@@ -382,11 +543,11 @@ class Estimate:
         if bound is None or limit is None:
             return ""
         # One more digit than the value has, as it is rounded to either side.
-        return f"{bound.words} {rounded(limit, 0.1 * float(self.stds[i]))[0]}"
+        return f"{bound.words} {round_to_std(limit, 0.1 * float(self.stds[i]))[0]}"
 
     def _ends(self, i: int) -> list[str]:
         """The ends of a component's interval, with the digits of its value."""
-        return [rounded(bound, float(self.stds[i]))[0] for bound in self.intervals[i].tolist()]
+        return [round_to_std(bound, float(self.stds[i]))[0] for bound in self.intervals[i].tolist()]
 
 
 class Estimates(ByParameter[Estimate]):
@@ -445,7 +606,7 @@ def interval95(value: ArrayLike, std: ArrayLike, freedom: float = math.inf) -> A
     return np.column_stack([middle - half, middle + half])
 
 
-def rounded(value: float, std: float) -> tuple[str, str]:
+def round_to_std(value: float, std: float) -> tuple[str, str]:
     """Value and standard deviation, to one digit of the latter, or two where it begins with 1 or
     2."""
     if not (math.isfinite(value) and math.isfinite(std) and std > 0):
@@ -458,11 +619,11 @@ def rounded(value: float, std: float) -> tuple[str, str]:
 
 def _columns(values: Array, stds: Array) -> tuple[list[str], list[str]]:
     """Values and standard deviations as text, each component with its own digits."""
-    texts = [rounded(v, s) for v, s in zip(values.tolist(), stds.tolist(), strict=True)]
+    texts = [round_to_std(v, s) for v, s in zip(values.tolist(), stds.tolist(), strict=True)]
     return [value for value, _ in texts], [std for _, std in texts]
 
 
-def _joined(numbers: list[str]) -> str:
+def _join_numbers(numbers: list[str]) -> str:
     return numbers[0] if len(numbers) == 1 else f"({', '.join(numbers)})"
 
 

@@ -19,9 +19,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from palpate.estimation.agreement import KNOWN, FitTest, chi_squared
-from palpate.estimation.estimate import Estimate, Shared, half95, rounded
-from palpate.geometry.pose import Array
+from palpate.common.pose import Array
+from palpate.estimation.estimate import (
+    KNOWN,
+    Estimate,
+    FitTest,
+    Shared,
+    chi_squared,
+    half95,
+    round_to_std,
+)
 
 TINY = 1e-12
 """Relative to a variance: keeps a covariance regular where all errors are shared."""
@@ -76,7 +83,7 @@ def fuse(sources: Sequence[Source]) -> Estimate:
         np.column_stack([value - half, value + half]),
         _method(sources, weights, std),
         tests=(agreement_test(sources, value),),
-        shared=_shared(sources, weights),
+        shared=_merge_shared_errors(sources, weights),
         freedom=freedom,
         bounds=first.bounds,
     )
@@ -89,7 +96,7 @@ def difference(one: Source, other: Source) -> tuple[Array, Array]:
 
 def weighted_sum(sources: Sequence[Source], weights: Sequence[float]) -> tuple[Array, Array]:
     """(n,) sum of w_i x_i, and its standard deviation sqrt(w^T C w). Unnamed errors are not shared."""
-    apart, w = [_apart(source) for source in sources], np.array(weights)
+    apart, w = [_make_errors_own(source) for source in sources], np.array(weights)
     count = len(sources[0].estimate.values)
     variances = [w @ component_covariance(apart, i) @ w for i in range(count)]
     return w @ np.array([source.estimate.values for source in sources]), np.sqrt(variances)
@@ -133,7 +140,7 @@ def _freedom(sources: Sequence[Source], weights: Array, std: Array) -> float:
 
 def agreement_test(sources: Sequence[Source], mean: Array) -> FitTest:
     """Test for a scatter of the runs within their stated uncertainty."""
-    apart = [_apart(source) for source in sources]
+    apart = [_make_errors_own(source) for source in sources]
     values = np.array([source.estimate.values for source in sources])
     statistic = 0.0
     off = np.zeros_like(values)
@@ -148,7 +155,7 @@ def agreement_test(sources: Sequence[Source], mean: Array) -> FitTest:
     for source in sources:
         pairs = zip(source.estimate.values.tolist(), source.estimate.stds.tolist(), strict=True)
         unit = "" if source.estimate.unit == "1" else f" {source.estimate.unit}"
-        numbers = ", ".join(" ± ".join(rounded(value, std)) for value, std in pairs)
+        numbers = ", ".join(" ± ".join(round_to_std(value, std)) for value, std in pairs)
         shown.append(f"{source.run} {numbers}{unit}")
     return chi_squared(
         "run against run",
@@ -159,7 +166,7 @@ def agreement_test(sources: Sequence[Source], mean: Array) -> FitTest:
     )
 
 
-def _apart(source: Source) -> Source:
+def _make_errors_own(source: Source) -> Source:
     """Source whose unnamed errors count as its own, so that two of them may differ by as much."""
     if source.estimate.shared:
         return source
@@ -167,7 +174,7 @@ def _apart(source: Source) -> Source:
     return replace(source, estimate=replace(source.estimate, shared=(nothing,)))
 
 
-def _shared(sources: Sequence[Source], weights: Array) -> tuple[Shared, ...]:
+def _merge_shared_errors(sources: Sequence[Source], weights: Array) -> tuple[Shared, ...]:
     """Error causes that the fused estimate shares with further runs."""
     arms = {source.arm for source in sources}
     found: dict[tuple[str, str], Array] = {}

@@ -7,24 +7,29 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from palpate.estimation import tuning
-from palpate.estimation.load.fit import Load, fit_load
-from palpate.estimation.load.segments import (
-    Cut,
+from palpate.common.pose import Array, Pose
+from palpate.estimation.grip import Droop, PutDownRecord
+from palpate.estimation.load_fit import LoadEstimate, fit_load
+from palpate.estimation.load_noise import load_rows
+from palpate.estimation.motion import at_rest, commanded_rows, mean_pose, runs
+from palpate.estimation.segments import (
+    NEAR,
     Segment,
+    SegmentCut,
     Weighing,
-    compared,
-    load_rows,
     turn_bins,
+    weigh_cuts,
     weighings,
 )
-from palpate.estimation.load.weighing import whole_of
-from palpate.estimation.motion import at_rest, commanded, mean_pose, runs
-from palpate.estimation.slip import Droop, PutDown
-from palpate.geometry.pose import Array, Pose
+from palpate.estimation.weighing import WHOLE_APART, whole_of
 from palpate.mjcf.body import Body
 from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, Trace
+
+AT_GRASP = 0.05
+"""s before and after the hand closed, over which its pose is averaged. Sensitive: no."""
+TILT_HELD = 0.5
+"""s that a tilt is held at least. Sensitive: no."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +60,7 @@ class Hold:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Held:
+class ObjectHolds:
     """All holds of one object.
 
     Attributes:
@@ -65,11 +70,11 @@ class Held:
         put_down: ends of the grasps in which it was held still.
     """
 
-    load: Load
+    load: LoadEstimate
     links: Mapping[str, Array]
     holds: Sequence[Hold]
     weighings: Sequence[Weighing]
-    put_down: Sequence[PutDown]
+    put_down: Sequence[PutDownRecord]
 
     @property
     def turned(self) -> bool:
@@ -82,7 +87,7 @@ class Held:
         return Droop.since(grasp, time, next(moments, 0.0))
 
 
-def held(trace: Trace, body: Body) -> Held | None:
+def find_holds(trace: Trace, body: Body) -> ObjectHolds | None:
     """All holds of `body`; None where it was never held still in the air."""
     still = _recordings(trace, body.name, "still")
     if not still:
@@ -90,7 +95,7 @@ def held(trace: Trace, body: Body) -> Held | None:
     # After a tilt or a swing the object may have rotated in the fingers.
     turned = [*_recordings(trace, body.name, "tilting"), *_recordings(trace, body.name, "swinging")]
     # Where it is in the hand is known of the grasps in which it was recorded still.
-    shown = {grasped(trace, one, body): one for one in reversed(still)}
+    shown = {grasp_time(trace, one, body): one for one in reversed(still)}
     level: list[Weighing] = []
     for weighed in weighings(trace, still[0]):
         kept: list[Segment] = []
@@ -109,7 +114,7 @@ def held(trace: Trace, body: Body) -> Held | None:
     moments: dict[float, float] = {}
     for grasp, moment in zip(load.grasps, load.value[1:].reshape(-1, 2), strict=True):
         recording = by_key[grasp]
-        here, time = mean_pose(trace.of(recording)), grasped(trace, recording, body)
+        here, time = mean_pose(trace.of(recording)), grasp_time(trace, recording, body)
         # Each grasp is held level before it is tilted.
         closing = moments.setdefault(time, float(here.rotation[:2, 1] @ moment))
         middle = (recording.start + recording.end) / 2.0
@@ -126,17 +131,17 @@ def held(trace: Trace, body: Body) -> Held | None:
     put_down = tuple(_put_down(trace, body.name, holds))
     better = None if tilted else _of_whole(trace, still[0], found, load, holds)
     if better is not None:
-        return Held(*better, holds, found, put_down)
-    return Held(load, {}, holds, found, put_down)
+        return ObjectHolds(*better, holds, found, put_down)
+    return ObjectHolds(load, {}, holds, found, put_down)
 
 
 def _of_whole(
     trace: Trace,
     recording: Recording,
     found: Sequence[Weighing],
-    load: Load,
+    load: LoadEstimate,
     holds: Sequence[Hold],
-) -> tuple[Load, Mapping[str, Array]] | None:
+) -> tuple[LoadEstimate, Mapping[str, Array]] | None:
     """Load of level holds, and `Held.links`, from all motion around their weighings, where that is more
     precise and agrees with them in force and moments; else None."""
     whole = whole_of(trace, recording, found, load)
@@ -148,7 +153,7 @@ def _of_whole(
         return None
     value, covariance = turned @ whole.value, turned @ whole.covariance @ turned.T
     apart = np.abs(value - load.value) / np.sqrt(np.diag(load.covariance))
-    if apart.max() > tuning.WHOLE_APART:
+    if apart.max() > WHOLE_APART:
         return None
     links = {name: turned @ effect for name, effect in whole.links.items()}
     gains, crosstalk = turned @ whole.gains, turned @ whole.crosstalk
@@ -156,7 +161,7 @@ def _of_whole(
     return better, links
 
 
-def _put_down(trace: Trace, name: str, holds: Sequence[Hold]) -> Iterator[PutDown]:
+def _put_down(trace: Trace, name: str, holds: Sequence[Hold]) -> Iterator[PutDownRecord]:
     changes = load_rows(trace, name).grasps
     first = {hold.grasp: hold for hold in reversed(holds)}
     for hold in sorted(first.values(), key=lambda each: each.grasp):
@@ -164,13 +169,13 @@ def _put_down(trace: Trace, name: str, holds: Sequence[Hold]) -> Iterator[PutDow
         if np.isfinite(opened):
             droop = Droop.since(hold.grasp, opened, hold.droop.moment)
             swept = swept_angle(trace, name, hold.grasp, opened)
-            yield PutDown(hold.grasp, hold.pose_tcp_body, droop, swept)
+            yield PutDownRecord(hold.grasp, hold.pose_tcp_body, droop, swept)
 
 
 def swept_angle(trace: Trace, name: str, since: float, until: float) -> float:
     """Angle, rad, by which tilts turned the hand with an object between two times, s, to and fro alike."""
     samples = trace.samples
-    t, moving = samples.t, commanded(samples)
+    t, moving = samples.t, commanded_rows(samples)
     swept = 0.0
     for recording in _recordings(trace, name, "tilting"):
         start, end = max(since, recording.start), min(until, recording.end)
@@ -200,7 +205,7 @@ def tilted_holds(trace: Trace, name: str) -> Iterator[tuple[Recording, Weighing]
         here = mean_pose(trace.of(recording).where(slice(0, 1)))
         for own in empty:
             there = mean_pose(trace.of(own).where(slice(0, 1)))
-            if here.distance_to(there) < tuning.NEAR:
+            if here.distance_to(there) < NEAR:
                 yield from tilt_parts(trace, recording, own)
                 break
 
@@ -210,9 +215,9 @@ def tilt_parts(
 ) -> Iterator[tuple[Recording, Weighing]]:
     t, own = trace.samples.t, _parts(trace, empty)
     mine = {kind: rows for kind, rows in _parts(trace, loaded).items() if kind in own}
-    cuts = [Cut(kind, True, rows) for kind, rows in mine.items()]
-    cuts += [Cut(kind, False, own[kind]) for kind in mine]
-    together = compared(trace, loaded.context.holding or "", cuts)
+    cuts = [SegmentCut(kind, True, rows) for kind, rows in mine.items()]
+    cuts += [SegmentCut(kind, False, own[kind]) for kind in mine]
+    together = weigh_cuts(trace, loaded.context.holding or "", cuts)
     context = replace(loaded.context, activity="still")
     for kind, rows in mine.items():
         start, end = float(t[rows.start]), float(t[rows.stop - 1])
@@ -234,21 +239,21 @@ def _parts(trace: Trace, recording: Recording) -> dict[str, slice]:
     rests = [
         rows
         for rows in runs(at_rest(trace.samples) & inside)
-        if float(t[rows][-1] - t[rows][0]) > tuning.TILT_HELD
+        if float(t[rows][-1] - t[rows][0]) > TILT_HELD
     ]
     return {**parts, **{f"rest {i}": rest for i, rest in enumerate(rests)}}
 
 
 def pose_in_hand(trace: Trace, recording: Recording, body: Body) -> Pose:
     """Pose of the object in the hand: its pose at rest in the scene, seen from the measured hand as it closed."""
-    time = grasped(trace, recording, body)
+    time = grasp_time(trace, recording, body)
     if not np.isfinite(time):
         return mean_pose(trace.of(recording)).inverse() @ body.pose_at_rest
-    at_grasp = trace.samples.between(time - tuning.AT_GRASP, time + tuning.AT_GRASP)
+    at_grasp = trace.samples.between(time - AT_GRASP, time + AT_GRASP)
     return mean_pose(at_grasp).inverse() @ body.pose_at_rest
 
 
-def grasped(trace: Trace, recording: Recording, body: Body) -> float:
+def grasp_time(trace: Trace, recording: Recording, body: Body) -> float:
     """Time at which the hand closed on the object held in a recording, s; -inf if unknown."""
     grasps = load_rows(trace, body.name).grasps
     return max((time for time in grasps if time <= recording.start), default=-np.inf)

@@ -20,11 +20,43 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from palpate.estimation import tuning
-from palpate.estimation.load.observation import observe
-from palpate.estimation.motion import Mask, smoothed
-from palpate.geometry.pose import Array
+from palpate.common.pose import Array
+from palpate.estimation.motion import Mask, smooth_rows
+from palpate.estimation.wrench_observation import observe
 from palpate.trace.samples import Samples, Trace, once
+
+LEAST_TRAVEL = 0.7
+"""part of its level that the slowest friction reaches, 12 mrad after a joint began to turn, in both directions where
+a joint shows its friction: that of one that turns one way only is no other than an offset. Sensitive: no."""
+CURVE_ROWS = 5
+"""rows at least that make a line. Sensitive: no."""
+SMOOTH = 0.02
+"""s: forces are averaged over this before the breakaway is looked for. Sensitive: friction 2.1 σ, std ×0.9–1.8;
+`static` 1.0 σ."""
+PRESLIDING = 2e-3
+"""rad over which the friction in a joint turns round: the usual order for harmonic drives. Sensitive: `static`
+hardly, std ×0.9–1.1."""
+SLIP_ANGLES = (4e-4, 2e-3, 1e-2)
+"""rad, of the elements of which a joint's friction is a sum where a load is fitted: real arms show 1 to 4 mrad.
+Sensitive: no."""
+JOINT_ERROR = 0.03
+"""N m (1 sigma): how well free motions show the friction behind a joint's sensor. Sensitive: friction 0.3 σ, std
+×1.0–1.1."""
+CORRELATED_ROWS = 20
+"""rows, 0.1 s, of free motion in which what is left of a joint's torque is the same. Sensitive: hardly."""
+SLOWLY = 0.5
+"""rad/s²: a joint that changes its speed faster feels its inertia more than its friction. Sensitive: friction 0.2 σ."""
+FREE_MOTION = 300
+"""rows, 1.5 s, of motion through free air that show the friction of joints. Sensitive: no."""
+JOINT_LEVEL = 0.3
+"""N m (1 sigma) of the friction in a joint, behind its sensor: 0.15 to 0.64 were identified (Gaz et al., RA-L 2019,
+doi:10.1109/LRA.2019.2931248). Sensitive: com 0.1 σ, std ×0.9–1.1."""
+ENCODER_PLAY = 1e-5
+"""rad of play, below which a change of a joint angle is encoder noise. Sensitive: no."""
+RUBBING_ROWS = 4
+"""rows, 20 ms, over whose mean angles a joint's motion is followed. Sensitive: no."""
+FLOOR = 1e-4
+"""N: noise that is always assumed, as perfect sensors make the equations singular. Sensitive: no."""
 
 TURNED, LEFT = 0, 1
 """Last axis of `dahl_states`: direction of the last motion, and the rest of the initial friction."""
@@ -37,20 +69,20 @@ def slip_states(samples: Samples) -> Array:
     The friction of a joint is a sum of them (the generalised Maxwell slip model: Al-Bender, Lampaert and Swevers,
     IEEE Transactions on Automatic Control 50, 2005): over which way it turns round is learned with its level.
     """
-    return dahl_states(samples.q, tuning.SLIPS)
+    return dahl_states(samples.q, SLIP_ANGLES)
 
 
-def dahl_states(q: Array, presliding: Sequence[float] = (tuning.PRESLIDING,)) -> Array:
+def dahl_states(q: Array, presliding: Sequence[float] = (PRESLIDING,)) -> Array:
     """(n, m, 2 p) Dahl states for joint angles `q` (n, m), rad, at each presliding distance: direction of the last
     motion, -1 to 1, between them while the joint reverses; and the remaining share of the friction at the start,
     1 to 0."""
     # Means over some rows, the last over what remains.
-    starts = np.arange(0, len(q), tuning.RUBBING_ROWS)
+    starts = np.arange(0, len(q), RUBBING_ROWS)
     counts = np.diff(np.append(starts, len(q)))
     blocks = np.add.reduceat(q, starts, axis=0) / counts[:, None]
     steps = np.apply_along_axis(_steps, 0, blocks)
     states = np.stack(dahl(steps, np.array(presliding)), axis=-1).reshape(*steps.shape, -1)
-    return states[np.arange(len(q)) // tuning.RUBBING_ROWS]
+    return states[np.arange(len(q)) // RUBBING_ROWS]
 
 
 def dahl(steps: Array, presliding: Array) -> tuple[Array, Array]:
@@ -70,15 +102,15 @@ def dahl(steps: Array, presliding: Array) -> tuple[Array, Array]:
 
 def turned_round(friction: Array) -> Mask:
     """(m,) joints that turned both ways far enough to show their friction, by its Dahl states (n, m) over the largest
-    presliding distance of `tuning.PRESLIDINGS`."""
-    return (friction.max(axis=0) > tuning.TURNED) & (friction.min(axis=0) < -tuning.TURNED)
+    presliding distance of `PRESLIDINGS`."""
+    return (friction.max(axis=0) > LEAST_TRAVEL) & (friction.min(axis=0) < -LEAST_TRAVEL)
 
 
 def _steps(q: Array) -> Array:
     """(k,) rad that a joint at angles `q` (k,) turned at each, beyond the play of its encoder."""
     # The play moves to clip(play, q - most, q + most). Two such clips in a row are one: so all up to each row,
     # twice as many at a time.
-    most, reach = tuning.ENCODER_PLAY, 1
+    most, reach = ENCODER_PLAY, 1
     low, high = q - most, q + most
     while reach < len(q):
         bounds = low[reach:], high[reach:]
@@ -91,25 +123,25 @@ def joint_ways(samples: Samples, empty: Mask, height: float) -> Array:
     """(n, m) direction of the last motion of each joint, with the presliding that its motions through free air
     show: states of several, averaged by how little each leaves (`joint_friction`)."""
     states = slip_states(samples)[:, :, TURNED :: LEFT + 1]
-    usual = tuning.SLIPS.index(tuning.PRESLIDING)
+    usual = SLIP_ANGLES.index(PRESLIDING)
     free, known = _free_motion(samples, states[:, :, usual], empty, height)
-    if free.sum() < tuning.FREE_MOTION:
+    if free.sum() < FREE_MOTION:
         return states[:, :, usual]
     # Least squares of all joints and states at once: each state beside what is orthogonal to `known`.
     axes, sizes, _ = np.linalg.svd(known, full_matrices=False)
     axes = axes[:, sizes > len(known) * np.finfo(float).eps * sizes[0]]
 
-    def beyond(columns: Array) -> Array:
+    def excess_over_noise(columns: Array) -> Array:
         return columns - axes @ (axes.T @ columns)
 
     found: list[Array] = []
-    torques = beyond(samples.tau_ext[free])
+    torques = excess_over_noise(samples.tau_ext[free])
     for way, tau in zip(states.transpose(1, 0, 2), torques.T, strict=True):
-        ways = beyond(way[free])
-        explained = (tau @ ways) ** 2 / np.maximum((ways**2).sum(axis=0), tuning.FLOOR**2)
-        left = (tau @ tau - explained) / len(tau) + tuning.FLOOR**2
+        ways = excess_over_noise(way[free])
+        explained = (tau @ ways) ** 2 / np.maximum((ways**2).sum(axis=0), FLOOR**2)
+        left = (tau @ tau - explained) / len(tau) + FLOOR**2
         # Likelihood with an unknown variance, of as many rows as are independent.
-        likely = (left / left.min()) ** (-0.5 * len(tau) / tuning.CORRELATED_ROWS)
+        likely = (left / left.min()) ** (-0.5 * len(tau) / CORRELATED_ROWS)
         found.append(way @ (likely / likely.sum()))
     return np.array(found).T
 
@@ -120,13 +152,13 @@ def _free_motion(samples: Samples, states: Array, empty: Mask, height: float) ->
     def rate(values: Array, over: float) -> Array:
         rows = max(1, round(over / max(float(np.median(np.diff(samples.t))), 1e-9)))
         rates: Array = np.asarray(np.gradient(values, samples.t, axis=0))
-        return np.column_stack([smoothed(one, rows) for one in rates.T])
+        return np.column_stack([smooth_rows(one, rows) for one in rates.T])
 
-    speed = rate(samples.q, tuning.SMOOTH)
-    faster = rate(speed, 2 * tuning.SMOOTH)
+    speed = rate(samples.q, SMOOTH)
+    faster = rate(speed, 2 * SMOOTH)
     # Empty and high, after the arm has begun to move, and without jerks.
     free = empty & (samples.pose_world_tcp[:, 2] > height) & (np.abs(states).max(axis=1) > 0.5)
-    free = free & (np.abs(faster).max(axis=1) < tuning.SLOWLY)
+    free = free & (np.abs(faster).max(axis=1) < SLOWLY)
     angles = samples.q[free]
     angles = angles - angles.mean(axis=0) if len(angles) else angles
     ones = np.ones((len(angles), 1))
@@ -139,15 +171,15 @@ def joint_friction(
     """Friction level of each joint, (m,) N m, with standard deviations, from motions of the `empty` hand (n,)
     above `height`, m; `states` (n, m): direction of the last motion of each joint."""
     free, known = _free_motion(samples, states, empty, height)
-    if free.sum() < tuning.FREE_MOTION:
+    if free.sum() < FREE_MOTION:
         none = np.zeros(samples.q.shape[1])
-        return none, none + tuning.JOINT_LEVEL
+        return none, none + JOINT_LEVEL
     torques = samples.tau_ext[free]
     found = [
         friction_level(known, way, tau) for way, tau in zip(states[free].T, torques.T, strict=True)
     ]
     mean, own = np.array(found).T
-    return mean, np.hypot(tuning.JOINT_ERROR, own)
+    return mean, np.hypot(JOINT_ERROR, own)
 
 
 def friction_level(known: Array, way: Array, tau: Array) -> tuple[float, float]:
@@ -155,12 +187,12 @@ def friction_level(known: Array, way: Array, tau: Array) -> tuple[float, float]:
     design = np.column_stack([way, known])
     # A joint that never reversed shows nothing: a prior in units of what a joint may have.
     prior = np.zeros(design.shape[1])
-    prior[0] = tuning.JOINT_LEVEL**-2.0
+    prior[0] = JOINT_LEVEL**-2.0
     left = tau - design @ np.linalg.lstsq(design, tau, rcond=None)[0]
     # Variance of a mean of n residuals, times n: of white noise, or of slower noise where that is more.
-    size = tuning.CORRELATED_ROWS
+    size = CORRELATED_ROWS
     whole = left[: len(left) // size * size].reshape(-1, size)
-    scatter = max(float(left.var()), size * float(whole.mean(axis=1).var()), tuning.FLOOR**2)
+    scatter = max(float(left.var()), size * float(whole.mean(axis=1).var()), FLOOR**2)
     covariance = np.linalg.pinv(design.T @ design / scatter + np.diag(prior))
     found = covariance @ (design.T @ tau) / scatter
     return max(0.0, float(found[0])), float(np.sqrt(covariance[0, 0]))
@@ -190,7 +222,7 @@ def joint_friction_force(
     seen = observed.wrenches(samples.q[rows])[:, 2, :]
     force: Array = -np.einsum("nm,nm->n", seen, turning + still).astype(np.float64)
     z: Array = samples.pose_world_tcp[rows, 2]
-    if np.count_nonzero(free) < tuning.CURVE_ROWS or np.ptp(z[free]) == 0.0:
+    if np.count_nonzero(free) < CURVE_ROWS or np.ptp(z[free]) == 0.0:
         # Too few rows for a line, or all at one height.
         return force - np.full(len(force), float(np.median(force[free])))
     rise, level_in_air = np.polyfit(z[free], force[free], 1).tolist()

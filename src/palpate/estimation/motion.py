@@ -8,11 +8,29 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.estimation import tuning
-from palpate.estimation.view import FitView
-from palpate.geometry.pose import Array, Pose, rotations
-from palpate.trace.recording import Hand, Recording
+from palpate.common.pose import Array, Pose, rotations
+from palpate.estimation.estimate import FitView
+from palpate.trace.recording import NominalHand, Recording
 from palpate.trace.samples import Samples, Trace, once
+
+SETTLE = 0.15
+"""s after the commanded pose stopped moving: the impedance controller's transient. Sensitive: mass 0.1 σ; friction
+0.2 σ, std ×1.0–1.1; com 0.2 σ."""
+START = 0.06
+"""s before the commanded pose moves on: a smooth start accelerates before it visibly moves. Sensitive: com 0.08 σ,
+std ×0.9–1.0."""
+STILL_SPEED = 0.001
+"""m/s: below this the TCP counts as at rest. Sensitive: mass 0.1 σ; friction 0.2 σ, std ×1.0–1.1; com 0.2 σ."""
+STILL_TURN = 0.01
+"""rad/s: likewise, of the hand's turning. Sensitive: no."""
+NEAR_ANGLE = 0.06
+"""rad off the measured orientation, likewise. Sensitive: no."""
+SPEED_SMOOTH = 0.05
+"""s over which the speed is averaged for the test of a constant speed: encoders are noisy. Sensitive: mass 0.5 σ,
+std ×0.9–1.5."""
+STEADY = 0.05
+"""m/s², up to which a row belongs to a pass: the inertial force of the arm as it changes its speed is far more than
+a load. Sensitive: mass 0.7 σ, std ×0.8–1.5."""
 
 Mask = NDArray[np.bool_]
 
@@ -29,7 +47,7 @@ def row_at(samples: Samples, time: float) -> int:
     return min(int(np.searchsorted(samples.t, time)), len(samples) - 1)
 
 
-def smoothed(values: Array, rows: int) -> Array:
+def smooth_rows(values: Array, rows: int) -> Array:
     """(n,) running mean of values (n,) over so many rows."""
     return np.convolve(values, np.ones(rows) / rows, mode="same")
 
@@ -38,7 +56,7 @@ def smoothed_with_rate(speeds: Array, t: Array, over: float) -> tuple[Array, Arr
     """Speeds (n, k) averaged over at most `over` s, and their rate of change per second."""
     # An odd number of rows, so that both belong to the time of the row they stand in.
     half = max(0, round(over / max(float(np.median(np.diff(t))), 1e-9)) - 1) // 2
-    smooth = np.column_stack([smoothed(speed, 2 * half + 1) for speed in speeds.T])
+    smooth = np.column_stack([smooth_rows(speed, 2 * half + 1) for speed in speeds.T])
     return smooth, np.gradient(smooth, t, axis=0)
 
 
@@ -54,12 +72,12 @@ def acceleration(samples: Samples, over: float) -> Array:
 @once
 def steady(samples: Samples) -> Mask:
     """Rows where the arm does not change its speed."""
-    change = acceleration(samples, tuning.SPEED_SMOOTH)
-    return np.linalg.norm(change, axis=1) < tuning.STEADY
+    change = acceleration(samples, SPEED_SMOOTH)
+    return np.linalg.norm(change, axis=1) < STEADY
 
 
 @once
-def commanded(samples: Samples) -> Mask:
+def commanded_rows(samples: Samples) -> Mask:
     """Rows where the commanded pose moves or turns."""
     target = samples.target_world_tcp
     moved = np.linalg.norm(np.diff(target[:, :3], axis=0), axis=1)
@@ -74,15 +92,15 @@ def at_rest(samples: Samples) -> Mask:
     t = samples.t
     if len(t) < 2:
         return np.zeros(len(t), dtype=bool)
-    changed = commanded(samples)
+    changed = commanded_rows(samples)
     # Time of the last change of the command before each row, and of the next after it.
     last_change = np.maximum.accumulate(np.where(changed, t, -np.inf))
     next_change = np.minimum.accumulate(np.where(changed, t, np.inf)[::-1])[::-1]
     # The velocity that an arm at rest reports is noise of its encoders, of a real one 0.6 mm/s.
-    twist, _ = smoothed_with_rate(samples.twist, t, tuning.SPEED_SMOOTH)
-    slow = np.linalg.norm(twist[:, :3], axis=1) < tuning.STILL_SPEED
-    slow &= np.linalg.norm(twist[:, 3:], axis=1) < tuning.STILL_TURN
-    return (t - last_change > tuning.SETTLE) & (next_change - t > tuning.START) & slow
+    twist, _ = smoothed_with_rate(samples.twist, t, SPEED_SMOOTH)
+    slow = np.linalg.norm(twist[:, :3], axis=1) < STILL_SPEED
+    slow &= np.linalg.norm(twist[:, 3:], axis=1) < STILL_TURN
+    return (t - last_change > SETTLE) & (next_change - t > START) & slow
 
 
 def mean_pose(samples: Samples) -> Pose:
@@ -100,7 +118,7 @@ def mean_pose(samples: Samples) -> Pose:
     )
 
 
-def tip_height(samples: Samples, hand: Hand) -> Array:
+def tip_height(samples: Samples, hand: NominalHand) -> Array:
     """(n,) world z of the lower fingertip, m.
 
     From the TCP the tips lie `tip_offset` along the tool axis z, and half the opening to either side along
@@ -112,10 +130,10 @@ def tip_height(samples: Samples, hand: Hand) -> Array:
     return middle - samples.width / 2 * np.abs(turned[:, 2, 1])
 
 
-def aligned(samples: Samples, pose: Pose) -> Mask:
+def aligned_rows(samples: Samples, pose: Pose) -> Mask:
     """Rows where the TCP is oriented as in `pose`."""
     dots = np.abs(samples.pose_world_tcp[:, 3:] @ pose.quaternion)
-    return 2.0 * np.arccos(np.minimum(dots, 1.0)) < tuning.NEAR_ANGLE
+    return 2.0 * np.arccos(np.minimum(dots, 1.0)) < NEAR_ANGLE
 
 
 @dataclass(frozen=True, slots=True, eq=False)

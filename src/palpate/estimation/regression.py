@@ -18,10 +18,11 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.estimation import tuning
-from palpate.estimation.agreement import FitTest, chi_squared
-from palpate.estimation.estimate import Shared
-from palpate.geometry.pose import Array
+from palpate.common.pose import Array
+from palpate.estimation.estimate import FitTest, Shared, chi_squared
+
+COUNTED = 1e-4
+"""probability from which a combination of hyperpriors is averaged over. Sensitive: no."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +45,7 @@ class Cause:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scale:
+class PriorScale:
     """Hyperprior of the causes named: their prior deviations are `factors` times as large (a number for all
     unknowns, or an array), with prior probability `chance` each."""
 
@@ -53,7 +54,7 @@ class Scale:
     chance: Sequence[float]
 
 
-class Noise(Protocol):
+class RowNoise(Protocol):
     """Noise of n rows."""
 
     @property
@@ -93,7 +94,7 @@ class SignalNoise:
         ends = np.cumsum([len(root) for root in self.roots])
         parts = np.split(rows, ends[:-1])
         pairs = zip(self.roots, parts, strict=True)
-        return np.concatenate([whitened(root, part) for root, part in pairs])
+        return np.concatenate([whiten(root, part) for root, part in pairs])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,11 +107,11 @@ class Projected:
         basis: (n, k) orthonormal, of the whitened columns of these unknowns.
     """
 
-    noise: Noise
+    noise: RowNoise
     basis: Array
 
     @classmethod
-    def of(cls, noise: Noise, columns: Array) -> Projected:
+    def of(cls, noise: RowNoise, columns: Array) -> Projected:
         """Noise with the unknowns of `columns` (n, k)."""
         return cls(noise, np.linalg.qr(noise.white(columns))[0])
 
@@ -130,7 +131,7 @@ class Projected:
         return found - self.basis @ (self.basis.T @ found)
 
 
-def whitened(root: Array, rows: Array) -> Array:
+def whiten(root: Array, rows: Array) -> Array:
     """Rows (n, p) in units of a lower triangle `root` (n, n)."""
     from scipy.linalg.lapack import dtrtrs
 
@@ -140,9 +141,9 @@ def whitened(root: Array, rows: Array) -> Array:
 
 def fit(
     causes: Sequence[Cause],
-    noise: Noise,
+    noise: RowNoise,
     y: Array,
-    scales: Sequence[Scale] = (),
+    scales: Sequence[PriorScale] = (),
     first: int | None = None,
 ) -> Posterior:
     """Fit the unknowns of all `causes` to rows `y` (n,); of their covariance only the `first` rows, if given."""
@@ -151,20 +152,20 @@ def fit(
 
 
 def whitened_model(
-    causes: Sequence[Cause], noise: Noise, y: Array, scales: Sequence[Scale]
-) -> Model:
+    causes: Sequence[Cause], noise: RowNoise, y: Array, scales: Sequence[PriorScale]
+) -> LinearModel:
     """Model of rows `y` (n,) in units of the noise."""
     design = noise.white(np.concatenate([cause.columns for cause in causes], axis=1))
     prior = np.concatenate([cause.prior for cause in causes])
-    places, every = placed(causes), np.arange(len(prior), dtype=np.intp)
+    places, every = place_unknowns(causes), np.arange(len(prior), dtype=np.intp)
     hyperpriors: list[ScaleHyperprior] = []
     for scale in scales:
         which = np.concatenate([every[places[name]] for name in scale.causes])
         hyperpriors.append(ScaleHyperprior(which, scale.factors, scale.chance))
-    return Model(design, noise.white(y), prior, noise.freedom, tuple(hyperpriors))
+    return LinearModel(design, noise.white(y), prior, noise.freedom, tuple(hyperpriors))
 
 
-def placed(causes: Sequence[Cause]) -> dict[str, slice]:
+def place_unknowns(causes: Sequence[Cause]) -> dict[str, slice]:
     """Places of the unknowns of each cause, by its name."""
     ends = np.cumsum([0, *(len(cause.prior) for cause in causes)]).tolist()
     pairs = zip(causes, ends[:-1], ends[1:], strict=True)
@@ -185,8 +186,8 @@ class Posterior:
     """
 
     causes: tuple[Cause, ...]
-    noise: Noise
-    model: Model
+    noise: RowNoise
+    model: LinearModel
     mean: Array
     covariance: Array
     errors: Array
@@ -194,7 +195,7 @@ class Posterior:
 
     def __getitem__(self, name: str) -> tuple[Array, Array]:
         """Mean (k,) and covariance (k, k) of the unknowns of a cause."""
-        here = placed(self.causes)[name]
+        here = place_unknowns(self.causes)[name]
         return self.mean[here], self.covariance[here, here]
 
     @property
@@ -220,7 +221,7 @@ class Posterior:
     def shared(self, name: str) -> tuple[Shared, ...]:
         """Errors of the unknowns of `name` in common with other runs: the effects of one standard deviation of
         each unknown that the arm or the scene brings along."""
-        places = placed(self.causes)
+        places = place_unknowns(self.causes)
         found: list[Shared] = []
         for cause in self.causes:
             if cause.of is None:
@@ -237,7 +238,7 @@ class Posterior:
 
         The sum of their squares over all unknowns is at most the variance of the estimate.
         """
-        return self.errors[:, placed(self.causes)[name]]
+        return self.errors[:, place_unknowns(self.causes)[name]]
 
     def test(
         self, cause: Cause, tolerated: Array, finding: str | Callable[[Array], str]
@@ -245,7 +246,7 @@ class Posterior:
         """Wald test for a further cause, of whose unknowns `tolerated` (k,) are no matter (1 sigma); `finding` says
         what disagrees, by the mean (k + p,) of its unknowns and of all others."""
         count = len(cause.prior)
-        wider = self.model.extended(self.noise.white(cause.columns), cause.prior)
+        wider = self.model.extend(self.noise.white(cause.columns), cause.prior)
         mean, covariance, *_ = wider.solve(count)
         spread = covariance[:, :count] + np.diag(tolerated**2)
         statistic = float(mean[:count] @ np.linalg.solve(spread, mean[:count]))
@@ -325,7 +326,7 @@ class _Reduced:
     evidence: float
 
     @classmethod
-    def of(cls, model: Model) -> _Reduced:
+    def of(cls, model: LinearModel) -> _Reduced:
         """Integrate out the unknowns of a model that have no hyperprior."""
         every = np.arange(len(model.prior), dtype=np.intp)
         chosen = np.isin(
@@ -388,7 +389,7 @@ class ScaleHyperprior:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Model:
+class LinearModel:
     """Linear model in rows of unit variance: `y` (n,) = `design` (n, p) times coefficients with prior deviations
     `prior` (p,), some of whose scales have `hyperpriors`; the variance has `freedom` degrees of freedom."""
 
@@ -413,7 +414,7 @@ class Model:
         weights = np.exp(evidence - evidence.max())
         density = float(evidence.max() + np.log(weights.sum()) - 0.5 * self.y @ self.y)
         weights /= weights.sum()
-        counted = np.flatnonzero(weights > tuning.COUNTED)
+        counted = np.flatnonzero(weights > COUNTED)
         weights = weights[counted] / weights[counted].sum()
         solved = [every[i] for i in counted.tolist()]
         means = np.array([each.mean for each in solved])
@@ -476,7 +477,7 @@ class Model:
         found: Array = (weights * means).sum(axis=0)
         return found, (weights * (np.array(variances) + (np.array(means) - found) ** 2)).sum(axis=0)
 
-    def extended(self, columns: Array, prior: float | Array) -> Model:
+    def extend(self, columns: Array, prior: float | Array) -> LinearModel:
         """Model with the coefficients of `columns` in front of its own."""
         count = columns.shape[1]
         hyperpriors = [replace(each, columns=each.columns + count) for each in self.hyperpriors]

@@ -10,12 +10,11 @@ from xml.etree.ElementTree import Element, SubElement
 
 from py_trees.behaviour import Behaviour
 
-from palpate.errors import InputError
-from palpate.execution.build import leaves
-from palpate.execution.leaf import PrimitiveLeaf
+from palpate.common.errors import InputError
+from palpate.execution.leaf import PrimitiveLeaf, leaves
 from palpate.planning.plan import Node, Plan
-from palpate.vocabulary.base import Primitive
-from palpate.vocabulary.registry import COMPOSITES, Composite, Vocabulary
+from palpate.primitives.base import Primitive
+from palpate.primitives.registry import COMPOSITES, Composite, Vocabulary
 
 TREE_ID = "Plan"
 BUFFER_TYPE = "palpate::Recording"

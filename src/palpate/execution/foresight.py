@@ -14,10 +14,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from palpate.geometry.pose import Pose
+from palpate.common.pose import Pose
+from palpate.primitives.base import Blackboard, LeafFailure
+from palpate.primitives.state import SymbolicState
 from palpate.robots.simulated.world import World
-from palpate.vocabulary.base import Blackboard, LeafFailure
-from palpate.vocabulary.state import SymbolicState
 
 NOTICED = 1e-3
 """m: smaller differences are left: a simulated contact's softness, and what a real grasp scatters."""
@@ -93,7 +93,7 @@ class Foresight:
         return replace(self, weights=weights)
 
 
-class Look:
+class WorldComparison:
     """Comparison of the symbolic state with a simulated world after every leaf."""
 
     def __init__(self, world: World) -> None:

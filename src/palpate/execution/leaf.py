@@ -1,18 +1,24 @@
-"""Leaf of a behavior tree: the generator of a primitive, the only code that drives the robot."""
+"""Behavior tree of a plan, and its leaves: the only code that drives the robot."""
 
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from typing import cast
 
 from py_trees.behaviour import Behaviour
-from py_trees.common import Status
+from py_trees.common import ParallelPolicy, Status
+from py_trees.composites import Parallel, Sequence
+from pydantic import ValidationError
 
+from palpate.common.errors import InputError
+from palpate.planning.plan import Node
+from palpate.primitives.base import Blackboard, LeafFailure, Primitive, Steps
+from palpate.primitives.registry import Vocabulary
+from palpate.primitives.state import merge_states
 from palpate.trace.recording import LeafRun
-from palpate.vocabulary.base import Blackboard, LeafFailure, Primitive, Steps
-from palpate.vocabulary.state import merged
 
 log = logging.getLogger(__name__)
 
@@ -71,10 +77,10 @@ class PrimitiveLeaf(Behaviour):
             self.feedback_message = str(done.value)
             return Status.SUCCESS
         except LeafFailure as failure:
-            return self._failed(str(failure))
+            return self._fail(str(failure))
         except Exception as error:
             log.debug("%s failed", self.name, exc_info=True)
-            return self._failed(f"{type(error).__name__}: {error}")
+            return self._fail(f"{type(error).__name__}: {error}")
         except BaseException:
             self.terminate(Status.INVALID)
             raise
@@ -83,7 +89,7 @@ class PrimitiveLeaf(Behaviour):
             recordings[logged:] = [replace(r, node=self.node) for r in recordings[logged:]]
         return Status.RUNNING
 
-    def _failed(self, reason: str) -> Status:
+    def _fail(self, reason: str) -> Status:
         self.feedback_message = reason
         self.blackboard.failed = True
         return Status.FAILURE
@@ -128,11 +134,11 @@ class PrimitiveLeaf(Behaviour):
             blackboard.set_out()
         during = blackboard.state = self.primitive.during(before)
         try:
-            message = yield from self._checked()
+            message = yield from self._check_steps()
             after = self.primitive.effects(before)
             after = self.primitive.observed(after, blackboard.robot.state)
             # Folded as by the check; changes by other leaves in the meantime are kept.
-            blackboard.state = merged(blackboard.state, during, after)
+            blackboard.state = merge_states(blackboard.state, during, after)
             if claims:
                 blackboard.state = blackboard.settled(self.node, blackboard)
         except BaseException:
@@ -163,7 +169,7 @@ class PrimitiveLeaf(Behaviour):
         if violations:
             raise LeafFailure("; ".join(str(violation) for violation in violations))
 
-    def _checked(self) -> Steps:
+    def _check_steps(self) -> Steps:
         """Steps of the primitive, each after a check of its safety predicate and timeout."""
         steps = self.primitive.run(self.blackboard)
         try:
@@ -188,3 +194,45 @@ class PrimitiveLeaf(Behaviour):
         limit = self.primitive.timeout
         if self.blackboard.robot.state.t - self.started > limit:
             raise LeafFailure(f"not done after {limit:g} s of robot time")
+
+
+# Py_trees tree of a plan.
+
+
+def build(node: Node, words: Vocabulary, blackboard: Blackboard, path: str = "tree") -> Behaviour:
+    """The py_trees tree of a plan, its leaves bound to `blackboard`.
+
+    A Sequence has memory; a Parallel succeeds when all its children have and fails with the first.
+    Inside a Parallel motions are ticked before sensing leaves, in any order of the plan, so
+    that a sensing leaf sees in one tick that the motion beside it has started or ended.
+
+    Raises:
+        InputError: unknown node type, arguments that do not fit, or an empty composite, which
+            py_trees would take for a success.
+    """
+    if node.type not in words.composites:
+        try:
+            primitive = words.make(node.type, dict(node.args))
+        except ValidationError as error:
+            problem = error.errors()[0]
+            where = ".".join(str(part) for part in problem["loc"])
+            raise InputError(f"{path}: {node.type}: {where}: {problem['msg']}") from None
+        return PrimitiveLeaf(primitive, blackboard, path, node.name)
+    if not node.children:
+        raise InputError(
+            f"{path}: an empty {node.type} does nothing; give it children or remove it"
+        )
+    children = [
+        build(child, words, blackboard, f"{path}.children[{i}]")
+        for i, child in enumerate(node.children)
+    ]
+    name = node.name or node.type
+    if node.type == "Sequence":
+        return Sequence(name, memory=True, children=children)
+    children.sort(key=lambda child: not any(leaf.primitive.claims for leaf in leaves(child)))
+    return Parallel(name, policy=ParallelPolicy.SuccessOnAll(), children=children)
+
+
+def leaves(root: Behaviour) -> Iterator[PrimitiveLeaf]:
+    """All leaves below and including `root`, in the order of ticks."""
+    return (node for node in root.iterate() if isinstance(node, PrimitiveLeaf))

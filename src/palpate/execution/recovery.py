@@ -1,42 +1,34 @@
-"""Recovery from an early stop: none, continuing without the failed part, or planning again.
-
-The tree itself only has Sequence and Parallel, so recovery is outside it: after the arm has stopped and
-put down the held object, the missing parameters are planned again for the present cell, and that plan is
-run.
-
-- `stop`: the run ends.
-- `skip`: the object at which it failed is left out, the others are measured.
-- `replan`: everything missing is planned again; an object at which it failed comes last, and is left out
-  after `ATTEMPTS` failures, or after the first if it slipped out of the fingers.
-
-A run that a person stopped, that still holds an object, or whose robot has a fault is never continued.
-Nor is a real robot that stopped itself, or was stopped by its user stop, unless a person confirms.
-"""
+"""Recovery from an early stop, and repetition for narrower intervals."""
 
 from __future__ import annotations
 
 import logging
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
-from palpate.errors import InputError, PalpateError
-from palpate.parameter import Parameter
+from palpate.common.errors import InputError, PalpateError
+from palpate.common.parameter import Parameter
+from palpate.estimation.quantities.estimators import estimate_all
+from palpate.estimation.quantities.quantity import Effort
+from palpate.estimation.quantities.within import Precision, Within, format_width
 from palpate.planning.check.check import check
 from palpate.planning.plan import Plan
+from palpate.planning.symbolic.efforts import Efforts, site_of
 from palpate.planning.symbolic.planner import assemble
+from palpate.primitives.registry import Vocabulary, vocabulary
+from palpate.primitives.state import SymbolicState
 from palpate.robots.robot import Recoverable, Robot
-from palpate.scene.load import rearranged
+from palpate.scene.load import rearrange, scene_with_measurements
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Conversion, LeafRun
 from palpate.trace.samples import Samples, Trace
-from palpate.vocabulary.registry import Vocabulary, vocabulary
-from palpate.vocabulary.state import SymbolicState
 
 if TYPE_CHECKING:
     from palpate.execution.runner import Execution
+
 
 log = logging.getLogger(__name__)
 
@@ -71,7 +63,7 @@ def recover(
         if not resumable(done, robot):
             break
         if real and (done.reflex or done.fault):
-            confirmed_by = resumed(done, robot, may_resume)
+            confirmed_by = resume_note(done, robot, may_resume)
             if confirmed_by is None:
                 break
             done = confirmed_by
@@ -86,7 +78,7 @@ def recover(
         rest.sort(key=lambda wanted: failures[wanted.object])
         try:
             state = done.final_state
-            around = rearranged(state.scene, state.elsewhere())
+            around = rearrange(state.scene, state.elsewhere())
             again = replan(rest, around, f"{plan.planner}, {policy}")
         except Exception as error:
             # A failed planning does not lose the result so far.
@@ -97,7 +89,7 @@ def recover(
         if again is None:
             break
         now = again
-        done = joined(done, run(now, around, robot), f"replan[{attempt + 1}].")
+        done = join_executions(done, run(now, around, robot), f"replan[{attempt + 1}].")
     return done
 
 
@@ -111,7 +103,7 @@ def resumable(done: Execution, robot: Robot) -> bool:
     return done.fault is None or stopped
 
 
-def resumed(done: Execution, robot: Robot, may_resume: Resume) -> Execution | None:
+def resume_note(done: Execution, robot: Robot, may_resume: Resume) -> Execution | None:
     """The execution with a person's confirmation as part of the reason; None without one, or where
     the robot cannot continue."""
     why = done.stopped_by or ""
@@ -124,10 +116,10 @@ def resumed(done: Execution, robot: Robot, may_resume: Resume) -> Execution | No
     except PalpateError as error:
         log.warning("it cannot go on: %s", error)
         return None
-    return replace(done, stopped_by=confirmed(why))
+    return replace(done, stopped_by=confirmed_reason(why))
 
 
-def confirmed(why: str) -> str:
+def confirmed_reason(why: str) -> str:
     """Reason of a stop, with the time at which a person let the robot continue."""
     word = f"{why} (a person let the robot go on at {time.strftime('%H:%M:%S')})"
     log.warning("%s", word)
@@ -177,7 +169,7 @@ def replan(parameters: Sequence[Parameter], scene: Scene, planner: str) -> Plan 
     return None if check(plan, scene) else plan
 
 
-def joined(first: Execution, second: Execution, prefix: str) -> Execution:
+def join_executions(first: Execution, second: Execution, prefix: str) -> Execution:
     """Both executions as one, which ends as the second, whose nodes get the `prefix`, with the reason
     of the first one's stop among its setbacks."""
     a, b = first.trace, second.trace
@@ -204,3 +196,119 @@ def joined(first: Execution, second: Execution, prefix: str) -> Execution:
         robot_seconds=first.robot_seconds + second.robot_seconds,
         wall_seconds=first.wall_seconds + second.wall_seconds,
     )
+
+
+# Repetition for `--within`: the same robot measures parameters with wider intervals again, until
+# they are narrow enough or at the floor that no repetition lowers.
+
+
+MAX_ROUNDS = 5  # Largest number of rounds of repetition
+MOST_TIMES = 4
+"""Largest number of repetitions in one round: the noise seen in the first round is uncertain."""
+LONGEST = 100.0
+"""s of robot time of further rounds after which none begins. In a third of a drift's time constant
+(300 s, `robots/simulated/noise/lab.yaml`) the arm is no longer the same one; and the cost of an estimate
+grows with the cube of its data. A round of twelve grasps of a hammer takes 115 s."""
+FUTILE = 0.98
+"""Largest part of an interval that may remain after a round, for another one to follow."""
+
+Lacking = dict[Parameter, Precision]
+"""Parameter with a wider interval than requested."""
+
+
+def repeat(
+    first: Execution,
+    plan: Plan,
+    scene: Scene,
+    robot: Robot,
+    within: Within,
+    run: Runner,
+    say: Callable[[str], None],
+) -> Execution:
+    """The execution joined with all further rounds that `within` requires; `say` shows the purpose of
+    each."""
+    done, before = first, Lacking()
+    asked = [parameter for parameter in plan.parameters if within.of(parameter) is not None]
+    so_far = Counter(asked)
+    for count in range(1, MAX_ROUNDS + 1):
+        took = done.robot_seconds - first.robot_seconds
+        if not asked or done.status != "complete" or took > LONGEST:
+            break
+        lacking = dict(too_wide(asked, done, scene, within))
+        # Another round only where the last one narrowed the interval, if there was any.
+        asked = [
+            parameter
+            for parameter, now in lacking.items()
+            if parameter not in before or now.reached < FUTILE * before[parameter].reached
+        ]
+        before = lacking = {parameter: lacking[parameter] for parameter in asked}
+        efforts = efforts_for(lacking, scene, done, so_far)
+        again = plan_again(efforts, done, plan.planner, mirrored=count % 2 == 1)
+        if again is None:
+            break
+        for parameter, effort in efforts.items():
+            so_far[parameter] += effort.times
+        say(f"measuring again, {widths_in_words(lacking, scene)}")
+        done = join_executions(done, run(*again, robot), f"repeat[{count}].")
+    return done
+
+
+def too_wide(
+    asked: Sequence[Parameter], done: Execution, scene: Scene, within: Within
+) -> Iterator[tuple[Parameter, Precision]]:
+    """Parameters whose interval repetition would narrow; none contradicted or not identified."""
+    for estimate in estimate_all(
+        asked, done.trace, scene_with_measurements(scene, done.trace).bodies
+    ):
+        precision = within.precision(estimate)
+        if precision is None or estimate.contradiction or not estimate.has_value:
+            continue
+        if precision.outcome == "rounds used up":
+            yield estimate.parameter, precision
+
+
+def efforts_for(
+    lacking: Lacking, scene: Scene, done: Execution, so_far: Counter[Parameter]
+) -> dict[Parameter, Effort]:
+    """Effort for each, predicted by its quantity from the arm's noise in the trace, else extrapolated
+    from the repetitions `so_far`."""
+    found: dict[Parameter, Effort] = {}
+    for parameter, precision in lacking.items():
+        site, effort = site_of(scene, parameter), None
+        if site is not None:
+            quantity = scene.catalogue[parameter.quantity]
+            effort = quantity.effort(site, precision.further_std, done.trace)
+        times = min(precision.further(so_far[parameter]), MOST_TIMES)
+        found[parameter] = effort or Effort(times=times)
+    return found
+
+
+def plan_again(
+    efforts: Efforts, done: Execution, planner: str, mirrored: bool
+) -> tuple[Plan, Scene] | None:
+    """A checked plan for the parameters in the present scene, `mirrored` every other time; None
+    without one, or where planning fails."""
+    if not efforts:
+        return None
+    try:
+        around = rearrange(done.final_state.scene, done.final_state.elsewhere())
+        made = assemble(around, efforts, None, efforts, mirrored)
+        if made.tree is None:
+            return None
+        why = "Measured again: the intervals are wider than asked."
+        plan = Plan(made.measured, made.tree, why, f"{planner}, again")
+        findings = check(plan, around, remeasure=True, repeated=True)
+        return None if findings else (plan, around)
+    except Exception as error:
+        log.warning("nothing is measured again, planning it failed: %s", error)
+        return None
+
+
+def widths_in_words(lacking: Lacking, scene: Scene) -> str:
+    """List in words: `bottle.mass: ± 3.1 g where ± 1 g is asked`."""
+    said: list[str] = []
+    for parameter, precision in lacking.items():
+        unit = scene.catalogue[parameter.quantity].unit
+        reached, asked = format_width(precision.reached, unit), format_width(precision.asked, unit)
+        said.append(f"{parameter}: ± {reached} where ± {asked} is asked")
+    return ", ".join(said)

@@ -1,38 +1,38 @@
-"""Rehearsal: execution of a plan in physics before anything moves, watched for harm.
-
-The world is the scene as believed, and some draws of what the scene leaves open. A `Witness` records
-MuJoCo's contact forces and poses after every physics step; `harm` judges them: forces beyond the limits,
-falls, tips, things moved that the plan does not name. Harm in any of these worlds, a failure in the
-believed one, and a thing that ends elsewhere than it was found make the plan unfit. After every motion the
-symbolic state is corrected by where things are in the simulation (`foresight`), so that later leaves, and the
-run itself, go by it.
-"""
+"""Rehearsal of a plan in physics before anything moves, and its file in the run folder."""
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections import Counter, defaultdict
 from collections.abc import Collection
 from dataclasses import dataclass, field
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
 
+import mujoco
 import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from palpate.beside import Beside
-from palpate.cells.simulated import draw_truth
-from palpate.errors import InputError
-from palpate.execution.foresight import Foresight, Look
-from palpate.execution.harm.harm import FALLING, MOVED, harm
-from palpate.execution.harm.witness import LOOK, Witness
+from palpate.common.errors import InputError
+from palpate.common.files import MB, read_bytes
+from palpate.common.pose import Pose
+from palpate.common.processes import Beside, interrupts
+from palpate.common.version import __version__
+from palpate.execution.foresight import Foresight, WorldComparison
+from palpate.execution.harm import FALLING, MOVED, harm
 from palpate.execution.runner import STOP_NODE, Execution, run
-from palpate.interrupt import interrupts
-from palpate.planning.check.case import Finding
-from palpate.planning.plan import Plan
-from palpate.robots.owner.arm import as_measured
+from palpate.execution.simulated_cell import draw_truth
+from palpate.execution.witness import LOOK, Witness
+from palpate.planning.check.finding import Finding
+from palpate.planning.plan import Plan, plan_json
+from palpate.primitives.base import Blackboard
+from palpate.primitives.rules.solids import solids
+from palpate.primitives.state import RESTORED_POSITION, SymbolicState
+from palpate.robots.owner import measured_arm
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.scene.scene import Scene
-from palpate.vocabulary.admissible.solids import solids
-from palpate.vocabulary.base import Blackboard
-from palpate.vocabulary.state import RESTORED_POSITION, SymbolicState
 
 AFTERWARDS = 1.0
 """s that the world is watched after the end of a run: an object released in the last moment falls, or
@@ -115,7 +115,7 @@ class _Attempt:
     foresight: Foresight
 
 
-class Pace:
+class TimePrediction:
     """Prediction of the robot time of a whole plan from its motions so far, with what is sensed between them."""
 
     def __init__(self, plan: Plan, start: float) -> None:
@@ -125,7 +125,7 @@ class Pace:
         self._took: defaultdict[str, list[float]] = defaultdict(list)
         self._last = start
 
-    def ended(self, path: str, t: float) -> None:
+    def note_end(self, path: str, t: float) -> None:
         """Note that the motion at a path ended at `t`, s; one of a controlled stop is none of the plan's."""
         if path in self._kinds:
             self._took[self._kinds[path]].append(t - self._last)
@@ -149,10 +149,10 @@ def rehearse(plan: Plan, scene: Scene, draws: int = DRAWS) -> Rehearsal:
         Interrupted: by a signal.
     """
     key = ("rehearsal", plan.parameters, repr(plan.tree), draws)
-    return solids(scene).cached(key, lambda: _rehearsed(plan, scene, draws))
+    return solids(scene).get_or_compute(key, lambda: _rehearse_once(plan, scene, draws))
 
 
-def _rehearsed(plan: Plan, scene: Scene, draws: int) -> Rehearsal:
+def _rehearse_once(plan: Plan, scene: Scene, draws: int) -> Rehearsal:
     seeds = range(1, 1 + draws if scene.missing else 1)
     with (
         interrupts() as signals,
@@ -198,12 +198,12 @@ def _subject(value: object, scene: Scene) -> set[str]:
 def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
     """Rehearse in one world, the believed one for seed 0."""
     truth = draw_truth(scene, seed) if seed else {}
-    robot = MujocoRobot(scene.spec(truth), scene.pose_world_base, as_measured(scene.arm))
-    witness, look = Witness.of(robot.world), Look(robot.world)
-    named, pace = named_objects(plan, scene), Pace(plan, QUIET)
+    robot = MujocoRobot(scene.spec(truth), scene.pose_world_base, measured_arm(scene.arm))
+    witness, look = Witness.of(robot.world), WorldComparison(robot.world)
+    named, pace = named_objects(plan, scene), TimePrediction(plan, QUIET)
 
-    def settled(path: str, blackboard: Blackboard) -> SymbolicState:
-        pace.ended(path, blackboard.robot.state.t)
+    def settle_state(path: str, blackboard: Blackboard) -> SymbolicState:
+        pace.note_end(path, blackboard.robot.state.t)
         return look.settled(path, blackboard)
 
     try:
@@ -211,7 +211,7 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
         robot.drain()
         if (moved := harm(witness).first) is not None:
             # Nothing stands as the scene has it with the values drawn: they are not the true ones.
-            return _unsettled(moved[1] if seed == 0 else None)
+            return _attempt_in_unrest(moved[1] if seed == 0 else None)
         done = run(
             plan,
             scene,
@@ -219,7 +219,7 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
             stop_requested=lambda: pace.is_too_slow or _is_harming(witness, named),
             max_robot_seconds=LONGEST,
             noiseless=True,
-            settled=settled,
+            settled=settle_state,
         )
         robot.advance(AFTERWARDS)
     finally:
@@ -230,13 +230,13 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
     if pace.is_too_slow or done.robot_seconds >= LONGEST:
         stop = "tree", f"it takes more than {LONGEST:g} s; make several plans of it"
     if harmed is None and stop is None and not seed:
-        harmed = _displaced(done, witness, scene, look.foresight)
+        harmed = _first_displacement(done, witness, scene, look.foresight)
     force = np.linalg.norm(done.trace.samples.wrench[:, :3], axis=1)
     peak = float(force.max(initial=0.0))
     return _Attempt(done.actions, done.robot_seconds, peak, harmed, stop, look.foresight)
 
 
-def _unsettled(what: str | None) -> _Attempt:
+def _attempt_in_unrest(what: str | None) -> _Attempt:
     """Outcome in a world in which something moves while the arm rests; None: a harmless one."""
     why = what and (
         f"{what} while the arm rests: the scene does not settle; state it as it stands, and give what rolls "
@@ -270,7 +270,7 @@ def _at(done: Execution, t: float, text: str) -> tuple[str, str]:
     return leaf.node, said
 
 
-def _displaced(
+def _first_displacement(
     done: Execution, witness: Witness, scene: Scene, seen: Foresight
 ) -> tuple[str, str] | None:
     """The first object that is not restored, with the leaf in which it was displaced most."""
@@ -287,3 +287,116 @@ def _displaced(
                 f"{where.get(path, '')}; grasp it at its middle, and set it down so that it stays there"
             )
     return None
+
+
+# A rehearsal in a run folder, so that the folder's plan is not rehearsed again.
+
+
+FILE = "rehearsal.json"
+MOST = 2 * MB
+"""Bytes of such a file; fifteen objects take 0.2 MB."""
+FARTHEST = 0.1
+"""m: largest shift of an object that is read."""
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Row = Annotated[tuple[Finite, ...], Field(min_length=7, max_length=7)]
+
+
+class Kept(BaseModel):
+    """Content of the file; poses as seven numbers, position and quaternion."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    key: str
+    actions: int
+    robot_seconds: Finite
+    peak_force: Finite
+    failure: str | None
+    draws: int
+    path: str
+    shifts: dict[str, dict[str, Row]]
+    widths: dict[str, Finite]
+    weights: dict[str, tuple[Finite, Finite]]
+
+    def rehearsal(self) -> Rehearsal:
+        """The rehearsal that was kept."""
+        shifts = {
+            leaf: {name: _pose(row) for name, row in found.items()}
+            for leaf, found in self.shifts.items()
+        }
+        figures = self.model_dump(exclude={"key", "shifts", "widths", "weights"})
+        return Rehearsal(**figures, foresight=Foresight(shifts, self.widths, self.weights))
+
+
+def keep_rehearsal(folder: Path, plan: Plan, scene: Scene, rehearsal: Rehearsal) -> None:
+    """Write the rehearsal of a plan beside it."""
+    seen = rehearsal.foresight
+    shifts = {
+        leaf: {name: pose.vector.tolist() for name, pose in found.items()}
+        for leaf, found in seen.shifts.items()
+    }
+    weights = {name: seen.weights[name] for name in scene.objects if name in seen.weights}
+    more = {"shifts": shifts, "widths": dict(seen.widths), "weights": weights}
+    document = {"key": key(plan, scene), **rehearsal.figures(), **more}
+    (folder / FILE).write_text(json.dumps(document, allow_nan=False), encoding="utf-8")
+
+
+def kept_rehearsal(folder: Path, plan: Plan, scene: Scene) -> Rehearsal | None:
+    """The rehearsal of this plan in this scene that a folder keeps; None without a whole one."""
+    try:
+        kept = Kept.model_validate_json(read_bytes(folder / FILE, MOST, "a rehearsal"))
+        return kept.rehearsal() if kept.key == key(plan, scene) else None
+    except (InputError, ValidationError, ValueError):
+        return None
+
+
+def key(plan: Plan, scene: Scene) -> str:
+    """Hash of what a rehearsal depends on: plan, scene and arm as compiled, priors, names of poses.yaml,
+    version."""
+    compiled = _binary(solids(scene).model)
+    document: dict[str, Any] = plan_json(plan)
+    priors = sorted((str(name), repr(prior)) for name, prior in scene.resolved.priors.items())
+    said = [__version__, document["parameters"], document["tree"], priors]
+    said += [repr(scene.pose_world_base), _arm(scene), _names(scene)]
+    return hashlib.sha256(json.dumps(said).encode() + compiled.tobytes()).hexdigest()
+
+
+def _binary(model: mujoco.MjModel) -> NDArray[np.uint8]:
+    """The compiled model as MuJoCo saves it, meshes included."""
+    module: Any = mujoco  # these two are missing in its stubs
+    compiled = np.empty(module.mj_sizeModel(model), dtype=np.uint8)
+    module.mj_saveModel(model, None, compiled)
+    return compiled
+
+
+def _arm(scene: Scene) -> str:
+    """The arm's figures beside its compiled model."""
+    arm = scene.arm
+    return repr((arm.name, arm.pace, arm.stiffness, arm.limits.reflexes, arm.nominal))
+
+
+def _names(scene: Scene) -> list[dict[str, Any]]:
+    """Poses, joint configurations and offsets that a plan may name; poses.yaml states some of them."""
+    symbols = scene.symbols
+    poses = {name: pose.vector.tolist() for name, pose in symbols.poses.items()}
+    joints, offsets = (
+        {name: vector.tolist() for name, vector in named.items()}
+        for named in (symbols.configurations, symbols.offsets)
+    )
+    own = {
+        name: {offset: vector.tolist() for offset, vector in named.items()}
+        for name, named in symbols.own_offsets.items()
+    }
+    return [poses, joints, offsets, own]
+
+
+def _pose(row: Row) -> Pose:
+    """Pose of seven numbers.
+
+    Raises:
+        ValueError: farther than `FARTHEST`, or no rotation.
+    """
+    pose = Pose(np.array(row[:3]), np.array(row[3:]))
+    if np.linalg.norm(pose.position) > FARTHEST or abs(np.linalg.norm(pose.quaternion) - 1) > 1e-6:
+        raise ValueError("no shift of an object")
+    return pose

@@ -13,21 +13,20 @@ import numpy as np
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from palpate.errors import InputError
-from palpate.execution.build import build
-from palpate.execution.leaf import PrimitiveLeaf
-from palpate.execution.stop import Fate, Held, PutDown, let_slip, lost, released
-from palpate.interrupt import Interrupts, interrupts
+from palpate.common.errors import InputError
+from palpate.common.processes import Interrupts, interrupts
+from palpate.execution.leaf import PrimitiveLeaf, build
+from palpate.execution.stop import Fate, HeldObject, PutDown, let_slip, lost, state_after_release
 from palpate.planning.plan import Plan
+from palpate.primitives.base import Blackboard, Recorder, Settled, keep_state
+from palpate.primitives.registry import Vocabulary, vocabulary
+from palpate.primitives.state import SymbolicState
 from palpate.robots.robot import Robot, RobotState
 from palpate.robots.safety import unexplained_force
-from palpate.robots.sense.watched import Watched
+from palpate.robots.watched import Watched
 from palpate.scene.scene import Scene
 from palpate.trace.recording import LeafRun
 from palpate.trace.samples import Samples, Trace
-from palpate.vocabulary.base import Blackboard, Recorder, Settled, as_believed
-from palpate.vocabulary.registry import Vocabulary, vocabulary
-from palpate.vocabulary.state import SymbolicState
 
 log = logging.getLogger(__name__)
 
@@ -83,7 +82,7 @@ class Execution:
     asked: bool = False
     fault: str | None = None
     reflex: str | None = None
-    held: Held | None = None
+    held: HeldObject | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,11 +123,11 @@ def run(
     words: Vocabulary | None = None,
     keep: Keep | None = None,
     noiseless: bool = False,
-    settled: Settled = as_believed,
+    settled: Settled = keep_state,
 ) -> Execution:
     """Run a checked plan to its end, or to a controlled stop.
 
-    A failed leaf, an exception, a signal (`palpate.interrupt`; SIGINT by default),
+    A failed leaf, an exception, a signal (`palpate.common.processes`; SIGINT by default),
     `stop_requested` and the time budget all end in a controlled stop: the arm stops, then a held
     object is put down, or, where that is not safe, held still. A second signal abandons the
     putting down and holds immediately. All recordings are returned in every case. `settled` corrects the
@@ -149,27 +148,27 @@ def run(
     )
     root = build(plan.tree, words or vocabulary(), blackboard)
     began = time.perf_counter()
-    with interrupts() as signals, signals.deferred():
+    with interrupts() as signals, signals.defer():
         loop = Loop(
             blackboard, watched, root, tick_period, observer=observer, keep=keep, signals=signals
         )
 
-        def asked() -> str | None:
+        def stop_request() -> str | None:
             if reason := loop.interrupted():
                 return reason
             return "stop requested" if stop_requested is not None and stop_requested() else None
 
         try:
             loop.stopping = result_or_error(
-                lambda: loop.tick_to_end(root, max_robot_seconds, asked)
+                lambda: loop.tick_to_end(root, max_robot_seconds, stop_request)
             )
-            loop.stopping = loop.stopping or asked()
+            loop.stopping = loop.stopping or stop_request()
             if loop.stopping is not None:
                 result_or_error(loop.stop)
         finally:
             if result_or_error(robot.hold) is not None:
                 result_or_error(robot.hold)
-        return loop.execution(time.perf_counter() - began, asked() is not None)
+        return loop.execution(time.perf_counter() - began, stop_request() is not None)
 
 
 @dataclass
@@ -185,7 +184,7 @@ class Loop:
     signals: Interrupts
     stopping: str | None = None
     reflex: str | None = None
-    held: Held | None = None
+    held: HeldObject | None = None
     start: float | None = None
     now: float = 0.0
 
@@ -222,7 +221,7 @@ class Loop:
         """Reason of a first signal, which asks for a controlled stop."""
         return self.signals.reason if self.signals.pressed() else None
 
-    def hurried(self) -> str | None:
+    def hold_reason(self) -> str | None:
         """Reason of a second signal, which asks to hold immediately."""
         return self.signals.reason if self.signals.pressed() > 1 else None
 
@@ -236,13 +235,13 @@ class Loop:
             finally:
                 self.blackboard.robot.hold()
             slipped = let_slip(self.blackboard)
-            if not (slipped or self.hurried()):
+            if not (slipped or self.hold_reason()):
                 self.come_to_rest()
-            if not self.hurried() and (slipped or self.blackboard.robot.state.gripping):
+            if not self.hold_reason() and (slipped or self.blackboard.robot.state.gripping):
                 self.put_down()
         finally:
             if holds:
-                self.held = Held(name, self.fate())
+                self.held = HeldObject(name, self.fate())
 
     def fate(self) -> Fate:
         """Fate of the held object; one that slipped out is believed at its place again."""
@@ -252,7 +251,7 @@ class Loop:
             return "put down"
         # Fingers open only on a proven support; fingers that lose an object close further.
         if self.blackboard.robot.state.width > self.blackboard.load.width:
-            self.blackboard.state = released(self.blackboard)
+            self.blackboard.state = state_after_release(self.blackboard)
             return "put down"
         self.blackboard.state = lost(self.blackboard)
         return "lost"
@@ -307,7 +306,7 @@ class Loop:
         self.blackboard.failed = False
         down = PrimitiveLeaf(PutDown(), self.blackboard, STOP_NODE)
         try:
-            self.tick_to_end(down, PutDown.timeout, self.hurried)
+            self.tick_to_end(down, PutDown.timeout, self.hold_reason)
         finally:
             down.stop(Status.INVALID)
         if self.blackboard.robot.state.moving:
@@ -321,14 +320,14 @@ class Loop:
             if self.is_pressing():
                 robot.move_joints(robot.state.q)
             self.rest()
-            if self.hurried() or not self.is_pressing():
+            if self.hold_reason() or not self.is_pressing():
                 return
 
     def rest(self) -> None:
         for _ in self.ticks(STOP_SECONDS):
             self.show()
             state = self.blackboard.robot.state
-            if self.hurried() or not (state.moving or state.gripper_moving):
+            if self.hold_reason() or not (state.moving or state.gripper_moving):
                 return
 
     def is_pressing(self) -> bool:

@@ -13,16 +13,15 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from palpate.geometry.pose import Pose
+from palpate.common.pose import Pose
+from palpate.primitives.base import ARM, GRIPPER, Blackboard, LeafFailure, Primitive, Steps, Wait
+from palpate.primitives.gripper import finish_fingers
+from palpate.primitives.guarding import DOWN, WrenchFilter, finish, settle, wait_for_contact
+from palpate.primitives.load import UNFELT
+from palpate.primitives.rules.profile import GUARDED_SPEED, POSE_ERROR
+from palpate.primitives.rules.support import footing, is_as_found, stable
+from palpate.primitives.state import SymbolicState
 from palpate.robots.safety import Expectation
-from palpate.vocabulary.admissible.profile import GUARDED_SPEED, POSE_ERROR
-from palpate.vocabulary.admissible.support import footing, is_as_found, stable
-from palpate.vocabulary.base import ARM, GRIPPER, Blackboard, LeafFailure, Primitive, Steps, Wait
-from palpate.vocabulary.gripper import finish_fingers
-from palpate.vocabulary.guarding import DOWN
-from palpate.vocabulary.load import UNFELT
-from palpate.vocabulary.state import SymbolicState
-from palpate.vocabulary.touch import WrenchFilter, finish, guarded, settle
 
 AT_GRASP = 0.003
 """m from the height of an object's grasp up to which it still stands on its support."""
@@ -43,7 +42,7 @@ Fate = Literal["put down", "held", "lost"]
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class HeldObject:
     """Object in the fingers as a run was stopped, and its fate.
 
     Attributes:
@@ -96,7 +95,7 @@ class PutDown(Primitive):
         # A fixture stays where its handle is let go of.
         if name is not None and name not in blackboard.scene.fixtures:
             yield from self._to_support(blackboard, name)
-        blackboard.state = released(blackboard)
+        blackboard.state = state_after_release(blackboard)
         robot.open_gripper()
         yield from finish_fingers(blackboard)
         robot.move_axis(-DOWN, RETREAT_SPEED, RETREAT)
@@ -109,7 +108,7 @@ class PutDown(Primitive):
         state, held = blackboard.state, held_pose(blackboard)
         # It would stand straight below.
         gap = footing(state, name, held).gap
-        place = held.translated((0.0, 0.0, -gap)) if np.isfinite(gap) else held
+        place = held.translate((0.0, 0.0, -gap)) if np.isfinite(gap) else held
         if reason := unproven(state, name, place):
             raise LeafFailure(f"'{name}' cannot be put down here, {reason}: {STAYS}")
         height = 0.0
@@ -124,7 +123,9 @@ class PutDown(Primitive):
         robot, filtered, load = blackboard.robot, WrenchFilter(blackboard.robot), blackboard.load
         travel = max(height_above(blackboard, place), 0.0) + EXTRA_TRAVEL
         robot.move_axis(DOWN, GUARDED_SPEED, travel)
-        if not (yield from guarded(blackboard, lambda: -load.borne(filtered.now()) > PRESSED)):
+        if not (
+            yield from wait_for_contact(blackboard, lambda: -load.borne(filtered.now()) > PRESSED)
+        ):
             raise LeafFailure(f"no support within {1e3 * travel:.0f} mm below '{name}': {STAYS}")
         yield from finish(blackboard)
         yield from settle(blackboard)
@@ -152,7 +153,7 @@ def let_slip(blackboard: Blackboard) -> bool:
     if not slips or load.borne(state.contact) > -UNFELT:
         return False
     blackboard.robot.open_gripper()
-    blackboard.state = released(blackboard)
+    blackboard.state = state_after_release(blackboard)
     return True
 
 
@@ -189,7 +190,7 @@ def height_above(blackboard: Blackboard, place: Pose) -> float:
     return float(held_pose(blackboard).position[2] - place.position[2])
 
 
-def released(blackboard: Blackboard) -> SymbolicState:
+def state_after_release(blackboard: Blackboard) -> SymbolicState:
     """Symbolic state after the fingers opened at their present pose."""
     state, tcp = blackboard.state, blackboard.robot.state.pose_world_tcp
     moved = dict(state.moved)
@@ -213,6 +214,6 @@ def released(blackboard: Blackboard) -> SymbolicState:
 def lost(blackboard: Blackboard) -> SymbolicState:
     """Symbolic state after an object slipped out of the fingers: the best guess is its place in the
     scene, as most slip before they are far from their support."""
-    state, name = released(blackboard), blackboard.state.holding
+    state, name = state_after_release(blackboard), blackboard.state.holding
     moved = {other: pose for other, pose in state.moved.items() if other != name}
     return replace(state, moved=moved)

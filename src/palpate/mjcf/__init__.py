@@ -1,0 +1,1 @@
+"""MJCF files: document, defaults, roles, edits, bounds, compilation. This room knows no quantity."""

@@ -11,12 +11,10 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from palpate.geometry.belief import SURE
-from palpate.geometry.joint import Joint
-from palpate.geometry.pose import Array, Pose
-from palpate.mjcf.defaults import Defaults
+from palpate.common.belief import SURE
+from palpate.common.pose import Array, Joint, Pose
 from palpate.mjcf.document import Element, has_unknown
-from palpate.mjcf.elements import Elements, Role, has_open_height
+from palpate.mjcf.elements import Defaults, Elements, Role, has_open_height
 from palpate.mjcf.shapes import Shapes, box_around
 
 HANDLE = re.compile(r"handle|knob|grip|latch|lever", re.IGNORECASE)

@@ -17,8 +17,8 @@ from math import inf, prod
 from pathlib import Path
 from typing import BinaryIO
 
-from palpate.errors import InputError
-from palpate.files.read import opened, read_bytes
+from palpate.common.errors import InputError
+from palpate.common.files import open_with_limit, read_bytes
 from palpate.mjcf.document import (
     ATTACH,
     MAX_ASSET_BYTES,
@@ -94,7 +94,7 @@ _BUILT_IN = "mujoco."
 """MuJoCo's own plugins begin with it; all others would have to be loaded as code."""
 
 
-def require_bounded(
+def require_limits(
     document: Document, where: str = "the scene", is_loaded: Loaded = lambda _: True
 ) -> None:
     """Check the size of a scene, with the models that it attaches; of its assets only those that are
@@ -125,7 +125,7 @@ def require_bounded(
 def has_large_textures(document: Document, is_loaded: Loaded) -> bool:
     """Test for textures that have too many pixels together, or unpack to more than is read."""
     try:
-        require_bounded(document, is_loaded=lambda one: one.tag == "texture" and is_loaded(one))
+        require_limits(document, is_loaded=lambda one: one.tag == "texture" and is_loaded(one))
     except InputError:
         return True
     return False
@@ -227,7 +227,7 @@ def _picture_pixels(path: Path) -> int:
     Raises:
         InputError: it has too many pixels, or unpacks to too many bytes.
     """
-    with opened(path, MAX_ASSET_BYTES, "a file that a scene may name") as file:
+    with open_with_limit(path, MAX_ASSET_BYTES, "a file that a scene may name") as file:
         start = file.read(24)
         if not start.startswith(PNG) or len(start) < 24:
             return 0
@@ -239,15 +239,15 @@ def _picture_pixels(path: Path) -> int:
             )
         # A small file cannot unpack to a large one, and need not be looked into.
         if path.stat().st_size * _DEFLATE_RATIO > MAX_UNPACKED:
-            _require_unpacked(path, file)
+            _check_unpacked_size(path, file)
     return width * height
 
 
-def _require_unpacked(path: Path, file: BinaryIO) -> None:
+def _check_unpacked_size(path: Path, file: BinaryIO) -> None:
     """Unpack a picture piece by piece, which takes little memory, up to the limit."""
     unpacked = 0
     stream = zlib.decompressobj()
-    for kind, content in _packed(file):
+    for kind, content in _iter_chunks(file):
         if kind != b"IDAT":  # text and colour profile: the worst case
             unpacked += len(content) * _DEFLATE_RATIO
         elif not stream.eof:
@@ -261,7 +261,7 @@ def _require_unpacked(path: Path, file: BinaryIO) -> None:
             )
 
 
-def _packed(file: BinaryIO) -> Iterator[tuple[bytes, bytes]]:
+def _iter_chunks(file: BinaryIO) -> Iterator[tuple[bytes, bytes]]:
     """Yield kind and content of the deflated chunks, in pieces of 64 kB."""
     file.seek(len(PNG))
     while len(head := file.read(8)) == 8:
@@ -279,9 +279,9 @@ def _require_sizes(element: Element, where: str) -> None:
     """Require sizing attributes within `SIZES`, and plugins of MuJoCo alone."""
     for attribute in SIZES.keys() & set(element.keys()):
         if max(_numbers(element, attribute), default=0.0) > SIZES[attribute]:
-            raise _beyond(element, where, attribute, SIZES[attribute])
+            raise _limit_error(element, where, attribute, SIZES[attribute])
     if element.tag == "size" and _memory(element) > MAX_MEMORY:
-        raise _beyond(element, where, "memory", f"{MAX_MEMORY >> 20}M")
+        raise _limit_error(element, where, "memory", f"{MAX_MEMORY >> 20}M")
     plugin = element.get("plugin")
     if plugin is not None and not plugin.startswith(_BUILT_IN):
         raise InputError(
@@ -297,7 +297,7 @@ def _too_many(element: Element, where: str, what: str) -> InputError:
     )
 
 
-def _beyond(element: Element, where: str, attribute: str, limit: object) -> InputError:
+def _limit_error(element: Element, where: str, attribute: str, limit: object) -> InputError:
     value = (element.get(attribute) or "")[:40]
     return InputError(
         f'{where}: {label(element)}: {attribute}="{value}" is larger than is built; at most {limit}'

@@ -11,15 +11,8 @@ from pathlib import Path
 import mujoco
 from lxml import etree
 
-from palpate.errors import InputError
-from palpate.mjcf.bounds import (
-    HULL_POINTS,
-    LARGE_MESHES,
-    Loaded,
-    has_large_textures,
-    mesh_bytes,
-)
-from palpate.mjcf.defaults import STAND_INS, unknowns_replaced
+from palpate.common.errors import InputError
+from palpate.mjcf.bounds import HULL_POINTS, LARGE_MESHES, Loaded, has_large_textures, mesh_bytes
 from palpate.mjcf.document import (
     ATTACH,
     Document,
@@ -31,7 +24,7 @@ from palpate.mjcf.document import (
     elements,
 )
 from palpate.mjcf.edits import Edit, Insert, apply
-from palpate.mjcf.elements import PLACING
+from palpate.mjcf.elements import PLACING, STAND_INS, replace_unknowns
 from palpate.mjcf.roles import Roles
 
 BASE_SITE = "robot_base"
@@ -102,7 +95,7 @@ def model_tree(
     for root in (tree.root, *tree.attached.values()):
         # A `?` in a defaults class is answered on each element; MuJoCo must not see it.
         for element in elements(root):
-            for edit in unknowns_replaced(element, STAND_INS):
+            for edit in replace_unknowns(element, STAND_INS):
                 edit.apply(element)
         _keep_all(root)
         for keyframe in root.findall("keyframe"):
@@ -139,7 +132,7 @@ def compile_spec(tree: ModelTree) -> mujoco.MjSpec:
         text = etree.tostring(tree.root, encoding="unicode")
         spec = mujoco.MjSpec.from_string(text, include=include)
     except (ValueError, mujoco.FatalError) as error:
-        raise refused(error) from None
+        raise compile_error(error) from None
     if tree.folder is not None:
         spec.modelfiledir = str(tree.folder)
     if tree.mesh_bytes > LARGE_MESHES:
@@ -159,10 +152,10 @@ def compile_model(spec: mujoco.MjSpec) -> mujoco.MjModel:
     try:
         return spec.compile()
     except (ValueError, mujoco.FatalError) as error:
-        raise refused(error) from None
+        raise compile_error(error) from None
 
 
-def refused(error: Exception) -> InputError:
+def compile_error(error: Exception) -> InputError:
     """Error with MuJoCo's message in one line."""
     return InputError(f"MuJoCo does not accept the scene: {' '.join(str(error).split())[:600]}")
 
@@ -262,7 +255,7 @@ def _remove_referring(root: Element, names: set[str]) -> set[str]:
         for section in root.iterfind(tag):
             for entry in list(children(section)):
                 is_text = tag == "custom" and entry.tag != "tuple"
-                if not is_text and _mentioned(entry) & names:
+                if not is_text and _referenced_names(entry) & names:
                     gone |= {entry.get("name") or ""} - {""}
                     section.remove(entry)
     return gone
@@ -275,11 +268,11 @@ def _remove_watching(root: Element, names: set[str]) -> None:
             parent = watching.getparent()
             # The bodies of a skin in a file are not read.
             unknown = tag == "skin" and watching.get("file") is not None
-            if parent is not None and (unknown or _mentioned(watching) & names):
+            if parent is not None and (unknown or _referenced_names(watching) & names):
                 parent.remove(watching)
 
 
-def _mentioned(entry: Element) -> set[str]:
+def _referenced_names(entry: Element) -> set[str]:
     """Values of all attributes, in an element and below it, that may be references."""
     found: set[str] = set()
     for part in elements(entry):

@@ -164,7 +164,7 @@ def spring_of(body: BodyDescription) -> tuple[float, float] | None:
     return float(-stiffness) * scale, max(float(-damping), 0.0) * scale
 
 
-def softened(body: BodyDescription, stiffness: float, std: float | None) -> Iterator[Edit]:
+def soften_surface(body: BodyDescription, stiffness: float, std: float | None) -> Iterator[Edit]:
     """Changes that make a surface a spring of `stiffness`, N/m, under the fingertips, critically damped as by
     MuJoCo's default; `std` decides how many digits are written.
 
@@ -179,7 +179,7 @@ def softened(body: BodyDescription, stiffness: float, std: float | None) -> Iter
         yield Edit(geom, "solmix", {0: DECIDES}, "1")
 
 
-def damped(body: BodyDescription, damping: float, std: float | None) -> Iterator[Edit]:
+def damp_surface(body: BodyDescription, damping: float, std: float | None) -> Iterator[Edit]:
     """Changes that give a softened surface a damping under the fingertips, N s/m."""
     per_unit = (1.0 - IMPEDANCE) / fingertip_mass(body)
     digits = None if std is None else std * per_unit
@@ -228,7 +228,7 @@ def add_ball(world: mujoco.MjSpec, at: tuple[float, float, float]) -> mujoco.Mjs
 
 def tied_to(body: BodyDescription) -> str:
     """Name the body that a constraint ties to the object, or else the force beside its weight
-    (`carried`); empty if there is neither. A tied body is lifted and turned with the object."""
+    (`hanging_force`); empty if there is neither. A tied body is lifted and turned with the object."""
     model = body.shapes.model
     geoms = [body.shapes.geom_ids[geom] for geom in body.elements.geoms]
     own = {int(model.body(body.name).id), *model.geom_bodyid[geoms].tolist()}
@@ -243,10 +243,10 @@ def tied_to(body: BodyDescription) -> str:
             (other,) = set(ends) - own
             name = model.body(other).name or "something without a name"
             return f"it is tied to '{name}' (<equality>), with which it was lifted"
-    return carried(body)
+    return hanging_force(body)
 
 
-def carried(body: BodyDescription) -> str:
+def hanging_force(body: BodyDescription) -> str:
     """Name the force beside its weight that acts on an object hanging in the hand; empty if it is below
     `NEGLIGIBLE` of the weight."""
     model = body.shapes.model

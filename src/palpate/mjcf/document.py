@@ -15,8 +15,8 @@ from xml.parsers import expat
 
 from lxml import etree
 
-from palpate.errors import InputError
-from palpate.files import read as files
+from palpate.common import files
+from palpate.common.errors import InputError
 
 Element = etree._Element  # pyright: ignore[reportPrivateUsage]
 
@@ -336,7 +336,7 @@ def attached_names(attach: Element, document: Document) -> set[str]:
     return {found.prefix + name for part in parts if (name := part.get("name"))}
 
 
-def around(element: Element, through: Sequence[Element]) -> Iterator[Element]:
+def iter_ancestors(element: Element, through: Sequence[Element]) -> Iterator[Element]:
     """Yield the ancestors of an element from inside out, also those of the `<attach>` elements."""
     yield from element.iterancestors()
     for attach in reversed(through):

@@ -1,13 +1,212 @@
-"""Changes of an MJCF: numbers of an attribute, or a new first child; applied to a parsed tree."""
+"""Edits of an MJCF text: positions of tags and attributes, and changes that keep every other byte."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+import html
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from xml.parsers import expat
 
 from lxml import etree
 
-from palpate.mjcf.document import UNKNOWN, Element, spelled_out, tokens, with_tokens
+from palpate.common.errors import InputError
+from palpate.mjcf.document import (
+    UNKNOWN,
+    Element,
+    parse_xml,
+    read_text,
+    spelled_out,
+    tokens,
+    with_tokens,
+)
+
+_ATTRIBUTE = re.compile(rb"\s+([^\s=/>]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
+
+
+@dataclass(slots=True)
+class XmlTag:
+    """Position of an element, in bytes.
+
+    Attributes:
+        start, end: of its start tag.
+        attributes: name to the span between the quotes.
+        attributes_end: where a further attribute goes.
+        close: where its end tag starts; for an empty tag where it starts.
+        last: where its whole element ends.
+    """
+
+    name: str
+    depth: int
+    start: int
+    end: int
+    attributes: dict[str, tuple[int, int]]
+    attributes_end: int
+    close: int = -1
+    last: int = -1
+
+    @property
+    def empty(self) -> bool:
+        """Written `<tag/>`."""
+        return self.close == self.start
+
+    def value(self, data: bytes, name: str) -> str:
+        """Text of an attribute between the quotes in `data`; empty without the attribute."""
+        start, end = self.attributes.get(name, (0, 0))
+        return data[start:end].decode("utf-8")
+
+
+@dataclass(slots=True)
+class TextChange:
+    """Replace the bytes from `start` to `end` by `new`."""
+
+    start: int
+    end: int
+    new: str
+
+
+def scan(text: str) -> list[XmlTag]:
+    """Positions of every element in the order of its start tag; the text must be well-formed."""
+    # Expat counts bytes, so positions are in bytes, not characters.
+    data, tags, unclosed = text.encode("utf-8"), list[XmlTag](), list[XmlTag]()
+    parser = expat.ParserCreate("utf-8")
+
+    def start_element(name: str, _: Mapping[str, str]) -> None:
+        start = parser.CurrentByteIndex
+        position = start + 1 + len(name.encode("utf-8"))
+        attributes: dict[str, tuple[int, int]] = {}
+        while (match := _ATTRIBUTE.match(data, position)) is not None:
+            attributes[match[1].decode("utf-8")] = (match.start(2) + 1, match.end(2) - 1)
+            position = match.end()
+        end = data.index(b">", position) + 1
+        tag = XmlTag(name, len(unclosed), start, end, attributes, attributes_end=position)
+        tags.append(tag)
+        unclosed.append(tag)
+
+    def end_element(_: str) -> None:
+        tag = unclosed.pop()
+        at = parser.CurrentByteIndex
+        if data[tag.end - 2 : tag.end] == b"/>":  # an empty tag ends where it starts
+            tag.close, tag.last = tag.start, tag.end
+        else:
+            tag.close, tag.last = at, data.index(b">", at) + 1
+
+    parser.StartElementHandler = start_element
+    parser.EndElementHandler = end_element
+    parser.Parse(data, True)
+    return tags
+
+
+def set_attribute(tag: XmlTag, name: str, value: str) -> TextChange:
+    """Replace the value of an attribute within its quotes, or add the attribute after the others."""
+    from xml.sax.saxutils import quoteattr
+
+    if name not in tag.attributes:
+        return TextChange(tag.attributes_end, tag.attributes_end, f" {name}={quoteattr(value)}")
+    start, end = tag.attributes[name]
+    return TextChange(start, end, escape_attribute(value))
+
+
+def remove_attribute(data: bytes, tag: XmlTag, name: str) -> TextChange:
+    """Remove an attribute and the white space before it."""
+    first, end = tag.attributes[name]
+    before = data.rindex(name.encode("utf-8"), tag.start, first)
+    start = len(data[:before].rstrip())
+    return TextChange(start, end + 1, "")
+
+
+def escape_attribute(value: str) -> str:
+    """Escape an attribute's text for either kind of quotes."""
+    return (
+        value.replace("&", "&amp;")
+        .replace("<", "&lt;")
+        .replace('"', "&quot;")
+        .replace("'", "&apos;")
+    )
+
+
+def element(name: str, attributes: Mapping[str, str]) -> str:
+    """Write an empty element."""
+    text = f"<{name}"
+    for attribute, value in attributes.items():
+        text += f' {attribute}="{escape_attribute(value)}"'
+    return f"{text}/>"
+
+
+def first_child(data: bytes, tag: XmlTag, content: str) -> TextChange:
+    """Insert a first child, indented as the one that it precedes."""
+    rest = data[tag.end :]
+    space = rest[: len(rest) - len(rest.lstrip())].decode("utf-8")
+    indent = space if "\n" in space else ""
+    return TextChange(tag.end, tag.end, indent + content)
+
+
+def last_children(data: bytes, tag: XmlTag, contents: Sequence[str], indent: str) -> TextChange:
+    """Insert last children; `indent` is the line break and space before each."""
+    at = len(data[: tag.close].rstrip())
+    return TextChange(at, at, "".join(indent + content for content in contents))
+
+
+def apply_changes(text: str, changes: Iterable[TextChange]) -> str:
+    """Apply all changes to a text, those at one position in the given order."""
+    data = text.encode("utf-8")
+    parts: list[bytes] = []
+    position = 0
+    for change in sorted(changes, key=lambda c: c.start):
+        if change.start < position:
+            raise InputError("two changes of the scene overlap; state the attribute once")
+        parts += [data[position : change.start], change.new.encode("utf-8")]
+        position = change.end
+    return b"".join([*parts, data[position:]]).decode("utf-8")
+
+
+def inline_includes(
+    text: str,
+    includes: Mapping[str, Path],
+    renamed: Mapping[str, str] | None = None,
+    texts: Mapping[Path, str] | None = None,
+) -> str:
+    """Replace every `<include>` in a text by the content of its file.
+
+    Args:
+        includes: the files by their names in `<include>`.
+        texts: texts in place of some of the files.
+        renamed: new names for files that their content names.
+    """
+    # Included files may include others, so until none is left.
+    while tags := [tag for tag in scan(text) if tag.name == "include"]:
+        data = text.encode("utf-8")
+        parts: list[TextChange] = []
+        for tag in tags:
+            path = includes[html.unescape(tag.value(data, "file"))]
+            included = (texts or {}).get(path)
+            if included is None:
+                included = read_text(path)
+            parse_xml(included, str(path))
+            root = scan(included)[0]
+            content = included.encode("utf-8")[root.end : root.close].decode("utf-8").strip()
+            parts.append(TextChange(tag.start, tag.last, _with_names(content, renamed or {})))
+        text = apply_changes(text, parts)
+    return text
+
+
+def _with_names(content: str, renamed: Mapping[str, str]) -> str:
+    """Rename the files that an included file's content names."""
+    data = f"<mujoco>{content}</mujoco>".encode()
+    changes: list[TextChange] = []
+    for tag in scan(data.decode("utf-8")):
+        start, end = tag.attributes.get("file", (0, 0))
+        name = html.unescape(tag.value(data, "file"))
+        if tag.name != "include" and name in renamed:
+            changes.append(TextChange(start, end, html.escape(renamed[name])))
+    if not changes:
+        return content
+    text = apply_changes(data.decode("utf-8"), changes)
+    return text.removeprefix("<mujoco>").removesuffix("</mujoco>")
+
+
+# Changes of an MJCF: numbers of an attribute, or a new first child; applied to a parsed tree.
 
 
 @dataclass(frozen=True, slots=True)

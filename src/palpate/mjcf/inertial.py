@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from palpate.errors import InputError
-from palpate.geometry.pose import Array, Pose, components, tensor_of
+from palpate.common.errors import InputError
+from palpate.common.pose import Array, Pose, components, tensor_of
 from palpate.mjcf.body import BodyDescription
 from palpate.mjcf.document import UNKNOWN, Element, compiler_settings, has_unknown, tokens
 from palpate.mjcf.edits import Change, Edit, Insert, number, unknown_only
@@ -24,7 +24,7 @@ from palpate.mjcf.shapes import USUAL_DENSITY
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Whole:
+class WholeInertia:
     """Mass, kg, centre of mass (3,), m, and inertia about it (3, 3), kg m², in the frame of the
     object's body."""
 
@@ -33,12 +33,12 @@ class Whole:
     tensor: Array
 
 
-def whole(model: mujoco.MjModel, name: str) -> Whole:
+def whole(model: mujoco.MjModel, name: str) -> WholeInertia:
     """Compiled inertia of the body `name` with all bodies below it as one rigid body, joints at the
     file's configuration."""
     root = int(model.body(name).id)
     poses = {root: Pose.of((0.0, 0.0, 0.0))}
-    parts: list[Whole] = []
+    parts: list[WholeInertia] = []
     for body in range(root, model.nbody):
         parent = int(model.body_parentid[body])
         if body != root and parent not in poses:
@@ -50,18 +50,18 @@ def whole(model: mujoco.MjModel, name: str) -> Whole:
         inner = Pose.of((0.0, 0.0, 0.0), model.body_iquat[body])
         axes = poses[body].rotation @ inner.rotation
         tensor = axes @ np.diag(model.body_inertia[body]) @ axes.T
-        parts.append(Whole(float(model.body_mass[body]), com, tensor))
+        parts.append(WholeInertia(float(model.body_mass[body]), com, tensor))
     mass = sum(part.mass for part in parts)
     if len(parts) == 1 or mass == 0.0:
         return parts[0]
     com = np.sum([part.mass * part.com for part in parts], axis=0) / mass
     tensor = np.zeros((3, 3))
     for part in parts:
-        tensor += part.tensor + part.mass * away(part.com - com)
-    return Whole(mass, com, tensor)
+        tensor += part.tensor + part.mass * parallel_axis(part.com - com)
+    return WholeInertia(mass, com, tensor)
 
 
-def away(offset: Array) -> Array:
+def parallel_axis(offset: Array) -> Array:
     """(3, 3) m², parallel axis theorem: inertia |d|² E - d dᵀ of a unit mass at an offset d."""
     return offset @ offset * np.eye(3) - np.outer(offset, offset)
 
@@ -164,7 +164,7 @@ def tensor_about(body: BodyDescription, mass: float, com: Array) -> Array:
         low, high = cloud.min(axis=0), cloud.max(axis=0)
         squares = (high - low) ** 2
         tensor, centre = np.diag(mass / 12 * (squares.sum() - squares)), (high + low) / 2
-    return tensor + mass * away(com - centre)
+    return tensor + mass * parallel_axis(com - centre)
 
 
 def weighing_geoms(body: BodyDescription) -> Iterator[Element]:
@@ -284,12 +284,12 @@ def _inertial(body: BodyDescription, mine: _Together, known: _Together) -> Itera
         mass = mass_of(body)
     com = np.array(mine.com or known.com or com_of(body))
     tensor = tensor_about(body, mass, com) if mine.inertia is None else tensor_of(mine.inertia)
-    pos = _numbered(com.tolist(), mine.com_std)
+    pos = _format_numbers(com.tolist(), mine.com_std)
     mass_text = number(mass, mine.mass_std)
     inertial = body.elements.inertial
     if inertial is None:
         stated = {"pos": " ".join(pos.values()), "mass": mass_text}
-        moments = list(_numbered(components(tensor)).values())
+        moments = list(_format_numbers(components(tensor)).values())
         if _is_diagonal(tensor):
             stated["diaginertia"] = " ".join(moments[:3])
         else:
@@ -314,7 +314,7 @@ def _moments(
     body: BodyDescription, inertial: Element, tensor: Array, is_measured: bool
 ) -> Iterator[Edit]:
     """Yield the changes that state the inertia in an existing `<inertial>`."""
-    full = _numbered(components(tensor))
+    full = _format_numbers(components(tensor))
     if inertial.get("fullinertia") is not None:
         yield Edit(inertial, "fullinertia", unknown_only(inertial, "fullinertia", full))
         return
@@ -329,11 +329,11 @@ def _moments(
     if is_turned:
         axes = Pose.of((0.0, 0.0, 0.0), body.shapes.model.body(body.name).iquat).rotation
         tensor = axes.T @ tensor @ axes
-    texts = unknown_only(inertial, "diaginertia", _numbered(np.diag(tensor).tolist()))
+    texts = unknown_only(inertial, "diaginertia", _format_numbers(np.diag(tensor).tolist()))
     yield Edit(inertial, "diaginertia", texts, "? ? ?")
 
 
-def _numbered(values: Sequence[float], std: float | None = None) -> dict[int, str]:
+def _format_numbers(values: Sequence[float], std: float | None = None) -> dict[int, str]:
     """Numbers as text by their position in an attribute."""
     return {i: number(value, std) for i, value in enumerate(values)}
 

@@ -16,8 +16,8 @@ from pathlib import Path
 
 from lxml import etree
 
-from palpate.errors import InputError
-from palpate.files import read as files
+from palpate.common import files
+from palpate.common.errors import InputError
 from palpate.mjcf.document import (
     COUNTS,
     MAX_ASSET_BYTES,
@@ -79,7 +79,7 @@ def parse_document(
     return replace(reader.document(text, where), robots=tuple(robots))
 
 
-def reparsed(texts: Texts, like: Document) -> Document:
+def reparse(texts: Texts, like: Document) -> Document:
     """Parse another version of a document's text, and of some files that it includes, with the same
     other files."""
     parts = {**like.texts, **texts.parts}
@@ -118,7 +118,7 @@ class _Reader:
     """Assets found beside the included file that names them, relative to `folder`, by name."""
 
     def document(self, text: str, where: str) -> Document:
-        root = self.parsed(text, where, self.path)
+        root = self.parse_text(text, where, self.path)
         if root.tag == "mujocoinclude":
             raise InputError(
                 f"{where} is a part that other scenes include (<mujocoinclude>); give a scene that does"
@@ -154,7 +154,7 @@ class _Reader:
         """Path of an attached model."""
         return self.within[-1] if self.within else None
 
-    def parsed(self, text: str, where: str, file: Path | None) -> Element:
+    def parse_text(self, text: str, where: str, file: Path | None) -> Element:
         """Parse one more text, and index its elements; `file` as in `Place`."""
         self.bytes += len(text)
         if self.bytes > MAX_ALL_BYTES:
@@ -180,7 +180,7 @@ class _Reader:
                 raise InputError(f"{where} includes more than {MAX_INCLUDES} files")
             text = self.given[path] if path in self.given else read_text(path)
             self.texts[path] = text
-            included = self.parsed(text, str(path), path)
+            included = self.parse_text(text, str(path), path)
             self.named.append(Named(include, "file", name, name, path, self.path))
             # Includes in the included file are relative to its own folder.
             self.origins |= dict.fromkeys(elements(included), path.parent)
@@ -195,7 +195,7 @@ class _Reader:
                 name = element.get(attribute)
                 if name is None or element.tag == "include":
                     continue
-                located = _located(name, element, settings)
+                located = _locate_file(name, element, settings)
                 path = self._file(located, element, where, name)
                 found.append(path)
                 self.named.append(Named(element, attribute, name, located, path, self.path))
@@ -206,7 +206,7 @@ class _Reader:
                 if element.tag == "model" or not is_there:
                     self.beside[name] = os.path.relpath(path, self.folder)
                 if element.tag == "model":
-                    model = self._attached(path, where)
+                    model = self._read_attachment(path, where)
                     found.extend(model.files)
                     called = element.get("name") or model.root.get("model") or path.stem
                     self.attachable[called] = model
@@ -253,7 +253,7 @@ class _Reader:
         files.require_regular(path, MAX_ASSET_BYTES, "a file that a scene may name")
         return path
 
-    def _attached(self, path: Path, where: str) -> Document:
+    def _read_attachment(self, path: Path, where: str) -> Document:
         """Read a model that the scene attaches, with its own folder and the models that it attaches."""
         if path in self.within:
             raise InputError(f"{where} attaches {path.name}, of which it is a part")
@@ -308,7 +308,7 @@ def _depth(root: Element) -> int:
     return deepest
 
 
-def _located(name: str, element: Element, settings: Mapping[str, str]) -> str:
+def _locate_file(name: str, element: Element, settings: Mapping[str, str]) -> str:
     """A file name below the folder that `<compiler>` sets for its kind of asset."""
     if element.tag == "model":
         return name

@@ -1,17 +1,12 @@
-"""Roles of a document's elements: objects, surfaces, fixtures and robots.
-
-A body with a free joint is an object; a static named body or geom that may carry things is a
-surface; a named body that slides or turns on one joint is a fixture (a drawer, a door); an
-articulated body that is driven, or ends in a hand, is a robot and none of these.
-"""
+"""Roles of a document's elements: objects, surfaces, fixtures and robots."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from palpate.errors import InputError, unknown_name
-from palpate.mjcf.defaults import Defaults
+from palpate.common.errors import InputError, unknown_name
 from palpate.mjcf.document import (
     ATTACH,
     Brought,
@@ -25,6 +20,7 @@ from palpate.mjcf.document import (
 )
 from palpate.mjcf.elements import (
     TRANSPARENT,
+    Defaults,
     Elements,
     Role,
     carrying,
@@ -36,8 +32,85 @@ from palpate.mjcf.elements import (
     is_free,
     meets_hand,
     own_geoms,
+    through_frames,
 )
-from palpate.mjcf.robots import NOBODY, Robots, driven
+
+NOBODY = "none"
+"""Given in place of a body's name where nothing in the scene is a robot."""
+
+HANDS = frozenset({"hand", "gripper", "finger", "fingers"})
+"""Words of a body's name that identify the end of an arm."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Robots:
+    """Evidence that distinguishes robots from furniture.
+
+    Attributes:
+        named: root bodies of robots as the user names them; then these alone are robots.
+        driven: names of joints, sites and bodies that an actuator drives.
+    """
+
+    named: tuple[str, ...]
+    driven: frozenset[str]
+    defaults: Defaults
+
+    def begin_with(self, body: Element) -> bool:
+        """True if a body is a robot's root: it has the robot's first joint, or is the fixed base
+        of the body that has it."""
+        if self.named:
+            return body.get("name") in self.named
+        if has_joint(body):
+            return self._is_robot(body)
+        moving = (c for c in through_frames(body) if c.tag == "body" and has_joint(c))
+        return any(self._is_robot(child) for child in moving)
+
+    def within(self, prefix: str, root: Element) -> Robots:
+        """Robots of an attached model, `root`, whose names have a prefix in the scene."""
+        named = [name.removeprefix(prefix) for name in self.named if name.startswith(prefix)]
+        if self.named and not named:
+            named = [NOBODY]
+        return Robots(tuple(named), driven(root), self.defaults)
+
+    def _is_robot(self, body: Element) -> bool:
+        """True if a body with joints is a robot: an actuator drives a part of it, or it ends in a
+        hand and is not free."""
+        parts = [part for part in elements(body) if part.tag in ("joint", "site", "body")]
+        if any(part.get("name") in self.driven for part in parts):
+            # A drone is driven as a whole, by its site, and has no joint but a free one.
+            return any(part.tag == "joint" for part in parts)
+        words: set[str] = set()
+        for part in parts:
+            if part.tag == "body":  # whole words: a `handle` is no hand
+                words |= set(re.findall(r"[A-Z]?[a-z]+|[A-Z]+", part.get("name") or ""))
+        ends_in_hand = not HANDS.isdisjoint(word.lower() for word in words)
+        return ends_in_hand and not is_free(body, self.defaults)
+
+
+def driven(root: Element) -> frozenset[str]:
+    """Names of joints, sites and bodies that an actuator drives, also through tendons."""
+
+    def referenced_names(element: Element, *attributes: str) -> set[str]:
+        return {str(value) for key, value in element.items() if key in attributes}
+
+    found: set[str] = set()
+    tendons: set[str] = set()
+    for section in root.iterfind("actuator"):
+        for actuator in children(section):
+            found |= referenced_names(
+                actuator, "joint", "jointinparent", "site", "body", "cranksite"
+            )
+            tendons |= referenced_names(actuator, "tendon")
+    for section in root.iterfind("tendon"):
+        for tendon in children(section):
+            if tendon.get("name") in tendons:
+                for part in children(tendon):
+                    found |= referenced_names(part, "joint", "site")
+    return frozenset(found)
+
+
+# Roles of a document's elements: objects, surfaces, fixtures and robots.
+
 
 FLOOR = "floor"
 """Name of a plane without a name."""
@@ -197,7 +270,7 @@ def _add_object(body: Element, found: Roles, model: _Model) -> None:
     geoms = tuple(part for part in all_parts if part.tag == "geom")
     if _is_untouchable(body, geoms, found):
         return
-    own = body.get("name") or _named(body, geoms[0], found, model)
+    own = body.get("name") or _name_body(body, geoms[0], found, model)
     made = Elements(
         name=compiled_name(body, own, model.through),
         role="object",
@@ -277,7 +350,7 @@ def _parts(body: Element, found: Roles, model: _Model) -> Iterator[Element]:
             yield from _parts(part.content, found, model.inside(part))
 
 
-def _named(body: Element, geom: Element, found: Roles, model: _Model) -> str:
+def _name_body(body: Element, geom: Element, found: Roles, model: _Model) -> str:
     """Give a body without a name one after its geom, its mesh or its shape; it is set in the tree, so
     that compiled models have it."""
     shape = found.defaults.attribute(geom, "type") or "sphere"

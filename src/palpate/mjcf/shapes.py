@@ -14,9 +14,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.errors import InputError
-from palpate.geometry.outline import Convex
-from palpate.geometry.pose import Array, Pose
+from palpate.common.errors import InputError
+from palpate.common.outline import Convex
+from palpate.common.pose import Array, Pose
 from palpate.mjcf.compile import BASE_SITE, ModelTree, compile_model, compile_spec, model_tree
 from palpate.mjcf.document import Document, Element, elements
 from palpate.mjcf.edits import Edit, Insert

@@ -1,0 +1,1 @@
+"""Plans, planners, and the check of plans."""

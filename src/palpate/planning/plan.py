@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 from textwrap import shorten
 from typing import Any, Literal, NoReturn, TypeVar, cast, get_args
 
-from palpate.display import json_text
-from palpate.errors import InputError
-from palpate.parameter import Parameter
-from palpate.redaction import redact
+from palpate.common.display import json_text
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter
+from palpate.common.redaction import redact
 
 T = TypeVar("T")
 
@@ -65,7 +65,7 @@ OUTCOMES: tuple[str, ...] = get_args(Outcome)
 
 
 @dataclass(frozen=True, slots=True)
-class Unmeasured:
+class UnmeasuredParameters:
     """Requested parameters that a plan does not measure, and the reason, a sentence. A property that no
     quantity stands for, such as the temperature, has no parameters."""
 
@@ -95,7 +95,7 @@ class Plan:
     """Words of that request that the proposal leaves out."""
     again: tuple[Parameter, ...] = ()
     """Those of `parameters` that are measured again, though the scene states them."""
-    unmeasured: tuple[Unmeasured, ...] = ()
+    unmeasured: tuple[UnmeasuredParameters, ...] = ()
     """What was requested and is not in `parameters`; a run of the plan is not complete then."""
 
     @property
@@ -169,7 +169,7 @@ def plan_from(document: object) -> Plan:
     fields = _mapping(document, "a plan")
     for required in ("parameters", "tree"):
         if required not in fields:
-            _fail("a plan", f"needs the field '{required}'; it has {_listed(fields)}")
+            _fail("a plan", f"needs the field '{required}'; it has {_list_fields(fields)}")
     listed = _each(_parameter, fields["parameters"], "parameters")
     parameters = tuple(parameter for parameter, _ in listed)
     again = tuple(parameter for parameter, marked in listed if marked)
@@ -287,7 +287,7 @@ def _node(value: object, path: str, depth: int, budget: list[int]) -> Node:
         _fail(path, "is nested too deep; flatten the tree")
     fields = _mapping(value, path)
     if "type" not in fields:
-        _fail(path, f"needs the field 'type'; it has {_listed(fields)}")
+        _fail(path, f"needs the field 'type'; it has {_list_fields(fields)}")
     type = _text(fields["type"], f"{path}.type")
     name = _text(fields.get("name", ""), f"{path}.name")
     arguments: list[tuple[str, object]] = []
@@ -315,7 +315,7 @@ def _parameter(value: object, path: str) -> tuple[Parameter, bool]:
     if set(fields) - {"again"} != {"object", "quantity"}:
         _fail(
             path,
-            f"needs exactly 'object' and 'quantity', and may have 'again'; it has {_listed(fields)}",
+            f"needs exactly 'object' and 'quantity', and may have 'again'; it has {_list_fields(fields)}",
         )
     again = fields.get("again")
     if not (again is None or isinstance(again, bool)):
@@ -324,11 +324,11 @@ def _parameter(value: object, path: str) -> tuple[Parameter, bool]:
     return Parameter(*named), bool(again)
 
 
-def _unmeasured(value: object, path: str) -> Unmeasured:
+def _unmeasured(value: object, path: str) -> UnmeasuredParameters:
     fields = _mapping(value, path)
     listed = _each(_parameter, fields.get("parameters", []), f"{path}.parameters")
     reason = _text(fields.get("reason", ""), f"{path}.reason")
-    return Unmeasured(reason, tuple(parameter for parameter, _ in listed))
+    return UnmeasuredParameters(reason, tuple(parameter for parameter, _ in listed))
 
 
 def _frozen(value: object, path: str) -> object:
@@ -381,7 +381,7 @@ def _kind(value: object) -> str:
     return names.get(type(value), "null")
 
 
-def _listed(fields: Mapping[str, object]) -> str:
+def _list_fields(fields: Mapping[str, object]) -> str:
     return ", ".join(f"'{key[:40]}'" for key in list(fields)[:10]) or "none"
 
 

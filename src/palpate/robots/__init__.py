@@ -1,0 +1,1 @@
+"""The robot protocol, descriptions of arms, the simulated arm and a real Franka."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.geometry.belief import SURE
-from palpate.geometry.outline import (
+from palpate.common.belief import SURE
+from palpate.common.outline import (
     Convex,
     Obstacle,
     above,
@@ -23,7 +23,7 @@ from palpate.geometry.outline import (
     slab,
     unit,
 )
-from palpate.geometry.pose import Array, Pose
+from palpate.common.pose import Array, Pose
 from palpate.robots.description import RobotDescription
 
 SPARE = 0.004  # m of the opening left for errors of the pose
@@ -164,14 +164,14 @@ class _Scene:
                 f"it is {wide * 1000:.0f} mm wide where the hand could close; the hand takes "
                 f"{hand.opening * 1000:.0f} mm less {SPARE * 1000:.0f} mm to spare"
             )
-        elif self._blocked(centre, across, height):
+        elif self._has_obstacle(centre, across, height):
             problem = "its neighbours leave no room for the hand"
         # The fingers open farther than the object is wide, if they can.
         unsure = 2 * SURE * float(np.sqrt(across @ self._spread @ across))
         short = max(wide + max(unsure, SPARE) - hand.opening, 0.0)
         return Grasp(self._tool_pose(centre, height, angle), wide, slack, short, problem)
 
-    def _blocked(self, centre: Array, across: Array, height: float) -> bool:
+    def _has_obstacle(self, centre: Array, across: Array, height: float) -> bool:
         """Test if the opened fingers, or the palm above them, would overlap a neighbour."""
         hand = self._arm.hand
         nearby = above(self._obstacles, height - self._arm.tip)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from palpate.geometry.pose import Array, Pose
+from palpate.common.pose import Array, Pose
 from palpate.robots.description import RobotDescription
 from palpate.robots.safety import JOINT_MARGIN
 
@@ -108,7 +108,7 @@ class _Solver:
         self.posture.set_target(q)
         self.configuration.update(np.clip(q, self.low, self.high))
         for _ in range(MAX_ITERATIONS):
-            if self._arrived():
+            if self._is_at_goal():
                 return self.configuration.q.copy()
             step = mink.solve_ik(  # pyright: ignore[reportUnknownMemberType] (mink leaves its **kwargs untyped)
                 self.configuration, [self.reach, self.posture], 1.0, "daqp", limits=[self.limit]
@@ -116,9 +116,9 @@ class _Solver:
             self.configuration.update(np.clip(self.configuration.q + step, self.low, self.high))
             if np.abs(step).max() < STALLED:
                 break
-        return self.configuration.q.copy() if self._arrived() else None
+        return self.configuration.q.copy() if self._is_at_goal() else None
 
-    def _arrived(self) -> bool:
+    def _is_at_goal(self) -> bool:
         error = self.reach.compute_error(self.configuration)
         return bool(
             np.linalg.norm(error[:3]) < POSITION_TOLERANCE / 2

@@ -9,7 +9,7 @@ from functools import lru_cache
 import mujoco
 import numpy as np
 
-from palpate.geometry.pose import CONJUGATE, Array, Pose
+from palpate.common.pose import CONJUGATE, Array, Pose
 from palpate.robots.description import RobotDescription
 from palpate.robots.trajectory import rotation_vector
 
@@ -56,7 +56,7 @@ def wrenches(jacobian: Array, torque: Array) -> Array:
     return out
 
 
-def unexplained(jacobian: Array, torque: Array) -> tuple[float, float]:
+def explain_torque(jacobian: Array, torque: Array) -> tuple[float, float]:
     """Split external joint torques (7,), N m, by the force at the TCP that explains most of them.
 
     That force is f = (J_v^T)^+ tau, with the upper rows J_v of `jacobian` (6, 7), world axes. Returned
@@ -165,7 +165,7 @@ class NominalArm:
         (std 0.011).
         """
         ahead = self._pose_world_base.local(goal.position)
-        posture = self._levelled(posture + np.arctan2(ahead[1], ahead[0]) * np.eye(7)[0], goal)
+        posture = self._level_tool(posture + np.arctan2(ahead[1], ahead[0]) * np.eye(7)[0], goal)
         q, damping = posture, SEARCH_DAMPING * np.eye(6)
         error, scaled = np.empty((2, 6))
         for _ in range(SEARCH_STEPS):
@@ -186,7 +186,7 @@ class NominalArm:
                 break
         return q
 
-    def _levelled(self, posture: Array, goal: Pose) -> Array:
+    def _level_tool(self, posture: Array, goal: Pose) -> Array:
         """Turn the last two joints as the tool swings, and turns about its own axis, on its way to a `goal` where it
         is level: a search from elsewhere may fold the wrist."""
         axes = self.jacobian(posture)[3:]

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.geometry.pose import Array, Pose
+from palpate.common.pose import Array, Pose
 from palpate.robots.description import Limits
-from palpate.robots.reflex import Links
 from palpate.robots.robot import RobotState
+from palpate.robots.sheet import Links
 from palpate.trace.samples import STANDARD_GRAVITY
 
 JOINT_MARGIN = 0.01  # rad: a joint this near to its end stop is a violation
@@ -52,7 +52,7 @@ def violation(
         or _workspace(state, limits, pose_world_base)
         or _tracking(state, limits)
         or _forces(state, limits, expected, gravity)
-        or (links and links.met(*state.unexplained))
+        or (links and links.stop_reason(*state.unexplained))
         or _torques(state, limits)
         or _slip(state, expected)
     )

@@ -1,12 +1,10 @@
-"""`description.yaml`: an arm with its hand, as its folder describes it.
-
-Lengths in m, angles in rad, forces in N, torques in N m, times in s. The arm's MJCF states
-kinematics, inertias, joint ranges, torque limits and shapes; they are not repeated here.
-"""
+"""`description.yaml`: the figures of an arm and its hand, and the thresholds of its collision reflex."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, cast
@@ -14,10 +12,82 @@ from typing import Annotated, Any, cast
 import numpy as np
 from pydantic import Field, PlainValidator, ValidationError
 
-from palpate.errors import InputError, unknown_name
-from palpate.files.plain_yaml import Section, plain_yaml, worded
-from palpate.files.read import read_text
-from palpate.geometry.pose import Array
+from palpate.common.errors import InputError, unknown_name
+from palpate.common.files import Section, describe_error, plain_yaml, read_text
+from palpate.common.pose import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Links:
+    """Torques of the joints beyond which something has met a link, and not the hand or its load.
+
+    A force f within `lever` of the TCP is a force at the TCP with a moment of at most `lever` |f|; what a
+    force at the TCP alone does not explain (`palpate.robots.nominal.unexplained`) is that moment's, or
+    friction's and the sensors'.
+    """
+
+    torque: float  # N m, norm over the joints, of their friction and of the sensors' errors
+    lever: float  # m
+
+    def stop_reason(self, unexplained: float, force: float) -> str | None:
+        """Return the reason to stop at `unexplained` N m beside a `force`, N; None without one."""
+        most = self.torque + self.lever * force
+        if unexplained <= most:
+            return None
+        return (
+            f"unexpected contact: a link met something: its joints bear {unexplained:.1f} N m that no "
+            f"force on the hand explains, more than {most:.1f} N m"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Reflex:
+    """Thresholds of the external wrench, without the carried load, at which the arm stops itself."""
+
+    force: float  # N, magnitude at the TCP
+    torque: float  # N m, likewise
+    load: float = 0.0  # N of weight on the hand, straight down, allowed in addition
+    sideways: float = math.inf  # N, of the horizontal force alone
+    links: Links | None = None  # of contacts of the arm's links; None: not looked for
+    pressed: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """N, world axes, on a hand that sets out from a contact, at rest there. The joints' friction keeps some of it
+    on the way. What the hand meets then adds to the change as the contact ends, so that a force beyond `force`
+    is that in itself and in its change."""
+
+    @property
+    def least(self) -> float:
+        """The smallest threshold, N or N m."""
+        return min(self.force, self.torque, self.sideways)
+
+    def fired(self, contact: Array) -> str | None:
+        """Return the reason to stop at the external wrench `contact` (6,), the convention of
+        `palpate.trace`; None while it goes on."""
+        x, y, z, turn_x, turn_y, turn_z = contact.tolist()
+        force = math.hypot(x, y, z - min(max(z, 0.0), self.load))
+        sideways, torque = math.hypot(x, y), math.hypot(turn_x, turn_y, turn_z)
+        if force > self.force and math.dist((x, y, z), self.pressed) > self.force:
+            excess = f"{force:.1f} N, more than {self.force:g} N"
+        elif sideways > self.sideways:
+            excess = f"{sideways:.1f} N sideways, more than {self.sideways:.0f} N"
+        elif torque > self.torque:
+            excess = f"{torque:.1f} N m, more than {self.torque:g} N m"
+        else:
+            return None
+        return f"unexpected contact: the arm stopped itself at {excess}"
+
+
+@dataclass(frozen=True, slots=True)
+class Reflexes:
+    """An arm's thresholds for each activity."""
+
+    free: Reflex  # in free air with empty fingers
+    carrying: Reflex  # with an object between them
+    probing: Reflex  # in a guarded motion
+    contact: Reflex  # for intended contact
+
+
+# `description.yaml`: an arm with its hand, as its folder describes it.
+
 
 FILE = "description.yaml"
 MAX_BYTES = 100_000  # largest description
@@ -133,7 +203,7 @@ class Thresholds(Section):
 
 
 class ReflexSheet(Section):
-    """Thresholds of each activity; see `palpate.robots.reflex.Reflexes`."""
+    """Thresholds of each activity; see `palpate.robots.sheet.Reflexes`."""
 
     free: Thresholds
     carrying: Thresholds
@@ -141,7 +211,7 @@ class ReflexSheet(Section):
     contact: Thresholds
 
 
-class Stiffness(Section):
+class ControllerStiffness(Section):
     """Stiffness of the controller's springs."""
 
     translation: Size  # N/m, at the TCP
@@ -152,7 +222,7 @@ class Stiffness(Section):
 class Hardware(Section):
     """Values in which a real arm differs from a simulated one."""
 
-    stiffness: Stiffness  # stable in a control loop at 1 kHz, and soft for a person
+    stiffness: ControllerStiffness  # stable in a control loop at 1 kHz, and soft for a person
     rest_torque: Share = 0.0  # N m that friction and ripple leave in each joint at rest
     # m, uncertainty of the pads' end against the drawings, on an arm without calibration; None: the
     # datasheet's
@@ -160,7 +230,7 @@ class Hardware(Section):
 
 
 class Cautious(Section):
-    """Lower limits of cautious motions; see `Pace`."""
+    """Lower limits of cautious motions; see `MotionLimits`."""
 
     speed: Size
     turning_speed: Size
@@ -168,7 +238,7 @@ class Cautious(Section):
     impulse: Size
 
 
-class Pace(Section):
+class MotionLimits(Section):
     """Limits of commanded motions of the TCP and of the joints: m/s, rad/s, m/s^2, rad/s^2."""
 
     speed: Size
@@ -196,7 +266,7 @@ class Accuracy(Section):
     tip_offset_std: Size = 2e-4  # m, from the TCP to the pads' end
 
 
-class Sensors(Section):
+class SensorErrors(Section):
     """Errors of the joint torque signals, and standard deviations of the links from the nominal
     ones."""
 
@@ -224,10 +294,10 @@ class Sheet(Section):
     hand: ParallelHand
     safety: Safety
     reflex: ReflexSheet
-    stiffness: Stiffness
-    pace: Pace
+    stiffness: ControllerStiffness
+    pace: MotionLimits
     accuracy: Accuracy
-    sensors: Sensors
+    sensors: SensorErrors
     postures: tuple[Seven, ...]  # rad, relative to home: further seeds of the inverse kinematics
     hardware: Hardware | None = None  # None: a real arm is as the simulated one
 
@@ -257,7 +327,7 @@ def read_sheet(folder: Path, known: Mapping[str, Path]) -> Sheet:
     try:
         return Sheet.model_validate(_content(path, known))
     except ValidationError as error:
-        raise InputError(f"{path}: {worded(error, Sheet)}") from None
+        raise InputError(f"{path}: {describe_error(error, Sheet)}") from None
 
 
 def _content(path: Path, known: Mapping[str, Path]) -> Any:
@@ -272,10 +342,10 @@ def _content(path: Path, known: Mapping[str, Path]) -> Any:
     if like not in known or known[like] == path.parent:
         raise unknown_name("arm", like, known, f"It is named by 'like' in {path}.")
     other = _content(known[like] / FILE, known)
-    return merged({key: other[key] for key in INHERITED if key in other}, own)
+    return merge_sections({key: other[key] for key in INHERITED if key in other}, own)
 
 
-def merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+def merge_sections(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
     """Merge two files' contents section by section; `above` replaces `below`."""
     both: dict[str, Any] = {**below}
     for key, value in above.items():
@@ -284,6 +354,6 @@ def merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]
         if not isinstance(under, dict) or "fixed" in under:
             under = {}
         if isinstance(value, dict) and "fixed" not in value:
-            value = merged(cast("dict[str, Any]", under), cast("dict[str, Any]", value))
+            value = merge_sections(cast("dict[str, Any]", under), cast("dict[str, Any]", value))
         both[key] = value
     return both

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from palpate.geometry.pose import Array, Pose
+from palpate.common.pose import Array, Pose
 
 SHORTEST = 0.05  # s: no stop is quicker
 RAMP_ACCELERATION = 1.5
@@ -29,7 +29,7 @@ LONGEST_BRAKING = 1.0  # s, limit for a motion that begins at speed close to its
 _POWERS = np.arange(6)
 
 
-class Motion(NamedTuple):
+class MotionState(NamedTuple):
     """A state of motion: position, velocity and acceleration, each (n,)."""
 
     p: Array
@@ -38,7 +38,7 @@ class Motion(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Path:
+class PositionPath:
     """Positions (n,) as a function of time; at rest before its start and after its end."""
 
     knots: Array  # (k + 1,) times between the segments, s
@@ -61,24 +61,24 @@ class Path:
         ]
         return np.concatenate(parts)
 
-    def at(self, t: float) -> Motion:
+    def at(self, t: float) -> MotionState:
         """Compute the state of motion at time `t`."""
         if t >= self.end:
             rest = np.zeros(self.coefficients.shape[2])
-            return Motion(self.sample(np.array([t]))[0], rest, rest)
+            return MotionState(self.sample(np.array([t]))[0], rest, rest)
         i = int(np.searchsorted(self.knots[1:-1], t, side="right"))
         c, s = self.coefficients[i], max(t - self.knots[i], 0.0)
         powers = s**_POWERS
         velocity = c[1:] * _POWERS[1:, None]
         acceleration = c[2:] * (_POWERS[2:] * _POWERS[1:-1])[:, None]
-        return Motion(powers @ c, powers[:5] @ velocity, powers[:4] @ acceleration)
+        return MotionState(powers @ c, powers[:5] @ velocity, powers[:4] @ acceleration)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PosePath:
-    """A pose as a function of time: position and rotation vector on one `Path`."""
+    """A pose as a function of time: position and rotation vector on one `PositionPath`."""
 
-    path: Path
+    path: PositionPath
     origin: Array  # (4,) quaternion, wxyz, that the rotation vector is relative to
 
     @property
@@ -89,9 +89,9 @@ class PosePath:
     def pose(self, t: float) -> Pose:
         """Compute the pose at time `t`."""
         row = self.path.sample(np.array([t]))
-        return Pose(row[0, :3], turned(self.origin, row[:, 3:])[0])
+        return Pose(row[0, :3], rotate_quaternion(self.origin, row[:, 3:])[0])
 
-    def motion(self, t: float) -> Motion:
+    def motion(self, t: float) -> MotionState:
         """Compute position and rotation vector (6,), *relative to the present orientation*, and their
         rates."""
         now = self.path.at(t)
@@ -101,7 +101,7 @@ class PosePath:
             turning = rotation_vector(self.pose(t).quaternion, self.pose(t + step).quaternion)
             turning /= step
         zero = np.zeros(3)
-        return Motion(
+        return MotionState(
             np.concatenate([now.p[:3], zero]),
             np.concatenate([now.v[:3], turning]),
             np.concatenate([now.a[:3], zero]),
@@ -132,7 +132,7 @@ def wrist_turn(start: Array, goal: Array, twist: float) -> Array:
     return min(turn, turn * (1.0 - 2.0 * np.pi / angle), key=lambda one: abs(one[2] - twist))
 
 
-def turned(origin: Array, rotation_vectors: Array) -> Array:
+def rotate_quaternion(origin: Array, rotation_vectors: Array) -> Array:
     """Turn the quaternion `origin` by each rotation vector (m, 3) in its own frame: (m, 4)."""
     if not rotation_vectors.any():
         return np.broadcast_to(origin, (len(rotation_vectors), 4))
@@ -151,7 +151,7 @@ def turned(origin: Array, rotation_vectors: Array) -> Array:
     )
 
 
-def quintic(start: Motion, end: Motion, duration: float) -> Array:
+def quintic(start: MotionState, end: MotionState, duration: float) -> Array:
     """Compute the coefficients (6, n) of the polynomial between two states of motion."""
     d, h = duration, end.p - start.p - start.v * duration - start.a * duration**2 / 2
     dv, da = (end.v - start.v - start.a * d) * d, (end.a - start.a) * d**2
@@ -167,34 +167,38 @@ def quintic(start: Motion, end: Motion, duration: float) -> Array:
     )
 
 
-def still(t: float, p: Array) -> Path:
+def still(t: float, p: Array) -> PositionPath:
     """Return a path that stays at `p` (n,)."""
     coefficients = np.zeros((1, 6, len(p)))
     coefficients[0, 0] = p
-    return Path(np.array([t, t]), coefficients)
+    return PositionPath(np.array([t, t]), coefficients)
 
 
-def stop(t: float, now: Motion, acceleration: float, shortest: float = SHORTEST) -> Path:
+def stop(
+    t: float, now: MotionState, acceleration: float, shortest: float = SHORTEST
+) -> PositionPath:
     """Stop onwards, at about `acceleration` (the largest component's), in at least `shortest` s."""
     duration = max(shortest, RAMP_ACCELERATION * float(np.abs(now.v).max()) / acceleration)
     rest = np.zeros_like(now.p)
-    end = Motion(now.p + now.v * duration / 2, rest, rest)
-    return Path(np.array([t, t + duration]), quintic(now, end, duration)[None])
+    end = MotionState(now.p + now.v * duration / 2, rest, rest)
+    return PositionPath(np.array([t, t + duration]), quintic(now, end, duration)[None])
 
 
-def swing(t: float, about: Motion, amplitude: Array, frequency: float, cycles: int) -> Path:
+def swing(
+    t: float, about: MotionState, amplitude: Array, frequency: float, cycles: int
+) -> PositionPath:
     """Swing about a state of rest: a sine of `amplitude` (n,) and `frequency` Hz for `cycles` periods,
     between one in which it grows and one in which it fades; it ends where it began."""
     whole = (cycles + 2) / frequency
     times = np.linspace(0.0, whole, SWING_PIECES * (cycles + 2) + 1)
-    states: list[Motion] = []
+    states: list[MotionState] = []
     for time in times.tolist():
         p, v, a = fading_sine(time * frequency, cycles)
         rates = v * frequency * amplitude, a * frequency**2 * amplitude
-        states.append(Motion(about.p + p * amplitude, *rates))
+        states.append(MotionState(about.p + p * amplitude, *rates))
     duration = whole / (len(states) - 1)
     coefficients = [quintic(one, other, duration) for one, other in pairwise(states)]
-    return Path(t + times, np.array(coefficients))
+    return PositionPath(t + times, np.array(coefficients))
 
 
 def fading_sine(period: float, cycles: int) -> tuple[float, float, float]:
@@ -218,7 +222,7 @@ class Stretch(NamedTuple):
     speed: float  # limit
 
 
-class Piece(NamedTuple):
+class SpeedPiece(NamedTuple):
     """A change of speed, or a steady motion."""
 
     duration: float
@@ -233,7 +237,7 @@ def stretches(speeds: Sequence[float] | Array) -> list[Stretch]:
     return [Stretch((i + 1) / len(speeds), float(speed)) for i, speed in enumerate(speeds)]
 
 
-def slowed(one: Sequence[Stretch], other: Sequence[Stretch]) -> list[Stretch]:
+def lower_profile(one: Sequence[Stretch], other: Sequence[Stretch]) -> list[Stretch]:
     """Return the lower of two speed profiles along a path; the first, where the second is empty."""
     both: list[Stretch] = []
     # A stretch that ends where it begins, as of a motion on the spot, has no speed.
@@ -247,8 +251,8 @@ def slowed(one: Sequence[Stretch], other: Sequence[Stretch]) -> list[Stretch]:
 
 
 def straight(
-    t: float, now: Motion, goal: Array, parts: Sequence[Stretch], acceleration: float
-) -> Path:
+    t: float, now: MotionState, goal: Array, parts: Sequence[Stretch], acceleration: float
+) -> PositionPath:
     """Move to rest at `goal`, from rest along a straight line; from a state of motion along a smooth
     curve, at the speed of the slowest stretch.
 
@@ -262,15 +266,15 @@ def straight(
     zero = np.zeros(1)
     shares: list[Array] = []
     for piece in pieces:
-        start = Motion(np.array([piece.start]), np.array([piece.before]), zero)
-        end = Motion(np.array([piece.end]), np.array([piece.after]), zero)
+        start = MotionState(np.array([piece.start]), np.array([piece.before]), zero)
+        end = MotionState(np.array([piece.end]), np.array([piece.after]), zero)
         shares.append(quintic(start, end, piece.duration))
     coefficients = np.concatenate(shares, axis=1).T[:, :, None] * (goal - now.p)
     coefficients[:, 0] += now.p
-    return Path(t + np.cumsum([0.0, *(piece.duration for piece in pieces)]), coefficients)
+    return PositionPath(t + np.cumsum([0.0, *(piece.duration for piece in pieces)]), coefficients)
 
 
-def _pieces(stretches: Sequence[Stretch], acceleration: float) -> Iterator[Piece]:
+def _pieces(stretches: Sequence[Stretch], acceleration: float) -> Iterator[SpeedPiece]:
     """Yield the pieces in order, from rest to rest."""
     start = 0.0
     bounds = bound_speeds(stretches, acceleration)
@@ -282,15 +286,15 @@ def _pieces(stretches: Sequence[Stretch], acceleration: float) -> Iterator[Piece
         rising, falling = rise * (before + steady) / 2, fall * (steady + after) / 2
         if rising + falling <= length * (1 + 1e-9):
             risen, falls = start + rising, stretch.end - falling
-            yield Piece(rise, start, risen, before, steady)
-            yield Piece((falls - risen) / steady, risen, falls, steady, steady)
-            yield Piece(fall, falls, stretch.end, steady, after)
+            yield SpeedPiece(rise, start, risen, before, steady)
+            yield SpeedPiece((falls - risen) / steady, risen, falls, steady, steady)
+            yield SpeedPiece(fall, falls, stretch.end, steady, after)
         elif before + after:  # too short for more than one change of speed
-            yield Piece(2 * length / (before + after), start, stretch.end, before, after)
+            yield SpeedPiece(2 * length / (before + after), start, stretch.end, before, after)
         else:  # from rest to rest
             shortest = (PEAK_ACCELERATION * length / acceleration) ** 0.5
             duration = max(2 * SHORTEST, PEAK_SPEED * length / stretch.speed, shortest)
-            yield Piece(duration, start, stretch.end, 0.0, 0.0)
+            yield SpeedPiece(duration, start, stretch.end, 0.0, 0.0)
         start = stretch.end
 
 
@@ -302,13 +306,13 @@ def bound_speeds(stretches: Sequence[Stretch], acceleration: float) -> list[floa
     starts = [0.0, *(stretch.end for stretch in stretches)]
     lengths = [end - start for start, end in pairwise(starts)]
 
-    def reached(speed: float, length: float) -> float:
+    def reachable_speed(speed: float, length: float) -> float:
         return (speed**2 + length * acceleration / RAMP_WAY) ** 0.5
 
     for i, length in enumerate(lengths):
-        speeds[i + 1] = min(speeds[i + 1], reached(speeds[i], length))
+        speeds[i + 1] = min(speeds[i + 1], reachable_speed(speeds[i], length))
     for i in range(len(lengths) - 1, -1, -1):
-        speeds[i] = min(speeds[i], reached(speeds[i + 1], lengths[i]))
+        speeds[i] = min(speeds[i], reachable_speed(speeds[i + 1], lengths[i]))
     return speeds
 
 
@@ -318,7 +322,9 @@ def ramp_time(before: float, after: float, acceleration: float) -> float:
     return max(SHORTEST_RAMP, RAMP_ACCELERATION * change / acceleration) if change else 0.0
 
 
-def _curve(t: float, now: Motion, goal: Array, speed: float, acceleration: float) -> Path:
+def _curve(
+    t: float, now: MotionState, goal: Array, speed: float, acceleration: float
+) -> PositionPath:
     """Move from a state of motion to rest at `goal` in one quintic."""
     whole = max(float(np.abs(goal - now.p).max()), 1e-9)
     braking = 2 * float(np.abs(now.v).max()) / (acceleration * whole)
@@ -329,4 +335,6 @@ def _curve(t: float, now: Motion, goal: Array, speed: float, acceleration: float
         min(braking, LONGEST_BRAKING),
     )
     rest = np.zeros_like(goal)
-    return Path(np.array([t, t + duration]), quintic(now, Motion(goal, rest, rest), duration)[None])
+    return PositionPath(
+        np.array([t, t + duration]), quintic(now, MotionState(goal, rest, rest), duration)[None]
+    )

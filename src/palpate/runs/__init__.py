@@ -1,0 +1,1 @@
+"""A run: settings, pipeline, stages, folder, results, and the public API."""

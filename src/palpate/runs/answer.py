@@ -9,15 +9,15 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from palpate.errors import InputError
-from palpate.estimation.estimate import Estimate, interval95, rounded
+from palpate.common.errors import InputError
+from palpate.estimation.estimate import Estimate, interval95, round_to_std
 from palpate.estimation.fusion import Source, weighted_sum
-from palpate.planning.request.languages import in_english, spoken
-from palpate.planning.request.wording import english
-from palpate.quantities.within import parse_width
+from palpate.estimation.quantities.within import parse_width
+from palpate.planning.request.words import english, in_english, spoken
 
 if TYPE_CHECKING:
     from palpate.runs.run import Run
+
 
 LESS: Collection[str] = (
     *("lighter", "lightest", "lower", "lowest", "smaller", "smallest", "narrower", "thinner"),
@@ -63,7 +63,7 @@ class _Side:
 
     def __str__(self) -> str:
         std = _std(self)
-        figure = " ± ".join(rounded(self.value, std)) if std else f"{self.value:.4g}"
+        figure = " ± ".join(round_to_std(self.value, std)) if std else f"{self.value:.4g}"
         return f"{self.name} {figure}".lstrip()
 
 
@@ -88,14 +88,14 @@ def answer(run: Run) -> str | None:
     if unknown := [each.parameter.object for each in estimates if not each.is_evidence]:
         return f"open: the {quantity} of {' and '.join(unknown)} is not identified"
     sides = [_Side(e.parameter.object, float(e), (e,)) for e in estimates if len(e.values) == 1]
-    sides += _stated(run, quantity, asked)
+    sides += _stated_objects(run, quantity, asked)
     unit = f" {estimates[0].unit}" * (estimates[0].unit != "1")
     if together:
         sides = _summed(sides, asked)
         if len(sides) == 1 and bound is None:
             std = _std(sides[0])
             ends = interval95(sides[0].value, std)[0].tolist()
-            interval = ", ".join(rounded(end, std)[0] for end in ends)
+            interval = ", ".join(round_to_std(end, std)[0] for end in ends)
             return f"together: {sides[0]}{unit}, 95 % [{interval}]"
     if bound is not None:
         number = NUMBERS.get(bound["number"], bound["number"]).replace(",", ".")
@@ -112,15 +112,15 @@ def answer(run: Run) -> str | None:
         )
     sides.sort(key=lambda each: each.value, reverse=word not in LESS)
     if word:
-        return _worded(sides[0], sides[1], _subject(sides, asked), unit)
+        return _word_answer(sides[0], sides[1], _subject(sides, asked), unit)
     # Two values are never known to be alike: they differ, or it stays open.
-    return _worded(sides[0], sides[-1], "", unit, tails=2)
+    return _word_answer(sides[0], sides[-1], "", unit, tails=2)
 
 
 def _against(side: _Side, amount: _Side, less: bool, asked: Sequence[str], unit: str) -> str:
     """Compare a side with an amount; a negated question gets no yes or no."""
     first, second = sorted((side, amount), key=lambda each: each.value, reverse=not less)
-    return _worded(first, second, side.name if NEGATIONS.isdisjoint(asked) else None, unit)
+    return _word_answer(first, second, side.name if NEGATIONS.isdisjoint(asked) else None, unit)
 
 
 def _summed(sides: Sequence[_Side], asked: Sequence[str]) -> list[_Side]:
@@ -137,7 +137,9 @@ def _summed(sides: Sequence[_Side], asked: Sequence[str]) -> list[_Side]:
     return list(sums.values())
 
 
-def _worded(first: _Side, second: _Side, subject: str | None, unit: str, tails: int = 1) -> str:
+def _word_answer(
+    first: _Side, second: _Side, subject: str | None, unit: str, tails: int = 1
+) -> str:
     """Word the order of two sides; with a `subject` as yes, where it is the first, or no."""
     figures = f"{first} against {second}{unit}"
     chance = tails * _chance(first, second)
@@ -149,7 +151,7 @@ def _worded(first: _Side, second: _Side, subject: str | None, unit: str, tails: 
     return f"{'yes' if subject == first.name else 'no'}: {certain}"
 
 
-def _stated(run: Run, quantity: str, asked: Sequence[str]) -> list[_Side]:
+def _stated_objects(run: Run, quantity: str, asked: Sequence[str]) -> list[_Side]:
     """Objects named in the request whose value the scene states."""
     measured = {estimate.parameter.object for estimate in run.estimates}
     found: list[_Side] = []

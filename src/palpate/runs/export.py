@@ -1,19 +1,21 @@
-"""Export of a run's twin: a new folder with its files and `export.json`."""
+"""Export and proof of a run's twin."""
 
 from __future__ import annotations
 
+import math
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from palpate import __version__
-from palpate.errors import InputError
-from palpate.runs.folder import new_folder, write_json
+from palpate.common.errors import InputError
+from palpate.common.version import __version__
+from palpate.runs.folder import new_folder, read_json, write_json
+from palpate.runs.proof import Proof, Proved, prove
 from palpate.runs.result import parameter_json
 from palpate.runs.run import Run
-from palpate.twin.export.export import Export, export_twin, require_format
+from palpate.twin.export import Export, export_twin, require_format
 
 
 def export_run(run: Run, to: str, folder: Path | None = None) -> Export:
@@ -56,3 +58,73 @@ def _rows(run: Run, export: Export) -> Iterator[dict[str, Any]]:
     for estimate in run.estimates:
         row = parameter_json(estimate)
         yield {**row, "read_back": estimate.parameter in export.held}
+
+
+# Proof of a run's twin: made, and kept as `proof.json` in the run folder.
+
+
+PROOF = "proof.json"
+"""File of a proof in a run folder."""
+
+
+def prove_run(run: Run) -> Proof:
+    """Plan tasks with the run's prior and twin, and carry them out in its truth, else in draws.
+
+    Raises:
+        InputError: the run has no twin, its scene's file is gone, or nothing was measured.
+    """
+    if run.finished is None:
+        raise InputError("this run has no twin to prove: nothing was measured")
+    if not run.scene.bodies:
+        raise InputError("the scene's file is gone, so that the prior is not known any more")
+    return prove(run.scene, run.estimates, run.truth, run.settings.seed)
+
+
+def proof_json(proof: Proof) -> dict[str, Any]:
+    """Content of `proof.json`; null stands for an object that tips over or falls."""
+    rows: list[dict[str, Any]] = []
+    for row in proof.rows:
+        errors = {"prior": row.prior, "twin": row.twin, "drawn": row.drawn}
+        said = {"object": row.object, "task": row.task, "says": row.says, "unit": row.unit}
+        numbers = {name: _json(numbers) for name, numbers in errors.items()}
+        promise = {"promise95": _json(row.promise), "depends": row.depends}
+        rows.append({**said, "goal": row.goal, **numbers, **promise})
+    return {"judge": proof.judge, "tasks": rows, "left_out": list(proof.left_out)}
+
+
+def read_proof(folder: Path) -> Proof | None:
+    """The proof that a run folder holds, if any.
+
+    Raises:
+        InputError: the file is not a proof.
+    """
+    file = folder / PROOF
+    if not file.exists():
+        return None
+    document = read_json(file)
+    try:
+        rows = tuple(_row(row) for row in document["tasks"])
+        return Proof(rows, str(document["judge"]), tuple(map(str, document["left_out"])))
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"'{file}' is no proof: {type(error).__name__}: {error}") from None
+
+
+def _row(row: dict[str, Any]) -> Proved:
+    return Proved(
+        object=str(row["object"]),
+        task=str(row["task"]),
+        says=str(row["says"]),
+        unit=str(row["unit"]),
+        goal=float(row["goal"]),
+        prior=_numbers(row["prior"]),
+        twin=_numbers(row["twin"]),
+        drawn=_numbers(row["drawn"]),
+    )
+
+
+def _json(numbers: Sequence[float]) -> list[float | None]:
+    return [number if math.isfinite(number) else None for number in numbers]
+
+
+def _numbers(document: Sequence[float | None]) -> tuple[float, ...]:
+    return tuple(math.inf if number is None else float(number) for number in document)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from palpate.estimation.estimate import Estimate, Verdict, axes_of, rounded
-from palpate.geometry.pose import Array
+from palpate.common.pose import Array
+from palpate.estimation.estimate import Estimate, Verdict, axes_of, round_to_std
 
 
 @dataclass(frozen=True, slots=True)
-class Figure:
+class ComponentText:
     """Component of an estimate: its name, empty for a scalar, and its numbers as text, all with the
     same digits after the point. `limit`: its one-sided limit, `at most 0.007`, where a bound acts."""
 
@@ -22,16 +22,16 @@ class Figure:
     limit: str = ""
 
 
-def figures(estimate: Estimate) -> tuple[Figure, ...]:
+def figures(estimate: Estimate) -> tuple[ComponentText, ...]:
     """Format the components of an estimate; none without a value."""
     axes = axes_of(len(estimate.values))
-    found: list[Figure] = []
+    found: list[ComponentText] = []
     for i, axis in enumerate(axes):
         std = float(estimate.stds[i])
-        value, spread = rounded(float(estimate.values[i]), std)
+        value, spread = round_to_std(float(estimate.values[i]), std)
         limit = estimate.limit_in_words(i)
-        low, high = (rounded(bound, std)[0] for bound in estimate.intervals[i].tolist())
-        found.append(Figure(axis, value, spread, low, high, estimate.verdicts[i], limit))
+        low, high = (round_to_std(bound, std)[0] for bound in estimate.intervals[i].tolist())
+        found.append(ComponentText(axis, value, spread, low, high, estimate.verdicts[i], limit))
     return tuple(found)
 
 
@@ -50,5 +50,5 @@ def significant(value: float, digits: int, sign: str = "") -> str:
 
 def rounded_columns(values: Array, stds: Array) -> tuple[list[str], list[str]]:
     """Format values and standard deviations (n,), each component with its own digits."""
-    texts = [rounded(*pair) for pair in zip(values.tolist(), stds.tolist(), strict=True)]
+    texts = [round_to_std(*pair) for pair in zip(values.tolist(), stds.tolist(), strict=True)]
     return [value for value, _ in texts], [std for _, std in texts]

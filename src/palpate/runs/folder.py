@@ -1,5 +1,4 @@
-"""Run folder. A finished one appears atomically; a growing one has its stage in result.json, and each of
-its files is complete at any time."""
+"""Run folder: it appears atomically, and grows stage by stage."""
 
 from __future__ import annotations
 
@@ -16,10 +15,18 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, cast
 
-from palpate.display import json_text
-from palpate.errors import InputError
-from palpate.files.read import read_text
-from palpate.redaction import redact, redacted
+import numpy as np
+
+from palpate.common.display import json_text
+from palpate.common.errors import InputError
+from palpate.common.files import read_text, yaml_text
+from palpate.common.redaction import redact, redact_document
+from palpate.primitives.registry import vocabulary
+from palpate.runs.reproduce import POSES
+from palpate.runs.result import CYCLES, has_scene_of_its_own, plan_text, result_json
+from palpate.runs.run import TRACE, Run
+from palpate.runs.shown import trace_messages
+from palpate.trace.mcap import write_mcap
 
 MAX_JSON = 20_000_000
 """Maximum size of a JSON file of a run, bytes."""
@@ -94,7 +101,7 @@ def new_folder(path: Path) -> Generator[Path]:
     try:
         scratch.rename(path)
     except OSError as error:
-        kept = _kept(scratch, path)
+        kept = _keep_scratch(scratch, path)
         raise InputError(
             f"'{path}' cannot be made any more ({error.strerror}); the run is kept in '{kept}'"
         ) from error
@@ -135,7 +142,7 @@ def _scratch(parent: Path, name: str) -> Path:
     return Path(tempfile.mkdtemp(prefix=prefix, dir=parent))
 
 
-def _kept(scratch: Path, path: Path) -> Path:
+def _keep_scratch(scratch: Path, path: Path) -> Path:
     """Rename a scratch folder whose target was taken, so that `sweep` does not remove it."""
     for i in range(2, 100):
         beside = path.with_name(f"{path.name}-{i}")
@@ -176,10 +183,65 @@ def read_json(path: Path) -> dict[str, Any]:
 
 def write_json(path: Path, content: Any) -> None:
     """Write indented, strict JSON (no NaN) atomically, keys of the environment redacted."""
-    write_text(path, json_text(redacted(content), indent=2) + "\n")
+    write_text(path, json_text(redact_document(content), indent=2) + "\n")
 
 
 def write_text(path: Path, text: str) -> None:
     """Write a text file atomically, keys of the environment redacted."""
     with replacing(path) as part:
         part.write_text(redact(text), encoding="utf-8", newline="")
+
+
+# Files of a run in its folder, without request, pictures and page.
+
+
+def write_files(run: Run, scratch: Path, folder: Path) -> None:
+    """Write plan, conversation, scene, tree, trace, twin and result into `scratch`, which will
+    become `folder`."""
+    write_plan(run, scratch)
+    write_trace(run, scratch)
+    write_twin(run, scratch)
+    write_json(scratch / "result.json", result_json(run, folder))
+
+
+def write_plan(run: Run, folder: Path) -> None:
+    """Write the files that exist before the execution: plan, conversation, tree, rehearsal, scene,
+    poses that a camera saw."""
+    write_text(folder / "plan.json", plan_text(run))
+    if run.conversation is not None:
+        write_text(folder / "conversation.json", run.conversation.dump())
+    if run.ready and run.plan.tree is not None:
+        from palpate.execution.btcpp import tree_xml
+
+        write_text(folder / "tree.xml", tree_xml(run.plan, vocabulary()))
+    if run.rehearsal is not None:
+        from palpate.execution.rehearsal import keep_rehearsal
+
+        keep_rehearsal(folder, run.plan, run.scene, run.rehearsal)
+    _write_scene(run, folder)
+
+
+def write_trace(run: Run, folder: Path) -> None:
+    """Write the finished trace over the growing one, and the log of cycles before a stop."""
+    if run.trace_if_any is not None:
+        with replacing(folder / TRACE) as part:
+            write_mcap(part, run.trace_if_any, trace_messages(run))
+    if run.black_box is not None:
+        with replacing(folder / CYCLES) as part, part.open("wb") as file:
+            np.savez(file, **dict[str, Any](run.black_box))
+
+
+def write_twin(run: Run, folder: Path) -> None:
+    """Write the twin with the files that it needs, and the scene as completed by contact."""
+    if run.finished is not None:
+        for name, text in run.finished.packed(folder).items():
+            write_text(folder / name, text)
+    _write_scene(run, folder)
+
+
+def _write_scene(run: Run, folder: Path) -> None:
+    if run.settings.camera is not None:
+        kept = run.scene.resolved.poses.model_dump(mode="json", exclude_defaults=True)
+        write_text(folder / POSES, yaml_text(kept))
+    if has_scene_of_its_own(run):
+        write_text(folder / "scene.xml", run.scene.text)

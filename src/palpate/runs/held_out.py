@@ -1,73 +1,346 @@
-"""Held-out validation in `result.json`, written and read back."""
+"""Validation of estimates on motions that were held out."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
-from palpate.estimation.agreement import FitTest
-from palpate.twin.held_out.judged import Curve, HeldOut, Motion
+import numpy as np
+
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Array
+from palpate.common.processes import shared_out
+from palpate.estimation.estimate import Estimate, FitTest, chi_squared
+from palpate.estimation.load_noise import load_rows
+from palpate.estimation.quantities.catalogue import catalogue
+from palpate.estimation.quantities.estimators import estimate_all
+from palpate.estimation.segments import weighing
+from palpate.runs.prediction import (
+    Predicted,
+    known_value,
+    lever_of,
+    mass_part,
+    predict_segments,
+    wrench_of,
+)
+from palpate.scene.scene import Scene
+from palpate.trace.recording import Recording
+from palpate.trace.samples import FORCES, Trace, sound, trace_around
+
+WEIGHT = "held-out weight"
+BALANCE = "held-out balance"
+TORQUES = "held-out torques"
+JUDGED = {WEIGHT: "mass", BALANCE: "com"}
+"""Quantities that tests judge; the test of the remaining torques judges none."""
 
 
-def held_out_json(held: HeldOut | None) -> dict[str, Any] | None:
-    """All motions together, and one by one."""
-    if held is None:
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """Effect of the load on the signals of a motion, bin by bin, for the plot, N m (N of a force).
+
+    Attributes:
+        signals: (m,) names.
+        t: (k,) s, the middle of each bin.
+        measured: (m, k).
+        std: (m, k) of the measured ones.
+        twin: (m, k) as predicted from the estimates.
+        template: (m, k) as predicted from the priors.
+    """
+
+    signals: tuple[str, ...]
+    t: tuple[float, ...]
+    measured: tuple[tuple[float, ...], ...]
+    std: tuple[tuple[float, ...], ...]
+    twin: tuple[tuple[float, ...], ...]
+    template: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class HeldOutMotion:
+    """A held-out motion with its prediction.
+
+    Attributes:
+        object: in the hand.
+        motion: in words.
+        start, end: s.
+        chi2, dof, p: of the joint torques, over all joints and bins.
+        chi2_template: the same for the mass of the prior.
+        rms, rms_template: root mean square of measured less predicted torques, N m.
+        weight, weight_std: kg, measured less predicted mass, and its standard deviation.
+        tests: of weight, balance and torques.
+        curve: for the plot.
+    """
+
+    object: str
+    motion: str
+    start: float
+    end: float
+    chi2: float
+    dof: int
+    p: float
+    chi2_template: float
+    rms: float
+    rms_template: float
+    weight: float
+    weight_std: float
+    tests: tuple[FitTest, ...]
+    curve: Curve
+
+    @property
+    def agrees(self) -> bool:
+        """True if weight and balance are as predicted; remaining torques may be the arm's own."""
+        return all(test.passed for test in self.tests if test.name in JUDGED)
+
+    @property
+    def disagreement(self) -> str:
+        """Deviation from the prediction, in words, with the residual torque."""
+        return " ".join(test.finding for test in self.tests if not test.passed)
+
+
+@dataclass(frozen=True, slots=True)
+class HeldOut:
+    """Held-out motions, one an object; `notes`: reasons why there is none of an object."""
+
+    motions: tuple[HeldOutMotion, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def agrees(self) -> bool:
+        """True if all are as predicted."""
+        return all(motion.agrees for motion in self.motions)
+
+
+# Judge of the estimates: hold a motion of each object out, make the estimates again without it, and
+# test their prediction of it.
+
+
+FITTED = ("mass", "com", "inertia")
+"""Quantities on which the wrench of a held object depends."""
+IN_THE_AIR = ("still", "swinging")
+"""Activities of recordings from which these are estimated."""
+
+
+@dataclass(frozen=True, slots=True)
+class HoldOut:
+    """A held-out time, s, in words, and the recording along whose path the object moves in it."""
+
+    words: str
+    start: float
+    end: float
+    recording: Recording
+
+
+def held_out(
+    scene: Scene,
+    trace: Trace,
+    estimates: Sequence[Estimate],
+    choice: Mapping[str, str] | None = None,
+    early: Mapping[str, HeldOutMotion | str | None] | None = None,
+) -> HeldOut | None:
+    """Judge the estimates of every lifted object; None without any. `choice` names the estimators by
+    quantity, where `estimates` were not made by the default ones; `early` are objects judged before."""
+    evidence = sound(trace)
+    motions: list[HeldOutMotion] = []
+    notes: list[str] = []
+    lifted = (recording.context.holding for recording in held_still(evidence))
+    names = list(dict.fromkeys(name for name in lifted if name is not None))  # each once, in order
+    known = early or {}
+    due = [name for name in names if known.get(name) is None]
+    every = shared_out(
+        lambda name: judge(scene, trace_around(evidence, name), estimates, name, choice), due
+    )
+    judgements = {**known, **dict(zip(due, every, strict=True))}
+    for name in names:
+        judged = judgements[name]
+        if isinstance(judged, str):
+            notes.append(f"{name}: {judged}")
+        elif judged is not None:
+            motions.append(judged)
+    if not motions and not notes:
         return None
-    together = _together(held.motions)
-    each = [_motion_json(motion) for motion in held.motions]
-    return {**together, "notes": list(held.notes), "motions": each}
+    return HeldOut(tuple(motions), tuple(notes))
 
 
-def _together(motions: Sequence[Motion]) -> dict[str, Any]:
-    """All motions as one: the least probable of them counts, and one that disagrees."""
-    words: list[str] = []
-    findings: list[str] = []
-    probable: list[float] = []
-    for motion in motions:
-        words.append(motion.motion)
-        probable.append(motion.p)
-        if motion.disagreement:
-            findings.append(motion.disagreement)
-    return {
-        "motion": "; ".join(words) or None,
-        "chi2": sum(motion.chi2 for motion in motions),
-        "dof": sum(motion.dof for motion in motions),
-        "p": min(probable, default=None),
-        "agrees": all(motion.agrees for motion in motions) if motions else None,
-        "disagreement": " ".join(findings) or None,
-    }
+def with_tests(estimates: Sequence[Estimate], held: HeldOut) -> tuple[Estimate, ...]:
+    """The estimates with the tests on the held-out motions: a mass that does not predict the weight in
+    another motion, or a centre of mass the balance, is contradicted."""
+    tests: dict[Parameter, FitTest] = {}
+    for motion in held.motions:
+        for test in motion.tests:
+            if test.name in JUDGED:
+                tests[Parameter(motion.object, JUDGED[test.name])] = test
+    found: list[Estimate] = []
+    for estimate in estimates:
+        test = tests.get(stated_as(estimate.parameter))
+        if test is not None and estimate.identified:
+            estimate = replace(estimate, tests=(*estimate.tests, test))
+        found.append(estimate)
+    return tuple(found)
 
 
-def _motion_json(motion: Motion) -> dict[str, Any]:
-    content = asdict(motion)
-    content["tests"] = [asdict(test) | {"passed": test.passed} for test in motion.tests]
-    return content | {"agrees": motion.agrees}
+def usable(estimate: Estimate) -> bool:
+    """True if an estimate has a value that nothing contradicts."""
+    return estimate.has_value and estimate.verdict != "contradicted"
 
 
-def held_out_from(document: Mapping[str, Any] | None) -> HeldOut | None:
-    """Read the output of `held_out_json`."""
-    if document is None:
+def stated_as(parameter: Parameter) -> Parameter:
+    """The parameter as the file states it: `com` of `com_3d`, whose tilts a held-out motion may lack."""
+    quantity = catalogue().get(parameter.quantity)
+    return parameter if quantity is None else Parameter(parameter.object, quantity.known_as())
+
+
+def held_still(trace: Trace, name: str | None = None) -> Iterator[Recording]:
+    """Recordings of forces while an object, or `name`, was held still in the air."""
+    for recording in trace.recordings:
+        context = recording.context
+        held = context.holding is not None and name in (None, context.holding)
+        if held and recording.buffer == FORCES and context.activity == "still":
+            yield recording
+
+
+def cut_of(trace: Trace, name: str) -> HoldOut | None:
+    """The last lift of several, else the way down after the object was measured."""
+    grasps = load_rows(trace, name).grasps
+    lifts: list[HoldOut] = []
+    # Grasps and releases alternate.
+    for start, end in list(pairwise([*grasps, float(trace.t[-1])]))[::2]:
+        measured = [r for r in held_still(trace, name) if start <= r.start and r.end <= end]
+        if measured:
+            # Along the way up to the first recording: later it may be tilted.
+            lifts.append(HoldOut("", start, end, measured[0]))
+    if not lifts:
         return None
-    motions = tuple(_motion(motion) for motion in document["motions"])
-    return HeldOut(motions, tuple(document["notes"]))
+    last = lifts[-1]
+    if len(lifts) > 1:
+        return replace(last, words=f"the last of {len(lifts)} lifts of the {name}")
+    # All recordings of it in the air are kept for the estimates.
+    kept = [last.recording.end]
+    for recording in trace.recordings:
+        inside = last.start <= recording.start and recording.end <= last.end
+        if inside and recording.context.activity in IN_THE_AIR:
+            kept.append(recording.end)
+    words = f"the way down with the {name}, after it was measured"
+    return replace(last, words=words, start=float(np.nextafter(max(kept), np.inf)))
 
 
-def fit_test(document: Mapping[str, Any]) -> FitTest:
-    """A test as `result.json` has it; null stands for what is no number."""
-    statistic = math.nan if document["statistic"] is None else document["statistic"]
-    return FitTest(document["name"], statistic, document["limit"], document["finding"])
+def judge(
+    scene: Scene,
+    trace: Trace,
+    estimates: Sequence[Estimate],
+    name: str,
+    choice: Mapping[str, str] | None,
+) -> HeldOutMotion | str:
+    """The held-out motion of an object, or the reason why there is none."""
+    body = scene.bodies.get(name)
+    cut = cut_of(trace, name)
+    if body is None or cut is None:
+        return "nothing was recorded of it that could be held out"
+    of_it = [e for e in estimates if e.parameter.object == name and usable(e)]
+    wanted = list(dict.fromkeys(stated_as(estimate.parameter) for estimate in of_it))
+    wanted = [parameter for parameter in wanted if parameter.quantity in FITTED]
+    fitted = estimate_all(wanted, trace.without(cut.start, cut.end), scene.bodies, choice)
+    again = {estimate.parameter.quantity: estimate for estimate in fitted}
+    signals = len(trace.hand.joints)
+
+    mass = known_value(again.get("mass"), body.known.get("mass"), signals) or mass_part(
+        fitted, signals
+    )
+    if mass is None:
+        return no_mass_reason(again.get("mass"), cut)
+    along = weighing(trace, cut.recording)
+    motion = [s for s in along.segments if s.loaded and cut.start <= s.start and s.end <= cut.end]
+    lever = lever_of(scene, trace, name, cut.recording, again.get("com"))
+    wrench = wrench_of(mass, lever, trace.gravity)
+    found = predict_segments(along, motion, wrench, trace.gravity, trace.hand)
+    if found is None:
+        return "nothing was recorded of the empty hand along the motion that could be held out"
+    # For comparison: the same load, had it the mass that was believed before.
+    believed = scene.priors.get(Parameter(name, "mass"), tuple(mass.value.tolist()))
+    guess = found.instead(wrench.value * believed[0] / float(mass.value[0]))
+    return judged_motion(name, cut, found, guess, trace)
 
 
-def _motion(document: Mapping[str, Any]) -> Motion:
-    parts = {name: part for name, part in document.items() if name != "agrees"}
-    parts["tests"] = tuple(fit_test(test) for test in document["tests"])
-    parts["curve"] = _curve(document["curve"])
-    return Motion(**parts)
+def no_mass_reason(mass: Estimate | None, cut: HoldOut) -> str:
+    """Reason why no mass predicts the held-out motion."""
+    if mass is None:
+        return "neither a mass nor a centre of mass was measured that could predict a motion"
+    how_well = (
+        f"known to {1e3 * mass.stds[0]:.2g} g, {mass.verdict}" if usable(mass) else mass.verdict
+    )
+    return f"without {cut.words}, its mass is {how_well}"
 
 
-def _curve(document: Mapping[str, Any]) -> Curve:
-    grids = ("measured", "std", "twin", "template")
-    rows = {name: tuple(tuple(row) for row in document[name]) for name in grids}
-    return Curve(tuple(document["signals"]), tuple(document["t"]), **rows)
+def judged_motion(
+    name: str, cut: HoldOut, found: Predicted, guess: Predicted, trace: Trace
+) -> HeldOutMotion:
+    from scipy.special import fdtrc
+
+    more, covariance = found.beyond()
+    dof, misfit = len(found.residual), found.misfit
+    return HeldOutMotion(
+        object=name,
+        motion=cut.words,
+        start=cut.start,
+        end=cut.end,
+        chi2=misfit,
+        dof=dof,
+        p=float(fdtrc(dof, found.freedom, misfit / dof)),
+        chi2_template=guess.misfit,
+        rms=rms(found.residual),
+        rms_template=rms(guess.residual),
+        weight=float(more[0]) / trace.gravity,
+        weight_std=float(np.sqrt(covariance[0, 0])) / trace.gravity,
+        tests=tuple(tests_of(name, found, more, covariance, trace.gravity)),
+        curve=curve_of(found, guess, trace),
+    )
+
+
+def tests_of(
+    name: str, found: Predicted, more: Array, covariance: Array, gravity: float
+) -> Iterator[FitTest]:
+    """Tests of the wrench `more` (3,) than predicted, and of the whole residual."""
+    held = "In a motion that was held out,"
+    mass = float(more[0]) / gravity
+    way = "heavier" if mass > 0 else "lighter"
+    yield chi_squared(
+        WEIGHT,
+        float(more[0] ** 2 / covariance[0, 0]),
+        1,
+        f"{held} the {name} is {1e3 * abs(mass):.3g} g {way} than the twin predicts.",
+        found.freedom,
+    )
+    moment = float(np.hypot(more[1], more[2]))
+    yield chi_squared(
+        BALANCE,
+        float(more[1:] @ np.linalg.solve(covariance[1:, 1:], more[1:])),
+        2,
+        f"{held} the moment of the {name} is {moment:.2g} N·m off what the twin predicts.",
+        found.freedom,
+    )
+    yield chi_squared(
+        TORQUES,
+        found.misfit,
+        len(found.residual),
+        f"{held} {rms(found.residual):.2g} N·m (rms) of the joint torques are not explained.",
+        found.freedom,
+    )
+
+
+def curve_of(found: Predicted, guess: Predicted, trace: Trace) -> Curve:
+    order = np.argsort(found.t)
+    std = np.sqrt(np.diag(found.covariance)).reshape(found.measured.shape)
+    names = trace.hand.joints
+    if len(found.measured) != len(names):
+        names = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+
+    def rows(values: Array) -> tuple[tuple[float, ...], ...]:
+        return tuple(tuple(row) for row in values[:, order].round(5).tolist())
+
+    (times,) = rows(found.t[None])
+    parts = (found.measured, std, found.expected, guess.expected)
+    return Curve(names, times, *map(rows, parts))
+
+
+def rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))

@@ -10,17 +10,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from palpate.errors import InputError, PalpateError
-from palpate.interrupt import Interrupts
-from palpate.runs.files import write_plan, write_trace, write_twin
-from palpate.runs.folder import growing_folder, write_json
+from palpate.common.errors import InputError, PalpateError
+from palpate.common.processes import Interrupts
+from palpate.runs.folder import growing_folder, write_json, write_plan, write_trace, write_twin
 from palpate.runs.result import result_json
 from palpate.runs.run import TRACE, Run, Stage
 from palpate.trace.mcap import TraceStream
 
 if TYPE_CHECKING:
-    from palpate.trace.mcap import Recorded
+    from palpate.trace.mcap import GrowingRecorder
     from palpate.trace.samples import Samples
+
 
 Step = Callable[[Run], Iterator[Run]]
 """Stage of a run: yields the grown run once or several times."""
@@ -78,13 +78,13 @@ class Keeper:
             self.fell_short(f"{stage} failed", error)
         return self.kept(run)
 
-    def executed(self, step: Step, run: Run) -> Run:
+    def carry_out_execution(self, step: Step, run: Run) -> Run:
         """Carry out the execution, in which a signal asks for a controlled stop.
 
         Raises:
             PalpateError: nothing could be executed; nothing has moved, and the folder is removed.
         """
-        with self._signals.deferred():
+        with self._signals.defer():
             try:
                 for grown in step(run):
                     run = self.kept(grown)
@@ -110,7 +110,7 @@ class Keeper:
     def kept(self, run: Run, seldom: bool = False) -> Run:
         """Add the shortfalls to the run and write result.json. It grows with every estimate: `seldom` leaves it where
         it would take more than a share `WRITING` of the time."""
-        with self._signals.deferred():
+        with self._signals.defer():
             run = self._with_shortfalls(run)
             if run.begun is not None:
                 run = replace(run, total_seconds=time.perf_counter() - run.begun)
@@ -133,7 +133,7 @@ class Keeper:
             self._ended.add(failure)
             self.fell_short(failure, error)
 
-    def samples(self, samples: Samples, recorded: Recorded) -> None:
+    def samples(self, samples: Samples, recorded: GrowingRecorder) -> None:
         """Append samples to the growing trace.
 
         Raises:

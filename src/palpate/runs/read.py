@@ -10,34 +10,35 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from palpate import __version__
-from palpate.errors import InputError
-from palpate.estimation.estimate import UNBOUNDED, Estimate, Part, Shared
-from palpate.execution.stop import Held
-from palpate.geometry.belief import Belief, Touch
-from palpate.geometry.pose import Array, Pose
+from palpate.common.belief import Belief, BeliefTouch
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Array, Pose
+from palpate.common.version import __version__
+from palpate.estimation.estimate import UNBOUNDED, Estimate, FurtherValue, Shared
+from palpate.execution.stop import HeldObject
 from palpate.mjcf.document import read_text
-from palpate.parameter import Parameter
-from palpate.planning.check.check import Finding
+from palpate.planning.check.finding import Finding
 from palpate.planning.model.conversation import Conversation, read_conversation
-from palpate.planning.recorded import load_proposal
-from palpate.robots.registry import load_description
+from palpate.planning.registry import load_proposal
+from palpate.robots.owner import load_description
 from palpate.runs.folder import read_json
-from palpate.runs.held_out import fit_test, held_out_from
-from palpate.runs.reproduce import as_looked
+from palpate.runs.reproduce import with_seen_poses
+from palpate.runs.result import fit_test, held_out_from
 from palpate.runs.run import Ending, Run
+from palpate.scene.detections import SceneObject
 from palpate.scene.load import load_scene, parse_scene, scene_from_text
-from palpate.scene.pictured.detected import DetectedScene, SceneBuilder
-from palpate.scene.pictured.objects import SceneObject
+from palpate.scene.picture_scene import DetectedScene, SceneBuilder
 from palpate.scene.poses import Poses, read_poses
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Context, Recording
 from palpate.twin.twin import Twin, read_twin
-from palpate.twin.validate import Residual, Validation
+from palpate.twin.validate import ReplayResidual, Validation
 
 if TYPE_CHECKING:
     from palpate.execution.rehearsal import Rehearsal
-    from palpate.settings import Settings
+    from palpate.runs.settings import Settings
+
 
 NOTHING = "<mujoco><worldbody/></mujoco>"
 """Scene of a run whose file was removed, or that had none."""
@@ -53,7 +54,7 @@ def read_run(folder: Path, settings: Settings) -> Run:
         InputError: a file is missing or is not of a run.
     """
     result = read_json(folder / "result.json")
-    settings = as_looked(settings, folder)
+    settings = with_seen_poses(settings, folder)
     try:
         return _run(folder, settings, result)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -76,7 +77,7 @@ def require_own_version(folder: Path) -> None:
         )
 
 
-class Found(NamedTuple):
+class StoredScene(NamedTuple):
     """Scene of a run, and the objects that a model detected, if it was built from them."""
 
     scene: Scene
@@ -85,7 +86,7 @@ class Found(NamedTuple):
 
 def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
     proposal = load_proposal(folder / "plan.json")
-    found = _found(folder, settings, proposal.scene)
+    found = _find_scene(folder, settings, proposal.scene)
     estimates = tuple(estimate_from(row) for row in result["parameters"])
     plan = proposal.plan
     if plan.tree is None and result["status"] == "complete" and not result["execution"]:
@@ -114,7 +115,7 @@ def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
     )
 
 
-def _found(folder: Path, settings: Settings, objects: tuple[SceneObject, ...]) -> Found:
+def _find_scene(folder: Path, settings: Settings, objects: tuple[SceneObject, ...]) -> StoredScene:
     """Read the scene from the folder, else from its own file, else return an empty one."""
     own, arm, poses = (
         folder / "scene.xml",
@@ -126,10 +127,10 @@ def _found(folder: Path, settings: Settings, objects: tuple[SceneObject, ...]) -
     if own.exists() and objects:
         seen = DetectedScene(SceneBuilder(poses, arm), objects)
         text = read_text(own)
-        return Found(scene_from_text(text, like=seen.scene()), seen)
+        return StoredScene(scene_from_text(text, like=seen.scene()), seen)
     if own.exists():
         robots = settings.robot_body
-        return Found(parse_scene(read_text(own), poses=poses, arm=arm, robot_body=robots))
+        return StoredScene(parse_scene(read_text(own), poses=poses, arm=arm, robot_body=robots))
     if settings.scene is not None and settings.scene.exists():
         found = load_scene(
             settings.scene,
@@ -138,8 +139,8 @@ def _found(folder: Path, settings: Settings, objects: tuple[SceneObject, ...]) -
             root=settings.root,
             robot_body=settings.robot_body,
         )
-        return Found(found)
-    return Found(parse_scene(NOTHING, arm=arm))
+        return StoredScene(found)
+    return StoredScene(parse_scene(NOTHING, arm=arm))
 
 
 def _conversation(file: Path) -> Conversation | None:
@@ -151,7 +152,7 @@ def _conversation(file: Path) -> Conversation | None:
 def _rehearsal(document: dict[str, Any] | None) -> Rehearsal | None:
     if document is None:
         return None
-    from palpate.execution.rehearsal import Rehearsal  # loads the simulated arm
+    from palpate.execution.rehearsal import Rehearsal
 
     return Rehearsal(**document)
 
@@ -166,7 +167,7 @@ def _ending(document: dict[str, Any] | None) -> Ending | None:
         document["robot_seconds"],
         document["wall_seconds"],
         tuple(document["setbacks"]),
-        Held(**held) if (held := document.get("held")) else None,
+        HeldObject(**held) if (held := document.get("held")) else None,
     )
 
 
@@ -184,7 +185,7 @@ def estimate_from(row: Mapping[str, Any]) -> Estimate:
     stds = _numbers(row["std"])
     if (stds < 0.0).any():
         raise ValueError(f"std of {row['object']}.{row['quantity']} is negative: {row['std']}")
-    parts = {name: Part(**part) for name, part in row["components"].items()}
+    parts = {name: FurtherValue(**part) for name, part in row["components"].items()}
     return Estimate(
         Parameter(row["object"], row["quantity"]),
         row["unit"],
@@ -196,7 +197,7 @@ def estimate_from(row: Mapping[str, Any]) -> Estimate:
         row["verdict"],
         parts=parts,
         tests=tuple(fit_test(test) for test in row.get("tests", ())),
-        shared=tuple(_shared(one) for one in row.get("shared", ())),
+        shared=tuple(_read_shared_error(one) for one in row.get("shared", ())),
         freedom=_limitless(row.get("freedom")),
         unseen=tuple(row["unseen"]) if "unseen" in row else _unseen(row),
         reason=row.get("reason") or "",
@@ -207,11 +208,11 @@ def estimate_from(row: Mapping[str, Any]) -> Estimate:
 def belief_from(row: Mapping[str, Any]) -> Belief:
     """Read the output of `belief_json`."""
     sight, both, stood = row["sight"], row["both"], row["stood"]
-    touches: list[Touch] = []
+    touches: list[BeliefTouch] = []
     for touch in row["touch"]:
         numbers = (touch[name] for name in ("apart", "std", "believed_std"))
         along, point = tuple(touch["along"]), tuple(touch["point"])
-        touches.append(Touch(touch["means"], along, point, *numbers))
+        touches.append(BeliefTouch(touch["means"], along, point, *numbers))
     return Belief(
         Pose.of(sight["pos"], sight["quat"]),
         _numbers(sight["covariance"]),
@@ -249,7 +250,7 @@ def _unseen(row: Mapping[str, Any]) -> tuple[int, ...]:
     return tuple(place for place, verdict in verdicts if verdict != row["verdict"])
 
 
-def _shared(document: Mapping[str, Any]) -> Shared:
+def _read_shared_error(document: Mapping[str, Any]) -> Shared:
     return Shared(document["cause"], document["of"], tuple(document["effect"]))
 
 
@@ -287,5 +288,5 @@ def _validation(marks: dict[str, Any] | None) -> Validation | None:
     return Validation(marks["settled"], marks["drift_m"], _residual(twin), _residual(template))
 
 
-def _residual(document: dict[str, Any]) -> Residual:
-    return Residual(document["force_N"], document["position_m"], document["note"])
+def _residual(document: dict[str, Any]) -> ReplayResidual:
+    return ReplayResidual(document["force_N"], document["position_m"], document["note"])

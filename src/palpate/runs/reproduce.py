@@ -9,12 +9,13 @@ from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from palpate.option import declared
+from palpate.common.extensions import iter_options
 
 if TYPE_CHECKING:
-    from palpate.settings import Settings
+    from palpate.runs.settings import Settings
 
-BUNDLED = Path(__file__).parents[1] / "scenarios"
+
+BUNDLED = Path(__file__).parents[1] / "studies" / "scenarios"
 """Folder of the bundled scenarios, which have names."""
 POSES = "poses.yaml"
 """File in a run folder of the poses that a camera saw."""
@@ -25,7 +26,7 @@ ALWAYS = ("noise", "seed")
 """Options that are printed even with default values: another version may have other defaults."""
 
 
-def as_looked(settings: Settings, folder: Path) -> Settings:
+def with_seen_poses(settings: Settings, folder: Path) -> Settings:
     """The settings of a run in `folder`, with the poses that its camera saw, which are kept there."""
     return settings if settings.camera is None else replace(settings, poses=folder / POSES)
 
@@ -59,12 +60,12 @@ def reproducing(settings: Settings, start: Path | None = None) -> list[str]:
     """Build the command that repeats a finished run: `palpate demo` for a scenario."""
     name = scenario_of(settings)
     if name is None:
-        return _seeded(running(settings, start), settings)
+        return _add_seed(running(settings, start), settings)
     command = ["palpate", "demo", name]
     if not settings.planner.startswith("replay:"):
         command += ["--planner", settings.planner]
     of_demo = ("arm", "robot_config", "cautious", "within", "noise", "seed")
-    return _seeded(command + list(_options(settings, of_demo, start)), settings)
+    return _add_seed(command + list(_options(settings, of_demo, start)), settings)
 
 
 def scenario_of(settings: Settings) -> str | None:
@@ -75,7 +76,7 @@ def scenario_of(settings: Settings) -> str | None:
     return None
 
 
-def _seeded(command: list[str], settings: Settings) -> list[str]:
+def _add_seed(command: list[str], settings: Settings) -> list[str]:
     """Add noise and seed of a simulated run, also default values."""
     if settings.robot is not None:
         return command
@@ -88,7 +89,7 @@ def _seeded(command: list[str], settings: Settings) -> list[str]:
 def _options(settings: Settings, names: tuple[str, ...], start: Path | None) -> Iterator[str]:
     """Options whose values are not the defaults; of a model all but its budget."""
     default = type(settings)()
-    for one in declared(type(settings)):
+    for one in iter_options(type(settings)):
         value = attrgetter(one.name)(settings)
         nested = one.name.rpartition(".")[0]
         if (nested or one.name) in names and value != attrgetter(one.name)(default):

@@ -3,25 +3,91 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from palpate import __version__
-from palpate.estimation.estimate import Estimate, axes_of
+from palpate.common.version import __version__
+from palpate.estimation.estimate import Estimate, FitTest, axes_of
 from palpate.planning.plan import dump_plan, proposal_json
 from palpate.runs.answer import answer
-from palpate.runs.held_out import held_out_json
+from palpate.runs.held_out import Curve, HeldOut, HeldOutMotion
 from palpate.runs.reproduce import POSES
 
 if TYPE_CHECKING:
-    from palpate.geometry.belief import Belief
-    from palpate.geometry.pose import Array, Pose
+    from palpate.common.belief import Belief
+    from palpate.common.pose import Array, Pose
     from palpate.runs.run import Run
     from palpate.twin.twin import Twin
-    from palpate.twin.validate import Residual, Validation
+    from palpate.twin.validate import ReplayResidual, Validation
+
+
+def held_out_json(held: HeldOut | None) -> dict[str, Any] | None:
+    """All motions together, and one by one."""
+    if held is None:
+        return None
+    together = _combine_motions(held.motions)
+    each = [_motion_json(motion) for motion in held.motions]
+    return {**together, "notes": list(held.notes), "motions": each}
+
+
+def _combine_motions(motions: Sequence[HeldOutMotion]) -> dict[str, Any]:
+    """All motions as one: the least probable of them counts, and one that disagrees."""
+    words: list[str] = []
+    findings: list[str] = []
+    probable: list[float] = []
+    for motion in motions:
+        words.append(motion.motion)
+        probable.append(motion.p)
+        if motion.disagreement:
+            findings.append(motion.disagreement)
+    return {
+        "motion": "; ".join(words) or None,
+        "chi2": sum(motion.chi2 for motion in motions),
+        "dof": sum(motion.dof for motion in motions),
+        "p": min(probable, default=None),
+        "agrees": all(motion.agrees for motion in motions) if motions else None,
+        "disagreement": " ".join(findings) or None,
+    }
+
+
+def _motion_json(motion: HeldOutMotion) -> dict[str, Any]:
+    content = asdict(motion)
+    content["tests"] = [asdict(test) | {"passed": test.passed} for test in motion.tests]
+    return content | {"agrees": motion.agrees}
+
+
+def held_out_from(document: Mapping[str, Any] | None) -> HeldOut | None:
+    """Read the output of `held_out_json`."""
+    if document is None:
+        return None
+    motions = tuple(_motion(motion) for motion in document["motions"])
+    return HeldOut(motions, tuple(document["notes"]))
+
+
+def fit_test(document: Mapping[str, Any]) -> FitTest:
+    """A test as `result.json` has it; null stands for what is no number."""
+    statistic = math.nan if document["statistic"] is None else document["statistic"]
+    return FitTest(document["name"], statistic, document["limit"], document["finding"])
+
+
+def _motion(document: Mapping[str, Any]) -> HeldOutMotion:
+    parts = {name: part for name, part in document.items() if name != "agrees"}
+    parts["tests"] = tuple(fit_test(test) for test in document["tests"])
+    parts["curve"] = _curve(document["curve"])
+    return HeldOutMotion(**parts)
+
+
+def _curve(document: Mapping[str, Any]) -> Curve:
+    grids = ("measured", "std", "twin", "template")
+    rows = {name: tuple(tuple(row) for row in document[name]) for name in grids}
+    return Curve(tuple(document["signals"]), tuple(document["t"]), **rows)
+
+
+# `result.json`: the contract with scripts.
 
 
 CYCLES = "cycles.npz"
@@ -30,7 +96,7 @@ CYCLES = "cycles.npz"
 
 def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
     """Content of `result.json`, which `--json` also prints."""
-    from palpate.robots.simulated.noise.models import noise_models  # a large model of pydantic's
+    from palpate.robots.simulated.noise.models import noise_models
 
     content = {
         "status": run.status,
@@ -108,7 +174,7 @@ def _parameter_json(run: Run, estimate: Estimate) -> dict[str, Any]:
     precision = run.settings.within.precision(estimate)
     within = asdict(precision) | {"outcome": precision.outcome} if precision else None
     true = list(run.truth.get(estimate.parameter, ()))
-    return parameter_json(estimate) | {"within": within, "true_value": _shaped(true)}
+    return parameter_json(estimate) | {"within": within, "true_value": _shape_value(true)}
 
 
 def parameter_json(estimate: Estimate) -> dict[str, Any]:
@@ -118,10 +184,10 @@ def parameter_json(estimate: Estimate) -> dict[str, Any]:
     return {
         "object": estimate.parameter.object,
         "quantity": estimate.parameter.quantity,
-        "value": _shaped(estimate.values.tolist()),
+        "value": _shape_value(estimate.values.tolist()),
         "unit": estimate.unit,
-        "std": _shaped(estimate.stds.tolist()),
-        "ci95": _shaped(estimate.intervals.tolist()),
+        "std": _shape_value(estimate.stds.tolist()),
+        "ci95": _shape_value(estimate.intervals.tolist()),
         "method": estimate.method,
         "verdict": estimate.verdict,
         "verdicts": list(estimate.verdicts) if len(estimate.verdicts) > 1 else None,
@@ -145,7 +211,7 @@ def _limit(estimate: Estimate, sign: int) -> Any:
     """One-sided 95 % limits of the components at a lower bound (`sign` 1) or an upper one (-1); null for the others."""
     pairs = zip(estimate.at_bound, estimate.limits, strict=True)
     limits = [limit if bound and bound.sign == sign else None for bound, limit in pairs]
-    return _shaped(limits) if any(limit is not None for limit in limits) else None
+    return _shape_value(limits) if any(limit is not None for limit in limits) else None
 
 
 def belief_json(name: str, belief: Belief) -> dict[str, Any]:
@@ -174,7 +240,7 @@ def _pose_json(pose: Pose, covariance: Array) -> dict[str, Any]:
     }
 
 
-def _shaped(numbers: list[Any]) -> Any:
+def _shape_value(numbers: list[Any]) -> Any:
     """Convert a list of one to a scalar and an empty one to null."""
     if len(numbers) == 1:
         return numbers[0]
@@ -222,7 +288,7 @@ def _validation_json(marks: Validation | None) -> dict[str, Any] | None:
     }
 
 
-def _residual_json(residual: Residual) -> dict[str, Any]:
+def _residual_json(residual: ReplayResidual) -> dict[str, Any]:
     return {"force_N": residual.force, "position_m": residual.position, "note": residual.note}
 
 

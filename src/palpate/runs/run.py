@@ -9,31 +9,32 @@ from pathlib import Path
 from textwrap import shorten
 from typing import TYPE_CHECKING, Literal
 
-from palpate.errors import InputError
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter
 from palpate.estimation.estimate import Estimate, Estimates
-from palpate.execution.stop import Held
-from palpate.parameter import Parameter
-from palpate.planning.check.check import Finding
+from palpate.estimation.quantities.catalogue import catalogue
+from palpate.execution.stop import HeldObject
+from palpate.planning.check.finding import Finding
 from palpate.planning.plan import MAX_REASON, Plan
-from palpate.quantities.catalogue import catalogue
 from palpate.runs.figures import in_a_line
+from palpate.runs.held_out import HeldOut
 from palpate.scene.scene import Scene
 from palpate.trace.mcap import read_mcap
 from palpate.trace.samples import Trace
-from palpate.twin.held_out.judged import HeldOut
-from palpate.twin.inject import as_stated
+from palpate.twin.inject import stated_parameter
 from palpate.twin.twin import Twin
 
 if TYPE_CHECKING:
+    from palpate.common.belief import Belief
+    from palpate.common.pose import Array
     from palpate.execution.rehearsal import Rehearsal
     from palpate.execution.runner import Execution
-    from palpate.geometry.belief import Belief
-    from palpate.geometry.pose import Array
-    from palpate.pictures.film import Footage
+    from palpate.perception.film import Footage
     from palpate.planning.model.conversation import Conversation
-    from palpate.scene.pictured.detected import DetectedScene
-    from palpate.settings import Settings
-    from palpate.vocabulary.state import SymbolicState
+    from palpate.primitives.state import SymbolicState
+    from palpate.runs.settings import Settings
+    from palpate.scene.picture_scene import DetectedScene
+
 
 Status = Literal["running", "complete", "rejected", "aborted", "failed"]
 Stage = Literal["executing", "estimating", "building the twin", "writing the report"]
@@ -62,7 +63,7 @@ class Ending:
     robot_seconds: float
     wall_seconds: float
     setbacks: tuple[str, ...] = ()
-    held: Held | None = None
+    held: HeldObject | None = None
 
     @classmethod
     def of(cls, done: Execution) -> Ending:
@@ -194,7 +195,7 @@ class Run(Estimates):
         """Notes of the twin on requested values that were measured and could not be written."""
         if self.finished is None:
             return ()
-        stated = {as_stated(parameter, catalogue()) for parameter in self.plan.parameters}
+        stated = {stated_parameter(parameter, catalogue()) for parameter in self.plan.parameters}
         begun = [f"{one} is not in the twin" for one in self.finished.unwritten if one in stated]
         notes = self.finished.notes
         return tuple(next((note for note in notes if note.startswith(one)), one) for one in begun)
@@ -207,7 +208,7 @@ class Run(Estimates):
     @property
     def drawn(self) -> bool:
         """The truth was drawn from priors in a simulation."""
-        from palpate.cells.simulated import DRAWN  # loads the renderer
+        from palpate.execution.simulated_cell import DRAWN
 
         return self.simulated and self.world == DRAWN
 

@@ -19,9 +19,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.geometry.pose import Array, Pose
-from palpate.trace.ros2 import Layout
-from palpate.trace.topics import WORLD, Message, header, nanoseconds, stamps, text, xyzw
+from palpate.common.pose import Array, Pose
+from palpate.trace.topics import WORLD, Layout, Message, header, nanoseconds, stamps, text, xyzw
 
 if TYPE_CHECKING:
     import mujoco
@@ -30,6 +29,7 @@ if TYPE_CHECKING:
     from palpate.runs.run import Run
     from palpate.scene.camera import Camera
     from palpate.trace.samples import Trace
+
 
 PERIOD = 0.1
 """Interval of the poses of the cell, s; viewers interpolate."""
@@ -44,7 +44,7 @@ OPTICAL = Pose.of((0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0))
 log = logging.getLogger(__name__)
 
 
-def shown(run: Run) -> list[Message]:
+def trace_messages(run: Run) -> list[Message]:
     """Make all messages; a part that fails is left out and logged."""
     trace = run.trace_if_any
     if trace is None or not len(trace.t):
@@ -59,8 +59,8 @@ def shown(run: Run) -> list[Message]:
 
 
 def _cell(run: Run, trace: Trace) -> Iterator[Message]:
-    from palpate.pictures.posed import PosedCell, Replay
-    from palpate.twin.export.urdf import urdf_to_look_at
+    from palpate.perception.posed import PosedCell, Replay
+    from palpate.twin.export_urdf import urdf_to_look_at
 
     cell = PosedCell(run.scene)
     yield text(float(trace.t[0]), "/robot_description", urdf_to_look_at(cell.model))
@@ -75,7 +75,7 @@ def _cell(run: Run, trace: Trace) -> Iterator[Message]:
 
 def _transforms(model: mujoco.MjModel, times: Array, poses: Array) -> Iterator[Message]:
     """Transforms of the moving links from their parents, of world poses (n, bodies, 7)."""
-    from palpate.twin.export.facts import body_name
+    from palpate.twin.export_facts import body_name
 
     layout = Layout()
     signals: dict[str, NDArray[Any]] = {"stamp": stamps(times)}
@@ -129,7 +129,7 @@ def _camera(run: Run, trace: Trace) -> Iterator[Message]:
     if entry is not None:
         camera = Camera.of(entry)
         yield _once(start, "/camera/camera_info", "sensor_msgs/CameraInfo", *_info(camera, picture))
-        yield _once(start, "/tf_static", "tf2_msgs/TFMessage", *_placed(camera))
+        yield _once(start, "/tf_static", "tf2_msgs/TFMessage", *_place_camera(camera))
 
 
 def _picture(run: Run) -> Image | None:
@@ -159,7 +159,7 @@ def _info(camera: Camera, picture: Image) -> tuple[Layout, dict[str, Array]]:
     return layout, {"d": np.zeros(5), "k": k.ravel(), "r": np.eye(3).ravel(), "p": p.ravel()}
 
 
-def _placed(camera: Camera) -> tuple[Layout, dict[str, Array]]:
+def _place_camera(camera: Camera) -> tuple[Layout, dict[str, Array]]:
     pose = (camera.pose_world_camera @ OPTICAL).vector[None, :]
     layout = Layout().uint32(1).time("stamp").text(WORLD, CAMERA)
     return layout.doubles("at", 3).doubles("turned", 4), {"at": pose[:, :3], "turned": xyzw(pose)}

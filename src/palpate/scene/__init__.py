@@ -1,0 +1,1 @@
+"""The incomplete scene: objects, surfaces, fixtures, names and places."""

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.errors import InputError
-from palpate.files.read import read_bytes
-from palpate.geometry.pose import Array, Pose
+from palpate.common.errors import InputError
+from palpate.common.files import read_bytes
+from palpate.common.pose import Array, Pose
 from palpate.scene.poses import CameraEntry
 
 MAX_BYTES = 100_000_000

@@ -1,32 +1,121 @@
-"""The objects and surfaces of a document as it describes them, placed as the poses say.
-
-Many files, and programs that draw poses for them, place objects a few millimetres too high and leave
-it to the simulator to drop them. The arm must look for them where they come to rest, so they are let
-down onto their support.
-"""
+"""Objects and surfaces as a document describes them, and the words that may name them."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
-from palpate.errors import InputError, unknown_name
-from palpate.geometry.pose import Array, Pose
+from palpate.common.errors import InputError, unknown_name
+from palpate.common.pose import Array, Pose
+from palpate.estimation.quantities.catalogue import Catalogue
 from palpate.mjcf.body import BodyDescription
-from palpate.mjcf.bounds import require_bounded
+from palpate.mjcf.bounds import require_limits
 from palpate.mjcf.compile import without_robots
-from palpate.mjcf.defaults import INHERITED
 from palpate.mjcf.document import UNKNOWN, Document, Element, elements, has_unknown, label, tokens
 from palpate.mjcf.edits import Edit, Slot
-from palpate.mjcf.elements import PLACING
+from palpate.mjcf.elements import INHERITED, PLACING, Defaults
 from palpate.mjcf.roles import Roles, find_roles
 from palpate.mjcf.shapes import RESTING, Shapes, compile_shapes
-from palpate.quantities.catalogue import Catalogue
-from palpate.scene.named.places import APPROACH
+from palpate.scene.places import APPROACH
 from palpate.scene.poses import Poses
+
+_COLOURS = {
+    "red": (0.85, 0.1, 0.1),
+    "green": (0.1, 0.65, 0.15),
+    "blue": (0.1, 0.2, 0.8),
+    "yellow": (0.95, 0.85, 0.1),
+    "orange": (0.95, 0.5, 0.05),
+    "purple": (0.5, 0.1, 0.6),
+    "pink": (1.0, 0.55, 0.7),
+    "brown": (0.45, 0.28, 0.12),
+    "black": (0.05, 0.05, 0.05),
+    "white": (0.97, 0.97, 0.97),
+    "grey": (0.5, 0.5, 0.5),
+    "light blue": (0.55, 0.78, 0.95),
+    "light green": (0.6, 0.9, 0.6),
+    "dark blue": (0.05, 0.08, 0.4),
+    "dark green": (0.03, 0.3, 0.08),
+    "dark red": (0.45, 0.03, 0.05),
+    "cyan": (0.1, 0.8, 0.85),
+    "beige": (0.9, 0.82, 0.65),
+}
+_SPELLINGS = {"grey": "gray", "purple": "violet"}
+_SHAPES = {
+    "box": ("box", "block", "cube"),
+    "cylinder": ("cylinder", "can"),
+    "sphere": ("ball", "sphere"),
+    "ellipsoid": ("ellipsoid",),
+    "capsule": ("capsule",),
+}
+
+
+def name_words(name: str) -> set[str]:
+    """Words of a name: green and bottle of `greenBottle_2`; and the name itself."""
+    # Words start at capitals; letters of other scripts make words too, digits do not.
+    parts = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[^\W\d_a-zA-Z]+", name)
+    words = {part.lower() for part in parts}
+    return words | {name.lower(), " ".join(part.lower() for part in parts)} - {""}
+
+
+def thing_words(
+    name: str,
+    element: Element,
+    geoms: tuple[Element, ...],
+    defaults: Defaults,
+    shapes: bool = True,
+) -> frozenset[str]:
+    """Words for the body or geom `name` made of `geoms`, with the names of its parts; `shapes` adds
+    `box`, `ball`, …"""
+    words = name_words(name)
+    root = element.getroottree().getroot()
+    for part in element.iterdescendants("body"):
+        words |= name_words(part.get("name") or "")
+    for geom in geoms:
+        rgb = _rgb(geom, defaults, root)
+        if rgb is not None:
+            words |= colour_words(rgb)
+    # The name and shape of the only geom describe the body.
+    if len(geoms) == 1:
+        (only,) = geoms
+        words |= name_words(only.get("name") or "")
+        if shapes:
+            words.update(_SHAPES.get(defaults.attribute(only, "type") or "sphere", ()))
+    return frozenset(words)
+
+
+def colour_words(rgb: tuple[float, float, float]) -> set[str]:
+    """Words of the nearest basic colour; for `light blue` also `blue`."""
+
+    def distance(name: str) -> float:
+        return float(np.linalg.norm(np.array(_COLOURS[name]) - np.array(rgb)))
+
+    nearest = min(_COLOURS, key=distance)
+    words = {nearest, nearest.split()[-1]}
+    return words | {_SPELLINGS[w] for w in words if w in _SPELLINGS}
+
+
+def _rgb(geom: Element, defaults: Defaults, root: Element) -> tuple[float, float, float] | None:
+    """Colour of a geom, else of its material; None where neither states one."""
+    stated = defaults.attribute(geom, "rgba")
+    if stated is None:
+        name = defaults.attribute(geom, "material")
+        for material in root.iterfind("asset/material") if name is not None else ():
+            if material.get("name") == name:
+                stated = defaults.attribute(material, "rgba")
+                break
+    try:
+        r, g, b = (float(part) for part in tokens(stated)[:3])
+    except ValueError:
+        return None
+    return r, g, b
+
+
+# The objects and surfaces of a document as it describes them, placed as the poses say.
+
 
 AN_OBJECT = "an object needs a body with a <freejoint/>, and no other joint"
 PHYSICAL, NAMES = ("geom", "inertial", "joint"), ("name", "class", "mesh", "material", "hfield")
@@ -95,10 +184,10 @@ def describe(
             that MuJoCo does not accept.
     """
     # The elements first; then, without the robots, what is loaded. Physics needs no textures.
-    require_bounded(document, is_loaded=lambda _: False)
+    require_limits(document, is_loaded=lambda _: False)
     roles = find_roles(document)
     is_loaded = without_robots(document, roles).is_loaded()
-    require_bounded(document, is_loaded=lambda one: one.tag != "texture" and is_loaded(one))
+    require_limits(document, is_loaded=lambda one: one.tag != "texture" and is_loaded(one))
     slots: list[Slot] = []
     for body in roles.bodies.values():
         for quantity in catalogue.of(body.role):
@@ -117,12 +206,12 @@ def describe(
     for slot in slots:
         edits += slot.placeholder()
     shapes = compile_shapes(document, roles, [*edits, *placed])
-    bodies = _described(roles, shapes, poses)
+    bodies = _describe_bodies(roles, shapes, poses)
     lowered = dict(let_down(bodies, shapes)) if settled else {}
     if lowered:
         placed = (*placed, *lowered.values())
         shapes = compile_shapes(document, roles, [*edits, *placed])
-        bodies = _described(roles, shapes, poses)
+        bodies = _describe_bodies(roles, shapes, poses)
     refused: dict[str, str] = {}
     for name, body in bodies.items():
         if body.role == "surface" and (reason := _no_surface(body)):
@@ -140,7 +229,7 @@ def describe(
     )
 
 
-def _described(roles: Roles, shapes: Shapes, poses: Poses) -> dict[str, BodyDescription]:
+def _describe_bodies(roles: Roles, shapes: Shapes, poses: Poses) -> dict[str, BodyDescription]:
     found: dict[str, BodyDescription] = {}
     for name, body in roles.bodies.items():
         given = poses.objects.get(name)
@@ -231,7 +320,7 @@ def _placements(poses: Poses, roles: Roles) -> Iterator[Edit]:
                 "move it"
             )
         pose = entry.body_pose()
-        position = _numbered(pose.position)
+        position = _format_numbers(pose.position)
         if has_unknown(element, "pos", 2):
             del position[2]
         # An orientation in another form would contradict the quat.
@@ -239,10 +328,10 @@ def _placements(poses: Poses, roles: Roles) -> Iterator[Edit]:
             if element.get(attribute) is not None:
                 yield Edit(element, attribute, None)
         yield Edit(element, "pos", position, "0 0 0")
-        yield Edit(element, "quat", _numbered(pose.quaternion), "1 0 0 0")
+        yield Edit(element, "quat", _format_numbers(pose.quaternion), "1 0 0 0")
 
 
-def _numbered(values: Array) -> dict[int, str]:
+def _format_numbers(values: Array) -> dict[int, str]:
     """Numbers in full precision, by their position in an attribute."""
     return {i: repr(value) for i, value in enumerate(values.tolist())}
 

@@ -22,13 +22,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from palpate.errors import InputError, unknown_name
-from palpate.files.plain_yaml import plain_yaml
-from palpate.files.read import read_text
-from palpate.geometry.pose import Pose
+from palpate.common.errors import InputError, unknown_name
+from palpate.common.files import plain_yaml, read_text
+from palpate.common.pose import Pose
 
 if TYPE_CHECKING:
     from palpate.robots.description import RobotDescription
+
 
 MAX_BYTES = 200_000
 """Largest size of a poses file."""

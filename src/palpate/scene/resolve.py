@@ -13,21 +13,20 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from palpate.errors import InputError
-from palpate.geometry.pose import Array
-from palpate.geometry.standing import tipped
+from palpate.common.errors import InputError
+from palpate.common.outline import tip_to_rest
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Array
+from palpate.estimation.quantities.catalogue import Catalogue
+from palpate.estimation.quantities.quantity import Prior, Status, Values
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.compile import compile_spec, model_tree
 from palpate.mjcf.document import Document
 from palpate.mjcf.edits import Change, Edit
 from palpate.mjcf.inertial import Statement, written
 from palpate.mjcf.shapes import RESTING, Shapes, compile_shapes
-from palpate.parameter import Parameter
-from palpate.quantities.catalogue import Catalogue
-from palpate.quantities.quantity import Prior, Status, Values
-from palpate.scene.describe import Description, describe
+from palpate.scene.describe import Description, describe, thing_words
 from palpate.scene.poses import ObjectEntry, Poses
-from palpate.scene.words import thing_words
 
 SHAPELESS = frozenset(
     {"mass", "density", "friction", "priority", "solref", "solimp", "solmix"}
@@ -66,7 +65,7 @@ class ResolvedScene:
         """Mean of each prior."""
         return {parameter: prior.mean for parameter, prior in self.priors.items()}
 
-    def completed(self, priors: Values, values: Values) -> dict[Parameter, tuple[float, ...]]:
+    def complete_values(self, priors: Values, values: Values) -> dict[Parameter, tuple[float, ...]]:
         """Return `values`, and for the other parameters of `priors` their prior means given
         `values`."""
         merged = {**priors, **values}
@@ -90,7 +89,7 @@ class ResolvedScene:
 
     def _edits(self, values: Values) -> list[Change]:
         """Changes of the file that place its bodies and state `values`, and beliefs for the rest."""
-        stated = self.changes(self.completed(self.means(), values), {})
+        stated = self.changes(self.complete_values(self.means(), values), {})
         return [*self.description.placed, *stated]
 
     def compiled(self, values: Values) -> Bodies:
@@ -123,7 +122,7 @@ class ResolvedScene:
             for name in surface.carries:
                 body = found[name]
                 cloud = replace(self.description.bodies[name], shapes=self.shapes).cloud
-                rest = tipped(cloud, body.pose_world.apply(body.centre))
+                rest = tip_to_rest(cloud, body.pose_world.apply(body.centre))
                 found[name] = replace(body, tipped=rest)
         return found
 
@@ -230,8 +229,8 @@ def changes(
         fitting = [] if body is None else [quantity.id for quantity in catalogue.of(body.role)]
         if body is None or not fitting or (body.role != "object" and not set(fitting) & set(ids)):
             raise InputError(f"no object or surface '{name}' of the scene has a {' or '.join(ids)}")
-        statements, others = _stated(body, catalogue, values, std)
-        depends_on, _ = _stated(body, catalogue, known, {})
+        statements, others = _state_inertial(body, catalogue, values, std)
+        depends_on, _ = _state_inertial(body, catalogue, known, {})
         yield from written(body, statements, depends_on)
         yield from others
     # Values that follow from these: the resting height of an object on a surface of measured height.
@@ -241,7 +240,7 @@ def changes(
             yield from quantity.follows(body, believed)
 
 
-def _stated(
+def _state_inertial(
     body: BodyDescription, catalogue: Catalogue, values: Values, std: Mapping[Parameter, float]
 ) -> tuple[list[Statement], list[Change]]:
     """Statements of a body's `<inertial>`, and its other changes, in the catalogue's order."""

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from palpate.errors import unknown_name
-from palpate.geometry.pose import Pose
+from palpate.common.errors import unknown_name
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Pose
+from palpate.estimation.quantities.catalogue import Catalogue
 from palpate.mjcf.body import Body
-from palpate.mjcf.compile import refused
-from palpate.parameter import Parameter
-from palpate.quantities.catalogue import Catalogue
-from palpate.robots.model import PREFIX
+from palpate.mjcf.compile import compile_error
+from palpate.robots.description import PREFIX
 
 if TYPE_CHECKING:
     import mujoco
@@ -140,7 +140,7 @@ class Scene:
         try:
             spec.attach(robot, frame=frame, prefix=PREFIX)
         except ValueError as error:
-            raise refused(error) from None
+            raise compile_error(error) from None
         return spec
 
 

@@ -27,8 +27,8 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from palpate.errors import InputError, unknown_name
-from palpate.geometry.pose import Array, Line, Pose
+from palpate.common.errors import InputError, unknown_name
+from palpate.common.pose import Array, Pose, PoseLine
 from palpate.scene.poses import Poses
 
 MAX_EXPRESSION = 200
@@ -59,7 +59,7 @@ class PoseExpression:
             text += f" {sign} {offset}" if size == 1 else f" {sign} {size:g}*{offset}"
         return text
 
-    def shifted(self, offset: str, factor: float) -> PoseExpression:
+    def shift(self, offset: str, factor: float) -> PoseExpression:
         """Add `factor` times an offset, the coefficient rounded to hundredths."""
         terms = {name: coefficient for coefficient, name in self.terms}
         terms[offset] = round(terms.get(offset, 0.0) + factor, 2)
@@ -92,7 +92,7 @@ class Symbols:
     later: Mapping[str, Callable[[], Pose | None]] = field(
         default_factory=dict[str, "Callable[[], Pose | None]"]
     )
-    lines: Mapping[str, Line] = field(default_factory=dict[str, Line])
+    lines: Mapping[str, PoseLine] = field(default_factory=dict[str, PoseLine])
     handles: frozenset[str] = frozenset()
     _found: dict[str, Pose | None] = field(
         default_factory=dict[str, "Pose | None"], init=False, repr=False
@@ -182,22 +182,22 @@ class Symbols:
         Raises:
             InputError: as `parse`; no room for a temporary pose; or a position outside its line.
         """
-        parsed = self._parsed(expression)
+        parsed = self._parse(expression)
         if parsed.name in self.lines:
-            return self._shifted(parsed, self.pose(parsed.name, bound))
+            return self._apply_offsets(parsed, self.pose(parsed.name, bound))
         # One pose for each expression: what is computed of it is kept with it.
         if parsed not in self._resolved:
-            self._resolved[parsed] = self._shifted(parsed, self.pose(parsed.name))
+            self._resolved[parsed] = self._apply_offsets(parsed, self.pose(parsed.name))
         return self._resolved[parsed]
 
-    def _shifted(self, parsed: PoseExpression, base: Pose) -> Pose:
+    def _apply_offsets(self, parsed: PoseExpression, base: Pose) -> Pose:
         """A pose with the offsets of an expression."""
         if not parsed.terms:
             return base
         shift = np.zeros(3)
         for coefficient, offset in parsed.terms:
             shift = shift + coefficient * self.offset(offset, parsed.name)
-        return base.translated(self.shift(parsed.name, base, shift))
+        return base.translate(self.shift(parsed.name, base, shift))
 
     def pose(self, name: str, bound: Mapping[str, float] | None = None) -> Pose:
         """TCP pose in the world of a name; `bound` as for `resolve`.
@@ -251,7 +251,7 @@ class Symbols:
             pose = self._later(name)
             return None if pose is None else to(name, pose)
 
-        lines: dict[str, Line] = {}
+        lines: dict[str, PoseLine] = {}
         for name, line in self.lines.items():
             lines[name] = replace(line, pose=to(name, line.pose))
         return replace(
@@ -276,9 +276,9 @@ class Symbols:
 
     def subject(self, expression: str | PoseExpression) -> str | None:
         """Object or surface of an expression's pose."""
-        return self.subjects.get(self._parsed(expression).name)
+        return self.subjects.get(self._parse(expression).name)
 
-    def _parsed(self, expression: str | PoseExpression) -> PoseExpression:
+    def _parse(self, expression: str | PoseExpression) -> PoseExpression:
         if isinstance(expression, PoseExpression):
             return expression
         return self.parse(expression)

@@ -12,19 +12,19 @@ from typing import Any
 
 import numpy as np
 
-from palpate import pipeline
-from palpate.cells.cell import Cell
-from palpate.cells.simulated import SimulatedCell
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Pose
 from palpate.estimation.balance import accuracy as pose_accuracy
 from palpate.estimation.estimate import Estimate, Verdict
-from palpate.geometry.pose import Pose
-from palpate.parameter import Parameter
+from palpate.execution.cell import Cell
+from palpate.execution.simulated_cell import SimulatedCell
+from palpate.runs import pipeline
 from palpate.runs.run import Run
-from palpate.scenarios.catalogue import scenario
-from palpate.scene.load import rearranged
+from palpate.runs.settings import Settings
+from palpate.runs.workplace import cell_for
+from palpate.scene.load import rearrange
 from palpate.scene.scene import Scene
-from palpate.settings import Settings
-from palpate.stages.workplace import cell_for
+from palpate.studies.scenarios.catalogue import scenario
 from palpate.studies.workers import spread
 
 CRASHED = "crashed"
@@ -78,7 +78,7 @@ class ScoredEstimate:
 
 
 @dataclass(frozen=True, slots=True)
-class Unmeasured:
+class MissingComponent:
     """Component that a seed left without a value."""
 
     parameter: Parameter
@@ -113,7 +113,7 @@ class SeedRun:
     robot_seconds: float
     estimates: tuple[ScoredEstimate, ...]
     doubted: tuple[ScoredEstimate, ...] = ()
-    unmeasured: tuple[Unmeasured, ...] = ()
+    unmeasured: tuple[MissingComponent, ...] = ()
     wall_seconds: float = field(default=0.0, compare=False)
     cpu_seconds: float = field(default=0.0, compare=False)
     crash: str = ""
@@ -133,7 +133,7 @@ class Question:
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
+class StudyCase:
     """A question with a seed."""
 
     question: Question
@@ -145,15 +145,15 @@ def accuracy(settings: Settings, seeds: Sequence[int], workers: int = 1) -> list
     return spread(partial(run_seed, settings), seeds, workers)
 
 
-def survived(case: Case) -> SeedRun:
+def run_case(case: StudyCase) -> SeedRun:
     """Run a case with randomly displaced objects; an exception becomes a crashed run."""
     try:
         return run_seed(case.question.settings, case.seed, displaced=True)
     except Exception:  # one failed seed must not end a campaign of hours
-        return crashed(case.seed, traceback.format_exc(limit=-8))
+        return crashed_run(case.seed, traceback.format_exc(limit=-8))
 
 
-def crashed(seed: int, reason: str) -> SeedRun:
+def crashed_run(seed: int, reason: str) -> SeedRun:
     """Result of a seed whose run failed with an exception."""
     return SeedRun(seed, CRASHED, 0, 0.0, (), crash=reason)
 
@@ -203,8 +203,8 @@ def displaced_cell(settings: Settings, scene: Scene | None, seen: bool = False) 
     poses: dict[str, Pose] = {}
     for name, believed in scene.objects.items():
         shift = pose_accuracy(believed) * random.standard_normal(2)
-        poses[name] = cell.world.body(name).pose_world.translated(np.array([*shift, 0.0]))
-    return replace(cell, world=rearranged(cell.world, poses), scene=scene)
+        poses[name] = cell.world.body(name).pose_world.translate(np.array([*shift, 0.0]))
+    return replace(cell, world=rearrange(cell.world, poses), scene=scene)
 
 
 def scored_estimates(run: Run, estimate: Estimate) -> Iterator[ScoredEstimate]:
@@ -231,10 +231,10 @@ def scored_estimates(run: Run, estimate: Estimate) -> Iterator[ScoredEstimate]:
         )
 
 
-def unmeasured_components(run: Run, estimate: Estimate) -> Iterator[Unmeasured]:
+def unmeasured_components(run: Run, estimate: Estimate) -> Iterator[MissingComponent]:
     truth = run.truth.get(estimate.parameter)
     if truth is None or estimate.has_value:
         return
     seed, unit, reason = run.settings.seed, estimate.unit, estimate.method
     for i, true_value in enumerate(truth):
-        yield Unmeasured(estimate.parameter, i, seed, true_value, unit, reason)
+        yield MissingComponent(estimate.parameter, i, seed, true_value, unit, reason)

@@ -1,16 +1,98 @@
-"""Efficiency study: actions and robot time of the exhaustive and the intent-driven planner on the same
-scene."""
+"""Efficiency of planners, and figures with intervals."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from html import escape
+from math import sqrt
 
-from palpate.report.plots import MARK, NORM, Figure, figure_page
-from palpate.robots.simulated.noise import DEFAULT_LEVEL
-from palpate.scenarios.catalogue import scenario, scenarios
+import numpy as np
+
+from palpate.common.pose import Array
+from palpate.robots.noise_levels import DEFAULT_LEVEL
+from palpate.runs.report.plots import MARK, NORM, Figure, figure_page
 from palpate.studies.accuracy import SeedRun, run_seed
+from palpate.studies.scenarios.catalogue import scenario, scenarios
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """`hits` of `trials` with the 95 % Wilson score interval."""
+
+    hits: int
+    trials: int
+
+    @classmethod
+    def of(cls, outcomes: Iterable[bool]) -> Rate:
+        """Count the true outcomes."""
+        listed = list(outcomes)
+        return cls(sum(listed), len(listed))
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """(low, high) of the rate."""
+        from scipy.stats import binomtest
+
+        if self.trials == 0:  # nothing is known of the rate
+            return 0.0, 1.0
+        found = binomtest(self.hits, self.trials).proportion_ci(method="wilson")
+        return float(found.low), float(found.high)
+
+    def __str__(self) -> str:
+        low, high = self.interval
+        return f"{self.hits}/{self.trials} [{low:.2f}, {high:.2f}]"
+
+
+@dataclass(frozen=True, slots=True)
+class Ranged:
+    """A figure with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+    @classmethod
+    def share(cls, outcomes: Iterable[bool]) -> Ranged:
+        """Share of true outcomes, with the Wilson interval."""
+        rate = Rate.of(outcomes)
+        return cls(rate.hits / max(rate.trials, 1), *rate.interval)
+
+    @classmethod
+    def rms(cls, numbers: Array) -> Ranged:
+        """Root mean square of (n,) independent normal numbers about zero: n RMS²/σ² is χ² with n
+        degrees of freedom (Kay, Fundamentals of Statistical Signal Processing I, 1993, app. 3)."""
+        from scipy.special import chdtri
+
+        n, value = len(numbers), float(np.sqrt(np.mean(numbers**2)))
+        # chdtri(n, p) is the χ² value that is exceeded with probability p.
+        low, high = n / chdtri(n, 0.025), n / chdtri(n, 0.975)
+        return cls(value, value * sqrt(low), value * sqrt(high))
+
+    @property
+    def inverse(self) -> Ranged:
+        """1/value with its interval; zero for zero."""
+        if self.value == 0.0:
+            return Ranged(0.0, 0.0, 0.0)
+        return Ranged(1.0 / self.value, 1.0 / self.high, 1.0 / self.low)
+
+
+@dataclass(frozen=True, slots=True)
+class TableCell:
+    """Table cell: text, small print below it, and a mark: `good`, `warn`, `bad` or nothing."""
+
+    text: str
+    below: str = ""
+    mark: str = ""
+
+
+Line = tuple[str, Iterable[TableCell]]
+"""Table row: its name and its cells."""
+
+
+# Efficiency study: actions and robot time of the exhaustive and the intent-driven planner on the
+# same scene.
+
 
 GRID = "#e5e7eb"
 PUBLISHED_OPACITY = 0.45
@@ -32,7 +114,7 @@ PAPER = PublishedEffort(29, 62.0, 12, 33.0, 0.47)
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class PlannerComparison:
     """Runs of a scenario under the exhaustive and the intent-driven planner."""
 
     scenario: str
@@ -56,22 +138,24 @@ def comparable() -> list[str]:
     ]
 
 
-def efficiency(names: Iterable[str], noise: str = DEFAULT_LEVEL, seed: int = 0) -> list[Comparison]:
+def efficiency(
+    names: Iterable[str], noise: str = DEFAULT_LEVEL, seed: int = 0
+) -> list[PlannerComparison]:
     """Run both planners on each scenario."""
-    found: list[Comparison] = []
+    found: list[PlannerComparison] = []
     for name in names:
         intent = scenario(name).settings(noise=noise)
         exhaustive = replace(intent, planner="exhaustive")
-        found.append(Comparison(name, run_seed(exhaustive, seed), run_seed(intent, seed)))
+        found.append(PlannerComparison(name, run_seed(exhaustive, seed), run_seed(intent, seed)))
     return found
 
 
-def plot(rows: Sequence[Comparison]) -> str:
+def plot(rows: Sequence[PlannerComparison]) -> str:
     """Self-contained HTML page of `efficiency_figure`."""
     return figure_page(efficiency_figure(rows), "efficiency")
 
 
-def efficiency_figure(rows: Sequence[Comparison]) -> Figure:
+def efficiency_figure(rows: Sequence[PlannerComparison]) -> Figure:
     """Actions on the left, robot time on the right, a pair of bars per scenario; the published pair is
     paler."""
     names = [*(escape(row.scenario) for row in rows), "the paper's pair"]

@@ -1,19 +1,118 @@
-"""Independent tasks, distributed over processes, and their progress.
-
-A `Crew` executes them: `Processes` on this machine, `studies.cluster` on a Ray cluster.
-"""
+"""Independent tasks on processes or a Ray cluster, and their result files."""
 
 from __future__ import annotations
 
+import json
+import math
+import os
+import re
+import socket
 import time
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Protocol, TypeVar
+from pathlib import Path
+from typing import Any, Protocol, TypeVar, cast
 
-from palpate.interrupt import ignore_signals
+from pydantic import TypeAdapter, ValidationError
+
+import palpate
+from palpate.common.display import json_text
+from palpate.common.errors import InputError, Unavailable
+from palpate.common.files import read_bytes
+from palpate.common.processes import ignore_signals
+
+LARGEST = 1_000_000_000
+"""Bytes of the largest results file that is read."""
+
+Row = TypeVar("Row")
+
+
+@dataclass(frozen=True, slots=True)
+class Lines:
+    """Growing file of JSON objects, one a line."""
+
+    file: Path
+
+    def read(self) -> list[dict[str, Any]]:
+        """Read all complete lines; a last one without its end was cut off and is left out. Empty
+        without a file.
+
+        Raises:
+            InputError: the file holds something else.
+        """
+        if not self.file.exists():
+            return []
+        content = read_bytes(self.file, LARGEST, "results of a study")
+        whole = content[: content.rfind(b"\n") + 1]
+        return [self._object(line) for line in whole.splitlines()]
+
+    def read_as(self, kind: type[Row]) -> list[Row]:
+        """Read all complete lines as objects of a dataclass.
+
+        Raises:
+            InputError: the file holds something else.
+        """
+        adapter = TypeAdapter(kind)
+        try:
+            return [adapter.validate_python(line) for line in self.read()]
+        except ValidationError:
+            raise self.other() from None
+
+    def add(self, *rows: Mapping[str, Any]) -> None:
+        """Append rows and wait until they are on the disk; without rows, just create the file.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        lines = [json_text(strict_json(row)) + "\n" for row in rows]
+        try:
+            self.file.parent.mkdir(parents=True, exist_ok=True)
+            with self.file.open("ab+") as file:
+                size = file.seek(0, os.SEEK_END)
+                file.seek(max(size - 1, 0))
+                if size and file.read(1) != b"\n":  # a kill has left a line without its end
+                    file.seek(0)
+                    file.truncate(file.read().rfind(b"\n") + 1)
+                file.write("".join(lines).encode())
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise InputError(f"cannot write '{self.file}': {error.strerror}") from error
+
+    def other(self) -> InputError:
+        """Error for a file whose lines belong to another study."""
+        return InputError(
+            f"'{self.file.name}' is not a results file of a study; choose another place with --out"
+        )
+
+    def _object(self, line: bytes) -> dict[str, Any]:
+        try:
+            found = json.loads(line)
+        except ValueError:
+            raise self.other() from None
+        if not isinstance(found, dict):
+            raise self.other()
+        return cast("dict[str, Any]", found)
+
+
+def strict_json(content: Any) -> Any:
+    """Replace infinities and NaN, which JSON lacks, by words (`inf`, `nan`); pydantic reads them."""
+    if isinstance(content, Mapping):
+        named = cast("Mapping[str, Any]", content)
+        return {name: strict_json(value) for name, value in named.items()}
+    if isinstance(content, list | tuple):
+        return [strict_json(value) for value in cast("Sequence[Any]", content)]
+    if isinstance(content, float) and not math.isfinite(content):
+        return str(content)
+    return content
+
+
+# Independent tasks, distributed over processes, and their progress.
+
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -56,7 +155,7 @@ class Processes:
             return
         waiting = deque(range(len(tasks)))
         while waiting:
-            under_way = yield from self._pooled(work, tasks, waiting)
+            under_way = yield from self._run_queue(work, tasks, waiting)
             # A broken pool does not say which task broke it: repeat each in a process of its own.
             for place in under_way:
                 with ProcessPoolExecutor(1, initializer=ignore_signals) as pool:
@@ -66,7 +165,7 @@ class Processes:
                         result = Lost("the process that executed it ended")
                 yield place, result
 
-    def _pooled(
+    def _run_queue(
         self, work: Callable[[Task], Result], tasks: Sequence[Task], waiting: deque[int]
     ) -> Generator[tuple[int, Result], None, list[int]]:
         """Work through the queue until it is empty or a process dies; return the tasks in progress."""
@@ -139,3 +238,118 @@ class Progress:
         elif seconds < 7200.0:
             left = f"{seconds / 60.0:.0f} min"
         return f"{line} · {left} left"
+
+
+# Tasks on an existing Ray cluster (https://docs.ray.io).
+
+
+LOCAL = "local"
+"""Address without a cluster: processes of this machine."""
+PATIENCE = 5.0
+"""s in which the head of a cluster must answer."""
+ADDRESS = re.compile(r"(?:ray://)?(?P<host>[\w.-]+):(?P<port>\d{1,5})")
+
+
+@contextmanager
+def crew(address: str, workers: int | None = None) -> Generator[Crew]:
+    """Workers of the Ray cluster at `address`: `local`, `auto` (the cluster that runs on this
+    machine), `HOST:PORT` or `ray://HOST:PORT`. At most `workers` of them, by default one per
+    processor.
+
+    Raises:
+        InputError: it is no address.
+        Unavailable: Ray is not installed, or the cluster does not answer.
+    """
+    if address == LOCAL:
+        yield Processes(workers or os.cpu_count() or 1)
+        return
+    require_answer(address)
+    ray = join_cluster(address)
+    try:
+        processors = int(ray.cluster_resources().get("CPU", 1))
+        yield RayCrew(ray, AHEAD * min(processors, workers or processors))
+    finally:
+        ray.shutdown()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RayCrew:
+    """The cluster that this process has joined.
+
+    Attributes:
+        ray: the library.
+        room: tasks that are submitted at a time.
+    """
+
+    ray: Any
+    room: int
+
+    def each(
+        self, work: Callable[[Task], Result], tasks: Sequence[Task]
+    ) -> Iterator[tuple[int, Result | Lost]]:
+        """See `Crew.each`."""
+
+        # Ray wraps functions only, not any callable.
+        def remote_work(task: Task) -> Result:
+            return work(task)
+
+        remote = self.ray.remote(num_cpus=1, max_retries=1)(remote_work)
+        waiting, running = deque(range(len(tasks))), dict[Any, int]()
+        while waiting or running:
+            while waiting and len(running) < self.room:
+                place = waiting.popleft()
+                running[remote.remote(tasks[place])] = place
+            done, _ = self.ray.wait(list(running))
+            for reference in done:
+                yield running.pop(reference), self._result(reference)
+
+    def _result(self, reference: Any) -> Any:
+        try:
+            return self.ray.get(reference)
+        except self.ray.exceptions.RayTaskError as error:
+            raise error.as_instanceof_cause() from None
+        except self.ray.exceptions.RayError as error:
+            return Lost(f"the process or the node that executed it ended ({type(error).__name__})")
+
+
+def require_answer(address: str) -> None:
+    """Require a head of a cluster at the address, within `PATIENCE`; Ray itself waits for minutes.
+
+    Raises:
+        InputError: it is no address.
+        Unavailable: no answer.
+    """
+    if address == "auto":
+        return
+    found = ADDRESS.fullmatch(address)
+    if found is None:
+        raise InputError(
+            f"'{address}' is no address of a cluster; valid: {LOCAL}, auto, HOST:PORT, "
+            "ray://HOST:PORT"
+        )
+    try:
+        place = found["host"], int(found["port"])
+        socket.create_connection(place, timeout=PATIENCE).close()
+    except (OSError, OverflowError) as error:
+        raise Unavailable(f"no Ray cluster at '{address}': {error}") from None
+
+
+def join_cluster(address: str) -> Any:
+    """Import Ray and join the cluster at `address`, with usage reports off."""
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    try:
+        import ray  # pyright: ignore[reportMissingImports]
+    except ImportError:
+        raise Unavailable("a cluster needs Ray: pip install 'palpate[ray]'") from None
+    library: Any = ray
+    try:
+        library.init(
+            address=address,
+            runtime_env={"py_modules": [palpate]},
+            log_to_driver=False,
+            logging_level="ERROR",
+        )
+    except Exception as error:
+        reason = str(error).strip().splitlines()[:1]
+        raise Unavailable(f"no Ray cluster at '{address}': {' '.join(reason)}") from None
+    return library

@@ -1,0 +1,1 @@
+"""Samples and recordings of an execution, and their MCAP file."""

@@ -22,19 +22,19 @@ from typing import IO, TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from palpate import __version__
-from palpate.errors import InputError
-from palpate.files.read import opened
-from palpate.redaction import redact
+from palpate.common.errors import InputError
+from palpate.common.files import open_with_limit
+from palpate.common.redaction import redact
+from palpate.common.version import __version__
 from palpate.trace import topics
-from palpate.trace.recording import Conversion, Hand, LeafRun, Recording
-from palpate.trace.ros2 import definition
+from palpate.trace.recording import Conversion, LeafRun, NominalHand, Recording
 from palpate.trace.samples import COLUMNS, Samples, Trace
-from palpate.trace.topics import messages, nanosecond, samples_of
+from palpate.trace.topics import definition, messages, nanosecond, samples_of
 
 if TYPE_CHECKING:
     from mcap.records import Channel, Chunk, McapRecord, Message, Schema
     from pydantic import ConfigDict, TypeAdapter
+
 
 METADATA = "palpate.trace"
 PROFILE = "palpate-stream"
@@ -53,29 +53,29 @@ MAX_RATIO = 20
 
 
 @dataclass(frozen=True, slots=True)
-class Record:
+class TraceRecord:
     """All of a `Trace` but its samples."""
 
     leaves: tuple[LeafRun, ...]
     recordings: tuple[Recording, ...]
     conversions: tuple[Conversion, ...]
-    hand: Hand
+    hand: NominalHand
     gravity: float
 
 
 # NaN from a faulty sensor is written as the constant NaN and read back as such.
-Record.__pydantic_config__: ConfigDict = {"ser_json_inf_nan": "constants"}  # type: ignore[attr-defined]
+TraceRecord.__pydantic_config__: ConfigDict = {"ser_json_inf_nan": "constants"}  # type: ignore[attr-defined]
 
 
 @cache
-def record_json() -> TypeAdapter[Record]:
-    """Converter between `Record` and JSON."""
+def record_json() -> TypeAdapter[TraceRecord]:
+    """Converter between `TraceRecord` and JSON."""
     from pydantic import TypeAdapter  # slow to import
 
-    return TypeAdapter(Record)
+    return TypeAdapter(TraceRecord)
 
 
-def dumped(record: Record) -> str:
+def dump_record(record: TraceRecord) -> str:
     """JSON of a record, without the keys of the environment."""
     return redact(record_json().dump_json(record).decode())
 
@@ -84,14 +84,16 @@ def write_mcap(path: Path, trace: Trace, shown: Sequence[topics.Message] = ()) -
     """Write `trace` to `path`, in zstd-compressed chunks, with the further messages `shown`."""
     from mcap.writer import Writer
 
-    record = Record(trace.leaves, trace.recordings, trace.conversions, trace.hand, trace.gravity)
+    record = TraceRecord(
+        trace.leaves, trace.recordings, trace.conversions, trace.hand, trace.gravity
+    )
     schemas: dict[str, int] = {}
     channels: dict[str, int] = {}
     with path.open("wb") as file:
         # The metadata record is in no chunk, and so under no checksum but that of all data.
         writer = Writer(file, enable_data_crcs=True)
         writer.start(profile="ros2", library=f"palpate {__version__}")
-        writer.add_metadata(METADATA, {"version": __version__, "trace": dumped(record)})
+        writer.add_metadata(METADATA, {"version": __version__, "trace": dump_record(record)})
         for time, topic, datatype, data in messages(trace, shown):
             # MCAP wants datatype and topic declared before the first message.
             if datatype not in schemas:
@@ -112,7 +114,7 @@ def read_mcap(path: Path) -> Trace:
     if not path.exists():
         raise InputError(f"no trace at '{path}'")
     try:
-        with opened(path, MAX_BYTES, "a trace of palpate's") as file:
+        with open_with_limit(path, MAX_BYTES, "a trace of palpate's") as file:
             return read(file)
     except InputError:
         raise
@@ -131,7 +133,7 @@ def read(file: IO[bytes]) -> Trace:
     from mcap.records import Channel, Message, Metadata
 
     is_stream = PROFILE.encode() in file.read(64)  # the header comes first
-    parts: list[Record] = []
+    parts: list[TraceRecord] = []
     blocks: list[Samples] = []
     topics: dict[int, str] = {}
     by_topic: defaultdict[str, list[bytes]] = defaultdict(list)
@@ -164,10 +166,10 @@ def read(file: IO[bytes]) -> Trace:
     )
 
 
-class Recorded(Protocol):
+class GrowingRecorder(Protocol):
     """Recorder whose lists grow: all that has ended so far, in order; and the nominal hand."""
 
-    hand: Hand
+    hand: NominalHand
     gravity: float
     leaves: list[LeafRun]
     recordings: list[Recording]
@@ -181,13 +183,13 @@ class TraceStream:
         OSError: the disk is full or unavailable. What was written stays.
     """
 
-    def __init__(self, path: Path, hand: Hand, gravity: float) -> None:
+    def __init__(self, path: Path, hand: NominalHand, gravity: float) -> None:
         from mcap.writer import Writer
 
         self._hand, self._gravity = hand, gravity
         self._pending: list[Samples] = []
         self._written = -np.inf
-        self._recorded: Recorded | None = None
+        self._recorded: GrowingRecorder | None = None
         self._seen = (0, 0, 0)
         self._file: IO[bytes] = path.open("wb")
         self._writer = Writer(self._file, use_chunking=False)
@@ -198,7 +200,7 @@ class TraceStream:
         self._add_events(0.0, (), (), ())
         self._file.flush()
 
-    def write(self, samples: Samples, recorded: Recorded) -> None:
+    def write(self, samples: Samples, recorded: GrowingRecorder) -> None:
         """Add new samples, and write a block if one is due."""
         if recorded is not self._recorded:
             self.flush()  # the last events of the attempt before
@@ -240,8 +242,8 @@ class TraceStream:
         conversions: Sequence[Conversion],
     ) -> None:
         events = tuple(leaves), tuple(recordings), tuple(conversions)
-        record = Record(*events, self._hand, self._gravity)
-        self._add(self._events, t, dumped(record).encode())
+        record = TraceRecord(*events, self._hand, self._gravity)
+        self._add(self._events, t, dump_record(record).encode())
 
     def _add(self, channel: int, t: float, data: bytes) -> None:
         time = nanosecond(t)
@@ -281,7 +283,7 @@ def records(file: IO[bytes], finished: bool = True) -> Iterator[McapRecord]:
         if not isinstance(record, Chunk):
             yield record
             continue
-        data = unpacked(record, min(MAX_CHUNK, left))
+        data = unpack_chunk(record, min(MAX_CHUNK, left))
         left -= len(data)
         yield from breakup_chunk(replace(record, compression="", data=data), validate_crc=finished)
 
@@ -306,7 +308,7 @@ def stored_messages(file: IO[bytes]) -> Iterator[tuple[Schema | None, Channel, M
             yield schemas.get(channel.schema_id), channel, record
 
 
-def unpacked(chunk: Chunk, most: int) -> bytes:
+def unpack_chunk(chunk: Chunk, most: int) -> bytes:
     """Unpack the content of a chunk.
 
     Raises:

@@ -1,10 +1,12 @@
-"""Records of an execution: recordings with their context, conversions, leaves, and the nominal arm."""
+"""Recordings with their context, and logs of arms by other programs."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
 from typing import Literal
+
+from palpate.common.pose import Array
 
 Activity = Literal[
     "still", "moving", "sliding", "contact", "tilting", "turning", "swinging", "working", "limit"
@@ -108,7 +110,7 @@ class LeafRun:
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class ChainLink:
     """Moving link of an arm, at joint angles 0, in the axes of its base.
 
     Attributes:
@@ -140,11 +142,11 @@ class Chain:
     anchors: tuple[Triple, ...]
     tcp: Triple
     tool: tuple[Triple, Triple, Triple]
-    links: tuple[Link, ...] = ()
+    links: tuple[ChainLink, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Hand:
+class NominalHand:
     """Nominal arm for estimators, plots and files: geometry, datasheet accuracy, names.
 
     Attributes:
@@ -180,3 +182,32 @@ class Hand:
     chain: Chain | None = None
     ripple_cycles: tuple[float, ...] | None = None
     payload: float = 3.0
+
+
+# Recording of an arm in motion, from whatever logged it.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArmLog:
+    """Joint signals of an arm with seven joints, in the order of its chain.
+
+    Attributes:
+        t: (n,) s, increasing.
+        q: (n, 7) joint positions, rad.
+        dq: (n, 7) joint velocities, rad/s.
+        tau: (n, 7) joint torques as sensed, gravity included (libfranka's tau_J), N m.
+        tau_ext: (n, 7) the controller's own estimate of external torques, N m; None where not logged.
+        source: name of the file or topic, for messages.
+        notes: what was repaired when it was read, a sentence each.
+    """
+
+    t: Array
+    q: Array
+    dq: Array
+    tau: Array
+    tau_ext: Array | None
+    source: str
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.t)

@@ -1,0 +1,1 @@
+"""The finished twin: injection into the MJCF, validation, export."""

@@ -9,18 +9,18 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from palpate.errors import InputError
-from palpate.estimation import tuning
-from palpate.estimation.arm.causes import Bodies
-from palpate.estimation.arm.dynamics import ArmDynamics, Figure
-from palpate.estimation.rigid import inertia_about_centre, parameters
-from palpate.geometry.pose import Array, components
+from palpate.common.errors import InputError
+from palpate.common.pose import Array, components
+from palpate.estimation.arm_dynamics import DynamicsFit, JointFigure
+from palpate.estimation.arm_fit import Bodies
+from palpate.estimation.quantities.friction import SIGNIFICANT
+from palpate.estimation.rigid_bodies import inertia_about_centre, parameters
 from palpate.mjcf.document import Document, Element, elements
 from palpate.mjcf.edits import Change, Edit, Insert, number
 from palpate.mjcf.elements import inertial_of
 from palpate.mjcf.reading import read_document
-from palpate.robots.model import compiled, triple
-from palpate.trace.recording import Link
+from palpate.robots.description import compile_mjcf, triple
+from palpate.trace.recording import ChainLink
 from palpate.twin.files import write_files
 from palpate.twin.text import rewritten
 
@@ -31,7 +31,7 @@ ORIENTATIONS = ("diaginertia", "quat", "axisangle", "xyaxes", "zaxis", "euler")
 """Attributes of an `<inertial>` in whose place `fullinertia` stands."""
 
 
-def save_arm(found: ArmDynamics, path: Path) -> tuple[Path, ...]:
+def save_arm(found: DynamicsFit, path: Path) -> tuple[Path, ...]:
     """Write the arm's MJCF with the identified dynamics to `path`, with the files that it needs there.
 
     Returns:
@@ -48,7 +48,7 @@ def save_arm(found: ArmDynamics, path: Path) -> tuple[Path, ...]:
     return write_files(texts, document, path)
 
 
-def _named(document: Document, tag: str, name: str) -> Element:
+def _find_element(document: Document, tag: str, name: str) -> Element:
     """The joint or body of a name."""
     for element in elements(document.root):
         if element.tag == tag and element.get("name") == name:
@@ -56,20 +56,20 @@ def _named(document: Document, tag: str, name: str) -> Element:
     raise InputError(f"'{name}' is in a model that the arm's MJCF attaches: give a file of its own")
 
 
-def _joints(found: ArmDynamics, document: Document) -> Iterator[Change]:
+def _joints(found: DynamicsFit, document: Document) -> Iterator[Change]:
     """Changes of the joints."""
     for i, name in enumerate(found.arm.joints):
-        joint = _named(document, "joint", name)
+        joint = _find_element(document, "joint", name)
         for attribute, figure in WRITTEN.items():
-            each: Figure = getattr(found, figure)
+            each: JointFigure = getattr(found, figure)
             value, std = float(each.value[i]), float(each.std[i])
-            if each.observed[i] and value > tuning.SIGNIFICANT * std:
+            if each.observed[i] and value > SIGNIFICANT * std:
                 yield Edit(joint, attribute, {0: number(value, std)})
 
 
-def _links(found: ArmDynamics, document: Document) -> Iterator[Change]:
+def _links(found: DynamicsFit, document: Document) -> Iterator[Change]:
     """Changes of the links' inertias, and of the hand's where it was found."""
-    arm, model = found.arm, compiled(found.arm.mjcf)
+    arm, model = found.arm, compile_mjcf(found.arm.mjcf)
     data: Any = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
@@ -87,13 +87,13 @@ def _links(found: ArmDynamics, document: Document) -> Iterator[Change]:
         yield from _inertial(document, data, body, change, bodies.anchors[joint])
 
 
-def _link(data: Any, body: int) -> Link:
+def _link(data: Any, body: int) -> ChainLink:
     """A body as the file has it, at joint angles 0."""
     axes = np.asarray(data.ximat[body]).reshape(3, 3)
     tensor = (axes * data.model.body_inertia[body]) @ axes.T
     xx, yy, zz, xy, xz, yz = components(tensor)
     mass = float(data.model.body_mass[body])
-    return Link(0, mass, triple(data.xipos[body]), (xx, yy, zz, xy, xz, yz))
+    return ChainLink(0, mass, triple(data.xipos[body]), (xx, yy, zz, xy, xz, yz))
 
 
 def _inertial(
@@ -114,7 +114,7 @@ def _inertial(
         "mass": [number(float(new[0]), 1e-4)],
         "fullinertia": [number(part) for part in components(frame.T @ tensor @ frame)],
     }
-    element = _named(document, "body", data.model.body(body).name)
+    element = _find_element(document, "body", data.model.body(body).name)
     inertial = inertial_of(element)
     if inertial is None:
         yield Insert(element, "inertial", {key: " ".join(text) for key, text in texts.items()})

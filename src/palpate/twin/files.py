@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from palpate.errors import InputError
-from palpate.mjcf import spans
+from palpate.common.errors import InputError
+from palpate.mjcf import edits as spans
 from palpate.mjcf.document import Document, Named, Texts, read_text
-from palpate.mjcf.reading import parse_document, reparsed
+from palpate.mjcf.reading import parse_document, reparse
 
 TWIN = "twin.xml"
 """Name of a twin in the folder of a run."""
@@ -77,10 +77,10 @@ class _Packing:
         """Add the text of a model, and copy its files."""
         flat = document
         if document.includes:
-            flat = reparsed(Texts(inlined(document, Texts(document.text))), document)
+            flat = reparse(Texts(inlined(document, Texts(document.text))), document)
         tags = spans.scan(flat.text)
         data = flat.text.encode("utf-8")
-        changes: list[spans.Change] = []
+        changes: list[spans.TextChange] = []
         for named in flat.named:
             if named.model == flat.path:
                 if named.path not in self.names:
@@ -92,7 +92,7 @@ class _Packing:
             for attribute in FOLDERS if tag.name == "compiler" else ():
                 if attribute in tag.attributes:
                     changes.append(spans.remove_attribute(data, tag, attribute))
-        self.texts[name] = spans.changed(flat.text, changes)
+        self.texts[name] = spans.apply_changes(flat.text, changes)
 
     def add(self, path: Path, is_model: bool, document: Document) -> None:
         """Pack a file under a free name. An asset keeps its own, by which MuJoCo refers to it. Models
@@ -133,7 +133,7 @@ def write_files(texts: Texts, document: Document | None, path: Path) -> tuple[Pa
     try:
         if document is not None and document.folder is not None and document.files:
             texts = with_absolute_folders(texts, document, path)
-            layout = _Layout(reparsed(texts, document), texts, path)
+            layout = _Layout(reparse(texts, document), texts, path)
         written = {path: texts.main} if layout is None else layout.texts()
         for file, text in written.items():
             file.parent.mkdir(parents=True, exist_ok=True)
@@ -153,7 +153,7 @@ def write_files(texts: Texts, document: Document | None, path: Path) -> tuple[Pa
 def with_absolute_folders(texts: Texts, document: Document, path: Path) -> Texts:
     """The texts with absolute paths for the folders that `<compiler>` sets outside of the scene's own,
     so that the names of the files in them stay."""
-    after = reparsed(texts, document)
+    after = reparse(texts, document)
     assert after.folder is not None
     folder = after.folder.resolve()
     made: dict[Path | None, dict[tuple[int, str], str]] = {}
@@ -174,10 +174,10 @@ def with_absolute_folders(texts: Texts, document: Document, path: Path) -> Texts
 def with_values(text: str, values: Attributes) -> str:
     """A text with other values of attributes."""
     tags = spans.scan(text)
-    changes: list[spans.Change] = []
+    changes: list[spans.TextChange] = []
     for (number, attribute), value in values.items():
         changes.append(spans.set_attribute(tags[number], attribute, value))
-    return spans.changed(text, changes)
+    return spans.apply_changes(text, changes)
 
 
 class _Layout:

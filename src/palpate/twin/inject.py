@@ -14,22 +14,22 @@ from pathlib import Path
 
 import numpy as np
 
-from palpate.errors import InputError
-from palpate.estimation.estimate import Estimate, axes_of, rounded
-from palpate.mjcf.defaults import INHERITED, unknowns_replaced
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter
+from palpate.estimation.estimate import Estimate, axes_of, round_to_std
+from palpate.estimation.quantities.catalogue import Catalogue, catalogue
+from palpate.estimation.quantities.quantity import Values
 from palpate.mjcf.document import Element, Texts, elements, has_unknown, tokens
 from palpate.mjcf.edits import Change, Edit, number
-from palpate.mjcf.reading import parse_document, reparsed
-from palpate.parameter import Parameter
-from palpate.quantities.catalogue import Catalogue, catalogue
-from palpate.quantities.quantity import Values
+from palpate.mjcf.elements import INHERITED, replace_unknowns
+from palpate.mjcf.reading import parse_document, reparse
 from palpate.scene.describe import Description, describe
+from palpate.scene.load import at_heights
 from palpate.scene.poses import Poses
-from palpate.scene.raised import at_heights
 from palpate.scene.resolve import changes
 from palpate.scene.scene import Scene
 from palpate.twin.files import one_text
-from palpate.twin.text import as_text, recorded, rewritten
+from palpate.twin.text import as_text, rewritten, write_records
 
 ROUNDED = 1e-5
 """Relative: single precision of meshes, and seven digits of shares that make one value."""
@@ -44,14 +44,14 @@ def inject(
 ) -> str:
     """The MJCF with `values` in it and `records` in its `<custom>`, and no other change.
 
-    A `?` without a value stays; see `unfilled`. `folder` is where relative file names start. Where a
+    A `?` without a value stays; see `unfilled_unknowns`. `folder` is where relative file names start. Where a
     value belongs into an included file, the content of all of them replaces the `<include>`s.
 
     Raises:
         InputError: not a usable scene, or a value that has no place in it.
     """
     description = describe(parse_document(text, folder), Poses(), catalogue())
-    texts = _injected(description, catalogue(), values, records)
+    texts = _inject_values(description, catalogue(), values, records)
     std = deviations(records)
     for parameter, reason in misread(description, texts, values, std, catalogue()):
         raise InputError(f"{parameter} cannot be stated in this file: {reason}")
@@ -61,7 +61,7 @@ def inject(
     return one_text(document, texts)
 
 
-def unfilled(text: str, folder: Path | None = None) -> list[Parameter]:
+def unfilled_unknowns(text: str, folder: Path | None = None) -> list[Parameter]:
     """Attributes written `?` that must be filled before MuJoCo reads the file, in document order."""
     return marked_unknown(describe(parse_document(text, folder), Poses(), catalogue()), catalogue())
 
@@ -87,7 +87,9 @@ def complete(
     """The scene's texts with the estimates in them, as MuJoCo reads them back. The value of a quantity
     that is a part of another's estimate is written, too, unless it was `asked` for itself."""
     quantities, resolved = scene.catalogue, scene.resolved
-    stated = [replace(each, parameter=as_stated(each.parameter, quantities)) for each in estimates]
+    stated = [
+        replace(each, parameter=stated_parameter(each.parameter, quantities)) for each in estimates
+    ]
     values, notes = values_to_write(scene, stated, asked)
 
     # The twin's text leaves out the poses that came with the scene.
@@ -101,7 +103,7 @@ def complete(
         if reason := reason_against(scene, parameter, values, marked):
             reasons[parameter] = reason
     fitting = {parameter: value for parameter, value in values.items() if parameter not in reasons}
-    texts, filled = _filled(scene, description, marked, fitting, stated)
+    texts, filled = _fill_unknowns(scene, description, marked, fitting, stated)
     try:
         std = deviations(stated)
         wrong = dict(misread(resolved.description, texts, fitting, std, quantities))
@@ -111,7 +113,7 @@ def complete(
         # The others are written again without these.
         reasons |= wrong
         fitting = {p: value for p, value in fitting.items() if p not in wrong}
-        texts, filled = _filled(scene, description, marked, fitting, stated)
+        texts, filled = _fill_unknowns(scene, description, marked, fitting, stated)
 
     for parameter, reason in reasons.items():
         notes.append(f"{parameter} is not in the twin: {reason}")
@@ -133,7 +135,7 @@ def part_names(quantity: str, size: int) -> list[str]:
     return [f"{quantity} {axis}".strip() for axis in axes_of(size)]
 
 
-def as_stated(parameter: Parameter, quantities: Catalogue) -> Parameter:
+def stated_parameter(parameter: Parameter, quantities: Catalogue) -> Parameter:
     """The parameter by the quantity that the file states: a `com_3d` is a `com`."""
     quantity = quantities.get(parameter.quantity)
     if quantity is None or quantity.stands_for is None:
@@ -160,7 +162,7 @@ def values_to_write(
             if len(parts) < size or parameter in values or parameter in asked:
                 continue
             values[parameter] = tuple(part.value for part in parts)
-            written = [" ± ".join(rounded(part.value, part.std)) for part in parts]
+            written = [" ± ".join(round_to_std(part.value, part.std)) for part in parts]
             text = written[0] if size == 1 else f"({', '.join(written)})"
             held = f"the twin holds {text} {parts[0].unit or ''}".rstrip()
             notes.append(f"{parameter} was not asked for; {held}, from {estimate.parameter}")
@@ -195,7 +197,7 @@ def reason_against(
     return ""
 
 
-def _filled(
+def _fill_unknowns(
     scene: Scene,
     description: Description,
     marked: Sequence[Parameter],
@@ -205,10 +207,10 @@ def _filled(
     """The texts with `fitting` in them and priors for the other `marked` parameters; all of these
     values."""
     unmeasured = {p: scene.priors[p] for p in marked if p not in fitting}
-    filled = scene.resolved.completed(unmeasured, fitting)
+    filled = scene.resolved.complete_values(unmeasured, fitting)
     records = [estimate for estimate in estimates if estimate.parameter in fitting]
     moved = tuple(moved_along(scene, description, fitting, records))
-    return _injected(description, scene.catalogue, filled, records, moved), filled
+    return _inject_values(description, scene.catalogue, filled, records, moved), filled
 
 
 def moved_along(
@@ -231,7 +233,7 @@ def moved_along(
             yield Edit(element, "pos", {2: number(z, std)}, "0 0 0")
 
 
-def _injected(
+def _inject_values(
     description: Description,
     quantities: Catalogue,
     values: Values,
@@ -242,7 +244,7 @@ def _injected(
     edits += moved
     edits += leftovers(description, quantities, values, edits)
     texts = rewritten(description.document, edits)
-    return replace(texts, main=recorded(texts.main, records))
+    return replace(texts, main=write_records(texts.main, records))
 
 
 def deviations(records: Sequence[Estimate]) -> dict[Parameter, float]:
@@ -264,7 +266,7 @@ def leftovers(
                 needed.add(slot.attribute)
     geoms: list[Element] = [e for e in elements(description.document.root) if e.tag == "geom"]
     for geom in geoms:
-        for leftover in unknowns_replaced(geom, INHERITED):
+        for leftover in replace_unknowns(geom, INHERITED):
             is_answered = (geom, leftover.attribute) in answered
             if leftover.attribute not in needed and not is_answered:
                 yield leftover
@@ -283,7 +285,7 @@ def misread(
     Raises:
         InputError: MuJoCo does not accept the file.
     """
-    after = describe(reparsed(texts, before.document), Poses(), quantities)
+    after = describe(reparse(texts, before.document), Poses(), quantities)
     for parameter, value in values.items():
         quantity = quantities[parameter.quantity]
         body = after.bodies.get(parameter.object)

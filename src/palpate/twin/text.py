@@ -17,9 +17,9 @@ from pathlib import Path
 
 from lxml import etree
 
-from palpate.errors import InputError
+from palpate.common.errors import InputError
 from palpate.estimation.estimate import Estimate
-from palpate.mjcf import spans
+from palpate.mjcf import edits as spans
 from palpate.mjcf.document import Document, Element, Texts, elements, parse_xml
 from palpate.mjcf.edits import Change, Insert
 
@@ -66,7 +66,7 @@ def _rewritten(document: Document, text: str, edits: Sequence[Change]) -> str:
             if now is not None and "&" not in (written := tags[i].value(data, name)):
                 now = written
             values[i, name] = edit.value(values.get((i, name), now))
-    made: list[spans.Change] = []
+    made: list[spans.TextChange] = []
     for (i, name), value in values.items():
         if value is None:
             made.append(spans.remove_attribute(data, tags[i], name))
@@ -76,7 +76,7 @@ def _rewritten(document: Document, text: str, edits: Sequence[Change]) -> str:
         parent = tags[document.index[insert.parent].number]
         content = spans.element(insert.tag, insert.attributes)
         made.append(spans.first_child(data, parent, content))
-    result = spans.changed(text, made)
+    result = spans.apply_changes(text, made)
     require_same(document, text, result, values, inserts)
     return result
 
@@ -114,17 +114,17 @@ def content_of(root: Element) -> list[tuple[str, dict[str, str]]]:
     return found
 
 
-def recorded(text: str, records: Sequence[Estimate]) -> str:
+def write_records(text: str, records: Sequence[Estimate]) -> str:
     """The MJCF with `records` in its `<custom>`: present ones get new data, the others are added."""
     if not records:
         return text
     tags = spans.scan(text)
     data = text.encode("utf-8")
-    present: dict[str, spans.Tag] = {}
+    present: dict[str, spans.XmlTag] = {}
     for tag in tags:
         if tag.name in ("numeric", "text") and tag.depth == 2:
             present[tag.value(data, "name")] = tag
-    made: list[spans.Change] = []
+    made: list[spans.TextChange] = []
     added: list[str] = []
     for tag, name, content in entries_of(records):
         if name in present:
@@ -132,8 +132,8 @@ def recorded(text: str, records: Sequence[Estimate]) -> str:
         else:
             added.append(spans.element(tag, {"name": name, "data": content}))
     if added:
-        made.append(_added(data, tags, added))
-    return spans.changed(text, made)
+        made.append(_add_elements(data, tags, added))
+    return spans.apply_changes(text, made)
 
 
 def entries_of(records: Iterable[Estimate]) -> Iterator[tuple[str, str, str]]:
@@ -157,7 +157,7 @@ def as_text(values: Iterable[float]) -> str:
     return " ".join(f"{value:.7g}" for value in values)
 
 
-def _added(data: bytes, tags: list[spans.Tag], added: list[str]) -> spans.Change:
+def _add_elements(data: bytes, tags: list[spans.XmlTag], added: list[str]) -> spans.TextChange:
     """Elements added to `<custom>`, which is made where there is none, indented as the file is."""
     # Line break and indentation before the first element inside the root; none in a text of one line.
     before = data[tags[0].end : tags[1].start]
@@ -171,5 +171,5 @@ def _added(data: bytes, tags: list[spans.Tag], added: list[str]) -> spans.Change
     if custom is None:
         return spans.last_children(data, tags[0], [content], line)
     if custom.empty:
-        return spans.Change(custom.start, custom.last, content)
+        return spans.TextChange(custom.start, custom.last, content)
     return spans.last_children(data, custom, added, deeper)

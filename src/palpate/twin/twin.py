@@ -9,23 +9,21 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from palpate.display import table
-from palpate.errors import InputError, PalpateError
+from palpate.common.display import table
+from palpate.common.errors import InputError, PalpateError
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Pose
 from palpate.estimation.estimate import Estimate
-from palpate.geometry.pose import Pose
 from palpate.mjcf.contacts import surface_friction
 from palpate.mjcf.document import Document, Texts
-from palpate.mjcf.reading import reparsed
-from palpate.parameter import Parameter
-from palpate.scene.load import scene_from_text
-from palpate.scene.raised import at_heights
+from palpate.mjcf.reading import reparse
+from palpate.scene.load import at_heights, scene_from_text
 from palpate.scene.scene import Scene
 from palpate.trace.samples import Trace
 from palpate.twin.files import TWIN, one_text, pack, write_files
 from palpate.twin.inject import complete
-from palpate.twin.pressed import press_notes
 from palpate.twin.text import as_text
-from palpate.twin.validate import Replay, Replayed, Validation, touched, validate
+from palpate.twin.validate import Replay, Replayed, Validation, compare_touch, press_notes, validate
 
 if TYPE_CHECKING:
     from mujoco import MjModel
@@ -92,7 +90,7 @@ class Twin:
         """
         if self.document is None or not self.document.files:
             return {TWIN: self.xml}
-        return pack(reparsed(self.texts or Texts(self.xml), self.document), folder)
+        return pack(reparse(self.texts or Texts(self.xml), self.document), folder)
 
     def __repr__(self) -> str:
         if self.validation is None:
@@ -189,7 +187,7 @@ def touch(
     priors. `given`: the template's replay, if it was started before."""
     if twin.validation is None or twin.scene is None:
         return twin
-    validation = touched(twin.validation, twin.scene, template, trace, replay, given)
+    validation = compare_touch(twin.validation, twin.scene, template, trace, replay, given)
     return replace(twin, validation=validation)
 
 

@@ -11,12 +11,12 @@ from bench.bounds.blocks import BLOCK, Blocks, Column, blocks, covariance
 from bench.bounds.bound import bounds_of
 from bench.bounds.heights import of_height
 from bench.bounds.loads import of_load
-from palpate import pipeline
-from palpate.parameter import Parameter
+from palpate.common.parameter import Parameter
 from palpate.robots.simulated.noise.model import NoiseModel, Torque
 from palpate.robots.simulated.timing import BLOCK as CYCLES
+from palpate.runs import pipeline
 from palpate.runs.run import Run
-from palpate.settings import Settings
+from palpate.runs.settings import Settings
 
 SCENE = """<mujoco><worldbody>
   <site name="robot_base"/>

@@ -18,8 +18,8 @@ from bench.faults.corrupt import corrupted
 from bench.faults.faulty import FaultyRobot, broken, frozen
 from bench.faults.kinds import FAULTS
 from bench.faults.nasty import SMALL_SCENES, small_scene
-from palpate.errors import InputError
-from palpate.parameter import Parameter
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter
 from palpate.planning.check.check import RULES, check
 from palpate.planning.plan import parse_plan
 from tests.helpers.standin import StandIn

@@ -21,7 +21,7 @@ from bench.deceptions.study import (
     own_noises,
 )
 from bench.deceptions.world import Deception, Jump, deception, deceptions, task
-from palpate.errors import InputError
+from palpate.common.errors import InputError
 from palpate.robots.simulated.noise.models import noise_models
 from palpate.trace.samples import Trace
 

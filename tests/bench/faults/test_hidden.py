@@ -7,7 +7,7 @@ import pytest
 
 from bench.faults.hidden import CAUTIOUS, CAUTIOUS_RIGID, LIGHT_THING, MOST, POST, wrong_world
 from bench.faults.nasty import small_scene
-from palpate.execution.harm.touch import SHOWN, UNSEEN
+from palpate.execution.contact_limits import SHOWN, UNSEEN
 
 
 @pytest.mark.parametrize(

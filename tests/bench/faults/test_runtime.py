@@ -12,15 +12,14 @@ from bench.campaign.ledger import judged
 from bench.faults import runtime
 from bench.faults.faulty import FaultyRobot
 from bench.faults.kinds import FAULTS, OBJECT, Fault
-from palpate import pipeline
-from palpate.cells.simulated import simulated_cell
-from palpate.errors import ExecutionAborted
-from palpate.execution.harm.harm import Fate, Harm
+from palpate.common.errors import ExecutionAborted
+from palpate.execution.harm import Fate, Harm
+from palpate.execution.simulated_cell import simulated_cell
 from palpate.robots.simulated.robot import MujocoRobot
-from palpate.scenarios.catalogue import scenario
+from palpate.runs import pipeline, workplace
+from palpate.runs.settings import Settings
 from palpate.scene.load import load_scene
-from palpate.settings import Settings
-from palpate.stages import workplace
+from palpate.studies.scenarios.catalogue import scenario
 
 FORCE = "hand on table: 90 N over 10 ms"
 SEEN = Harm(

@@ -10,13 +10,13 @@ import pytest
 
 from bench.faults.hidden import CAUTIOUS
 from bench.harm.probe import probed_run
-from palpate import pipeline
-from palpate.execution.harm.harm import Harm, harm
-from palpate.execution.harm.touch import UNSEEN
-from palpate.execution.harm.witness import Witness
+from palpate.execution.contact_limits import UNSEEN
+from palpate.execution.harm import Harm, harm
 from palpate.execution.rehearsal import named_objects
+from palpate.execution.witness import Witness
 from palpate.planning.plan import Node, Plan
-from palpate.scenarios.catalogue import scenario
+from palpate.runs import pipeline
+from palpate.studies.scenarios.catalogue import scenario
 
 DT = 0.0005
 

@@ -10,18 +10,18 @@ import pytest
 from moving_arm import COULOMB, OFFSET, VISCOUS, recorded
 from mujoco import MjModel
 
-from palpate.errors import InputError
-from palpate.estimation.arm.dynamics import Figure, identify
-from palpate.logs.reading import read_log
-from palpate.robots.registry import load_description
-from palpate.trace.log import ArmLog
+from palpate.common.errors import InputError
+from palpate.estimation.arm_dynamics import JointFigure, identify
+from palpate.estimation.logs.reading import read_log
+from palpate.robots.owner import load_description
+from palpate.trace.recording import ArmLog
 from palpate.twin.arm import save_arm
 
 ARM = load_description("fr3")
 REAL = Path(__file__).parents[4] / "shared" / "real"
 
 
-def deviations(figure: Figure, true: np.ndarray) -> np.ndarray:
+def deviations(figure: JointFigure, true: np.ndarray) -> np.ndarray:
     return np.abs((figure.value - true) / figure.std)
 
 

@@ -13,11 +13,11 @@ from moving_arm import inverse, recorded
 from mujoco import MjModel
 
 from bench.recorded import free_motion, real
-from palpate.errors import InputError
-from palpate.estimation.arm.explained import Claim, explained, explained_upright
+from palpate.common.errors import InputError
+from palpate.estimation.recording_check import Claim, explained, explained_upright
 from palpate.robots.description import RobotDescription
-from palpate.robots.registry import load_description
-from palpate.trace.log import ArmLog
+from palpate.robots.owner import load_description
+from palpate.trace.recording import ArmLog
 
 FR3, IIWA = load_description("fr3"), load_description("iiwa14")
 REAL = Path(__file__).parents[4] / "shared" / "real"

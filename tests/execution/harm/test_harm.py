@@ -13,13 +13,13 @@ from bench.campaign.ledger import Row, judged_run
 from bench.faults.faulty import Act, FaultyRobot
 from bench.faults.nasty import small_scene
 from bench.harm.probe import probed_run
-from palpate.cells.simulated import simulated_cell
-from palpate.execution.harm.harm import Harm, harm
+from palpate.execution.harm import Harm, harm
 from palpate.execution.rehearsal import AFTERWARDS
+from palpate.execution.simulated_cell import simulated_cell
 from palpate.planning.plan import Node, Plan
 from palpate.robots.simulated.robot import MujocoRobot
-from palpate.stages import executing
-from palpate.stages.executing import perform
+from palpate.runs import executing
+from palpate.runs.executing import perform
 
 ABOVE = "bottle_pose + z_offset"
 STEPS = (Node("MoveJoints", (("joints", "home_config"),)), Node("OpenGripper"))

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from palpate.execution.harm.harm import harm
-from palpate.execution.harm.touch import touches
-from palpate.execution.harm.witness import Forces, Look, Pair
+from palpate.execution.contact_limits import touches
+from palpate.execution.harm import harm
+from palpate.execution.witness import ContactForces, Pair, PoseRecord
 
 FOUND = (0.0, 0.0, 0.1, 1.0, 0.0, 0.0, 0.0)
 PERIOD = 1e-3  # s
@@ -21,13 +21,15 @@ PERIOD = 1e-3  # s
 def seen(
     *poses: Sequence[float],
     held: int = -1,
-    forces: dict[Pair, Forces] | None = None,
+    forces: dict[Pair, ContactForces] | None = None,
     touched: bool = True,
     mass: float = 0.3,
 ) -> Any:
     """Witness of a can that stands still in each pose for 100 ms."""
     looks = [
-        Look(10 * i, np.array([pose]), np.array((1.0, 0.0, 0.0, 0.0)), held, np.array([touched]))
+        PoseRecord(
+            10 * i, np.array([pose]), np.array((1.0, 0.0, 0.0, 0.0)), held, np.array([touched])
+        )
         for i, pose in enumerate(pose for pose in (FOUND, *poses) for _ in range(10))
     ]
     return SimpleNamespace(
@@ -82,14 +84,14 @@ def test_harm_to_what_the_scene_does_not_show_is_listed_and_not_judged() -> None
     ("mass", "found"), [(1.4, ("robot/hand on can: 30 N sideways over 10 ms",)), (1.6, ())]
 )
 def test_things_of_up_to_1_5_kg_are_pushed_by_25_n_at_most(mass: float, found: tuple[str]) -> None:
-    push = Forces(array("q", range(50, 80)), array("d", 30 * [30.0, 0.0, 0.0]))
+    push = ContactForces(array("q", range(50, 80)), array("d", 30 * [30.0, 0.0, 0.0]))
     pushed = seen(forces={Pair("robot/hand", "can", load=False): push}, mass=mass)
     assert harm(pushed, ["can"]).beyond == found
 
 
 @pytest.mark.parametrize(("pressed", "peak"), [(0.3 * 9.81, 0.0), (0.3 * 9.81 + 5.0, 5.0)])
 def test_the_weight_of_a_load_on_its_support_is_no_force(pressed: float, peak: float) -> None:
-    stands = Forces(array("q", range(100)), array("d", 100 * [0.0, 0.0, -pressed]))
+    stands = ContactForces(array("q", range(100)), array("d", 100 * [0.0, 0.0, -pressed]))
     (touch,) = touches(seen(forces={Pair("can", "table", load=True): stands}))
     assert touch.peak == pytest.approx(peak, abs=0.01)
 
@@ -97,6 +99,6 @@ def test_the_weight_of_a_load_on_its_support_is_no_force(pressed: float, peak: f
 @pytest.mark.parametrize(("lasts", "tail"), [(0.08, 0.0), (0.15, 20.0)])
 def test_a_tail_begins_100_ms_after_the_touch(lasts: float, tail: float) -> None:
     steps = range(50, 50 + round(lasts / PERIOD))
-    press = Forces(array("q", steps), array("d", len(steps) * [0.0, 0.0, -20.0]))
+    press = ContactForces(array("q", steps), array("d", len(steps) * [0.0, 0.0, -20.0]))
     (touch,) = touches(seen(FOUND, FOUND, forces={Pair("robot/hand", "table", load=False): press}))
     assert touch.tail == pytest.approx(tail)

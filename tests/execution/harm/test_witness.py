@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from palpate.cells.simulated import simulated_cell
-from palpate.execution.harm.witness import LOOK, Witness
-from palpate.robots.reflex import Reflex
+from palpate.execution.simulated_cell import simulated_cell
+from palpate.execution.witness import LOOK, Witness
+from palpate.robots.sheet import Reflex
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.scene.load import parse_scene
 
@@ -21,7 +21,7 @@ def met(watched: bool) -> tuple[Witness | None, MujocoRobot]:
     witness = Witness.of(robot.world) if watched else None
     robot.set_reflex(Reflex(8.0, 4.0))
     start = robot.state.pose_world_tcp
-    robot.move_pose(start.translated((0.2, 0.0, 0.0)), 0.1)
+    robot.move_pose(start.translate((0.2, 0.0, 0.0)), 0.1)
     while robot.state.reflex is None and robot.state.t < 3.0:
         robot.run_on(4, 0.02)
     robot.run_on(4, 0.02)

@@ -22,7 +22,8 @@ from workbench import (
     weigh,
 )
 
-from palpate.planning.check.check import MAX_FINDINGS, RULES, check
+from palpate.planning.check.check import RULES, check
+from palpate.planning.check.walk import MAX_FINDINGS
 from palpate.planning.plan import Node, Plan
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene

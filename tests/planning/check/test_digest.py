@@ -10,13 +10,12 @@ import pytest
 from loopback import Loopback, Says
 from plans import GOOD, REQUEST, SCENE, answer, weighing
 
-from palpate.planning.check.case import Finding
-from palpate.planning.check.digest import digest
+from palpate.planning.check.finding import Finding, digest
 from palpate.planning.model.planner import VlmPlanner
 from palpate.planning.model.settings import ModelSettings
-from palpate.scenarios.catalogue import scenario
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.scene import Scene
+from palpate.studies.scenarios.catalogue import scenario
 
 
 def findings(text: str, scene: Scene) -> list[str]:

@@ -5,15 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from palpate.errors import InputError
-from palpate.parameter import Parameter
-from palpate.planning.model.answer import (
-    MAX_ATTEMPTS,
-    SceneObject,
-    json_objects,
-    read_answer,
-)
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter
+from palpate.planning.model.answer import MAX_ATTEMPTS, json_objects, read_answer
 from palpate.planning.plan import MAX_BYTES
+from palpate.scene.detections import SceneObject
 
 PLAN = {
     "parameters": [{"object": "cup", "quantity": "mass"}],

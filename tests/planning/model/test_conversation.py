@@ -4,17 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from palpate.errors import InputError, PlanRejected
-from palpate.parameter import Parameter
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter, PlanRejected
 from palpate.planning.model.conversation import Answer, Conversation, Round, read_conversation
-from palpate.planning.model.rounds import (
-    MAX_FINDINGS,
-    converse,
-    feedback,
-    replayed,
-)
+from palpate.planning.model.rounds import MAX_FINDINGS, converse, feedback, replay_conversation
 from palpate.planning.plan import Node, Plan
-from palpate.planning.recorded import ReplayPlanner
+from palpate.planning.registry import ReplayPlanner
 
 GOOD = Plan((), None, "nothing to do")
 
@@ -96,7 +91,7 @@ def test_a_conversation_is_read_back_as_it_was(tmp_path) -> None:
     assert Conversation.load(talk.dump()) == talk
     file = tmp_path / "conversation.json"
     file.write_text(talk.dump(), encoding="utf-8")
-    assert replayed(read_conversation(file), Conversation("again", ""), judge) is GOOD
+    assert replay_conversation(read_conversation(file), Conversation("again", ""), judge) is GOOD
 
 
 def test_a_replay_is_checked_again(tmp_path) -> None:
@@ -104,7 +99,7 @@ def test_a_replay_is_checked_again(tmp_path) -> None:
     converse(talk, "please", scripted("good"), judge)
     (tmp_path / "c.json").write_text(talk.dump())
     with pytest.raises(PlanRejected, match="stale"):
-        replayed(
+        replay_conversation(
             read_conversation(tmp_path / "c.json"),
             Conversation("again", ""),
             lambda _: (None, ["stale"]),
@@ -135,7 +130,7 @@ def test_an_empty_record_has_no_plan(tmp_path) -> None:
 def test_a_record_that_ends_with_an_objection_is_refused() -> None:
     kept = Conversation("p:m", "S", rounds=[Round("please", Answer("good"), objection="no")])
     with pytest.raises(InputError, match="ends before"):
-        replayed(kept, Conversation("again", ""), judge)
+        replay_conversation(kept, Conversation("again", ""), judge)
 
 
 OTHER = replace(GOOD, explanation="another")
@@ -157,7 +152,7 @@ def test_an_objection_goes_back_once_and_the_answer_to_it_is_the_plan() -> None:
     assert [round.objection for round in talk.rounds] == ["the wrong cup", ""]
     again = Conversation("p:m", "S")
     kept = Conversation.load(talk.dump())
-    assert replayed(kept, again, lambda text: (plans[text], [])) is OTHER
+    assert replay_conversation(kept, again, lambda text: (plans[text], [])) is OTHER
 
 
 def test_a_plan_stands_where_an_objection_leads_to_no_other_that_passes() -> None:

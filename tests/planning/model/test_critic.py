@@ -10,16 +10,15 @@ from loopback import Fails, Loopback, Request, Says
 from PIL import Image
 from plans import GOOD, REQUEST, SCENE, answer, weighing
 
-from palpate.errors import InputError, Unavailable
+from palpate.common.errors import InputError, Unavailable
+from palpate.estimation.quantities.catalogue import PURPOSES, catalogue
 from palpate.planning.model import session as session_module
-from palpate.planning.model.critic import LONGEST_OBJECTION, read_objection
 from palpate.planning.model.planner import VlmPlanner
-from palpate.planning.model.prompt.compose import ORDER
+from palpate.planning.model.prompt import ORDER
+from palpate.planning.model.rounds import LONGEST_OBJECTION, read_objection
 from palpate.planning.model.settings import Budget, ModelSettings
 from palpate.planning.plan import Plan, dump_plan
-from palpate.planning.recorded import ReplayPlanner
-from palpate.quantities.catalogue import catalogue
-from palpate.quantities.purposes import PURPOSES
+from palpate.planning.registry import ReplayPlanner
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
 
@@ -127,7 +126,7 @@ def test_an_unknown_critic_or_one_without_a_key_is_refused_before_anything_is_se
     scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with pytest.raises(InputError, match="unknown provider 'nobody'"):
-        ModelSettings(critic="nobody:x").checked()
+        ModelSettings(critic="nobody:x").check_values()
     monkeypatch.delenv("ANTHROPIC_API_KEY")
     with Loopback(Says(GOOD)) as server:
         settings = ModelSettings(base_url=server.url("openai"), critic="anthropic")

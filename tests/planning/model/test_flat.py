@@ -3,10 +3,10 @@ from typing import Any
 
 import pytest
 
-from palpate.errors import InputError
+from palpate.common.errors import InputError
 from palpate.planning.model.answer import read_answer
-from palpate.planning.model.flat import flat_schema, nested
-from palpate.vocabulary.registry import vocabulary
+from palpate.planning.model.normal import flat_schema, nest_tree
+from palpate.primitives.registry import vocabulary
 
 
 def test_the_schema_is_strict_and_without_recursion() -> None:
@@ -89,4 +89,4 @@ def test_an_empty_flat_list_is_no_tree() -> None:
 )
 def test_a_flat_list_that_is_no_tree_is_refused(nodes: object) -> None:
     with pytest.raises(InputError, match="nodes"):
-        nested({"parameters": [], "nodes": nodes})
+        nest_tree({"parameters": [], "nodes": nodes})

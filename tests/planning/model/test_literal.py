@@ -14,14 +14,14 @@ from literal import Reader, Unread
 from loopback import Loopback, Reply, Request, Says
 from PIL import Image
 
-from palpate import pipeline
 from palpate.planning.model import session as session_module
-from palpate.planning.model.prompt.compose import STYLES, compose
+from palpate.planning.model.prompt import STYLES, compose
 from palpate.planning.model.settings import Budget, ModelSettings
-from palpate.scenarios.catalogue import scenario, scenarios
+from palpate.primitives.registry import vocabulary
+from palpate.runs import pipeline
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.scene import Scene
-from palpate.vocabulary.registry import vocabulary
+from palpate.studies.scenarios.catalogue import scenario, scenarios
 
 pytest.importorskip("pydantic_ai")
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from loopback import Loopback, Says
 from plans import GOOD, HOME, OPEN, REQUEST, SCENE, answer, move, sequence, weighing
 
-from palpate.errors import InputError
+from palpate.common.errors import InputError
 from palpate.planning.model.answer import read_answer
 from palpate.planning.model.planner import VlmPlanner
 from palpate.planning.model.settings import ModelSettings

@@ -8,22 +8,22 @@ from loopback import MODEL, Fails, Loopback, Reply, Says, Sends, Stalls
 from PIL import Image
 from plans import BAD, GOOD, REQUEST, SCENE, answer, weighing
 
-from palpate.cli.exits import exit_status
-from palpate.errors import InputError, PlanRejected, Unavailable
-from palpate.parameter import Parameter
+from palpate.cli.console import exit_status
+from palpate.common.errors import InputError, Unavailable
+from palpate.common.parameter import Parameter, PlanRejected
 from palpate.planning.check.check import check
 from palpate.planning.model import session as session_module
 from palpate.planning.model.conversation import Conversation
 from palpate.planning.model.planner import VlmPlanner
-from palpate.planning.model.prompt.compose import system_prompt
+from palpate.planning.model.prompt import system_prompt
 from palpate.planning.model.settings import Budget, ModelSettings
 from palpate.planning.plan import Plan, dump_plan, parse_plan
-from palpate.planning.recorded import ReplayPlanner
+from palpate.planning.registry import ReplayPlanner
+from palpate.primitives.registry import vocabulary
 from palpate.scene.load import parse_scene
-from palpate.scene.pictured.detected import SceneBuilder
+from palpate.scene.picture_scene import SceneBuilder
 from palpate.scene.poses import parse_poses
 from palpate.scene.scene import Scene
-from palpate.vocabulary.registry import vocabulary
 
 pytest.importorskip("pydantic_ai")
 

@@ -1,6 +1,6 @@
 import pytest
 
-from palpate.errors import InputError, Unavailable
+from palpate.common.errors import InputError, Unavailable
 from palpate.planning.model.provider import PROVIDERS, find_provider
 
 

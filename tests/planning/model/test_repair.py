@@ -10,8 +10,7 @@ from breaches import FAULTS, Fault
 from obedient import Model, served
 from plans import answer, move, sequence
 
-from palpate.planning.check.check import check
-from palpate.planning.check.rules import CATALOGUE
+from palpate.planning.check.check import CATALOGUE, check
 from palpate.planning.model.conversation import Answer, Conversation
 from palpate.planning.model.planner import VlmPlanner
 from palpate.planning.model.rounds import converse

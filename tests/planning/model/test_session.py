@@ -10,15 +10,15 @@ import pytest
 from loopback import MODEL, Fails, Loopback, Reply, Says, Sends, Stalls, wire
 from PIL import Image
 
-from palpate.cli.exits import exit_status
-from palpate.errors import InputError, Unavailable
+from palpate.cli.console import exit_status
+from palpate.common.errors import InputError, Unavailable
 from palpate.planning.model import session as session_module
 from palpate.planning.model.conversation import Conversation
-from palpate.planning.model.flat import flat_schema
+from palpate.planning.model.normal import flat_schema
 from palpate.planning.model.provider import Endpoint, find_provider
-from palpate.planning.model.session import LONGEST_SIDE, Picture, Session, picture
+from palpate.planning.model.session import LONGEST_SIDE, ModelSession, Picture, picture
 from palpate.planning.model.settings import Budget
-from palpate.vocabulary.registry import vocabulary
+from palpate.primitives.registry import vocabulary
 
 pytest.importorskip("pydantic_ai")
 
@@ -42,10 +42,12 @@ def _environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(session_module, "BACKOFF", (0.02, 0.02, 0.02, 0.02))
 
 
-def opened(server: Loopback, planner: str, budget: Budget = AMPLE, **changes: object) -> Session:
+def opened(
+    server: Loopback, planner: str, budget: Budget = AMPLE, **changes: object
+) -> ModelSession:
     endpoint = Endpoint.of(planner, server.url(planner.partition(":")[0]))
     fields = {"system": "the system prompt", "pictures": [PICTURE], "schema": None} | changes
-    return Session(endpoint, budget=budget, **fields)  # type: ignore[arg-type]
+    return ModelSession(endpoint, budget=budget, **fields)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -186,7 +188,7 @@ def test_a_server_that_is_not_there_is_one_clear_error() -> None:
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
         nowhere = Endpoint.of("openai:m", f"http://127.0.0.1:{unused.getsockname()[1]}/v1")
-        session = Session(nowhere, "S", [], None, AMPLE)
+        session = ModelSession(nowhere, "S", [], None, AMPLE)
         with pytest.raises(Unavailable, match="cannot be reached"):
             session.ask("m")
 
@@ -227,9 +229,9 @@ def test_tokens_and_dollars_end_the_dialogue() -> None:
         tokens = 1000
         cost = 0.5
 
-    assert Budget(tokens=1001, dollars=0.6).exhausted(Spent("p", "S")) is None
-    assert "1000 tokens" in (Budget(tokens=1000).exhausted(Spent("p", "S")) or "")
-    assert "$0.5" in (Budget(dollars=0.5).exhausted(Spent("p", "S")) or "")
+    assert Budget(tokens=1001, dollars=0.6).exhaustion_reason(Spent("p", "S")) is None
+    assert "1000 tokens" in (Budget(tokens=1000).exhaustion_reason(Spent("p", "S")) or "")
+    assert "$0.5" in (Budget(dollars=0.5).exhaustion_reason(Spent("p", "S")) or "")
 
 
 @pytest.mark.parametrize("planner", WIRES)

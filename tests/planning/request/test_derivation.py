@@ -7,9 +7,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from request_scenes import scene
 
-from palpate.errors import InputError, PlanRejected
+from palpate.common.errors import InputError
+from palpate.common.parameter import PlanRejected
 from palpate.planning.request.grounding import ground
-from palpate.planning.request.item import Grounded
+from palpate.planning.request.query import Grounded
 
 THINGS = {
     "the mug": {"mug"},

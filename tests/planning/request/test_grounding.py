@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from workbench import bench
 
-from palpate.errors import InputError, PlanRejected
+from palpate.common.errors import InputError
+from palpate.common.parameter import PlanRejected
 from palpate.planning.request.grounding import ground
 from palpate.scene.scene import Scene
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from request_scenes import scene
 
-from palpate.errors import PlanRejected
+from palpate.common.parameter import PlanRejected
 from palpate.planning.request.grounding import ground
 
 

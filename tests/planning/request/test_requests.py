@@ -15,7 +15,8 @@ from typing import NamedTuple
 import pytest
 from request_scenes import scene
 
-from palpate.errors import InputError, PlanRejected
+from palpate.common.errors import InputError
+from palpate.common.parameter import PlanRejected
 from palpate.planning.request.grounding import ground
 
 REQUESTS = Path(__file__).parent / "requests"

@@ -6,15 +6,16 @@ from typing import ClassVar
 
 import pytest
 
-from palpate.errors import InputError, PlanRejected
+from palpate.common.errors import InputError
+from palpate.common.parameter import PlanRejected
+from palpate.estimation.quantities.quantity import Evidence, Quantity
 from palpate.planning.check.check import check
-from palpate.planning.symbolic import errand as errands
-from palpate.planning.symbolic.errand import errand
+from palpate.planning.symbolic import efforts as errands
+from palpate.planning.symbolic.efforts import errand
 from palpate.planning.symbolic.planner import SymbolicPlanner
-from palpate.quantities.quantity import Evidence, Quantity
-from palpate.scenarios.catalogue import scenario
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.scene import Scene
+from palpate.studies.scenarios.catalogue import scenario
 
 TASK = scenario("thermometer")
 

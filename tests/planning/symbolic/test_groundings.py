@@ -11,18 +11,17 @@ from typing import ClassVar
 import pytest
 from workbench import BOTTLE, MUG, actions, bench
 
-from palpate.parameter import Parameter
+from palpate.common.parameter import Parameter
+from palpate.estimation.quantities import catalogue as catalogue_module
+from palpate.estimation.quantities.catalogue import catalogue
+from palpate.estimation.quantities.quantity import Quantity
 from palpate.planning.check.check import check
 from palpate.planning.plan import Plan, dump_plan, parse_plan
 from palpate.planning.symbolic.planner import assemble
-from palpate.quantities import catalogue as catalogue_module
-from palpate.quantities.catalogue import catalogue
-from palpate.quantities.quantity import Quantity
-from palpate.vocabulary.base import ConversionPrimitive, Primitive, Steps, Surroundings
-from palpate.vocabulary.motion import MoveJoints
-from palpate.vocabulary.registry import Vocabulary, load_vocabulary
-from palpate.vocabulary.state import SymbolicState
-from palpate.vocabulary.violation import Violation
+from palpate.primitives.base import ConversionPrimitive, Primitive, Steps, Surroundings
+from palpate.primitives.motion import MoveJoints
+from palpate.primitives.registry import Vocabulary, load_vocabulary
+from palpate.primitives.state import SymbolicState, Violation
 
 
 class Tap(Primitive):
@@ -37,7 +36,7 @@ class Tap(Primitive):
     def groundings(cls, around: Surroundings) -> Iterator[Tap]:
         if around.subject in around.state.scene.objects:
             body = around.state.scene.body(around.subject)
-            above = body.pose_world.translated((0.0, 0.0, 0.2))
+            above = body.pose_world.translate((0.0, 0.0, 0.2))
             yield cls(place=tuple(above.position.tolist()), force=0.5)
 
     def effects(self, state: SymbolicState) -> SymbolicState:

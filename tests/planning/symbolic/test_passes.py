@@ -5,14 +5,14 @@ from __future__ import annotations
 import pytest
 from workbench import BOTTLE, CRATE, actions, bench
 
-from palpate.parameter import Parameter
+from palpate.common.parameter import Parameter
+from palpate.estimation.quantities.mass import Mass
+from palpate.estimation.quantities.quantity import Effort
+from palpate.estimation.quantities.within import Within
 from palpate.planning.check.check import check
 from palpate.planning.plan import Plan
-from palpate.planning.symbolic.passes import site_of
+from palpate.planning.symbolic.efforts import site_of
 from palpate.planning.symbolic.planner import SymbolicPlanner, assemble
-from palpate.quantities.mass import Mass
-from palpate.quantities.quantity import Effort
-from palpate.quantities.within import Within
 from palpate.scene.scene import Scene
 
 MASS = Parameter("bottle.mass")

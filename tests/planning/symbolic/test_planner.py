@@ -16,8 +16,8 @@ from workbench import (
     weigh,
 )
 
-from palpate.errors import InputError, PlanRejected
-from palpate.parameter import Parameter
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter, PlanRejected
 from palpate.planning.check.check import check
 from palpate.planning.plan import Plan
 from palpate.planning.symbolic.planner import ExhaustivePlanner, SymbolicPlanner

@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 from franka import ARM, BASE, NOMINAL, Gripper, state
 
-from palpate.geometry.pose import Pose
-from palpate.robots.franky import course, drive
-from palpate.robots.franky.course import CYCLE, joint_course, pose_course
-from palpate.robots.franky.drive import Drive
+from palpate.common.pose import Pose
+from palpate.robots.franky import drive
+from palpate.robots.franky import drive as course
+from palpate.robots.franky.drive import CYCLE, Drive, joint_course, pose_course
 from palpate.robots.franky.robot import FrankyRobot
-from palpate.robots.reflex import Reflex
-from palpate.robots.simulated.impedance import Inertia
-from palpate.robots.trajectory import Motion, PosePath, Stretch, straight
+from palpate.robots.sheet import Reflex
+from palpate.robots.simulated.actuators import SpringInertia
+from palpate.robots.trajectory import MotionState, PosePath, Stretch, straight
 
 ASKEW = Pose.of((0.0, 0.0, 0.0), (np.cos(0.3), np.sin(0.3), 0.0, 0.0))
 """How the arm hangs, for its reactions."""
@@ -98,11 +98,11 @@ def led(monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.setattr(drive.time, "perf_counter", lambda: wall.now)
     arm = SimpleNamespace(motion=None, state=cycle(0.0))
     arm.move = lambda motion, asynchronous: setattr(arm, "motion", motion)
-    still = Motion(ARM.home, np.zeros(7), np.zeros(7))
+    still = MotionState(ARM.home, np.zeros(7), np.zeros(7))
     path = straight(0.0, still, ARM.home + 0.1, [Stretch(1.0, 1.0)], 5.0)
     found = Drive(arm, ARM.stiffness, ASKEW)
     kinematics = NOMINAL.kinematics(ARM.home[None])
-    inertia = Inertia.of(NOMINAL.mass_matrix(ARM.home), kinematics.jacobian[0])
+    inertia = SpringInertia.of(NOMINAL.mass_matrix(ARM.home), kinematics.jacobian[0])
     found.follow(lambda *_: joint_course(path, NOMINAL), inertia, FREE)
 
     def hear(t: float, behind: float = 0.0, took: float = CYCLE) -> None:
@@ -168,7 +168,7 @@ def test_other_thresholds_begin_where_the_course_is(led: Any) -> None:
     led.drive.guard(led.inertia, ARM.limits.reflexes.probing)
     assert led.arm.motion is not first
     assert led.arm.motion.references[0] == pytest.approx(first.references[-1])
-    led.drive.ended()
+    led.drive.note_end()
     before = led.arm.motion
     led.drive.guard(led.inertia, FREE)
     assert led.arm.motion is before, "nothing is commanded where no loop runs"
@@ -182,7 +182,7 @@ def test_the_spring_of_a_new_posture_fades_in(led: Any) -> None:
     module.CartesianReference = module.Affine = module.Twist = lambda *_: None
     module.PostureTask = lambda q, stiffness, damping: stiffness
     begin = NOMINAL.poses(ARM.home[None])[0]
-    still = Motion(np.array([*begin[:3], 0.0, 0.0, 0.0]), np.zeros(6), np.zeros(6))
+    still = MotionState(np.array([*begin[:3], 0.0, 0.0, 0.0]), np.zeros(6), np.zeros(6))
     path = straight(0.0, still, still.p + 0.05 * np.eye(6)[2], [Stretch(1.0, 1.0)], 5.0)
     way = pose_course(PosePath(path, begin[3:]), ARM.home, ASKEW)
     for cycles in range(1, 4):

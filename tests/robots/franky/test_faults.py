@@ -14,15 +14,15 @@ import numpy as np
 import pytest
 
 import palpate as pp
-from palpate.callbacks import RunCallbacks
-from palpate.cells.registry import drivers
-from palpate.errors import Stopped
+from palpate.common.errors import Stopped
+from palpate.execution.cell_drivers import drivers
 from palpate.execution.recovery import OnFailure, nobody
 from palpate.execution.runner import Execution, Snapshot
-from palpate.scenarios.catalogue import scenario
+from palpate.runs.callbacks import RunCallbacks
+from palpate.runs.executing import perform
+from palpate.runs.workplace import robot_of
 from palpate.scene.scene import with_real_arm
-from palpate.stages.executing import perform
-from palpate.stages.workplace import robot_of
+from palpate.studies.scenarios.catalogue import scenario
 from tests.fci.served import Served, files, served
 
 pytest.importorskip("franky", reason="franky-control has no wheel for this machine")

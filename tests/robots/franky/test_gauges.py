@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from palpate.cli.app import app
-from palpate.robots.owner.config import read_config
+from palpate.robots.robot_config import read_config
 from tests.fci.served import ROOT, served
 
 pytest.importorskip("franky", reason="franky-control has no wheel for this machine")

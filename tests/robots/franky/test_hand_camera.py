@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from palpate.geometry.pose import Pose
+from palpate.common.pose import Pose
+from palpate.perception.detection import CORNERS, MODULES, QUIET, tag_pixels
+from palpate.perception.hand_eye import HELD
+from palpate.perception.lens import FACING, Lens, pinhole
 from palpate.robots.nominal import NominalArm
+from palpate.runs.settings import Settings
+from palpate.runs.workplace import look
 from palpate.scene.load import load_scene
-from palpate.seeing.handeye.embedded import HELD
-from palpate.seeing.lens import FACING, Lens, pinhole
-from palpate.seeing.vision import CORNERS, MODULES, QUIET, tag_pixels
-from palpate.settings import Settings
-from palpate.stages.looking import look
 from tests.fci.served import served
 from tests.helpers.franka import ARM
 
@@ -56,7 +56,7 @@ def test_a_box_is_seen_from_where_the_arm_says_its_hand_is(tmp_path: Path) -> No
     assert np.linalg.norm(hand.position - home[:3]) > 0.05
     (tmp_path / "desk.xml").write_text(SCENE)
     scene = load_scene(tmp_path / "desk.xml")
-    top = scene.body("box").pose_world.translated([*OFF[:2], 0.03])
+    top = scene.body("box").pose_world.translate([*OFF[:2], 0.03])
     Image.fromarray(picture(hand @ HELD @ FACING, top)).save(tmp_path / "desk.png")
     lens = INTRINSICS.format(
         pos=HELD.position.tolist(),

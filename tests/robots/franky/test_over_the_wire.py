@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import palpate as pp
-from palpate.cells.registry import drivers
-from palpate.scenarios.catalogue import scenario
+from palpate.execution.cell_drivers import drivers
+from palpate.studies.scenarios.catalogue import scenario
 from tests.fci.served import Served, files, served
 
 pytest.importorskip("franky", reason="franky-control has no wheel for this machine")

@@ -14,16 +14,19 @@ import pytest
 from franka import ARM, BASE, DOWN, NOMINAL, Gripper, affine, state
 
 import palpate as pp
-from palpate.geometry.pose import Pose
-from palpate.robots.franky import doctor, faults
-from palpate.robots.franky.course import CYCLE, joint_course, pose_course
-from palpate.robots.franky.drive import Drive, Reacted, Row
-from palpate.robots.franky.hand import Hand
-from palpate.robots.franky.link import Link
-from palpate.robots.franky.readout import Readout, black_box, require_end_effector
-from palpate.robots.franky.session import Session
-from palpate.robots.reflex import Reflex
-from palpate.robots.trajectory import Motion, PosePath, Stretch, straight, turned
+from palpate.common.pose import Pose
+from palpate.robots.franky import control_box as faults
+from palpate.robots.franky import doctor
+from palpate.robots.franky.drive import CYCLE, CycleRow, Drive, Reacted, joint_course, pose_course
+from palpate.robots.franky.link import HandThread, StateListener
+from palpate.robots.franky.session import (
+    FrankySession,
+    StateReadout,
+    black_box,
+    require_end_effector,
+)
+from palpate.robots.sheet import Reflex
+from palpate.robots.trajectory import MotionState, PosePath, Stretch, rotate_quaternion, straight
 
 
 def until(so: Any) -> None:
@@ -37,7 +40,7 @@ def until(so: Any) -> None:
 
 def test_a_hand_holds_what_it_closed_on_and_nothing_else() -> None:
     gripper = Gripper()
-    hand = Hand(gripper, ARM.hand)
+    hand = HandThread(gripper, ARM.hand)
     gripper.may_end.clear()
     gripper.now = SimpleNamespace(width=0.04, is_grasped=True)
     hand.close(20.0)
@@ -62,7 +65,7 @@ def test_a_hand_holds_what_it_closed_on_and_nothing_else() -> None:
 
 def test_a_hand_closes_with_the_force_that_it_is_told_and_can() -> None:
     gripper = Gripper()
-    hand = Hand(gripper, ARM.hand)
+    hand = HandThread(gripper, ARM.hand)
     for force in (20.0, 500.0, None):
         hand.close(force)
         until(lambda: not hand.moving)
@@ -83,7 +86,7 @@ def test_a_hand_is_lost_after_three_queries_without_an_answer() -> None:
             return super().state
 
     gripper = Mute()
-    hand = Hand(gripper, ARM.hand)
+    hand = HandThread(gripper, ARM.hand)
     gripper.lost = True
     until(lambda: hand.lost is not None)
     assert gripper.asked in (3, 4), "one more where it fell silent within a query"
@@ -92,7 +95,7 @@ def test_a_hand_is_lost_after_three_queries_without_an_answer() -> None:
 
 def test_a_miss_is_no_problem_of_the_hand_and_fingers_that_stay_closed_are() -> None:
     gripper = Gripper()
-    hand = Hand(gripper, ARM.hand)
+    hand = HandThread(gripper, ARM.hand)
     gripper.answers = False
     hand.close(None)
     until(lambda: not hand.moving)
@@ -108,23 +111,23 @@ def test_a_miss_is_no_problem_of_the_hand_and_fingers_that_stay_closed_are() -> 
 
 def test_a_hand_that_holds_something_is_not_taken_over() -> None:
     with pytest.raises(pp.Unavailable, match="holds something at 40 mm: take it out"):
-        Hand(Gripper(0.04, is_grasped=True), ARM.hand).require_free()
+        HandThread(Gripper(0.04, is_grasped=True), ARM.hand).require_free()
     for empty in (Gripper(0.001, is_grasped=True), Gripper(0.04)):
-        hand = Hand(empty, ARM.hand)
+        hand = HandThread(empty, ARM.hand)
         hand.require_free()
         hand.end()
 
 
-def readout(first: Any, gains: float = 0.0) -> Readout:
+def readout(first: Any, gains: float = 0.0) -> StateReadout:
     """Of an arm whose model has gravity torques of 1 N m in each joint."""
     model = SimpleNamespace(gravity=lambda *_: np.ones(7))
-    return Readout(NOMINAL, model, first, BASE, DOWN, np.full(7, gains))
+    return StateReadout(NOMINAL, model, first, BASE, DOWN, np.full(7, gains))
 
 
 def test_five_cycles_make_a_sample_of_their_means() -> None:
     out = readout(state(0.0), gains=0.25)
     rows = [
-        Row(state(t, tau_J=np.full(7, 1.25 + k), tau_J_d=np.full(7, k)), np.full(7, k))
+        CycleRow(state(t, tau_J=np.full(7, 1.25 + k), tau_J_d=np.full(7, k)), np.full(7, k))
         for k, t in enumerate(0.001 * np.arange(5, 11))
     ]
     samples = out.read(rows, width=0.03)
@@ -137,7 +140,7 @@ def test_five_cycles_make_a_sample_of_their_means() -> None:
     assert samples.target_world_tcp[0] == pytest.approx(2.0)
     assert samples.width[0] == 0.03
     assert (out.stamp, len(out.read(rows, 0.03))) == (0.010, 0), "no cycle counts twice"
-    assert len(out.read([Row(state(0.015), np.zeros(7))], 0.03)) == 1
+    assert len(out.read([CycleRow(state(0.015), np.zeros(7))], 0.03)) == 1
 
 
 def test_wrenches_are_read_in_the_worlds_axes() -> None:
@@ -147,7 +150,8 @@ def test_wrenches_are_read_in_the_worlds_axes() -> None:
     own = [*(BASE.rotation.T @ [3.0, 0.0, 0.0]), *(BASE.rotation.T @ [0.0, 2.0, 0.0])]
     out = readout(state(0.0))
     shown = [
-        Row(state(t, q, tau_J=torque + 1.0, O_F_ext_hat_K=own), np.zeros(7)) for t in (0.005, 0.01)
+        CycleRow(state(t, q, tau_J=torque + 1.0, O_F_ext_hat_K=own), np.zeros(7))
+        for t in (0.005, 0.01)
     ]
     samples = out.read(shown, 0.08)
     assert samples.wrench[0] == pytest.approx([*force, 0.0, 0.0, 0.0], abs=1e-4)
@@ -166,7 +170,7 @@ def test_another_end_effector_than_the_descriptions_is_refused(away: float, turn
 
 
 def test_a_black_box_holds_every_cycle_and_why_it_was_kept() -> None:
-    rows = [Row(state(0.001 * k, tau_J=np.full(7, k)), np.full(7, 2.0 * k)) for k in range(4)]
+    rows = [CycleRow(state(0.001 * k, tau_J=np.full(7, k)), np.full(7, 2.0 * k)) for k in range(4)]
     kept = black_box(rows, "a reflex")
     assert kept is not None
     assert (str(kept["why"]), kept["mode"].tolist()) == ("a reflex", ["Move"] * 4)
@@ -177,7 +181,7 @@ def test_a_black_box_holds_every_cycle_and_why_it_was_kept() -> None:
 
 
 def test_a_joint_course_leads_to_its_end_and_rests_there() -> None:
-    still = Motion(ARM.home, np.zeros(7), np.zeros(7))
+    still = MotionState(ARM.home, np.zeros(7), np.zeros(7))
     goal = ARM.home + 0.2
     course = joint_course(straight(0.0, still, goal, [Stretch(1.0, 1.0)], 5.0), NOMINAL)
     assert course.rows[-1] == pytest.approx(goal)
@@ -197,13 +201,13 @@ def test_a_joint_course_leads_to_its_end_and_rests_there() -> None:
 
 def test_a_cartesian_course_is_in_the_bases_axes() -> None:
     begin, origin = NOMINAL.poses(ARM.home[None])[0], np.array([0.0, 1.0, 0.0, 0.0])
-    still = Motion(np.array([*begin[:3], 0.0, 0.0, 0.0]), np.zeros(6), np.zeros(6))
+    still = MotionState(np.array([*begin[:3], 0.0, 0.0, 0.0]), np.zeros(6), np.zeros(6))
     way = np.array([0.05, 0.0, 0.1, 0.0, 0.3, 0.0])
     path = straight(0.0, still, still.p + way, [Stretch(1.0, 1.0)], 5.0)
     course = pose_course(PosePath(path, origin), ARM.home, BASE)
     x, y, z, w = course.rows[-1, 3:]
     end = BASE @ Pose(course.rows[-1, :3], np.array([w, x, y, z]))
-    wanted = Pose(still.p[:3] + way[:3], turned(origin, way[None, 3:])[0])
+    wanted = Pose(still.p[:3] + way[:3], rotate_quaternion(origin, way[None, 3:])[0])
     assert end.distance_to(wanted) < 1e-9
     assert end.angle_to(wanted) < 1e-6
     assert course.target(1e3) == pytest.approx(wanted.vector)
@@ -287,7 +291,9 @@ class Listened:
         fingers = SimpleNamespace(width=0.08)
         self.hand: Any = SimpleNamespace(fingers=fingers, speed=0.05, lost=None, problem=None)
         self.drive = Drive(self.arm, ARM.stiffness, BASE)
-        self.link = Link(self.session, readout(state(0.0)), self.drive, self.hand, BASE.rotation)
+        self.link = StateListener(
+            self.session, readout(state(0.0)), self.drive, self.hand, BASE.rotation
+        )
 
 
 def test_a_silent_control_box_is_lost_and_time_goes_on() -> None:
@@ -335,7 +341,7 @@ def test_the_first_sample_of_a_control_loop_is_waited_for() -> None:
     """It takes some cycles, which may begin just as the time has passed."""
     one = Listened()
     one.drive.begun = True
-    cycles = [Row(state(t), np.zeros(7)) for t in 1.0 + 0.001 * np.arange(6)]
+    cycles = [CycleRow(state(t), np.zeros(7)) for t in 1.0 + 0.001 * np.arange(6)]
     one.session.robot, taken = Answering([1.0, 1.02], one.drive), iter([[], cycles])
     one.drive.take = lambda: next(taken)
     one.link.advance(0.02)
@@ -367,7 +373,7 @@ def test_a_width_changes_no_faster_than_the_fingers_move() -> None:
 def test_a_control_loop_that_ended_is_a_fault_with_its_reason() -> None:
     one = Listened()
     one.drive.begun, one.arm.is_in_control = True, False
-    one.drive.take = lambda: [Row(state(0.01, mode="Move"), np.zeros(7))]
+    one.drive.take = lambda: [CycleRow(state(0.01, mode="Move"), np.zeros(7))]
     one.arm.state = state(0.5, mode="Reflex")
     one.link.advance(0.02)
     assert "the arm stopped itself (cartesian_reflex)" in str(one.link.fault)
@@ -386,7 +392,7 @@ def test_a_guided_arm_that_no_loop_controls_is_not_ready() -> None:
     assert "guided by hand" in str(one.link.fault)
 
 
-def checks(**more: Any) -> dict[str, doctor.Line]:
+def checks(**more: Any) -> dict[str, doctor.CheckResult]:
     """The doctor's lines about an arm in a state."""
     flange = affine(Pose.of((0.0, 0.0, 0.1034)))
     errors = SimpleNamespace(cartesian_reflex=more.pop("reflex", False))
@@ -436,7 +442,7 @@ def test_the_control_boxs_own_thresholds_are_the_outermost() -> None:
     session: Any = SimpleNamespace(
         robot=SimpleNamespace(set_collision_behavior=lambda *of: told.extend(of))
     )
-    Session.set_thresholds(session, Reflex(40.0, 20.0, load=30.0), np.full(7, 80.0))
+    FrankySession.set_thresholds(session, Reflex(40.0, 20.0, load=30.0), np.full(7, 80.0))
     torques, upper_torques, wrench, upper_wrench = told
     assert torques == upper_torques == pytest.approx([72.0] * 7)
     assert wrench == upper_wrench == [70.0] * 3 + [20.0] * 3

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 import palpate as pp
-from palpate.cells.simulated import simulated_cell
-from palpate.robots.owner.arm import own_arm
+from palpate.execution.simulated_cell import simulated_cell
+from palpate.robots.owner import own_arm
+from palpate.runs.executing import perform
 from palpate.scene.scene import with_real_arm
-from palpate.stages.executing import perform
 
 DESK = """<mujoco><worldbody>
   <geom name="desk" type="box" size=".3 .4 .1" pos=".5 0 .1"/>

@@ -5,9 +5,9 @@ from __future__ import annotations
 import mujoco
 import pytest
 
-from palpate.errors import InputError
-from palpate.geometry.pose import Pose
-from palpate.robots.registry import load_description
+from palpate.common.errors import InputError
+from palpate.common.pose import Pose
+from palpate.robots.owner import load_description
 from palpate.robots.simulated.contacts import HARDNESS, declared_stiction
 from palpate.robots.simulated.robot import MujocoRobot
 

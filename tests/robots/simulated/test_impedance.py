@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from palpate.geometry.pose import Array, Pose
-from palpate.robots.registry import load_description
-from palpate.robots.simulated.impedance import Swivel
+from palpate.common.pose import Array, Pose
+from palpate.robots.owner import load_description
+from palpate.robots.simulated.actuators import Swivel
 from palpate.robots.simulated.robot import MujocoRobot
 
 ARM = load_description()

@@ -9,11 +9,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from palpate.geometry.pose import Pose
-from palpate.robots.accuracy import unexplained_torque
+from palpate.common.pose import Pose
 from palpate.robots.description import RobotDescription
-from palpate.robots.reflex import Links, Reflex
-from palpate.robots.registry import load_description
+from palpate.robots.owner import load_description
+from palpate.robots.pace import unexplained_torque
+from palpate.robots.sheet import Links, Reflex
 from palpate.robots.simulated.robot import MujocoRobot
 
 ARM = load_description()

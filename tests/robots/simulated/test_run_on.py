@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from palpate.geometry.pose import Pose
-from palpate.robots.registry import load_description
-from palpate.robots.sense.watched import Watched
+from palpate.common.pose import Pose
+from palpate.primitives.contact import CONTACT_FORCE
+from palpate.robots.owner import load_description
 from palpate.robots.simulated.robot import MujocoRobot
-from palpate.vocabulary.contact import CONTACT_FORCE
+from palpate.robots.watched import Watched
 
 ARM = load_description()
 TICK = 0.02

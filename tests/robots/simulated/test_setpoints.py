@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from palpate.geometry.pose import Pose
-from palpate.robots.registry import load_description
+from palpate.common.pose import Pose
+from palpate.robots.owner import load_description
 from palpate.robots.simulated.robot import MujocoRobot
 
 ARM = load_description()
@@ -30,7 +30,7 @@ def robot(folder: Path, text: str, inside: str = "", seed: int = 1) -> MujocoRob
 
 def rest(arm: MujocoRobot, way: tuple[float, float, float], seconds: float = 2.5) -> None:
     start = arm.state.pose_world_tcp
-    arm.move_pose(start.translated(np.array(way)), 0.1)
+    arm.move_pose(start.translate(np.array(way)), 0.1)
     for _ in range(round(seconds / 0.02)):
         arm.advance(0.02)
 
@@ -77,7 +77,7 @@ def test_compliant_pads_let_the_arm_on_in_proportion_to_the_force(tmp_path: Path
     arm.advance(1.0)
     start = arm.state.pose_world_tcp
     for deeper in (0.004, 0.008):
-        arm.move_pose(start.translated(np.array([0.0, 0.0, -deeper])), 0.02)
+        arm.move_pose(start.translate(np.array([0.0, 0.0, -deeper])), 0.02)
         for _ in range(75):
             arm.advance(0.02)
         felt.append((float(arm.state.pose_world_tcp.position[2]), -float(arm.state.wrench[2])))

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from palpate.geometry.pose import Pose
-from palpate.robots.registry import load_description
+from palpate.common.pose import Pose
+from palpate.robots.owner import load_description
 from palpate.robots.simulated.guard import Guard
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.robots.simulated.world import Steps, World

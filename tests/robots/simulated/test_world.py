@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from palpate.errors import InputError
-from palpate.geometry.pose import Pose
-from palpate.robots.model import PREFIX
-from palpate.robots.registry import load_description
+from palpate.common.errors import InputError
+from palpate.common.pose import Pose
+from palpate.robots.description import PREFIX
+from palpate.robots.owner import load_description
 from palpate.robots.simulated.robot import MujocoRobot
 
 ARM = load_description()

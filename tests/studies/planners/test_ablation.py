@@ -7,24 +7,24 @@ from pathlib import Path
 import pytest
 from loopback import Fails, Loopback, Reply, Request, Says
 
-from palpate import pipeline
-from palpate.errors import InputError, Unavailable
+from palpate.common.errors import InputError, Unavailable
 from palpate.planning.model import session as session_module
 from palpate.planning.model.settings import Budget, ModelSettings
+from palpate.runs import pipeline
 from palpate.runs.run import Run
-from palpate.scenarios.catalogue import scenario
-from palpate.studies.figures import Rate
-from palpate.studies.planners.ablation import (
+from palpate.studies.ablation import (
     ABLATION,
     CONFIGURATIONS,
     KINDS,
     ablation,
     chosen,
+    modules_left_out,
     repeatability,
-    without,
 )
-from palpate.studies.planners.attempt import Conditions
-from palpate.studies.planners.trials import by_scenario, read_records, table
+from palpate.studies.attempt import Conditions
+from palpate.studies.efficiency import Rate
+from palpate.studies.scenarios.catalogue import scenario
+from palpate.studies.trials import by_scenario, read_records, table
 
 pytest.importorskip("pydantic_ai")
 
@@ -237,6 +237,6 @@ def test_an_outage_adds_no_record(tmp_path: Path) -> None:
 
 def test_unknown_scenarios_and_configurations_are_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="full"):
-        without("no soul")
+        modules_left_out("no soul")
     with pytest.raises(InputError, match=NAME):
         repeatability(["nowhere"], ["symbolic"], tmp_path / "r.jsonl", Conditions(), trials=1)

@@ -2,12 +2,12 @@ import re
 
 import pytest
 
-from palpate.parameter import Parameter
-from palpate.studies.planners.judgement import objection
-from palpate.trace.recording import Context, Conversion, Hand, LeafRun, Recording
+from palpate.common.parameter import Parameter
+from palpate.studies.judgement import objection
+from palpate.trace.recording import Context, Conversion, LeafRun, NominalHand, Recording
 from palpate.trace.samples import FORCES, POSE, Samples, Trace
 
-HAND = Hand(0.009, 0.15, 0.01, 0.0001)
+HAND = NominalHand(0.009, 0.15, 0.01, 0.0001)
 MASS, FRICTION, COM = (
     Parameter("cup", "mass"),
     Parameter("cup", "friction"),

@@ -3,26 +3,28 @@
 from dataclasses import asdict
 from pathlib import Path
 
-from palpate.studies.lines import Lines
-from palpate.studies.planners.page import write_page
-from palpate.studies.planners.trials import Found, Outcome, Record, Trial
+from palpate.studies.planners_page import write_page
+from palpate.studies.trials import MeasuredValue, Outcome, PlannerTrial, TrialRecord
+from palpate.studies.workers import Lines
 
 MODEL = "openai:<model>"
 
 
 def record(
     scenario: str, configuration: str, outcome: Outcome, number: int = 0, prompt: str = "full"
-) -> Record:
+) -> TrialRecord:
     found = {
-        "bottle.mass": Found((0.2551 + 0.001 * number,), (0.0008,), (0.254,), "kg", "identified")
+        "bottle.mass": MeasuredValue(
+            (0.2551 + 0.001 * number,), (0.0008,), (0.254,), "kg", "identified"
+        )
     }
     success = outcome in ("acquired", "refused rightly")
     reason = "" if success else "bottle.mass is off by <7> of its standard deviations"
-    trial = Trial(scenario, MODEL, configuration, number, prompt)
-    return Record(trial, True, success, success, reason, {}, outcome, found, 12, 31.0)
+    trial = PlannerTrial(scenario, MODEL, configuration, number, prompt)
+    return TrialRecord(trial, True, success, success, reason, {}, outcome, found, 12, 31.0)
 
 
-def written(folder: Path, *records: Record) -> str:
+def written(folder: Path, *records: TrialRecord) -> str:
     results = folder / "r.jsonl"
     Lines(results).add(*map(asdict, records))
     page = write_page(results)

@@ -5,17 +5,17 @@ from pathlib import Path
 
 import pytest
 
+from palpate.common.parameter import Parameter
 from palpate.estimation.estimate import Estimate
-from palpate.parameter import Parameter
 from palpate.planning.plan import Node, Plan
 from palpate.runs.run import Ending, Run
-from palpate.scenarios.catalogue import Scenario
+from palpate.runs.settings import Settings
 from palpate.scene.load import parse_scene
-from palpate.settings import Settings
-from palpate.studies.planners.attempt import Conditions, attempt
-from palpate.studies.planners.judgement import rule
-from palpate.studies.planners.trials import Trial
-from palpate.trace.recording import Context, Conversion, Hand, LeafRun, Recording
+from palpate.studies.attempt import Conditions, attempt
+from palpate.studies.judgement import rule
+from palpate.studies.scenarios.catalogue import Scenario
+from palpate.studies.trials import PlannerTrial
+from palpate.trace.recording import Context, Conversion, LeafRun, NominalHand, Recording
 from palpate.trace.samples import FORCES, Samples, Trace
 from palpate.twin.twin import Twin
 
@@ -44,7 +44,7 @@ def run(value: float = 0.3, held: tuple[str, ...] = ("cup",), **changes) -> Run:
         tuple(leaf(name) for name in held),
         (weighed,),
         (Conversion("Force2Mass", "cup", "mass", weighed, 1.0),),
-        Hand(0.009, 0.15, 0.01, 0.0001),
+        NominalHand(0.009, 0.15, 0.01, 0.0001),
     )
     estimate = Estimate.normal(MASS, "kg", value, 0.001, "by hand")
     made = Run(
@@ -120,5 +120,5 @@ def test_who_cannot_see_what_stands_in_the_way_is_right_to_be_stopped_by_it() ->
 
 
 def test_who_does_not_look_cannot_plan_without_a_scene(tmp_path: Path) -> None:
-    record = attempt(Trial("from_picture", "symbolic", "full", 0), frozenset(), Conditions())
+    record = attempt(PlannerTrial("from_picture", "symbolic", "full", 0), frozenset(), Conditions())
     assert (record.outcome, record.success) == ("refused rightly", True)

@@ -4,20 +4,20 @@ from pathlib import Path
 
 import pytest
 
-from palpate.errors import InputError, Unavailable
-from palpate.studies.figures import Rate
-from palpate.studies.planners.trials import Record, Trial, read_records, run_trials, table
+from palpate.common.errors import InputError, Unavailable
+from palpate.studies.efficiency import Rate
+from palpate.studies.trials import PlannerTrial, TrialRecord, read_records, run_trials, table
 
 TRIALS = [
-    Trial("cup", planner, configuration, number)
+    PlannerTrial("cup", planner, configuration, number)
     for planner in ("a:1", "b:2")
     for configuration in ("full", "no role")
     for number in range(3)
 ]
 
 
-def good(trial: Trial) -> Record:
-    return Record(
+def good(trial: PlannerTrial) -> TrialRecord:
+    return TrialRecord(
         trial,
         True,
         True,
@@ -39,7 +39,7 @@ def test_several_are_in_flight_but_no_more_than_asked(tmp_path: Path) -> None:
     lock, now, most = threading.Lock(), 0, 0
     four = threading.Barrier(4, timeout=60)
 
-    def slow(trial: Trial) -> Record:
+    def slow(trial: PlannerTrial) -> TrialRecord:
         nonlocal now, most
         with lock:
             now += 1
@@ -58,9 +58,9 @@ def test_a_killed_study_goes_on_where_it_was(tmp_path: Path) -> None:
     run_trials(TRIALS[:5], good, file)
     with file.open("a") as torn:
         torn.write('{"trial": {"scenario": "cup", "pla')
-    asked: list[Trial] = []
+    asked: list[PlannerTrial] = []
 
-    def again(trial: Trial) -> Record:
+    def again(trial: PlannerTrial) -> TrialRecord:
         asked.append(trial)
         return good(trial)
 
@@ -71,9 +71,9 @@ def test_a_killed_study_goes_on_where_it_was(tmp_path: Path) -> None:
 
 
 def test_an_outage_keeps_what_is_done_and_says_so(tmp_path: Path) -> None:
-    file, asked = tmp_path / "r.jsonl", list[Trial]()
+    file, asked = tmp_path / "r.jsonl", list[PlannerTrial]()
 
-    def out(trial: Trial) -> Record:
+    def out(trial: PlannerTrial) -> TrialRecord:
         asked.append(trial)
         if trial.planner == "b:2":
             raise Unavailable("b:2: the key was refused")
@@ -86,9 +86,9 @@ def test_an_outage_keeps_what_is_done_and_says_so(tmp_path: Path) -> None:
 
 
 def test_a_single_outage_is_asked_again_next_time(tmp_path: Path) -> None:
-    file, failed = tmp_path / "r.jsonl", list[Trial]()
+    file, failed = tmp_path / "r.jsonl", list[PlannerTrial]()
 
-    def flaky(trial: Trial) -> Record:
+    def flaky(trial: PlannerTrial) -> TrialRecord:
         if trial == TRIALS[1] and not failed:
             failed.append(trial)
             raise Unavailable("a:1: the provider failed")
@@ -110,7 +110,8 @@ def test_another_file_is_not_taken_for_results(tmp_path: Path) -> None:
 
 def test_the_table_has_a_row_for_each_configuration_and_planner() -> None:
     rows = table(
-        [good(t) for t in TRIALS] + [Record(Trial("cup", "c:3", "no text", 0), False, False, None)]
+        [good(t) for t in TRIALS]
+        + [TrialRecord(PlannerTrial("cup", "c:3", "no text", 0), False, False, None)]
     )
     assert [(r.configuration, r.planner) for r in rows] == [
         ("full", "a:1"),

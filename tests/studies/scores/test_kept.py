@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
-from palpate.errors import InputError
-from palpate.parameter import Parameter
-from palpate.studies.accuracy import Case, Question, ScoredEstimate, SeedRun, Unmeasured
-from palpate.studies.scores.kept import FILE, Group, measure, read
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter
+from palpate.studies.accuracy import MissingComponent, Question, ScoredEstimate, SeedRun, StudyCase
+from palpate.studies.summary import FILE, Group, measure, read
 from palpate.studies.workers import Lost, Processes
 
 MASS = Parameter("cup", "mass")
@@ -21,12 +21,12 @@ LAB = Question("one_missing_mass", (("noise", "lab"),))
 NONE = Question("one_missing_mass", (("noise", "none"),))
 
 
-def made_up(case: Case) -> SeedRun:
+def made_up(case: StudyCase) -> SeedRun:
     """A run without a robot."""
     seed = case.seed
     value = 0.3 + 0.001 * seed
     sure = ScoredEstimate(MASS, 0, seed, value, 0.01, value - 0.02, value + 0.02, 0.3, None, "kg")
-    unknown = Unmeasured(Parameter("cup", "friction"), 0, seed, 0.5, "1", "never slid")
+    unknown = MissingComponent(Parameter("cup", "friction"), 0, seed, 0.5, "1", "never slid")
     return SeedRun(seed, "failed", 12, 20.0, (sure,), (), (unknown,))
 
 
@@ -53,7 +53,7 @@ def test_runs_come_back_as_they_were(tmp_path: Path) -> None:
     again = measure([LAB], range(5), crew, tmp_path, told.append)
     group = Group("one_missing_mass", "lab")
     assert list(first) == list(again) == [group]
-    assert first[group] == [made_up(Case(LAB, seed)) for seed in range(3)]
+    assert first[group] == [made_up(StudyCase(LAB, seed)) for seed in range(3)]
     assert again[group][:3] == first[group]
     assert sorted(crew.asked) == [3, 4]
     assert told[0] == "0/3"
@@ -97,7 +97,7 @@ def test_a_run_that_crashes_is_a_row_with_its_traceback(
     def burst(*_: object) -> None:
         raise ZeroDivisionError("the arm is nowhere")
 
-    monkeypatch.setattr("palpate.pipeline.plan", burst)
+    monkeypatch.setattr("palpate.runs.planning.plan", burst)
     found = measure([LAB], [7], Processes(1), tmp_path)
     (run,) = found[Group("one_missing_mass", "lab")]
     assert (run.seed, run.status) == (7, "crashed")

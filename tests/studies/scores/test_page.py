@@ -12,10 +12,10 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from palpate.parameter import Parameter
-from palpate.studies.accuracy import ScoredEstimate, SeedRun, Unmeasured
-from palpate.studies.scores.kept import Group, Runs
-from palpate.studies.scores.page import render, write_page
+from palpate.common.parameter import Parameter
+from palpate.studies.accuracy import MissingComponent, ScoredEstimate, SeedRun
+from palpate.studies.accuracy_page import render, write_page
+from palpate.studies.summary import Group, Runs
 
 LAB = Group("desk <b>", "lab")
 MASS, COM = Parameter("mug", "mass"), Parameter("mug", "com")
@@ -38,7 +38,7 @@ def runs() -> Runs:
     for seed in range(SEEDS):
         coms = tuple(drawn(COM, i, seed, 3.0) for i in range(3))
         found.append(SeedRun(seed, "complete", 12, 20.0, (drawn(MASS, 0, seed, 1.0), *coms)))
-    nothing = Unmeasured(MASS, 0, SEEDS, 0.2, "kg", "The mug was never lifted.")
+    nothing = MissingComponent(MASS, 0, SEEDS, 0.2, "kg", "The mug was never lifted.")
     found.append(SeedRun(SEEDS, "failed", 12, 20.0, (), (), (nothing,)))
     crash = "Traceback\nValueError: the arm is <nowhere>"
     found.append(SeedRun(SEEDS + 1, "crashed", 0, 0.0, (), crash=crash))
@@ -116,7 +116,7 @@ def test_where_nothing_is_kept_there_is_no_page(tmp_path: Path) -> None:
 
 
 def test_seeds_that_identify_nothing_make_a_page_all_the_same() -> None:
-    nothing = Unmeasured(MASS, 0, 0, 0.2, "kg", "The mug was never lifted.")
+    nothing = MissingComponent(MASS, 0, 0, 0.2, "kg", "The mug was never lifted.")
     page = render({LAB: [SeedRun(0, "failed", 12, 20.0, (), (), (nothing,))]})
     assert row(page, "mug.mass")[0].startswith("0/1")
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.stats import t
 
-from palpate.parameter import Parameter
+from palpate.common.parameter import Parameter
 from palpate.studies.accuracy import ScoredEstimate, SeedRun
-from palpate.studies.scores.summary import Scores, levels, summarise
+from palpate.studies.summary import Scores, levels, summarise
 
 MASS = Parameter("cup", "mass")
 

@@ -1,33 +1,191 @@
-"""Check of a plan before it may move anything, whatever its author.
-
-Rules of single actions are judged by the primitives themselves (`Primitive.violations`), in the state
-in which the plan has them. Rules of whole plans are functions, in `PLAN_RULES` and `WALK_RULES`; their
-requirements are stated in `rules`. Findings are worded for repair: the fault, its place, the remedy.
-"""
+"""Check of a plan before anything moves: its rules, their order, and estimated poses."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
 
-from palpate.parameter import Parameter
-from palpate.planning.check import static_rules, walk_rules
-from palpate.planning.check.case import Case, Finding
-from palpate.planning.check.regions import unpassable_regions
-from palpate.planning.check.rules import CATALOGUE
-from palpate.planning.check.static_rules import Fault
+import numpy as np
+
+from palpate.common.parameter import Parameter
+from palpate.common.pose import PoseLine
+from palpate.planning.check import plan_rules as static_rules
+from palpate.planning.check import plan_rules as walk_rules
+from palpate.planning.check.finding import CheckedPlan, Finding
+from palpate.planning.check.plan_rules import Fault, objects_displaced_at_end
 from palpate.planning.check.walk import MAX_FINDINGS, Reach, Walk
 from palpate.planning.plan import Plan
+from palpate.primitives.contact import PROBE_TRAVEL
+from palpate.primitives.motion import MovePose
+from palpate.primitives.registry import Vocabulary, vocabulary
+from palpate.primitives.rules.collision import ARM, BESIDE, ENTERED, FIXED
+from palpate.primitives.rules.grasp import PUSHED
+from palpate.primitives.rules.motion import HELD_UPRIGHT
+from palpate.primitives.rules.profile import POSE_ERROR
+from palpate.primitives.rules.support import AS_FOUND, EDGE, LIFTED, MIN_SLIDE, TIPPING, UPRIGHT
+from palpate.primitives.state import PRECONDITION, RESTORED_POSITION, SINKING
+from palpate.scene.places import GUESSED
 from palpate.scene.scene import Scene
-from palpate.vocabulary.registry import Vocabulary, vocabulary
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """Rule of the check.
+
+    Attributes:
+        id: name in findings.
+        asks: requirement on a plan, in words for people and models alike.
+        about: part of a plan that it judges.
+        recipe: it prescribes a method of measurement, not safety, economy or form; the lean prompt
+            leaves that to the model.
+    """
+
+    id: str
+    asks: str
+    about: Literal["parameters", "tree"] = "tree"
+    recipe: bool = False
+
+
+def mm(length: float) -> str:
+    """Format a length in m as millimetres."""
+    return f"{1e3 * length:.3g} mm"
+
+
+_PARAMETERS = {
+    "unknown-parameter": "Parameters name objects or surfaces of the scene, or `gripper`, and quantities of the "
+    "catalogue.",
+    "unmeasurable": "A parameter is a measurable quantity of its kind of thing: of an object, a surface or the "
+    "gripper.",
+    "duplicate-parameter": "A parameter is listed once.",
+    "known": "What the scene states is no parameter and is not measured (unless asked for again).",
+    "requested": "Without a request the parameters are all that the scene leaves out, no more and no fewer.",
+    "undischarged": "The tree yields every parameter: by its conversion or, if it is derived, by all recordings "
+    "that it needs. Without a tree there are no parameters.",
+    "redundant": "Nothing is measured or logged twice, or that no parameter needs; at another place, or another "
+    "grasp, it is not the same.",
+    "untouched": "Only objects of the parameters are grasped, those that block them, and tools that are held while "
+    "something else is measured; without parameters, one object that the explanation names.",
+    "no-explanation": "A plan without a tree says why.",
+}
+
+_FORM = {
+    "unknown-primitive": "Every node's type is a primitive or composite of the vocabulary.",
+    "bad-argument": "A leaf's arguments are those that its primitive declares, of the declared types; composites "
+    "have only `children`; any node may have a `name`.",
+    "leaf-children": "Only composites have children.",
+    "empty-composite": "A Sequence or Parallel has at least one child.",
+    "one-owner": "At most one leaf below a Parallel moves the arm, and at most one the gripper.",
+    "buffer-unwritten": "A conversion comes after the sensing that fills its buffer, not beside it.",
+}
+
+_ACTIONS = {
+    "unknown-symbol": "Poses, offsets and joint configurations are named by symbols of the scene.",
+    "unreachable": "The arm reaches every pose within its workspace and joint limits; Tilt keeps "
+    "the wrist from straight.",
+    "unknown-start": "Where a motion begins is known: a plan starts with MoveJoints to `home_config`; turning "
+    "begins at a pose.",
+    "gripper-state": "Fingers close only when open, at a pose, and on an object whose middle is within "
+    f"{mm(PUSHED)} of theirs across it; they open only when what they hold stands; they do neither beside a motion.",
+    "too-wide": "An object that is grasped fits the hand.",
+    "payload": "An object that is grasped is not known to be heavier than the payload.",
+    "twist": "A held object hangs near enough to its centre of mass not to twist in the grip.",
+    PRECONDITION: "What else a primitive requires holds. MoveUntilContact: from a pose, with empty fingers, "
+    f"something to touch within {1e3 * PROBE_TRAVEL:.0f} mm and its top no more than {mm(SINKING)} above the "
+    "fingertips, no contact yet. MoveJoints: between a level hand and one that points down, the wrist is turned "
+    "first. A conversion: the log shows its quantity; held still for a weight means "
+    f"lifted by more than {mm(LIFTED)}.",
+    "blocked": f"The hand, and what it holds, keeps {mm(BESIDE)} from every other object on its whole way; "
+    "what stands on it is carried away first.",
+    "collision": f"They keep {mm(ENTERED)} from what they pass between the fingers, {mm(FIXED)} from all that is "
+    f"fixed (up to {mm(GUESSED)} above a surface of unknown height, which is only probed), the arm's links "
+    f"{mm(ARM)} from everything; Tilt, Turn and Swing turn {mm(POSE_ERROR)} clear, in free air.",
+    "self-collision": f"The arm keeps {mm(ARM)} from itself.",
+    "unsupported": f"What is let go of stands within {mm(AS_FOUND)} of where it stood, or upright to "
+    f"{np.degrees(UPRIGHT):.3g}° with its centre of mass {mm(TIPPING)} inside what carries it (unknown: all of it, "
+    f"{mm(EDGE)}); what is slid stays so, too.",
+    "tilted": f"What is held stays upright to {np.degrees(HELD_UPRIGHT):.3g}°, but for Tilt and Swing.",
+    "short-slide": "A slide that is felt for friction is level, along one surface, and "
+    f"{mm(MIN_SLIDE)} or longer.",
+    "gripper-at-end": "At the end the gripper is empty and open.",
+    "not-restored": f"At the end every object is within {mm(RESTORED_POSITION)} of where it was found.",
+}
+
+_RECIPES = ("short-slide",)
+
+CATALOGUE: Mapping[str, Rule] = {
+    **{id: Rule(id, asks, "parameters") for id, asks in _PARAMETERS.items()},
+    **{id: Rule(id, asks, recipe=id in _RECIPES) for id, asks in {**_FORM, **_ACTIONS}.items()},
+}
+"""Every rule by its id, in the order in which people and models read them."""
+
+
+# Poses that a run estimates: the whole plan must pass the check for every place in their regions.
+
+
+def unpassable_regions(
+    case: CheckedPlan, walk: Walk, reachable: Reach | None = None
+) -> Iterator[Finding]:
+    """Findings on a tree that `walk` has judged at the believed poses: one for every pose whose
+    region does not pass as a whole."""
+    assert case.scene is not None
+    symbols = case.scene.symbols
+    for action in walk.actions:
+        start, goal = (symbols.found_out(at or "") for at in (action.before.at, action.after.at))
+        if start is not None and goal is not None and start != goal:
+            message = (
+                f"'{start}' and '{goal}' are both found out by running, so nobody knows the way between "
+                f"them; MovePose to '{symbols.subjects[goal]}_pose + z_offset' first"
+            )
+            yield Finding.of(action.path, "unknown-start", message)
+    # A fault at the believed pose is reported already: only rules broken elsewhere in the region count.
+    known = {(finding.path, finding.rule) for finding in all_findings(case, walk)}
+    for name, line in estimated_poses(case).items():
+        for place in line.places():
+            other = Walk.over(case, reachable, {name: place})
+            added = (f for f in all_findings(case, other) if (f.path, f.rule) not in known)
+            if (found := next(added, None)) is not None:
+                problem = found.message.partition("; ")[0]
+                message = (
+                    f"'{name}' is found out by running and may be anywhere from {1e3 * line.least:.0f} to "
+                    f"{1e3 * line.most:.0f} mm along; {1e3 * place:.0f} mm along {problem}; go to "
+                    f"'{symbols.subjects[name]}_pose', with an offset that is free, in its place"
+                )
+                yield Finding(found.path, replace(found.violation, message=message))
+                break
+
+
+def estimated_poses(case: CheckedPlan) -> dict[str, PoseLine]:
+    """Poses of the plan that a run estimates, with the line on which each may be."""
+    lines: dict[str, PoseLine] = {}
+    symbols = case.scene.symbols if case.scene is not None else None
+    for primitive in case.form.primitives.values():
+        if symbols is not None and isinstance(primitive, MovePose):
+            name = symbols.found_out(primitive.pose)
+            if name is not None:
+                lines[name] = symbols.lines[name]
+    return lines
+
+
+def all_findings(case: CheckedPlan, walk: Walk) -> list[Finding]:
+    """Findings of a walk, and on what it leaves displaced."""
+    displaced = [
+        Finding.of(path, "not-restored", m) for path, m in objects_displaced_at_end(case, walk)
+    ]
+    return [*walk.findings, *displaced]
+
+
+# Check of a plan before it may move anything, whatever its author.
+
 
 __all__ = ["MAX_FINDINGS", "PLAN_RULES", "RULES", "WALK_RULES", "Finding", "check"]
 
-PLAN_RULES: Mapping[str, Callable[[Case], Iterable[Fault]]] = {
+PLAN_RULES: Mapping[str, Callable[[CheckedPlan], Iterable[Fault]]] = {
     "unknown-parameter": static_rules.unknown_parameter,
     "unmeasurable": static_rules.unmeasurable,
     "duplicate-parameter": static_rules.duplicate_parameter,
     "known": static_rules.known_parameter,
-    "requested": static_rules.requested,
+    "requested": static_rules.check_request,
     "unknown-primitive": static_rules.unknown_primitive,
     "bad-argument": static_rules.bad_argument,
     "leaf-children": static_rules.leaf_children,
@@ -37,20 +195,20 @@ PLAN_RULES: Mapping[str, Callable[[Case], Iterable[Fault]]] = {
 }
 """Rules on the text of a plan, by id."""
 
-WALK_RULES: Mapping[str, Callable[[Case, Walk], Iterable[Fault]]] = {
-    "known": walk_rules.known,
+WALK_RULES: Mapping[str, Callable[[CheckedPlan, Walk], Iterable[Fault]]] = {
+    "known": walk_rules.measure_no_stated_value,
     "redundant": walk_rules.redundant,
-    "untouched": walk_rules.untouched,
-    "undischarged": walk_rules.undischarged,
+    "untouched": walk_rules.check_touches,
+    "undischarged": walk_rules.parameters_not_measured,
     "gripper-at-end": walk_rules.gripper_at_end,
-    "not-restored": walk_rules.not_restored,
+    "not-restored": walk_rules.objects_displaced_at_end,
 }
 """Rules on the symbolic states of a plan, by id."""
 
 COMPLETE_RULES = ("redundant", "undischarged", "gripper-at-end", "not-restored")
 """Rules that can be judged only where every action can be read."""
 
-REJECTION_RULES: Mapping[str, Callable[[Case], Iterable[Fault]]] = {
+REJECTION_RULES: Mapping[str, Callable[[CheckedPlan], Iterable[Fault]]] = {
     "no-explanation": static_rules.no_explanation,
     "undischarged": static_rules.promised_without_tree,
 }
@@ -83,7 +241,7 @@ def check(
         repeated: allows a parameter to be measured several times.
     """
     asked = tuple(requested) if requested is not None else None
-    case = Case(plan, words or vocabulary(), scene, remeasure, asked, repeated)
+    case = CheckedPlan(plan, words or vocabulary(), scene, remeasure, asked, repeated)
     found: list[Finding] = []
     for id, rule in (REJECTION_RULES if plan.tree is None else PLAN_RULES).items():
         found += [Finding.of(path, id, message) for path, message in rule(case)]

@@ -8,19 +8,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from palpate.errors import InputError
-from palpate.scene.symbols import PoseExpression
-from palpate.vocabulary.admissible.support import (
+from palpate.common.errors import InputError
+from palpate.primitives.base import Primitive
+from palpate.primitives.motion import MoveJoints, MovePose
+from palpate.primitives.rules.support import (
     LIFTED,
     MIN_SLIDE,
     dragged_off,
     slides,
     surfaces_slid_on,
 )
-from palpate.vocabulary.base import Primitive
-from palpate.vocabulary.motion import MoveJoints, MovePose
-from palpate.vocabulary.state import HOME_CONFIG, SymbolicState
-from palpate.vocabulary.violation import Violation
+from palpate.primitives.state import HOME_CONFIG, SymbolicState, Violation
+from palpate.scene.symbols import PoseExpression
 
 COLLIDING = ("blocked", "collision", "self-collision")
 """Rules that another path may satisfy."""
@@ -32,7 +31,7 @@ SIDES = (("x_offset", 1), ("x_offset", -1), ("y_offset", 1), ("y_offset", -1))
 """Directions of a proposed slide: along the object first."""
 
 
-def remedied(
+def offer_remedies(
     primitive: Primitive, before: SymbolicState, found: Sequence[Violation]
 ) -> list[Violation]:
     """Replace the advice of collisions by a path that avoids them, where one is found. The first of
@@ -64,9 +63,9 @@ def alternative(primitive: Primitive, before: SymbolicState) -> str:
         return "" if home.violations(before) else f"write MoveJoints '{HOME_CONFIG}'"
     if not isinstance(primitive, MovePose):
         return ""
-    above = raised(primitive.pose, before)
+    above = raise_expression(primitive.pose, before)
     # Up from the start and across above the goal, as low as possible; else only across.
-    starts = raised(before.at or "", before)
+    starts = raise_expression(before.at or "", before)
     for number, across in enumerate(above):
         via = [*starts[number : number + 1], across]
         if is_free([*(MovePose(pose=pose) for pose in via), primitive], before):
@@ -91,13 +90,13 @@ def is_free(motions: Sequence[MovePose], state: SymbolicState) -> bool:
     return True
 
 
-def raised(expression: str, state: SymbolicState) -> list[str]:
+def raise_expression(expression: str, state: SymbolicState) -> list[str]:
     """The same pose higher up, lowest first; none for an unknown pose expression."""
     try:
         here = state.scene.symbols.parse(expression)
     except InputError:
         return []
-    return [str(here.shifted("z_offset", factor)) for factor in HIGHER]
+    return [str(here.shift("z_offset", factor)) for factor in HIGHER]
 
 
 def unfelt_slide(before: SymbolicState, after: SymbolicState) -> Violation | None:
@@ -153,4 +152,4 @@ def level_poses(state: SymbolicState) -> Iterator[PoseExpression]:
             size = float(np.linalg.norm(symbols.offset(offset, here.name)))
             # Tenths of an offset, rounded up.
             factor = math.ceil(10 * length * MIN_SLIDE / max(size, 1e-3)) / 10
-            yield here.shifted(offset, sign * factor)
+            yield here.shift(offset, sign * factor)

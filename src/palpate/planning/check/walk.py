@@ -6,16 +6,15 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from palpate.errors import InputError
-from palpate.geometry.pose import Pose
-from palpate.parameter import Parameter
-from palpate.planning.check.case import Case, Finding
-from palpate.planning.check.remedies import remedied, unfelt_slide
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Pose
+from palpate.planning.check.finding import CheckedPlan, Finding
+from palpate.planning.check.remedies import offer_remedies, unfelt_slide
 from palpate.planning.plan import Node
+from palpate.primitives.base import ConversionPrimitive, Primitive
+from palpate.primitives.state import PRECONDITION, SymbolicState, Violation, during, parallel
 from palpate.trace.samples import FORCES
-from palpate.vocabulary.base import ConversionPrimitive, Primitive
-from palpate.vocabulary.state import SymbolicState, during, parallel
-from palpate.vocabulary.violation import PRECONDITION, Violation
 
 Reach = Callable[[Pose], bool]
 
@@ -33,7 +32,7 @@ INDEPENDENT = ("unknown-symbol", "unreachable")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Action:
+class WalkedAction:
     """Leaf with the states before it and after its success."""
 
     path: str
@@ -73,9 +72,9 @@ class Walk:
         findings: violations of single actions at their places.
     """
 
-    case: Case
+    case: CheckedPlan
     state: SymbolicState
-    actions: list[Action] = field(default_factory=list[Action])
+    actions: list[WalkedAction] = field(default_factory=list[WalkedAction])
     findings: list[Finding] = field(default_factory=list[Finding])
     unread: bool = False
     """An action could not be read: its effect is unknown."""
@@ -90,7 +89,10 @@ class Walk:
 
     @classmethod
     def over(
-        cls, case: Case, reachable: Reach | None = None, bound: Mapping[str, float] | None = None
+        cls,
+        case: CheckedPlan,
+        reachable: Reach | None = None,
+        bound: Mapping[str, float] | None = None,
     ) -> Walk:
         """Walk over the whole tree of a plan in its scene; `reachable` replaces the arm's inverse
         kinematics, `bound` places the poses that a run estimates (`SymbolicState.bound`)."""
@@ -110,7 +112,7 @@ class Walk:
         """Primitives of the tree's leaves, by path."""
         return self.case.form.primitives
 
-    def conversions(self) -> Iterator[tuple[Action, Parameter]]:
+    def conversions(self) -> Iterator[tuple[WalkedAction, Parameter]]:
         """Actions that convert a recording, with their parameters."""
         for action in self.actions:
             if (parameter := action.conversion) is not None:
@@ -205,7 +207,7 @@ class Walk:
             return replace(before, pose_world_tcp=None, at=None)
         if "arm" in primitive.claims and after.at is not None:
             self._lost = False  # a known pose again
-        self.actions.append(Action(path, primitive, before, after))
+        self.actions.append(WalkedAction(path, primitive, before, after))
         return after
 
     def _judge(self, path: str, before: SymbolicState) -> set[str]:
@@ -218,7 +220,7 @@ class Walk:
         else:
             found = primitive.violations(before)
         reported = [violation for violation in found if not self._follows(primitive, violation)]
-        for violation in remedied(primitive, before, reported):
+        for violation in offer_remedies(primitive, before, reported):
             self.findings.append(Finding(path, violation))
         return {violation.rule for violation in found}
 
@@ -249,7 +251,7 @@ def useful_evidence(parameter: Parameter, state: SymbolicState) -> int:
     return sum(max(evidence.count, evidence.better) for evidence in quantity.evidence)
 
 
-def measured(parameter: Parameter, state: SymbolicState) -> bool:
+def has_measurement(parameter: Parameter, state: SymbolicState) -> bool:
     """True if `parameter` is converted, or derived from recordings that are complete."""
     quantity = state.scene.catalogue[parameter.quantity]
     derivable = quantity.derived and quantity.is_evidenced(parameter, state.logged)

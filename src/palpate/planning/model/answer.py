@@ -15,12 +15,11 @@ from typing import Any, cast
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from palpate.errors import InputError
-from palpate.planning.model.flat import nested
-from palpate.planning.model.normal import TOO_DEEP, is_plan, normalized, unwrapped
+from palpate.common.errors import InputError
+from palpate.common.redaction import redact_document
+from palpate.planning.model.normal import TOO_DEEP, is_plan, nest_tree, normalize_plan, unwrap_plan
 from palpate.planning.plan import MAX_BYTES, MAX_NESTING, Plan, nesting, parse_plan, unique_json
-from palpate.redaction import redacted
-from palpate.scene.pictured.objects import SceneObject, Shape
+from palpate.scene.detections import SceneObject, Shape
 
 MAX_ATTEMPTS = 200
 """Opening braces from which JSON is tried to be read."""
@@ -98,8 +97,8 @@ def read_answer(text: str) -> Proposal:
     if nesting(source) > MAX_NESTING:
         raise InputError(TOO_DEEP)
     unique_json(source)
-    document = normalized(written)
-    plan = nested(document) if "nodes" in document else document
+    document = normalize_plan(written)
+    plan = nest_tree(document) if "nodes" in document else document
     return Proposal(parse_plan(json.dumps(plan)), scene_objects(document.get("scene") or []))
 
 
@@ -107,7 +106,7 @@ def without_reasoning(text: str) -> str:
     """Remove a model's reasoning from its answer: text between two tags, before a single closing tag (a chat
     template may have opened it), and after a single opening tag (the answer was cut off)."""
     alone = text.strip("\ufeff \t\r\n")
-    value, end, _ = decoded(alone, 0)
+    value, end, _ = decode_json(alone, 0)
     if value is not None and end == len(alone):
         return text  # its strings may hold tags
     kept: list[str] = []
@@ -129,7 +128,7 @@ def decoded_objects(text: str) -> Iterator[tuple[int, int, object, str]]:
         if opening is None:
             return
         start = opening.start()
-        value, end, fault = decoded(text, start)
+        value, end, fault = decode_json(text, start)
         yield start, end, value, fault
         # Behind a whole object, else into a broken one, which may hold whole ones.
         position = start + 1 if value is None else end
@@ -154,7 +153,7 @@ def plan_object(text: str) -> tuple[str, dict[str, Any]]:
     problem = QUOTES if _QUOTED.search(text) else NO_JSON
     furthest = 0
     for start, end, whole, fault in decoded_objects(text):
-        value = unwrapped(whole)
+        value = unwrap_plan(whole)
         if is_plan(value):  # a draft may come first: the last plan counts
             found = (text[start:end], cast("dict[str, Any]", value))
         elif found and "breaks off" in fault:
@@ -167,15 +166,15 @@ def plan_object(text: str) -> tuple[str, dict[str, Any]]:
     for opening in islice(
         _BRACE.finditer(text if len(text) <= LARGEST_REPAIRED else ""), MAX_REPAIRED
     ):
-        source = repaired(text[opening.start() :])
-        whole, end, _ = decoded(source, 0)
-        value = unwrapped(whole)
+        source = repair_json(text[opening.start() :])
+        whole, end, _ = decode_json(source, 0)
+        value = unwrap_plan(whole)
         if is_plan(value):
             return source[:end], cast("dict[str, Any]", value)
     raise InputError(problem)
 
 
-def decoded(text: str, start: int) -> tuple[object, int, str]:
+def decode_json(text: str, start: int) -> tuple[object, int, str]:
     """The JSON value at `start`, its end, and the message for one that is no plan. A broken one is None,
     with the place and the fault."""
     try:
@@ -193,23 +192,23 @@ def decoded(text: str, start: int) -> tuple[object, int, str]:
     return value, end, NO_TREE
 
 
-def repaired(text: str) -> str:
+def repair_json(text: str) -> str:
     """Remove from JSON comments, trailing commas and other kinds of blanks; translate Python's words for
     null, true and false, and its single quotes. In strings, only line ends and the like are escaped."""
     if text.count("/*") > MAX_COMMENTS:
         return text
 
-    def replaced(match: re.Match[str]) -> str:
+    def replace_match(match: re.Match[str]) -> str:
         token = match[0]
         if token[0] == "'":
-            token = double_quoted(token)
+            token = to_double_quotes(token)
         return token.translate(_ESCAPED) if token[0] == '"' else _LITERALS.get(token, " ")
 
-    text = _APART.sub(replaced, text)
+    text = _APART.sub(replace_match, text)
     return _TRAILING.sub(lambda match: match[0] if match[0][0] == '"' else "", text)
 
 
-def double_quoted(token: str) -> str:
+def to_double_quotes(token: str) -> str:
     """A string in single quotes as one in double quotes."""
     inner = re.sub(r"\\.|\"", lambda m: {"\\'": "'", '"': '\\"'}.get(m[0], m[0]), token[1:-1])
     return f'"{inner}"'
@@ -246,7 +245,7 @@ def scene_objects(value: object) -> tuple[SceneObject, ...]:
     found: list[SceneObject] = []
     for i, item in enumerate(items):
         try:
-            read = _SceneObject.model_validate(redacted(item))
+            read = _SceneObject.model_validate(redact_document(item))
         except ValidationError as error:
             first = error.errors()[0]
             place = ".".join(str(part) for part in first["loc"]) or "object"

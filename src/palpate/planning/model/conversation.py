@@ -9,9 +9,9 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from palpate.display import json_text
-from palpate.errors import InputError
-from palpate.files.read import read_text
+from palpate.common.display import json_text
+from palpate.common.errors import InputError
+from palpate.common.files import read_text
 from palpate.planning.plan import MAX_BYTES
 
 MAX_CONVERSATION = 20 * MAX_BYTES

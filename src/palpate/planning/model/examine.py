@@ -10,15 +10,20 @@ from typing import Any, cast
 
 from PIL import Image
 
-from palpate.errors import Unavailable
+from palpate.common.errors import Unavailable
+from palpate.common.redaction import redact
 from palpate.planning.model.conversation import Answer
-from palpate.planning.model.prompt.compose import fenced, system_prompt
-from palpate.planning.model.provider import PROVIDERS, Endpoint, Provider
-from palpate.planning.model.sdk import ReplyTooLarge, bounded_client
-from palpate.planning.model.session import Picture, Session
+from palpate.planning.model.prompt import fence, system_prompt
+from palpate.planning.model.provider import (
+    PROVIDERS,
+    Endpoint,
+    Provider,
+    ReplyTooLarge,
+    bounded_client,
+)
+from palpate.planning.model.session import ModelSession, Picture
 from palpate.planning.model.settings import Budget
-from palpate.redaction import redact
-from palpate.vocabulary.registry import vocabulary
+from palpate.primitives.registry import vocabulary
 
 Line = tuple[bool, str, str]
 """Passed or not, subject, and finding or remedy."""
@@ -82,23 +87,23 @@ def listed_models(provider: Provider, model: str, models: tuple[str, ...]) -> Li
 def asked_model(endpoint: Endpoint, seconds: float) -> Iterator[Line]:
     """Ask the model for a word, for one before a text as long as a prompt, and for a picture's colour."""
 
-    def asked(question: str, *pictures: Picture) -> tuple[str, Answer]:
-        session = Session(endpoint, "", pictures, None, Budget(seconds=seconds))
+    def ask(question: str, *pictures: Picture) -> tuple[str, Answer]:
+        session = ModelSession(endpoint, "", pictures, None, Budget(seconds=seconds))
         answer = session.ask(question)
         return " ".join(answer.text.split())[:60], answer
 
     try:
-        said, answer = asked(PING)
+        said, answer = ask(PING)
     except Unavailable as error:
         yield False, "answer", str(error)
         return
     of = answer.model or endpoint.model  # an alias may stand for a dated model
     yield bool(said), "answer", f"'{said}' in {answer.seconds:.1f} s from {of}"
     # Servers with a short context drop the beginning of a long text without a word.
-    text = fenced(system_prompt(vocabulary()))
+    text = fence(system_prompt(vocabulary()))
     question = "Which word was to be remembered? Answer with it alone."
     try:
-        said, answer = asked(f"Remember the word {WORD}.\n\n{text}\n\n{question}")
+        said, answer = ask(f"Remember the word {WORD}.\n\n{text}\n\n{question}")
     except Unavailable as error:
         yield False, "context", f"{error}; give the model a longer one"
     else:
@@ -115,7 +120,7 @@ def asked_model(endpoint: Endpoint, seconds: float) -> Iterator[Line]:
     red = io.BytesIO()
     Image.new("RGB", (SIDE, SIDE), (220, 20, 20)).save(red, "JPEG")
     try:
-        said, _ = asked(COLOUR, Picture(red.getvalue(), SIDE, SIDE))
+        said, _ = ask(COLOUR, Picture(red.getvalue(), SIDE, SIDE))
     except Unavailable as error:
         yield False, "pictures", f"{error}; take a model that sees, or --without image"
     else:

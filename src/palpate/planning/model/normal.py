@@ -1,5 +1,4 @@
-"""Normal form of a plan's document: names, wrappers and forms that can mean one thing only are read as
-that. Nothing is evaluated, and the depth is that of the document, which the caller bounds."""
+"""Normal form of a plan's document, and its flat form for native structured output."""
 
 from __future__ import annotations
 
@@ -8,11 +7,158 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any, cast
 
-from palpate.errors import InputError
-from palpate.planning.model.flat import children_of
-from palpate.planning.plan import MAX_NESTING, nesting, unique_json
-from palpate.quantities.catalogue import catalogue
-from palpate.vocabulary.registry import vocabulary
+from palpate.common.errors import InputError
+from palpate.estimation.quantities.catalogue import catalogue
+from palpate.planning.plan import MAX_NESTING, OUTCOMES, nesting, unique_json
+from palpate.primitives.registry import Vocabulary, vocabulary
+
+Schema = dict[str, Any]
+"""A JSON schema, or the properties of one."""
+
+_TEXT: Schema = {"type": "string"}
+_INTEGER: Schema = {"type": "integer"}
+_NUMBER: Schema = {"type": "number"}
+_NULL: Schema = {"type": "null"}
+_AGAIN: Schema = {"anyOf": [{"type": "boolean"}, _NULL]}
+_SCENE_OBJECT: Schema = {
+    "name": _TEXT,
+    "shape": {"type": "string", "enum": ["box", "cylinder", "sphere", "plane"]},
+    "bbox": {"type": "array", "items": _NUMBER},
+    "height": {"anyOf": [_NUMBER, _NULL]},
+}
+
+NOTE = (
+    "This channel takes the tree in flat form: instead of `tree`, give `nodes`, a list of all nodes, the root "
+    "first, each with a whole number `id`, its `type`, the ids of its `children`, and null for every argument "
+    'that its type does not have. An empty list stands for `"tree": null`.'
+)
+"""Goes into the user message, so that the system prompt stays the same."""
+
+
+def flat_schema(vocabulary: Vocabulary, with_scene: bool) -> Schema:
+    """JSON schema of an answer: strict (all fields required), no references, no recursion."""
+    node: Schema = {
+        "id": _INTEGER,
+        "type": {"type": "string", "enum": [*vocabulary.primitives, *vocabulary.composites]},
+        "children": _list_of(_INTEGER),
+    }
+    # One node type for all primitives: each argument may be null where a type lacks it.
+    for name, forms in argument_forms(vocabulary).items():
+        node[name] = {"anyOf": [*forms, _NULL]}
+    properties = {
+        "outcome": {"type": "string", "enum": list(OUTCOMES)},
+        "parameters": _list_of(_object({"object": _TEXT, "quantity": _TEXT, "again": _AGAIN})),
+        "explanation": _TEXT,
+        "nodes": _list_of(_object(node)),
+    }
+    if with_scene:
+        properties["scene"] = _list_of(_object(_SCENE_OBJECT))
+    return _object(properties)
+
+
+def argument_forms(vocabulary: Vocabulary) -> dict[str, list[Schema]]:
+    """The different forms of each argument over all primitives that have it, null left out."""
+    arguments: dict[str, list[Schema]] = {}
+    for primitive in vocabulary.primitives.values():
+        for name, schema in primitive.model_json_schema().get("properties", {}).items():
+            forms = arguments.setdefault(name, [])
+            for form in schema.get("anyOf", [schema]):
+                # Only keywords that every provider accepts.
+                kept = {k: form[k] for k in form if k in ("type", "enum", "items")}
+                if kept and kept != _NULL and kept not in forms:
+                    forms.append(kept)
+    return arguments
+
+
+def _list_of(items: Schema) -> Schema:
+    return {"type": "array", "items": items}
+
+
+def _object(properties: Schema) -> Schema:
+    return {
+        "type": "object",
+        "properties": properties,
+        "required": list(properties),
+        "additionalProperties": False,
+    }
+
+
+def nest_tree(document: Mapping[str, Any]) -> dict[str, Any]:
+    """A plan document with its tree nested, from one with a list of `nodes` whose children are ids.
+
+    Null arguments, which strict schemas demand, are dropped. An empty list is no tree.
+
+    Raises:
+        InputError: an id is unknown or used twice, or the nodes do not form one tree.
+    """
+    plan = dict(document)
+    nodes = nodes_by_id(plan.pop("nodes"))
+    if not nodes:
+        return {**plan, "tree": None}
+    below = [child for node in nodes.values() for child in children_of(node)]
+    roots = nodes.keys() - set(below)
+    if len(roots) != 1 or len(below) != len(set(below)):
+        raise InputError(
+            "nodes: every node but one, the root, must be the child of exactly one other"
+        )
+    # A ring apart from the root has one parent each, too; its nodes are never visited.
+    used: list[int] = []
+    tree = grown(roots.pop(), nodes, used)
+    if len(used) != len(nodes):
+        raise InputError("nodes: some are not below the root; every node must be")
+    return {**plan, "tree": tree}
+
+
+def nodes_by_id(value: object) -> dict[int, dict[str, Any]]:
+    """The nodes by id.
+
+    Raises:
+        InputError: not a list, an id is missing or used twice, or a child is missing.
+    """
+    if not isinstance(value, list):
+        raise InputError("nodes: must be a list")
+    nodes: dict[int, dict[str, Any]] = {}
+    for i, item in enumerate(cast("list[object]", value)):
+        node = cast("dict[str, Any]", item) if isinstance(item, dict) else {}
+        id = node.get("id")
+        if not isinstance(id, int) or id in nodes:
+            raise InputError(f"nodes[{i}]: needs an 'id' of its own, a whole number")
+        nodes[id] = node
+    for id, node in nodes.items():
+        for child in children_of(node):
+            if not isinstance(child, int) or child not in nodes:
+                raise InputError(
+                    f"nodes: node {id} has the child {str(child)[:40]}, which is not there"
+                )
+    return nodes
+
+
+def children_of(node: Mapping[str, Any]) -> list[Any]:
+    """The ids of a node's children; one may be written without a list."""
+    children: object = node.get("children") or []
+    return cast("list[Any]", children) if isinstance(children, list) else [children]
+
+
+def grown(
+    id: int, nodes: Mapping[int, Mapping[str, Any]], used: list[int], depth: int = 0
+) -> dict[str, Any]:
+    """The node with all nodes below it; their ids are appended to `used`."""
+    if depth > MAX_NESTING:
+        raise InputError("nodes: the tree is nested too deep; flatten it")
+    used.append(id)
+    node: dict[str, Any] = {}
+    for key, value in nodes[id].items():
+        if value is not None and key not in ("id", "children"):
+            node[key] = value
+    children = [grown(child, nodes, used, depth + 1) for child in children_of(nodes[id])]
+    if children:
+        node["children"] = children
+    return node
+
+
+# Normal form of a plan's document: names, wrappers and forms that can mean one thing only are read
+# as that. Nothing is evaluated, and the depth is that of the document, which the caller bounds.
+
 
 MAX_DIGITS = 9
 """Digits of a whole number that is written as text."""
@@ -42,7 +188,7 @@ def is_plan(value: object) -> bool:
     return any(key.strip().lower() in named for key in cast("dict[str, Any]", value))
 
 
-def unwrapped(value: object) -> object:
+def unwrap_plan(value: object) -> object:
     """The plan inside an object that holds nothing else; any other value as it is."""
     if isinstance(value, dict) and len(fields := cast("dict[str, object]", value)) == 1:
         (inner,) = fields.values()
@@ -51,14 +197,14 @@ def unwrapped(value: object) -> object:
     return cast("object", value)
 
 
-def normalized(document: Mapping[str, Any]) -> dict[str, Any]:
+def normalize_plan(document: Mapping[str, Any]) -> dict[str, Any]:
     """Normalize a plan's document: fields in lower case, parameters as a list of objects, one tree of
     nodes whose types and arguments are named as declared, or a flat list of nodes with numbers as ids.
 
     Raises:
         InputError: a tree that is written as text is nested too deep, or names a field twice.
     """
-    found = lowered(document)
+    found = lower_keys(document)
     if "nodes" not in found:
         rename(found, "tree", TREE)
     if "parameters" in found:
@@ -77,7 +223,7 @@ def normalized(document: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def lowered(fields: Mapping[str, Any]) -> dict[str, Any]:
+def lower_keys(fields: Mapping[str, Any]) -> dict[str, Any]:
     """Rename fields to lower case, where that is a field's name and not another field here."""
     found: dict[str, Any] = {}
     for key, value in fields.items():
@@ -97,7 +243,7 @@ def rename(fields: dict[str, Any], name: str, others: Sequence[str]) -> None:
 def normalized_parameters(value: object) -> object:
     """A list of parameters; an object is one parameter, or the quantities of each object."""
     if isinstance(value, dict):
-        fields = lowered(cast("dict[str, Any]", value))
+        fields = lower_keys(cast("dict[str, Any]", value))
         if "object" in fields or "quantity" in fields:
             value = [fields]
         else:
@@ -118,7 +264,7 @@ def normalized_parameter(item: object) -> object:
         item = {"object": body.strip(), "quantity": quantity.strip()}
     if not isinstance(item, dict):
         return item
-    fields = lowered(cast("dict[str, Any]", item))
+    fields = lower_keys(cast("dict[str, Any]", item))
     if isinstance(fields.get("quantity"), str):
         fields["quantity"] = without_unit(fields["quantity"])
     return fields
@@ -169,13 +315,13 @@ def normalized_tree(value: object) -> object:
 def normalized_node(value: Mapping[str, Any]) -> dict[str, Any]:
     """The fields of a node: its type as declared, its arguments beside it, and no null in optional
     fields."""
-    node = lowered(value)
+    node = lower_keys(value)
     rename(node, "type", TYPE)
     own = fields_of(node.get("type"))
     for box in BOXES:
         held: object = node.get(box)
         if isinstance(held, dict) and box not in own:
-            inner = lowered(cast("dict[str, Any]", held))
+            inner = lower_keys(cast("dict[str, Any]", held))
             if not inner.keys() & node.keys():
                 del node[box]
                 node |= inner
@@ -213,7 +359,7 @@ def normalized_flat_node(item: object) -> object:
 
 def is_flat(nodes: Sequence[object]) -> bool:
     """True for nodes with ids, whose children are no nodes themselves."""
-    fields = [lowered(cast("dict[str, Any]", node)) for node in nodes if isinstance(node, dict)]
+    fields = [lower_keys(cast("dict[str, Any]", node)) for node in nodes if isinstance(node, dict)]
     children = [child for node in fields for child in children_of(node)]
     named = any("id" in node for node in fields)
     return named and not any(isinstance(child, dict) for child in children)

@@ -10,23 +10,28 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from palpate.errors import InputError
-from palpate.parameter import Parameter
-from palpate.planning.model import flat
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter
+from palpate.planning.model import normal as flat
 from palpate.planning.model.answer import Proposal, read_answer
 from palpate.planning.model.conversation import Conversation
-from palpate.planning.model.critic import critic_endpoint, objection_to
-from palpate.planning.model.prompt.compose import Prompt, compose
+from palpate.planning.model.prompt import Prompt, compose
 from palpate.planning.model.provider import Endpoint
-from palpate.planning.model.rounds import converse
-from palpate.planning.model.session import Session, picture
+from palpate.planning.model.rounds import converse, critic_endpoint, objection_to
+from palpate.planning.model.session import ModelSession, picture
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.plan import Plan
 from palpate.planning.planner import Rehearse
-from palpate.planning.symbolic.planner import assemble, requested, split_known, stated, surely_asked
-from palpate.scene.pictured.detected import DetectedScene, SceneBuilder
-from palpate.scene.pictured.objects import SceneObject
-from palpate.vocabulary.registry import vocabulary
+from palpate.planning.symbolic.planner import (
+    assemble,
+    requested_parameters,
+    split_known,
+    stated_clause,
+    surely_requested_parameters,
+)
+from palpate.primitives.registry import vocabulary
+from palpate.scene.detections import SceneObject
+from palpate.scene.picture_scene import DetectedScene, SceneBuilder
 
 if TYPE_CHECKING:
     from palpate.scene.scene import Scene
@@ -84,7 +89,7 @@ class VlmPlanner:
         schema = None  # JSON in prose, which every provider can write
         if settings.native:
             schema = flat.flat_schema(vocabulary(), with_scene=scene is None)
-        session = Session(endpoint, prompt.system, pictures, schema, settings.budget)
+        session = ModelSession(endpoint, prompt.system, pictures, schema, settings.budget)
         # A critic without a key is refused before the first request.
         conversation, critic = self.conversation, critic_endpoint(settings, endpoint)
 
@@ -100,7 +105,7 @@ class VlmPlanner:
             session.ask,
             lambda text: self.judge(text, scene, request),
             rounds=settings.rounds,
-            may_go_on=settings.budget.exhausted,
+            may_go_on=settings.budget.exhaustion_reason,
             critic=objection,
             question=question,
         )
@@ -152,7 +157,7 @@ class VlmPlanner:
 
     def _findings(self, proposal: Proposal, scene: Scene | None, request: str | None) -> list[str]:
         from palpate.planning.check.check import check
-        from palpate.planning.check.digest import digest
+        from palpate.planning.check.finding import digest
 
         plan, wanted = proposal.plan, None
         if plan.tree is not None:
@@ -160,7 +165,7 @@ class VlmPlanner:
                 scene = self._detect(proposal.scene)
             reads_request = "text" not in self.model_settings.without
             if self.measure is not None or (request is None and reads_request):
-                wanted = requested(None, scene, self.remeasure, self.measure)
+                wanted = requested_parameters(None, scene, self.remeasure, self.measure)
         found = check(plan, scene, remeasure=self.remeasure, requested=wanted)
         if not found and plan.tree is not None and scene is not None and self.rehearse is not None:
             harm = self.rehearse(plan, scene)
@@ -172,7 +177,9 @@ class VlmPlanner:
         request; None where the readings agree, or the grammar's is not sure."""
         if scene is None or "text" in self.model_settings.without:
             return None
-        read = surely_asked(request or None, scene, self.remeasure, self.measure) or ()
+        read = (
+            surely_requested_parameters(request or None, scene, self.remeasure, self.measure) or ()
+        )
         quantities = scene.catalogue
         has = {(one.object, quantities[one.quantity].known_as()) for one in plan.parameters}
         lacking = [p for p in read if (p.object, quantities[p.quantity].known_as()) not in has]
@@ -202,7 +209,7 @@ class VlmPlanner:
             raise InputError(
                 "'scene' is missing: there is no D, so list the objects that the image shows"
             )
-        self.seen = self.builder.detected(objects, self.images)
+        self.seen = self.builder.from_detections(objects, self.images)
         return self.seen.scene()
 
 
@@ -211,4 +218,4 @@ def measured_again(plan: Plan, scene: Scene | None) -> tuple[str, ...]:
     if scene is None:
         return ()
     known, _ = split_known(plan.parameters, scene, False)
-    return tuple(f"{stated(parameter, scene)}, and measured again." for parameter in known)
+    return tuple(f"{stated_clause(parameter, scene)}, and measured again." for parameter in known)

@@ -1,18 +1,87 @@
-"""Rounds of a dialogue with a model: ask, check, feed the findings back, a bounded number of times.
-
-The model is a function of a message, so the same loop runs on a provider and on a recorded conversation.
-"""
+"""Rounds of a dialogue with a model, and the critic that may object once."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from difflib import unified_diff
 
-from palpate.errors import InputError, PlanRejected, Unavailable
-from palpate.planning.model.conversation import Answer, Conversation, Round
-from palpate.planning.model.settings import FEEDBACK_ROUNDS
-from palpate.planning.plan import Plan
+from palpate.common.errors import InputError, Unavailable
+from palpate.common.parameter import PlanRejected
+from palpate.planning.model.answer import json_objects
+from palpate.planning.model.conversation import Answer, Conversation, Critique, Round
+from palpate.planning.model.prompt import fence, filled_module
+from palpate.planning.model.provider import Endpoint
+from palpate.planning.model.session import ModelSession
+from palpate.planning.model.settings import FEEDBACK_ROUNDS, ModelSettings
+from palpate.planning.plan import Plan, plan_json
+from palpate.primitives.registry import vocabulary
+
+LONGEST_OBJECTION = 1000
+"""Characters that go to the planner."""
+
+
+def critic_endpoint(settings: ModelSettings, planner: Endpoint) -> Endpoint | None:
+    """The critic that the settings name, if any; at the planner's address where both have the same
+    provider.
+
+    Raises:
+        InputError: no such provider.
+        Unavailable: its key is not set.
+    """
+    if settings.critic is None:
+        return None
+    shared = settings.critic.partition(":")[0] == planner.provider.name
+    return Endpoint.of(settings.critic, settings.base_url if shared else None)
+
+
+def objection_to(
+    plan: Plan, critic: Endpoint, task: str, planner: ModelSession, conversation: Conversation
+) -> str | None:
+    """Ask the critic about a plan; return its objection, or None. The conversation keeps its answer.
+
+    Args:
+        plan: the plan of the planner.
+        critic: the model that is asked, within the rest of the dialogue's budget.
+        task: R, D, robot and poses, as the planner received them.
+        planner, conversation: the dialogue with the planner, and its record.
+    """
+    budget = planner.budget
+    spent = sum(round.answer.seconds for round in conversation.rounds)
+    rest = replace(
+        budget,
+        seconds=max(0.1, budget.seconds - spent),
+        tokens=max(1, budget.tokens - conversation.tokens),
+    )
+    system = filled_module("critic.md", vocabulary(), "full")
+    shown = fence(json.dumps(plan_json(plan), ensure_ascii=False), "json")
+    message = f"{task}\n\n# The plan\n{shown}\n\nIs there an objection?"
+    # A critic that fails leaves the plan as it is.
+    try:
+        if exhausted := budget.exhaustion_reason(conversation):
+            raise Unavailable(exhausted)
+        answer = ModelSession(critic, system, planner.pictures, None, rest).ask(message)
+    except Unavailable as error:
+        conversation.critique = Critique(critic.name, system, message, error=str(error))
+        return None
+    objection = read_objection(answer.text)
+    conversation.critique = Critique(critic.name, system, message, answer, objection)
+    return objection or None
+
+
+def read_objection(text: str) -> str:
+    """The last objection in a critic's answer; empty for none, or one in another form."""
+    said = ""
+    for found in json_objects(text):
+        objection = found.get("objection")
+        if isinstance(objection, str):
+            said = objection
+    return " ".join(said.split())[:LONGEST_OBJECTION]
+
+
+# Rounds of a dialogue with a model: ask, check, feed the findings back, a bounded number of times.
+
 
 MAX_FINDINGS = 20
 MAX_FINDING = 500
@@ -76,7 +145,7 @@ def converse(
         left -= 1
         plan, findings = once(feedback(findings), plan)
 
-    def reconsidered(plan: Plan, message: str) -> Plan:
+    def reconsider(plan: Plan, message: str) -> Plan:
         """The next plan that passes after a message; whatever ends the reconsideration, `plan`
         stands."""
         latest: Plan | None = plan
@@ -96,11 +165,11 @@ def converse(
     if objection is not None:
         conversation.rounds[-1] = replace(conversation.rounds[-1], objection=objection)
         # No question after an objection, which may have demanded what would be questioned.
-        return reconsidered(plan, objected(objection))
+        return reconsider(plan, objection_message(objection))
     asked = question(plan)
     if asked is not None:
         conversation.rounds[-1] = replace(conversation.rounds[-1], question=asked)
-        return reconsidered(plan, questioned(asked))
+        return reconsider(plan, question_message(asked))
     return plan
 
 
@@ -123,7 +192,7 @@ def differences(before: Plan, after: Plan) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def objected(objection: str) -> str:
+def objection_message(objection: str) -> str:
     """A critic's objection as the next message to the model."""
     return (
         "The plan passes the check. A second reader, who sees what you see, objects:\n"
@@ -133,7 +202,7 @@ def objected(objection: str) -> str:
     )
 
 
-def questioned(question: str) -> str:
+def question_message(question: str) -> str:
     """A question about a plan as the next message to the model."""
     return (
         "The answer passes the check. One question, asked once, to which either answer may be right:\n"
@@ -153,7 +222,7 @@ def feedback(findings: Sequence[str]) -> str:
     return "\n".join(lines)
 
 
-def replayed(kept: Conversation, again: Conversation, judge: Judge) -> Plan:
+def replay_conversation(kept: Conversation, again: Conversation, judge: Judge) -> Plan:
     """The plan of a recorded conversation, checked again without network; every round is appended to
     `again`.
 

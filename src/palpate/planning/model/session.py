@@ -21,12 +21,13 @@ from typing import TYPE_CHECKING, Any
 
 from PIL import Image
 
-from palpate.errors import PalpateError, Unavailable
+from palpate.common.errors import PalpateError, Unavailable
+from palpate.common.redaction import redact
 from palpate.planning.model.conversation import Answer
-from palpate.planning.model.provider import Endpoint
-from palpate.planning.model.sdk import (
+from palpate.planning.model.provider import (
     NOT_THE_API,
     TOO_LARGE,
+    Endpoint,
     bounded_client,
     is_too_large,
     may_pass,
@@ -34,7 +35,6 @@ from palpate.planning.model.sdk import (
     sdk_model,
 )
 from palpate.planning.model.settings import Budget
-from palpate.redaction import redact
 from palpate.scene.camera import load_image
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def picture(path: Path) -> Picture:
 
 
 @dataclass(slots=True)
-class Session:
+class ModelSession:
     """Dialogue as the provider sees it: the messages so far, and the time that is left."""
 
     endpoint: Endpoint

@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated
 from urllib.parse import urlsplit, urlunsplit
 
-from palpate.option import Option
+from palpate.common.extensions import Option
 
 if TYPE_CHECKING:
     from palpate.planning.model.conversation import Conversation
-    from palpate.planning.model.prompt.compose import Style
+    from palpate.planning.model.prompt import Style
 else:
     Style = str  # `checked` looks at the name: its module loads the vocabulary
 
@@ -47,7 +47,7 @@ class Budget:
         patience = left if self.attempt_seconds is None else min(left, self.attempt_seconds)
         return max(0.1, patience)
 
-    def exhausted(self, conversation: Conversation) -> str | None:
+    def exhaustion_reason(self, conversation: Conversation) -> str | None:
         """Reason why no further message may be sent, or None."""
         if conversation.tokens >= self.tokens:
             return f"the budget of {self.tokens} tokens is used up"
@@ -102,14 +102,14 @@ class ModelSettings:
         host = url.netloc.rpartition("@")[2]
         return urlunsplit((url.scheme, host, url.path, "", "")) or None
 
-    def checked(self) -> ModelSettings:
+    def check_values(self) -> ModelSettings:
         """Return these settings after checking their names.
 
         Raises:
             InputError: no such prompt, module of it, or provider.
         """
         if self.prompt != "full" or self.without:
-            from palpate.planning.model.prompt.compose import checked_modules, checked_style
+            from palpate.planning.model.prompt import checked_modules, checked_style
 
             checked_style(self.prompt)
             checked_modules(self.without)

@@ -26,19 +26,30 @@ from contextlib import suppress
 from dataclasses import replace
 from itertools import islice, product
 
-from palpate.errors import InputError, PlanRejected
-from palpate.parameter import Parameter
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter, PlanRejected
 from palpate.planning.planner import MAX_REQUEST
-from palpate.planning.request.item import Grounded
-from palpate.planning.request.languages import colours, in_english, spoken
+from palpate.planning.request.query import Act, Aside, Grounded
 from palpate.planning.request.reading import Reading
 from palpate.planning.request.resolver import HINT, Resolver
 from palpate.planning.request.selection import Selection
-from palpate.planning.request.sentence.cover import Clause, Cover, Sentence, covered
-from palpate.planning.request.sentence.lattice import Lattice, deeds
-from palpate.planning.request.sentence.query import Act, Aside
-from palpate.planning.request.tokens import lemmas, sentences, tokens
-from palpate.planning.request.wording import english
+from palpate.planning.request.sentence import (
+    Clause,
+    Cover,
+    Lattice,
+    Sentence,
+    cover_sentence,
+    deeds,
+)
+from palpate.planning.request.words import (
+    colours,
+    english,
+    in_english,
+    lemmas,
+    sentences,
+    spoken,
+    tokens,
+)
 from palpate.scene.scene import Scene
 
 LONGEST = 60
@@ -70,9 +81,9 @@ def ground(request: str, scene: Scene) -> Grounded:
     parts = _sentences(request, list(sentences(words)), lattice)
     try:
         acts = _readings(parts, request, lattice, Resolver(scene))
-        found = _agreed([_grounded(one, scene, lattice, request, parts) for one in acts])
+        found = _agreed([_ground_acts(one, scene, lattice, request, parts) for one in acts])
     except PlanRejected as rejection:
-        parameters, not_used = _proposed(parts, scene, lattice)
+        parameters, not_used = _propose(parts, scene, lattice)
         if not parameters:
             raise
         reason = str(rejection).partition(HINT)[0]
@@ -90,7 +101,9 @@ def _sentences(request: str, parts: Sequence[Sequence[str]], lattice: Lattice) -
         raise PlanRejected(
             f"a sentence of the request has {longest} words; say it in sentences of at most {LONGEST}"
         )
-    return [covered(words, written, lattice) for words, written in zip(parts, own, strict=True)]
+    return [
+        cover_sentence(words, written, lattice) for words, written in zip(parts, own, strict=True)
+    ]
 
 
 def _readings(
@@ -120,13 +133,13 @@ def _agreed(found: Sequence[Grounded]) -> Grounded:
     for other in found:
         if set(other.asked) != set(first.asked):
             raise PlanRejected(
-                f"the request may mean {_listed(first.asked)} or {_listed(other.asked)}; say it in "
+                f"the request may mean {_list_parameters(first.asked)} or {_list_parameters(other.asked)}; say it in "
                 "two sentences"
             )
     return first
 
 
-def _grounded(
+def _ground_acts(
     acts: Sequence[Act], scene: Scene, lattice: Lattice, request: str, parts: Sequence[Sentence]
 ) -> Grounded:
     """Parameters that one reading asks for."""
@@ -145,7 +158,7 @@ def _grounded(
     )
 
 
-def _proposed(
+def _propose(
     parts: Sequence[Sentence], scene: Scene, lattice: Lattice
 ) -> tuple[tuple[Parameter, ...], tuple[str, ...]]:
     """Parameters that a request may ask for, and the words that are not used for it.
@@ -196,5 +209,5 @@ def _runs(words: Sequence[str], places: Iterable[int]) -> list[str]:
     return [" ".join(run) for run in runs.values()]
 
 
-def _listed(parameters: Sequence[Parameter]) -> str:
+def _list_parameters(parameters: Sequence[Parameter]) -> str:
     return " and ".join(str(parameter) for parameter in parameters) or "nothing"

@@ -4,23 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from palpate.errors import PlanRejected
-from palpate.parameter import Parameter
-from palpate.planning.request.resolver import Resolver
-from palpate.planning.request.selection import Items, Selection
-from palpate.planning.request.sentence.query import (
+from palpate.common.parameter import Parameter, PlanRejected
+from palpate.planning.request.query import (
     AGAIN,
     Act,
     Again,
     Aside,
     Mention,
+    NamedPurpose,
+    NamedQuantity,
     Need,
-    Purpose,
-    Quantity,
     Query,
     Say,
 )
-from palpate.planning.request.wording import english
+from palpate.planning.request.resolver import Resolver
+from palpate.planning.request.selection import Items, Selection
+from palpate.planning.request.words import english
 
 
 @dataclass
@@ -43,8 +42,8 @@ class Reading:
     looked: bool = False
     _purposes: list[tuple[str, Items]] = field(default_factory=list[tuple[str, Items]])
     _alone: list[Items] = field(default_factory=list[Items])
-    _of_all: list[Quantity] = field(default_factory=list[Quantity])
-    _last: tuple[Quantity, ...] = ()
+    _of_all: list[NamedQuantity] = field(default_factory=list[NamedQuantity])
+    _last: tuple[NamedQuantity, ...] = ()
     _how: str = ""
     _turning: bool = False
     _wanted: bool = False
@@ -54,7 +53,7 @@ class Reading:
     @property
     def wanted(self) -> tuple[Parameter, ...]:
         """The parameters that are asked for and not excluded."""
-        asked = self.resolver.ordered(self.asked)
+        asked = self.resolver.order_parameters(self.asked)
         return tuple(one for one in asked if one not in self.excluded)
 
     def take(self, act: Act) -> None:
@@ -73,7 +72,7 @@ class Reading:
                 found = self.selection.found(act.selector)
                 if act.alone:
                     self._alone.append(found)
-            case Purpose():
+            case NamedPurpose():
                 self._purposes.append((act.verb, self.selection.found(act.selector)))
             case Need():
                 self._needed = True
@@ -125,7 +124,7 @@ class Reading:
             self._last = tuple(query.quantity for query in act.queries if query.quantity)
         self._how = "want" if wanted else how
 
-    def _quantities(self, query: Query) -> tuple[Quantity | None, ...]:
+    def _quantities(self, query: Query) -> tuple[NamedQuantity | None, ...]:
         """Quantities of a query; "that of the mug" repeats the last ones."""
         if query.quantity is not AGAIN:
             return (query.quantity,)
@@ -141,7 +140,7 @@ class Reading:
         if query.quantity and not query.quantity.measurable:
             self.resolver.cannot.append(self.resolver.not_measurable(query.quantity))
             return
-        objects = self._found(query)
+        objects = self._find_bodies(query)
         for quantity in self._quantities(query):
             if quantity is None:
                 self._miss(objects)
@@ -156,7 +155,7 @@ class Reading:
             if self._turning:  # "we know all masses except that of the mug"
                 self.excluded.difference_update(asked)
 
-    def _found(self, query: Query) -> Items:
+    def _find_bodies(self, query: Query) -> Items:
         """Bodies of a query; they leave no earlier quantity open: "the mass, but not the friction of the
         mug"."""
         objects = self.selection.found(query.selector) if query.selector else ()
@@ -169,7 +168,7 @@ class Reading:
 
     def _spare(self, query: Query) -> None:
         before = len(self.selection.spoken)
-        objects = self._found(query)
+        objects = self._find_bodies(query)
         self.selection.spared += objects
         if query.quantity is None:
             del self.selection.spoken[before:]
@@ -179,7 +178,7 @@ class Reading:
                 of = self._meant(quantity)
             self.excluded.update(self.resolver.exclusions(quantity, of))
 
-    def _meant(self, quantity: Quantity) -> Items:
+    def _meant(self, quantity: NamedQuantity) -> Items:
         """Last named bodies that can have the quantity: the meaning of "it", or of no mention."""
         self.selection.require_sure()
         for objects in reversed(self.selection.spoken):
@@ -203,7 +202,7 @@ class Reading:
             if not ids:
                 self._miss(objects)
             for id in ids:
-                for one in self.resolver.parameters(Quantity(id, id), objects):
+                for one in self.resolver.parameters(NamedQuantity(id, id), objects):
                     (offered if self.resolver.is_assumed(one) else self.asked).append(one)
         if offered:
             listed = ",".join(str(one) for one in dict.fromkeys(offered))

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NoReturn
 
-from palpate.errors import PlanRejected
-from palpate.parameter import Parameter
-from palpate.planning.request.item import GRIPPER, Item
-from palpate.planning.request.sentence.query import Quantity
-from palpate.quantities.catalogue import Catalogue
+from palpate.common.parameter import Parameter, PlanRejected
+from palpate.estimation.quantities.catalogue import Catalogue
+from palpate.planning.request.query import GRIPPER, Item, NamedQuantity
 from palpate.scene.describe import AN_OBJECT
 from palpate.scene.scene import Scene
 
@@ -34,7 +32,7 @@ class Resolver:
         self.catalogue = scene.catalogue
         self.cannot: list[str] = []
 
-    def parameters(self, quantity: Quantity, objects: Sequence[Item]) -> list[Parameter]:
+    def parameters(self, quantity: NamedQuantity, objects: Sequence[Item]) -> list[Parameter]:
         """The parameters of one quantity said of some objects (of all that miss it, when none is
         named).
 
@@ -70,12 +68,14 @@ class Resolver:
         quantity = self.catalogue[parameter.quantity].known_as()
         return body is not None and quantity in body.assumed
 
-    def can_have(self, objects: Sequence[Item], quantity: Quantity) -> bool:
+    def can_have(self, objects: Sequence[Item], quantity: NamedQuantity) -> bool:
         """Test that one of `objects` can have the quantity."""
         id = self._meant(quantity.id, objects)
         return id not in self.catalogue or self._any_carries(objects, id)
 
-    def exclusions(self, quantity: Quantity | None, objects: Sequence[Item]) -> list[Parameter]:
+    def exclusions(
+        self, quantity: NamedQuantity | None, objects: Sequence[Item]
+    ) -> list[Parameter]:
         """The parameters that "except …" or "we know …" takes out: of one quantity, or, where none
         is named, of all.
 
@@ -109,7 +109,7 @@ class Resolver:
             f"The request names no quantity, so everything the scene misses of {listed} is meant{end}"
         )
 
-    def ordered(self, parameters: Sequence[Parameter]) -> list[Parameter]:
+    def order_parameters(self, parameters: Sequence[Parameter]) -> list[Parameter]:
         """Each once: surfaces first, then objects and fixtures, each in document order; quantities as in the
         catalogue."""
         scene = self.scene
@@ -177,7 +177,7 @@ class Resolver:
             return name in self.scene.objects
         return subject == self.scene.bodies[name].role
 
-    def not_measurable(self, quantity: Quantity) -> str:
+    def not_measurable(self, quantity: NamedQuantity) -> str:
         """Message to a request for a property that nothing measures."""
         reason, label = _NOT_SENSED, quantity.id
         if quantity.id in self.catalogue:

@@ -1,18 +1,22 @@
-"""Bodies of the scene that the selectors of a request refer to."""
+"""Selection of the bodies that a request refers to."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from palpate.errors import InputError, PlanRejected
-from palpate.planning.request.item import GRIPPER, Item
-from palpate.planning.request.nouns import OBJECT_NOUNS, Nouns
-from palpate.planning.request.sentence.query import (
+from palpate.common.errors import InputError
+from palpate.common.parameter import PlanRejected
+from palpate.mjcf.body import Body
+from palpate.planning.request.query import (
+    GRIPPER,
     Again,
     All,
     Except,
     Extreme,
+    Item,
     Kind,
     Names,
     Near,
@@ -20,7 +24,158 @@ from palpate.planning.request.sentence.query import (
     Several,
 )
 from palpate.planning.request.whereabouts import farthest, standing
+from palpate.planning.request.words import english, is_further, is_within, name_words, singulars
 from palpate.scene.scene import Scene
+
+
+class Nouns:
+    """The words that name things in one scene.
+
+    Attributes:
+        own: the words of each body's name.
+        named: which bodies are called so.
+        colours: words of colours, which are no nouns.
+    """
+
+    def __init__(self, scene: Scene, colours: frozenset[str]) -> None:
+        self.colours = colours
+        self.own = {name: name_words(name) for name in scene.bodies}
+        self.named: dict[tuple[str, ...], list[str]] = defaultdict(list)
+        for name, own in self.own.items():
+            self.named[own].append(name)
+        self._said = {name: self._said_of(body) for name, body in scene.bodies.items()}
+        self._names = frozenset(word for own in self.own.values() for word in own)
+        self._said_of_any = frozenset[str]().union(
+            self.colours, *_KINDS.values(), _GRIPPER, *self._said.values()
+        )
+
+    @property
+    def names(self) -> frozenset[str]:
+        """The words of all names."""
+        return self._names
+
+    def apart(self, request: str) -> str:
+        """The request with the names of bodies, as the scene writes them, in words: "cubeB_main" is
+        "cube b main"."""
+        for name in sorted(self.own, key=len, reverse=True):
+            if len(self.own[name]) > 1:
+                words = " ".join(self.own[name])
+                request = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", words, request)
+        return request
+
+    def known(self, word: str) -> bool:
+        """Test that a word may be part of the name of a body here."""
+        forms = singulars(word)
+        if not self._said_of_any.isdisjoint([*forms, *_others(word)]):
+            return True
+        return any(_ends(own, form) for own in self._names for form in forms)
+
+    def is_kind(self, word: str) -> bool:
+        """Test for a word that is a class of objects and part of no name."""
+        forms = singulars(word)
+        return self._names.isdisjoint(forms) and not english().kinds.keys().isdisjoint(forms)
+
+    def singular(self, word: str) -> bool:
+        """Test that a word is no plural, as names and their own words are."""
+        alike = word in self._said_of_any or word in frozenset[str]().union(*english().same)
+        return alike or any(_ends(own, word) for own in self._names)
+
+    def fitting(self, words: Sequence[str]) -> tuple[str, ...]:
+        """All bodies of which each of `words` may be said; where the last is in some of their names,
+        those."""
+        fitting = [name for name in self.own if self._fits(name, words)]
+        noun = singulars(words[-1])
+        called = [name for name in fitting if not set(self.own[name]).isdisjoint(noun)]
+        return tuple(called or fitting)
+
+    def meant(self, words: tuple[str, ...], plural: bool) -> tuple[str, ...]:
+        """The bodies that `words` may mean: the one called exactly so, else those whose name has
+        the noun, else those of which all words may be said, else what has another word for it."""
+        exact = self.named.get(words)
+        if exact and not plural:
+            return tuple(exact)
+        if self._is_gripper(words[-1]):
+            return (GRIPPER,)
+        return self._names_with_head(self.fitting(words), words[-1]) or self._bodies_by_synonym(
+            words
+        )
+
+    def _names_with_head(self, names: Sequence[str], noun: str) -> tuple[str, ...]:
+        """Select the names whose head noun is `noun`: paint is no paint can."""
+        return tuple(name for name in names if self._may_head(name, noun))
+
+    def _may_head(self, name: str, noun: str) -> bool:
+        # What a parenthesis or a comma adds is no noun: "stapler (old)".
+        headed = name_words(re.split(r"[(,]", name)[0]) or self.own[name]
+        own = [word for word in headed if not is_further(word)]
+        own = [word for word in own if word not in self.colours] or own
+        said = set(singulars(noun))
+        return said.isdisjoint(own[:-1]) or not said.isdisjoint(own[-1:])
+
+    def is_synonym(self, words: tuple[str, ...]) -> bool:
+        """Test that `words` are synonyms of a body, and not its own name."""
+        return not self.named.get(words) and not self._names_with_head(
+            self.fitting(words), words[-1]
+        )
+
+    def _bodies_by_synonym(self, words: tuple[str, ...]) -> tuple[str, ...]:
+        """Bodies that a synonym refers to: the table for a desk if there is no table."""
+        found: list[str] = []
+        for other in _others(words[-1]):
+            found += self._names_with_head(self.fitting((*words[:-1], other)), other)
+        return tuple(dict.fromkeys(found))
+
+    def _said_of(self, body: Body) -> frozenset[str]:
+        """Every word that may be said of a body: of its name, its looks and its kind."""
+        own = self.own[body.name]
+        said = set(own) | _KINDS[body.role]
+        for phrase in body.words:
+            said.update(phrase.split())
+        for kind, members in english().kinds.items():
+            if any(_ends(word, member) for word in own for member in members):
+                said.add(kind)
+        return frozenset(said)
+
+    def _is_gripper(self, noun: str) -> bool:
+        """Test that the noun means the robot's hand, and no body of that name exists."""
+        return noun in _GRIPPER and noun not in self._names
+
+    def _fits(self, name: str, words: Sequence[str]) -> bool:
+        """Test that each of `words` may describe the body."""
+        return all(self._says(name, word) for word in words)
+
+    def _says(self, name: str, word: str) -> bool:
+        forms = singulars(word)
+        if not self._said[name].isdisjoint(forms):
+            return True
+        return any(_ends(own, form) for own in self.own[name] for form in forms)
+
+
+def _ends(own: str, noun: str) -> bool:
+    """Test that a word of a name is the noun, or a compound that ends in it."""
+    return noun == own or (noun in own and is_within(noun, own))
+
+
+def _others(noun: str) -> Iterator[str]:
+    """Other words for a noun."""
+    for form in singulars(noun):
+        for alike in english().same:
+            if form in alike:
+                yield from alike - {form}
+
+
+OBJECT_NOUNS = frozenset({"object", "thing", "item", "body"})
+"""Nouns that fit any object."""
+_KINDS: Mapping[str, frozenset[str]] = {
+    "object": OBJECT_NOUNS,
+    "surface": frozenset({"surface"}),
+    "fixture": frozenset({"fixture"}),
+}
+_GRIPPER = frozenset({"gripper", "hand", "arm", "robot"})
+
+
+# Bodies of the scene that the selectors of a request refer to.
+
 
 Items = tuple[Item, ...]
 
@@ -61,19 +216,19 @@ class Selection:
             case All():
                 yield self._everything(selector.others)
             case Names():
-                yield self._named(selector.words)
+                yield self._resolve_name(selector.words)
             case Kind():
                 yield self._kind(selector)
             case Except():
                 yield from self._less(selector)
             case Near():
-                yield self._placed(selector)
+                yield self._resolve_place(selector)
             case Extreme():
                 yield self._farthest(selector)
             case Again(which="one"):
                 yield self._one(selector.words)
             case Again():
-                yield from self._again(selector.which)
+                yield from self._resolve_earlier(selector.which)
             case Several(choice=True):
                 raise PlanRejected("'or' leaves it open which is meant; say 'and', or name one")
             case Several():
@@ -90,14 +245,14 @@ class Selection:
             names = tuple(name for name in names if name not in before)
         return Item(("everything",), names, plural=True)
 
-    def _named(self, words: tuple[str, ...]) -> Item:
+    def _resolve_name(self, words: tuple[str, ...]) -> Item:
         names = (GRIPPER,) if GRIPPER in words else self.nouns.meant(words, plural=False)
         if not names:
             raise self._not_there(" ".join(words))
         if len(names) > 1 and len(words) == 1 and words[0] in OBJECT_NOUNS:
             names = self._last(names)
-        remark = f"'{' '.join(words)}' is taken for {_quoted(names)}."
-        return Item(words, names, remark=remark if self.nouns.otherwise(words) else "")
+        remark = f"'{' '.join(words)}' is taken for {_quote_names(names)}."
+        return Item(words, names, remark=remark if self.nouns.is_synonym(words) else "")
 
     def _last(self, names: tuple[str, ...]) -> tuple[str, ...]:
         """ "That thing": the one that was spoken of last."""
@@ -114,8 +269,8 @@ class Selection:
                 f"the scene has {len(names)} of '{said}', not {kind.count}: {', '.join(names)}; name "
                 "those that are meant"
             )
-        taken = self.nouns.otherwise(kind.words) or self.nouns.is_kind(kind.words[-1])
-        remark = f"'{said}' are taken to be {_quoted(names)}." if taken else ""
+        taken = self.nouns.is_synonym(kind.words) or self.nouns.is_kind(kind.words[-1])
+        remark = f"'{said}' are taken to be {_quote_names(names)}." if taken else ""
         return Item(kind.words, names, True, remark)
 
     def _one(self, words: tuple[str, ...]) -> Item:
@@ -130,7 +285,7 @@ class Selection:
             raise self._not_there(f"{' '.join(words)} one")
         return Item((*words, "one"), names)
 
-    def _again(self, which: str) -> Items:
+    def _resolve_earlier(self, which: str) -> Items:
         """Bodies that were named before."""
         self.require_sure()
         if not self.spoken:
@@ -160,7 +315,7 @@ class Selection:
         name, remark = farthest(extreme.place, item.names, self.scene, item.text)
         return Item(item.words, (name,), remark=remark)
 
-    def _placed(self, near: Near) -> Item:
+    def _resolve_place(self, near: Near) -> Item:
         (item,) = self._items(near.base)
         if near.relation == "top":
             if self.scene.surfaces.keys().isdisjoint(item.names):
@@ -187,7 +342,9 @@ class Selection:
         self.spared.append(Item((), tuple(less), plural=True))
         single = {name for item in items if not item.plural for name in item.names}
         if not less.isdisjoint(single):
-            raise PlanRejected(f"{_quoted(sorted(less & single))} is both wanted and not wanted")
+            raise PlanRejected(
+                f"{_quote_names(sorted(less & single))} is both wanted and not wanted"
+            )
         for item in items:
             kept = tuple(name for name in item.names if name not in less)
             if kept:
@@ -199,5 +356,5 @@ class Selection:
         return InputError(f"the scene has no '{words}'; it has {listed}{why and '. ' + why}")
 
 
-def _quoted(names: Iterable[str] | Sequence[str]) -> str:
+def _quote_names(names: Iterable[str] | Sequence[str]) -> str:
     return " and ".join(f"'{name}'" for name in names)

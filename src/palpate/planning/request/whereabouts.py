@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from palpate.errors import PlanRejected
-from palpate.geometry.pose import Array
+from palpate.common.parameter import PlanRejected
+from palpate.common.pose import Array
 from palpate.mjcf.body import Body
-from palpate.planning.request.item import Item
+from palpate.planning.request.query import Item
 from palpate.scene.scene import Scene
 
 APART = 0.02
@@ -88,7 +88,9 @@ def standing(
         stands = _STANDING[relation]
         found = [body for body in rest if any(stands(body, mark, rest) for mark in beside)]
     else:
-        found, remark = _beside(relation, rest, beside, scene, chosen=anything or len(rest) > 1)
+        found, remark = _bodies_in_relation(
+            relation, rest, beside, scene, chosen=anything or len(rest) > 1
+        )
     if not found:
         said = " and ".join(f"'{mark}'" for mark in marks)
         raise PlanRejected(
@@ -108,7 +110,7 @@ _SAID = {
 }
 
 
-def _beside(
+def _bodies_in_relation(
     relation: str, rest: Sequence[Body], marks: Sequence[Body], scene: Scene, chosen: bool
 ) -> tuple[list[Body], str]:
     """Bodies that have the relation; the nearest of several if one is to be chosen, with a remark."""

@@ -11,29 +11,30 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from palpate.errors import InputError, PlanRejected
-from palpate.parameter import Parameter
-from palpate.planning.check.case import Case
-from palpate.planning.check.regions import estimated_poses, unpassable_regions
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter, PlanRejected
+from palpate.estimation.quantities.catalogue import catalogue
+from palpate.estimation.quantities.within import Within
+from palpate.planning.check.check import estimated_poses, unpassable_regions
+from palpate.planning.check.finding import CheckedPlan
 from palpate.planning.check.walk import Walk
-from palpate.planning.plan import Node, Plan, Unmeasured
+from palpate.planning.plan import Node, Plan, UnmeasuredParameters
 from palpate.planning.planner import needs_scene
-from palpate.planning.request.item import GRIPPER, Grounded
-from palpate.planning.symbolic.passes import Efforts, efforts
-from palpate.planning.symbolic.places import BALANCE, SIDEWAYS, approach
+from palpate.planning.request.query import GRIPPER, Grounded
+from palpate.planning.symbolic.efforts import Efforts, efforts
 from palpate.planning.symbolic.search import Backchainer
-from palpate.quantities.catalogue import catalogue
-from palpate.quantities.within import Within
-from palpate.scene.consistency import contradictions, overlap_of
-from palpate.scene.raised import TEMPORARY, is_open, risen
+from palpate.planning.symbolic.steps import BALANCE, SIDEWAYS, approach
+from palpate.primitives.registry import Vocabulary, acquisition, vocabulary
+from palpate.primitives.rules.collision_geometry import too_far
+from palpate.primitives.rules.grasp import does_not_fit, too_heavy
+from palpate.primitives.rules.solids import solids
+from palpate.scene.load import TEMPORARY, is_open, risen
+from palpate.scene.remarks import contradictions, overlap_of
 from palpate.scene.scene import Scene
-from palpate.vocabulary.admissible.grasp import does_not_fit, too_heavy
-from palpate.vocabulary.admissible.reach import too_far
-from palpate.vocabulary.admissible.solids import solids
-from palpate.vocabulary.registry import Vocabulary, acquisition, vocabulary
 
 if TYPE_CHECKING:
-    from palpate.planning.symbolic.errand import Errand
+    from palpate.planning.symbolic.efforts import Errand
+
 
 SUITE = {"surface": ("height",), "object": ("mass", "friction")}
 """Quantities of the exhaustive baseline by role: the paper's "probe heights, weigh, and test
@@ -47,7 +48,7 @@ class Assembled:
 
     tree: Node | None
     measured: tuple[Parameter, ...]
-    failed: tuple[Unmeasured, ...]
+    failed: tuple[UnmeasuredParameters, ...]
     omitted: tuple[str, ...] = ()
 
 
@@ -82,14 +83,14 @@ class SymbolicPlanner:
         except (InputError, PlanRejected):
             if request is None:
                 raise
-            from palpate.planning.symbolic.errand import errand
+            from palpate.planning.symbolic.efforts import errand
 
             found = errand(request, scene)
             if found is None:
                 raise
             return self._errand(found, scene)
         known, wanted = split_known(asked.asked, scene, self.remeasure)
-        cannot = [Unmeasured(reason) for reason in asked.cannot]
+        cannot = [UnmeasuredParameters(reason) for reason in asked.cannot]
         for parameter in wanted:
             quantity = catalogue()[parameter.quantity]
             if not quantity.identifiable:
@@ -163,7 +164,7 @@ class ExhaustivePlanner:
         )
 
 
-def requested(
+def requested_parameters(
     request: str | None,
     scene: Scene,
     remeasure: bool = False,
@@ -174,19 +175,19 @@ def requested(
     None where that is uncertain: a part of the request is not understood, is inferred, or cannot be
     measured.
     """
-    wanted = surely_asked(request, scene, remeasure, measure)
+    wanted = surely_requested_parameters(request, scene, remeasure, measure)
     if wanted is None or assemble(scene, wanted).failed:
         return None
     return wanted
 
 
-def surely_asked(
+def surely_requested_parameters(
     request: str | None,
     scene: Scene,
     remeasure: bool = False,
     measure: tuple[Parameter, ...] | None = None,
 ) -> tuple[Parameter, ...] | None:
-    """The parameters that `requested` returns, whether or not they can be measured."""
+    """The parameters that `requested_parameters` returns, whether or not they can be measured."""
     try:
         asked = asked_parameters(request, scene, measure)
     except (InputError, PlanRejected):
@@ -217,23 +218,23 @@ def assemble(
     made = Assembled(None, (), ())
     # Estimated balance points, and extras, are left out where a part of their region does not pass.
     for balances, extras in ((True, True), (True, False), (False, True)):
-        made = _assembled(
+        made = _assemble_tree(
             Backchainer(scene, words, mirrored, balances, extras), wanted, efforts or {}
         )
         if made.tree is None:
             break
-        case = Case(Plan((), made.tree, ""), words, scene)
+        case = CheckedPlan(Plan((), made.tree, ""), words, scene)
         if not estimated_poses(case) or not any(unpassable_regions(case, Walk.over(case))):
             break
     return made
 
 
-def _assembled(
+def _assemble_tree(
     chainer: Backchainer, parameters: Iterable[Parameter], efforts: Efforts
 ) -> Assembled:
     chainer.go_home()
     measured: list[Parameter] = []
-    failed: list[Unmeasured] = []
+    failed: list[UnmeasuredParameters] = []
     groups: dict[str, list[Parameter]] = {}
     for wanted in parameters:
         groups.setdefault(wanted.object, []).append(wanted)
@@ -285,10 +286,12 @@ def _measure(
     return done, {**others, **reasons}
 
 
-def _unmeasured(parameters: Sequence[Parameter], reason: str) -> Unmeasured:
+def _unmeasured(parameters: Sequence[Parameter], reason: str) -> UnmeasuredParameters:
     """Parameters of one body, with a sentence that says why they cannot be measured."""
     why = reason.removesuffix(".")
-    return Unmeasured(f"{spoken(parameters)} cannot be measured: {why}.", tuple(parameters))
+    return UnmeasuredParameters(
+        f"{spoken(parameters)} cannot be measured: {why}.", tuple(parameters)
+    )
 
 
 def unusable(scene: Scene, name: str) -> str:
@@ -317,7 +320,7 @@ def asked_parameters(
         return Grounded(measure)
     if request is None:
         return Grounded(scene.missing)
-    from palpate.planning.request.grounding import ground  # the words of five languages
+    from palpate.planning.request.grounding import ground
 
     return ground(request, scene)
 
@@ -347,10 +350,12 @@ def split_known(
 
 def known_note(parameter: Parameter, scene: Scene) -> str:
     """Note on a parameter that the scene states, and that is not measured."""
-    return f"{stated(parameter, scene)} and not measured again unless it is to be remeasured."
+    return (
+        f"{stated_clause(parameter, scene)} and not measured again unless it is to be remeasured."
+    )
 
 
-def stated(parameter: Parameter, scene: Scene) -> str:
+def stated_clause(parameter: Parameter, scene: Scene) -> str:
     """Clause on a parameter that the scene states, with its value."""
     quantity = catalogue()[parameter.quantity]
     values = scene.bodies[parameter.object].known[quantity.known_as()]
@@ -398,16 +403,16 @@ def explanation(made: Assembled) -> list[str]:
         if quantity.derived:
             how = f"{quantity.how}, and the value is derived from the recordings"
         sentences.append(f"{quantity.label.capitalize()} of {', '.join(names)}: {how}.")
-    for name in visited(made.tree, TEMPORARY):
-        slides = any(visited(made.tree, axis, f"{name}{TEMPORARY}") for axis in SIDEWAYS)
+    for name in visited_objects(made.tree, TEMPORARY):
+        slides = any(visited_objects(made.tree, axis, f"{name}{TEMPORARY}") for axis in SIDEWAYS)
         why = "stands on several surfaces, and is slid on one" if slides else "is in the way"
         sentences.append(f"'{name}' {why}; it is carried to a free place and back.")
-    for name in visited(made.tree, BALANCE):
+    for name in visited_objects(made.tree, BALANCE):
         sentences.append(f"'{name}' is grasped last where the run finds it to balance.")
     return [*sentences, *made.omitted, "Everything is put back where it was."]
 
 
-def visited(tree: Node, ending: str, start: str = "") -> Mapping[str, None]:
+def visited_objects(tree: Node, ending: str, start: str = "") -> Mapping[str, None]:
     """Objects to whose pose with a name of that ending, and that start, the hand goes, in the order of
     the tree."""
     values = [str(value) for _, node in tree.walk() for _, value in node.args]

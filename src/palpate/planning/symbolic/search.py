@@ -13,45 +13,44 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
-from palpate.errors import PlanRejected
-from palpate.parameter import Parameter
-from palpate.planning.check.walk import evidence_amount, measured, useful_evidence
+from palpate.common.parameter import Parameter, PlanRejected
+from palpate.estimation.quantities.quantity import Effort
+from palpate.planning.check.walk import evidence_amount, has_measurement, useful_evidence
 from palpate.planning.plan import Node
-from palpate.planning.symbolic.passes import with_effort
-from palpate.planning.symbolic.places import (
-    NEARER,
-    SIDEWAYS,
-    approach,
-    balanced,
-    corners,
-    domains,
-    exists,
-    places,
-    stands_on_seam,
-)
-from palpate.planning.symbolic.recording import yielding
+from palpate.planning.symbolic.efforts import with_effort, yielding
 from palpate.planning.symbolic.shortest import (
     Goal,
     Refusal,
     Tail,
     at_rest,
-    first_refused,
+    find_first_refusal,
     obstacle,
-    placed,
+    placement_goal,
     reason,
     shortest,
     when,
 )
-from palpate.planning.symbolic.steps import Step, nodes
-from palpate.quantities.quantity import Effort
-from palpate.scene.raised import TEMPORARY
+from palpate.planning.symbolic.steps import (
+    NEARER,
+    SIDEWAYS,
+    Step,
+    approach,
+    balance_expressions,
+    corners,
+    domains,
+    exists,
+    nodes,
+    places,
+    stands_on_seam,
+)
+from palpate.primitives.base import Primitive, Surroundings
+from palpate.primitives.registry import Vocabulary, vocabulary
+from palpate.primitives.rules.clearance import blockers
+from palpate.primitives.rules.solids import solids
+from palpate.primitives.rules.support import clear_of_support
+from palpate.primitives.state import HOME_CONFIG, SymbolicState
+from palpate.scene.load import TEMPORARY
 from palpate.scene.scene import Scene
-from palpate.vocabulary.admissible.clearance import blockers
-from palpate.vocabulary.admissible.solids import solids
-from palpate.vocabulary.admissible.support import clear_of_support
-from palpate.vocabulary.base import Primitive, Surroundings
-from palpate.vocabulary.registry import Vocabulary, vocabulary
-from palpate.vocabulary.state import HOME_CONFIG, SymbolicState
 
 MAX_DETOURS = 20
 """Paths that one search finds and sees refused before it gives up."""
@@ -181,8 +180,8 @@ class Backchainer:
         # fingers is least.
         weighed = {"mass", "com"} == {wanted.quantity for wanted in parameters}
         for parameter in parameters:
-            while not measured(parameter, self.state):
-                if not (self.balances and weighed and self._record_balanced(parameter)):
+            while not has_measurement(parameter, self.state):
+                if not (self.balances and weighed and self._record_at_balance(parameter)):
                     self._acquire(parameter)
                 if not added and self._hangs_level(name):
                     added = self._add_extra(parameters, extras)
@@ -213,7 +212,7 @@ class Backchainer:
                 return False
             state = after
             done.append(again)
-        complete = all(measured(parameter, state) for parameter in parameters)
+        complete = all(has_measurement(parameter, state) for parameter in parameters)
         if not complete or not at_rest(name)(state):
             return False
         self.state = state
@@ -232,7 +231,7 @@ class Backchainer:
                 return
             tried.append(expressions)
         # A third party's primitive whose arguments no `groundings` name is never tried.
-        around = self._around(parameter.object, [])
+        around = self._surroundings(parameter.object, [])
         mute: list[str] = []
         for cls in self.words.converters(parameter.quantity):
             for user in (cls, *self.words.sensors(cls.reads or "")):
@@ -259,12 +258,12 @@ class Backchainer:
     def _record(self, parameter: Parameter, expressions: Sequence[str]) -> bool:
         """Acquire one more piece of evidence at some of these places, if there is a path."""
         operators = self._operators(parameter.object, expressions)
-        around = self._around(parameter.object, expressions)
+        around = self._surroundings(parameter.object, expressions)
         return self._reach(operators, yielding(parameter, operators, self.words, around))
 
-    def _record_balanced(self, parameter: Parameter) -> bool:
+    def _record_at_balance(self, parameter: Parameter) -> bool:
         """Acquire the last piece of evidence where an object balances, if there is a path."""
-        spots = balanced(self.scene, parameter, self.state)
+        spots = balance_expressions(self.scene, parameter, self.state)
         return any(self._record(parameter, expressions) for expressions in spots)
 
     def _improve(self, parameter: Parameter) -> None:
@@ -275,7 +274,7 @@ class Backchainer:
                 if evidence_amount(parameter, self.state) >= useful_evidence(parameter, self.state):
                     return
                 operators = self._operators(parameter.object, [corner])
-                around = self._around(parameter.object, [corner])
+                around = self._surroundings(parameter.object, [corner])
                 tail = yielding(parameter, operators, self.words, around)
                 self._take(tail(self.state) or ())
 
@@ -289,7 +288,7 @@ class Backchainer:
 
     def _take(self, steps: Sequence[Step]) -> bool:
         """Append some steps, where there are any and the exact judgement passes them."""
-        if not steps or first_refused(self.state, steps) is not None:
+        if not steps or find_first_refusal(self.state, steps) is not None:
             return False
         self.steps += steps
         for step in steps:
@@ -306,7 +305,7 @@ class Backchainer:
         # Evidence with a place of its own is recorded there (`_enrich`).
         if not (self.extras and any(one.optional and not one.place for one in evidence)):
             return []
-        return self._grounded(self._around(name, []), extra=True)
+        return self._ground_primitives(self._surroundings(name, []), extra=True)
 
     def _hangs_level(self, name: str) -> bool:
         """True if an object is held at its believed balance point: the less it turns in the fingers,
@@ -338,7 +337,7 @@ class Backchainer:
             return
         i, there = passed
         for _, steps in self._yielding(there, parameters, [operator]):
-            if first_refused(there, steps) is None:
+            if find_first_refusal(there, steps) is None:
                 self.steps[i:i] = steps
                 logged = steps[-1].effect(there).logged[len(there.logged) :]
                 self.state = replace(self.state, logged=(*self.state.logged, *logged))
@@ -348,7 +347,7 @@ class Backchainer:
     ) -> Iterator[tuple[Primitive, Sequence[Step]]]:
         """Operators that record evidence of a parameter in a state, with their steps."""
         for parameter in parameters:
-            around = self._around(parameter.object, [])
+            around = self._surroundings(parameter.object, [])
             for operator in operators:
                 steps = yielding(parameter, [operator], self.words, around)(state)
                 if steps:
@@ -374,7 +373,9 @@ class Backchainer:
                 )
             # The object moves and turns with the hand, from its grasp pose to the place.
             carried = resolve(place) @ resolve(f"{blocker}_pose").inverse()
-            self._carry(blocker, place, placed(blocker, carried @ self.state.pose_of(blocker)))
+            self._carry(
+                blocker, place, placement_goal(blocker, carried @ self.state.pose_of(blocker))
+            )
             away.append((blocker, place))
         return away
 
@@ -384,7 +385,7 @@ class Backchainer:
         operators = self._operators(name, [e for at in spots for e in (f"{at} + z_offset", at)])
         self._reach(operators, when(done), f"'{name}' cannot be carried out of the way and back")
 
-    def _around(self, subject: str, expressions: Iterable[str]) -> Surroundings:
+    def _surroundings(self, subject: str, expressions: Iterable[str]) -> Surroundings:
         """Surroundings of an object, with the poses where one is held or a surface is touched."""
         grasp = self.state.grasp
         here = [grasp, f"{grasp} + z_offset"] if grasp else []
@@ -397,9 +398,9 @@ class Backchainer:
 
     def _operators(self, subject: str, expressions: Iterable[str]) -> list[Primitive]:
         """Grounded motion and gripper primitives."""
-        return self._grounded(self._around(subject, expressions), extra=False)
+        return self._ground_primitives(self._surroundings(subject, expressions), extra=False)
 
-    def _grounded(self, around: Surroundings, extra: bool) -> list[Primitive]:
+    def _ground_primitives(self, around: Surroundings, extra: bool) -> list[Primitive]:
         found: list[Primitive] = []
         for cls in self.words.primitives.values():
             if cls.claims and cls.extra == extra:
@@ -419,7 +420,7 @@ class Backchainer:
             if found is None:
                 break
             steps, after = found
-            harm = first_refused(self.state, steps)
+            harm = find_first_refusal(self.state, steps)
             if harm is None:
                 self._began = len(self.steps), self.state
                 self.steps += steps

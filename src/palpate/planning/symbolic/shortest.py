@@ -11,11 +11,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from palpate.geometry.pose import Pose
+from palpate.common.pose import Pose
 from palpate.planning.symbolic.steps import Step, is_away, is_clear
-from palpate.vocabulary.base import Primitive
-from palpate.vocabulary.state import RESTORED_POSITION, SymbolicState
-from palpate.vocabulary.violation import PRECONDITION, Violation
+from palpate.primitives.base import Primitive
+from palpate.primitives.state import PRECONDITION, RESTORED_POSITION, SymbolicState, Violation
 
 MAX_STATES = 5000
 """States that one search visits before it gives up."""
@@ -46,14 +45,14 @@ def at_rest(name: str) -> Goal:
     return lambda state: is_clear(state) and not is_away(state, name)
 
 
-def placed(name: str, pose_world_object: Pose) -> Goal:
+def placement_goal(name: str, pose_world_object: Pose) -> Goal:
     """The hand empty, open and clear, and `name` at that pose."""
 
-    def reached(state: SymbolicState) -> bool:
+    def matches(state: SymbolicState) -> bool:
         distance = state.pose_of(name).distance_to(pose_world_object)
         return is_clear(state) and distance < RESTORED_POSITION
 
-    return reached
+    return matches
 
 
 def when(done: Goal) -> Tail:
@@ -96,7 +95,9 @@ def final_state(
     return state
 
 
-def first_refused(state: SymbolicState, steps: Iterable[Step]) -> tuple[Refusal, Violation] | None:
+def find_first_refusal(
+    state: SymbolicState, steps: Iterable[Step]
+) -> tuple[Refusal, Violation] | None:
     """First of some steps that the exact judgement refuses, with its violation."""
     for step in steps:
         harm = step.harm(state)

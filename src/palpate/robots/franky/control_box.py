@@ -1,5 +1,4 @@
-"""A Franka's control box: its address `franky://HOST[?realtime=ignore]`, and a check that it
-answers, in a supported protocol."""
+"""A Franka's control box, the library `franky` that talks to it, and its faults in words."""
 
 from __future__ import annotations
 
@@ -7,11 +6,70 @@ import ipaddress
 import re
 import socket
 import struct
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future, wait
 from dataclasses import dataclass
+from functools import cache
+from types import ModuleType
+from typing import Any, Generic, TypeVar
 from urllib.parse import parse_qsl, urlsplit
 
-from palpate.errors import InputError, Unavailable
-from palpate.robots.franky.library import franky
+from palpate.common.errors import InputError, Unavailable
+
+T = TypeVar("T")
+
+
+@cache
+def franky() -> ModuleType:
+    """Load the module.
+
+    Raises:
+        Unavailable: it is not installed, or does not load.
+    """
+    try:
+        import franky as module  # pyright: ignore[reportMissingTypeStubs]
+    except ImportError as error:
+        raise Unavailable(
+            "the driver for a Franka is not installed: pip install 'palpate[franky]' (Linux on "
+            f"x86_64): {error}"
+        ) from error
+    return module
+
+
+class Late(Exception):
+    """A call did not return in time. It continues in its thread; its result is lost."""
+
+
+class Call(Generic[T]):
+    """A call in a daemon thread: `franky`'s constructors have no time-out, and a mute host would
+    block them for ever."""
+
+    def __init__(self, what: Callable[[], T], name: str) -> None:
+        self._future: Future[T] = Future()
+
+        def run() -> None:
+            try:
+                self._future.set_result(what())
+            except BaseException as error:
+                self._future.set_exception(error)
+
+        threading.Thread(target=run, name=name, daemon=True).start()
+
+    def result(self, seconds: float) -> T:
+        """Return the call's value, or raise what it raised.
+
+        Raises:
+            Late: no result within `seconds`.
+        """
+        if not wait([self._future], seconds).done:
+            raise Late(f"no answer within {seconds:.1f} s")
+        return self._future.result()
+
+
+# A Franka's control box: its address `franky://HOST[?realtime=ignore]`, and a check that it
+# answers, in a supported protocol.
+
 
 SCHEME = "franky"
 FORM = "franky://HOST, e.g. franky://172.16.0.2, or franky://HOST?realtime=ignore"
@@ -92,7 +150,7 @@ def greet(address: Address) -> Greeting:
     """Greet the arm's port, as libfranka does, and hang up."""
     try:
         with _connect(address) as line:
-            answer = _greeted(line)
+            answer = _read_greeting(line)
     except TimeoutError:
         return Greeting(None, f"it says nothing within {ANSWERS:g} s: {ACTIVATE}")
     except OSError as error:
@@ -130,7 +188,7 @@ def clear(address: Address) -> None:
     """
     try:
         with _connect(address) as line:
-            _greeted(line)
+            _read_greeting(line)
             line.sendall(_MESSAGE.pack(RECOVER, 1, _MESSAGE.size))
             line.recv(_MESSAGE.size + 1, socket.MSG_WAITALL)
     except OSError as error:
@@ -143,7 +201,72 @@ def _connect(address: Address) -> socket.socket:
     return line
 
 
-def _greeted(line: socket.socket) -> bytes:
+def _read_greeting(line: socket.socket) -> bytes:
     """Return the answer to a greeting."""
     line.sendall(_GREETING.pack(0, 0, _GREETING.size, SPOKEN, line.getsockname()[1]))
     return line.recv(_ANSWER.size, socket.MSG_WAITALL)
+
+
+# Messages for franky's exceptions and the modes of a control box, each with a remedy.
+
+
+MODES = {  # the control box's own modes, in words
+    "Other": "not ready (brakes closed, or another mode in Desk)",
+    "Idle": "ready",
+    "Move": "moving",
+    "Guiding": "guided by hand",
+    "Reflex": "stopped by a reflex",
+    "UserStopped": "stopped by the user stop",
+    "AutomaticErrorRecovery": "recovering",
+}
+REMEDIES = {  # all by a person: no program restarts an arm that stopped
+    "UserStopped": "release the user stop, see that nothing is held or in the way, and run again",
+    "Reflex": "see what it met, clear the error in Desk, and run again",
+    "Guiding": "take the hands off the guiding button, and run again",
+    "Other": "open the brakes and activate FCI in Desk, and run again",
+}
+
+
+def mode_of(state: Any) -> str:
+    """Return the name of the control box's mode."""
+    return str(state.robot_mode.name)
+
+
+def errors_of(state: Any) -> list[str]:
+    """List the errors that are set, by libfranka's names."""
+    errors = state.current_errors
+    return [
+        name for name in dir(errors) if not name.startswith("_") and getattr(errors, name) is True
+    ]
+
+
+def of_mode(state: Any) -> str | None:
+    """Return the reason that an arm in this mode cannot move; None if it can."""
+    mode = mode_of(state)
+    if mode in ("Idle", "Move"):
+        return None
+    return f"the arm is {MODES.get(mode, mode)}: {REMEDIES.get(mode, 'look at Desk')}"
+
+
+def of_error(error: BaseException, mode: str | None = None) -> str:
+    """Describe the error of a motion."""
+    text = " ".join(str(error).split())
+    lowered = text.lower()
+    if "user stop" in lowered or mode == "UserStopped":
+        return f"the user stop was pressed: {REMEDIES['UserStopped']}"
+    if is_network(error):
+        return "the connection to the control box is lost: look at the network cable and at Desk"
+    if "reflex" in lowered or mode == "Reflex":
+        return f"the arm stopped itself ({text}): {REMEDIES['Reflex']}"
+    if "communication_constraints" in lowered:
+        return (
+            "too many of the control box's cycles got no answer in time: use a realtime kernel, and a "
+            f"network card and cable of its own ({text})"
+        )
+    return f"{type(error).__name__}: {text}"
+
+
+def is_network(error: BaseException) -> bool:
+    """Test for a lost connection, which franky reports in several ways."""
+    text = str(error).lower()
+    return "net exception" in text or "udp" in text or type(error).__name__ == "NetworkException"

@@ -13,14 +13,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from palpate.errors import InputError, PalpateError
-from palpate.geometry.pose import Array, Pose
+from palpate.common.errors import InputError, PalpateError
+from palpate.common.pose import Array, Pose
 from palpate.robots.description import RobotDescription
-from palpate.robots.franky import faults
-from palpate.robots.franky.control_box import SPOKEN, Address, greet
-from palpate.robots.franky.library import Call, franky
-from palpate.robots.franky.readout import pose_of, require_end_effector
-from palpate.robots.franky.session import Session
+from palpate.robots.franky import control_box as faults
+from palpate.robots.franky.control_box import SPOKEN, Address, Call, franky, greet
+from palpate.robots.franky.session import FrankySession, pose_of, require_end_effector
 from palpate.robots.nominal import NominalArm
 from palpate.trace.samples import STANDARD_GRAVITY
 
@@ -37,7 +35,7 @@ communication_test, ask for more than 0.95."""
 LISTENED = 5.0  # s
 
 
-class Line(NamedTuple):
+class CheckResult(NamedTuple):
     """Result of one check."""
 
     good: bool
@@ -47,23 +45,23 @@ class Line(NamedTuple):
 
 def examine(
     address: Address, arm: RobotDescription, pose_world_base: Pose, may_hold: Callable[[], bool]
-) -> Iterator[Line]:
+) -> Iterator[CheckResult]:
     """Yield the results in order; a failed check that later ones depend on ends them."""
     began = time.perf_counter()
     greeting = greet(address)
     took = time.perf_counter() - began
     if greeting.problem is not None:
-        yield Line(False, "control box", greeting.problem)
+        yield CheckResult(False, "control box", greeting.problem)
         return
-    yield Line(True, "control box", f"{address.host} answers in {1e3 * took:.0f} ms")
-    yield Line(
+    yield CheckResult(True, "control box", f"{address.host} answers in {1e3 * took:.0f} ms")
+    yield CheckResult(
         True, "robot interface", f"version {greeting.version}, as franky-control's ({SPOKEN})"
     )
     yield from check_computer(address)
     try:
-        session = Session(address)
+        session = FrankySession(address)
     except PalpateError as error:
-        yield Line(False, "connection", str(error))
+        yield CheckResult(False, "connection", str(error))
         return
     try:
         lines = [*check_arm(session, arm, pose_world_base), *check_hand(session)]
@@ -72,14 +70,14 @@ def examine(
             yield check_cycles(session, arm, may_hold)
         else:
             why = "not tried: an arm that is not well does not hold itself"
-            yield Line(False, "answered cycles", why)
+            yield CheckResult(False, "answered cycles", why)
     except PalpateError as error:
-        yield Line(False, "arm", str(error))
+        yield CheckResult(False, "arm", str(error))
     finally:
         session.close()
 
 
-def check_computer(address: Address) -> Iterator[Line]:
+def check_computer(address: Address) -> Iterator[CheckResult]:
     """Check for a realtime kernel, and the permission to use realtime priority."""
     kernel = platform.release()
     realtime = Path("/sys/kernel/realtime")
@@ -91,7 +89,7 @@ def check_computer(address: Address) -> Iterator[Line]:
     if not address.realtime:
         remedy = f"{kernel} is none, which this address does not ask for"
     detail = kernel if good else remedy
-    yield Line(good or not address.realtime, "realtime kernel", detail)
+    yield CheckResult(good or not address.realtime, "realtime kernel", detail)
     most = allowed = os.sched_get_priority_max(os.SCHED_FIFO)
     limit = resource.getrlimit(resource.RLIMIT_RTPRIO)[1]
     if os.geteuid() != 0 and limit != resource.RLIM_INFINITY:
@@ -101,44 +99,46 @@ def check_computer(address: Address) -> Iterator[Line]:
         detail += (
             ": add '@realtime - rtprio 99' to /etc/security/limits.conf, and yourself to the group"
         )
-    yield Line(allowed >= most, "realtime priority", detail)
+    yield CheckResult(allowed >= most, "realtime priority", detail)
 
 
-def check_arm(session: Session, arm: RobotDescription, pose_world_base: Pose) -> Iterator[Line]:
+def check_arm(
+    session: FrankySession, arm: RobotDescription, pose_world_base: Pose
+) -> Iterator[CheckResult]:
     """Check mode, errors, posture, end effector, kinematics and weight of the arm."""
     state = session.state()
     problem = faults.of_mode(state)
-    yield Line(problem is None, "mode", problem or faults.MODES[faults.mode_of(state)])
+    yield CheckResult(problem is None, "mode", problem or faults.MODES[faults.mode_of(state)])
     errors = faults.errors_of(state)
     cleared = f"{', '.join(errors)}: see what it met, and clear them in Desk"
-    yield Line(not errors, "errors", cleared if errors else "none")
+    yield CheckResult(not errors, "errors", cleared if errors else "none")
     yield check_margins(np.array(state.q), arm)
     yield check_end_effector(state, arm)
     try:
         nominal = NominalArm(arm, pose_world_base, np.zeros(3))
         away = require_end_effector(state, nominal, pose_world_base)
-        yield Line(True, "TCP", f"{1e3 * away:.2f} mm from the description's")
+        yield CheckResult(True, "TCP", f"{1e3 * away:.2f} mm from the description's")
     except InputError as error:
-        yield Line(False, "TCP", str(error))
+        yield CheckResult(False, "TCP", str(error))
     detail = f"their height is known to ± {2e3 * arm.real().nominal.tip_offset_std:.1f} mm"
     if arm.config is None or arm.config.tip_offset is None:
         detail += ", not measured on this arm: palpate calibrate --gauge HEIGHT"
-    yield Line(True, "fingertips", detail)
+    yield CheckResult(True, "fingertips", detail)
     yield check_weight(session, state, arm, pose_world_base)
 
 
-def check_margins(q: Array, arm: RobotDescription) -> Line:
+def check_margins(q: Array, arm: RobotDescription) -> CheckResult:
     """Check the joints' distance from their end stops."""
     limits = arm.limits
     room = np.minimum(q - limits.q_min, limits.q_max - q)
     i = int(room.argmin())
     detail = f"joint {i + 1} is {np.degrees(room[i]):.0f}° from its end stop"
     if room[i] < NEAR_END:
-        return Line(False, "joint margins", f"{detail}: guide the arm to its middle by hand")
-    return Line(True, "joint margins", f"{detail}, the others farther")
+        return CheckResult(False, "joint margins", f"{detail}: guide the arm to its middle by hand")
+    return CheckResult(True, "joint margins", f"{detail}, the others farther")
 
 
-def check_end_effector(state: Any, arm: RobotDescription) -> Line:
+def check_end_effector(state: Any, arm: RobotDescription) -> CheckResult:
     """Compare the end effector set in Desk with the one of robot.yaml."""
     mass, centre = float(state.m_ee), np.array(state.F_x_Cee)
     told = f"{mass:.3f} kg at {millimetres(centre)} mm from the flange"
@@ -146,16 +146,18 @@ def check_end_effector(state: Any, arm: RobotDescription) -> Line:
     if known is None:
         if mass <= 0.0:
             none = "nothing, as Desk has it: set the Franka Hand as end effector (Settings)"
-            return Line(False, "end effector", none)
-        return Line(True, "end effector", f"{told}, as Desk has it; robot.yaml says nothing of it")
+            return CheckResult(False, "end effector", none)
+        return CheckResult(
+            True, "end effector", f"{told}, as Desk has it; robot.yaml says nothing of it"
+        )
     # From the axes of the hand's body into those of the flange, by the TCP that both have.
     site = arm.spec().compile().site(arm.tcp)
     hand_in_flange = pose_of(state.F_T_EE) @ Pose(site.pos.copy(), site.quat.copy()).inverse()
     wanted = hand_in_flange.apply(known.centre)
     if abs(mass - known.mass) <= WEIGHT and float(np.linalg.norm(centre - wanted)) <= CENTRE:
         near = f"{1e3 * WEIGHT:.0f} g and {1e3 * CENTRE:.0f} mm"
-        return Line(True, "end effector", f"{told}, as robot.yaml says within {near}")
-    return Line(
+        return CheckResult(True, "end effector", f"{told}, as robot.yaml says within {near}")
+    return CheckResult(
         False,
         "end effector",
         f"{told}, but robot.yaml says {known.mass:.3f} kg at {millimetres(wanted)} mm: set the same "
@@ -169,8 +171,8 @@ def millimetres(point: Array) -> list[int]:
 
 
 def check_weight(
-    session: Session, state: Any, arm: RobotDescription, pose_world_base: Pose
-) -> Line:
+    session: FrankySession, state: Any, arm: RobotDescription, pose_world_base: Pose
+) -> CheckResult:
     """Check the joint torques of a resting arm against its gravity model."""
     down = np.array([0.0, 0.0, -(arm.gravity or STANDARD_GRAVITY)])
     into_base = pose_world_base.rotation.T @ down
@@ -180,33 +182,39 @@ def check_weight(
     i = int(excess.argmax())
     detail = f"joint {i + 1} feels {left[i]:+.2f} N m beyond its model at rest"
     if excess[i] > 0.0:
-        return Line(
+        return CheckResult(
             False,
             "gravity residual",
             f"{detail}: is anything in the hand, does it touch something, is the end effector's mass "
             "right, does the base stand upright?",
         )
-    return Line(True, "gravity residual", detail)
+    return CheckResult(True, "gravity residual", detail)
 
 
-def check_hand(session: Session) -> Iterator[Line]:
+def check_hand(session: FrankySession) -> Iterator[CheckResult]:
     """Check that the hand answers, is homed and empty."""
     try:
         state = Call(lambda: session.gripper.state, "palpate fingers").result(LISTENED)
     except Exception as error:
-        yield Line(False, "hand", f"{error}: is it set as end effector in Desk?")
+        yield CheckResult(False, "hand", f"{error}: is it set as end effector in Desk?")
         return
     homed = state.max_width > 0.0
     detail = f"opens {1e3 * state.max_width:.0f} mm"
-    yield Line(homed, "hand", detail if homed else "not homed: Homing in Desk, End effector")
+    yield CheckResult(homed, "hand", detail if homed else "not homed: Homing in Desk, End effector")
     if state.is_grasped:
-        yield Line(False, "fingers", f"hold something at {1e3 * state.width:.0f} mm: take it out")
+        yield CheckResult(
+            False, "fingers", f"hold something at {1e3 * state.width:.0f} mm: take it out"
+        )
 
 
-def check_cycles(session: Session, arm: RobotDescription, may_hold: Callable[[], bool]) -> Line:
+def check_cycles(
+    session: FrankySession, arm: RobotDescription, may_hold: Callable[[], bool]
+) -> CheckResult:
     """Measure the share of cycles that are answered in time, while the arm holds still."""
     if not may_hold():
-        return Line(True, "answered cycles", "not tried: the arm was not allowed to hold itself")
+        return CheckResult(
+            True, "answered cycles", "not tried: the arm was not allowed to hold itself"
+        )
     module, robot = franky(), session.robot
     motion = module.JointImpedanceTrackingMotion(stiffness=arm.stiffness.joints)
     robot.move(motion, asynchronous=True)
@@ -219,6 +227,6 @@ def check_cycles(session: Session, arm: RobotDescription, may_hold: Callable[[],
     rate = float(np.mean(settled)) if settled else 0.0
     detail = f"{100 * rate:.1f} % over {LISTENED:g} s"
     if rate >= ARRIVE:
-        return Line(True, "answered cycles", detail)
+        return CheckResult(True, "answered cycles", detail)
     remedy = "use a realtime kernel, a network card and cable of its own, and no power saving"
-    return Line(False, "answered cycles", f"{detail}: {remedy}")
+    return CheckResult(False, "answered cycles", f"{detail}: {remedy}")

@@ -1,9 +1,4 @@
-"""The arm's control loop: franky's controllers at 1 kHz, led along a course cycle by cycle.
-
-franky calls back after every cycle, in its own thread, from a queue. The course is led by the loop's
-latest state: while the queue is behind, as after a stall of this computer, states are logged and the
-reference waits.
-"""
+"""The 1 kHz control loop of the arm, and the table of references that it follows."""
 
 from __future__ import annotations
 
@@ -16,12 +11,95 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from palpate.geometry.pose import Array, Pose
-from palpate.robots.franky.course import CYCLE, Course
-from palpate.robots.franky.library import franky
-from palpate.robots.reflex import Reflex
-from palpate.robots.sheet import Stiffness
-from palpate.robots.simulated.impedance import POSTURE_RATE, Gains, Inertia
+from palpate.common.pose import Array, Pose
+from palpate.robots.franky.control_box import franky
+from palpate.robots.nominal import NominalArm
+from palpate.robots.sheet import ControllerStiffness, Reflex
+from palpate.robots.simulated.actuators import POSTURE_RATE, SpringGains, SpringInertia
+from palpate.robots.trajectory import PosePath, PositionPath, quaternion_matrix, rotate_quaternion
+
+CYCLE = 0.001  # s of a control cycle
+COARSE = 5  # cycles between two logged target poses of a joint motion
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """A motion's references in the base's frame."""
+
+    path: PositionPath | PosePath  # its time begins at 0
+    posture: Array | None  # (7,) rad, goal of the null space in a Cartesian motion
+    rows: Array  # (m, 7) joint positions, or positions and quaternions xyzw
+    rates: Array  # (m, 7) rad/s, or (m, 6) twists
+    poses_world_tcp: Array  # (k, 7) commanded TCP poses, one each `every` rows
+    every: int
+
+    @property
+    def last(self) -> int:
+        """Row in which it has come to rest."""
+        return len(self.rows) - 1
+
+    def reference(self, clock: float) -> Any:
+        """Return franky's reference `clock` s after the beginning."""
+        i, module = self.row(clock), franky()
+        row, rate = self.rows[i], self.rates[i]
+        if self.posture is None:
+            return module.JointReference(q=row, dq=rate)
+        twist = module.Twist(rate[:3], rate[3:])
+        return module.CartesianReference(module.Affine(row[:3], row[3:]), twist)
+
+    def row(self, clock: float) -> int:
+        """Return the index of the row that is due."""
+        return min(round(clock / CYCLE), self.last)
+
+    def target(self, clock: float) -> Array:
+        """Return the commanded pose (7,) of the TCP, world."""
+        i = min(self.row(clock) // self.every, len(self.poses_world_tcp) - 1)
+        return self.poses_world_tcp[i]
+
+
+def joint_course(path: PositionPath, nominal: NominalArm) -> Course:
+    """Make a course for the joints' springs."""
+    rows = path.sample(cycle_times(path))
+    poses = nominal.poses(rows[::COARSE] if len(rows) > 1 else rows)
+    if len(rows) > 1:
+        poses = np.concatenate([poses, nominal.poses(rows[-1:])])
+    return Course(path, None, rows, row_rates(rows), poses, COARSE)
+
+
+def pose_course(path: PosePath, posture: Array, pose_world_base: Pose) -> Course:
+    """Make a course for the TCP's springs."""
+    coordinates = path.path.sample(cycle_times(path.path))
+    quaternions = np.array(rotate_quaternion(path.origin, coordinates[:, 3:]))
+    poses = np.concatenate([coordinates[:, :3], quaternions], axis=1)
+    rates = row_rates(coordinates)
+    into_base = pose_world_base.rotation.T
+    positions = (poses[:, :3] - pose_world_base.position) @ into_base.T
+    conjugate = pose_world_base.quaternion * [1.0, -1.0, -1.0, -1.0]
+    turns = quaternions @ quaternion_matrix(conjugate).T
+    # rotation vectors are in the origin's frame
+    to_base = into_base @ Pose(np.zeros(3), path.origin).rotation
+    twists = np.concatenate([rates[:, :3] @ into_base.T, rates[:, 3:] @ to_base.T], axis=1)
+    rows = np.concatenate([positions, turns[:, 1:], turns[:, :1]], axis=1)
+    return Course(path, posture, rows, twists, poses, 1)
+
+
+def cycle_times(path: PositionPath) -> Array:
+    """Return the times of all cycles of a path."""
+    count = max(0, int(np.ceil((path.end - path.knots[0]) / CYCLE - 1e-9)))
+    return path.knots[0] + CYCLE * np.arange(count + 1.0)
+
+
+def row_rates(rows: Array) -> Array:
+    """Differentiate the rows by central differences; the last row is at rest."""
+    if len(rows) < 3:
+        return np.zeros_like(rows)
+    rates = np.gradient(rows, CYCLE, axis=0)
+    rates[-1] = 0.0
+    return rates
+
+
+# The arm's control loop: franky's controllers at 1 kHz, led along a course cycle by cycle.
+
 
 STALLED = 0.003  # s of wall time between two callbacks after which the queue may be behind
 BEHIND = 0.003  # s of robot time by which the queue's state is behind the loop's
@@ -31,7 +109,7 @@ TORQUE_STEP = 0.8  # N m, largest change of a commanded torque per cycle; libfra
 BLENDING = 0.1  # s, time constant with which springs change
 
 
-class Row(NamedTuple):
+class CycleRow(NamedTuple):
     """Record of one cycle."""
 
     state: Any  # franky's
@@ -59,15 +137,15 @@ class Drive:
         last: s, robot time of the newest cycle.
     """
 
-    def __init__(self, arm: Any, stiffness: Stiffness, pose_world_base: Pose) -> None:
+    def __init__(self, arm: Any, stiffness: ControllerStiffness, pose_world_base: Pose) -> None:
         self._arm, self._stiffness = arm, stiffness
         self._turn = pose_world_base.rotation
         self.lock = threading.RLock()
-        self.log: deque[Row] = deque(maxlen=KEPT)
+        self.log: deque[CycleRow] = deque(maxlen=KEPT)
         self.reacted: Reacted | None = None
         self.course: Course | None = None
         self.begun, self.clock, self.last = False, 0.0, 0.0
-        self._rows: list[Row] = []
+        self._rows: list[CycleRow] = []
         self._heard = 0.0  # `time.perf_counter` of the last callback
         self._late = False
         self._motion: Any = None
@@ -78,14 +156,14 @@ class Drive:
         course = self.course
         return course is not None and course.row(self.clock) < course.last
 
-    def take(self) -> list[Row]:
+    def take(self) -> list[CycleRow]:
         """Return the cycles since the last call."""
         with self.lock:
             rows, self._rows = self._rows, []
         return rows
 
     def follow(
-        self, make: Callable[[Course | None, float], Course], inertia: Inertia, reflex: Reflex
+        self, make: Callable[[Course | None, float], Course], inertia: SpringInertia, reflex: Reflex
     ) -> None:
         """Follow the course that `make` makes of the present one and of its clock.
 
@@ -99,18 +177,18 @@ class Drive:
             held = None if before is None else before.posture
             self._enter(course, inertia, reflex, held is None or course.posture is not held)
 
-    def guard(self, inertia: Inertia, reflex: Reflex) -> None:
+    def guard(self, inertia: SpringInertia, reflex: Reflex) -> None:
         """Change the thresholds of the reflex."""
         with self.lock:
             if self.course is not None and self.begun:
                 self._enter(self.course, inertia, reflex, blends=False)
 
-    def ended(self) -> None:
+    def note_end(self) -> None:
         """Forget the course: the loop has ended."""
         with self.lock:
             self.course, self._motion, self.begun = None, None, False
 
-    def _enter(self, course: Course, inertia: Inertia, reflex: Reflex, blends: bool) -> None:
+    def _enter(self, course: Course, inertia: SpringInertia, reflex: Reflex, blends: bool) -> None:
         """Start franky's controller for the course; `blends`: the posture's spring fades in."""
         make = self._joint_controller if course.posture is None else self._pose_controller
         motion = make(course, inertia, blends)
@@ -121,8 +199,8 @@ class Drive:
         self._arm.move(motion, asynchronous=True)
         self.begun, self._heard = True, time.perf_counter()
 
-    def _joint_controller(self, course: Course, inertia: Inertia, blends: bool) -> Any:
-        gains = Gains.of_joints(self._stiffness, inertia)
+    def _joint_controller(self, course: Course, inertia: SpringInertia, blends: bool) -> Any:
+        gains = SpringGains.of_joints(self._stiffness, inertia)
         return franky().JointImpedanceTrackingMotion(
             stiffness=gains.stiffness,
             damping=gains.damping,
@@ -130,7 +208,7 @@ class Drive:
             gains_time_constant=BLENDING,
         )
 
-    def _pose_controller(self, course: Course, inertia: Inertia, blends: bool) -> Any:
+    def _pose_controller(self, course: Course, inertia: SpringInertia, blends: bool) -> Any:
         module, own = franky(), np.diag(inertia.joints)
         stiffness, damping = POSTURE_RATE**2 * own, 2 * POSTURE_RATE * own
         share = 1e-3 if blends else 1.0
@@ -143,7 +221,7 @@ class Drive:
             max_delta_tau=TORQUE_STEP,
             gains_time_constant=BLENDING,
         )
-        gains = Gains.of_tcp(self._stiffness, inertia)
+        gains = SpringGains.of_tcp(self._stiffness, inertia)
         diagonal = module.CartesianImpedanceGains.diagonal(gains.stiffness, gains.damping)
         motion.set_gains(diagonal)
         if blends:
@@ -172,12 +250,12 @@ class Drive:
             too_much = too_much & (changed > most)
         reaction = module.TorqueReaction(too_much, module.TorqueStopMotion())
 
-        def reacted(state: Any, *_: Any) -> None:
+        def react(state: Any, *_: Any) -> None:
             with self.lock:
                 self.reacted = Reacted(state, reflex)
                 self.course, self._motion = None, None
 
-        reaction.register_callback(reacted)
+        reaction.register_callback(react)
         motion.add_reaction(reaction)
 
     def _cycle(self, state: Any, *_: Any) -> None:
@@ -197,6 +275,6 @@ class Drive:
                 self.clock += min(max(passed, 0.0), CYCLE)
                 if course.row(self.clock) != was:
                     self._motion.set_reference(course.reference(self.clock))
-            row = Row(state, course.target(self.clock))
+            row = CycleRow(state, course.target(self.clock))
             self.log.append(row)
             self._rows.append(row)

@@ -1,20 +1,151 @@
-"""Data received from the arm each cycle: its time, its samples, and the reason of a stop."""
+"""Data received from the arm each cycle, and the Franka Hand in its threads."""
 
 from __future__ import annotations
 
+import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from palpate.geometry.pose import Array
-from palpate.robots.franky import faults
-from palpate.robots.franky.drive import Drive, Row
-from palpate.robots.franky.hand import Hand
-from palpate.robots.franky.library import Call
-from palpate.robots.franky.readout import PERIOD, Readout
-from palpate.robots.franky.session import Session
+from palpate.common.errors import Unavailable
+from palpate.common.pose import Array
+from palpate.robots.franky import control_box as faults
+from palpate.robots.franky.control_box import Call
+from palpate.robots.franky.drive import CycleRow, Drive
+from palpate.robots.franky.session import PERIOD, FrankySession, StateReadout
+from palpate.robots.sheet import ParallelHand
 from palpate.trace.samples import Samples
+
+NOTHING = 0.002  # m: an opening below this is an empty hand
+MARGIN = 0.002  # m: fingers this near to fully open are open
+PAUSE = 0.01  # s between two queries of the hand, whose packets come at some 20 Hz or more
+MISSED = 3  # queries without an answer within libfranka's time-out, 1 s, after which it is lost
+
+
+@dataclass(frozen=True, slots=True)
+class Fingers:
+    """State of the hand."""
+
+    width: float  # m between the fingers
+    grasped: bool
+    heard: float  # `time.perf_counter` of its arrival
+
+
+class HandThread:
+    """Hand that runs one command at a time and keeps the latest state; only the constructor blocks.
+
+    A grasp in progress is never interrupted: the hand would drop the object.
+
+    Attributes:
+        fingers: the latest state.
+        speed: m/s of a finger at most.
+        moving: True while a command is executed.
+        problem: error of the last command; None without one.
+        lost: reason that the hand stopped answering; None while it answers.
+    """
+
+    def __init__(self, gripper: Any, sheet: ParallelHand) -> None:
+        self._gripper, self._sheet, self.speed = gripper, sheet, sheet.speed
+        self.problem: str | None = None
+        self.lost: str | None = None
+        self.fingers = self._ask()
+        self._wanted: Callable[[], bool] | None = None
+        self._wake = threading.Condition()
+        self.moving = self._ended = False
+        self._closed = self.fingers.grasped
+        for work, name in ((self._command, "palpate hand"), (self._listen, "palpate fingers")):
+            threading.Thread(target=work, name=name, daemon=True).start()
+
+    @property
+    def gripping(self) -> bool:
+        """True if the hand closed, and holds an object."""
+        fingers = self.fingers
+        return self._closed and not self.moving and fingers.grasped and fingers.width > NOTHING
+
+    def require_free(self) -> None:
+        """Require an empty hand.
+
+        Raises:
+            Unavailable: it holds something.
+        """
+        fingers = self.fingers
+        if fingers.grasped and fingers.width > NOTHING:
+            self.end()
+            raise Unavailable(
+                f"the hand holds something at {1e3 * fingers.width:.0f} mm: take it out (Desk opens "
+                "the fingers), then run again"
+            )
+
+    def open(self) -> None:
+        """Start opening fully."""
+        self._closed = False
+        self._start(lambda: self._gripper.open(self.speed))
+
+    def close(self, force: float | None) -> None:
+        """Start closing with `force` N, by default the full force, until something resists.
+
+        The hand takes any final width for a grasp: after a miss it would open again.
+        """
+        speed, widest = self.speed, self._sheet.opening + MARGIN
+        with_force = self._sheet.force if force is None else min(force, self._sheet.force)
+        self._closed = True
+        self._start(lambda: self._gripper.grasp(0.0, speed, with_force, MARGIN, widest))
+
+    def end(self) -> None:
+        """End the threads; a held object stays held."""
+        with self._wake:
+            self._ended = True
+            self._wake.notify_all()
+
+    def _start(self, command: Callable[[], bool]) -> None:
+        with self._wake:
+            self.problem = None
+            self._wanted, self.moving = command, True
+            self._wake.notify_all()
+
+    def _command(self) -> None:
+        while True:
+            with self._wake:
+                self._wake.wait_for(lambda: self._wanted is not None or self._ended)
+                if self._ended:
+                    return
+                command, self._wanted = self._wanted, None
+            assert command is not None
+            try:
+                if not command() and not self._closed:
+                    self.problem = "the hand did not open"
+            except Exception as error:
+                self.problem = f"the hand does not do what it is told: {error}"
+            # The command counts as executed with the first state that arrives after it.
+            done = time.perf_counter()
+            while self.fingers.heard < done and self.lost is None and not self._ended:
+                time.sleep(PAUSE)
+            with self._wake:
+                self.moving = self._wanted is not None
+
+    def _listen(self) -> None:
+        missed = 0
+        while not self._ended:
+            try:
+                self.fingers, missed = self._ask(), 0
+            except Exception as error:
+                missed += 1
+                if missed == MISSED:
+                    self.lost = f"the hand does not answer any more: {error}"
+                    return
+            time.sleep(PAUSE)
+
+    def _ask(self) -> Fingers:
+        state = self._gripper.state
+        return Fingers(state.width, state.is_grasped, time.perf_counter())
+
+
+# Data received from the arm each cycle: its time, its samples, and the reason of a stop.
+
 
 SHORTEST, SLICE = 0.001, 0.005  # s of wall time to wait for the next cycles
 OWN_STALL = 0.7  # s of silence allowed for a computer without a realtime kernel, or on loopback
@@ -25,7 +156,7 @@ GAP = 0.03  # s without a sample
 ANSWERS = 0.1  # s in which a control box that ended a motion reports its mode
 
 
-class Link:
+class StateListener:
     """Listens to an arm and its hand, and never blocks on a silent one: robot time then follows the
     clock on the wall.
 
@@ -39,7 +170,12 @@ class Link:
     """
 
     def __init__(
-        self, session: Session, readout: Readout, drive: Drive, hand: Hand, turn: Array
+        self,
+        session: FrankySession,
+        readout: StateReadout,
+        drive: Drive,
+        hand: HandThread,
+        turn: Array,
     ) -> None:
         """`turn` (3, 3): the base's axes in the world's."""
         self._session, self._readout, self._drive, self._hand = session, readout, drive, hand
@@ -75,7 +211,7 @@ class Link:
 
     def taken_up(self) -> None:
         """Go on after a person's recovery."""
-        self._drive.ended()
+        self._drive.note_end()
         self.fault = self.reflex = self._hand.problem = None
         self.lost, self._silence = False, 0.0
 
@@ -120,7 +256,7 @@ class Link:
                     state = Call(lambda: self._session.robot.state, "palpate mode").result(ANSWERS)
                     self.mode = faults.mode_of(state)
             self.fail(error)
-        self._drive.ended()
+        self._drive.note_end()
 
     def _ask(self) -> None:
         """Read the state of an arm that no loop controls."""
@@ -130,7 +266,7 @@ class Link:
             self.fail(error)
             return
         if state.time.to_sec() > self._stamp():
-            row = Row(state, self._readout.pose_world_tcp.vector)
+            row = CycleRow(state, self._readout.pose_world_tcp.vector)
             with self._drive.lock:
                 self._drive.log.append(row)
             self._keep([row])
@@ -138,7 +274,7 @@ class Link:
             self.mode = faults.mode_of(state)
             self.fail(reason)
 
-    def _keep(self, rows: list[Row]) -> None:
+    def _keep(self, rows: list[CycleRow]) -> None:
         samples = self._readout.read(rows, self.width)
         self._logged.append(samples)
         if len(samples):

@@ -10,20 +10,21 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from palpate.geometry.pose import Array, Pose
-from palpate.robots.commanded import Arc, Commanded, swing_path
+from palpate.common.pose import Array, Pose
 from palpate.robots.description import RobotDescription
-from palpate.robots.franky.course import Course, joint_course, pose_course
-from palpate.robots.franky.drive import Drive, Row
-from palpate.robots.franky.hand import Hand
-from palpate.robots.franky.link import Link
-from palpate.robots.franky.readout import Readout, black_box, require_end_effector
-from palpate.robots.franky.session import Session
-from palpate.robots.nominal import NominalArm, unexplained
-from palpate.robots.reflex import Reflex
-from palpate.robots.robot import RobotState
-from palpate.robots.simulated.impedance import Inertia
-from palpate.robots.trajectory import Motion, Path, PosePath, Stretch
+from palpate.robots.franky.drive import Course, CycleRow, Drive, joint_course, pose_course
+from palpate.robots.franky.link import HandThread, StateListener
+from palpate.robots.franky.session import (
+    FrankySession,
+    StateReadout,
+    black_box,
+    require_end_effector,
+)
+from palpate.robots.nominal import NominalArm, explain_torque
+from palpate.robots.robot import Arc, Commanded, RobotState, swing_path
+from palpate.robots.sheet import Reflex
+from palpate.robots.simulated.actuators import SpringInertia
+from palpate.robots.trajectory import MotionState, PosePath, PositionPath, Stretch
 from palpate.trace.samples import Samples
 
 APPROACH = 0.25
@@ -39,7 +40,7 @@ class FrankyRobot(Commanded):
     """Implements `palpate.robots.robot.Robot`, `Recoverable` and `Remembering`."""
 
     def __init__(
-        self, session: Session, arm: RobotDescription, pose_world_base: Pose, gravity: float
+        self, session: FrankySession, arm: RobotDescription, pose_world_base: Pose, gravity: float
     ) -> None:
         """Take over the arm; it does not move.
 
@@ -56,7 +57,7 @@ class FrankyRobot(Commanded):
         require_end_effector(state, self._nominal, base)
         session.set_thresholds(arm.limits.reflexes.contact, arm.limits.tau_max)
         gains = arm.config.torque_gain if arm.config is not None else None
-        self._readout = Readout(
+        self._readout = StateReadout(
             nominal=self._nominal,
             model=session.model,
             state=state,
@@ -65,15 +66,15 @@ class FrankyRobot(Commanded):
             gains=np.zeros(7) if gains is None else gains.value,
         )
         self._drive = Drive(session.robot, arm.stiffness, base)
-        self._hand = Hand(session.gripper, arm.hand)
+        self._hand = HandThread(session.gripper, arm.hand)
         self._hand.require_free()
-        self._link = Link(session, self._readout, self._drive, self._hand, base.rotation)
+        self._link = StateListener(session, self._readout, self._drive, self._hand, base.rotation)
         self._thresholds = arm.limits.reflexes.contact
         self._guard_due = self._ready = self._closed = False
         self._cached: RobotState | None = None
 
     @property
-    def cycles(self) -> Sequence[Row]:
+    def cycles(self) -> Sequence[CycleRow]:
         """The last cycles of the control loop."""
         with self._drive.lock:
             return list(self._drive.log)
@@ -106,7 +107,7 @@ class FrankyRobot(Commanded):
                 reflex=link.reflex,
                 fault=link.fault,
                 mode=link.mode,
-                unexplained=unexplained(readout.jacobian, readout.contact_torque),
+                unexplained=explain_torque(readout.jacobian, readout.contact_torque),
             )
         return self._cached
 
@@ -118,12 +119,12 @@ class FrankyRobot(Commanded):
             self._ready = bool(np.abs(goal - self._arm.home).max() < AT_READY)
 
         def course(before: Course | None, clock: float) -> Course:
-            if before is not None and isinstance(before.path, Path):
+            if before is not None and isinstance(before.path, PositionPath):
                 now = before.path.at(clock)
             else:  # the set-points at which the joints' springs pull as the TCP's do now
                 rate = self._readout.dq if self._drive.moving else np.zeros(7)
                 lead = self._spring_torque(before) / self._arm.stiffness.joints
-                now = Motion(self._readout.q + lead, rate, np.zeros(7))
+                now = MotionState(self._readout.q + lead, rate, np.zeros(7))
             return joint_course(self._joint_path(0.0, now, goal, speed), self._nominal)
 
         self._follow(course)
@@ -169,7 +170,7 @@ class FrankyRobot(Commanded):
 
         def course(before: Course | None, clock: float) -> Course:
             assert before is not None
-            if isinstance(before.path, Path):
+            if isinstance(before.path, PositionPath):
                 path = self._stopped_joints(0.0, before.path.at(clock))
                 return joint_course(path, self._nominal)
             stopping = self._stopped_pose(0.0, self._pose_motion(before, clock))
@@ -220,10 +221,10 @@ class FrankyRobot(Commanded):
         self._hand.end()
         self._session.close(self._link.lost)
 
-    def _pose_begin(self) -> tuple[Motion, Array]:
+    def _pose_begin(self) -> tuple[MotionState, Array]:
         return self._pose_motion(self._drive.course, self._drive.clock)
 
-    def _pose_motion(self, before: Course | None, clock: float) -> tuple[Motion, Array]:
+    def _pose_motion(self, before: Course | None, clock: float) -> tuple[MotionState, Array]:
         """Return the start of a Cartesian motion: the state of the course `before`, or the set-points
         at which the TCP's springs pull as the joints' do now; and its reference orientation (4,)."""
         if before is not None and isinstance(before.path, PosePath):
@@ -239,8 +240,8 @@ class FrankyRobot(Commanded):
     def _posture(self, before: Course | None) -> Array:
         return self._readout.q if before is None or before.posture is None else before.posture
 
-    def _inertia(self) -> Inertia:
-        return Inertia.of(self._nominal.mass_matrix(self._readout.q), self._readout.jacobian)
+    def _inertia(self) -> SpringInertia:
+        return SpringInertia.of(self._nominal.mass_matrix(self._readout.q), self._readout.jacobian)
 
     def _follow(self, make: Maker) -> None:
         """Follow a course. For an arm at rest it is made before the control loop has to wait."""

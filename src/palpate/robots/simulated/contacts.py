@@ -8,9 +8,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.errors import InputError, unknown_name
-from palpate.robots.description import RobotDescription
-from palpate.robots.model import PREFIX
+from palpate.common.errors import InputError, unknown_name
+from palpate.robots.description import PREFIX, RobotDescription
 
 BITS = 31  # of a non-negative 32 bit integer
 HARDNESS = ((0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0))

@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from palpate.geometry.pose import Array
-from palpate.robots.nominal import RIDGE, force_of, unexplained
-from palpate.robots.reflex import Reflex
-from palpate.robots.simulated.impedance import Gains
+from palpate.common.pose import Array
+from palpate.robots.nominal import RIDGE, explain_torque, force_of
+from palpate.robots.sheet import Reflex
+from palpate.robots.simulated.actuators import SpringGains
 from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, TIMESTEP
 
 OBSERVER_TIME = 0.005
@@ -41,7 +41,7 @@ _INPUT_KEPT: Array = np.tril(_KEEP ** np.maximum(np.subtract.outer(_CYCLES, _CYC
 class Reaction(NamedTuple):
     """Reaction of the arm to its own collision stop: it yields."""
 
-    gains: Gains  # of the drives, which then take torques
+    gains: SpringGains  # of the drives, which then take torques
     damping: Array  # (7, 7) N m s/rad
     load: Array  # (7,) N m that hold the load on the hand
     most: Array  # (7,) N m, torque limits of the joints
@@ -50,7 +50,7 @@ class Reaction(NamedTuple):
     def of(cls, inertia: Array, load: Array, most: Array) -> Reaction:
         """Make dampers proportional to the inertia (7, 7): the whole arm slows down as one, and no
         joint pushes another against what has stopped the TCP."""
-        return cls(Gains.of_torques(inertia), BRAKING * inertia, load, most)
+        return cls(SpringGains.of_torques(inertia), BRAKING * inertia, load, most)
 
     def torque(self, dq: Array) -> Array:
         """Compute the torques (7,), N m, at joint rates `dq` (7,), rad/s, all scaled down where one
@@ -176,7 +176,7 @@ class Guard:
         reason, links = self._thresholds.fired(torque @ self._to_wrench), self._thresholds.links
         if reason is not None or links is None:
             return reason
-        return links.met(*unexplained(self._jacobian, torque))
+        return links.stop_reason(*explain_torque(self._jacobian, torque))
 
 
 def squares(rows: Array) -> Array:

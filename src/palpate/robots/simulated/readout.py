@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.geometry.pose import Array, Pose
+from palpate.common.pose import Array, Pose
 from palpate.robots.nominal import NominalArm, wrenches
-from palpate.robots.simulated.impedance import Gains, Swivel
-from palpate.robots.simulated.noise.disturbances import Motion
+from palpate.robots.simulated.actuators import SpringGains, Swivel
+from palpate.robots.simulated.noise.disturbances import LoggedMotion
 from palpate.robots.simulated.noise.line import Stamps
 from palpate.robots.simulated.noise.sensors import Encoders, Sensors
 from palpate.robots.simulated.timing import LONGEST_RUN, PERIOD
@@ -109,7 +109,7 @@ class Readout:
         self.jacobian = here.jacobian[0]
         self.tau = self.commanded = self.gravity_torque
         position = here.pose_world_tcp[:, :3]
-        start = Motion(reported, np.zeros((1, 7)), self.jacobian, position)
+        start = LoggedMotion(reported, np.zeros((1, 7)), self.jacobian, position)
         sensors.zero(torque, self.gravity_torque, start)
         self._gains, self._zeroed = 1.0 + gains, self.gravity_torque.copy()
 
@@ -174,14 +174,14 @@ class Readout:
             self.contact_torque = felt[-1]
         return samples
 
-    def follow(self, steps: Steps, gains: Gains, swivel: Swivel, target: Array) -> None:
+    def follow(self, steps: Steps, gains: SpringGains, swivel: Swivel, target: Array) -> None:
         """Follow a run of steps, with the null space damped and the commanded poses of the TCP (n, 7): the arm's
         motion as its encoders report it."""
         gained = steps.dq.copy()
         gained[0] -= self.speed
         gained[1:] -= steps.dq[:-1]
         self.speed = steps.dq[-1]
-        q = self._reported(steps)
+        q = self._report_angles(steps)
         here = self._nominal.kinematics(q, steps.dq, gained / PERIOD)
         rows = np.empty((len(q) + 1, 21))
         rows[0], rows[1:, :7] = self._last, q
@@ -199,7 +199,7 @@ class Readout:
             Followed(mean, dq, here.jacobian, here.inertia_torque, true, target, width)
         )
 
-    def _reported(self, steps: Steps) -> Array:
+    def _report_angles(self, steps: Steps) -> Array:
         """Compute the encoders' angles (n, 7), rad, at the end of each block, without noise."""
         encoders = self._encoders
         q = encoders.reported(steps.q, steps.torque)
@@ -210,10 +210,10 @@ class Readout:
 
     def _measure(self, motion: Followed) -> Measurement:
         """Simulate the torque sensors along a motion."""
-        place = Motion(motion.mean[:, :7], motion.dq, self.jacobian, motion.mean[:, 7:10])
+        place = LoggedMotion(motion.mean[:, :7], motion.dq, self.jacobian, motion.mean[:, 7:10])
         torque, arrived, shown = self._sensors.measure(motion.true, place)
-        torque = self._corrected(torque)
-        self.deviation = self._corrected(shown) - motion.true[-1]
+        torque = self._correct_gains(torque)
+        self.deviation = self._correct_gains(shown) - motion.true[-1]
         tau_ext = torque - motion.mean[:, 14:]
         both = np.empty((*tau_ext.shape, 2))
         felt = self._observe(tau_ext - motion.inertia_torque)
@@ -224,7 +224,7 @@ class Readout:
         self.load += (contact[-1, 2] - self.load) * newer
         return Measurement(torque, tau_ext, wrench, contact, felt, arrived)
 
-    def _corrected(self, torque: Array) -> Array:
+    def _correct_gains(self, torque: Array) -> Array:
         """Correct readings (..., 7), N m, for the measured gains, about the torque at zeroing."""
         return self._zeroed + (torque - self._zeroed) / self._gains
 
@@ -238,7 +238,7 @@ class Readout:
             before = np.concatenate([self._last_noise[None], noise[:-1]])
             dq = dq + (noise - before) / PERIOD
             self._last_noise = noise[-1]
-        mean[:, :7] = self._encoders.quantised(mean[:, :7])
+        mean[:, :7] = self._encoders.quantise_angles(mean[:, :7])
         return dq
 
     def _observe(self, residual: Array) -> Array:
@@ -256,7 +256,7 @@ class Readout:
         return out
 
     def _link_torque(
-        self, steps: Steps, gained: Array, gains: Gains, swivel: Swivel, jacobian: Array
+        self, steps: Steps, gained: Array, gains: SpringGains, swivel: Swivel, jacobian: Array
     ) -> Array:
         """Compute the mean torque (n, 7) behind the gears in each block, without that of the motors'
         own inertia.

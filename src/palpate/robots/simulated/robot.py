@@ -13,22 +13,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from palpate.geometry.pose import Array, Pose
-from palpate.robots.commanded import Arc, Commanded, swing_path
+from palpate.common.pose import Array, Pose
 from palpate.robots.description import RobotDescription
-from palpate.robots.nominal import NominalArm, unexplained
-from palpate.robots.owner.arm import known, unmeasured
-from palpate.robots.owner.config import RobotConfig
-from palpate.robots.reflex import Reflex
-from palpate.robots.robot import RobotState
-from palpate.robots.simulated.gripper import Gripper
+from palpate.robots.nominal import NominalArm, explain_torque
+from palpate.robots.owner import owner_arm, without_calibration_figures
+from palpate.robots.robot import Arc, Commanded, RobotState, swing_path
+from palpate.robots.robot_config import RobotConfig
+from palpate.robots.sheet import Reflex
+from palpate.robots.simulated.actuators import Gripper, SpringGains, SpringInertia, Swivel
 from palpate.robots.simulated.guard import Guard, Reaction
-from palpate.robots.simulated.impedance import Gains, Inertia, Swivel
 from palpate.robots.simulated.noise.line import Stamps
 from palpate.robots.simulated.noise.model import Streams
 from palpate.robots.simulated.noise.models import noise_models
 from palpate.robots.simulated.noise.sensors import Encoders, Sensors
-from palpate.robots.simulated.noise.true_arm import Truth
+from palpate.robots.simulated.noise.true_arm import TrueArm
 from palpate.robots.simulated.readout import Readout
 from palpate.robots.simulated.setpoints import (
     Correction,
@@ -38,11 +36,12 @@ from palpate.robots.simulated.setpoints import (
 )
 from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, PERIOD, SUBSTEPS, TIMESTEP
 from palpate.robots.simulated.world import World
-from palpate.robots.trajectory import Motion, Path, PosePath, Stretch, still
+from palpate.robots.trajectory import MotionState, PosePath, PositionPath, Stretch, still
 from palpate.trace.samples import Samples
 
 if TYPE_CHECKING:
     import mujoco
+
 
 STANDSTILL = 0.005  # rad/s: slower joints have stopped yielding
 SHORTEST_YIELD, LONGEST_YIELD = 0.1, 0.5  # s after a reflex
@@ -84,13 +83,15 @@ class MujocoRobot(Commanded):
             InputError: no such noise model, or the world does not compile with the robot in it.
         """
         model, streams = noise_models().load(noise, arm), Streams(seed, visit)
-        arm, truth = known(arm, model.datasheet), Truth(model.model, streams)
+        arm, truth = owner_arm(arm, model.datasheet), TrueArm(model.model, streams)
         assumed = np.array(world.option.gravity if gravity is None else gravity)
         if arm.gravity is not None:
             assumed = np.array([0.0, 0.0, -arm.gravity])
         nominal = NominalArm(arm, arm.stands(pose_world_base), assumed)
         super().__init__(arm, nominal, float(-assumed[2]))
-        self._world = World(world, stands or pose_world_base, unmeasured(arm), truth, substeps, q)
+        self._world = World(
+            world, stands or pose_world_base, without_calibration_figures(arm), truth, substeps, q
+        )
         self._sensors = Sensors(model, arm.limits.tau_max, streams)
         self._encoders = Encoders(model, self._sensors.rests, streams)
         self._stamps = Stamps(model.acquisition, streams)
@@ -152,7 +153,7 @@ class MujocoRobot(Commanded):
                 moving=self._path.end > t,
                 gripper_moving=gripper.moving,
                 reflex=self._reflex,
-                unexplained=unexplained(readout.jacobian, readout.contact_torque),
+                unexplained=explain_torque(readout.jacobian, readout.contact_torque),
             )
         return self._cached
 
@@ -194,7 +195,7 @@ class MujocoRobot(Commanded):
         t, path = self._world.t, self._path
         if path.end <= t:
             return
-        if isinstance(path, Path):
+        if isinstance(path, PositionPath):
             self._follow_joints(self._stopped_joints(t, path.at(t)))
         else:
             stopping = self._stopped_pose(t, self._pose_begin())
@@ -256,42 +257,42 @@ class MujocoRobot(Commanded):
         """Do nothing: there is no connection to close."""
 
     @property
-    def _path(self) -> Path | PosePath:
+    def _path(self) -> PositionPath | PosePath:
         return self._setpoints.path
 
-    def _follow_joints(self, path: Path) -> None:
-        gains = Gains.of_joints(self._arm.stiffness, self._inertia(path))
+    def _follow_joints(self, path: PositionPath) -> None:
+        gains = SpringGains.of_joints(self._arm.stiffness, self._inertia(path))
         self._follow(joint_setpoints(path, self._world.t, gains, self._nominal.poses), gains)
 
-    def _follow_pose(self, path: PosePath, posture: Path) -> None:
-        gains = Gains.of_tcp(self._arm.stiffness, self._inertia(posture))
+    def _follow_pose(self, path: PosePath, posture: PositionPath) -> None:
+        gains = SpringGains.of_tcp(self._arm.stiffness, self._inertia(posture))
         self._follow(pose_setpoints(path, posture, self._world.t, gains), gains)
 
-    def _follow(self, setpoints: Setpoints, gains: Gains) -> None:
+    def _follow(self, setpoints: Setpoints, gains: SpringGains) -> None:
         self._setpoints, self._gains, self._cached = setpoints, gains, None
         self._yielding = False
         self._world.actuators.set(gains)
 
-    def _inertia(self, path: Path) -> Inertia:
+    def _inertia(self, path: PositionPath) -> SpringInertia:
         """Return the inertia for a whole motion: halfway between its ends."""
         nominal, q = self._nominal, path.sample(path.knots[[0, -1]]).mean(0)
-        return Inertia.of(nominal.mass_matrix(q), nominal.kinematics(q[None]).jacobian[0])
+        return SpringInertia.of(nominal.mass_matrix(q), nominal.kinematics(q[None]).jacobian[0])
 
-    def _joint_motion(self) -> Motion:
+    def _joint_motion(self) -> MotionState:
         """Return the start of a joint motion: the present one's state, or the set-points at which
         the joints' springs pull as the TCP's do now."""
         t, path, readout = self._world.t, self._path, self._readout
-        if isinstance(path, Path) and not self._yielding:
+        if isinstance(path, PositionPath) and not self._yielding:
             return path.at(t)
         rate = readout.rate if path.end > t else np.zeros(7)
-        return Motion(self._leading(), rate, np.zeros(7))
+        return MotionState(self._leading(), rate, np.zeros(7))
 
     def _leading(self) -> Array:
         """Compute the joint set-points (7,), rad, at which the joints' springs exert the present
         torques: a change to them is free of jerks."""
         return self._readout.q + self._sprung() / self._arm.stiffness.joints
 
-    def _pose_begin(self) -> tuple[Motion, Array]:
+    def _pose_begin(self) -> tuple[MotionState, Array]:
         """Return the start of a Cartesian motion: the present one's state, or the set-points at which
         the TCP's springs pull as the joints' do now; and the orientation (4,) that its rotation
         vector is relative to.

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from palpate.geometry.pose import CONJUGATE, Array, Pose
-from palpate.robots.simulated.impedance import Gains
+from palpate.common.pose import CONJUGATE, Array, Pose
+from palpate.robots.simulated.actuators import SpringGains
 from palpate.robots.simulated.noise.sensors import Encoders
 from palpate.robots.simulated.readout import Readout
 from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, PERIOD, TIMESTEP
 from palpate.robots.simulated.world import World
-from palpate.robots.trajectory import Path, PosePath, quaternion_matrix, turned
+from palpate.robots.trajectory import PosePath, PositionPath, quaternion_matrix, rotate_quaternion
 
 BLEND = 0.5
 """Share of a new deviation that is applied in a run of cycles. Where joints or pads give way, the
@@ -28,7 +28,7 @@ they are softer than the controller's springs."""
 class Setpoints:
     """Set-points of a path, ready to slice; after its end the last one stays."""
 
-    path: Path | PosePath
+    path: PositionPath | PosePath
     start: float  # s
     rows: Array  # (m, k) of each step
     poses: Array  # (m / 5, 7) commanded poses of each log period
@@ -40,7 +40,7 @@ class Setpoints:
 
 
 def joint_setpoints(
-    path: Path, start: float, gains: Gains, poses: Callable[[Array], Array]
+    path: PositionPath, start: float, gains: SpringGains, poses: Callable[[Array], Array]
 ) -> Setpoints:
     """Make set-points for the joints' springs; `poses` maps configurations (n, 7) to TCP poses."""
     rows = path.sample(step_times(path, start))
@@ -49,7 +49,9 @@ def joint_setpoints(
     return Setpoints(path, start, rows + lead(rows, gains), poses_world_tcp, no_posture)
 
 
-def pose_setpoints(path: PosePath, posture: Path, start: float, gains: Gains) -> Setpoints:
+def pose_setpoints(
+    path: PosePath, posture: PositionPath, start: float, gains: SpringGains
+) -> Setpoints:
     """Make set-points for the TCP's springs, with a joint path for the null space."""
     times = step_times(path.path, start)
     rows, configurations = path.path.sample(times), posture.sample(times[::BLOCK])
@@ -59,20 +61,20 @@ def pose_setpoints(path: PosePath, posture: Path, start: float, gains: Gains) ->
     to_world[3:, 3:] = Pose(np.zeros(3), path.origin).rotation
     led = rows + lead(rows @ to_world.T, gains) @ to_world
     led_poses, poses = (
-        np.concatenate([some[:, :3], turned(path.origin, some[:, 3:])], axis=1)
+        np.concatenate([some[:, :3], rotate_quaternion(path.origin, some[:, 3:])], axis=1)
         for some in (led, rows[BLOCK // 2 :: BLOCK])
     )
     return Setpoints(path, start, led_poses, poses, np.concatenate([configurations, rates], axis=1))
 
 
-def step_times(path: Path, start: float) -> Array:
+def step_times(path: PositionPath, start: float) -> Array:
     """Return the times of all steps from `start` to the path's end, in whole blocks, and of one more
     run."""
     blocks = max(0, int(np.ceil((path.end - start) / PERIOD - 1e-9)))
     return start + TIMESTEP * np.arange(1.0, (blocks + LONGEST_RUN) * BLOCK + 1)
 
 
-def lead(rows: Array, gains: Gains) -> Array:
+def lead(rows: Array, gains: SpringGains) -> Array:
     """Compute the lead of the set-points over the motion `rows`, which cancels the springs' lag."""
     rate = np.gradient(rows, TIMESTEP, axis=0)
     return gains.lead(rate, np.gradient(rate, TIMESTEP, axis=0))
@@ -93,11 +95,11 @@ class Correction:
         self._needed = askew or not encoders.exact
         self.torque = np.zeros(7)
         self._turn = np.array([1.0, 0.0, 0.0, 0.0])
-        self._before = self._after = self._now()
+        self._before = self._after = self._current_error()
 
     def follow(self) -> None:
         """Update the deviation before a run of cycles."""
-        self._before, new = self._after, self._now()
+        self._before, new = self._after, self._current_error()
         if self._needed:
             self._after = self._before + BLEND * (new - self._before)
         else:
@@ -127,7 +129,7 @@ class Correction:
         share = np.arange(1.0, count + 1)[:, None] / count
         return self._before[part] + share * (self._after - self._before)[part]
 
-    def _now(self) -> Array:
+    def _current_error(self) -> Array:
         """Compute the true less reported TCP position (3) and joint angles (7)."""
         readout, out = self._readout, np.zeros(10)
         if not self._needed:

@@ -13,18 +13,30 @@ import mujoco
 import numpy as np
 from mujoco.rollout import Rollout
 
-from palpate.errors import ExecutionAborted, InputError, unknown_name
-from palpate.geometry.pose import Array, Pose
+from palpate.common.errors import ExecutionAborted, InputError, unknown_name
+from palpate.common.pose import Array, Pose
 from palpate.mjcf.contacts import CCD_TOLERANCE
-from palpate.robots.description import RobotDescription
-from palpate.robots.model import PREFIX, neighbours
+from palpate.robots.description import PREFIX, RobotDescription, neighbours
+from palpate.robots.simulated.actuators import (
+    DRIVE,
+    Actuators,
+    add_actuators,
+    add_drive,
+    round_fingers,
+)
 from palpate.robots.simulated.contacts import declared_stiction, keep_softness, let_touch
-from palpate.robots.simulated.gripper import DRIVE, add_drive, round_fingers
 from palpate.robots.simulated.guard import Guard, Reaction
-from palpate.robots.simulated.impedance import Actuators, add_actuators
-from palpate.robots.simulated.noise.true_arm import Truth
-from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, PERIOD, SUBSTEPS, TIMESTEP
-from palpate.robots.simulated.watch import Watch, marked, takes_many
+from palpate.robots.simulated.noise.true_arm import TrueArm
+from palpate.robots.simulated.timing import (
+    BLOCK,
+    LONGEST_RUN,
+    PERIOD,
+    SUBSTEPS,
+    TIMESTEP,
+    Watch,
+    mark_steps,
+    takes_many,
+)
 
 FRAME_PERIOD = 1.0 / 30.0  # s between camera frames
 LEVEL = 0.01  # rad, largest inclination of gravity
@@ -72,7 +84,7 @@ class World:
         spec: mujoco.MjSpec,
         pose_world_base: Pose,
         arm: RobotDescription,
-        truth: Truth,
+        truth: TrueArm,
         substeps: int = SUBSTEPS,
         q: Array | None = None,
     ) -> None:
@@ -185,12 +197,12 @@ class World:
         the cycle in which it fires. Later cycles are undone, as are those after what it feels."""
         mujoco.mj_copyData(self._before, self.model, self._data)
         before, count = self.compensation, len(control)
-        undo = marked(self.watch)
+        undo = mark_steps(self.watch)
         self._roll(control)
-        if self._substeps < self._finest and self._has_touched(count):  # once more, in finer steps
+        if self._substeps < self._finest and self._is_touching(count):  # once more, in finer steps
             mujoco.mj_copyData(self._data, self.model, self._before)
             undo()
-            undo = marked(self.watch)
+            undo = mark_steps(self.watch)
             self._pace(self._finest)
             self._roll(control)
         # The weight that the motors hold is the nominal arm's, followed from end to end of the run.
@@ -207,7 +219,7 @@ class World:
             self._roll(control[:last])
         return fired
 
-    def _has_touched(self, count: int) -> bool:
+    def _is_touching(self, count: int) -> bool:
         """True if anything touched something in `count` cycles."""
         return bool(self._signals[0, : count * self._substeps, self._touching].any())
 
@@ -341,7 +353,7 @@ def compile_world(
     spec: mujoco.MjSpec,
     pose_world_base: Pose,
     arm: RobotDescription,
-    truth: Truth,
+    truth: TrueArm,
     substeps: int,
 ) -> mujoco.MjModel:
     """Compile the world with the true robot in it, with `substeps` physics steps in a control cycle.

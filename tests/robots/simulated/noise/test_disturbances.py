@@ -7,8 +7,7 @@ import pytest
 from noises import JACOBIAN, model, moving
 
 from palpate.robots.nominal import wrench
-from palpate.robots.simulated.noise.disturbances import Rests
-from palpate.robots.simulated.noise.friction import JointFriction
+from palpate.robots.simulated.noise.disturbances import JointFriction, Rests
 from palpate.robots.simulated.noise.model import Streams
 
 PERIOD = 0.005

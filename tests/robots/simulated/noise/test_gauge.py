@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from noises import ARM, model, spectrum
 
-from palpate.robots.simulated.noise.gauge import Gauges, Relaxation, Wander
 from palpate.robots.simulated.noise.model import Streams
+from palpate.robots.simulated.noise.sensors import Gauges, Relaxation, Wander
 
 Q = ARM.home
 

@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 from noises import model
 
-from palpate.robots.simulated.noise.line import Line, Stamps
+from palpate.robots.simulated.noise.line import SignalLine, Stamps
 from palpate.robots.simulated.noise.model import Streams
 
 RUNS = 500
 """of 8 log periods each."""
 
 
-def line(acquisition: dict[str, object] | None = None, **torque: object) -> Line:
+def line(acquisition: dict[str, object] | None = None, **torque: object) -> SignalLine:
     noise = model(torque=torque, acquisition=acquisition or {})
-    return Line(noise.torque, noise.acquisition, Streams(0))
+    return SignalLine(noise.torque, noise.acquisition, Streams(0))
 
 
-def carried(found: Line, reading: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def carried(found: SignalLine, reading: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Samples and which arrived, of readings that come in runs of 8 log periods."""
     parts = [found.carry(part) for part in np.split(reading, len(reading) // 8)]
     arrived = [np.ones(8, bool) if part[1] is None else part[1] for part in parts]

@@ -15,15 +15,15 @@ from installed import install
 from noises import ARM
 from pydantic import BaseModel
 
-from palpate.errors import InputError
-from palpate.geometry.pose import Pose
-from palpate.robots.owner.arm import informed
-from palpate.robots.registry import load_description
-from palpate.robots.simulated.noise import LEVELS, models
-from palpate.robots.simulated.noise.model import Drawn, NoiseModel
+from palpate.common.errors import InputError
+from palpate.common.pose import Pose
+from palpate.robots.noise_levels import LEVELS
+from palpate.robots.owner import apply_datasheet, load_description
+from palpate.robots.simulated.noise import models
+from palpate.robots.simulated.noise.model import DrawnValue, NoiseModel
 from palpate.robots.simulated.noise.models import noise_models
 from palpate.robots.simulated.robot import MujocoRobot
-from palpate.settings import Settings, request_json
+from palpate.runs.settings import Settings, request_json
 
 SCHEMA = """
 palpate_noise: 1
@@ -169,7 +169,7 @@ def nonzero(form: BaseModel) -> list[str]:
         value: Any = form
         for part in name.split("."):
             value = getattr(value, part)
-        size = value.any if isinstance(value, Drawn) else np.any(value)
+        size = value.any if isinstance(value, DrawnValue) else np.any(value)
         neutral = ("law", "cycles", "band", "static", "range", "name", "palpate_noise", *POSITIVE)
         if size and not name.endswith(neutral) and not name.startswith("datasheet"):
             found.append(name)
@@ -201,7 +201,7 @@ def test_own_models_say_what_the_description_says() -> None:
 def test_an_owner_is_told_the_gains_that_are_drawn(name: str, arm: str) -> None:
     described = load_description(arm)
     found = noise_models().load(name, described)
-    told = informed(described, found.datasheet).nominal.torque_gain
+    told = apply_datasheet(described, found.datasheet).nominal.torque_gain
     assert found.torque.gain_max.size == pytest.approx(np.full(7, told))
     assert (told < described.nominal.torque_gain) == (name == "lab")
 
@@ -230,7 +230,7 @@ def test_every_figure_has_a_source_or_says_that_there_is_none(name: str) -> None
 
 def test_what_its_owner_is_told_changes_no_world() -> None:
     hardware = noise_models().load("hardware")
-    told = informed(ARM, hardware.datasheet)
+    told = apply_datasheet(ARM, hardware.datasheet)
     assert told.nominal.tip_offset_std > 2 * ARM.nominal.tip_offset_std
     again = noise_models().load("hardware", told).model.tip_offset
     assert again.size == pytest.approx(hardware.model.tip_offset.size)
@@ -296,15 +296,15 @@ def test_an_unknown_name_lists_the_models(tmp_path: Path) -> None:
     with pytest.raises(
         InputError, match="unknown noise 'loud'; valid: datasheet, hardware, lab, measured, none"
     ):
-        Settings(scene=Path("scene.xml"), noise="loud").checked()
+        Settings(scene=Path("scene.xml"), noise="loud").check_values()
     with pytest.raises(InputError, match="cannot read"):
-        Settings(scene=Path("scene.xml"), noise=str(tmp_path / "loud.yaml")).checked()
+        Settings(scene=Path("scene.xml"), noise=str(tmp_path / "loud.yaml")).check_values()
 
 
 def test_a_request_keeps_where_the_file_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "loud.yaml").write_text("name: loud one")
-    asked = Settings(scene=Path("scene.xml"), noise="loud.yaml").checked()
+    asked = Settings(scene=Path("scene.xml"), noise="loud.yaml").check_values()
     assert request_json(asked)["noise"] == str(tmp_path / "loud.yaml")
     assert noise_models().title("loud.yaml") == "loud one"
     assert noise_models().title("gone.yaml") == "gone"
@@ -352,7 +352,7 @@ def test_every_key_takes_a_number_in_its_range(tmp_path: Path, place: str, value
     found: Any = load(tmp_path, content(place, value), f"{abs(hash((place, value)))}.yaml")
     for name in place.split("."):
         found = getattr(found, name)
-    number = found.size if isinstance(found, Drawn) else found
+    number = found.size if isinstance(found, DrawnValue) else found
     assert np.broadcast_to(value, np.shape(number)) == pytest.approx(number)
 
 
@@ -399,7 +399,7 @@ def test_a_noise_model_of_ones_own_is_one_file_and_an_entry_point(
         noisy = MujocoRobot(empty(), Pose.of([0, 0, 0]), ARM, noise="worn")
         noisy.advance(0.5)
         assert noisy.drain().tau_ext.std(0).max() > 0.1
-        assert Settings(scene=Path("scene.xml"), noise="worn").checked().noise == "worn"
+        assert Settings(scene=Path("scene.xml"), noise="worn").check_values().noise == "worn"
     finally:
         noise_models.cache_clear()
 

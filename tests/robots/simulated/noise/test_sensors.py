@@ -138,7 +138,7 @@ def test_noise_is_that_of_a_mean_of_five_samples() -> None:
 
 def test_angles_come_in_steps() -> None:
     found = encoders(pose={"quantisation": 0.01})
-    assert found.quantised(np.array([[0.123]])) == pytest.approx(np.array([[0.12]]))
+    assert found.quantise_angles(np.array([[0.123]])) == pytest.approx(np.array([[0.12]]))
 
 
 def test_the_arm_goes_on_while_its_pads_give_way() -> None:

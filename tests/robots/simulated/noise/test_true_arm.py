@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from noises import ARM, HOME, model
 
-from palpate.geometry.pose import Pose
+from palpate.common.pose import Pose
 from palpate.robots.description import pads_end
 from palpate.robots.simulated.noise.model import Streams
 from palpate.robots.simulated.noise.models import noise_models
-from palpate.robots.simulated.noise.true_arm import Truth
+from palpate.robots.simulated.noise.true_arm import TrueArm
 
 BASE = Pose.of([0.1, 0.2, 0.3])
 
 
-def truth(seed: int = 0, **figures: Any) -> Truth:
-    return Truth(model(model=figures).model, Streams(seed))
+def truth(seed: int = 0, **figures: Any) -> TrueArm:
+    return TrueArm(model(model=figures).model, Streams(seed))
 
 
 def built(seed: int = 0, **figures: Any) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -50,7 +50,7 @@ def test_native_compensation_holds_the_nominal_weight_whatever_the_true_one(nois
         )
     )
     spec = ARM.spec()
-    Truth(figures, Streams(1)).build(spec, ARM)
+    TrueArm(figures, Streams(1)).build(spec, ARM)
     compiled = spec.compile()
     data = mujoco.MjData(compiled)
     data.qpos[:7] = ARM.home
@@ -129,5 +129,5 @@ def test_gravity_differs_from_what_is_assumed() -> None:
 
 
 def test_only_what_the_encoders_do_not_see_puts_the_arm_askew() -> None:
-    assert not Truth(noise_models().load("datasheet").model, Streams(0)).askew
-    assert Truth(noise_models().load("hardware").model, Streams(0)).askew
+    assert not TrueArm(noise_models().load("datasheet").model, Streams(0)).askew
+    assert TrueArm(noise_models().load("hardware").model, Streams(0)).askew

@@ -1,5 +1,0 @@
-"""Noise of the simulated arm: levels that come with palpate, and the one that is used where nobody names one."""
-
-LEVELS = ("none", "lab", "datasheet", "hardware", "measured")
-DEFAULT_LEVEL = "measured"
-"""Level of recorded real arms."""

@@ -1,4 +1,4 @@
-"""Disturbances of the link-side torque: cable, base vibration, sticking at rest."""
+"""Disturbances of joint torques: cable, vibration, sticking, joint friction, gear ripple."""
 
 from __future__ import annotations
 
@@ -7,10 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.geometry.pose import Array
+from palpate.common.pose import Array
 from palpate.robots.simulated.noise.model import (
     JOINTS,
+    EncoderRipple,
+    FrictionNoise,
     PoseErrors,
+    Resonance,
     Sticking,
     Streams,
     Vibration,
@@ -26,7 +29,7 @@ the usual release, which leaves 5 % of the torque that had stuck."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Motion:
+class LoggedMotion:
     """Motion of an arm over n consecutive log periods, as input of the sensor models."""
 
     q: Array  # (n, 7) rad
@@ -51,7 +54,7 @@ class Cable:
         self._phases = random.uniform(-np.pi, np.pi, WAVES)
         self._pull = size * math.sqrt(2.0 / WAVES) * random.standard_normal((WAVES, 3))
 
-    def add(self, torque: Array, motion: Motion) -> None:
+    def add(self, torque: Array, motion: LoggedMotion) -> None:
         """Add the pull to the link-side torques (n, 7), N m."""
         force = np.cos(motion.position @ self._waves + self._phases) @ self._pull  # (n, 3) N
         torque += force @ motion.jacobian[:3]
@@ -96,7 +99,7 @@ class Rests:
         self._resting, self._moved = False, math.inf
         self.none = not (sticking.force.any or sticking.torque.any or pose.repeatability.any)
 
-    def add(self, torque: Array, motion: Motion) -> None:
+    def add(self, torque: Array, motion: LoggedMotion) -> None:
         """Add the sticking torque to the link-side torques (n, 7), N m, and update `pose_error`."""
         model, period = self._model, self._period
         steps = np.linalg.norm(motion.dq, axis=1) * period
@@ -127,3 +130,177 @@ class Rests:
         new += self._model.torque.draw(self._own)
         self._goal = memory * self._goal + math.sqrt(1.0 - memory * memory) * new
         self._place = self._pose.repeatability.draw(self._places)
+
+
+# Joint friction behind the torque sensors, in bearings, seals and cables: its level and its laws.
+
+
+YIELDS: Array = np.array([0.2, 0.6, 1.0, 2.5])[:, None]
+"""Distance over `presliding` at which each element of a Maxwell slip model starts to slide; their
+levels are equal."""
+MICRO_DAMPING = 0.005  # s, of LuGre's bristles, over their stiffness
+
+
+class Dahl:
+    """Dahl's model: per rad of motion the torque closes 1 / presliding of the way to plus or minus
+    its level (P. Dahl, "Solid friction damping of mechanical vibrations", AIAA Journal 14, 1976).
+    """
+
+    def __init__(self, presliding: Array, period: float, torque: Array, level: Array) -> None:
+        """Start at `torque` (7,) N m; `level` (7,) is the sliding one."""
+        self._presliding, self._period, self._torque = presliding, period, torque.copy()
+
+    def held(self, dq: Array, level: Array) -> Array:
+        """Compute the torques (n, 7), N m, at rates (n, 7) and levels (n, 7) or (7,)."""
+        return self._relax_state(np.exp(np.abs(dq) * (-self._period / self._presliding)), dq, level)
+
+    def _relax_state(self, keep: Array, dq: Array, level: Array) -> Array:
+        pull, held = np.copysign(level * (1.0 - keep), dq), np.empty_like(dq)
+        for i in range(len(dq)):
+            self._torque *= keep[i]
+            self._torque += pull[i]
+            held[i] = self._torque
+        return held
+
+
+class LuGre(Dahl):
+    """LuGre's model: bristles of one stiffness with micro-damping (C. Canudas de Wit, H. Olsson,
+    K. Astrom, P. Lischinsky, "A new model for control of systems with friction", IEEE TAC 40, 1995).
+    """
+
+    def __init__(self, presliding: Array, period: float, torque: Array, level: Array) -> None:
+        super().__init__(presliding, period, torque, level)
+        self._stiffness = level / presliding  # N m/rad
+
+    def held(self, dq: Array, level: Array) -> Array:
+        level = np.broadcast_to(level, dq.shape)
+        rate = np.abs(dq) * self._stiffness  # N m/s
+        keep = np.exp(-self._period * rate / np.maximum(level, 1e-9))
+        before = self._torque.copy()
+        held = self._relax_state(keep, dq, level)
+        change = np.diff(held, axis=0, prepend=before[None]) / self._period
+        return held + MICRO_DAMPING * change
+
+
+class MaxwellSlip:
+    """Maxwell slip model: elastic elements in parallel, each of which slides at a level of its own
+    (F. Al-Bender, V. Lampaert, J. Swevers, "The generalized Maxwell-slip model", IEEE TAC 50, 2005).
+    """
+
+    def __init__(self, presliding: Array, period: float, torque: Array, level: Array) -> None:
+        self._period, self._yields = period, YIELDS * presliding  # (elements, 7) rad
+        share = torque / np.where(level > 0, level, 1.0)
+        self._stretch = share * self._yields
+
+    def held(self, dq: Array, level: Array) -> Array:
+        """As `Dahl.held`."""
+        share = np.empty_like(dq)
+        for i, step in enumerate(dq * self._period):
+            np.clip(self._stretch + step, -self._yields, self._yields, out=self._stretch)
+            share[i] = (self._stretch / self._yields).mean(0)
+        return level * share
+
+
+LAWS = {"dahl": Dahl, "lugre": LuGre, "maxwell_slip": MaxwellSlip}
+
+
+class JointFriction:
+    """Friction by one of `LAWS`, whose level may depend on speed (Stribeck), load and angle.
+
+    Attributes:
+        torque: (7,) N m now, in the direction of the last motion.
+    """
+
+    def __init__(self, friction: FrictionNoise, period: float, streams: Streams) -> None:
+        self._model = friction
+        spread = 1.0 + friction.spread.draw(streams("friction.spread"))
+        self._level = friction.coulomb * np.maximum(spread, 0.0)
+        self._phase = streams("friction.position").uniform(-np.pi, np.pi, JOINTS)
+        self.torque = self._level * streams.run("friction.coulomb").uniform(-1.0, 1.0, JOINTS)
+        self._law = LAWS[friction.law](friction.presliding, period, self.torque, self._level)
+        self._varies = friction.static > 1 or friction.load.any() or friction.position.any()
+        self._viscous = bool(friction.viscous.any())
+        self.none = not (self._level.any() or self._viscous or friction.load.any())
+
+    def add(self, torque: Array, motion: LoggedMotion) -> None:
+        """Add the friction to the link-side torques (n, 7), N m."""
+        dq, model = motion.dq, self._model
+        held = self._law.held(dq, self._levels(torque, motion) if self._varies else self._level)
+        self.torque = held[-1]
+        torque += held
+        if self._viscous:
+            torque += model.viscous * dq
+        if model.compensated:
+            torque -= model.compensated * model.coulomb * np.sign(dq)
+
+    def _levels(self, torque: Array, motion: LoggedMotion) -> Array:
+        """Compute the levels (n, 7), N m, that the friction tends to."""
+        model = self._model
+        ripple = math.sqrt(2.0) * model.position * np.sin(motion.q + self._phase)
+        level = self._level * np.maximum(1.0 + ripple, 0.0) + model.load * np.abs(torque)
+        slow = np.exp(-((motion.dq / model.stribeck_speed) ** 2))
+        return level * (1.0 + (model.static - 1.0) * slow)
+
+
+# Ripple: errors periodic in a joint's angle, and the resonance of a control loop that they excite.
+
+
+class Waves:
+    """Two harmonics of a ripple, with the phases of a robot.
+
+    Attributes:
+        none: True if the ripple is zero.
+    """
+
+    def __init__(self, ripple: EncoderRipple, random: np.random.Generator) -> None:
+        sizes = [ripple.size, ripple.second] if ripple.second.any() else [ripple.size]
+        self.none = not np.any(sizes)
+        self._parts = [
+            (math.sqrt(2.0) * size, k * ripple.cycles, random.uniform(-np.pi, np.pi, JOINTS))
+            for k, size in enumerate(sizes, start=1)
+        ]
+
+    def at(self, q: Array) -> Array:
+        """Compute the ripple (n, 7) at joint angles (n, 7), rad."""
+        total = np.zeros(q.shape)
+        for size, cycles, phase in self._parts:
+            total += size * np.sin(cycles * q + phase)
+        return total
+
+
+class Resonator:
+    """Second-order low pass of seven joints, by the bilinear transform with its natural frequency
+    kept."""
+
+    def __init__(self, resonance: Resonance, period: float) -> None:
+        # A joint without a resonance passes its ripple on.
+        self._acts = np.isfinite(resonance.frequency)
+        omega = 2 * np.pi * np.where(self._acts, resonance.frequency, 1.0)
+        g = np.tan(np.minimum(omega * period, 0.95 * np.pi) / 2)
+        scale = 1.0 / (1.0 + 2.0 * resonance.damping * g + g * g)
+        self._b = g * g * scale
+        self._a1 = 2.0 * (g * g - 1.0) * scale
+        self._a2 = (1.0 - 2.0 * resonance.damping * g + g * g) * scale
+        self._state = np.zeros((2, JOINTS))
+        self._maps: dict[int, Array] = {}
+
+    def passed(self, ripple: Array) -> Array:
+        """Filter the next inputs (n, 7)."""
+        given = np.concatenate([self._state, ripple])
+        if len(ripple) not in self._maps:
+            self._maps[len(ripple)] = self._map(len(ripple))
+        out = (self._maps[len(ripple)] @ given.T[:, :, None])[:, :, 0].T
+        self._state = out[:2]
+        return np.where(self._acts, out[2:], ripple)
+
+    def _map(self, count: int) -> Array:
+        """Compute the matrices (7, 2 + count, 2 + count) from state and inputs to the state after them and the
+        outputs: the filter's answers to each alone."""
+        each = np.broadcast_to(np.eye(2 + count)[:, None], (2 + count, JOINTS, 2 + count))
+        s1, s2, out = each[0], each[1], list[Array]()
+        b, a1, a2 = (one[:, None] for one in (self._b, self._a1, self._a2))
+        for now in each[2:]:
+            here = b * now + s1
+            s1, s2 = 2.0 * b * now - a1 * here + s2, b * now - a2 * here
+            out.append(here)
+        return np.stack([s1, s2, *out], axis=1)

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.geometry.pose import Array
+from palpate.common.pose import Array
 from palpate.robots.simulated.noise.model import JOINTS, Acquisition, Streams, Torque
 from palpate.robots.simulated.timing import BLOCK, PERIOD, TIMESTEP
 
@@ -16,7 +16,7 @@ TAIL = 2  # degrees of freedom of Student's t distribution, from which outliers 
 LATEST = 0.45  # of a log period: largest error of a stamp, so that samples stay in order
 
 
-class Line:
+class SignalLine:
     """White noise, filter, delay, quantisation, outliers, repeats and gaps of the torque samples.
 
     It makes the means of blocks of 1 kHz samples, and single samples only where an error needs them.
@@ -53,13 +53,13 @@ class Line:
         if not self._single and self.kept is None:
             if self._noisy:
                 reading += self._mean * self._white.standard_normal(reading.shape)
-            return self._saturated(reading), None
+            return self._saturate(reading), None
         samples = np.repeat(reading, BLOCK, axis=0)
         samples += self._torque.white * self._white.standard_normal(samples.shape)
         samples = self._delay(self._filter(samples))
         if self._coarse:
-            samples = self._quantised(samples)
-        samples = self._saturated(samples)
+            samples = self._quantise(samples)
+        samples = self._saturate(samples)
         if self._strays:
             self._add_outliers(samples)
         samples = self._repeat(samples)
@@ -80,7 +80,7 @@ class Line:
         self._held = mean[-1]
         return mean, count > 0
 
-    def _quantised(self, samples: Array) -> Array:
+    def _quantise(self, samples: Array) -> Array:
         """Round to whole steps, where there are any."""
         step = self._torque.quantisation
         if self._all_coarse:
@@ -88,7 +88,7 @@ class Line:
         fine = np.where(step > 0, step, 1.0)
         return np.where(step > 0, np.round(samples / fine) * fine, samples)
 
-    def _saturated(self, samples: Array) -> Array:
+    def _saturate(self, samples: Array) -> Array:
         if not self._bounded:
             return samples
         # np.clip takes three times as long.

@@ -17,9 +17,9 @@ from typing import Annotated, Any, Literal, cast
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator
 
-from palpate.files.plain_yaml import Section, plain_number
-from palpate.geometry.pose import Array
-from palpate.robots.owner.arm import Datasheet
+from palpate.common.files import Section, plain_number
+from palpate.common.pose import Array
+from palpate.robots.owner import Datasheet
 
 JOINTS = 7
 Law = Literal["normal", "uniform", "magnitude", "sign"]
@@ -28,7 +28,7 @@ Shape = tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Drawn:
+class DrawnValue:
     """A value that is drawn, or fixed."""
 
     law: Law
@@ -145,15 +145,15 @@ def positive(value: Any) -> Array:
     return array
 
 
-def drawn(shape: Shape, law: Law = "normal") -> Callable[[Any], Drawn]:
+def drawn(shape: Shape, law: Law = "normal") -> Callable[[Any], DrawnValue]:
     """Make a validator of a size, or `{fixed: value}`."""
     size = sizes(shape)
 
-    def read(value: Any) -> Drawn:
-        if isinstance(value, Drawn):
+    def read(value: Any) -> DrawnValue:
+        if isinstance(value, DrawnValue):
             return value
         if not isinstance(value, dict):
-            return Drawn(law, size(value))
+            return DrawnValue(law, size(value))
         said = cast("dict[str, Any]", value)
         if set(said) != {"fixed"}:
             raise ValueError(f"{form_of(shape)}, or {{fixed: VALUE}}")
@@ -162,14 +162,14 @@ def drawn(shape: Shape, law: Law = "normal") -> Callable[[Any], Drawn]:
             raise ValueError("fixed: must be finite")
         if law == "magnitude" and (fixed < 0).any():
             raise ValueError("fixed: must not be negative")
-        return Drawn(law, size(0.0), fixed)
+        return DrawnValue(law, size(0.0), fixed)
 
     return read
 
 
-def nothing(shape: Shape = (), law: Law = "normal") -> Drawn:
+def nothing(shape: Shape = (), law: Law = "normal") -> DrawnValue:
     """Return a drawn value that is always zero."""
-    return Drawn(law, np.zeros(shape))
+    return DrawnValue(law, np.zeros(shape))
 
 
 Seven = (JOINTS,)
@@ -180,16 +180,16 @@ Levels = Annotated[np.ndarray, PlainValidator(sizes(Seven))]  # one per joint
 Ranges = Annotated[np.ndarray, PlainValidator(sizes(Seven, infinite=True))]
 Positives = Annotated[np.ndarray, PlainValidator(positive)]
 
-Number = Annotated[Drawn, PlainValidator(drawn(()))]
-Joints = Annotated[Drawn, PlainValidator(drawn(Seven))]
-JointsWithin = Annotated[Drawn, PlainValidator(drawn(Seven, "uniform"))]
-JointsSigned = Annotated[Drawn, PlainValidator(drawn(Seven, "sign"))]
-JointsSoft = Annotated[Drawn, PlainValidator(drawn(Seven, "magnitude"))]
-Soft = Annotated[Drawn, PlainValidator(drawn((), "magnitude"))]
-JointAxes = Annotated[Drawn, PlainValidator(drawn((JOINTS, 3)))]
-Pairs = Annotated[Drawn, PlainValidator(drawn((JOINTS, JOINTS)))]
-Vector = Annotated[Drawn, PlainValidator(drawn(AXES))]
-Plane = Annotated[Drawn, PlainValidator(drawn((2,)))]
+Number = Annotated[DrawnValue, PlainValidator(drawn(()))]
+Joints = Annotated[DrawnValue, PlainValidator(drawn(Seven))]
+JointsWithin = Annotated[DrawnValue, PlainValidator(drawn(Seven, "uniform"))]
+JointsSigned = Annotated[DrawnValue, PlainValidator(drawn(Seven, "sign"))]
+JointsSoft = Annotated[DrawnValue, PlainValidator(drawn(Seven, "magnitude"))]
+Soft = Annotated[DrawnValue, PlainValidator(drawn((), "magnitude"))]
+JointAxes = Annotated[DrawnValue, PlainValidator(drawn((JOINTS, 3)))]
+Pairs = Annotated[DrawnValue, PlainValidator(drawn((JOINTS, JOINTS)))]
+Vector = Annotated[DrawnValue, PlainValidator(drawn(AXES))]
+Plane = Annotated[DrawnValue, PlainValidator(drawn((2,)))]
 
 _Plain = BeforeValidator(plain_number)
 Level = Annotated[float, _Plain, Field(ge=0, allow_inf_nan=False)]
@@ -269,7 +269,7 @@ class Torque(Section):
     filter: Level = 0.0
 
 
-class Friction(Section):
+class FrictionNoise(Section):
     """Joint friction behind the torque sensor; N m, rad, rad/s."""
 
     law: FrictionLaw = "dahl"
@@ -296,7 +296,7 @@ class Sticking(Section):
     memory: Share = 0.0
 
 
-class Model(Section):
+class ModelErrors(Section):
     """Errors of the nominal inertial and kinematic model, per robot."""
 
     link_mass: Joints = nothing(Seven)
@@ -328,7 +328,7 @@ class PoseErrors(Section):
     thermal: Level = 0.0
 
 
-class Outliers(Section):
+class OutlierNoise(Section):
     """Single samples, heavy tailed: `rate` per s and joint, `size` N m."""
 
     rate: Level = 0.0
@@ -345,7 +345,7 @@ class Dropped(Section):
 class Acquisition(Section):
     """Errors of the data acquisition, independent of the samples' values."""
 
-    outliers: Outliers = Outliers()
+    outliers: OutlierNoise = OutlierNoise()
     dropped: Dropped = Dropped()
     repeated: Annotated[Share, Field(lt=1)] = 0.0
     jitter: Level = 0.0
@@ -379,9 +379,9 @@ class NoiseModel(Section):
     extends: None = None
     datasheet: Datasheet = Datasheet()
     torque: Torque = Torque()
-    friction: Friction = Friction()
+    friction: FrictionNoise = FrictionNoise()
     sticking: Sticking = Sticking()
-    model: Model = Model()
+    model: ModelErrors = ModelErrors()
     pose: PoseErrors = PoseErrors()
     acquisition: Acquisition = Acquisition()
     environment: Environment = Environment()

@@ -1,9 +1,4 @@
-"""Registry of noise models: palpate's own by name, those of other packages, and any file.
-
-`none`: no error. `lab`: noise, residual friction and drift of the joint torque signals. `datasheet`:
-`lab` and errors within the manufacturer's accuracy figures. `hardware`: published errors of real
-arms. `measured`: what recordings of real arms show. Their files are in this folder, every figure with its source.
-"""
+"""Registry of noise models: the levels that come with palpate, those of other packages, and files."""
 
 from __future__ import annotations
 
@@ -16,14 +11,13 @@ from typing import Any, cast
 import numpy as np
 from pydantic import ValidationError
 
-from palpate.errors import InputError, unknown_name
-from palpate.extensions import extensions, public
-from palpate.files.plain_yaml import plain_yaml, worded
-from palpate.files.read import read_text
+from palpate.common.errors import InputError, unknown_name
+from palpate.common.extensions import extensions, public
+from palpate.common.files import describe_error, plain_yaml, read_text
 from palpate.robots.description import RobotDescription
-from palpate.robots.registry import load_description
-from palpate.robots.sheet import merged
-from palpate.robots.simulated.noise import LEVELS
+from palpate.robots.noise_levels import LEVELS
+from palpate.robots.owner import load_description
+from palpate.robots.sheet import merge_sections
 from palpate.robots.simulated.noise.model import NoiseModel
 
 GROUP = "palpate.noise"
@@ -66,7 +60,7 @@ class NoiseModels:
         try:
             return NoiseModel.model_validate(content)
         except ValidationError as error:
-            raise InputError(f"{name_or_path}: {worded(error, NoiseModel)}") from None
+            raise InputError(f"{name_or_path}: {describe_error(error, NoiseModel)}") from None
 
     def title(self, name_or_path: str) -> str:
         """Return a model's title in report and result: its name, or the file's if it is invalid."""
@@ -84,27 +78,27 @@ def means_file(name_or_path: str) -> bool:
 
 def own_content(name: str, arm: RobotDescription) -> Content:
     """Read palpate's own noise model of an FR3, scaled to the figures of the arm's description."""
-    content = merged({}, content_of(Path(__file__).with_name(f"{name}.yaml")))
+    content = merge_sections({}, content_of(Path(__file__).with_name(f"{name}.yaml")))
     below = content.pop("extends", None)
     if arm is not load_description():
         scale(content, arm)
-    return content if below is None else merged(own_content(str(below), arm), content)
+    return content if below is None else merge_sections(own_content(str(below), arm), content)
 
 
 def file_content(path: Path, arm: RobotDescription, chain: tuple[Path, ...] = ()) -> Content:
     """Read a file, completed with the model that it extends."""
     if path.resolve() in chain or len(chain) >= MOST_BASES:
         raise InputError(f"{path}: extends itself, or more than {MOST_BASES} others one by one")
-    content = merged({"name": path.stem}, content_of(path))
+    content = merge_sections({"name": path.stem}, content_of(path))
     below = content.pop("extends", None) or "none"
     if not isinstance(below, str):
         raise InputError(f"{path}: 'extends': give {', '.join(LEVELS)}, or another FILE.yaml")
     if below in LEVELS:
-        return merged(own_content(below, arm), content)
+        return merge_sections(own_content(below, arm), content)
     other = path.parent / below
     if not other.exists():
         raise unknown_name("noise", below, LEVELS, f"It is named by 'extends' in {path}.")
-    return merged(file_content(other, arm, (*chain, path.resolve())), content)
+    return merge_sections(file_content(other, arm, (*chain, path.resolve())), content)
 
 
 def content_of(path: Path) -> Content:
@@ -123,7 +117,7 @@ def _read(path: Path, version: int) -> Content:
 
 def scale(content: Content, arm: RobotDescription) -> None:
     """Scale figures of an FR3 in place by the ratio of an arm's stated figures to the FR3's."""
-    mine, theirs = stated(load_description()), stated(arm)
+    mine, theirs = stated_figures(load_description()), stated_figures(arm)
     for place, figure in mine.items():
         *sections, key = place.split(".")
         section = content
@@ -134,7 +128,7 @@ def scale(content: Content, arm: RobotDescription) -> None:
             section[key] = larger.tolist()
 
 
-def stated(arm: RobotDescription) -> dict[str, Any]:
+def stated_figures(arm: RobotDescription) -> dict[str, Any]:
     """Return the figures of a description that noise models have too, by their keys there."""
     sensors, accuracy = arm.sensors, arm.accuracy
     return {

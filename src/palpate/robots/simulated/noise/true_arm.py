@@ -8,15 +8,15 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from palpate.geometry.pose import Array, Pose
+from palpate.common.pose import Array, Pose
 from palpate.robots.description import RobotDescription, pads_end
-from palpate.robots.simulated.noise.model import Model, Streams
-from palpate.robots.trajectory import turned
+from palpate.robots.simulated.noise.model import ModelErrors, Streams
+from palpate.robots.trajectory import rotate_quaternion
 
 SHARE = 0.3  # of a body's mass that may be moved to shift its centre
 
 
-class Truth:
+class TrueArm:
     """Deviations of an individual robot from the nominal model, applied to a world.
 
     Attributes:
@@ -24,7 +24,7 @@ class Truth:
             compensated may differ from the controller's model.
     """
 
-    def __init__(self, model: Model, streams: Streams) -> None:
+    def __init__(self, model: ModelErrors, streams: Streams) -> None:
         self._model, self._streams = model, streams
         geometry = (model.base_tilt, model.base_position, model.base_yaw, model.joint_offset)
         self.askew = any(drawn.any for drawn in (*geometry, model.link_length, model.gravity))
@@ -37,7 +37,7 @@ class Truth:
         turn = np.array([*tilt, model.base_yaw.number(streams("model.base_yaw"))])
         if not (shift.any() or turn.any()):
             return pose_world_base
-        quaternion = turned(pose_world_base.quaternion, turn[None])[0]
+        quaternion = rotate_quaternion(pose_world_base.quaternion, turn[None])[0]
         return Pose(pose_world_base.position + shift, quaternion)
 
     def gravity(self, assumed: Array) -> Array:

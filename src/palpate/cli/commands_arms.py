@@ -1,0 +1,173 @@
+"""Commands about the arm and this machine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from palpate.cli.options import MODEL, AsJson, Given, SceneFile, Yes, settings
+from palpate.runs.settings import settings_of
+
+OF_ARM = ("poses", "world", "arm", "robot", "robot_config", "noise", "seed", "cautious")
+PATIENCE = f"{MODEL}.budget.seconds"
+
+
+def calibrate(
+    *,
+    weight: Annotated[
+        str | None,
+        typer.Option("--weight", metavar="[OBJECT=]MASS", help="Known mass: 0.5kg±0.1g"),
+    ] = None,
+    gauge: Annotated[
+        str | None,
+        typer.Option("--gauge", metavar="[SURFACE=]HEIGHT", help="Known height: 50mm±0.01mm"),
+    ] = None,
+    own_weight: Annotated[
+        bool, typer.Option("--own-weight", help="Let the arm weigh itself.")
+    ] = False,
+    camera: Annotated[
+        str | None,
+        typer.Option(
+            "--camera",
+            metavar="SOURCE",
+            help="Camera that looks at the arm, or is on its hand: number, realsense, or world:NAME.",
+        ),
+    ] = None,
+    intrinsics: Annotated[
+        Path | None,
+        typer.Option("--intrinsics", help="YAML with its lens, and roughly where it is."),
+    ] = None,
+    tag: Annotated[
+        str | None,
+        typer.Option(
+            "--tag",
+            metavar="[NUMBER=]SIDE",
+            help="Tag on the hand, or before a camera on it: 0=100mm±0.1mm",
+        ),
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            "--plot", metavar="FILE.png", help="Picture of the camera's residuals to write."
+        ),
+    ] = None,
+    out: Annotated[
+        Path, typer.Option("--out", help="robot.yaml to write; its other figures stay.")
+    ] = Path("robot.yaml"),
+    scene: Annotated[
+        Path | None,
+        typer.Option("--scene", help="MJCF that states the weight's mass, the gauges' height."),
+    ] = None,
+    given: Annotated[Given, settings(*OF_ARM)],
+    as_json: AsJson = False,
+    yes: Yes = False,
+) -> None:
+    """Calibrate an arm with known masses and heights, and its camera with a tag, and write robot.yaml."""
+    from palpate.cli.show_arms import show_calibration
+    from palpate.cli.show_run import confirm_plan, live_view, show_plan_early, unless
+    from palpate.runs.calibration.calibrate import calibrate as carry_out_calibration
+    from palpate.runs.calibration.calibrate import parse_references
+    from palpate.runs.callbacks import RunCallbacks, unheard
+
+    asked = parse_references(weight, gauge, own_weight, camera, intrinsics, tag, plot)
+    with live_view() as (observer, say):
+        callbacks = RunCallbacks(
+            observer, say, unless(yes, confirm_plan), planned=unheard if yes else show_plan_early
+        )
+        done = carry_out_calibration(settings_of(scene=scene, **given), asked, out, callbacks)
+    show_calibration(done, as_json)
+
+
+def dynamics(
+    recording: Annotated[
+        Path, typer.Argument(metavar="LOG", help="Recording of the arm in free motion.")
+    ],
+    *,
+    given: Annotated[Given, settings("arm")],
+    hand: Annotated[
+        str,
+        typer.Option(
+            "--hand", metavar="found|KG", help="Mass on the flange: to be found, or known; 0: bare."
+        ),
+    ] = "found",
+    columns: Annotated[
+        Path | None, typer.Option("--columns", help="YAML that maps the log's columns.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="FILE", help="MJCF of the arm to write.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Identify an arm's joint friction, links and hand from a recording of its motion."""
+    import palpate as pp
+    from palpate.cli.show_arms import mass_of, show_dynamics
+
+    found = pp.dynamics(recording, given["arm"], hand=mass_of(hand), columns=columns)
+    written = found.save(out) if out is not None and not found.contradictions else ()
+    show_dynamics(found, written, as_json)
+    raise typer.Exit(1 if found.contradictions else 0)
+
+
+def noise(
+    recording: Annotated[
+        Path, typer.Argument(metavar="LOG", help="Recording of the arm in free motion: a minute.")
+    ],
+    *,
+    given: Annotated[Given, settings("arm")],
+    columns: Annotated[
+        Path | None, typer.Option("--columns", help="YAML that maps the log's columns.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="FILE", help="Noise model to write, for --noise."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Measure the noise of an arm in a recording, beside the noise models."""
+    import palpate as pp
+    from palpate.cli.show_arms import show_noise
+
+    found = pp.noise(recording, given["arm"], columns=columns)
+    show_noise(found, None if out is None else found.save(out), as_json)
+
+
+def teach(
+    scene: SceneFile,
+    *,
+    given: Annotated[Given, settings("robot", "poses", "root", "arm")],
+    out: Annotated[Path, typer.Option("--out", help="poses.yaml to write.")] = Path("poses.yaml"),
+) -> None:
+    """Record poses in poses.yaml: guide the robot's hand to each object, or type ruler measurements."""
+    from palpate.cli.teach import give_lesson
+
+    give_lesson(settings_of(scene=scene, **given), out)
+
+
+def doctor(
+    *,
+    given: Annotated[
+        Given,
+        settings(
+            "robot", "arm", "robot_config", f"{MODEL}.base_url", PATIENCE, defaults={PATIENCE: 60}
+        ),
+    ],
+    yes: Yes = False,
+    planner: Annotated[
+        str | None, typer.Option("--planner", help="A model's server to ask: PROVIDER[:MODEL].")
+    ] = None,
+) -> None:
+    """Check what is available on this machine, at a real robot, or at a model's server."""
+    from palpate.cli.doctor import examine, examine_planner, examine_robot
+
+    asked = settings_of(**given)
+    if planner is not None:
+        raise typer.Exit(examine_planner(planner, asked.model_settings))
+    if asked.robot is None:
+        raise typer.Exit(examine())
+
+    def may_hold() -> bool:
+        return yes or typer.confirm("Let the arm hold itself for 5 s, to count cycles?", err=True)
+
+    raise typer.Exit(examine_robot(asked, may_hold))

@@ -1,0 +1,143 @@
+"""Commands that execute: a scenario, a request, an existing plan."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from palpate.cli.options import (
+    MODEL,
+    MOTION,
+    PLANNER,
+    SCENE,
+    AsJson,
+    Given,
+    PlanFile,
+    SceneArgument,
+    WatchOptions,
+    Yes,
+    one_scene,
+    settings,
+)
+from palpate.common.processes import interrupts
+from palpate.runs.settings import Settings, settings_of
+
+OF_DEMO = ("noise", "seed", "arm", "cautious", "robot_config", "within", "out", "fast")
+
+
+def _scenario_names(begun: str) -> list[str]:
+    """Complete the name of a bundled scenario for a shell."""
+    from palpate.studies.scenarios.catalogue import scenarios
+
+    return [name for name in scenarios() if name.startswith(begun)]
+
+
+def demo(
+    name: Annotated[
+        str, typer.Argument(metavar="[SCENARIO]", autocompletion=_scenario_names)
+    ] = "bottle_and_table",
+    *,
+    given: Annotated[Given, settings(*OF_DEMO)],
+    planner: Annotated[str | None, typer.Option("--planner")] = None,
+    watch: WatchOptions,
+    as_json: AsJson = False,
+    model: Annotated[Given, settings(MODEL)],
+) -> None:
+    """Run a bundled scenario from the sentence to the report."""
+    from palpate.studies.scenarios.catalogue import scenario
+
+    chosen = scenario(name)
+    asked = chosen.settings(planner=planner or chosen.planner, **given, **model)
+    carry_out(asked, as_json, watch)
+
+
+def run(
+    scene: SceneArgument = None,
+    *,
+    given: Annotated[
+        Given,
+        settings(
+            "request",
+            "measure",
+            "scene",
+            "images",
+            "camera",
+            "intrinsics",
+            "pose_estimator",
+            *SCENE,
+            *PLANNER,
+            *MOTION,
+        ),
+    ],
+    watch: WatchOptions,
+    as_json: AsJson = False,
+    yes: Yes = False,
+    model: Annotated[Given, settings(MODEL)],
+) -> None:
+    """Measure what is missing and write the twin and the report."""
+    carry_out(settings_of(**one_scene(scene, given), **model), as_json, watch, yes)
+
+
+def execute(
+    plan: PlanFile,
+    *,
+    given: Annotated[Given, settings("scene", *SCENE, *MOTION)],
+    watch: WatchOptions,
+    as_json: AsJson = False,
+    yes: Yes = False,
+) -> None:
+    """Execute an existing plan."""
+    from palpate.runs.tools import replay_planner_name
+
+    carry_out(settings_of(**given, planner=replay_planner_name(plan)), as_json, watch, yes)
+
+
+def carry_out(asked: Settings, as_json: bool, watch: WatchOptions, yes: bool = False) -> None:
+    """Run with a live view on stderr, print the result, exit with its status."""
+    from palpate.cli.show_arms import confirm_seen
+    from palpate.cli.show_run import (
+        ValuesFirst,
+        confirm_plan,
+        confirm_proposal,
+        groot,
+        live_page,
+        live_view,
+        pace,
+        play_again,
+        resuming,
+        show_plan_early,
+        show_result,
+        unless,
+        warn_of_drawn_truth,
+    )
+    from palpate.runs.api import run_settings
+    from palpate.runs.callbacks import RunCallbacks, refuse_proposal, unheard
+
+    with (
+        interrupts() as signals,
+        signals.defer(),
+        live_page(watch.live) as page,
+        groot(watch) as publisher,
+    ):
+        warn_of_drawn_truth(asked)
+        may_move = unless(yes, page.confirm if page else confirm_plan)
+        planned = page.planned if page else unheard if yes else show_plan_early
+        proposal = refuse_proposal if as_json else confirm_proposal
+        with live_view(page, publisher, pace(watch, asked)) as (observer, say):
+            values = ValuesFirst(as_json)
+            callbacks = RunCallbacks(
+                observer,
+                say,
+                may_move,
+                proposal,
+                may_resume=resuming(say),
+                measured=values,
+                planned=planned,
+                looked=confirm_seen(ask=asked.robot is not None and not yes),
+            )
+            done = run_settings(asked, callbacks)
+        status = show_result(done, as_json, values.shown)
+        if page and not signals.count:
+            play_again(page, done, signals)
+        raise typer.Exit(status)

@@ -1,0 +1,330 @@
+"""Result of a run, its live views, and questions before a real robot moves."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from palpate.cli.console import EXIT, ask_yes_no, err, escape, out, print_json, printing, say
+from palpate.cli.show_plan import print_plan, show_notes, show_proposal, understood
+from palpate.cli.show_stored import show_estimates
+from palpate.common.display import visible
+from palpate.common.errors import Unavailable
+from palpate.runs.answer import answer
+from palpate.runs.figures import significant
+from palpate.runs.report.console import SafeConsole
+
+if TYPE_CHECKING:
+    from palpate.cli.options import WatchOptions
+    from palpate.common.processes import Interrupts
+    from palpate.estimation.estimate import Estimate
+    from palpate.execution.runner import Observer
+    from palpate.runs.callbacks import Confirm, Progress
+    from palpate.runs.held_out import HeldOutMotion
+    from palpate.runs.report.live_groot import GrootPublisher
+    from palpate.runs.report.live_page import LivePage
+    from palpate.runs.report.live_terminal import RealTime, View
+    from palpate.runs.run import Run
+    from palpate.runs.settings import Settings
+
+
+MANY_MOTIONS = 4
+"""Number of agreeing motions above which they are summed up in one line."""
+
+
+@contextmanager
+def live_view(*others: View | None) -> Generator[tuple[Observer, Callable[[str], None]]]:
+    """Show the run on stderr and on other views; yield the observer and the callback that names the
+    present stage."""
+    from palpate.runs.report.live_terminal import LiveTree, SeveralViews
+
+    with LiveTree(err) as live:
+        views = SeveralViews(live, *(view for view in others if view is not None))
+        yield views, views.progress
+
+
+@contextmanager
+def live_page(wanted: bool) -> Generator[LivePage | None]:
+    """Serve the live page if it is wanted.
+
+    Raises:
+        Unavailable: viser is not installed, or the page cannot be served.
+    """
+    if not wanted:
+        yield None
+        return
+    try:
+        from palpate.runs.report.live_page import LivePage
+    except ImportError as error:
+        why = f"the live page needs viser: pip install 'palpate[live]' ({error})"
+        raise Unavailable(why) from None
+
+    with LivePage() as page:
+        err.print(f"[dim]live[/] {page.url}", soft_wrap=True)
+        yield page
+
+
+@contextmanager
+def groot(wanted: WatchOptions) -> Generator[GrootPublisher | None]:
+    """Open the port that Groot2 connects to if it is wanted.
+
+    Raises:
+        Unavailable: pyzmq is not installed, or the port is taken.
+    """
+    if not wanted.groot:
+        yield None
+        return
+    from palpate.runs.report.live_groot import GrootPublisher
+
+    with GrootPublisher(wanted.groot_port) as publisher:
+        err.print(f"[dim]Groot2[/] {publisher.url}", soft_wrap=True)
+        yield publisher
+
+
+def pace(wanted: WatchOptions, settings: Settings) -> RealTime | None:
+    """Pace of a real arm for a simulated one that somebody watches on the page or in Groot2."""
+    from palpate.runs.report.live_terminal import RealTime
+
+    watched = wanted.live or wanted.groot
+    return RealTime() if watched and settings.robot is None else None
+
+
+def play_again(page: LivePage, run: Run, signals: Interrupts) -> None:
+    """Replay the finished run on the page until it is closed or Ctrl-C is pressed."""
+    page.finished(run)
+    err.print(f"[dim]played again at[/] {page.url} [dim]until Ctrl-C[/]", soft_wrap=True)
+    while not page.closed and not signals.pressed():
+        time.sleep(0.2)
+    signals.forget()
+
+
+def show_plan_early(run: Run) -> None:
+    """Print the plan, even with --quiet, to be read while it is rehearsed."""
+    print_plan(run.plan, SafeConsole(stderr=True, highlight=False))
+
+
+def confirm_plan(run: Run) -> bool:
+    """Ask for permission to move; no answer is a no."""
+    question = f"Let {visible(str(run.settings.robot))} move? (--yes skips this question)"
+    return ask_yes_no(question)
+
+
+def confirm_proposal(run: Run) -> bool:
+    """Show what a request may mean and ask whether to measure that; without a terminal it is not."""
+    if not sys.stdin.isatty():
+        return False
+    err.prose(escape(understood(run.plan)))
+    return ask_yes_no("Measure that?", default=True)
+
+
+def confirm_resuming(why: str) -> bool:
+    """Ask whether a stopped robot may go on; without a terminal it may not."""
+    if not sys.stdin.isatty():
+        return False
+    err.print(visible(why), markup=False)
+    return ask_yes_no("Have you seen what stopped it, and is the way clear? Let it go on?")
+
+
+def unless(yes: bool, ask: Confirm) -> Confirm:
+    """Callback that asks for permission to move, unless it was given beforehand (`--yes`)."""
+
+    def may_move(run: Run) -> bool:
+        return yes or ask(run)
+
+    return may_move
+
+
+def resuming(progress: Progress) -> Callable[[str], bool]:
+    """Callback that shows that the robot stopped, and asks whether it may go on."""
+
+    def may_resume(why: str) -> bool:
+        progress("the robot was stopped")
+        return confirm_resuming(why)
+
+    return may_resume
+
+
+def warn_of_drawn_truth(settings: Settings) -> None:
+    """Warn before the run if the values to be measured will be drawn at random."""
+    if settings.world is None and settings.robot is None and settings.scene is not None:
+        err.prose(
+            "[bold yellow]simulated[/] without --robot or --world: values that the scene does not state are "
+            f"drawn at random (--seed {settings.seed}), then measured. No value below is of a real object.",
+        )
+
+
+class ValuesFirst:
+    """Callback that prints the values as soon as they are final, before twin, film and report.
+
+    Attributes:
+        shown: the values were printed.
+    """
+
+    def __init__(self, as_json: bool) -> None:
+        self.shown = False
+        self._as_json = as_json
+
+    def __call__(self, run: Run) -> None:
+        """Print the values of `run`; with --json on stderr, a line each."""
+        if self._as_json:
+            for estimate in run.estimates:
+                err.print(escape(f"final: {repr(estimate).strip('<>')}"), soft_wrap=True)
+            return
+        with printing():
+            _show_values(run)
+            _explain_live(run)
+        self.shown = True
+
+
+def show_result(run: Run, as_json: bool, values_shown: bool = False) -> int:
+    """Print the result on stdout, without values that were shown already, and its shortfalls on
+    stderr, a line each; return the exit status."""
+    with printing():
+        show_run(run, as_json, values_shown)
+    for line in run.shortfalls:
+        say(line)
+    kept = f"; what there is, is in '{run.folder}'" if run.folder else ""
+    if run.interrupted is not None:
+        say(f"{run.interrupted}{kept}: `palpate report` finishes it")
+    elif run.status == "aborted" and run.execution is not None:
+        # The table above has the reason already.
+        why = f": {run.execution.stopped_by}" if as_json else ""
+        say(f"stopped{why}{kept}")
+    return EXIT[run.status]
+
+
+def show_run(run: Run, as_json: bool, values_shown: bool = False) -> None:
+    """Print the result: values with error bars, and the paths of the files."""
+    from palpate.runs.result import result_json
+
+    if as_json:
+        print_json(result_json(run, run.folder))
+        return
+    if run.status == "rejected":
+        _show_rejection(run)
+    elif run.execution is None:
+        _show_nothing_missing(run)
+    elif not values_shown:
+        _show_values(run)
+    show_notes(run.plan, out)
+    _show_files(run)
+
+
+def _show_nothing_missing(run: Run) -> None:
+    """Print that nothing is missing, and the explanation less what the notes repeat."""
+    explanation = run.plan.explanation
+    for note in (*run.plan.notes, "Nothing is missing."):
+        explanation = explanation.replace(note, "")
+    out.print("[bold green]nothing is missing[/]", escape(explanation.strip()))
+
+
+def _show_values(run: Run) -> None:
+    _show_estimates(run)
+    _show_setbacks(run)
+    _show_world(run)
+
+
+def _show_rejection(run: Run) -> None:
+    out.print("[bold yellow]no plan[/]", escape(run.plan.explanation))
+    show_proposal(run)
+    for finding in run.findings:
+        out.print(f"  [yellow]{finding.rule}[/] {escape(finding.path)}: {escape(finding.message)}")
+
+
+def _explain_live(run: Run) -> None:
+    """Explain the difference between live values and the table."""
+    if run.trace_if_any is not None and run.trace_if_any.conversions:
+        out.prose(
+            "[dim]Final values use the whole recording; live values used the part recorded so far.[/]",
+        )
+
+
+def _show_estimates(run: Run) -> None:
+    if run.estimates:
+        show_estimates(run.estimates, run.truth)
+    elif not run.plan.parameters:
+        out.prose("[bold]nothing was to be estimated[/]:", escape(run.plan.explanation))
+    else:
+        out.print("[bold red]no estimates[/]: the run ended before any was made")
+    if answered := answer(run):
+        out.prose(f"[bold]answer[/] {escape(answered)}")
+    for estimate in run.estimates:
+        _show_precision(run, estimate)
+    _show_held_out(run)
+    for name, belief in run.beliefs.items():
+        if belief.contradiction:
+            out.prose(f"[bold red]contradicted[/] pose of {escape(name)}: {belief.contradiction}")
+
+
+def _show_held_out(run: Run) -> None:
+    """Print the held-out validation: a line per motion, one line for many that agree."""
+    if run.held_out is None:
+        return
+    agreeing = [motion for motion in run.held_out.motions if motion.agrees]
+    if len(agreeing) > MANY_MOTIONS:
+        worst = max(motion.rms for motion in agreeing)
+        out.prose(
+            f"[green]validation agrees[/] {len(agreeing)} held-out motions: predicted to "
+            f"{significant(1e3 * worst, 2)} mN·m or better",
+        )
+    for motion in run.held_out.motions:
+        if motion.agrees and len(agreeing) > MANY_MOTIONS:
+            continue
+        heading, said = "[green]validation agrees[/]", _prediction(motion)
+        if motion.disagreement:
+            said += f". {motion.disagreement}"
+        if not motion.agrees:
+            heading = "[bold red]validation disagrees[/]"
+        out.prose(f"{heading} {escape(said)}")
+    for note in run.held_out.notes:
+        out.prose(f"[dim]not validated[/] {escape(note)}")
+
+
+def _prediction(motion: HeldOutMotion) -> str:
+    return (
+        f"{motion.motion}: predicted to {significant(1e3 * motion.rms, 2)} mN·m (χ² {motion.chi2:.0f} of "
+        f"{motion.dof}, p {motion.p:.2g}); by the scene as given to "
+        f"{significant(1e3 * motion.rms_template, 3)} mN·m"
+    )
+
+
+def _show_precision(run: Run, estimate: Estimate) -> None:
+    """Print the outcome of a requested width."""
+    precision = run.settings.within.precision(estimate)
+    if precision is not None:
+        colour = "yellow" if precision.outcome == "rounds used up" else "green"
+        name, said = escape(str(estimate.parameter)), escape(precision.in_words(estimate.unit))
+        out.prose(f"[{colour}]{precision.outcome}[/] {name}: {said}")
+
+
+def _show_setbacks(run: Run) -> None:
+    assert run.execution is not None
+    for setback in run.execution.setbacks:
+        out.prose(f"[yellow]went on after[/] {escape(setback)}")
+    if run.execution.stopped_by:
+        out.prose(f"[bold red]stopped[/] {escape(run.execution.stopped_by)}")
+
+
+def _show_world(run: Run) -> None:
+    """Print that the values come from a simulation, and whether its truth was drawn at random."""
+    if run.simulated and run.world is not None:
+        where = escape(run.world.removeprefix("simulated").strip())
+        out.prose(f"[bold yellow]simulated[/] {where}")
+    if run.drawn:
+        out.prose("[bold yellow]made up[/] no value above is of a real object")
+
+
+def _show_files(run: Run) -> None:
+    from palpate.runs.tools import pictures
+
+    if run.folder is None:  # of estimates in memory
+        return
+    out.print(f"[dim]run folder[/]  {run.folder}", soft_wrap=True)
+    if (run.folder / "report.html").exists():
+        out.print(f"[dim]report[/]      {run.folder / 'report.html'}", soft_wrap=True)
+    possible, remedy = pictures()
+    if not possible:
+        out.prose(f"[dim]no pictures[/] {escape(remedy)}")

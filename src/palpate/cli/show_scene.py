@@ -1,0 +1,170 @@
+"""Bundled scenarios, vocabulary, and parameters of a scene."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from rich.text import Text
+
+from palpate.cli.console import escape, out, print_json
+from palpate.cli.show_layout import TableColumn, print_rows, show_next
+from palpate.runs.reproduce import running
+
+if TYPE_CHECKING:
+    from palpate.mjcf.body import Body
+    from palpate.primitives.base import Primitive
+    from palpate.runs.api import Scene
+    from palpate.scene.scaffold import Scaffold
+    from palpate.studies.scenarios.catalogue import Scenario
+
+
+SCENARIOS = (
+    TableColumn("scenario", style="bold"),
+    TableColumn("what it shows", words=True),
+    TableColumn("request", words=True, style="italic"),
+)
+
+
+def show_scenarios(as_json: bool) -> None:
+    """Print the bundled scenarios."""
+    from palpate.studies.scenarios.catalogue import scenarios
+
+    found = scenarios().values()
+    if as_json:
+        print_json([_scenario_json(scenario) for scenario in found])
+        return
+    rows: list[list[Text]] = []
+    for scenario in found:
+        request = scenario.request or "– (whatever the scene lacks)"
+        rows.append([Text(part) for part in (scenario.name, scenario.title, request)])
+    print_rows(SCENARIOS, rows)
+    out.print("\nRun one with [bold]palpate demo NAME[/].")
+
+
+def _scenario_json(scenario: Scenario) -> dict[str, Any]:
+    return {
+        "name": scenario.name,
+        "title": scenario.title,
+        "request": scenario.request,
+        "planner": scenario.planner.split("/")[0],
+        "expects": [str(parameter) for parameter in scenario.expects],
+    }
+
+
+def show_vocabulary(as_json: bool, btcpp: bool) -> None:
+    """Print the vocabulary as text, as JSON schema, or as BT.CPP TreeNodesModel."""
+    from palpate.runs.tools import plan_schema, tree_nodes_model, vocabulary
+
+    if as_json:
+        print_json(plan_schema())
+        return
+    if btcpp:
+        sys.stdout.write(tree_nodes_model())
+        return
+    words = vocabulary()
+    for name, primitive in words.primitives.items():
+        out.print(_primitive_text(name, primitive))
+    for composite in words.composites.values():
+        symbol, summary = escape(composite.symbol), escape(composite.summary)
+        out.print(f"{symbol} [bold]{composite.name}[/]\n  {summary}")
+
+
+def _primitive_text(name: str, primitive: type[Primitive]) -> str:
+    """Name, arguments, buffers and summary of a primitive."""
+    buffers = f" reads {primitive.reads}" if primitive.reads else ""
+    buffers += f" writes {primitive.writes}" if primitive.writes else ""
+    arguments = ", ".join(primitive.model_fields)
+    return f"→ [bold]{name}[/]({arguments})[dim]{buffers}[/]\n  {escape(primitive.summary())}"
+
+
+# Known and missing parameters of a scene, and the files of a new one.
+
+
+GAP = (
+    TableColumn("name", style="bold"),
+    TableColumn("role"),
+    TableColumn("missing", words=True),
+    TableColumn("known", words=True, style="dim"),
+    TableColumn("assumed", words=True, style="dim"),
+)
+
+
+def show_gap(scene: Scene, as_json: bool) -> None:
+    """Print what is known and what is missing, body by body, with the next command."""
+    from palpate.runs.tools import units
+
+    if as_json:
+        print_json(_gap_json(scene))
+        return
+    if scene.bodies:
+        of = units()
+        print_rows(GAP, [_body_cells(body, of) for body in scene.bodies.values()])
+    else:
+        out.print(
+            "no object and no surface: a body with a free joint is an object, a named body or"
+        )
+        out.print("geom that stands still and carries something is a surface")
+    for remark in scene.remarks:
+        out.print(f"[dim]{escape(remark)}[/]")
+    if scene.missing:
+        show_next("measure what is missing", running(scene.given))
+
+
+def _gap_json(scene: Scene) -> dict[str, Any]:
+    missing: list[dict[str, str]] = []
+    for parameter in scene.missing:
+        missing.append({"object": parameter.object, "quantity": parameter.quantity})
+    return {
+        "missing": missing,
+        "bodies": [_body_json(body) for body in scene.bodies.values()],
+        "remarks": list(scene.remarks),
+    }
+
+
+def _body_json(body: Body) -> dict[str, Any]:
+    return {
+        "name": body.name,
+        "role": body.role,
+        "missing": sorted(body.missing),
+        "assumed": sorted(body.assumed),
+        "known": {quantity: list(values) for quantity, values in body.known.items()},
+    }
+
+
+def _body_cells(body: Body, units: Mapping[str, str]) -> list[str]:
+    known: list[str] = []
+    for quantity, values in body.known.items():
+        words = [quantity, *(f"{value:.4g}" for value in values)]
+        unit = units.get(quantity, "1")
+        if unit != "1":
+            words.append(unit)
+        known.append(" ".join(words))
+    missing = "[green]nothing[/]"
+    if body.missing:
+        missing = f"[bold red]{', '.join(sorted(body.missing))}[/]"
+    return [
+        escape(body.name),
+        body.role,
+        missing,
+        ", ".join(known) or "–",
+        ", ".join(sorted(body.assumed)) or "–",
+    ]
+
+
+def show_scaffold(made: Scaffold, as_json: bool) -> None:
+    """The files of a new scene, and what to do next."""
+    if as_json:
+        files = {"scene": str(made.scene), "poses": str(made.poses)}
+        print_json(files | {"objects": list(made.objects)})
+        return
+    scene = shlex.quote(str(made.scene))
+    out.print(f"wrote {escape(str(made.scene))}", soft_wrap=True)
+    out.print(f"      {escape(str(made.poses))}", soft_wrap=True)
+    out.print("Put a ruler to your table, correct places and sizes in them, then:")
+    out.print(f"  palpate gap {escape(scene)}", soft_wrap=True)
+    if made.objects:
+        question = shlex.quote(f"how heavy is the {made.objects[0].replace('_', ' ')}?")
+        out.print(f"  palpate run --scene {escape(scene)} -r {escape(question)}", soft_wrap=True)

@@ -1,0 +1,260 @@
+"""Estimates, comparisons and stored runs on the terminal."""
+
+from __future__ import annotations
+
+import webbrowser
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from palpate.cli.console import escape, in_flags, out, print_json, say
+from palpate.cli.show_layout import TableColumn, print_rows
+from palpate.common.errors import InputError
+from palpate.runs.figures import figures, rounded_columns
+
+if TYPE_CHECKING:
+    from palpate.common.parameter import Parameter
+    from palpate.estimation.estimate import Estimate
+    from palpate.runs.compare import ComparedEstimate, Comparison
+    from palpate.runs.fuse import Fusion
+    from palpate.runs.proof import Proof
+    from palpate.runs.run import Run
+    from palpate.twin.export import Export
+
+
+COLUMNS = (
+    TableColumn("parameter"),
+    TableColumn("value ± std"),
+    TableColumn("95 % interval"),
+    TableColumn("verdict"),
+)
+STYLES = {"identified": "green", "prior-dominated": "yellow"}
+"""Colours of verdicts; all others are red."""
+
+
+def show_estimates(
+    estimates: Iterable[Estimate], truth: Mapping[Parameter, Sequence[float]] | None = None
+) -> None:
+    """Print the table, with a column of the truth if it is known, and below it contradictions and the
+    reasons for missing values."""
+    estimates = tuple(estimates)
+    columns, rows = list(COLUMNS), [row for one in estimates for row in estimate_rows(one)]
+    if truth:
+        columns.append(TableColumn("truth", style="dim"))
+        trues = [
+            cell for one in estimates for cell in _truth_cells(one, truth.get(one.parameter, ()))
+        ]
+        rows = [[*row, cell] for row, cell in zip(rows, trues, strict=True)]
+    print_rows(columns, rows)
+    for estimate in estimates:
+        show_objection(estimate)
+
+
+def show_objection(estimate: Estimate) -> None:
+    """Print the contradiction of an estimate, or why it has no value or is prior-dominated, with the axes."""
+    name = escape(str(estimate.parameter))
+    if estimate.contradiction:
+        out.prose(f"[bold red]contradicted[/] {name}: {escape(in_flags(estimate.contradiction))}")
+    elif not estimate.has_value:
+        out.prose(f"[bold red]not identified[/] {name}: {escape(estimate.method)}")
+    elif estimate.reason:
+        said = escape(estimate.doubt)
+        if estimate.identified:
+            name += f" {' and '.join(estimate.doubtful_axes)}"
+            said += ", and as a whole it is not identified"
+        out.prose(f"[yellow]prior-dominated[/] {name}: {said}")
+
+
+def estimate_rows(estimate: Estimate) -> list[list[str]]:
+    """Return the cells of `COLUMNS`, a row for each component."""
+    name, unit = escape(str(estimate.parameter)), estimate.unit.removesuffix("1")
+    rows: list[list[str]] = []
+    for figure in figures(estimate):
+        value = f"[bold]{figure.value}[/] ± {figure.std} {unit}".rstrip()
+        interval = figure.limit or f"{figure.low} … {figure.high}"
+        rows.append([f"{name} {figure.axis}".rstrip(), value, interval, _verdict(figure.verdict)])
+    return rows or [[name, "–", "", _verdict(estimate.verdict)]]
+
+
+def _verdict(verdict: str) -> str:
+    return f"[{STYLES.get(verdict, 'bold red')}]{verdict}[/]"
+
+
+def _truth_cells(estimate: Estimate, truth: Sequence[float]) -> list[str]:
+    """Truth of an estimate, a cell for each of its rows."""
+    count = max(len(estimate.values), 1)
+    if len(truth) == count:
+        return [f"{value:.5g}" for value in truth]
+    together = " ".join(f"{value:.5g}" for value in truth)
+    return [together or "–", *[""] * (count - 1)]
+
+
+# Comparison of several runs on the terminal.
+
+
+NAME, VALUE, _, VERDICT = COLUMNS
+COMPARED = (
+    NAME,
+    TableColumn("run", words=True),
+    VALUE,
+    TableColumn("difference ± std"),
+    TableColumn("in stds", right=True),
+    VERDICT,
+)
+FAR = 1.96
+"""Standard deviations that chance exceeds in 5 % of differences; larger ones are highlighted."""
+
+
+def show_comparison(comparison: Comparison, as_json: bool) -> None:
+    """Print a row for every run and component, with its difference from the first run."""
+    from palpate.runs.compare import comparison_json
+
+    if as_json:
+        print_json(comparison_json(comparison))
+        return
+    every = [row for of in comparison.rows.values() for row in of]
+    rows = [cells for row in every for cells in _cells(row)]
+    if not rows:
+        out.print("none of these runs made an estimate")
+    elif all(row.estimate is None or row.estimate.identified for row in every):
+        print_rows(COMPARED[:-1], [row[:-1] for row in rows])
+    else:
+        print_rows(COMPARED, rows)
+    if any(row.z is not None for row in every):
+        out.print(
+            "[dim]Differences are from the first run; what runs share is not in their std.[/]"
+        )
+    for remark in comparison.remarks:
+        out.prose(f"[yellow]note[/] {escape(remark)}")
+
+
+def _cells(row: ComparedEstimate) -> list[list[str]]:
+    if row.estimate is None:
+        return []
+    apart = _format_differences(row)
+    cells: list[list[str]] = []
+    for place, (name, value, _, verdict) in enumerate(estimate_rows(row.estimate)):
+        cells.append([name, escape(row.run), value, *apart.get(place, ("", "")), verdict])
+    return cells
+
+
+def _format_differences(row: ComparedEstimate) -> dict[int, tuple[str, str]]:
+    """Difference, and difference in standard deviations, by component."""
+    if row.difference is None or row.std is None or row.z is None:
+        return {}
+    values, stds = rounded_columns(row.difference, row.std)
+    found: dict[int, tuple[str, str]] = {}
+    for place, z in enumerate(row.z.tolist()):
+        sign = "" if values[place].startswith("-") else "+"
+        far = f"[bold yellow]{z:+.1f}[/]" if abs(z) > FAR else f"{z:+.1f}"
+        found[place] = (f"{sign}{values[place]} ± {stds[place]}", far)
+    return found
+
+
+# Output for stored runs: report in the browser, fusion, export.
+
+
+PAGE = "report.html"
+
+
+def show_report(folder: Path) -> None:
+    """Open the report in the browser and print its path, which also serves without a browser.
+
+    Raises:
+        InputError: there is no such page.
+    """
+    page = folder / PAGE
+    if not folder.is_dir():
+        raise InputError(f"'{folder}' is no folder: give that of a run")
+    if not (folder / "result.json").exists():
+        raise InputError(f"'{folder}' is not a run's folder: it has no result.json")
+    if not page.exists():
+        raise InputError(f"'{folder}' has no {PAGE} yet: `palpate report {folder}` writes it")
+    out.print(escape(str(page.absolute())), soft_wrap=True)
+    try:
+        opened = webbrowser.open(page.absolute().as_uri())
+    except webbrowser.Error:
+        opened = False
+    if not opened:
+        say("no browser was found here: open the file above in one")
+
+
+def show_how(arm: str, out_file: Path | None) -> None:
+    """Write a motion that excites a load, and print what to record with it.
+
+    Raises:
+        InputError: there is no such arm, or the file exists or cannot be written.
+    """
+    from palpate.runs.tools import write_excitation
+
+    file = out_file or Path(f"excitation-{Path(arm).name}.csv")
+    for line in write_excitation(arm, file):
+        out.prose(escape(line))
+
+
+def show_fusion(fusion: Fusion, as_json: bool) -> None:
+    """Print the estimates of each run, and the fused ones."""
+    from palpate.runs.fuse import fusion_json
+
+    if as_json:
+        print_json(fusion_json(fusion, fusion.folder))
+        return
+    rows: list[list[str]] = []
+    for estimate in fusion.estimates:
+        for name, run in zip(fusion.names, fusion.runs, strict=True):
+            for one in run.estimates:
+                if one.parameter == estimate.parameter:
+                    rows += [[*row, escape(name)] for row in estimate_rows(one)]
+        rows += [[*row, "[bold]together[/]"] for row in estimate_rows(estimate)]
+    print_rows([*COLUMNS, TableColumn("by", words=True)], rows)
+    for estimate in fusion.estimates:
+        show_objection(estimate)
+    for line in fusion.left_out:
+        out.prose(f"[yellow]left out[/] {escape(line)}")
+    for note in fusion.twin.notes:
+        out.prose(f"[dim]note[/] {escape(note)}")
+    if fusion.folder is not None:
+        out.print(f"[dim]twin[/] {fusion.folder / 'twin.xml'}", soft_wrap=True)
+
+
+def show_export(run: Run, export: Export, as_json: bool) -> None:
+    """Print the place of each estimate in the export, and other changes."""
+    from palpate.runs.export import export_json
+
+    if as_json:
+        print_json(export_json(run, export) | {"file": str(export.file)})
+        return
+    rows: list[list[str]] = []
+    for estimate in run.estimates:
+        if estimate.parameter in export.held:
+            rows += [[*row, "[green]read back[/]"] for row in estimate_rows(estimate)]
+        elif estimate.parameter in export.lost:
+            lost = f"[yellow]not in {export.format}[/]"
+            rows += [[*row, lost] for row in estimate_rows(estimate)]
+    if rows:
+        print_rows([*COLUMNS, TableColumn("in the file")], rows)
+    else:
+        out.print("no value was measured: nothing of this run had to be written")
+    for note in export.notes:
+        out.prose(f"[dim]note[/] {escape(note)}")
+    out.print(f"[dim]{export.format}[/] {export.file}", soft_wrap=True)
+
+
+def show_proof(proof: Proof, as_json: bool) -> None:
+    """Print how far from its goal each task ends."""
+    from palpate.runs.export import proof_json
+
+    if as_json:
+        print_json(proof_json(proof))
+        return
+    headings = [TableColumn(name, words=True) for name in proof.columns]
+    print_rows(headings, [[escape(cell) for cell in row.cells()] for row in proof.rows])
+    for said in dict.fromkeys(f"{row.task}: {row.says}" for row in proof.rows):
+        out.prose(f"[dim]{escape(said)}[/]")
+    for line in proof.left_out:
+        out.prose(f"[yellow]left out[/] {escape(line)}")
+    judges = {
+        "truth": "Carried out in the scene with the true values of the simulation.",
+        "draws": "The truth is not known: carried out in worlds drawn from the twin's intervals.",
+    }
+    out.prose(judges[proof.judge])

@@ -1,0 +1,1 @@
+"""Shared foundations: errors, parameters, geometry, files, display, redaction, processes."""

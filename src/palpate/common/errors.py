@@ -1,0 +1,61 @@
+"""Everything that palpate raises on purpose.
+
+    PalpateError
+    ├── InputError          the caller's files, names or arguments are not usable
+    ├── PlanRejected        no plan exists for the request, or none passed the check
+    ├── ExecutionAborted    the robot stopped, or was not allowed to move
+    └── Unavailable         a planner's provider, or a robot, is out of reach
+        └── Stopped         a robot was stopped, and a person has to let it go on
+
+A message names the thing, lists the valid choices where there are any, and says what to do. It names
+arguments as they are written in Python, `scene=D.xml`; the command line makes flags of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class PalpateError(Exception):
+    """Base of the tree."""
+
+
+class InputError(PalpateError):
+    """The caller's files, names or arguments are not usable."""
+
+
+class ExecutionAborted(PalpateError):
+    """The robot stopped before the plan was finished, or was not allowed to move."""
+
+
+class Unavailable(PalpateError):
+    """A planner's provider, or a robot, could not be reached or used."""
+
+
+class Stopped(Unavailable):
+    """A robot that something, or somebody, stopped: a person has to see to it, and let it go on."""
+
+
+def unknown_name(
+    kind: str, name: str, valid: Iterable[str], hint: str = "", meant: str | None = None
+) -> InputError:
+    """An `InputError` that names what is unknown, the choice that was perhaps meant (`meant`, else one
+    that is spelt alike), and the valid ones."""
+    names = sorted(valid)
+    choices = ", ".join(names) or "none"
+    tail = f" {hint}" if hint else ""
+    guess = f" did you mean '{meant}'?" if meant else perhaps(name, names)
+    unknown = f"unknown {kind} '{name[:80]}';{guess}"
+    return InputError(f"{unknown} valid: {choices}.{tail}")
+
+
+def perhaps(name: str, names: Iterable[str]) -> str:
+    """` did you mean 'bottle'?` where one of `names` is nearly `name`, or what stands behind its last
+    slash; else nothing."""
+    by_letters: dict[str, str] = {}
+    for known in names:
+        by_letters.setdefault(known.lower().rpartition("/")[2], known)
+        by_letters[known.lower()] = known
+    near = get_close_matches(name[:80].lower(), by_letters, n=1, cutoff=0.6)
+    return f" did you mean '{by_letters[near[0]]}'?" if near else ""

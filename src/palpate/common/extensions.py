@@ -1,0 +1,100 @@
+"""Entry points of other packages, and command-line forms of settings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import Field, dataclass, fields, is_dataclass
+from importlib.metadata import EntryPoint, entry_points
+from types import ModuleType
+from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
+
+from palpate.common.errors import InputError
+
+
+def extensions(group: str) -> Iterator[ModuleType]:
+    """Load the modules that the entry points of `group` name, sorted by name of the entry point.
+
+    Entry points of palpate itself, from metadata of an older version, are ignored.
+
+    Raises:
+        InputError: a module cannot be loaded; the message names it.
+    """
+    for entry in sorted(entry_points(group=group), key=lambda entry: entry.name):
+        if not entry.value.startswith("palpate."):
+            yield _load_entry(entry)
+
+
+def references(group: str) -> dict[str, str]:
+    """References of a lazy group, `package.module:function` by name of the entry point."""
+    entries = sorted(entry_points(group=group), key=lambda entry: entry.name)
+    return {entry.name: entry.value for entry in entries}
+
+
+def public(module: ModuleType) -> list[object]:
+    """Public members of `module`: its `__all__`, else all without a leading underscore."""
+    without_underscore = [name for name in vars(module) if not name.startswith("_")]
+    names: list[str] = getattr(module, "__all__", without_underscore)
+    return [getattr(module, name) for name in names]
+
+
+def _load_entry(entry: EntryPoint) -> ModuleType:
+    kind = entry.group.removeprefix("palpate.")
+    try:
+        return entry.load()
+    except Exception as error:
+        raise InputError(
+            f"the {kind} '{entry.name}' ({entry.value}) cannot be loaded: {type(error).__name__}: "
+            f"{error}; repair or uninstall the package that brings them"
+        ) from error
+
+
+# Command-line form of a field of the settings, declared beside the field.
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """Annotation of a field that is an option of the command line, too.
+
+    Attributes:
+        help: one sentence; the command's help and the documentation show it.
+        metavar: placeholder of the value; None for a switch.
+        panel: heading under which the help lists it.
+        flags: spelling; by default the field's name, `--robot-config`.
+        low, high: bounds of a number.
+        choices: values that a shell completes.
+    """
+
+    help: str
+    metavar: str | None = None
+    panel: str | None = None
+    flags: tuple[str, ...] = ()
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] = ()
+
+
+class Declared(NamedTuple):
+    """A field that is an option: its dotted name, `model_settings.base_url`, and its type."""
+
+    name: str
+    field: Field[Any]
+    kind: Any
+    option: Option
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        return self.option.flags or (f"--{self.field.name.replace('_', '-')}",)
+
+
+def iter_options(model: Any, outer: str = "") -> Iterator[Declared]:
+    """The fields of a dataclass that are options, those of nested dataclasses included."""
+    hints = get_type_hints(model, include_extras=True)
+    for field in fields(model):
+        hint, name = hints[field.name], f"{outer}{field.name}"
+        if is_dataclass(hint):
+            yield from iter_options(hint, f"{name}.")
+        elif get_origin(hint) is Annotated:
+            kind, *extras = get_args(hint)
+            for option in extras:
+                if isinstance(option, Option):
+                    yield Declared(name, field, kind, option)

@@ -1,0 +1,261 @@
+"""Outlines of bodies seen from above, and the ways in which a body can stand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.common.pose import Array, Pose
+
+_CORNERS = 72
+"""Directions in which outlines are sampled; round shapes are true to 0.1 %."""
+_STRAIGHT = 1e-12
+"""Share of the squared size: a corner that adds less to a hull's area lies on one of its sides."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Obstacle:
+    """A solid body: its outline from above, (k, 2), and the world z of its top, m."""
+
+    outline: Array
+    top: float
+
+    @classmethod
+    def of(cls, points: Array) -> Obstacle:
+        """Around (n, 3) points."""
+        return cls(rim(points[:, :2]), float(points[:, 2].max()))
+
+
+def above(obstacles: Iterable[Obstacle], height: float) -> list[Array]:
+    """Outlines of the obstacles that reach above a height."""
+    return [obstacle.outline for obstacle in obstacles if obstacle.top > height]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Convex:
+    """A convex shape: (n, 3) points, and (m, 2) index pairs that include all edges of its hull."""
+
+    points: Array
+    edges: NDArray[np.intp]
+
+
+def slab(shape: Convex, low: float, high: float) -> Array:
+    """(k, 2) x-y points whose hull is the part of the shape between two heights."""
+    z = shape.points[:, 2]
+    # Its corners are those of the shape between the heights, and where an edge crosses either.
+    parts = [shape.points[(z >= low) & (z <= high), :2]]
+    start, end = shape.points[shape.edges[:, 0]], shape.points[shape.edges[:, 1]]
+    for level in (low, high):
+        crossing = (start[:, 2] - level) * (end[:, 2] - level) < 0  # one end above, one below
+        a, b = start[crossing], end[crossing]
+        parts.append(a[:, :2] + (level - a[:, 2:]) / (b[:, 2:] - a[:, 2:]) * (b[:, :2] - a[:, :2]))
+    return rim(np.concatenate(parts))
+
+
+def rim(points: Array) -> Array:
+    """Subset of (n, 2) points that are extreme in one of 72 directions."""
+    if len(points) < 3:
+        return points
+    return points[np.unique(np.argmax(_fan(_CORNERS) @ points.T, axis=1))]
+
+
+@cache
+def _fan(count: int) -> Array:
+    """(count, 2) unit vectors evenly around the circle."""
+    angle = np.arange(count) * 2 * np.pi / count
+    return np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def unit(angle: float) -> Array:
+    """(2,) unit vector at `angle` rad from x."""
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+def width(points: Array, direction: Array) -> float:
+    """Extent of (n, 2) points along a unit vector."""
+    along = points @ direction
+    return float(along.max() - along.min())
+
+
+def profile(
+    outlines: Sequence[Array], along: Array, across: Array, stations: Array
+) -> tuple[Array, Array]:
+    """Lowest and highest coordinate across at each station along, over convex outlines; nan at
+    stations that no outline reaches."""
+    low, high = np.full(len(stations), np.inf), np.full(len(stations), -np.inf)
+    for outline in outlines:
+        s, w = outline @ along, outline @ across
+        # A line across enters and leaves the hull on chords between two of its points: the lowest
+        # and the highest chord over all pairs of points are its ends.
+        first, second = np.triu_indices(len(s), 1)
+        near, far = np.minimum(s[first], s[second]), np.maximum(s[first], s[second])
+        slanted = far - near > 1e-12
+        span = np.where(slanted, s[second] - s[first], 1.0)
+        at = w[first] + (stations[:, None] - s[first]) * ((w[second] - w[first]) / span)
+        spans = (stations[:, None] >= near) & (stations[:, None] <= far) & slanted
+        low = np.minimum(low, np.where(spans, at, np.inf).min(axis=1, initial=np.inf))
+        high = np.maximum(high, np.where(spans, at, -np.inf).max(axis=1, initial=-np.inf))
+    empty = ~np.isfinite(low)
+    return np.where(empty, np.nan, low), np.where(empty, np.nan, high)
+
+
+def rectangle(centre: Array, along: Array, half_along: float, half_across: float) -> Array:
+    """(4, 2) corners."""
+    across = np.array([-along[1], along[0]])
+    corners: list[Array] = []
+    for i, j in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
+        corners.append(centre + i * half_along * along + j * half_across * across)
+    return np.array(corners)
+
+
+def clearance(shape: Array, spots: Array, obstacles: Sequence[Array]) -> Array:
+    """(n,) horizontal distance from `shape` (k, 2), moved by each of `spots` (n, 2), to the nearest
+    obstacle, m.
+
+    Negative where they overlap (by the depth), inf without obstacles; a lower bound, too small by at
+    most a twentieth of the shapes' size.
+    """
+    # Two convex outlines are apart if a line separates them. The gap in a direction is from the
+    # shape's nearest point to the obstacle's farthest one; the distance is the widest gap, here of
+    # 64 directions.
+    best = np.full(len(spots), np.inf)
+    directions = _fan(64)
+    reach = (shape @ -directions.T).max(axis=0)
+    travel = spots @ directions.T
+    for obstacle in obstacles:
+        gap = travel - reach - (obstacle @ directions.T).max(axis=0)
+        best = np.minimum(best, gap.max(axis=1))
+    return best
+
+
+def hull(points: Array) -> Array:
+    """(m, 2) corners of the convex hull of (k, 2) points; the two ends where all lie on a line."""
+    if len(points) < 2:
+        return points
+    # Andrew's monotone chain: the lower half from left to right, the upper half from right to left.
+    in_order = points[np.lexsort(points.T[::-1])]
+    least = _STRAIGHT * float(np.ptp(points, axis=0).max()) ** 2
+    corners: list[list[float]] = in_order.tolist()
+    below, over = _turning_left(corners, least), _turning_left(corners[::-1], least)
+    return np.array([*below[:-1], *over[:-1]])
+
+
+def _turning_left(points: list[list[float]], least: float) -> list[list[float]]:
+    """Subset of points in order that makes left turns only."""
+    kept: list[list[float]] = []
+    for x, y in points:
+        while len(kept) > 1:
+            (x0, y0), (x1, y1) = kept[-2:]
+            if (x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) > least:
+                break
+            kept.pop()
+        kept.append([x, y])
+    return kept
+
+
+def clip_polygon(polygon: Array, by: Array) -> Array:
+    """(m, 2) corners of the intersection of two polygons (Sutherland and Hodgman)."""
+    if len(by) < 3:
+        return np.zeros((0, 2))
+    corners: list[list[float]] = by.tolist()
+    left: list[list[float]] = polygon.tolist()
+    for (x0, y0), (x1, y1) in zip(corners, [*corners[1:], corners[0]], strict=True):
+        # Each side of `by` cuts off what lies to its right.
+        inside = [(x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) for x, y in left]
+        kept: list[list[float]] = []
+        for i, ((x, y), there) in enumerate(zip(left, inside, strict=True)):
+            (from_x, from_y), here = left[i - 1], inside[i - 1]
+            if here * there < 0:
+                share = here / (here - there)
+                kept.append([from_x + share * (x - from_x), from_y + share * (y - from_y)])
+            if there >= 0:
+                kept.append([x, y])
+        left = kept
+    return np.array(left).reshape(-1, 2)
+
+
+def depth(polygon: Array, point: Array) -> float:
+    """Distance from a point inside to the polygon's nearest side, m; negative outside."""
+    if len(polygon) < 3:
+        return -np.inf
+    sides = np.roll(polygon, -1, axis=0) - polygon
+    return float((_cross(sides, point - polygon) / np.hypot(sides[:, 0], sides[:, 1])).min())
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """(k,) third component of the cross products of (k, 2) vectors."""
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+# Resting pose of a body on a level plane, from a pose in which it is not stable.
+
+
+TOUCHING = 1e-4
+"""m above the plane, up to which a point touches it."""
+STEADY = 5e-4
+"""m that a centre of mass may be outside its support polygon: round bodies are polygons here."""
+MOST = np.radians(5.0)
+"""rad: a body that would turn by more does not rest on that plane alone, or is to be held."""
+TIPS = 8
+"""Largest number of edges over which a body tips in turn."""
+
+
+def tip_to_rest(points: Array, centre: Array) -> Pose:
+    """Motion in the world that brings a body to rest on the level plane through its lowest point.
+
+    `points` (k, 3) are the corners of its convex hull, `centre` (3,) its centre of mass. As long as
+    that is outside the support polygon, the body tips over the nearest edge until more of it touches.
+    No motion for a body that is stable, or that would turn by more than `MOST`.
+    """
+    unmoved = Pose.of(np.zeros(3))
+    moved, turned = unmoved, 0.0
+    for _ in range(TIPS):
+        tip = _tip(points @ moved.rotation.T + moved.position, moved.apply(centre))
+        if tip is None:
+            return moved
+        moved = tip @ moved
+        turned = unmoved.angle_to(moved)
+        if turned > MOST:
+            return unmoved
+    return unmoved
+
+
+def _tip(points: Array, centre: Array) -> Pose | None:
+    """Tip once about the support until another point touches; None where the body is stable."""
+    plane = float(points[:, 2].min())
+    touching = points[:, 2] < plane + TOUCHING
+    edge = _nearest(hull(points[touching, :2]), centre[:2])
+    beside = centre[:2] - edge
+    distance = float(np.hypot(*beside))
+    if distance < STEADY:
+        return None
+    way = beside / distance
+    along = (points[:, :2] - edge) @ way
+    landing = ~touching & (along > 0.0)
+    if not landing.any():
+        return None
+    # The point that lands first subtends the smallest angle with the plane at the edge.
+    angle = float(np.arctan2(points[landing, 2] - plane, along[landing]).min())
+    half = 0.5 * angle
+    axis = np.array([-way[1], way[0], 0.0])
+    turn = Pose.of(np.zeros(3), [np.cos(half), *(np.sin(half) * axis)])
+    foot = np.array([*edge, plane])
+    return Pose.of(foot - turn.apply(foot), turn.quaternion)
+
+
+def _nearest(polygon: Array, point: Array) -> Array:
+    """(2,) point of a convex polygon, a line or a single point, nearest to `point`."""
+    if depth(polygon, point) >= 0.0:
+        return point
+    best = polygon[0]
+    for start, end in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        side = end - start
+        share = float((point - start) @ side) / max(float(side @ side), 1e-18)
+        there = start + np.clip(share, 0.0, 1.0) * side
+        if np.hypot(*(point - there)) < np.hypot(*(point - best)):
+            best = there
+    return best

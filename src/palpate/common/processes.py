@@ -1,0 +1,296 @@
+"""Threads of linear algebra, signals that end a run, and forked workers."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
+from multiprocessing import parent_process
+from types import FrameType
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+from threadpoolctl import threadpool_limits
+
+from palpate.common.errors import ExecutionAborted
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+    from multiprocessing.context import ForkProcess
+
+
+@contextmanager
+def single_threaded_blas() -> Generator[None]:
+    """Limit BLAS to one thread while the block runs, and restore the caller's limit.
+
+    The estimators' matrices are small: more threads block each other and take ten times the processor
+    time.
+    """
+    with threadpool_limits(1, "blas"):
+        yield
+
+
+# Signals that ask a run to end.
+
+
+class Interrupted(KeyboardInterrupt):
+    """A signal arrived outside of a `deferred` block."""
+
+
+class Interrupts:
+    """Handler and counter of signals."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._handled = 0
+        self._before = 0
+        self._deferring = False
+        self._latest = ""
+
+    @property
+    def count(self) -> int:
+        """Number of signals so far."""
+        return self._count
+
+    def __repr__(self) -> str:
+        return f"<Interrupts: {self._count} so far>"
+
+    def take(self, number: int, _frame: FrameType | None = None) -> None:
+        """Handle a signal.
+
+        Raises:
+            Interrupted: it is not deferred, or an earlier one is still pending.
+        """
+        pending = self._handled < self._count
+        self._count += 1
+        self._latest = signal.Signals(number).name
+        if self._deferring and not pending:
+            return
+        self._handled = self._count
+        raise Interrupted(self.reason)
+
+    @contextmanager
+    def defer(self) -> Generator[None]:
+        """Defer signals inside the block."""
+        deferring, before = self._deferring, self._before
+        if not deferring:
+            self._before = self._count
+        self._deferring = True
+        try:
+            yield
+        finally:
+            self._deferring, self._before = deferring, before
+
+    @contextmanager
+    def raised(self) -> Generator[None]:
+        """Raise signals inside the block: a pending one at its beginning, and at its end one that was
+        deferred inside it or raised where Python ignores exceptions.
+
+        Raises:
+            Interrupted: a signal arrived.
+        """
+        deferring, before, self._deferring = self._deferring, self._handled, False
+        try:
+            self._raise_beyond(before)
+            yield
+            self._raise_beyond(before)
+        finally:
+            self._deferring = deferring
+
+    def _raise_beyond(self, before: int) -> None:
+        if self._count > before:
+            self._handled = self._count
+            raise Interrupted(self.reason)
+
+    def pressed(self) -> int:
+        """Number of signals since the outermost `deferred` block began; they count as handled now."""
+        self._handled = self._count
+        return self._count - self._before
+
+    def forget(self) -> None:
+        """Forget the signals so far: they only ended a wait after everything was done."""
+        self._count = self._handled = self._before = 0
+
+    @property
+    def reason(self) -> str:
+        """The latest signal in words."""
+        return "interrupted" if self._latest in ("", "SIGINT") else f"interrupted by {self._latest}"
+
+
+@contextmanager
+def interrupts(signals: Iterable[signal.Signals] = (signal.SIGINT,)) -> Generator[Interrupts]:
+    """Yield the active signal handling of this process, else install one for `signals`.
+
+    Outside the main thread Python delivers no signals, and nothing is installed.
+    """
+    taken = getattr(signal.getsignal(signal.SIGINT), "__self__", None)
+    if isinstance(taken, Interrupts):
+        yield taken
+        return
+    new = Interrupts()
+    if threading.current_thread() is not threading.main_thread():
+        yield new
+        return
+    previous = {number: signal.signal(number, new.take) for number in signals}
+    try:
+        yield new
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler or signal.SIG_DFL)
+
+
+@contextmanager
+def before_anything_moves(doing: str) -> Generator[None]:
+    """Convert a signal inside the block to an `ExecutionAborted`.
+
+    Args:
+        doing: name of the work: `planning`.
+
+    Raises:
+        ExecutionAborted: a signal arrived.
+    """
+    try:
+        with interrupts() as signals, signals.raised():
+            yield
+    except KeyboardInterrupt:
+        raise ExecutionAborted(f"interrupted while {doing}; nothing has moved") from None
+
+
+def ending_signals() -> tuple[signal.Signals, ...]:
+    """Signals that ask a program to end; SIGHUP unless it is ignored (nohup)."""
+    hang_up = getattr(signal, "SIGHUP", None)
+    if hang_up is None or signal.getsignal(hang_up) == signal.SIG_IGN:
+        return (signal.SIGINT, signal.SIGTERM)
+    return (signal.SIGINT, signal.SIGTERM, hang_up)
+
+
+def ignore_signals() -> None:
+    """Ignore further signals in a process that is ending."""
+    for number in ending_signals():
+        signal.signal(number, signal.SIG_IGN)
+
+
+# Work in a forked copy of this process.
+
+
+K = TypeVar("K")
+T = TypeVar("T")
+
+GRACE = 2.0  # s in which a copy that is ended can remove what it wrote
+
+
+class Beside(Generic[T]):
+    """Result of `work`, computed by a forked copy of this process. A context manager; leaving it ends
+    the copy.
+
+    Without a copy, or if it fails, `result()` does the work in this process.
+    """
+
+    def __init__(self, work: Callable[[], T], copied: bool = True) -> None:
+        """Begin the work; with `copied` False it waits for `result()`."""
+        self._work = work
+        self._copy: ForkProcess | None = None
+        self._receiver: Connection | None = None
+        self._results: list[T] = []
+        if copied and can_copy():
+            self._begin()
+
+    @property
+    def running(self) -> bool:
+        """A copy is at work: it has not begun to send its result."""
+        return self._receiver is not None and not self._results and not self._receiver.poll()
+
+    def sent(self) -> T | None:
+        """The result, if the copy has sent it already."""
+        if self._receiver is not None and not self._results and self._receiver.poll():
+            self._receive()
+        return self._results[0] if self._results else None
+
+    def result(self) -> T:
+        """Wait for the result."""
+        if not self._results:
+            self._receive()
+        return self._results[0] if self._results else self._work()
+
+    def _receive(self) -> None:
+        # A failed copy sends nothing: its error is raised again where the result is asked for.
+        if self._receiver is not None:
+            with suppress(EOFError, OSError):
+                self._results.append(self._receiver.recv())
+
+    def close(self) -> None:
+        """End the copy."""
+        if self._copy is not None and self._receiver is not None:
+            self._copy.terminate()
+            self._copy.join(GRACE)
+            self._copy.kill()
+            self._copy.join()
+            self._receiver.close()
+        self._copy = self._receiver = None
+
+    def _begin(self) -> None:
+        from multiprocessing import get_context
+
+        context = get_context("fork")
+        with suppress(OSError):  # no process to be had
+            receiver, sender = context.Pipe(duplex=False)
+            copy = context.Process(target=_work_and_send, args=(sender, self._work), daemon=True)
+            with sender:
+                copy.start()
+            self._copy, self._receiver = copy, receiver
+
+    def __enter__(self) -> Beside[T]:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def shared_out(work: Callable[[K], T], items: Sequence[K]) -> Iterator[T]:
+    """Iterate over the results of `work` on each of `items`, in order: this process does the first of
+    them, and for each further processor a copy does as many."""
+    share = math.ceil(len(items) / processors())
+    with ExitStack() as stack:
+        copies = [
+            stack.enter_context(Beside(partial(_each, work, items[first : first + share])))
+            for first in range(share, len(items), share or 1)
+        ]
+        for item in items[:share]:
+            yield work(item)
+        for copy in copies:
+            yield from copy.result()
+
+
+def _each(work: Callable[[K], T], items: Sequence[K]) -> list[T]:
+    return [work(item) for item in items]
+
+
+def processors() -> int:
+    """Number of processors that this process and its copies may use."""
+    return len(os.sched_getaffinity(0)) if can_copy() else 1
+
+
+def can_copy() -> bool:
+    """Test that forking is safe and useful: a second processor, which no sibling of this process uses,
+    and no other thread, whose locks the copy would wait for forever."""
+    if sys.platform != "linux" or threading.active_count() > 1:
+        return False
+    return len(os.sched_getaffinity(0)) > 1 and parent_process() is None
+
+
+def _work_and_send(sender: Connection, work: Callable[[], T]) -> None:
+    """Do the work in the copy and send its result."""
+    # Ctrl-C ends the run in the original process, which then ends the copy.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with suppress(BaseException):
+        signal.signal(signal.SIGTERM, _leave)
+        sender.send(work())
+
+
+def _leave(*_: object) -> None:
+    """End the copy through its `finally` blocks."""
+    raise SystemExit

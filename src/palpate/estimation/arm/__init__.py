@@ -1,1 +1,0 @@
-"""Dynamics of the arm itself, from a recording of its joint signals."""

@@ -1,0 +1,478 @@
+"""Inertial parameters of a load that an arm carried through a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Array, Pose, components, tensor_of
+from palpate.estimation.arm_dynamics import SURELY
+from palpate.estimation.arm_fit import (
+    COMMON,
+    DETAILS,
+    FRICTION,
+    OFFSET_PRIOR,
+    PARTS,
+    Assumed,
+    Bodies,
+    Setup,
+    SpectrumRows,
+    fit_arm,
+)
+from palpate.estimation.arm_motion import (
+    JointMotion,
+    count_coefficients,
+    cut,
+    transform_signal,
+    uniform_runs,
+)
+from palpate.estimation.estimate import (
+    UNSEEN,
+    Z95,
+    Estimate,
+    FitTest,
+    FitView,
+    FurtherValue,
+    Shared,
+    chi_squared,
+    constant,
+    not_identified,
+    unit_slopes,
+)
+from palpate.estimation.load_causes import LINK_CENTRE, LINK_MASS
+from palpate.estimation.load_noise import load_rows
+from palpate.estimation.motion import Mask
+from palpate.estimation.recording_check import CLAIM_MASS, Claim, explained
+from palpate.estimation.regression import Cause, Posterior, PriorScale
+from palpate.estimation.rigid_bodies import PARAMETERS, linear, load_torques, of_box, pseudo_inertia
+from palpate.estimation.wrench_observation import common_gain, gain_root, observe
+from palpate.mjcf.body import Body
+from palpate.trace.recording import ArmLog, Recording
+from palpate.trace.samples import Trace, once
+
+CARRIED_PRIOR = (30.0, 10.0, 1.0)
+"""kg, kg m and kg m² (1 sigma) of a load: nothing is known of it. Sensitive: no."""
+HAND_PRIOR = (3.0, 0.5, 0.05)
+"""the same of an unknown end effector. Sensitive: no."""
+CARRIED_SHORTEST = 0.5
+"""s: shorter stretches with or without a load are left out. Sensitive: no."""
+RESTARTED = 5.0
+"""s without a row after which the sensors may have been zeroed anew: another recording ... Sensitive: no."""
+LIKELY_RESTART = (0.7, 0.3)
+"""... and how likely they were not, and were. Chosen, without a source. Sensitive: no at 0.9."""
+
+LOAD, HAND = "load", "hand"
+"""Names of causes."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CarriedLoad:
+    """Load of a recording.
+
+    Attributes:
+        value: (10,) kg, kg m and kg m², in the tool's axes, the inertia about the TCP.
+        covariance: (10, 10) of it.
+        motions: stretches of the recording, each loaded or empty throughout.
+        hanging: (s,) stretches in which it was carried.
+        torques: (s,) of each, (n, 7, 10) joint torques of a unit of each parameter, carried or not.
+        posterior: of the fit.
+        explained: test that the described arm explains the recording.
+    """
+
+    value: Array
+    covariance: Array
+    motions: Sequence[JointMotion]
+    hanging: Mask
+    torques: Sequence[Array]
+    posterior: Posterior
+    explained: FitTest
+
+    @property
+    def compared(self) -> bool:
+        """The empty hand is in the recording, too."""
+        return not self.hanging.all()
+
+    def seconds(self, hanging: bool) -> float:
+        """Time with or without the load."""
+        pairs = zip(self.motions, self.hanging, strict=True)
+        return sum(float(np.ptp(motion.t)) for motion, hung in pairs if hung == hanging)
+
+    def part(self, start: float, end: float, hanging: bool = True) -> Array:
+        """(7 k,) rows of a load of one kilogram of these proportions, carried from `start` to `end` alone, in
+        stretches in which it was `hanging`, or in the others."""
+        share = self.value / max(float(self.value[0]), 1e-3)
+        rows: list[Array] = []
+        for motion, hung, torque in zip(self.motions, self.hanging, self.torques, strict=True):
+            here = (start <= motion.t) & (motion.t <= end) & (hung == hanging)
+            rows.append(transform_signal(here[:, None] * (torque @ share), motion.step))
+        return np.concatenate(rows).ravel()
+
+
+@once
+def fit_carried_load(trace: Trace, name: str) -> CarriedLoad | None:
+    """Fit the load `name` to all the time in which it was carried, and the hand was empty; None where the arm's
+    links are unknown, or it never was. A recording that stands for the mass of the hand has that fitted, too."""
+    observed, rows = observe(trace), load_rows(trace, name)
+    chain = observed.chain
+    if chain is None or not chain.links or not rows.loaded.any():
+        return None
+    samples, gravity = trace.samples, -trace.gravity * observed.turn[2]
+    log = ArmLog(samples.t, samples.q, samples.dq, observed.signals, None, "")
+    found = [(motion, True) for motion in _stretches(log, rows.loaded)]
+    if not found:
+        return None
+    found += [(motion, False) for motion in _stretches(log, rows.empty)]
+    used = rows.loaded | rows.empty
+    claim = Claim.of(log, trace.hand, gravity, rows.loaded, used, held=True)
+    motions, hanging = [motion for motion, _ in found], np.array([hung for _, hung in found])
+    torques = [load_torques(chain, one.q, one.dq, one.ddq, gravity) for one in motions]
+    bodies = Bodies.of(chain, LINK_MASS, LINK_CENTRE, 0.0)
+    seen = SpectrumRows.of(motions, Setup(chain, bodies, samples.q[0], gravity, held=True))
+    loads = list(_loads(trace, motions, hanging, torques))
+    begun = list(_restarts(seen, log, motions))
+    alike = PriorScale(tuple(one.name for one in begun), (0.0, 1.0), LIKELY_RESTART)
+    gains, common = gain_root(trace.hand, len(chain.axes)), common_gain(trace.hand)
+    names = (*FRICTION, *DETAILS, *([COMMON] if common else []), *PARTS)
+    learned = [alike] if begun else []
+    assumed = Assumed(bodies, bodies.hand, gains, common)
+    posterior = fit_arm(seen, assumed, names, loads, begun, learned).posterior
+    value, covariance = posterior[LOAD]
+    return CarriedLoad(value, covariance, motions, hanging, torques, posterior, explained(claim))
+
+
+def _loads(
+    trace: Trace, motions: Sequence[JointMotion], hanging: Mask, torques: Sequence[Array]
+) -> Iterator[Cause]:
+    """The load in the stretches in which it hung, and in a recording that stands for its mass the hand in all."""
+    parts = [
+        transform_signal(torque, one.step) for torque, one in zip(torques, motions, strict=True)
+    ]
+    borne = [hung * part for hung, part in zip(hanging, parts, strict=True)]
+    columns = np.concatenate(borne).reshape(-1, PARAMETERS)
+    yield Cause(LOAD, columns, _prior(CARRIED_PRIOR))
+    if trace.converted(Parameter(HAND, "mass")) is not None:
+        every = np.concatenate(parts).reshape(-1, PARAMETERS)
+        yield Cause(HAND, every, _prior(HAND_PRIOR))
+
+
+def _prior(sizes: tuple[float, float, float]) -> Array:
+    return np.repeat(sizes, (1, 3, 6))
+
+
+def _restarts(seen: SpectrumRows, log: ArmLog, motions: Sequence[JointMotion]) -> Iterator[Cause]:
+    """Zeros of the sensors, and friction at the start, that are others after each long gap."""
+    later = np.concatenate(
+        [np.full(count_coefficients(len(one), one.step), one.t[0]) for one in motions]
+    )
+    own = np.concatenate([seen.columns["offset"], seen.columns["strained"]], axis=2)
+    for i in np.flatnonzero(np.diff(log.t) > RESTARTED).tolist():
+        columns = own * (later > log.t[i])[:, None, None]
+        prior = np.full(int(own.shape[2]), OFFSET_PRIOR)
+        yield Cause(f"start at {log.t[i + 1]:g} s", columns.reshape(-1, len(prior)), prior)
+
+
+def _stretches(log: ArmLog, rows: Mask) -> Iterator[JointMotion]:
+    """Stretches of a recording in `rows` (n,)."""
+    for motion in uniform_runs(log):
+        nearest = np.searchsorted(log.t, motion.t).clip(0, len(log.t) - 1)
+        used = rows[nearest]
+        edges = np.flatnonzero(np.diff(used)) + 1
+        for part in np.split(np.arange(len(motion)), edges):
+            if used[part[0]]:
+                yield from cut(motion, int(part[0]), int(part[-1]) + 1, CARRIED_SHORTEST)
+
+
+# Mass, centre of mass and inertia of a load that was carried through a recording of free motion, in
+# the object's axes where its pose in the hand is known, else in those of the tool, from the TCP.
+
+
+CARRIED_HALF = 1.0
+"""s at least of each half of a window whose masses are compared. Sensitive: no."""
+COM_BELIEVED = 0.05
+"""m (1 sigma): a load's centre of mass is believed to be that near to the fingertips. Sensitive: no."""
+RADIUS_BELIEVED = 0.1
+"""m: radius of gyration that a load is believed to have at most. Sensitive: no."""
+CARRIED_APART = 0.03
+"""part of the mass (1 sigma) by which halves of a window may differ: more is a load that came or went.
+Sensitive: no."""
+CARRIED_LEAST = 0.005
+"""kg (1 sigma), likewise. Sensitive: no."""
+THINNEST = 2e-3
+"""m: radius of gyration along any axis that every load has. Sensitive: no."""
+
+EMPTY_PARTS = 6
+"""Parts of the empty hand's time that are compared."""
+CARRIED_PARTS = 24
+"""Parts of a recording in a chart, at most."""
+ALONE = (
+    "the recording holds no motion of the empty hand, so that errors of the arm's model count as load: give one "
+    "(empty=LOG)"
+)
+
+
+def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
+    """Mass of the load, or of the hand itself, by its weight and its resistance to acceleration."""
+    found = _fit_load(trace)
+    if found is None:
+        return _nothing(parameter, "kg", trace)
+    name = HAND if parameter.object == HAND else LOAD
+    mean, covariance = found.posterior[name]
+    mass, std = float(mean[0]), float(np.sqrt(covariance[0, 0]))
+    what = "hand with what is mounted on it" if name == HAND else "load"
+    method = (
+        f"Weight of the {what} and its resistance to acceleration in {_seconds(found)}, fitted together with friction, "
+        "zeros and gains of the joints and errors of the arm's model; the noise is what the recording itself leaves."
+    )
+    return Estimate.normal(
+        parameter,
+        "kg",
+        mass,
+        std,
+        method,
+        _recordings(trace),
+        reason="" if found.compared or name == HAND else ALONE,
+        tests=(
+            *_sound(trace, found, name),
+            *(_same_in_all_parts(trace, found) if name == LOAD else ()),
+        ),
+        shared=_shared_errors(found, np.eye(10)[:1], name),
+        views=(_mass_view(trace, found),) if name == LOAD else (),
+    )
+
+
+def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
+    """Centre of mass of the load: its first moment over its mass."""
+    found = _fit_load(trace)
+    if found is None or not _is_felt(trace, found):
+        return _nothing(parameter, "m", trace)
+    to_body = _in_hand(trace).inverse()
+
+    def centre(value: Array) -> Array:
+        return to_body.apply(value[1:4] / value[0])
+
+    slopes = _slopes(centre, found.value)
+    stds = np.sqrt(np.diag(slopes @ found.covariance @ slopes.T))
+    unseen = tuple(np.flatnonzero(stds > COM_BELIEVED).tolist())
+    made = Estimate.normal(
+        parameter,
+        "m",
+        centre(found.value),
+        stds,
+        f"First moment of the load over its mass, in {_axes(trace)}.",
+        _recordings(trace),
+        parts={
+            "mass": FurtherValue(
+                float(found.value[0]), float(np.sqrt(found.covariance[0, 0])), "kg"
+            )
+        },
+        reason=UNSEEN if len(unseen) == 3 else "" if found.compared else ALONE,
+        unseen=unseen,
+        tests=_same_in_all_parts(trace, found),
+    )
+    return replace(made, shared=_shared_errors(found, slopes))
+
+
+def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
+    """Inertia of the load about its centre of mass: that of the physically consistent body nearest to the fit."""
+    found = _fit_load(trace)
+    if found is None or not _is_felt(trace, found):
+        return _nothing(parameter, "kg·m²", trace)
+    pose, theta, statistic = _in_hand(trace), *consistent(found.value, found.covariance)
+
+    def central(value: Array) -> Array:
+        c = value[1:4] / value[0]
+        steiner = value[0] * (float(c @ c) * np.eye(3) - np.outer(c, c))
+        tensor = tensor_of(value[4:].tolist()) - steiner
+        return np.array(components(pose.rotation.T @ tensor @ pose.rotation))
+
+    slopes = _slopes(central, found.value)
+    stds = np.sqrt(np.diag(slopes @ found.covariance @ slopes.T))
+    pseudo = pseudo_inertia(theta)
+    # The nearest body may be a sheet or a rod without thickness, which MuJoCo takes for none.
+    pseudo[:3, :3] += pseudo[3, 3] * THINNEST**2 * np.eye(3)
+    value = central(linear(pseudo))
+    # Moments are seen where they stand out of their errors, products where these are small beside the moments; both
+    # where a load with the largest radius of gyration that is believed would. A product without moments says nothing.
+    believed = float(found.value[0]) * RADIUS_BELIEVED**2
+    sizes = np.minimum([*value[:3], *[value[:3].mean()] * 3], believed)
+    hardly = stds > 0.5 * sizes
+    unseen = tuple(np.flatnonzero(hardly | hardly[:3].all()).tolist())
+    names = ("xx", "yy", "zz", "xy", "xz", "yz")
+    weak = ", ".join(names[i] for i in unseen)
+    excited = f" Hardly excited: {weak}; turn the hand faster about more axes." if weak else ""
+    test = chi_squared(
+        "physical consistency",
+        statistic,
+        10,
+        "No rigid body has the inertia that was fitted: the load moves in the hand, or is no rigid body.",
+    )
+    made = Estimate.normal(
+        parameter,
+        "kg·m²",
+        value,
+        stds,
+        f"Resistance of the load to being turned, about its centre of mass, in {_axes(trace)}; of the physically "
+        f"consistent body nearest to the fit (Wensing, Kim and Slotine, RA-L 2018).{excited}",
+        _recordings(trace),
+        reason=UNSEEN if len(unseen) == 6 else "" if found.compared else ALONE,
+        unseen=unseen,
+        tests=(test, *_same_in_all_parts(trace, found)),
+    )
+    return replace(made, shared=_shared_errors(found, slopes))
+
+
+def consistent(value: Array, covariance: Array) -> tuple[Array, float]:
+    """Log-Cholesky numbers (10,) of the rigid body nearest to ten fitted parameters, and its squared distance in
+    standard deviations (P. Wensing, S. Kim and J.-J. Slotine, Linear matrix inequalities for physically consistent
+    inertial parameter identification, IEEE RA-L 3, 2018)."""
+    from scipy.optimize import least_squares  # takes longer to import than most plans to make
+
+    root = np.linalg.cholesky(covariance)
+
+    def residuals(theta: Array) -> Array:
+        left: Array = np.linalg.solve(root, linear(pseudo_inertia(theta)) - value).astype(float)
+        return left
+
+    mass = max(float(value[0]), 1e-3)
+    start = of_box(mass, value[1:4] / mass, np.full(3, 2.0 * RADIUS_BELIEVED))
+    solved: Any = least_squares(residuals, start)
+    return np.asarray(solved.x, float), float(2.0 * solved.cost)
+
+
+def _fit_load(trace: Trace) -> CarriedLoad | None:
+    names = [one.context.holding for one in trace.recordings if one.context.holding]
+    return fit_carried_load(trace, names[0]) if names else None
+
+
+def _recordings(trace: Trace) -> tuple[Recording, ...]:
+    return tuple(one for one in trace.recordings if one.context.holding)
+
+
+def _in_hand(trace: Trace) -> Pose:
+    """Pose of the object in the hand, which the grasp of a recording states; identity where it does not."""
+    stated = _recordings(trace)[0].context.grasp
+    numbers = [float(word) for word in stated.split()] if stated else [0.0] * 3
+    return Pose.of(numbers[:3], numbers[3:] or (1.0, 0.0, 0.0, 0.0))
+
+
+def _axes(trace: Trace) -> str:
+    stated = _recordings(trace)[0].context.grasp
+    return "the object's frame" if stated else "the axes of the tool, from the TCP"
+
+
+def _is_felt(trace: Trace, found: CarriedLoad) -> bool:
+    """There is a load that a quotient by its mass says something of."""
+    mass, std = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
+    return mass > Z95 * std and all(test.passed for test in _sound(trace, found, LOAD))
+
+
+def _nothing(parameter: Parameter, unit: str, trace: Trace) -> Estimate:
+    found = _fit_load(trace)
+    if found is not None and not all(test.passed for test in _sound(trace, found, LOAD)):
+        return not_identified(parameter, unit, "The mass is contradicted: see there.")
+    return not_identified(
+        parameter, unit, "No load was felt in the windows in which one was said to be carried."
+    )
+
+
+def _sound(trace: Trace, found: CarriedLoad, name: str) -> tuple[FitTest, ...]:
+    """Tests that the described arm explains the recording; and if it does, that a mass is one that it can carry."""
+    if not found.explained.passed:
+        return (found.explained,)
+    mean, covariance = found.posterior[name]
+    mass, doubt = float(mean[0]), SURELY * float(np.sqrt(covariance[0, 0]))
+    payload = trace.hand.payload
+    return (
+        found.explained,
+        FitTest(
+            "a mass is not negative",
+            -(mass + doubt),
+            CARRIED_LEAST,
+            f"The {name} weighs less than nothing: the windows of the load and of the empty hand are exchanged, or the "
+            "hand is lighter than described (hand=KG or found).",
+        ),
+        FitTest(
+            "a mass is within the payload",
+            mass - doubt,
+            payload * (1.0 + CLAIM_MASS),
+            f"The {name} weighs more than the arm's payload of {payload:g} kg: the torques are in another unit, or the "
+            "recording is of another arm (arm=NAME or a folder with its description).",
+        ),
+    )
+
+
+def _slopes(of: Callable[[Array], Array], value: Array) -> Array:
+    """(k, 10) Jacobian of a function of the parameters, by central differences."""
+    steps = 1e-6 * np.eye(len(value))
+    return np.column_stack([(of(value + step) - of(value - step)) / 2e-6 for step in steps])
+
+
+def _shared_errors(found: CarriedLoad, slopes: Array, name: str = LOAD) -> tuple[Shared, ...]:
+    """Errors in common with other runs of the arm."""
+    each = found.posterior.shared(name)
+    return tuple(replace(one, effect=tuple(slopes @ np.array(one.effect))) for one in each)
+
+
+def _seconds(found: CarriedLoad) -> str:
+    hung, empty = found.seconds(True), found.seconds(False)
+    return f"{hung:.1f} s of motion, against {empty:.1f} s of the empty hand"
+
+
+def _halves(trace: Trace) -> list[tuple[float, float]]:
+    """Start and end of both halves of each window."""
+    found: list[tuple[float, float]] = []
+    for one in _recordings(trace):
+        middle = (one.start + one.end) / 2.0
+        if middle - one.start >= CARRIED_HALF:
+            found += [(one.start, middle), (middle, one.end)]
+        else:
+            found.append((one.start, one.end))
+    return found
+
+
+def _same_in_all_parts(trace: Trace, found: CarriedLoad) -> tuple[FitTest, ...]:
+    """Test for other masses in parts of the recording."""
+    parts = [found.part(start, end) for start, end in _halves(trace)][1:]
+    # The empty hand, too, is as empty in all parts as in its first.
+    if found.seconds(False) > 2.0 * CARRIED_HALF:
+        pairs = zip(found.motions, found.hanging, strict=True)
+        empty = np.concatenate([motion.t for motion, hung in pairs if not hung])
+        edges = np.quantile(empty, np.linspace(0.0, 1.0, EMPTY_PARTS + 1)).tolist()
+        parts += [found.part(*edge, hanging=False) for edge in pairwise(edges)][1:]
+    if not parts:
+        return ()
+    cause = Cause("mass in all parts", np.column_stack(parts), np.full(len(parts), 1.0))
+    finding = (
+        "The mass differs between parts of the recording: the load was not carried in all of its windows, was carried "
+        "outside of them, or touched something."
+    )
+    tolerated = max(CARRIED_APART * float(found.value[0]), CARRIED_LEAST)
+    return (found.posterior.test(cause, np.full(len(parts), tolerated), finding),)
+
+
+def _mass_view(trace: Trace, found: CarriedLoad) -> FitView:
+    """Mass by parts of the windows."""
+    edges: list[tuple[float, float]] = []
+    share = max(1, CARRIED_PARTS // len(_recordings(trace)))
+    for one in _recordings(trace):
+        count = int(np.clip((one.end - one.start) / 0.5, 1, share))
+        stops = np.linspace(one.start, one.end, count + 1).tolist()
+        edges += pairwise(stops)
+    parts = np.column_stack([found.part(start, end) for start, end in edges])
+    mean, variance = found.posterior.each_alone(parts, 1.0)
+    x, mass = np.array(edges).mean(axis=1), float(found.value[0])
+    return FitView(
+        name="Mass by part of the recording.",
+        note="Each part of the windows, fitted with a mass of its own, ± 1 std with all error causes.",
+        axes=("time in the recording (s)", "mass (kg)"),
+        x=x,
+        measured=mass + mean,
+        predicted=constant(mass, x),
+        std=np.sqrt(variance),
+        slopes=unit_slopes(x),
+    )

@@ -1,0 +1,213 @@
+"""Design matrix of the sliding force: friction and all other unknowns, one column each.
+
+A row of a drag in direction w (a unit vector), at the place r of the hand and the speed v, follows
+
+    f_t = mu N                                  friction, the unknown of interest; N is the normal force
+        + N (w·θ)                               tilt θ of the support
+        + N (a cos 2φ + a' sin 2φ)              anisotropic friction; φ is the angle of w
+        + N (z·r) + N c log2 v                  friction that changes with the place or the speed
+        + A                                     a force independent of the pressure, such as adhesion
+        + w·(b + K r + ∇E3(r))                  a bias, and forces that change with the place: springs, cables
+        + Σ_j l_j s_j t_j + h_i                 friction in the arm's joints, with a part of each drag
+        + Σ_j l_j τ_j g_j                       the gains of the joints' sensors
+
+with the force l_j that a torque in a joint adds to f_t - mu N, the direction s_j of the last motion of the
+joint, and its measured torque τ_j.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from palpate.common.pose import Array
+from palpate.estimation.drags import Drag
+from palpate.estimation.wrench_observation import WrenchObservation, gain_root
+from palpate.trace.recording import NominalHand
+
+FRICTION_PRIOR = 10.0
+"""1 sigma of a coefficient: nothing is known of it. Sensitive: no."""
+PULL = 20.0
+"""N/m (1 sigma): what pulls with the place, a cable or a leash; a normal force that rises and falls shows it.
+Sensitive: friction 0.1 σ."""
+BIAS_CURVATURE_STD = 0.02
+"""N (1 sigma) at `HALF_WAY`: curvature of the arm's bias along a slide. Sensitive: friction 0.2 σ, std ×0.9–1.1."""
+HALF_WAY = 0.03
+"""m: half of the shortest slide that a plan makes for a friction. Sensitive: friction 0.3 σ, std ×0.9–1.1."""
+SAME_LINE = 0.95
+"""cosine between the ways of two drags on one line. Sensitive: no."""
+ANOTHER = 0.2
+"""part (1 sigma) of a joint's friction that is another where things are dragged. Sensitive: friction 0.1 σ, std
+×0.9–1.1."""
+ANOTHER_DRAG = 0.1
+"""part (1 sigma) of it that is another in every drag. Sensitive: friction 0.1 σ, std ×0.9–1.1."""
+DRAG_BIAS = 0.01
+"""N (1 sigma) of a drag's own. Sensitive: hardly."""
+HELD_FORCE_STD = 0.1
+"""N (1 sigma) that hold an object, however hard it is pressed. Sensitive: friction 0.2 σ."""
+SUPPORT_LEAN_STD = 0.005
+"""rad (1 sigma): how far a support is out of level; floors may be by 3 mm/m (DIN 18202, quoted from memory), and
+tables stand on them. Sensitive: friction 0.3 σ, std ×0.8–1.2."""
+REFERRED = 0.2
+"""N (1 sigma): bias of a force on the support that is referred to one some cm above: what the model of the arm's
+links leaves, half a per cent of some 40 N m at levers of half a metre, changes by a fifth or so. Sensitive: friction
+0.1 σ, std ×0.9–1.2."""
+KIND_BIAS = 0.3
+"""N (1 sigma): deviation of the bias of one kind of segment from the common one, and its slope and curvature along
+the path (friction hysteresis). Sensitive: mass 0.08 σ; com 0.1 σ."""
+GAIN_RATIO = 0.8
+"""error (1 sigma) of a quotient of two forces, in half widths of a gain: different joints bear them, sqrt(2) times a
+uniform error, 1/sqrt(3). Sensitive: friction std ×0.6–1.9."""
+
+Origin = Literal["arm", "scene"]
+
+MU = 0
+WAYS, AXES, PLACES, SPEED = slice(1, 3), slice(3, 5), slice(5, 7), slice(7, 8)
+HELD, BIAS, SPRING, CURVE = slice(8, 9), slice(9, 11), slice(11, 14), slice(14, 18)
+FIRST = 18
+"""Columns of the arm begin here."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Columns:
+    """Linear unknowns of several drags.
+
+    Attributes:
+        of: for each drag (n, p), one row for each of its own.
+        levers: for each drag (m,), effect of a newton metre in each joint, or a newton in the wrench, on the
+            force, N.
+        expected: (p,) prior means.
+        fixed: (p,) prior standard deviations.
+        uneven: (p,) further prior standard deviations per share of uneven friction.
+        joints, gains: places of the joints' friction and of their gains.
+    """
+
+    of: tuple[Array, ...]
+    levers: tuple[Array, ...]
+    expected: Array
+    fixed: Array
+    uneven: Array
+    joints: slice
+    gains: slice
+
+    def prior(self, share: float) -> Array:
+        """(p,) prior standard deviations for a `share` of uneven friction."""
+        return self.fixed + share * self.uneven
+
+    def shared(self, errors: Array) -> Iterator[tuple[str, Origin, float]]:
+        """Yield causes shared with other runs, their origin, and their effect, of the `errors` (p,) of an unknown by
+        one prior deviation of each."""
+        kinds: tuple[tuple[str, Origin, slice], ...] = (
+            ("gain of joint", "arm", self.gains),
+            ("friction of joint", "arm", self.joints),
+            ("bend of the bias along the way", "arm", CURVE),
+            ("lean of support", "scene", WAYS),
+            ("what holds the object", "scene", HELD),
+            ("what pulls with the place", "scene", SPRING),
+        )
+        for what, of, which in kinds:
+            for i, effect in enumerate(errors[which].tolist()):
+                yield f"{what} {i + 1}", of, effect
+
+
+def columns(
+    drags: Sequence[Drag], observed: WrenchObservation, hand: NominalHand, mu: float
+) -> Columns:
+    """Columns of all unknowns; those of the arm are linearised at `mu`."""
+    middle, usual = middle_of(drags), usual_speed(drags)
+    whole: list[Array] = []
+    dahl: list[Array] = []
+    for drag, mine in zip(drags, np.eye(len(drags)), strict=True):
+        dahl_states, gains = of_arm(drag, drags, observed, hand, mu)
+        own = np.ones((len(drag.t), 1)) * mine
+        whole.append(np.hstack([of_support(drag, middle, usual), dahl_states, own, gains]))
+        dahl.append(dahl_states[drag.steady].mean(axis=0))
+
+    # After the columns of the support: friction of the joints, one for each drag, gains.
+    hanging, count = drags[0].hanging, len(dahl[0])
+    friction, unsure = hanging.friction, hanging.unsure
+    if observed.chain is None:
+        # Unknown joints: N on each line, instead of N m in each joint.
+        friction, unsure = np.zeros(count), np.full(count, KIND_BIAS)
+    joints = slice(FIRST, FIRST + len(friction))
+    each = slice(joints.stop, joints.stop + len(drags))
+    gains = slice(each.stop, whole[0].shape[1])
+    expected, fixed, uneven = np.zeros((3, gains.stop))
+    fixed[MU], fixed[WAYS], fixed[HELD] = FRICTION_PRIOR, SUPPORT_LEAN_STD, HELD_FORCE_STD
+    fixed[BIAS], fixed[SPRING], fixed[CURVE] = REFERRED, PULL, BIAS_CURVATURE_STD
+    uneven[AXES] = uneven[PLACES] = uneven[SPEED] = mu
+    expected[joints], fixed[joints] = friction, np.hypot(unsure, ANOTHER * friction)
+    fixed[each] = np.hypot(DRAG_BIAS, ANOTHER_DRAG * (np.array(dahl) @ friction))
+    fixed[gains] = 1.0
+    levers = tuple(signal_levers(drag.q, drag, observed, mu) for drag in drags)
+    return Columns(tuple(whole), levers, expected, fixed, uneven, joints, gains)
+
+
+def middle_of(drags: Sequence[Drag]) -> Array:
+    """(2,) m, middle of all places of steady sliding."""
+    places = np.vstack([drag.place[drag.steady] for drag in drags])
+    middle: Array = (places.max(axis=0) + places.min(axis=0)) / 2
+    return middle
+
+
+def usual_speed(drags: Sequence[Drag]) -> float:
+    """Geometric mean of the commanded speeds, m/s."""
+    speeds = np.concatenate([np.log2(drag.speed[drag.steady]) for drag in drags])
+    return float(np.exp2(speeds.mean()))
+
+
+def of_support(drag: Drag, middle: Array, usual: float) -> Array:
+    """(n, FIRST) columns of the support, with places from `middle` (2,), m, and a `usual` speed, m/s."""
+    x, y = ((drag.place - middle) / HALF_WAY).T
+    wx, wy = drag.way
+    normal, ones = drag.pressing[0], np.ones(len(drag.t))
+    axes = [wx**2 - wy**2, 2.0 * wx * wy]
+    speed = np.log2(drag.speed / usual)
+    spring = [wx * x, wy * y, wx * y + wy * x]
+    curve = [wx * x**2, wx * x * y + wy * x**2 / 2, wy * x * y + wx * y**2 / 2, wy * y**2]
+    return np.column_stack(
+        [
+            normal,
+            *(normal * c for c in (wx, wy, *axes, x, y, speed)),
+            ones,
+            *(ones * c for c in (wx, wy)),
+            *(HALF_WAY * c for c in spring),
+            *curve,
+        ]
+    )
+
+
+def of_arm(
+    drag: Drag, drags: Sequence[Drag], observed: WrenchObservation, hand: NominalHand, mu: float
+) -> tuple[Array, Array]:
+    """(n, k) N per N m of the joints' friction, and (n, m) N per standard deviation of their gains."""
+    if observed.chain is None:
+        # Unknown joints: friction on each line of motion, either way, and one gain of both forces.
+        lines: list[Array] = []
+        for other in drags:
+            if not any(same_line(line, other.way) for line in lines):
+                lines.append(other.way)
+        own = np.array([same_line(line, drag.way) for line in lines], dtype=float)
+        gain = GAIN_RATIO * hand.torque_gain * mu * drag.normal
+        return np.ones((len(drag.t), 1)) * own, gain[:, None]
+    there, hanging = (
+        signal_levers(drag.q, drag, observed, mu),
+        signal_levers(drag.hanging.q[None], drag, observed, mu),
+    )
+    friction = there * drag.turned - hanging * drag.hanging.turned
+    return friction, (there * drag.torque) @ gain_root(hand, len(there))
+
+
+def signal_levers(q: Array, drag: Drag, observed: WrenchObservation, mu: float) -> Array:
+    """(m,) effect of a unit of each signal on f_t - mu N of a drag, at the mean of the angles `q` (n, 7)."""
+    # w = (J^T)^+ tau
+    middle: Array = q.mean(axis=0, keepdims=True)
+    wrenches = observed.wrenches(middle)[0]
+    return drag.way @ wrenches[:2] + mu * wrenches[2]
+
+
+def same_line(line: Array, way: Array) -> bool:
+    return abs(float(line @ way)) > SAME_LINE

@@ -1,0 +1,448 @@
+"""Drags of a held object along its support, row by row.
+
+While the hand drags the object, the sensed wrench contains the tangential force and the normal force, by
+which the support relieves the hand: N = (f_z with the object in the air) - f_z. The object sticks, breaks
+away, and slides; `friction.fit` fits all drags together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.common.pose import Array
+from palpate.estimation.coloured_residual import ColouredResidual
+from palpate.estimation.joint_friction import FLOOR, SMOOTH, joint_friction, joint_ways
+from palpate.estimation.load_blocks import joint_travel, rows_in_free_air
+from palpate.estimation.load_causes import of_empty_hand
+from palpate.estimation.load_noise import UNKNOWN_NOISE, SignalLevels, block_noise, load_rows
+from palpate.estimation.motion import (
+    SPEED_SMOOTH,
+    Mask,
+    acceleration,
+    at_rest,
+    row_at,
+    runs,
+    smooth_rows,
+    steady,
+)
+from palpate.estimation.segments import PAUSE
+from palpate.estimation.wrench_observation import WrenchObservation
+from palpate.trace.samples import Samples, Trace
+
+BLOCK = 0.1
+"""s: samples of a drag are averaged over blocks of this length before their scatter is taken, so correlation counts.
+Sensitive: friction 0.07 σ, std ×1.0–1.1."""
+DRAG_SPEED = 0.002
+"""m/s, commanded and horizontal, from which a row belongs to a drag. Sensitive: no."""
+SETS_OUT = 0.0005
+"""m/s, commanded and horizontal, from which a hand at rest sets out. Sensitive: no."""
+DRAG_SLOPE = 0.3
+"""vertical over horizontal commanded speed up to which a motion is a drag. Sensitive: friction 0.7 σ, std ×0.6–1.0."""
+DRAG_ROWS = 20
+"""rows that a drag must exceed, so that it has a beginning and a later half. Sensitive: no."""
+STEADY_ROWS = 10
+"""rows of steady sliding from which a drag counts. Sensitive: no."""
+CRUISE = 0.95
+"""part of the usual commanded speed from which the motion is at its full speed. Sensitive: friction 1.5 σ, std
+×1.0–2.0."""
+SLOWING = 0.02
+"""s before a motion slows down by that: jerk-limited, it has begun to. Sensitive: friction 0.2 σ."""
+LATE = 0.5
+"""part of a drag after which its quotient of forces is the usual one. Sensitive: friction 1.7 σ, std ×0.9–1.0."""
+SLIDING = 0.85
+"""part of the usual quotient of forces from which the object may be sliding: before, it turns in the fingers' grip.
+Sensitive: friction 0.8 σ, std ×1.0–1.9; `static` 2.6 σ."""
+FOLLOWING = 0.7
+"""part of the commanded speed at which the hand follows; slower, the object may have stuck again. Sensitive: no."""
+PEAK_WITHIN = 0.3
+"""s after that in which the breakaway lies. Sensitive: friction 1.7 σ, std ×0.9–1.7."""
+TRANSIENT = 0.25
+"""s after breakaway in which the spring between arm and object still swings. Sensitive: friction 2.7 σ, std
+×0.8–1.3."""
+PARTED = 0.05
+"""s after breakaway from which all joints together tell friction from what moves the arm's links, steadily or not.
+Sensitive: 0.02 to 0.25 s change a friction by 0.2 σ, its std by ×1.0–1.05."""
+DOWN = 0.006
+"""m above the grasp that the hand may be while the object is on its support. Sensitive: no."""
+HANGING = 0.02
+"""m above the grasp from which the object hangs free. Sensitive: no."""
+HORIZONTAL_MASS = 6.0
+"""kg, of a 7-axis arm at its TCP, horizontally: what its acceleration at breakaway takes of the force. Sensitive:
+friction 0.6 σ; `static` 1.5 σ."""
+NORMAL_MIN = 0.5
+"""N: below this the quotient of forces says nothing. Sensitive: no."""
+HORIZONTAL_SPREAD = 4.0
+"""kg (1 sigma) of `HORIZONTAL_MASS`: towards the base and away from it an arm seems to have twice the mass that it
+has to the side. Sensitive: `static` hardly."""
+STILL_SLIDING = 0.4
+"""part of its speed to which a hand has slowed down while the object is sure to slide. Sensitive: `static` hardly."""
+STRAINING = 0.1
+"""s before a hand is told to set out, from which a drag is looked at: what was strained before breaks away at once.
+Sensitive: no."""
+ROUGH = 10.0
+"""times the noise that is expected of a drag, from which it is chatter. Sensitive: no."""
+NEARLY_ROUGH = 2.5
+"""likewise, from which a drag counts only where it is steady: few of them do, but for chatter. Sensitive: friction
+no from 1.5 to 3; without it, one that nearly chattered read 0.08 too little, 5 standard deviations; with it 0.20,
+where 0.21 is stated."""
+SMOOTH_NOISE = 0.03
+"""N², of a row: noise that moving adds to that at rest, of ripples in gears and encoders: 0.04 N in means of 0.1 s.
+Sensitive: no."""
+SLOW = 0.08
+"""m/s below which the arm's own motion leaves little in its torques. Sensitive: friction 0.3 σ, std ×0.9–1.2."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hanging:
+    """Reference state of a drag: the object hanging in free air.
+
+    Attributes:
+        force: (3,) N.
+        q: (7,) rad.
+        turned: (7,) direction of the last motion of each joint.
+        friction: (7,) N m in each joint, from free motions.
+        unsure: its standard deviation.
+        noise: of each signal, at rest or in slow motion through free air.
+        left: what the model of the arm leaves with an empty hand, as far as it was recorded.
+    """
+
+    force: Array
+    q: Array
+    turned: Array
+    friction: Array
+    unsure: Array
+    noise: SignalLevels
+    left: ColouredResidual | None
+
+
+@dataclass(frozen=True, eq=False)
+class Drag:
+    """Drag of the object along its support, row by row.
+
+    Attributes:
+        t: s.
+        way: (2,) its direction, world.
+        place: (n, 2) m, of the hand, world.
+        tangential, normal: N, along the drag and on the support, without the inertial forces of the arm's
+            links and the object.
+        inertial: N, inertial part that was subtracted from the tangential force.
+        acceleration: m/s², along the drag.
+        speed: m/s, commanded.
+        q: (n, 7) rad.
+        torque: (n, 7) N m, without the gravity of the arm.
+        turned: (n, 7) direction of the last motion of each joint: -1 to 1, between them as it reverses.
+        path: (n, 7) rad that each joint has turned.
+        cruising: the motion is commanded at its full speed.
+        moving: the hand follows it.
+        begins: row of the command to set out; before, the object rests on its support.
+        mass: kg, of the object.
+        unsure_mass: kg (1 sigma), apparent mass of the arm beyond the subtracted one.
+        quiet: N², `noise` of the force in this direction, and of the vertical force, while the object hangs at
+            rest.
+        hanging: reference state.
+    """
+
+    t: Array
+    way: Array
+    place: Array
+    tangential: Array
+    normal: Array
+    inertial: Array
+    acceleration: Array
+    speed: Array
+    q: Array
+    torque: Array
+    turned: Array
+    path: Array
+    cruising: Mask
+    moving: Mask
+    begins: int
+    mass: float
+    unsure_mass: float
+    quiet: tuple[float, float]
+    hanging: Hanging
+
+    @property
+    def period(self) -> float:
+        """s between two rows."""
+        return float(np.median(np.diff(self.t)))
+
+    @property
+    def _smooth(self) -> int:
+        """Rows over which forces are averaged."""
+        return max(1, round(SMOOTH / self.period))
+
+    @cached_property
+    def quotient(self) -> Array:
+        """(n,) tangential over normal force, smoothed."""
+        tangential = smooth_rows(self.tangential, self._smooth)
+        normal = smooth_rows(self.normal, self._smooth)
+        pressed = normal > NORMAL_MIN
+        return np.where(pressed, tangential / np.maximum(normal, NORMAL_MIN), 0.0)
+
+    @cached_property
+    def breakaway(self) -> int | None:
+        """Row at which the object begins to slide; None when it never does."""
+        start, end = self.t[self.begins], self.t[-1]
+        late = self.cruising & (self.t > start + LATE * (end - start))
+        if not late.any():
+            return None
+        enough = SLIDING * np.median(self.quotient[late])
+        strained = np.flatnonzero(self.quotient[self.begins :] >= enough)
+        if not len(strained):
+            return None
+        # The quotient rises while the object sticks and falls to the level of sliding as it breaks away: the
+        # row of the steepest fall, as joint friction drifts along the way.
+        start = self.t[self.begins + int(strained[0])]
+        window = (self.t >= start) & (self.t <= start + PEAK_WITHIN)
+        later = np.minimum(np.arange(len(self.t)) + self._smooth, len(self.t) - 1)
+        falls = self.quotient - self.quotient[later]
+        return int(np.argmax(np.where(window, falls, -np.inf)))
+
+    @cached_property
+    def swung_out(self) -> Mask:
+        """Rows after breakaway that are commanded at full speed, now and for a while longer."""
+        if self.breakaway is None:
+            return np.zeros(len(self.t), dtype=bool)
+        # Deceleration shows in the force before it shows in the speed.
+        ahead = np.searchsorted(self.t, self.t + SLOWING, side="right") - 1
+        on = self.cruising & self.cruising[ahead] & (ahead > np.arange(len(self.t)))
+        return on & (self.t > self.t[self.breakaway] + TRANSIENT)
+
+    @cached_property
+    def steady(self) -> Mask:
+        """Rows of steady sliding."""
+        return self.swung_out & self.moving & (self.normal > NORMAL_MIN)
+
+    @property
+    def blocks(self) -> list[NDArray[np.intp]]:
+        """Rows of each block of steady sliding."""
+        return self._split(self.steady)
+
+    @property
+    def slid(self) -> list[NDArray[np.intp]]:
+        """Rows of each block of sliding, at full speed or not."""
+        if self.breakaway is None or self.roughness > NEARLY_ROUGH:
+            # An object that nearly chatters may stick before it slides steadily.
+            return self.blocks
+        parted = self.t > self.t[self.breakaway] + PARTED
+        parted &= self.moving & (np.arange(len(self.t)) >= self.follows)
+        return self._split(self.steady | (parted & (self.normal > NORMAL_MIN)))
+
+    def _split(self, rows: Mask) -> list[NDArray[np.intp]]:
+        """Split rows in parts of about `BLOCK` s."""
+        found, size = np.flatnonzero(rows), max(1, round(BLOCK / self.period))
+        return np.array_split(found, max(1, len(found) // size))
+
+    @cached_property
+    def pressing(self) -> tuple[Array, float]:
+        """Shrunken normal force (n,) N, and its remaining variance in a block, N².
+
+        Noise in the abscissa would bias the friction low (regression calibration: Carroll, Ruppert, Stefanski,
+        Crainiceanu, Measurement Error in Nonlinear Models, 2006, chapter 4).
+        """
+        blocks = self.blocks
+        if len(blocks) <= 2:
+            return self.normal, 0.0
+        means = np.array([self.normal[block].mean() for block in blocks])
+        off = remove_trend(means)
+        # Scatter about a line is noise as far as sensors at rest have it, and neighbouring rows differ.
+        white = float(np.diff(self.normal[self.steady]).var()) / 2.0
+        noise = min(self.quiet[1], white) * len(blocks) / sum(map(len, blocks))
+        scatter = float(off @ off) / (len(blocks) - 2)
+        real = max(0.0, 1.0 - noise / max(scatter, FLOOR**2))
+        normal = self.normal.copy()
+        for block, stray in zip(blocks, off.tolist(), strict=True):
+            normal[block] -= (1.0 - real) * stray
+        return normal, real * noise
+
+    @property
+    def slowing(self) -> slice:
+        """Rows after steady sliding in which the hand slows down and the object certainly still slides."""
+        first = int(np.flatnonzero(self.steady)[-1]) + 1
+        usual = float(np.median(self.speed[self.steady]))
+        speed = usual + np.cumsum(self.acceleration[first:]) * self.period
+        slides = (speed > STILL_SLIDING * usual) & (self.normal[first:] > NORMAL_MIN)
+        # Up to the first row in which it may have stuck.
+        return slice(first, first + int(np.argmin(np.append(slides, False))))
+
+    @property
+    def follows(self) -> int:
+        """First row from which the hand follows for a while, so that the object slides."""
+        ahead = np.lib.stride_tricks.sliding_window_view(self.moving[self.begins :], self._smooth)
+        on = np.flatnonzero(ahead.all(axis=1))
+        return self.begins + int(on[0]) if len(on) else len(self.t)
+
+    def row_variance(self) -> float:
+        """Variance of the tangential force in a row of steady sliding, N²: half of that between rows."""
+        return float(np.diff(self.tangential[self.steady]).var()) / 2.0
+
+    @cached_property
+    def noise(self) -> float:
+        """Variance of the mean of n steady rows times n, N²."""
+        return noise_density([self.tangential[self.steady]], self.period)
+
+    @property
+    def roughness(self) -> float:
+        """Ratio of the noise of steady sliding to that of hanging at rest; stick-slip raises it."""
+        return self.noise / (self.quiet[0] + SMOOTH_NOISE)
+
+
+def noise_density(forces: Iterable[Array], period: float) -> float:
+    """Variance of the mean of n rows times n, N²: from the scatter of short means about a line through each
+    block, so that slower changes do not count."""
+    size = max(1, round(SMOOTH / period))
+    count = max(4, round(BLOCK / period / size))
+    pooled, freedom = 0.0, 0
+    for force in forces:
+        for start in range(0, len(force) - size * count + 1, size * count):
+            means = force[start : start + size * count].reshape(count, size).mean(axis=1)
+            pooled += size * float(np.sum(remove_trend(means) ** 2))
+            freedom += count - 2
+    return pooled / freedom if freedom else UNKNOWN_NOISE
+
+
+def remove_trend(y: Array) -> Array:
+    """Residuals of a straight line fitted to `y`."""
+    basis = np.vander(np.linspace(-1.0, 1.0, len(y)), 2)
+    return y - basis @ (np.linalg.pinv(basis) @ y)
+
+
+def steady_drags(trace: Trace, name: str, observed: WrenchObservation) -> list[Drag]:
+    """Drags of the object `name` with enough steady sliding; those with chatter only where all chatter."""
+    drags = _drags(trace, name, observed)
+    found = [drag for drag in drags if drag.steady.sum() >= STEADY_ROWS]
+    return [drag for drag in found if drag.roughness < ROUGH] or found
+
+
+def _drags(trace: Trace, name: str, observed: WrenchObservation) -> Iterator[Drag]:
+    """Drags of the loaded hand, commanded horizontally at the height of the grasp."""
+    samples, load = trace.samples, load_rows(trace, name)
+    if not load.grasps:
+        return
+    height = samples.pose_world_tcp[:, 2]
+    floor = min(float(height[row_at(samples, time)]) for time in load.grasps)
+    high = height > floor + HANGING
+    hanging = at_rest(samples) & load.loaded & high
+    if not hanging.any():
+        return
+    # Noise of each signal, at rest or in slow motion through free air.
+    gaining = acceleration(samples, SPEED_SMOOTH)
+    slow = np.linalg.norm(samples.twist[:, :3], axis=1) < SLOW
+    calm = high & steady(samples) & slow & (load.loaded | load.empty) & rows_in_free_air(trace)
+    noise = block_noise(observed.signals, samples.t, gaining[:, 2], list(runs(calm)))
+    ways = joint_ways(samples, load.empty, floor + HANGING)
+    free = Hanging(
+        samples.wrench[hanging, :3].mean(axis=0),
+        samples.q[hanging].mean(axis=0),
+        ways[hanging].mean(axis=0),
+        *joint_friction(samples, ways, load.empty, floor + HANGING),
+        noise,
+        of_empty_hand(trace, name),
+    )
+    step = np.gradient(samples.target_world_tcp[:, :3], samples.t, axis=0)
+    horizontal = np.linalg.norm(step[:, :2], axis=1)
+    # The command on soft springs goes down steeply to press, so the measured motion decides how level it is.
+    size = max(1, round(BLOCK / float(np.median(np.diff(samples.t)))))
+    climbing = np.gradient(smooth_rows(samples.pose_world_tcp[:, 2], size), samples.t)
+    level = np.abs(climbing) < DRAG_SLOPE * horizontal
+    low = height < floor + DOWN
+    mass = max(0.0, float(free.force[2]) / trace.gravity)
+    ended = 0
+    for dragged in runs(load.loaded & low & (horizontal > DRAG_SPEED) & level):
+        if dragged.stop - dragged.start > DRAG_ROWS:
+            # From some time earlier, to show the rise of the force before breakaway, but after the last drag.
+            early = samples.t > samples.t[dragged.start] - STRAINING
+            early &= load.loaded & low & (np.arange(len(samples)) >= ended)
+            rows = slice(int(np.flatnonzero(early[: dragged.start + 1])[0]), dragged.stop)
+            moved = inertial_force(samples, rows, observed, mass)
+            drag = _drag(samples, rows, step[:, :2], moved, hanging, ways, free)
+            # Rows before in which the command already moves.
+            slowly = horizontal[rows.start : dragged.start] > SETS_OUT
+            leading = (
+                len(slowly) if slowly.all() else len(slowly) - 1 - int(np.flatnonzero(~slowly)[-1])
+            )
+            yield replace(
+                drag,
+                begins=dragged.start - leading - rows.start,
+                mass=mass,
+                unsure_mass=0.0 if observed.knows_links else HORIZONTAL_SPREAD,
+            )
+        ended = dragged.stop
+
+
+def central_rate(values: Array, t: Array, rows: slice) -> Array:
+    """(k, n) rate of change per second of values (m, n) in each of `rows`.
+
+    A row is the mean over a log period: a difference belongs to the boundary between two rows, and a row has
+    the mean of both its boundaries.
+    """
+    period = float(np.median(np.diff(t)))
+    steps = np.diff(values, axis=0, prepend=values[:1], append=values[-1:]) / period
+    rate: Array = ((steps[1:] + steps[:-1]) / 2.0)[rows]
+    return rate
+
+
+def inertial_force(
+    samples: Samples, rows: slice, observed: WrenchObservation, mass: float
+) -> Array:
+    """(k, 3) N, world axes, inertial force of the arm's own links and a held `mass`, kg, in `rows`: an arm on
+    soft springs sways for a second after a breakaway. Unknown links count as `HORIZONTAL_MASS` at the TCP."""
+    rising = central_rate(samples.twist[:, :3], samples.t, rows)
+    if not observed.knows_links:
+        return rising * [HORIZONTAL_MASS, HORIZONTAL_MASS, 0.0]
+    q, dq = samples.q[rows], samples.dq[rows]
+    torques = observed.links_motion(q, dq, central_rate(samples.dq, samples.t, rows))
+    wrenches = observed.wrenches(q) @ torques[:, :, None]
+    return wrenches[:, :3, 0] + mass * rising
+
+
+def _drag(
+    samples: Samples,
+    rows: slice,
+    step: Array,
+    moved: Array,
+    hanging: Mask,
+    ways: Array,
+    free: Hanging,
+) -> Drag:
+    """Drag in `rows`; `step`: commanded horizontal velocity; `moved` (k, 3): inertial force; `hanging`: rows of
+    the reference without support; `ways`: direction of the last motion of each joint."""
+    velocity = step[rows]
+    way = velocity.sum(axis=0) / np.linalg.norm(velocity.sum(axis=0))
+    force = samples.wrench[rows, :3] - free.force - moved
+    commanded = velocity @ way
+    # Stretches at rest, across short gaps in which noisy encoders seem to move.
+    found = np.flatnonzero(hanging)
+    breaks = np.flatnonzero(np.diff(samples.t[found]) > PAUSE) + 1
+    still = [samples.wrench[part, :3] for part in np.split(found, breaks)]
+    period = float(np.median(np.diff(samples.t)))
+    return Drag(
+        samples.t[rows],
+        way,
+        place=samples.pose_world_tcp[rows, :2],
+        tangential=force[:, :2] @ way,
+        normal=-force[:, 2],
+        inertial=moved[:, :2] @ way,
+        acceleration=central_rate(samples.twist[:, :2] @ way, samples.t, rows),
+        speed=np.maximum(commanded, DRAG_SPEED),
+        q=samples.q[rows],
+        torque=samples.tau_ext[rows],
+        turned=ways[rows],
+        path=joint_travel(samples)[rows],
+        cruising=commanded > CRUISE * float(np.median(commanded)),
+        moving=samples.twist[rows, :2] @ way > FOLLOWING * commanded,
+        begins=0,
+        mass=0.0,
+        unsure_mass=0.0,
+        quiet=(
+            noise_density([part[:, :2] @ way for part in still], period),
+            noise_density([part[:, 2] for part in still], period),
+        ),
+        hanging=free,
+    )

@@ -1,0 +1,398 @@
+"""Friction, damping and spring of a fixture's joint, from passes of its handle."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.common.pose import Array, Joint
+from palpate.estimation.coloured_residual import Spans, learn_residual, with_residual
+from palpate.estimation.estimate import FitTest
+from palpate.estimation.joint_friction import FLOOR, JOINT_LEVEL, TURNED, dahl_states
+from palpate.estimation.load_causes import GAINS_OFF, INERTIA_SHARE, JOINT_VISCOUS
+from palpate.estimation.motion import Mask, commanded_rows, mean_pose, runs, smoothed_with_rate
+from palpate.estimation.regression import Cause, Posterior, PriorScale, SignalNoise, fit
+from palpate.estimation.wrench_observation import WrenchObservation, gain_root, observe
+from palpate.trace.recording import NominalHand, Recording
+from palpate.trace.samples import Trace, once
+
+HANDLE_BLOCK = 0.2
+"""s over whose mean the force along a joint is fitted: two of them fit into the ramps of a pass.
+Sensitive: dry friction and damping 1.8 σ at half of it, 2.7 σ at twice; two blocks have to fit into the shortest
+ramp."""
+HANDLE_MOVES = 0.004
+"""m/s of the handle below which it counts as standing still: pads and springs give way before dry friction is full.
+Sensitive: 0.5 σ; slower blocks carry less than the full dry friction."""
+HANDLE_SETS_OUT = 0.003
+"""m from where a pass began, in which the friction of joints, pads and rails turns round and no block counts.
+Sensitive: dry friction 1.4 σ, damping 2.2 σ; shorter, and friction that still turns round counts as dry friction."""
+HANDLE_RATE = 0.05
+"""s over which speeds, torques and the motion of the arm's links are averaged, all alike: averaged otherwise, their
+differences in ramps are taken for inertia and damping. Sensitive: at twice it dry friction 0.3 σ, damping 0.3 σ."""
+
+SETTING_OUT = 20  # rows, 0.1 s, at the start of a recording, in which the hand rests
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Passes:
+    """Means of k blocks of passes with the handle in the hand, and of passes with the empty hand.
+
+    Forces are those along the joint: N of a slide, N m about a hinge.
+
+    Attributes:
+        t: (k,) s.
+        held: (k,) 1 with the handle in the hand, else 0.
+        recording: (k,) number of the recording.
+        travel: (k,) m or rad, from where the recording began.
+        rate, acceleration: (k,) per s, per s².
+        force: (k,) that the hand exerts, by the torques of the arm's joints.
+        white: (k,) variance of `force` by white noise.
+        rubbing: (k, m) force per N m of friction in each joint of the arm, by the way that it turned last.
+        viscous: (k, m) force per N m s/rad of friction in each joint.
+        moved: (k, m) force by the torque that moves the arm's links, joint by joint; (k, 0) unknown.
+        shown: (k, m) force per relative error of each torque sensor, for a unit force along the joint.
+    """
+
+    t: Array
+    held: Array
+    recording: Array
+    travel: Array
+    rate: Array
+    acceleration: Array
+    force: Array
+    white: Array
+    rubbing: Array
+    viscous: Array
+    moved: Array
+    shown: Array
+
+
+def passes_of(trace: Trace, recordings: list[Recording], joint: Joint) -> Passes | None:
+    """Blocks of all passes in some recordings of one fixture; None where nothing moved."""
+    observed = observe(trace)
+    parts = [
+        block
+        for number, recording in enumerate(recordings)
+        for block in _blocks(trace, recording, number, joint, observed)
+    ]
+    if not parts:
+        return None
+    return Passes(*(np.array(column) for column in zip(*parts, strict=True)))
+
+
+def _blocks(
+    trace: Trace, recording: Recording, number: int, joint: Joint, observed: WrenchObservation
+) -> Iterator[tuple[Array | float, ...]]:
+    """Yield the fields of each block of a recording."""
+    samples = trace.of(recording)
+    if len(samples) <= SETTING_OUT:
+        return
+    first, last = np.searchsorted(trace.samples.t, [recording.start, recording.end + 1e-9])
+    signals = observed.signals[int(first) : int(last)]
+    moving = commanded_rows(samples)
+    start = mean_pose(samples.where(slice(0, SETTING_OUT)))
+    positions = samples.pose_world_tcp[:, :3]
+    travel = joint.travels(start, positions)
+    rates = (
+        samples.twist[:, :3] @ joint.axis if joint.is_slide else samples.twist[:, 3:] @ joint.axis
+    )
+    rate, change = smoothed_with_rate(rates[:, None], samples.t, HANDLE_RATE)
+    maps = observed.maps(samples.q)
+    # Force along the joint per signal: its row of (J^T)^+.
+    along = joint.along(positions)
+    weights = np.einsum("ni,nij->nj", along, np.linalg.pinv(maps))
+    states = dahl_states(samples.q)[:, :, TURNED]
+    own = observed.own_motion(samples, np.ones(len(samples), dtype=bool), HANDLE_RATE)
+    known_links = own.shape == weights.shape
+    # Averaged as the rates are, so that both are of the same moments where the speed changes.
+    felt, _ = smoothed_with_rate(signals, samples.t, HANDLE_RATE)
+    force = np.einsum("nj,nj->n", weights, felt - own if known_links else felt)
+    # A force along the joint alone, in the signals: J^T of the unit wrench.
+    unit = np.einsum("nij,nj->ni", maps, along) / (along**2).sum(axis=1)[:, None]
+    joints = states.shape == weights.shape
+    none = np.zeros((len(samples), 0))
+    columns = (
+        weights * states if joints else none,
+        weights * samples.dq if joints else none,
+        weights * own if known_links else none,
+        weights * unit,
+    )
+    lever = joint.lever(start.position)
+    white = float(np.var(np.diff(force))) / 2.0 if len(force) > 2 else 0.0
+    held = float(recording.context.holding is not None)
+    for rows in blocks_of(samples.t, moving, travel * lever):
+        if np.abs(rate[rows]).min() * lever < HANDLE_MOVES:
+            continue
+        scalars = samples.t, np.full(len(travel), held), np.full(len(travel), float(number))
+        shown = (*scalars, travel, rate[:, 0], change[:, 0], force)
+        count = rows.stop - rows.start
+        yield (
+            *(float(column[rows].mean()) for column in shown),
+            white / count,
+            *(column[rows].mean(axis=0) for column in columns),
+        )
+
+
+def blocks_of(t: Array, moving: Mask, way: Array) -> Iterator[slice]:
+    """Equal parts, of about `HANDLE_BLOCK` s, of each motion, from where the handle at `way` (n,), m, has set
+    out."""
+    for whole in runs(moving):
+        gone = np.abs(way[whole] - way[whole.start])
+        rows = slice(whole.start + int(np.argmax(gone > HANDLE_SETS_OUT)), whole.stop)
+        duration = float(t[rows.stop - 1] - t[rows.start])
+        count = round(duration / HANDLE_BLOCK)
+        if count < 1:
+            continue
+        length = rows.stop - rows.start
+        for i in range(count):
+            yield slice(rows.start + i * length // count, rows.start + (i + 1) * length // count)
+
+
+# Friction, damping and spring of a joint: linear regression of the force at its handle.
+
+
+HANDLE_ONSET = (0.004, 0.015, 0.019, 0.023, 0.028, 0.034, 0.041, 0.05)
+"""m/s of the handle from which dry friction is full: MuJoCo's is from about 0.001 m/s times its size over the moving
+mass (N/kg) on, and grease does the same. Sensitive: with the first alone, the friction of a door of 0.6 kg came out
+40 % low, contradicted."""
+HANDLE_FORCE = 50.0
+"""N (1 sigma): prior of forces at a handle: dry friction, the pull of gravity or of a spring. Says nothing.
+Sensitive: no, it is wider than any handle's force."""
+HANDLE_VISCOUS = 200.0
+"""N s/m (1 sigma): prior of a damping at the handle. Says nothing.
+Sensitive: no, it is wider than any rail's."""
+HANDLE_STIFFNESS = 500.0
+"""N/m (1 sigma): prior of a stiffness at the handle. Says nothing.
+Sensitive: no, it is wider than any door closer's."""
+HANDLE_MASS = 20.0
+"""kg (1 sigma): prior of the mass that is felt at the handle. Says nothing.
+Sensitive: no, it is heavier than what an arm moves."""
+HANDLE_DRIFT = 20.0
+"""N per m (1 sigma): by which the force of the arm alone changes along a way beyond what its joints' friction makes,
+as `vocabulary.touch.DRIFT`.
+Sensitive: no, friction and damping do not move."""
+HANDLE_ELSEWHERE = 0.2
+"""part of that (1 sigma) by which it differs between the handle and above it. Sensitive: it is most of a spring's std,
+which is that of the whole drift where it is 1."""
+HANDLE_LOADED = (0.1, 0.07)
+"""parts (1 sigma) of the friction of the arm's joints by which it may be another with the handle in the hand than at
+the empty hand's pose: at any speed, and more or less of it at the highest. Chosen: in 32 drawers at `measured` the
+damping is 0.96 (rms) of its deviation off, with 0.05 for the second 1.11; in 60 doors at three noise levels
+less. Sensitive: std of dry friction ×0.6–1.0 at half of both, of damping ×0.6–0.8; values move by less than 0.1 σ."""
+HANDLE_EVEN = 0.1
+"""N at the handle by which friction may differ along the way, or at higher speed, as a test tolerates.
+Sensitive: it decides the test of even friction alone."""
+HANDLE_UNEVEN = 0.05
+"""part of the whole friction, likewise.
+Sensitive: it decides the test of even friction alone."""
+HANDLE_LEVEL = 0.02
+"""Cosine between the vertical and the way of a slide, or the horizontal and the axis of a hinge, below which
+gravity does not depend on the position. Sensitive: no, 0.02 of a weight is less than friction's deviation."""
+
+DRY, DAMPING, SPRING, INERTIA, PULL, GAIN = (
+    "dry friction",
+    "damping",
+    "spring",
+    "inertia",
+    "pull",
+    "gain",
+)
+"""Names of causes."""
+RUBBING = "joint friction"
+ONSET = "onset of dry friction"
+OF_JOINT = (DRY, DAMPING, SPRING, INERTIA, PULL, ONSET)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointFit:
+    """Fit of all passes of one fixture.
+
+    Attributes:
+        joint: the fixture's.
+        lever: m that the handle moves per unit of the joint's position.
+        recordings: with the handle in the hand, and with the empty hand.
+        passes: blocks.
+        posterior: of all causes.
+        tests: of the model.
+    """
+
+    joint: Joint
+    lever: float
+    recordings: tuple[Recording, ...]
+    passes: Passes
+    posterior: Posterior
+    tests: tuple[FitTest, ...]
+
+    def of(self, name: str) -> tuple[float, float]:
+        """Value and standard deviation of a cause with one unknown."""
+        (value,), ((variance,),) = self.posterior[name]
+        return float(value), float(np.sqrt(variance))
+
+    @property
+    def speeds(self) -> tuple[float, float]:
+        """Least and largest mean speed of the handle's blocks, m/s or rad/s."""
+        speeds = np.abs(self.passes.rate[self.passes.held > 0.0])
+        return float(speeds.min()), float(speeds.max())
+
+    def own(self) -> Array:
+        """(k,) force of the blocks without what the arm itself feels."""
+        causes = self.posterior.causes
+        return self.passes.force - sum_of(self.posterior, [c.name for c in causes[len(OF_JOINT) :]])
+
+    def predicted(self) -> Array:
+        """(k,) the same by the fit."""
+        return sum_of(self.posterior, OF_JOINT)
+
+
+def sum_of(found: Posterior, names: Sequence[str]) -> Array:
+    """(k,) force by some causes of a fit."""
+    causes = [cause for cause in found.causes if cause.name in names]
+    parts = [cause.columns @ found[cause.name][0] for cause in causes]
+    return np.sum(parts, axis=0) if parts else np.zeros(len(found.model.y))
+
+
+@once
+def fit_joint(trace: Trace, name: str, joint: Joint) -> JointFit | None:
+    """Fit the passes of fixture `name`; None where no recording shows its handle move."""
+    worked = [r for r in trace.recordings if r.context.activity == "working"]
+    held = [r for r in worked if r.context.holding == name]
+    empty = [r for r in worked if r.context.holding is None and r.context.place_of == name]
+    passes = passes_of(trace, [*held, *empty], joint) if held else None
+    if passes is None or not passes.held.any():
+        return None
+    lever = joint.lever(trace.of(held[0]).pose_world_tcp[0, :3])
+    first = _likeliest(passes, joint, lever)
+    causes, noise = list(first.causes), first.noise
+    # The errors of the sensors' gains are in proportion to the force that is felt.
+    causes.append(_gains(passes, sum_of(first, OF_JOINT), trace.hand))
+    causes.append(_load_friction_cause(passes, first))
+    scales = [PriorScale((GAIN,), *GAINS_OFF)]
+    found = fit(causes, noise, passes.force, scales)
+    tests = tuple(_tests(found, passes, lever))
+    return JointFit(joint, lever, (*held, *empty), passes, found, tests)
+
+
+def _likeliest(passes: Passes, joint: Joint, lever: float) -> Posterior:
+    """Fit with the speed of full dry friction that makes the forces likeliest, and with its doubt."""
+    found: list[Posterior] = []
+    noise: SignalNoise | None = None
+    for number in range(len(HANDLE_ONSET)):
+        causes = [*_of_joint(passes, joint, lever, number), *_of_arm(passes, lever)]
+        # The residual of the first is that of all, so that their evidence can be compared.
+        noise = noise or _noise(passes, causes)
+        found.append(fit(causes, noise, passes.force))
+    best = int(np.argmax([one.evidence for one in found]))
+    causes = list(found[best].causes)
+    causes.insert(len(OF_JOINT) - 1, _onset(passes, lever, best, float(found[best][DRY][0][0])))
+    return fit(causes, _noise(passes, causes), passes.force)
+
+
+def _onset(passes: Passes, lever: float, number: int, dry: float) -> Cause:
+    """Other onset of the dry friction than that of `number`, to first order: half way to its neighbours."""
+    last = len(HANDLE_ONSET) - 1
+    near = [_come_in(passes, lever, min(max(number + i, 0), last)) for i in (-1, 1)]
+    return Cause(ONSET, (dry * passes.held * (near[1] - near[0]))[:, None], np.array([0.25]))
+
+
+def _come_in(passes: Passes, lever: float, number: int) -> Array:
+    """(k,) share of the full dry friction in each block, signed as the rate."""
+    full = HANDLE_ONSET[number] / lever
+    return passes.rate / np.maximum(np.abs(passes.rate), full)
+
+
+def _of_joint(passes: Passes, joint: Joint, lever: float, number: int) -> Iterator[Cause]:
+    """Causes of the force along the joint; the handle moves by `lever` m per unit of it."""
+    held = passes.held
+    position = joint.position + passes.travel
+    columns = (
+        (DRY, _come_in(passes, lever, number), HANDLE_FORCE * lever),
+        (DAMPING, passes.rate, HANDLE_VISCOUS * lever**2),
+        (SPRING, position - joint.spring, HANDLE_STIFFNESS * lever**2),
+        (INERTIA, passes.acceleration, HANDLE_MASS * lever**2),
+    )
+    for name, column, size in columns:
+        yield Cause(name, (held * column)[:, None], np.array([size]))
+    pulls = [np.ones_like(position)]
+    if not joint.is_slide and abs(joint.axis[2]) < 1.0 - HANDLE_LEVEL**2 / 2:
+        # What turns about a tilted axis leans, so that its weight's moment is a sine of the position.
+        pulls += [np.sin(passes.travel), np.cos(passes.travel) - 1.0]
+    prior: Array = np.full(len(pulls), HANDLE_FORCE * lever)
+    yield Cause(PULL, held[:, None] * np.column_stack(pulls), prior)
+
+
+def _of_arm(passes: Passes, lever: float) -> Iterator[Cause]:
+    """Causes of the force that the arm itself feels."""
+    drift = HANDLE_DRIFT * lever**2
+    # Above the handle the arm is nearly in the same poses: most of its drift along the way is that of both.
+    yield Cause("drift", passes.travel[:, None], np.array([drift]))
+    for number in np.unique(passes.recording).tolist():
+        here = (passes.recording == number).astype(float)
+        columns = np.column_stack([here, here * passes.travel])
+        prior = np.array([HANDLE_FORCE * lever, HANDLE_ELSEWHERE * drift])
+        yield Cause(f"zero {number:.0f}", columns, prior)
+    joints = passes.rubbing.shape[1]
+    if joints:
+        level = np.full(joints, JOINT_LEVEL)
+        yield Cause(RUBBING, passes.rubbing, level)
+        viscous = np.full(joints, JOINT_VISCOUS)
+        yield Cause("viscous joint friction", passes.viscous, viscous)
+    if passes.moved.shape[1]:
+        share = np.full(passes.moved.shape[1], INERTIA_SHARE)
+        yield Cause("inertia of the arm", passes.moved, share)
+
+
+def _load_friction_cause(passes: Passes, first: Posterior) -> Cause:
+    """Change of the friction of the arm's joints by the load: none can be told from the fixture's own."""
+    felt = sum_of(first, [RUBBING])
+    size = float(np.sqrt(np.mean(felt**2)))
+    way, fastest = passes.held * np.sign(passes.rate), float(np.abs(passes.rate).max())
+    columns = np.column_stack([way, passes.held * passes.rate / fastest])
+    prior = np.maximum(np.array(HANDLE_LOADED) * size, FLOOR)
+    return Cause("joint friction with a load", columns, prior)
+
+
+def _gains(passes: Passes, felt: Array, hand: NominalHand) -> Cause:
+    """Relative errors of the torque sensors, for the force (k,) that is `felt`."""
+    count = int(passes.shown.shape[1])
+    columns = (felt[:, None] * passes.shown) @ gain_root(hand, count)
+    labels = tuple(f"gain of joint {i + 1}" for i in range(count))
+    return Cause(GAIN, columns, np.ones(count), "arm", labels)
+
+
+def _noise(passes: Passes, causes: Sequence[Cause]) -> SignalNoise:
+    """White noise of the blocks, with a coloured residual."""
+    white = np.sqrt(passes.white + FLOOR**2)
+    sensors = SignalNoise([np.diag(white)], float(len(white)))
+    count = len(passes.t)
+    spans = Spans(
+        passes.t,
+        np.full(count, HANDLE_BLOCK),
+        passes.travel[:, None],
+        np.abs(passes.rate[:, None]) * HANDLE_BLOCK,
+    )
+    return with_residual(sensors, learn_residual(causes, sensors, passes.force, spans), spans)
+
+
+def _tests(found: Posterior, passes: Passes, lever: float) -> Iterator[FitTest]:
+    """Tests of one dry and one viscous friction: others, of which a few per cent do not matter."""
+    way, held = np.sign(passes.rate), passes.held
+    (dry,), _ = found[DRY]
+    (damping,), _ = found[DAMPING]
+    fastest = float(np.abs(passes.rate).max())
+    size = abs(dry) + abs(damping) * fastest
+    middle, half = passes.travel.mean(), max(float(np.ptp(passes.travel)) / 2, 1e-9)
+    along = held * way * (passes.travel - middle) / half
+    speed = (np.abs(passes.rate) / fastest) ** 2
+    for name, column, finding in (
+        ("friction along the way", along, "It rubs more at one end of its way than at the other."),
+        (
+            "slow against fast",
+            held * way * (speed - speed[held > 0.0].mean()),
+            "The force does not grow in proportion to the speed: it is no viscous friction.",
+        ),
+    ):
+        cause = Cause(name, column[:, None], np.array([HANDLE_FORCE * lever]))
+        tolerated = np.array([HANDLE_UNEVEN * size + HANDLE_EVEN * lever])
+        yield found.test(cause, tolerated, finding)

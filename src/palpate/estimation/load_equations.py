@@ -1,0 +1,294 @@
+"""Equations of a weighing, and their covariance without the load."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.common.pose import Array
+from palpate.estimation.drag_causes import KIND_BIAS
+from palpate.estimation.joint_friction import FLOOR
+from palpate.estimation.load_causes import DRIFT, DRIFT_TIME, INERTIA_SHARE, UNSTEADY_SHARE
+from palpate.estimation.load_noise import flicker
+from palpate.estimation.motion import Mask
+from palpate.estimation.segments import BINS, PAUSE, Weighing
+
+CENTRIFUGAL = 8.0
+"""N s²/m² (1 sigma): force by the square of the speed; equal motions compare best. Sensitive: hardly."""
+DEGREE = 3
+"""degree of the polynomial along the path that the bias of one direction of travel follows. Sensitive: mass 0.2 σ."""
+APPARENT_MASS = 10.0
+"""kg (1 sigma): apparent vertical mass at the TCP of an arm whose links are not known, wide enough for any with
+seven axes. Sensitive: mass 0.1 σ."""
+INERTIA_DEGREE = 1
+"""degree of the polynomial along the path that the arm's apparent mass follows. Sensitive: hardly."""
+UNSTEADY = 0.15
+"""kg (1 sigma), times the acceleration: unknown force while the speed changes, bin by bin, where links are not
+known; some per cent of the arm's apparent mass. Sensitive: no, where passes are steady."""
+VISCOUS = 1.0
+"""N s/m (1 sigma): force by the speed; friction of 0.07 N m s/rad at a lever of half a metre is a third of it.
+Sensitive: hardly."""
+BIN_BIAS = 0.03
+"""N (1 sigma): residual of the polynomial bias at one place of the path (gear ripple). Sensitive: mass 0.08 σ."""
+REST_FRICTION = 0.1
+"""N (1 sigma): friction that differs between rests after the same approach. Sensitive: mass 0.08 σ."""
+FORCE_BIAS = 0.5
+"""N (1 sigma): bias of an unreferenced force; Franka states 0.8 N relative accuracy. Sensitive: hardly; without any
+pass or rest of the empty hand it is most of a mass's std."""
+
+
+def covariance(weighing: Weighing, maps: Array, apart: float) -> Array:
+    """(n, n) of all rows without the load: white noise, biases, inertia of the arm, and drift.
+
+    `apart` is the share (1 sigma) of the bias that each kind of segments has of its own.
+    """
+    found = weighing.segments
+    bins, signals = maps.shape[:2]
+    variance = np.concatenate([segment.variance for segment in found])
+    bias = bias_covariance(weighing, apart)
+    t = np.concatenate([segment.t for segment in found])
+    between = np.abs(t[:, None] - t)
+    # Ornstein-Uhlenbeck process.
+    drift = DRIFT**2 * np.exp(-between / DRIFT_TIME)
+    moved = inertia_covariance(weighing)
+    spans = weighing.spans
+    out = np.zeros((signals * bins, signals * bins))
+    for i, scale in enumerate(weighing.scale.tolist()):
+        block = scale**2 * (bias + drift) + weighing.noise.flicker[i] * flicker(between)
+        # Mean with the empty hand, N m: the scale of the bias where an end effector is wrongly configured.
+        # The contrast with the load does not depend on it.
+        shown = [float(segment.observed[:, i].mean()) for segment in found if not segment.loaded]
+        block += (float(np.mean(shown)) if shown else 0.0) ** 2
+        block += moved[i]
+        if weighing.left is not None:
+            block += weighing.left.covariance(spans, i)
+        block += np.diag(variance[:, i] + (FLOOR * scale) ** 2)
+        out[i * bins : (i + 1) * bins, i * bins : (i + 1) * bins] = block
+    return out
+
+
+def _each(found: Weighing, name: str) -> Array:
+    """An attribute of all segments, bin after bin."""
+    return np.concatenate([getattr(segment, name) for segment in found.segments])
+
+
+def bias_covariance(weighing: Weighing, apart: float) -> Array:
+    """(bins, bins) N²: covariance of one signal in units of its scale, without noise: constant bias; bias
+    along the path, of which each kind has its own share `apart`, and each turn all; inertia and viscous
+    effects of the motion; residual stiction of rests."""
+    found = weighing.segments
+    kinds = np.concatenate([[segment.kind] * len(segment.t) for segment in found])
+    own = np.concatenate([np.full(len(s.t), i) for i, s in enumerate(found)])
+    at_rest = np.concatenate([np.full(len(s.t), float(s.at_rest)) for s in found])
+    turning = np.concatenate([np.full(len(s.t), s.turns) for s in found])
+    speed2, path, turned = (_each(weighing, name) for name in ("speed2", "path", "turned"))
+    # Place from -1 to 1 along the path; of a turn, along all turns.
+    place = np.zeros(len(path))
+    for rows, way in ((~turning, path), (turning, turned)):
+        if rows.any():
+            middle, half = _middle(way[rows])
+            place[rows] = (way[rows] - middle) / half
+    powers = np.power.outer(place, np.arange(DEGREE + 1))
+    near = np.maximum(0.0, 1.0 - np.abs(place[:, None] - place) * BINS / 2.0)
+    share = np.where(turning, 1.0, apart)
+    moving = CENTRIFUGAL**2 * np.outer(speed2, speed2)
+    moving += VISCOUS**2 * np.sqrt(np.outer(speed2, speed2))
+    along = KIND_BIAS**2 * (powers @ powers.T) + BIN_BIAS**2 * near
+    same = kinds[:, None] == kinds
+    common = np.sqrt(1.0 - share**2)
+    out = FORCE_BIAS**2 + np.outer(common, common) * along
+    out += (np.outer(share, share) * along + moving) * same
+    rested = (apart * REST_FRICTION) ** 2
+    out += rested * np.outer(at_rest, at_rest) * (own[:, None] == own)
+    return out
+
+
+def _middle(path: Array) -> tuple[float, float]:
+    """m: middle of a path, and its half length."""
+    low, high = float(path.min()), float(path.max())
+    return (high + low) / 2.0, max((high - low) / 2.0, 1e-9)
+
+
+def inertia_covariance(weighing: Weighing) -> Array:
+    """(signals, bins, bins) uncertainty of the torque that moves the arm's own links."""
+    motion = _each(weighing, "motion")
+    if not motion.shape[1]:
+        # An apparent mass at the TCP stands for unknown links, (bins, bins) N².
+        path, acceleration = _each(weighing, "path"), _each(weighing, "acceleration")
+        middle, half = _middle(path)
+        powers = np.power.outer((path - middle) / half, np.arange(INERTIA_DEGREE + 1))
+        inertia = acceleration[:, None] * powers
+        force: Array = APPARENT_MASS**2 * (inertia @ inertia.T)
+        force = force + np.diag((UNSTEADY * acceleration) ** 2)
+        return weighing.scale[:, None, None] ** 2 * force
+    out: list[Array] = []
+    for taken in motion.T:
+        block = INERTIA_SHARE**2 * np.outer(taken, taken)
+        out.append(block + np.diag((UNSTEADY_SHARE * taken) ** 2))
+    return np.array(out)
+
+
+# Equations of a weighing: signals in rows, and their covariance without the load.
+
+
+FORCE_Z, TORQUE_X, TORQUE_Y, TORQUE_Z = 2, 3, 4, 5
+"""Components of a wrench."""
+LEANING = (0, 1)
+"""Components that a weight has where gravity is tilted."""
+SIDEWAYS = (0, 1, 5)
+"""Components that a freely hanging object does not have."""
+WAYS = {"up": 1.0, "down": -1.0}
+
+
+class ResidualStiction(NamedTuple):
+    """Columns of the joint torque that an approach leaves behind.
+
+    Attributes:
+        stuck: (n, 3 rests) of each rest, as a force at the TCP, per newton along each axis.
+        forces: (n, 3 passes) of each pass, likewise.
+        carried: (n, 3 pairs) common to a rest and the pass that begins at it.
+        offsets: (n, m passes) of each pass, in each signal.
+        paired: (3 rests + 3 passes,) the columns of `stuck` and `forces` that belong to such a pair.
+    """
+
+    stuck: Array
+    forces: Array
+    carried: Array
+    offsets: Array
+    paired: Mask
+
+    @property
+    def columns(self) -> tuple[Array, Array, Array, Array]:
+        return self.stuck, self.forces, self.carried, self.offsets
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WeighingRows:
+    """Linear equations of a weighing, ordered by signal, then by bin.
+
+    Attributes:
+        observed: (n,) the signals.
+        root: (n, n) lower triangle whose square is their covariance without the load.
+        wrench: (n, 6) signals per unit of each component of the load's wrench.
+        grasp: (n,) s, of loaded rows.
+        height: (n,) m about its mean, of loaded rows.
+        way: (n,) 1 up, -1 down, 0 at rest.
+        rest: (n,) 1 at rest.
+        dahl: (n, p) signals per unit of friction level in each joint, and per unit of its initial
+            state (`estimation.joint_friction`).
+        stiction: columns of the torque that an approach leaves in the joints, per rest and pass.
+        since: (n, k) signals per newton upward at the TCP, as a step that begins with the second segment in time,
+            with the third, and so on.
+        signal: (n,) which signal a row is of.
+        freedom: degrees of freedom of the noise.
+    """
+
+    observed: Array
+    root: Array
+    wrench: Array
+    grasp: Array
+    height: Array
+    way: Array
+    rest: Array
+    dahl: Array
+    stiction: ResidualStiction
+    since: Array
+    signal: NDArray[np.intp]
+    freedom: float
+
+
+def equations(weighing: Weighing, gravity: float, apart: float = 1.0) -> WeighingRows:
+    """Equations of a weighing; `apart` is the share of the bias that each kind of segment has of its own
+    (`estimation.load.biases`)."""
+    found = weighing.segments
+    # The load resists vertical acceleration, too.
+    loaded = np.concatenate([s.loaded * (1.0 + s.acceleration / gravity) for s in found])
+    maps = np.concatenate([segment.maps for segment in found])
+    path = np.concatenate([segment.path for segment in found])
+    signals = int(maps.shape[1])
+    root: Array = np.linalg.cholesky(covariance(weighing, maps, apart)).astype(np.float64)
+
+    def each(values: Iterable[float]) -> Array:
+        """A number of each segment, in all its rows."""
+        pairs = zip(found, values, strict=True)
+        return np.tile(np.concatenate([np.full(len(s.t), v) for s, v in pairs]), signals)
+
+    # Friction of a joint shows in its own signal: (signals x bins, 2 joints).
+    states = np.concatenate([segment.dahl for segment in found])
+    bins, joints, kinds = states.shape
+    dahl = np.zeros((joints or signals, bins, joints, kinds))
+    for joint in range(joints):
+        dahl[joint, :, joint] = states[:, joint]
+    # Steps upward that begin with the second segment in time, with the third, and so on.
+    upward = maps[:, :, FORCE_Z].T
+    start = np.concatenate([np.full(len(segment.t), segment.start) for segment in found])
+    steps: list[Array] = []
+    for moment in sorted({segment.start for segment in found})[1:]:
+        steps.append((upward * (start >= moment)).ravel())
+    return WeighingRows(
+        observed=np.concatenate([segment.observed for segment in found]).T.ravel(),
+        root=root,
+        wrench=(maps * loaded[:, None, None]).transpose(1, 0, 2).reshape(-1, 6),
+        grasp=each(segment.grasp for segment in found),
+        height=np.tile(path - path[loaded != 0.0].mean(), signals),
+        way=each(WAYS.get(segment.kind, 0.0) for segment in found),
+        rest=each(float(segment.at_rest) for segment in found),
+        dahl=dahl.reshape(signals * bins, joints * kinds),
+        stiction=residual_stiction(weighing, maps),
+        since=np.array(steps).reshape(-1, signals * len(start)).T,
+        signal=np.repeat(np.arange(signals), len(path)),
+        freedom=weighing.freedom,
+    )
+
+
+def in_each(row: WeighingRows, grasps: Sequence[float], components: Sequence[int]) -> Array:
+    """(n, grasps x components): columns of `components` of the wrench, its own in each grasp."""
+    columns = [row.wrench[:, components] * (row.grasp == grasp)[:, None] for grasp in grasps]
+    return np.concatenate(columns, axis=1)
+
+
+def each_its_own(blocks: Sequence[Array]) -> list[Array]:
+    """The columns of each weighing beside those of the others, which are zero there."""
+    width = sum(block.shape[1] for block in blocks)
+    wide: list[Array] = []
+    at = 0
+    for block in blocks:
+        own = np.zeros((len(block), width))
+        own[:, at : at + block.shape[1]] = block
+        at += block.shape[1]
+        wide.append(own)
+    return wide
+
+
+def residual_stiction(weighing: Weighing, maps: Array) -> ResidualStiction:
+    """Columns of the residual stiction, segment by segment."""
+    found, signals, count = weighing.segments, int(maps.shape[1]), len(maps)
+    own = np.eye(signals) * weighing.scale[:, None]
+    forces: list[Array] = []
+    offsets: list[Array] = []
+    at = 0
+    for segment in found:
+        here = slice(at, at + len(segment.t))
+        at = here.stop
+        pushed, off = np.zeros((signals, count, 3)), np.zeros((signals, count, signals))
+        pushed[:, here] = maps[here, :, :3].transpose(1, 0, 2)
+        off[:, here] = own[:, None, :]
+        forces.append(pushed.reshape(signals * count, 3))
+        offsets.append(off.reshape(signals * count, signals))
+    rests = [i for i, segment in enumerate(found) if segment.at_rest]
+    passes = [i for i, segment in enumerate(found) if not segment.at_rest]
+    # Each rest with the pass that begins at it.
+    pairs = [(i, j) for i in rests for j in passes if 0.0 < found[j].start - found[i].end < PAUSE]
+    both = {i for pair in pairs for i in pair}
+    nothing = np.zeros((signals * count, 0))
+    return ResidualStiction(
+        np.hstack([nothing, *(forces[i] for i in rests)]),
+        np.hstack([nothing, *(forces[i] for i in passes)]),
+        np.hstack([nothing, *(forces[i] + forces[j] for i, j in pairs)]),
+        np.hstack([nothing, *(offsets[i] for i in passes)]),
+        np.repeat([i in both for i in [*rests, *passes]], 3),
+    )

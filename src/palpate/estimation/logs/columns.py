@@ -1,0 +1,564 @@
+"""Columns of a recording, and the unit of its clock."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import takewhile
+from pathlib import Path
+from typing import Literal, NamedTuple, TypeVar
+
+import numpy as np
+from pydantic import ValidationError
+
+from palpate.common.errors import InputError, perhaps
+from palpate.common.files import Section, describe_error, plain_yaml, read_text
+from palpate.common.pose import Array
+from palpate.estimation.motion import Mask
+
+JOINTS = 7
+T = TypeVar("T")
+Table = Mapping[str, Array]
+"""Columns of a log by name: (n,), or (n, k) where the format has columns of several numbers."""
+Unit = Literal["s", "ms", "us", "ns"]
+Angle = Literal["rad", "deg"]
+SECOND = ("s", "sec", "secs", "second", "seconds")
+PREFIXES: dict[str, Unit] = {
+    "": "s", "m": "ms", "milli": "ms", "u": "us", "micro": "us", "n": "ns", "nano": "ns"
+}  # fmt: skip
+UNITS: dict[str, Unit] = {
+    prefix + word: unit for prefix, unit in PREFIXES.items() for word in SECOND
+}
+ANGLES: dict[str, Angle] = {"rad": "rad", "deg": "deg", "degree": "deg", "degrees": "deg"}
+
+ALIASES = {
+    "t": "header_stamp t time timestamp time_stamp stamp elapsed elapsed_time duration "
+    f"{' '.join(word for word in UNITS if len(word) > 2)} bag_time",
+    "q": "q position positions pos angle angles qpos theta",
+    "dq": "dq velocity velocities vel speed speeds qdot q_dot qvel",
+    "tau": "tau tau_j effort efforts torque torques",
+    "tau_ext": "tau_ext tau_ext_hat tau_ext_hat_filtered tau_ext_hat_filtered_effort external_torque "
+    "external_torques",
+}
+"""Names of columns without arm and joint, by signal, the first ones preferred; tau is libfranka's tau_J, with
+gravity in it."""
+KNOWN = {
+    alias: (signal, rank)
+    for signal, aliases in ALIASES.items()
+    for rank, alias in enumerate(aliases.split())
+}
+MEASURED = {"measured", "actual", "sensed"}
+_PLAIN = "joint joints state states robot msg arm observation obs data log field value values m nm"
+SILENT = {*MEASURED, *UNITS, *ANGLES, *_PLAIN.split()}
+_OTHERS = (
+    "d des desired cmd command commands commanded target targets ref reference goal setpoint action actions "
+    "output error errors err prev previous next predicted model computed sim simulated min max limit limits "
+    "delta latency delay ipo cartesian ee eef tcp effector"
+)
+NOT_MEASURED = set(_OTHERS.split())
+WORD = re.compile(r"[a-z]+(?:_?\d+)?|\d+")
+NUMBER = re.compile(r"(?<!fr)(?<!iiwa)(?<!\d)\d+")
+"""Number in a name that is not part of a robot's."""
+ROBOTS = {"panda", "franka", "fer", "fr3", "lbr", "iiwa", "iiwa7", "iiwa14"}
+"""Words of an arm's name that go without saying."""
+WIDEST = 2_000
+"""Numbers of a column that may be an arm's."""
+SAME = {"q": 2e-3, "tau": 0.2}
+"""rad and N m; medians up to which two topics show the same joints."""
+
+
+class ColumnMap(Section):
+    """Columns that hold each signal: a name, the common part of seven numbered names, a slice of a wide column
+    (`observation.state[0:7]`), or a list of seven names. What is left out is guessed."""
+
+    t: str | None = None
+    q: str | list[str] | None = None
+    dq: str | list[str] | None = None
+    tau: str | list[str] | None = None
+    tau_ext: str | list[str] | None = None
+    joints: str | None = None
+    """The arm among several: words of its columns' names, or the numbers of its joints (`7-13`)."""
+    topic: str | None = None
+    """Of a bag: the topic with the joint signals."""
+    episode: int | None = None
+    """Of a LeRobot data set: `episode_index`."""
+    angles: Angle | None = None
+    time: Unit | None = None
+
+    @property
+    def numbers(self) -> Sequence[int]:
+        """Joints that are stated by their numbers."""
+        ends = re.fullmatch(r"(\d{1,4})-(\d{1,4})", str(self.joints))
+        return range(int(ends[1]), int(ends[2]) + 1) if ends else ()
+
+
+class LogColumn(NamedTuple):
+    """One number of each row: the joint's number if its name has one, its name, and values (n,)."""
+
+    joint: int | None
+    name: str
+    values: Array
+
+
+class Arm(NamedTuple):
+    """Joint signals of an arm in one table.
+
+    Attributes:
+        name: words that distinguish its columns from those of other arms; may be empty.
+        table: place of its table.
+        topic: of the table in a bag; else empty.
+        columns: of `t` one, of `q` and `tau` seven, perhaps of `dq` and `tau_ext`.
+        notes: what was left out or assumed.
+    """
+
+    name: str
+    table: int
+    topic: str
+    columns: dict[str, list[LogColumn]]
+    notes: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return f"'{self.name}' ({self.topic or self.columns['q'][0].name + ' …'})"
+
+    @property
+    def signals(self) -> dict[str, Array]:
+        """Arrays of the columns: (n,) of `t`, (n, 7) of the others."""
+        every = {s: np.column_stack([c.values for c in run]) for s, run in self.columns.items()}
+        return every | {"t": every["t"][:, 0]}
+
+
+Arms = dict[str, dict[tuple[bool, int, str], dict[int | None, LogColumn]]]
+"""Columns of a signal by arm, by preference and name without a number, and by joint."""
+
+
+def read_map(path: Path | None) -> ColumnMap:
+    """Read a column map; without a file all columns are guessed.
+
+    Raises:
+        InputError: not readable, or not of the form of `ColumnMap`.
+    """
+    if path is None:
+        return ColumnMap()
+    content = plain_yaml(read_text(path, 100_000, "a map of columns"), str(path))
+    try:
+        return ColumnMap.model_validate(content)
+    except ValidationError as error:
+        raise InputError(f"{path}: {describe_error(error, ColumnMap)}") from None
+
+
+def find_arm(tables: Sequence[tuple[str, Table]], columns: ColumnMap, source: str) -> Arm:
+    """Find the joint signals of one arm in the tables of a log, each with its topic, the longest first.
+
+    Raises:
+        InputError: t, q or tau is missing, a mapped column is, or not one arm fits.
+    """
+    found = [arm for place in range(len(tables)) for arm in _arms(place, *tables[place], columns)]
+    if not found:
+        raise _missing(*tables[0], columns, source)
+    for arm in found:
+        rows = {column.name: len(column.values) for run in arm.columns.values() for column in run}
+        if len({*rows.values()}) > 1:
+            raise InputError(f"{source}: columns of unequal length: {rows}")
+    arms: list[Arm] = []
+    for arm in sorted(found, key=lambda arm: (-len(arm.columns), arm.table)):
+        if _is_named(arm, columns) and not any(_is_same(arm, other) for other in arms):
+            arms.append(arm)
+    if len(arms) != 1:
+        arms = arms or found
+        twins = len({arm.name for arm in arms}) < len(arms)
+        example = f"topic: {arms[-1].topic}" if twins else f"joints: {arms[-1].name}"
+        raise InputError(
+            f"{source} holds the joints of several arms: {list_names(map(str, arms))}. State one of them in a "
+            f"file with '{example}', and give it as columns=MAP.yaml"
+        )
+    counts = [
+        f"{len(table[name])} messages on {topic} (… {name})"
+        for topic, table in tables
+        for name in list(table)[-1:]
+    ]
+    read, arm = counts.pop(arms[0].table), arms[0]
+    notes = [f"{read} are read, not {list_names(counts, 8)}"] if counts else []
+    if arm.columns["t"][0].name == "bag_time_s":
+        notes.append("its messages have no stamps: their times are those of the bag")
+    return arm._replace(notes=(*notes, *arm.notes))
+
+
+def _is_named(arm: Arm, columns: ColumnMap) -> bool:
+    """Test that an arm's name has the words that the map states."""
+    if columns.joints is None or columns.numbers:
+        return True
+    words = {*words_of(columns.joints)} - SILENT
+    return words <= {*words_of(arm.name)} if words else not arm.name
+
+
+def _is_same(one: Arm, other: Arm) -> bool:
+    """Test that two arms are one, by their names, or by their joints at the times that both topics have."""
+    if (one.topic, one.name) == (other.topic, other.name):
+        return True  # in other messages further joints, or no velocities
+    a, b = (
+        {name: x[np.isfinite(arm["tau"]).all(1)] for name, x in arm.items()}
+        for arm in (one.signals, other.signals)
+    )
+    t, u = a["t"], b["t"]
+    both = np.flatnonzero((t >= u.min(initial=np.inf)) & (t <= u.max(initial=-np.inf)))
+    both = both[:: max(1, len(both) // 500)]
+    for name, most in SAME.items():
+        for joint in range(JOINTS):
+            x, y = a[name][both, joint], b[name][:, joint]
+            if not len(both) or np.median(np.abs(np.interp(t[both], u, y) - x)) > most:
+                return False
+    return True
+
+
+def _missing(topic: str, table: Table, columns: ColumnMap, source: str) -> InputError:
+    """Error that names the columns that are missing in a table, too few or too many."""
+    flat, on = _flat(table), f"{source}: {topic}" if topic else source
+    stated = _read_column(flat, columns)
+    for signal, run in stated.items():
+        given: str | list[str] = getattr(columns, signal)
+        names = [given] if isinstance(given, str) else given
+        unknown = next((name for name in names if name not in flat), "")
+        if not run:
+            return InputError(
+                f"{on}: {signal}: no column '{unknown[:80]}';{perhaps(unknown, table)} columns: {list_names(table)}"
+            )
+        if not _is_arm(signal, run):
+            return InputError(
+                f"{on}: {signal}: {list_names(names)} has {len(run)} numbers, not {JOINTS}; give {JOINTS} names, or "
+                f"'{signal}: NAME[0:{JOINTS}]'. Columns: {list_names(table)}"
+            )
+    found = {*_families(flat), *stated}
+    missing = [signal for signal in ("t", "q", "tau") if signal not in found]
+    missing = missing or [signal for signal in ("q", "tau") if signal not in stated]
+    meant = {"t": "time", "q": "joint positions", "tau": "joint torques with gravity"}
+    names = " and ".join(f"{meant[signal]} ({signal})" for signal in missing)
+    lines = "; ".join(f"{signal}: COLUMN" for signal in missing)
+    return InputError(
+        f"{on}: no column for {names}. Columns: {list_names(table)}. An arm has {JOINTS} joints. State them in "
+        f"a file with '{lines}', and give it as columns=MAP.yaml"
+    )
+
+
+def _is_arm(signal: str, run: Sequence[LogColumn]) -> bool:
+    return len(run) == 1 if signal == "t" else JOINTS <= len(run) < 2 * JOINTS
+
+
+def _arms(place: int, topic: str, table: Table, columns: ColumnMap) -> Iterator[Arm]:
+    """Find the arms of a table that have time, positions and torques, those of the map among them."""
+    flat, context = _flat(table), [] if columns.topic else words_of(topic)
+    stated, found = _read_column(flat, columns), _families(flat)
+    if not all(_is_arm(*one) for one in stated.items()) or NOT_MEASURED & {*context}:
+        return
+    guide = "tau" if "q" in stated else "q"
+    names = [""] if guide in stated else [*found.get(guide, {})]
+    for name in names:
+        best = {"t": _clocks(found.get("t", {}), name)} | stated
+        for signal in found.keys() - best.keys():
+            # Columns that name no arm belong to the arms that are named.
+            families = found[signal].get(name) or ({} if "" in names else found[signal].get("", {}))
+            runs = (_run(families[key], columns) for key in sorted(families))
+            # Which seven of more the map means is known of its own columns alone.
+            most = JOINTS if {"q", "tau"} & stated.keys() else len(flat)
+            if run := next((run for run in runs if JOINTS <= len(run) <= most), None):
+                best[signal] = run
+        if not {"q", "tau"} <= best.keys() or not best["t"]:
+            continue
+        parts = 1 if columns.numbers else min(len(best[one]) // JOINTS for one in ("q", "tau"))
+        for part in range(parts):
+            picked = {
+                signal: run[part * (len(run) // parts) :][:JOINTS]
+                for signal, run in best.items()
+                if len(run) >= parts * JOINTS
+            }
+            q = picked["q"]
+            numbers = f"{q[0].joint}-{q[-1].joint}" if parts > 1 else ""
+            words = [*(word for word in context if word not in SILENT), name, numbers]
+            families = (f for arm in found.get("q", {}).values() for f in arm.values())
+            every = best["q"] if "q" in stated else [c for f in families for c in f.values()]
+            used = {column.name for column in q}
+            notes: list[str] = []
+            if rest := [column.name for column in every if column.name not in used]:
+                notes = [f"joints {q[0].name} to {q[-1].name} are read, not {list_names(rest, 8)}"]
+            elif {*words_of(name)} - ROBOTS:
+                notes = [f"the columns are those of '{name}', as {q[0].name}"]
+            clock, *others = best["t"]
+            if others:
+                unread = list_names(column.name for column in others)
+                notes.append(f"the clock is {clock.name}, not {unread}")
+            full_name = "_".join(filter(None, words))
+            yield Arm(full_name, place, topic, picked | {"t": [clock]}, tuple(notes))
+
+
+def _run(family: Mapping[int | None, LogColumn], columns: ColumnMap) -> list[LogColumn]:
+    """Columns of the joints that the map states by numbers, else of all from 0 or 1 on without a gap."""
+    first = 0 if 0 in family else 1
+    wanted = columns.numbers or range(first, first + len(family))
+    return [family[joint] for joint in takewhile(family.__contains__, wanted)]
+
+
+def _clocks(found: Arms, arm: str) -> list[LogColumn]:
+    """Clocks, the best one first: that of the arm, then those that name no arm."""
+    words = {*words_of(arm)}
+    ranked = sorted(
+        (not {*words_of(name)} <= words, -len(words_of(name)), key, name)
+        for name, families in found.items()
+        for key in families
+    )
+    return [found[name][key][None] for *_, key, name in ranked if None in found[name][key]]
+
+
+def _flat(table: Table) -> Table:
+    """Columns of one number each, `q[0]` of a wide one; the two of a stamp (`sec`, `nanosec`) joined."""
+    flat: dict[str, Array] = {}
+    for name, values in table.items():
+        fine = re.fullmatch(r"(.*?)[._/ ]*((?:n|nano_?)(secs?))", name)
+        coarse = name.removesuffix(fine[2]) + fine[3] if fine else ""
+        if values.ndim == 2 and values.shape[1] <= WIDEST:
+            flat |= {f"{name}[{i}]": part for i, part in enumerate(values.T)}
+        elif fine and coarse in flat and len(values) == len(flat[coarse]):
+            stamp = f"{fine[1]}_stamp_s".replace("stamp_stamp", "stamp")
+            flat[stamp] = flat.pop(coarse) + 1e-9 * values
+        elif values.ndim == 1:
+            flat[name] = values
+    return flat
+
+
+def words_of(name: str) -> list[str]:
+    """Words of a name in lower case, with the numbers behind them: `left_fr3/tauJ` → left, fr3, tau, j."""
+    return WORD.findall(_lower(name))
+
+
+def unit_in(name: str, units: Mapping[str, T]) -> T | None:
+    """Unit that the words of a column's name state."""
+    return next((units[word] for word in words_of(name)[::-1] if word in units), None)
+
+
+def _lower(name: str) -> str:
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)
+    return re.sub("[µμ]s", "us", spaced).lower()
+
+
+def _families(flat: Table) -> dict[str, Arms]:
+    """Group the columns of measured signals by the signal, arm and joint in their names."""
+    found: dict[str, Arms] = {}
+    for name, values in flat.items():
+        text = _lower(name)
+        number = next(iter([*NUMBER.finditer(text)][-1:]), None)
+        stem = f"{text[: number.start()]}#{text[number.end() :]}" if number else text
+        words = WORD.findall(stem)
+        core = [word for word in words if word not in SILENT] or words
+        alias = _alias(core)
+        if alias is None or NOT_MEASURED & {*words}:
+            continue
+        signal, rank = KNOWN["_".join(core[alias])]
+        del core[alias]
+        key = not MEASURED & {*words}, rank, stem
+        family = found.setdefault(signal, {}).setdefault("_".join(core), {}).setdefault(key, {})
+        joint = int(number[0]) if number else None
+        family.setdefault(joint, LogColumn(joint, name, values))
+    return found
+
+
+def _alias(words: list[str]) -> slice | None:
+    """Place of the longest run of words that names a signal, the last of several."""
+    for size in range(len(words), 0, -1):
+        for start in range(len(words) - size, -1, -1):
+            if "_".join(words[start : start + size]) in KNOWN:
+                return slice(start, start + size)
+    return None
+
+
+def _read_column(flat: Table, columns: ColumnMap) -> dict[str, list[LogColumn]]:
+    """Find the columns that the map states; those that do not exist are left out."""
+    found: dict[str, list[LogColumn]] = {}
+    for signal in ALIASES:
+        stated: str | list[str] | None = getattr(columns, signal)
+        if isinstance(stated, str):
+            sliced = re.fullmatch(r"(.+)\[(\d+):(\d+)\]", stated)
+            name = sliced[1] if sliced else stated
+            run = [LogColumn(None, name, flat[name])] if name in flat else _parts(flat, name)
+            # A slice is of the columns in the order of the file.
+            if sliced:
+                run = run[int(sliced[2]) : int(sliced[3])]
+            elif signal != "t" and name not in flat:
+                run = _run({column.joint: column for column in run}, columns)
+            found[signal] = run
+        elif stated is not None:
+            found[signal] = [LogColumn(i, n, flat[n]) for i, n in enumerate(stated) if n in flat]
+    return found
+
+
+def _parts(flat: Table, stem: str) -> list[LogColumn]:
+    """Columns of one signal: `state.q[3]` of `state.q` by its number, `q.wrist` of `q` by its name."""
+    pattern = re.compile(re.escape(stem) + r"(?:[\[_./ ]*(\d+)\]?|\..*)")
+    matches = [(name, part) for name in flat if (part := pattern.fullmatch(name))]
+    return [
+        LogColumn(int(part[1]) if part[1] else None, name, flat[name]) for name, part in matches
+    ]
+
+
+def list_names(names: Iterable[str], most: int = 40) -> str:
+    """At most so many names, for a message."""
+    every = [name[:60] for name in names]
+    more = f" and {len(every) - most} more" if len(every) > most else ""
+    return ", ".join(every[:most]) + more
+
+
+# Clock and units of a log: seconds from 0 on, radians, no row twice; each repair is a note.
+
+
+SECONDS: dict[Unit, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+STEPS = 3e-4, 100.0
+"""s between rows of a recording."""
+DATES = 0.95e9, 4.1e9
+"""s since 1970, of this century."""
+MOVING, FASTEST = 0.02, 6.0
+"""rad/s of a joint in motion."""
+SMOOTH = 0.5
+"""Correlation of a smooth motion's successive steps; that of noise is -0.5."""
+LONGEST = 3600.0
+"""s that an arm at rest is recorded."""
+STUCK = 5
+"""Rows after which equal ones are an arm at rest in a world without noise, not a late sensor."""
+LARGEST_ANGLE = 7.0
+"""rad; no joint of an arm turns further, so that larger numbers are degrees."""
+MOST_LOST = 0.5
+"""Share of rows that may be left out."""
+RATE_WINDOW = 0.04
+"""s; half width of the polynomial that differentiates positions."""
+BLOCK = 10_000
+"""Rows that are differentiated at a time, which bounds the memory."""
+
+
+def clean_signals(
+    signals: dict[str, Array],
+    columns: ColumnMap,
+    source: str,
+    unit: Unit | None = None,
+    angles: Angle | None = None,
+) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Repair clock, repeated rows and units of signals (`t`, `q`, `tau`, perhaps `dq`, `tau_ext`).
+
+    Args:
+        unit: of the clock, in its column's name.
+        angles: unit of the angles, in their columns' names.
+
+    Raises:
+        InputError: no number is left of more than half of the rows, or the clock does not run.
+    """
+    notes: list[str] = []
+    whole = len(signals["t"])
+    if whole < 2:
+        raise InputError(f"{source} has {whole} rows; a recording has thousands")
+    signals = dict(signals)
+    for kept, why in (
+        (_finite, "without a number"),
+        (_forward, "out of the order of time"),
+        (_fresh, "that repeat the one before them"),
+    ):
+        rows = kept(signals)
+        lost = int((~rows).sum())
+        if lost:
+            notes.append(f"{lost} rows ({100 * lost / whole:.1f} %) {why} are left out")
+            signals = {name: values[rows] for name, values in signals.items()}
+        if len(signals["t"]) < max(2, MOST_LOST * whole):
+            raise InputError(f"{source}: {notes[-1]}: more than half; mend the recording")
+    beyond = np.abs(signals["q"]).max() > LARGEST_ANGLE
+    if (columns.angles or angles or ("deg" if beyond else "rad")) == "deg":
+        for name in {"q", "dq"} & set(signals):
+            signals[name] = np.radians(signals[name])
+        if columns.angles is None:
+            notes.append("angles are in degrees")
+    slope = _slope_unit(signals)
+    if columns.time is None and unit and slope and slope != unit:
+        raise InputError(
+            f"{source}: the clock is named in {unit}, but the velocities fit one in {slope}; "
+            f"state it in a file with 'time: {slope}', and give it as columns=MAP.yaml"
+        )
+    unit = columns.time or unit or slope or _likely_unit(signals)
+    if unit != "s" and columns.time is None:
+        notes.insert(0, f"the clock counts in {unit}")
+    signals["t"] = (signals["t"] - signals["t"][0]) * SECONDS[unit]
+    if "dq" not in signals:
+        signals["dq"] = differentiate(signals["q"], signals["t"])
+        notes.append("joint velocities are not logged: taken from the positions")
+    return signals, tuple(notes)
+
+
+def _slope_unit(signals: dict[str, Array]) -> Unit | None:
+    """Unit of the clock in which the logged velocities are the slopes of the positions; None where neither
+    moves enough."""
+    if "dq" not in signals:
+        return None
+    steps, speeds = np.diff(signals["t"])[:, None], np.abs(signals["dq"][1:])
+    moving = speeds > MOVING
+    way = float(np.abs(np.diff(signals["q"], axis=0))[moving].sum())
+    expected = float((speeds * steps)[moving].sum())
+    ratios: dict[Unit, float] = {
+        unit: way / (expected * size + 1e-12) for unit, size in SECONDS.items()
+    }
+    return next((unit for unit, ratio in ratios.items() if 1 / 3 < ratio < 3), None)
+
+
+def _likely_unit(signals: dict[str, Array]) -> Unit:
+    """Infer the unit of a clock from its steps and the positions alone; s where they leave it open."""
+    t, moves = signals["t"], np.diff(signals["q"], axis=0)
+    steps = np.diff(t)
+    step, fastest = float(np.median(steps)), np.quantile(np.abs(moves).max(1) / steps, 0.999)
+    fit: list[Unit] = [
+        unit
+        for unit, size in SECONDS.items()
+        if STEPS[0] <= size * step <= STEPS[1] and fastest < FASTEST * size
+    ]
+    # A clock that runs since 1970 shows a date of this century.
+    for unit in fit:
+        if DATES[0] < SECONDS[unit] * t[0] < DATES[1]:
+            return unit
+    # Successive steps of a motion sampled densely are alike; steps between poses, and noise, are not.
+    smooth = (moves[1:] * moves[:-1]).sum() > SMOOTH * (moves**2).sum()
+    for unit in fit[::-1] if smooth else ():
+        if fastest > MOVING * SECONDS[unit]:
+            return unit
+    return fit[-1] if fit and not ("s" in fit and t[-1] - t[0] < LONGEST) else "s"
+
+
+def _finite(signals: dict[str, Array]) -> Mask:
+    return np.logical_and.reduce(
+        [np.isfinite(values).reshape(len(values), -1).all(axis=1) for values in signals.values()]
+    )
+
+
+def _forward(signals: dict[str, Array]) -> Mask:
+    t = signals["t"]
+    before = np.concatenate([[-np.inf], np.maximum.accumulate(t)[:-1]])
+    return t > before
+
+
+def _fresh(signals: dict[str, Array]) -> Mask:
+    """Rows whose positions and torques differ from those of the row before, or have not changed for long."""
+    now = np.column_stack([signals["q"], signals["tau"]])
+    same = np.concatenate([[False], (now[1:] == now[:-1]).all(axis=1)])
+    count = np.arange(len(same))
+    since = count - np.maximum.accumulate(np.where(same, 0, count))
+    until = (np.minimum.accumulate(np.where(same, len(same), count)[::-1])[::-1]) - count
+    return ~same | (since + until > STUCK)
+
+
+def differentiate(q: Array, t: Array) -> Array:
+    """(n, k) rates of q (n, k) per second, by a local quadratic around each row (Savitzky and Golay, 1964),
+    for rows that need not be equally far apart."""
+    half = max(1, round(RATE_WINDOW / max(float(np.median(np.diff(t))), 1e-6)))
+    shifts = np.arange(-half, half + 1)
+    out = np.empty(q.shape)
+    for start in range(0, len(t), BLOCK):
+        middle = np.arange(start, min(start + BLOCK, len(t)))[:, None]
+        rows = np.clip(middle + shifts, 0, len(t) - 1)
+        inside = (middle + shifts == rows).astype(float)
+        since = t[rows] - t[middle]
+        powers = inside[:, :, None] * np.stack([np.ones_like(since), since, since**2], axis=2)
+        moments = powers.transpose(0, 2, 1) @ powers
+        # Two rows at an end determine no quadratic: the ridge leaves them a straight line.
+        moments += 1e-12 * moments[:, :1, :1] * np.eye(3)
+        right = powers.transpose(0, 2, 1) @ q[rows]
+        out[middle[:, 0]] = np.linalg.solve(moments, right)[:, 1]
+    return out

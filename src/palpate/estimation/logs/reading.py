@@ -1,0 +1,194 @@
+"""Recordings of arms in the formats that they are logged in."""
+
+from __future__ import annotations
+
+import csv
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from palpate.common.errors import InputError
+from palpate.common.files import open_with_limit, read_text
+from palpate.estimation.logs.columns import (
+    ANGLES,
+    UNITS,
+    ColumnMap,
+    Table,
+    clean_signals,
+    find_arm,
+    read_map,
+    unit_in,
+)
+from palpate.estimation.logs.formats import STORED, read_bag, read_parquet
+from palpate.trace.recording import ArmLog
+
+MAX_BYTES = 1_000_000_000
+MAX_TEXT = 500_000_000
+MAX_ROWS = 4_000_000
+"""An hour at 1 kHz, and some."""
+MAX_COLUMNS = 2_000
+
+
+def log_of(log: str | Path | ArmLog, columns: str | Path | None = None) -> ArmLog:
+    """Return a recording at hand as it is, or read that of a path (`read_log`)."""
+    if isinstance(log, ArmLog):
+        return log
+    return read_log(Path(log), None if columns is None else Path(columns))
+
+
+def read_log(path: Path, columns: Path | None = None) -> ArmLog:
+    """Read the joint signals of an arm from a recording.
+
+    The log's `notes` say which topics, joints and rows are left out, and which unit, stamp or velocity is
+    inferred.
+
+    Args:
+        path: CSV (.csv, .tsv, .txt), .npz, .mcap, .parquet, a folder or database of rosbag2, or a .bag.
+        columns: YAML that maps columns to signals (`ColumnMap`) and names the arm; the rest is guessed.
+
+    Raises:
+        InputError: not such a file, too large, without time, positions or torques, or of several arms.
+        Unavailable: the library for its format is not installed.
+    """
+    mapped = read_map(columns)
+    reader, notes = READERS.get(path.suffix.lower()), list[str]()
+    if path.is_dir() and not any(file for kind in STORED for file in path.glob(f"*{kind}")):
+        raise InputError(
+            f"{path}: neither a run folder nor one of rosbag2, which holds {', '.join(STORED)}"
+        )
+    if path.is_dir() or path.name.lower().endswith((*STORED, ".bag")):
+        tables, notes = read_bag(path, mapped)
+    elif reader is not None:
+        tables = [("", reader(path, mapped))]
+    else:
+        kinds = ", ".join((*READERS, ".bag", *STORED))
+        raise InputError(
+            f"{path}: unknown kind of recording '{path.suffix}'; valid: {kinds}, and a folder of rosbag2"
+        )
+    for _, table in tables:
+        _check_size(table, path)
+    arm = find_arm(tables, mapped, str(path))
+    unit = unit_in(arm.columns["t"][0].name, UNITS)
+    angles = unit_in(arm.columns["q"][0].name, ANGLES)
+    found, repairs = clean_signals(arm.signals, mapped, str(path), unit, angles)
+    return ArmLog(
+        found["t"],
+        found["q"],
+        found["dq"],
+        found["tau"],
+        found.get("tau_ext"),
+        path.name,
+        (*notes, *arm.notes, *repairs),
+    )
+
+
+def read_csv(path: Path, columns: ColumnMap) -> Table:
+    """Read the numeric columns of a table in text, whose first line names them."""
+    text = read_text(path, MAX_TEXT, "a recording of an arm")
+    lines = text.splitlines()
+    if len(lines) < 3:
+        raise InputError(f"{path} has {len(lines)} lines; give a line of names and a row a sample")
+    try:
+        dialect = csv.Sniffer().sniff(lines[0], ",;\t ")
+        split = dialect.delimiter
+    except csv.Error:
+        split = ","
+    names = [name.strip().strip("\"'") for name in lines[0].lstrip("#% ").split(split)]
+    if all(_is_number(name) for name in names):
+        raise InputError(
+            f"{path}: its first line must name the columns, as in t,q1,…,q7,tau1,…,tau7"
+        )
+    if len(set(names)) < len(names):
+        twice = sorted({name for name in names if names.count(name) > 1})
+        raise InputError(f"{path}: columns with one name: {', '.join(twice[:10])}")
+    if len(names) > MAX_COLUMNS:
+        raise InputError(f"{path} has {len(names)} columns, at most {MAX_COLUMNS} are read")
+    if split != "," and "," in lines[1] and "." not in lines[1]:
+        lines[1:] = [line.replace(",", ".") for line in lines[1:]]  # decimal commas
+    first = lines[1].split(split)
+    used = [i for i, cell in enumerate(first[: len(names)]) if not cell.strip() or _is_number(cell)]
+    if not used:
+        raise InputError(
+            f"{path}: its second line holds no number; leave one line of names, without one of units"
+        )
+    try:
+        rows = np.loadtxt(
+            lines[1 : MAX_ROWS + 2],
+            delimiter=None if split == " " else split,
+            usecols=used,
+            ndmin=2,
+            converters=None if _complete(lines, split) else _number,
+        )
+    except ValueError as error:
+        cells = lines[1].count(split)
+        for number, line in enumerate(lines[2:], 3):
+            if split != " " and line.count(split) < cells:
+                raise InputError(
+                    f"{path}: line {number} of {len(lines)} is cut off; remove or complete it"
+                ) from None
+        raise InputError(f"{path}: {str(error).splitlines()[0]}") from None
+    return {names[i]: rows[:, k] for k, i in enumerate(used)}
+
+
+def read_npz(path: Path, columns: ColumnMap) -> Table:
+    """Read the numeric arrays of a NumPy archive, (n,) or (n, k); objects (pickles) are refused."""
+    try:
+        with (
+            open_with_limit(path, MAX_BYTES, "a recording of an arm") as file,
+            zipfile.ZipFile(file) as archive,
+        ):
+            if sum(member.file_size for member in archive.infolist()) > MAX_BYTES:
+                raise InputError(f"{path} unpacks to more than {MAX_BYTES // 10**6} MB")
+            file.seek(0)
+            data = np.load(file, allow_pickle=False)
+            found = {name: np.asarray(data[name]) for name in data.files}
+    except (zipfile.BadZipFile, ValueError, EOFError) as error:
+        raise InputError(f"{path} is no NumPy archive of numbers: {error}") from None
+    return {
+        name: values.astype(float)
+        for name, values in found.items()
+        if values.dtype.kind in "fiu" and values.ndim in (1, 2)
+    }
+
+
+READERS = {
+    ".csv": read_csv,
+    ".tsv": read_csv,
+    ".txt": read_csv,
+    ".npz": read_npz,
+    ".parquet": read_parquet,
+}
+
+
+def _check_size(table: Table, path: Path) -> None:
+    """Check the size of a table.
+
+    Raises:
+        InputError: no column, too many rows, or columns of unequal length.
+    """
+    if not table:
+        raise InputError(f"{path} holds no numbers")
+    rows = {name: len(values) for name, values in table.items()}
+    if max(rows.values()) > MAX_ROWS:
+        raise InputError(
+            f"{path} has {max(rows.values())} rows, at most {MAX_ROWS} are read; cut it"
+        )
+
+
+def _complete(lines: list[str], split: str) -> bool:
+    return split == " " or not any(
+        f"{split}{split}" in line or line.endswith(split) for line in lines
+    )
+
+
+def _number(cell: str) -> float:
+    return float(cell) if cell.strip() else float("nan")
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True

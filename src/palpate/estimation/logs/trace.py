@@ -1,0 +1,182 @@
+"""A recording of an arm as a `Trace`, in which the hand carries a load in given windows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Array, Pose
+from palpate.estimation.rigid_bodies import parameters, regressor
+from palpate.robots.description import RobotDescription, carries
+from palpate.robots.nominal import NominalArm, wrenches
+from palpate.trace.recording import RECORDED, ArmLog, Context, Conversion, LeafRun, Recording
+from palpate.trace.samples import FORCES, Samples, Trace
+
+PERIOD = 0.005
+"""s between samples of a trace; faster recordings are averaged."""
+EDGE = 0.5
+"""s on either side of a window's ends in which the load comes and goes."""
+APART = 10.0
+"""s in the trace between a recording and that of the empty hand."""
+SHORTEST = 1.0
+"""s of a window from which it says something."""
+Window = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Carrying:
+    """Load of a recording.
+
+    Attributes:
+        name: of the object.
+        windows: s since the first row of the log, in which it was carried; none: all of it.
+        in_hand: position and quaternion wxyz of the object in the hand, as text; None where unknown.
+        hand: kg of the end effector; None: as the arm's description has it; `found`: from the recording.
+    """
+
+    name: str
+    windows: tuple[Window, ...] = ()
+    in_hand: str | None = None
+    hand: float | Literal["found"] | None = None
+
+
+def trace_of(
+    log: ArmLog,
+    carrying: Carrying,
+    parameters: Sequence[Parameter],
+    arm: RobotDescription,
+    base: Pose,
+    gravity: float,
+    empty: ArmLog | None = None,
+) -> Trace:
+    """Build the trace of a log whose hand carries a load in its windows, and is empty elsewhere and in the log
+    `empty`.
+
+    Raises:
+        InputError: a window that the log does not have.
+    """
+    parts = [average_bins(log)]
+    end = float(parts[0].t[-1])
+    windows = [_inside(window, end, log.source) for window in carrying.windows or [(0.0, end)]]
+    if empty is not None:
+        later = average_bins(empty)
+        parts.append(replace(later, t=later.t + end + APART))
+    samples = Samples.concatenate(samples_of(part, arm, base, gravity, carrying) for part in parts)
+    held = Context("moving", "load", carrying.name, carrying.in_hand)
+    free = Context("moving", "load")
+    leaves: list[LeafRun] = []
+    recordings: list[Recording] = []
+    for i, (start, stop) in enumerate(windows):
+        node = f"recording.windows[{i}]"
+        taken = ("CloseGripper", "load taken", start - EDGE, start, held)
+        given = ("OpenGripper", "load given", stop, stop + EDGE, free)
+        for primitive, label, begins, ends, context in (taken, given):
+            leaves.append(LeafRun(node, primitive, label, begins, ends, "SUCCESS", "", context))
+        recordings.append(Recording(FORCES, start, stop, held, node))
+    last = recordings[-1]
+    conversions = [
+        Conversion(RECORDED, parameter.object, parameter.quantity, last, last.end)
+        for parameter in parameters
+    ]
+    chain, share = arm.nominal.chain, hand_share(arm, carrying.hand)
+    assert chain is not None
+    of_hand = hand_links(arm)
+    links = tuple(
+        replace(link, mass=share * link.mass, inertia=tuple(share * part for part in link.inertia))
+        if i in of_hand
+        else link
+        for i, link in enumerate(chain.links)
+    )
+    hand = replace(arm.nominal, chain=replace(chain, links=links))
+    return Trace(samples, tuple(leaves), tuple(recordings), tuple(conversions), hand, gravity)
+
+
+def _inside(window: Window, end: float, source: str) -> Window:
+    start, stop = max(window[0], 0.0), min(window[1], end)
+    is_inside = window[0] >= -EDGE and window[1] <= end + EDGE
+    if not is_inside or stop - start < SHORTEST:
+        raise InputError(
+            f"loaded={window[0]:g}-{window[1]:g}: {source} lasts {end:.1f} s; give windows within it, of "
+            f"{SHORTEST:g} s or more"
+        )
+    return start, stop
+
+
+def average_bins(log: ArmLog) -> ArmLog:
+    """Means over bins of `PERIOD`, from 0 s on."""
+    # Stamps are multiples of a period up to rounding.
+    bins = np.floor((log.t - log.t[0]) / PERIOD + 1e-3).astype(int)
+    starts = np.flatnonzero(np.diff(bins, prepend=-1))
+    count = np.diff(np.append(starts, len(bins)))
+
+    def mean(values: Array) -> Array:
+        sums = np.add.reduceat(values, starts, axis=0)
+        return sums / count.reshape(-1, *[1] * (values.ndim - 1))
+
+    return replace(
+        log,
+        t=mean(log.t - log.t[0]),
+        q=mean(log.q),
+        dq=mean(log.dq),
+        tau=mean(log.tau),
+        tau_ext=None,
+    )
+
+
+def hand_links(arm: RobotDescription) -> set[int]:
+    """Places of the links of the arm's hand in its chain."""
+    model = arm.spec(np.zeros(3)).compile()
+    hinges = [int(model.joint(name).id) for name in arm.joints]
+    hand = model.body(arm.hand.body).id
+    found: list[bool] = []
+    for body in range(1, model.nbody):
+        if model.body_mass[body] > 0.0 and any(carries(model, hinge, body) for hinge in hinges):
+            part = body
+            while part > hand:
+                part = int(model.body_parentid[part])
+            found.append(part == hand)
+    return {place for place, is_hand in enumerate(found) if is_hand}
+
+
+def hand_share(arm: RobotDescription, hand: float | str | None) -> float:
+    """Part of the described hand's mass that counts as known."""
+    if hand is None:
+        return 1.0
+    chain = arm.nominal.chain
+    assert chain is not None
+    whole = sum(chain.links[place].mass for place in hand_links(arm))
+    return 0.0 if isinstance(hand, str) else hand / whole
+
+
+def samples_of(
+    log: ArmLog, arm: RobotDescription, base: Pose, gravity: float, carrying: Carrying
+) -> Samples:
+    """Samples of a log: the external torques are the sensed ones less those that hold the nominal arm up."""
+    seen = NominalArm(arm, base, np.array([0.0, 0.0, -gravity])).kinematics(log.q)
+    external = log.tau - seen.gravity_torque
+    share = hand_share(arm, carrying.hand)
+    if share != 1.0:
+        chain = arm.nominal.chain
+        assert chain is not None
+        anchor = np.array(chain.anchors[-1])
+        known = parameters([chain.links[place] for place in hand_links(arm)], anchor)
+        still, pull = np.zeros_like(log.q), base.rotation.T @ [0.0, 0.0, -gravity]
+        weight = regressor(chain, log.q, still, still, pull)[:, :, -1] @ known
+        external += (1.0 - share) * weight
+    twist = np.einsum("nij,nj->ni", seen.jacobian, log.dq)
+    return Samples(
+        t=log.t,
+        q=log.q,
+        dq=log.dq,
+        tau_ext=external,
+        wrench=wrenches(seen.jacobian, external[:, :, None])[:, :, 0],
+        pose_world_tcp=seen.pose_world_tcp,
+        twist=twist,
+        target_world_tcp=seen.pose_world_tcp,
+        width=np.zeros(len(log)),
+    )

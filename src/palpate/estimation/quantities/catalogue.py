@@ -1,0 +1,173 @@
+"""Catalogue of quantities, and the quantities that each purpose of a simulation needs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+
+from palpate.common.errors import unknown_name
+from palpate.common.extensions import extensions, public
+from palpate.common.parameter import Parameter
+from palpate.estimation.quantities.com import CentreOfMass, CentreOfMassInSpace
+from palpate.estimation.quantities.fixture_dynamics import Damping, DryFriction, SpringStiffness
+from palpate.estimation.quantities.fixture_range import Range
+from palpate.estimation.quantities.friction import Friction
+from palpate.estimation.quantities.height import Height, SurfaceTilt
+from palpate.estimation.quantities.inertia import Inertia
+from palpate.estimation.quantities.mass import Mass
+from palpate.estimation.quantities.motion import Momentum, Velocity
+from palpate.estimation.quantities.position import Position
+from palpate.estimation.quantities.quantity import Piece, Quantity
+from palpate.estimation.quantities.size import Size
+from palpate.estimation.quantities.stiffness import ContactDamping, Restitution, Stiffness
+from palpate.trace.recording import Context
+
+GROUP = "palpate.quantities"
+"""Entry-point group of modules; each public `Quantity` in them that has an id is included."""
+OWN: tuple[type[Quantity], ...] = (
+    Mass,
+    Height,
+    Friction,
+    CentreOfMass,
+    CentreOfMassInSpace,
+    Inertia,
+    Position,
+    Velocity,
+    Momentum,
+    Stiffness,
+    ContactDamping,
+    Restitution,
+    Size,
+    SurfaceTilt,
+    DryFriction,
+    Damping,
+    SpringStiffness,
+    Range,
+)
+"""Order of the results, and of the priors: each may use the believed values of those before it."""
+
+
+class Catalogue(Mapping[str, Quantity]):
+    """Quantities by id, in their order."""
+
+    def __init__(self, quantities: Iterable[Quantity]) -> None:
+        self._by_id: dict[str, Quantity] = {}
+        for quantity in quantities:
+            self._by_id.setdefault(quantity.id, quantity)
+
+    def __getitem__(self, id: str) -> Quantity:
+        return self._by_id[id]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._by_id)
+
+    def __len__(self) -> int:
+        return len(self._by_id)
+
+    def __repr__(self) -> str:
+        return f"<Catalogue: {', '.join(self)}>"
+
+    def named(self, id: str) -> Quantity:
+        """Return the quantity with this id.
+
+        Raises:
+            InputError: there is none; the message lists the valid ones.
+        """
+        if id not in self._by_id:
+            raise unknown_name("quantity", id, self, meant=self.meant(id))
+        return self._by_id[id]
+
+    def meant(self, word: str) -> str | None:
+        """Return the id of the quantity that a word means in some language; None for other words."""
+        for quantity in self.values():
+            if any(word.lower() in words for words in quantity.words.values()):
+                return quantity.id
+        return None
+
+    def of(self, subject: str) -> list[Quantity]:
+        """Return the quantities of a kind of subject."""
+        return [quantity for quantity in self.values() if quantity.subject == subject]
+
+    def piece(self, parameter: Parameter, buffer: str, context: Context) -> Piece | None:
+        """Return the piece of evidence that a recording is for a derived parameter; None if it is no
+        evidence, or if a conversion primitive has to name it."""
+        quantity = self.get(parameter.quantity)
+        if quantity is None or not quantity.derived:
+            return None
+        return quantity.piece(parameter, buffer, context)
+
+
+@cache
+def catalogue() -> Catalogue:
+    """Catalogue of all installed quantities.
+
+    Raises:
+        InputError: an entry point's module cannot be loaded; the message names it.
+    """
+    found = list(OWN)
+    for module in extensions(GROUP):
+        types = [thing for thing in public(module) if isinstance(thing, type)]
+        # An abstract base without an id is no quantity.
+        found += [t for t in types if issubclass(t, Quantity) and "id" in dir(t)]
+    return Catalogue(cls() for cls in found)
+
+
+# Purposes of a simulation, and the quantities that each needs of its object: one table for the
+# prompt of a model, the reading of requests and the documentation.
+
+
+SHOWN = 3
+"""Verbs of a purpose that a prompt names."""
+
+
+@dataclass(frozen=True, slots=True)
+class Purpose:
+    """Purpose of a simulation.
+
+    Attributes:
+        verbs: English verbs that name it, the most common first.
+        quantities: ids of the quantities of the object that decide its outcome.
+        reason: physical reason, for the documentation.
+    """
+
+    verbs: tuple[str, ...]
+    quantities: tuple[str, ...]
+    reason: str
+
+    def __str__(self) -> str:
+        return f"to {'/'.join(self.verbs[:SHOWN])}: {', '.join(self.quantities)}"
+
+
+def _purpose(verbs: str, quantities: str, reason: str) -> Purpose:
+    return Purpose(tuple(verbs.split()), tuple(quantities.split()), reason)
+
+
+PURPOSES = (
+    _purpose(
+        "lift carry grasp grip place raise pick transport hold fetch hoist move put bring hand pass",
+        "mass",
+        "the weight on the hand",
+    ),
+    _purpose("slide push drag pull shove", "mass friction", "the resistance of the support"),
+    _purpose("roll", "mass friction inertia", "the resistance of the support, and to turning"),
+    _purpose("stack pile", "mass friction com", "the load, and where it stands over its support"),
+    _purpose(
+        "topple tip tilt lean balance stand knock",
+        "mass com_3d",
+        "the edge over which the weight turns, and how high it is",
+    ),
+    _purpose("pour", "mass friction com_3d", "the torque on a grip that turns about a level axis"),
+    _purpose(
+        "throw drop swing toss juggle spin rotate turn flip catch twirl",
+        "mass com inertia",
+        "the motion of a free body about its centre of mass",
+    ),
+    _purpose("press squeeze indent", "stiffness", "the yielding under a force"),
+)
+"""All purposes; a verb stands in one of them."""
+
+
+def quantities_by_verb() -> Mapping[str, tuple[str, ...]]:
+    """Quantities of each purpose, by every verb of it."""
+    return {verb: purpose.quantities for purpose in PURPOSES for verb in purpose.verbs}

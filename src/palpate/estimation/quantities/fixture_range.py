@@ -1,0 +1,279 @@
+"""Range of a fixture's joint, from the rise of the force at its limits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Array, Joint
+from palpate.estimation.estimate import Estimate, FitView, not_identified
+from palpate.estimation.motion import mean_pose, smooth_rows
+from palpate.estimation.quantities.fixture_dynamics import LEVER
+from palpate.estimation.quantities.quantity import Evidence, Prior, Quantity, Status, Values
+from palpate.estimation.touch import REACH
+from palpate.mjcf.body import Body, BodyDescription
+from palpate.mjcf.document import UNKNOWN, compiler_settings, tokens
+from palpate.mjcf.edits import Edit, Slot, number
+from palpate.mjcf.elements import Elements
+from palpate.trace.recording import Recording
+from palpate.trace.samples import FORCES, Trace
+
+LIMIT_SMOOTH = 5
+"""rows, 25 ms, over whose mean the force at a limit is taken.
+Sensitive: not tried."""
+LIMIT_PRESSED = 15.0
+"""N: a force that is smaller shows no limit.
+Sensitive: no, limits are pressed with 30 N."""
+LIMIT_BEFORE = 2.0
+"""s before the largest force in which the force of moving is looked for.
+Sensitive: not tried."""
+LIMIT_NEAR = 0.008
+"""m before the farthest point that is no longer moving freely: a stop and an arm give way by some millimetres.
+Sensitive: not tried."""
+LIMIT_SHARE = 0.2
+"""part of the rise of the force from which it counts as rising: pads and rails give way before.
+Sensitive: not tried; a lower one reads noise as the foot of the curve."""
+LIMIT_ALIKE = 10.0
+"""rows of a loading curve that err alike, as neighbours do.
+Sensitive: the deviation of a limit by noise is proportional to its root."""
+LIMIT_FOOT = 2e-4
+"""m (1 sigma): by which pads and rails give way before a limit bears; in the simulation 0.1 to 0.2 mm.
+Sensitive: at `lab` it is most of a limit's deviation."""
+LIMIT_SCALE = 0.8
+"""part (1 sigma) of the angle by which an arm may be out that its way to a limit is too long or short: at `measured`,
+of 0.22 m, 0.6 mm (root mean square of seven arms).
+Sensitive: limit std ×1.0–2.5 at `measured`, not at `lab`."""
+LIMIT_SOFT = 0.05
+"""part (1 sigma) of the way from limit to standstill by which a stop's loading curve may be no straight line.
+Sensitive: not tried."""
+LIMIT_ALL = 0.95
+"""part of the largest force at which the loading of a limit ends.
+Sensitive: not tried."""
+
+SETTING_OUT = 20  # rows, 0.1 s, at the start of a recording, in which the hand rests
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Limit:
+    """A limit that the handle was pressed against.
+
+    Attributes:
+        sign: 1 of the upper limit, -1 of the lower.
+        travel, std: from where the recording began, m or rad.
+        way: (n,) m, of the handle towards it, of the rows of the loading curve.
+        force: (n,) N, of the hand against it.
+        predicted: (n,) N.
+    """
+
+    sign: float
+    travel: float
+    std: float
+    way: Array
+    force: Array
+    predicted: Array
+
+
+def limits_of(trace: Trace, recording: Recording, joint: Joint) -> Iterator[Limit]:
+    """Limits that the handle met in a recording, in order."""
+    samples = trace.of(recording)
+    if len(samples) <= SETTING_OUT:
+        return
+    start = mean_pose(samples.where(slice(0, SETTING_OUT)))
+    positions = samples.pose_world_tcp[:, :3]
+    lever = joint.lever(start.position)
+    way = lever * joint.travels(start, positions)
+    along = np.einsum("ni,ni->n", joint.along(positions), samples.wrench) / lever
+    force = smooth_rows(along - along[:SETTING_OUT].mean(), LIMIT_SMOOTH)
+    for sign in (1.0, -1.0):
+        pressed = sign * force
+        if pressed.max() < LIMIT_PRESSED:
+            continue
+        # The hand then rests against it.
+        peak = int(np.argmax(pressed > LIMIT_ALL * pressed.max()))
+        found = _loading(samples.t[: peak + 1], sign * way[: peak + 1], pressed[: peak + 1])
+        if found is not None:
+            where, std, rows, predicted = found
+            # An arm that nobody calibrated is out by an angle, and measures a way too long or too short.
+            scale = LIMIT_SCALE * trace.hand.tip_offset_std / REACH
+            parts = (std, trace.hand.pose_repeatability, LIMIT_FOOT, scale * where)
+            std = float(np.linalg.norm(parts))
+            shown = sign * way[rows], pressed[rows], predicted
+            yield Limit(sign, sign * where / lever, std / lever, *shown)
+
+
+def _loading(t: Array, way: Array, force: Array) -> tuple[float, float, slice, Array] | None:
+    """Way at which the force begins to rise, with its deviation, m; the rows of the curve, and its fit. None where
+    the force does not rise steeply."""
+    first = int(np.searchsorted(t, float(t[-1]) - LIMIT_BEFORE))
+    rows = slice(first, len(t))
+    x, f = way[rows], force[rows]
+    # The force of moving: before it rises, the median; it rises at the end.
+    early = x < x[-1] - LIMIT_NEAR
+    if early.sum() < SETTING_OUT:
+        return None
+    moving = float(np.median(f[early]))
+    rising = f > moving + LIMIT_SHARE * (f[-1] - moving)
+    rising &= np.arange(len(f)) > int(np.flatnonzero(early)[-1])
+    if rising.sum() < 5:
+        return None
+    slope, middle = np.polyfit(f[rising] - moving, x[rising], 1)
+    left = x[rising] - middle - slope * (f[rising] - moving)
+    # As it is at the foot of the line that the doubt is largest: rows that err alike count as few.
+    independent = max(rising.sum() / LIMIT_ALIKE, 2.0)
+    spread = float(np.std(f[rising])) or 1.0
+    lever = float(np.mean(f[rising]) - moving) / spread
+    unsteady = float(np.std(f[early])) * abs(slope)
+    std = float(np.hypot(np.std(left) * np.sqrt((1.0 + lever**2) / independent), unsteady))
+    predicted = moving + np.maximum(x - middle, 0.0) / max(abs(slope), 1e-9)
+    return float(middle), std + LIMIT_SOFT * abs(x[-1] - middle), rows, predicted
+
+
+# Range of the joint of a drawer, a door or a window: its lower and its upper limit.
+
+
+BELIEVED = (0.2, 0.1)
+"""m at the handle: prior mean and deviation of the way from where it stands to an open limit."""
+DRAWN = (0.08, 0.25)
+"""m at the handle: range of the drawn way to an open upper limit; the lower one, of something closed, is near."""
+CLOSED = (0.0, 0.03)
+"""m at the handle: likewise to an open lower limit."""
+
+
+class Range(Quantity):
+    """Lower and upper limit of a joint: `range` in MuJoCo, m or rad."""
+
+    id = "range"
+    unit = "m"
+    subject = "fixture"
+    how = "FindLimits with MeasureForces"
+    size = 2
+    words: ClassVar = {
+        "en": ("range of motion", "joint limits", "joint range", "opening range"),
+        "de": ("bewegungsbereich", "öffnungsweg", "öffnungswinkel"),
+        "es": ("recorrido de apertura",),
+        "fr": ("course d'ouverture",),
+        "it": ("corsa di apertura",),
+    }
+    evidence = (
+        Evidence(
+            FORCES, "in a Parallel with FindLimits at its handle", activity=("limit",), holding=True
+        ),
+    )
+    derived = True
+    estimators: ClassVar = {"stops": "palpate.estimation.quantities.fixture_range:estimate_range"}
+
+    def status(self, body: BodyDescription) -> Status:
+        joint = body.joint
+        if joint is None:
+            return "not applicable"
+        if any(joint.open):
+            return "missing"
+        return "known" if np.isfinite(joint.low) else "not applicable"
+
+    def compiled(self, body: BodyDescription) -> tuple[float, ...] | None:
+        joint = body.joint
+        return None if joint is None or not np.isfinite(joint.low) else (joint.low, joint.high)
+
+    def slots(self, elements: Elements) -> Iterator[Slot]:
+        if elements.joint is not None:
+            # Wide stand-ins, so that the scene compiles with either limit known.
+            yield Slot(elements.joint, "range", "-3", numbers=(0,))
+            yield Slot(elements.joint, "range", "3", numbers=(1,))
+
+    def prior(self, body: BodyDescription, believed: Values) -> Prior:
+        joint = body.joint
+        assert joint is not None
+        scale = 1.0 if joint.is_slide else 1.0 / LEVER
+        mean, std = scale * BELIEVED[0], scale * BELIEVED[1]
+        low, high = joint.open
+        return Prior(
+            (
+                joint.position - mean if low else joint.low,
+                joint.position + mean if high else joint.high,
+            ),
+            (std if low else 0.0, std if high else 0.0),
+        )
+
+    def draw(self, body: Body, prior: Prior, random: np.random.Generator) -> tuple[float, ...]:
+        joint = body.joint
+        assert joint is not None
+        scale = 1.0 if joint.is_slide else 1.0 / LEVER
+        low, high = prior.mean
+        if prior.std[0]:
+            low = joint.position - scale * float(random.uniform(*CLOSED))
+        if prior.std[1]:
+            high = joint.position + scale * float(random.uniform(*DRAWN))
+        return low, high
+
+    def write(
+        self, body: BodyDescription, value: tuple[float, ...], std: float | None
+    ) -> Iterator[Edit]:
+        joint, element = body.joint, body.elements.joint
+        assert joint is not None
+        assert element is not None
+        settings = compiler_settings(element.getroottree().getroot())
+        degrees = not joint.is_slide and settings.get("angle", "degree") == "degree"
+        parts = tokens(body.defaults.attribute(element, "range") or "? ?")
+        numbers = {
+            side: number(np.degrees(limit) if degrees else limit)
+            for side, limit in enumerate(value)
+            if parts[side] == UNKNOWN or not any(joint.open)
+        }
+        yield Edit(element, "range", numbers, "? ?")
+
+
+def estimate_range(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
+    """Limits of a joint, from where the force at its handle begins to rise."""
+    joint = None if body is None else body.joint
+    recordings = [
+        recording
+        for recording in trace.recordings
+        if recording.context.activity == "limit" and recording.context.holding == parameter.object
+    ]
+    if joint is None or not recordings:
+        reason = f"No recording shows '{parameter.object}' moved to its limits."
+        return not_identified(parameter, "m", reason)
+    met: dict[float, list[Limit]] = {1.0: [], -1.0: []}
+    for recording in recordings:
+        for limit in limits_of(trace, recording, joint):
+            met[limit.sign].append(limit)
+    sides = ((-1.0, joint.low, joint.open[0]), (1.0, joint.high, joint.open[1]))
+    anything = any(joint.open)
+    values: list[float] = []
+    stds: list[float] = []
+    for sign, stated, is_open in sides:
+        if anything and not is_open:
+            values, stds = [*values, stated], [*stds, 0.0]
+            continue
+        if not met[sign]:
+            reason = f"'{parameter.object}' met no {'upper' if sign > 0 else 'lower'} limit."
+            return not_identified(parameter, joint.unit(), reason, tuple(recordings))
+        weights = np.array([limit.std for limit in met[sign]]) ** -2.0
+        travels = np.array([limit.travel for limit in met[sign]])
+        values.append(joint.position + float(np.average(travels, weights=weights)))
+        stds.append(float(weights.sum() ** -0.5))
+    return Estimate.normal(
+        parameter,
+        joint.unit(),
+        values,
+        stds,
+        "Where the force along the joint begins to rise as its handle is moved against its limits.",
+        tuple(recordings),
+        views=tuple(_view(limit) for limits in met.values() for limit in limits),
+    )
+
+
+def _view(limit: Limit) -> FitView:
+    return FitView(
+        name=f"{'Upper' if limit.sign > 0 else 'Lower'} limit.",
+        note="Up to the limit the force is that of moving; beyond it stop, hand and arm give way.",
+        axes=("way towards it (mm)", "force (N)"),
+        x=1e3 * limit.way,
+        measured=limit.force,
+        predicted=limit.predicted,
+        groups="pressed",
+    )

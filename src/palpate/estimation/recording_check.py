@@ -1,0 +1,310 @@
+"""Test that a described arm explains the joint torques of a recording, and the likely cause where it does not.
+
+One linear-Gaussian fit predicts the torques from the described links, with errors of their masses and centres, an
+unknown hand and load up to the payload, friction, and zeros of the sensors. Three statistics of it are compared with
+their limits: |residual|² + |unknowns / prior deviations|² (prior predictive check: G. Box, Journal of the Royal
+Statistical Society A 143, 1980); a Wald test of the gravity that the torques show, a vector in the axes of the base;
+and masses on the hand. Where one fails, each likely mistake is mended in turn: the first that lets the recording pass
+is named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from palpate.common.errors import InputError
+from palpate.common.pose import Array
+from palpate.estimation.arm_fit import (
+    HAND_REACH,
+    LINK_INERTIA,
+    USUAL_FRICTION,
+    VISCOUS_PRIOR,
+    Bodies,
+    each,
+)
+from palpate.estimation.arm_motion import LOG_GAP, SpectralNoise
+from palpate.estimation.estimate import FitTest, chi_squared
+from palpate.estimation.load_blocks import WHOLE_BLOCK, WHOLE_SLOW
+from palpate.estimation.load_fit import LOAD_ITERATIONS
+from palpate.estimation.motion import Mask
+from palpate.estimation.regression import Cause, Posterior, fit
+from palpate.estimation.rigid_bodies import load_torques, own_motion, regressor
+from palpate.robots.description import RobotDescription
+from palpate.trace.recording import ArmLog, Chain, NominalHand
+from palpate.trace.samples import STANDARD_GRAVITY
+
+CLAIM_TORQUE = 0.45
+"""N m (1 sigma) of zeros, of friction about its usual size and of the residual, in the test that an arm explains its
+recording; real arms leave 0.05 to 0.3. Sensitive: no wrong arm or unit passes at 0.3 to 0.5."""
+CLAIM_SHARE = 0.02
+"""part of the torque that holds the arm up, added to each of these. Sensitive: likewise, 0.02 to 0.03."""
+CLAIM_LINKS = (0.03, 3e-3)
+"""part of a link's mass, and m of its centre (1 sigma), that its description may be off: a real Panda passes as an FR3,
+an iiwa 14 does not. Sensitive: likewise, half of it to 0.05 and 5 mm."""
+CLAIM_GRAVITY = (0.015, 0.015, 0.03)
+"""part of gravity (1 sigma) along each axis of the base that is tolerated: real arms show 0.02 across and along, other
+arms 0.2 and more. Sensitive: no wrong arm or unit passes at twice of it."""
+CLAIM_MASS = 0.1
+"""part of the payload (1 sigma) by which a mass on the hand may exceed it. Sensitive: no."""
+BEYOND_RANGE = 0.2
+"""rad beyond the range of a joint, where no such arm can be: ranges differ by less between its makes. Sensitive: no."""
+BEYOND_SPEED = 1.5
+"""times the largest speed of a joint, which no such arm exceeds; times by which velocities may differ from the change
+of the angles: less than 1.01 in recordings of real arms. Sensitive: no."""
+MOVED = 1e-3
+"""rad in 0.1 s, from which velocities are compared with the change of the angles. Sensitive: no."""
+
+HAND, LOAD = "hand", "load"
+ROWS = 300
+"""Means of the signals, at most."""
+JUMPS = 20
+"""Changes of the angles that count as a motion, not as jumps from rest to rest."""
+STRONG, ALIKE, HEAVIER = 2, 10, 4
+"""N m (rms) that show a joint's own unit; largest quotient of two units; times the payload that is recognised."""
+UPRIGHT: Array = np.array([0.0, 0.0, -STANDARD_GRAVITY])
+SIGN = "the torques have the opposite sign: negate them"
+MOUNT = (
+    "the base is mounted otherwise ({}): gravity acts along ({:.2f}, {:.2f}, {:.2f}) of its axes; state its pose by "
+    "the site robot_base of a scene (scene=D.xml)"
+)
+UNIT = (
+    "the torques are {} times what holds the arm up: give N m at the joints, not mN m, motor currents or torques "
+    "before the gears"
+)
+REMOVED = (
+    "the arm's own weight is not in the torques, as in external or commanded ones: give the sensed ones, gravity "
+    "included (libfranka's tau_J)"
+)
+PAYLOAD = "the hand carries more than the arm's payload of {:g} kg"
+UNKNOWN = (
+    "no other sign, unit or mounting does. Its joints are in another order, something touches or loads it outside of "
+    "the stated windows (loaded=A-B)"
+)
+OTHER = ", or the recording is of another arm (arm=NAME or a folder with its description)."
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Claim:
+    """Joint signals at n times, and the arm that they are said to come from.
+
+    Attributes:
+        t: (n,) s.
+        q, dq, tau: (n, 7) rad, rad/s, N m; gravity is in the torques.
+        loaded: (n,) 1 where a load is carried, else 0.
+        hand: the arm's chain and payload.
+        gravity: (3,) m/s², in the axes of the base.
+    """
+
+    t: Array
+    q: Array
+    dq: Array
+    tau: Array
+    loaded: Array
+    hand: NominalHand
+    gravity: Array
+
+    @classmethod
+    def of(
+        cls,
+        log: ArmLog,
+        hand: NominalHand,
+        gravity: Array,
+        loaded: Mask,
+        used: Mask,
+        held: bool = False,
+    ) -> Claim:
+        """Means of a recording over `WHOLE_BLOCK`, at most `ROWS` of them, in which all rows are
+        `used` (n,) and all or none are `loaded` (n,); its torques are `held`: without what holds up the described
+        arm."""
+        blocks = np.floor((log.t - log.t[0]) / WHOLE_BLOCK + 1e-6)
+        starts = np.flatnonzero(np.diff(blocks, prepend=-1.0))
+        counts = np.diff(np.append(starts, len(blocks)))
+
+        def mean(signal: Array) -> Array:
+            return np.add.reduceat(signal, starts) / counts.reshape(-1, *[1] * (signal.ndim - 1))
+
+        share, whole = mean(loaded.astype(float)), mean(used.astype(float)) == 1.0
+        rows = np.flatnonzero(whole & ((share == 0.0) | (share == 1.0)))
+        if len(rows) > ROWS:
+            rows = rows[np.linspace(0, len(rows) - 1, ROWS).astype(int)]
+        t, q, dq, tau = (mean(signal)[rows] for signal in (log.t, log.q, log.dq, log.tau))
+        made = cls(t, q, dq, tau, share[rows], hand, gravity)
+        return replace(made, tau=tau + made.holding(gravity)) if held else made
+
+    @property
+    def chain(self) -> Chain:
+        """Kinematics and links of the arm."""
+        assert self.hand.chain is not None
+        return self.hand.chain
+
+    def holding(self, gravity: Array) -> Array:
+        """(n, 7) N m that hold up the described links."""
+        still = np.zeros_like(self.q)
+        return own_motion(self.chain, self.q, still, still, gravity)
+
+
+def explained(claim: Claim) -> FitTest:
+    """Test that the described arm explains the torques; its finding names the likely mistake."""
+    found = _test(claim)
+    if found.passed:
+        return found
+    likely = next((text for mended, text in _mended(claim) if _test(mended).passed), UNKNOWN)
+    return replace(
+        found, finding=f"The described arm does not explain the torques: {likely}{OTHER}"
+    )
+
+
+def explained_upright(log: ArmLog, arm: RobotDescription) -> FitTest:
+    """Test that an upright `arm` with at most its payload explains a recording.
+
+    Raises:
+        InputError: `require_within_limits`.
+    """
+    require_within_limits(log, arm)
+    everywhere = np.ones(len(log), dtype=bool)
+    return explained(Claim.of(log, arm.nominal, UPRIGHT, ~everywhere, everywhere))
+
+
+def require_within_limits(log: ArmLog, arm: RobotDescription) -> None:
+    """Check that angles and velocities are some that `arm` can have.
+
+    Raises:
+        InputError: they are not; the message names the joint.
+    """
+    limits, low, high = arm.limits, log.q.min(axis=0), log.q.max(axis=0)
+    beyond = np.maximum(limits.q_min - low, high - limits.q_max) > BEYOND_RANGE
+    for i in np.flatnonzero(beyond):
+        raise InputError(
+            f"{log.source}: joint {i + 1} is at {low[i]:.2f} to {high[i]:.2f} rad, and '{arm.name}' turns it from "
+            f"{limits.q_min[i]:.2f} to {limits.q_max[i]:.2f}: its angles are not in rad (angles: deg in "
+            f"columns=MAP.yaml), its joints are in another order{OTHER}"
+        )
+    fast = np.quantile(np.abs(log.dq), 0.99, axis=0)
+    for i in np.flatnonzero(fast > BEYOND_SPEED * limits.dq_max):
+        raise InputError(
+            f"{log.source}: joint {i + 1} turns at {fast[i]:.3g} rad/s, and that of '{arm.name}' at most at "
+            f"{limits.dq_max[i]:.3g}: state the unit of the clock (time: ms in columns=MAP.yaml), or mend velocities"
+        )
+    # Velocities and the change of the angles, over stretches that hide the noise of both, without gaps and jumps.
+    dt = np.diff(log.t)
+    step = max(1, round(WHOLE_BLOCK * len(dt) / max(float(dt.sum()), 1e-9)))
+    travel = np.cumsum(np.concatenate([np.zeros((1, 7)), log.dq[:-1] * dt[:, None]]), axis=0)
+    moved, told = (np.diff(signal[::step], axis=0) for signal in (log.q, travel))
+    used = (np.abs(moved).max(axis=1) > MOVED) & (np.diff(log.t[::step]) < LOG_GAP)
+    share = float((moved * told)[used].sum() / max(float((moved[used] ** 2).sum()), 1e-12))
+    if used.sum() > JUMPS and not 1.0 / BEYOND_SPEED < share < BEYOND_SPEED:
+        raise InputError(
+            f"{log.source}: the velocities are {share:.2g} times the change of the angles: state the units of clock "
+            "and angles (time: and angles: in columns=MAP.yaml), or leave the velocities out"
+        )
+
+
+def _test(claim: Claim) -> FitTest:
+    """Compute the largest of the three statistics, each in units of its limit."""
+    if not len(claim.t):
+        return FitTest("torques of the described arm", 0.0, 1.0, "")
+    posterior = _fitted(claim)
+    unknowns = (posterior.mean / posterior.model.prior)[posterior.model.prior > 0.0]
+    misfit = float(posterior.residual @ posterior.residual + unknowns @ unknowns)
+    tests = [
+        chi_squared("misfit", misfit, 7 * _seconds(claim), ""),
+        posterior.test(_gravity(claim, 1.0), np.array(CLAIM_GRAVITY), ""),
+    ]
+    # Masses on the hand beyond the described one: at all times, and as loads.
+    payload, least = claim.hand.payload, -float(Bodies.of(claim.chain, 0.0, 0.0, 0.0).hand[0])
+    for name, usual in ((HAND, 0.0), (LOAD, payload / 2.0)):
+        mean, covariance = posterior[name]
+        beyond = usual + mean[0] - np.clip(usual + mean[0], least, payload)
+        spread = covariance[0, 0] + (CLAIM_MASS * payload) ** 2
+        tests.append(chi_squared("mass", float(beyond**2 / spread), 1, ""))
+    return FitTest(
+        "torques of the described arm", max(one.statistic / one.limit for one in tests), 1.0, ""
+    )
+
+
+def _fitted(claim: Claim, *more: Cause) -> Posterior:
+    """Fit what a description leaves open, about its prior means."""
+    chain, n, still = claim.chain, len(claim.t), np.zeros_like(claim.q)
+    ddq = np.gradient(claim.dq, claim.t, axis=0) if n > 1 else still
+    held, moved = claim.holding(claim.gravity), own_motion(chain, claim.q, claim.dq, ddq)
+    # Friction acts in the direction of the motion: its prior mean tells a reversed sign from a hanging arm.
+    turning = np.tanh(claim.dq / WHOLE_SLOW)
+    size = CLAIM_TORQUE + CLAIM_SHARE * np.sqrt((held**2).mean(axis=0))
+    # Errors of the links, which gravity shows.
+    bodies = Bodies.of(chain, *CLAIM_LINKS, 0.0)
+    links = regressor(chain, claim.q, still, still, claim.gravity)
+    weights = [links[:, :, i] @ bodies.link_frame(i)[:, :4] for i in range(len(bodies.links))]
+    # A hand that differs from the described one, and loads between nothing and the payload.
+    mass, load = claim.hand.payload / 2.0, load_torques(chain, claim.q, still, still, claim.gravity)
+    carried = claim.loaded[:, None, None] * load[:, :, :4]
+    of_load = mass * np.array([1.0, *[2.0 * HAND_REACH] * 3])
+    parts = [
+        ("links", np.concatenate(weights, axis=2), bodies.errors[:, :4].ravel()),
+        (HAND, load[:, :, :4], of_load),
+        (LOAD, carried, of_load),
+        ("inertia", moved[:, :, None], np.array([LINK_INERTIA])),
+        ("offset", each(np.ones_like(held)), size),
+        ("coulomb", each(turning), size),
+        ("viscous", each(claim.dq), np.full(len(size), VISCOUS_PRIOR)),
+    ]
+    causes = [Cause(name, columns.reshape(held.size, -1), prior) for name, columns, prior in parts]
+    # A residual stays alike for about a second: the rows of a second count as one.
+    std = np.tile(size * np.sqrt(max(1.0, n / max(_seconds(claim), 1))), n)
+    expected = held + moved + USUAL_FRICTION * turning + mass * carried[:, :, 0]
+    noise = SpectralNoise(std, float(held.size))
+    return fit([*causes, *more], noise, (claim.tau - expected).ravel())
+
+
+def _seconds(claim: Claim) -> int:
+    """Number of seconds that have a row."""
+    return len(np.unique(np.floor(claim.t)))
+
+
+def _gravity(claim: Claim, prior: float) -> Cause:
+    """Gravity beyond the stated one, as parts of it, along the axes of the base."""
+    size = float(np.linalg.norm(claim.gravity))
+    columns = np.stack([claim.holding(size * axis) for axis in np.eye(3)], axis=2)
+    return Cause("gravity", columns.reshape(-1, 3), np.full(3, prior))
+
+
+def _mended(claim: Claim) -> Iterator[tuple[Claim, str]]:
+    """Yield the recording, or its arm, without each likely mistake, and the mistake."""
+    size = float(np.linalg.norm(claim.gravity))
+    # Gravity that the torques show by themselves: that of a reversed sign is that of a hanging arm.
+    shown = claim.gravity / size + _fitted(claim, _gravity(claim, 1e5))["gravity"][0]
+    shown /= np.linalg.norm(shown)
+    place = ("upright, or tilted", "on a wall, or tilted", "on a ceiling")[
+        round(float(shown[2])) + 1
+    ]
+    ways = [
+        (replace(claim, tau=-claim.tau), SIGN),
+        (replace(claim, gravity=size * shown), MOUNT.format(place, *shown.tolist())),
+    ]
+    yield from sorted(ways, key=lambda way: -_fitted(way[0]).density)
+    for scales in (_scales(claim, alike=True), _scales(claim, alike=False)):
+        if scales.max() < ALIKE * scales.min():
+            listed = ", ".join(dict.fromkeys(f"{part:.3g}" for part in scales.tolist()))
+            yield replace(claim, tau=claim.tau / scales), UNIT.format(listed)
+    yield replace(claim, tau=claim.tau + claim.holding(claim.gravity)), REMOVED
+    stronger = replace(claim.hand, payload=HEAVIER * claim.hand.payload)
+    yield replace(claim, hand=stronger), PAYLOAD.format(claim.hand.payload)
+
+
+def _scales(claim: Claim, alike: bool) -> Array:
+    """(7,) by how much the torques are larger than what holds up the described arm: `alike` for all joints, or of each,
+    where joints that hold too little to show it have the median of the others."""
+    held, scales = claim.holding(claim.gravity), np.ones(7)
+    strong = np.sqrt((held**2).mean(axis=0)) > STRONG
+    columns = held.reshape(-1, 1) if alike else each(held).reshape(held.size, -1)
+    cause = Cause("scale", columns, np.full(int(columns.shape[1]), 1e5))
+    # Priors are those of torques in N m: the first round is far off where the unit is.
+    for _ in range(LOAD_ITERATIONS):
+        mended = replace(claim, tau=claim.tau / scales)
+        found = 1.0 + _fitted(mended, cause)["scale"][0] * np.ones(7)
+        if strong.any():
+            found = np.where(strong, found, np.median(found[strong]))
+        scales = scales * np.where(found > 1e-6, found, 1.0)
+    return scales

@@ -1,0 +1,268 @@
+"""Inertial parameters of rigid bodies, and kinematics and inverse dynamics of a chain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.common.pose import Array, Pose, components, tensor_of
+from palpate.trace.recording import Chain, ChainLink
+
+PARAMETERS = 10
+MASS, RADIUS, SKEW, CENTRE = 0, slice(1, 4), slice(4, 7), slice(7, 10)
+"""Places of a, d, s (12, 13, 23) and t in the ten."""
+
+
+def pseudo_inertia(theta: Array) -> Array:
+    """(4, 4) pseudo-inertia of the ten numbers."""
+    root = np.eye(4)
+    root[:3, :3] = np.diag(np.exp(theta[RADIUS]))
+    root[[0, 0, 1], [1, 2, 2]] = theta[SKEW]
+    root[:3, 3] = theta[CENTRE]
+    root *= np.exp(theta[MASS])
+    return root @ root.T
+
+
+def of_box(mass: float, centre: Array, size: Array) -> Array:
+    """Ten numbers of a uniform box of `mass` kg about `centre` (3,), m."""
+    radii = np.log(np.maximum(size, 1e-3) / np.sqrt(12.0))
+    return np.concatenate([[np.log(mass) / 2.0], radii, np.zeros(3), centre])
+
+
+def move_inertia(pseudo: Array, pose: Pose) -> Array:
+    """Pseudo-inertia in the frame in which its own frame is at `pose`."""
+    transform = np.eye(4)
+    transform[:3, :3], transform[:3, 3] = pose.rotation, pose.position
+    return transform @ pseudo @ transform.T
+
+
+def linear(pseudo: Array) -> Array:
+    """(10,) mass, first moment, and inertia xx yy zz xy xz yz, about the frame's origin."""
+    second = pseudo[:3, :3]
+    tensor = np.trace(second) * np.eye(3) - second
+    return np.concatenate([[pseudo[3, 3]], pseudo[:3, 3], components(tensor)])
+
+
+def about_centre(theta: Array) -> Array:
+    """(6,) inertia xx yy zz xy xz yz about the centre of mass."""
+    central = theta.copy()
+    central[CENTRE] = 0.0
+    return linear(pseudo_inertia(central))[4:]
+
+
+def wrench_columns(pulled: Array, turn: Array, spun: Array) -> Array:
+    """(n, 6, 10) force and moment about the origin of a body's frame, in its axes, per unit of each parameter;
+    acceleration of the origin less gravity, rate and its change (n, 3), in the same axes."""
+    found = np.zeros((len(turn), 6, PARAMETERS))
+    across = _cross(turn)
+    found[:, :3, 0] = pulled
+    found[:, :3, 1:4] = _cross(spun) + across @ across
+    found[:, 3:, 1:4] = -_cross(pulled)
+    found[:, 3:, 4:] = _momentum(spun) + across @ _momentum(turn)
+    return found
+
+
+def body_wrench(own: Array, pulled: Array, turn: Array, spun: Array) -> tuple[Array, Array]:
+    """(n, 3) force and moment about the origin of a body's frame with parameters `own` (10,); arguments else as in
+    `wrench_columns`."""
+    first, inertia = own[1:4], tensor_of(own[4:].tolist())
+    force = own[0] * pulled + np.cross(spun, first) + np.cross(turn, np.cross(turn, first))
+    return force, np.cross(first, pulled) + spun @ inertia + np.cross(turn, turn @ inertia)
+
+
+def _cross(vectors: Array) -> Array:
+    """(n, 3, 3) v × ·."""
+    found = np.zeros((len(vectors), 3, 3))
+    found[:, (2, 0, 1), (1, 2, 0)] = vectors
+    found[:, (1, 2, 0), (2, 0, 1)] = -vectors
+    return found
+
+
+def _momentum(vectors: Array) -> Array:
+    """(n, 3, 6) I v by each component of I."""
+    found = np.zeros((len(vectors), 3, 6))
+    found[:, (0, 1, 2), (0, 1, 2)] = vectors
+    found[:, (0, 1), (3, 3)] = vectors[:, (1, 0)]
+    found[:, (0, 2), (4, 4)] = vectors[:, (2, 0)]
+    found[:, (1, 2), (5, 5)] = vectors[:, (2, 1)]
+    return found
+
+
+def parameters(links: Iterable[ChainLink], anchor: Array) -> Array:
+    """(10,) parameters of links that move as one, about an anchor (3,), m, at joint angles 0."""
+    found = np.zeros(PARAMETERS)
+    for link in links:
+        own = [link.mass, 0.0, 0.0, 0.0, *link.inertia]
+        found += placed_at(np.array(link.com) - anchor) @ own
+    return found
+
+
+def placed_at(centre: Array) -> Array:
+    """(10, 10) parameters by mass, first moment about `centre` (3,), m, and inertia about it (to first order in
+    that first moment)."""
+    found = np.eye(PARAMETERS)
+    found[1:4, 0] = centre
+    found[4:, 0] = components(centre @ centre * np.eye(3) - np.outer(centre, centre))
+    for axis, unit in enumerate(np.eye(3)):
+        both = np.outer(centre, unit)
+        found[4:, 1 + axis] = components(2.0 * centre[axis] * np.eye(3) - both - both.T)
+    return found
+
+
+def inertia_about_centre(found: Array) -> Array:
+    """(3, 3) kg m², inertia about the centre of mass of parameters (10,)."""
+    centre = found[1:4] / found[0]
+    away = centre @ centre * np.eye(3) - np.outer(centre, centre)
+    return tensor_of(found[4:].tolist()) - found[0] * away
+
+
+def in_axes(axes: Array) -> Array:
+    """(10, 10) parameters in a frame by those in one whose `axes` are the columns (3, 3)."""
+    found = np.eye(PARAMETERS)
+    found[1:4, 1:4] = axes
+    for place, unit in enumerate(np.eye(6).tolist()):
+        found[4:, 4 + place] = components(axes @ tensor_of(unit) @ axes.T)
+    return found
+
+
+# Kinematics and inverse dynamics of an arm's chain.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hinge:
+    """A joint at k configurations, in the axes of the base.
+
+    Attributes:
+        axis, anchor: (k, 3) unit, m.
+        frame, origin: (k, 3, 3) and (k, 3) m, of the link that moves with it; at angles 0 those of the base.
+    """
+
+    axis: Array
+    anchor: Array
+    frame: Array
+    origin: Array
+
+
+def hinges(chain: Chain, q: Array) -> list[Hinge]:
+    """Joints at angles `q` (k, m), rad, from the base on: a product of exponentials (Lynch and Park, Modern
+    Robotics, 2017, chapter 4)."""
+    found: list[Hinge] = []
+    frame, origin = np.broadcast_to(np.eye(3), (len(q), 3, 3)), np.zeros((len(q), 3))
+    for own, place, angle in zip(chain.axes, chain.anchors, q.T, strict=True):
+        # Each axis is turned by all joints before it.
+        axis, anchor = np.dot(frame, own), np.dot(frame, place) + origin
+        frame = frame @ rotations_about(np.array(own), angle)
+        origin = anchor - np.dot(frame, place)
+        found.append(Hinge(axis, anchor, frame, origin))
+    return found
+
+
+def rotations_about(axis: Array, angle: Array) -> Array:
+    """(k, 3, 3) rotations by `angle` (k,) about a unit `axis` (3,), by Rodrigues' formula."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    sine, cosine = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
+    return np.eye(3) + sine * cross + (1.0 - cosine) * (cross @ cross)
+
+
+def tool_kinematics(chain: Chain, q: Array) -> tuple[Array, Array, Array]:
+    """TCP (k, 3), tool (k, 3, 3) and Jacobian (k, 6, m) about the TCP at angles `q` (k, m), in the axes of
+    the base. The columns of the Jacobian are the twists of the joints (Lynch and Park, chapter 5)."""
+    turned = hinges(chain, q)
+    last = turned[-1]
+    tcp = last.frame @ np.array(chain.tcp) + last.origin
+    columns: list[Array] = []
+    for hinge in turned:
+        about_tcp = np.cross(hinge.axis, tcp - hinge.anchor)
+        columns.append(np.concatenate([about_tcp, hinge.axis], axis=1))
+    return tcp, last.frame @ np.array(chain.tool), np.stack(columns, axis=2)
+
+
+def regressor(chain: Chain, q: Array, dq: Array, ddq: Array, gravity: Array) -> Array:
+    """(n, m, m, 10) joint torques by a unit of each parameter (`estimation.rigid`) of each joint's link, about its
+    anchor, in axes that are those of the base at angles 0.
+
+    Args:
+        q, dq, ddq: (n, m) rad, rad/s, rad/s².
+        gravity: (3,) m/s², or (n, 3), in the axes of the base.
+    """
+    found = np.zeros((*q.shape, q.shape[1], PARAMETERS))
+    for link, (motions, wrench) in enumerate(link_wrenches(chain, q, dq, ddq, gravity)):
+        found[:, : link + 1, link] = motions @ wrench
+    return found
+
+
+def own_motion(
+    chain: Chain, q: Array, dq: Array, ddq: Array, gravity: Array | None = None
+) -> Array:
+    """(n, m) N m that move the links of `chain`, without gravity by default; arguments as in `regressor`."""
+    pull = np.zeros(3) if gravity is None else gravity
+    turned, found = hinges(chain, q), np.zeros(q.shape)
+    moved = list(link_motions(turned, dq, ddq, pull))
+    force, moment, tip = np.zeros((3, len(q), 3))
+    # From the tip in: the wrench of a link and of all after it, about its anchor.
+    for link, (hinge, motion) in reversed(list(enumerate(zip(turned, moved, strict=True)))):
+        local = (np.einsum("nji,nj->ni", hinge.frame, each) for each in motion)
+        wrench = body_wrench(link_parameters(chain, link), *local)
+        own, about_anchor = (np.einsum("nij,nj->ni", hinge.frame, each) for each in wrench)
+        moment = moment + about_anchor + np.cross(tip - hinge.anchor, force)
+        force, tip = force + own, hinge.anchor
+        found[:, link] = np.vecdot(hinge.axis, moment)
+    return found
+
+
+def load_torques(chain: Chain, q: Array, dq: Array, ddq: Array, gravity: Array) -> Array:
+    """(n, m, 10) joint torques of a load on the hand, by a unit of each of its parameters about the TCP, in the axes
+    of the tool; arguments as in `regressor`."""
+    *_, (motions, wrench) = link_wrenches(chain, q, dq, ddq, gravity)
+    return motions @ wrench @ tool_parameters(chain)
+
+
+def tool_parameters(chain: Chain) -> Array:
+    """(10, 10) parameters of the last joint's link by those about the TCP, in the axes of the tool."""
+    place = placed_at(np.array(chain.tcp) - chain.anchors[-1])
+    return place @ in_axes(np.array(chain.tool))
+
+
+def link_parameters(chain: Chain, joint: int) -> Array:
+    """(10,) parameters of all links that move with a joint, about its anchor."""
+    links = (link for link in chain.links if link.joint == joint)
+    return parameters(links, np.array(chain.anchors[joint]))
+
+
+def link_wrenches(
+    chain: Chain, q: Array, dq: Array, ddq: Array, gravity: Array
+) -> Iterator[tuple[Array, Array]]:
+    """Of each joint's link, in its own axes about its anchor: (n, j, 6) the twists of the joints up to it, and
+    (n, 6, 10) the wrench that moves it, per unit of each of its parameters; from the base out (Khalil and Dombre,
+    Modeling, Identification and Control of Robots, 2002, chapters 9 and 12)."""
+    turned = hinges(chain, q)
+    axes, anchors = (
+        np.array([getattr(one, name) for one in turned]) for name in ("axis", "anchor")
+    )
+    moved = link_motions(turned, dq, ddq, gravity)
+    for link, (hinge, motion) in enumerate(zip(turned, moved, strict=True)):
+        before = slice(link + 1)
+        asides = np.cross(axes[before], hinge.anchor - anchors[before])
+        motions = np.stack([asides, axes[before]])
+        local = np.einsum("nji,cbnj->nbci", hinge.frame, motions).reshape(len(q), link + 1, 6)
+        own = (np.einsum("nji,nj->ni", hinge.frame, each) for each in motion)
+        yield local, wrench_columns(*own)
+
+
+def link_motions(
+    turned: Sequence[Hinge], dq: Array, ddq: Array, gravity: Array
+) -> Iterator[tuple[Array, Array, Array]]:
+    """Of each joint's link: (n, 3) acceleration of its anchor less gravity, its rate, and the change of that, in the
+    axes of the base."""
+    turn, spun, place = np.zeros((3, len(dq), 3))
+    pulled = np.broadcast_to(-gravity, (len(dq), 3))
+    for link, hinge in enumerate(turned):
+        arm = hinge.anchor - place
+        pulled = pulled + np.cross(spun, arm) + np.cross(turn, np.cross(turn, arm))
+        rate, change = dq[:, link, None], ddq[:, link, None]
+        spun = spun + hinge.axis * change + np.cross(turn, hinge.axis) * rate
+        turn, place = turn + hinge.axis * rate, hinge.anchor
+        yield pulled, turn, spun

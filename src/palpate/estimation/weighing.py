@@ -1,0 +1,370 @@
+"""Weighing of a held object, and the precision that planned passes will give."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from palpate.common.pose import Array
+from palpate.estimation.coloured_residual import Spans
+from palpate.estimation.estimate import (
+    KNOWN,
+    FitTest,
+    FitView,
+    FurtherValue,
+    Shared,
+    constant,
+    unit_slopes,
+)
+from palpate.estimation.load_blocks import CLEARANCE, Blocks
+from palpate.estimation.load_causes import LOAD_PRIOR, by_signal, of_load
+from palpate.estimation.load_equations import (
+    FORCE_BIAS,
+    FORCE_Z,
+    TORQUE_X,
+    TORQUE_Y,
+    each_its_own,
+    in_each,
+)
+from palpate.estimation.load_fit import LoadEstimate, fit_load, fit_load_without_tests, foreseen
+from palpate.estimation.load_noise import SignalLevels, load_rows
+from palpate.estimation.load_whole import WholeLoad, fit_whole
+from palpate.estimation.motion import Mask
+from palpate.estimation.segments import (
+    BINS,
+    SHORT_LIFT,
+    Segment,
+    Weighing,
+    has_reference,
+    weighings,
+)
+from palpate.estimation.wrench_observation import WrenchObservation
+from palpate.trace.recording import NominalHand, Recording
+from palpate.trace.samples import FORCES, Trace
+
+WHOLE_APART = 3.0
+"""largest difference of such a model from the contrast, in standard deviations of the contrast. Sensitive: no."""
+VIEW_STRETCH = 0.5
+"""s of free motion that the chart of a fit shows as one point. Sensitive: no, no value rests on a chart."""
+
+ALONE = "no rest or pass of the empty hand at the same pose was recorded for comparison"
+KINDS = {"up": "on the way up", "down": "on the way down", "rest": "at rest", "turn": "turning"}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Weight:
+    """Mass of the object held during a recording.
+
+    Attributes:
+        mass, std: kg, unconstrained: the mass of a light object may be negative.
+        doubt: why the mass is prior-dominated, a phrase; empty where the empty hand was recorded.
+        weighings: of which it is the mass.
+        tests: for other forces on the object.
+        shared: errors in common with other weighings on that arm.
+        freedom: degrees of freedom of the noise.
+        load: the fit of the weighings.
+        whole: the fit to all free motion, where that is more precise and gives the mass.
+    """
+
+    mass: float
+    std: float
+    doubt: str
+    weighings: Sequence[Weighing]
+    tests: tuple[FitTest, ...]
+    shared: tuple[Shared, ...]
+    freedom: float
+    load: LoadEstimate
+    whole: WholeLoad | None = None
+
+    @property
+    def part(self) -> FurtherValue:
+        """Estimate of the mass as a part of another estimate."""
+        return FurtherValue(self.mass, self.std, "kg")
+
+    def view(self, gravity: float) -> FitView:
+        """The fit that made `mass`, by parts of the recording."""
+        if self.whole is None:
+            return weighing_view(self.load, gravity)
+        return whole_view(self.whole, gravity)
+
+    @property
+    def segments(self) -> Sequence[Segment]:
+        """All rests and passes."""
+        return [segment for weighing in self.weighings for segment in weighing.segments]
+
+
+def weigh(trace: Trace, recording: Recording, by_all_motion: bool = True) -> Weight:
+    """The load's vertical force over g, against the same rests and passes without the object, from
+    every weighing of what was held during `recording`; and `by_all_motion` in free air around them, with what the
+    model of the arm leaves there.
+
+    Raises:
+        ValueError: the recording holds no samples or no held object.
+    """
+    found = weighings(trace, recording, learned=by_all_motion)
+    load = fit_load(found, trace.gravity, trace.hand)
+    whole = whole_of(trace, recording, found, load) if by_all_motion else None
+    force, std = (load.force, load.force_std) if whole is None else (whole.force, whole.std)
+    made = load if whole is None else whole
+    shared = shared_sensors(made.gains[:1] / trace.gravity, made.crosstalk[:1] / trace.gravity)
+    if whole is not None:
+        links = {name: effect[:1] / trace.gravity for name, effect in whole.links.items()}
+        shared += shared_links(links)
+    mass, std = force / trace.gravity, std / trace.gravity
+    freedom = load.freedom if whole is None else whole.posterior.freedom
+    # Without a reference the bias of the arm has its prior.
+    doubt = "" if any(has_reference(weighing.segments) for weighing in found) else ALONE
+    return Weight(mass, std, doubt, found, load.tests, shared, freedom, load, whole)
+
+
+def whole_of(
+    trace: Trace, recording: Recording, found: Sequence[Weighing], load: LoadEstimate
+) -> WholeLoad | None:
+    """Load fitted to all free motion around its weighings, where that is more precise, no test failed, and
+    both agree; else None."""
+    name = recording.context.holding
+    if name is None or not load.agrees:
+        return None
+    whole = fit_whole(trace, name, found[0].noise, load.force)
+    if whole is None or whole.std >= load.force_std:
+        return None
+    apart = abs(whole.force - load.force)
+    return whole if apart < WHOLE_APART * load.force_std else None
+
+
+def shared_sensors(gains: Array, crosstalk: Array) -> tuple[Shared, ...]:
+    """Shared causes: effects of one standard deviation of each joint sensor's gain and of its cross-talk, (n, joints)
+    each, common to all measurements of an arm."""
+    found: list[Shared] = []
+    for name, effects in (("gain of", gains), ("cross-talk in", crosstalk)):
+        for i, effect in enumerate(effects.T.tolist()):
+            found.append(Shared(f"{name} joint {i + 1}", "arm", tuple(effect)))
+    return tuple(found)
+
+
+def shared_links(links: Mapping[str, Array]) -> tuple[Shared, ...]:
+    """Shared causes: effects of link model errors by name, common to all measurements of an arm."""
+    return tuple(Shared(name, "arm", tuple(effect.tolist())) for name, effect in links.items())
+
+
+def hangs_free(trace: Trace, name: str) -> tuple[FitTest, ...]:
+    """Tests for other forces than its weight on an object held in the air; empty without such a
+    recording."""
+    for recording in trace.recordings:
+        context = recording.context
+        still = recording.buffer == FORCES and context.activity == "still"
+        if still and context.holding == name:
+            return fit_load(weighings(trace, recording), trace.gravity, trace.hand).tests
+    return ()
+
+
+def single_shot(trace: Trace, recording: Recording) -> FurtherValue:
+    """Mean of F_z / g of a recording's samples, kg: the paper's Force2Mass.
+
+    It contains the bias of a force without a reference, whose standard deviation is that of all F_z of the empty
+    hand about zero (robust), and at least `FORCE_BIAS`.
+    """
+    force = trace.of(recording).wrench[:, FORCE_Z]
+    empty = np.abs(trace.samples.wrench[load_rows(trace, None).empty, FORCE_Z])
+    shown = 1.4826 * float(np.median(empty)) if len(empty) else 0.0
+    std = float(np.hypot(force.std(), max(shown, FORCE_BIAS)))
+    return FurtherValue(float(force.mean()) / trace.gravity, std / trace.gravity, "kg")
+
+
+def estimate_parts_alone(trace: Trace, found: Sequence[Weighing]) -> Mapping[str, FurtherValue]:
+    """Estimates of the mass from `rests` alone and `passes` alone, kg, where they have a reference."""
+    parts: dict[str, FurtherValue] = {}
+    for name, at_rest in (("rests", True), ("passes", False)):
+        group = [weighing.select(at_rest) for weighing in found]
+        group = [weighing for weighing in group if has_reference(weighing.segments)]
+        if group:
+            force, std = fit_load_without_tests(group, trace.gravity, trace.hand)
+            parts[name] = FurtherValue(force / trace.gravity, std / trace.gravity, "kg")
+    return parts
+
+
+def weighing_view(load: LoadEstimate, gravity: float) -> FitView:
+    """Mass by rests and passes of the fit `load`."""
+    columns: list[Array] = []
+    parts: list[Segment] = []
+    for weighing, row in zip(load.weighings, load.rows, strict=True):
+        vertical = np.column_stack(
+            [row.wrench[:, FORCE_Z], in_each(row, load.grasps, (TORQUE_X, TORQUE_Y))]
+        )
+        borne = vertical @ load.value / load.force
+        count = [len(segment.t) for segment in weighing.segments]
+        owner = np.tile(np.repeat(np.arange(len(count)), count), len(borne) // sum(count))
+        loaded = [i for i, segment in enumerate(weighing.segments) if segment.loaded]
+        own = np.array([borne * (owner == i) for i in loaded]).T
+        columns.append(own)
+        parts += [weighing.segments[i] for i in loaded]
+    wide = np.concatenate(each_its_own(columns))
+    mean, variance = load.posterior.each_alone(wide, LOAD_PRIOR)
+    return _view(
+        np.array([(part.start + part.end) / 2.0 for part in parts]),
+        load.force,
+        (mean, variance),
+        [KINDS.get(part.kind.split()[0], part.kind) for part in parts],
+        gravity,
+        "Each rest and each pass with the object, fitted with a mass of its own, less the empty hand's",
+    )
+
+
+def whole_view(whole: WholeLoad, gravity: float) -> FitView:
+    """Mass by stretches of free motion of the fit `whole`."""
+    seen = whole.seen
+    load = np.hstack([cause.columns for cause in of_load(seen, seen.pull)])
+    borne = load @ whole.value / whole.force
+    parts = list(_stretches(seen))
+    signals = seen.observed.shape[1]
+    shares = np.column_stack(
+        [by_signal(np.tile(part[:, None], signals).astype(float)) for part in parts]
+    )
+    columns = borne[:, None] * shares
+    resting = seen.resting.sum(axis=1)
+    return _view(
+        np.array([float(seen.t[part].mean()) for part in parts]),
+        whole.force,
+        whole.posterior.each_alone(columns, LOAD_PRIOR),
+        [KINDS["rest"] if float(resting[part].mean()) > 0.5 else "in motion" for part in parts],
+        gravity,
+        "Each half second in which the object hung free, fitted with a mass of its own",
+    )
+
+
+def _view(
+    x: Array,
+    force: float,
+    own: tuple[Array, Array],
+    groups: Sequence[str],
+    gravity: float,
+    parts: str,
+) -> FitView:
+    mean, variance = own
+    mass = force / gravity
+    return FitView(
+        name="Mass by part of the recording.",
+        note=f"{parts}, ± 1 std with all error causes. Parts share causes, such as gains of the joints' "
+        "sensors, so that their common fit is not their plain mean.",
+        axes=("robot time (s)", "mass (kg)"),
+        x=x,
+        measured=mass + mean / gravity,
+        predicted=constant(mass, x),
+        std=np.sqrt(variance) / gravity,
+        groups=groups,
+        slopes=unit_slopes(x),
+    )
+
+
+def _stretches(seen: Blocks) -> Iterator[Mask]:
+    """(k,) blocks of each stretch in which the load hung free."""
+    hanging = np.flatnonzero(seen.pull[:, 2] > 0.0)
+    for run in np.split(hanging, np.flatnonzero(np.diff(seen.t[hanging]) > VIEW_STRETCH) + 1):
+        lasted = float(np.ptp(seen.t[run]))
+        for rows in np.array_split(run, max(1, round(lasted / VIEW_STRETCH))):
+            part = np.zeros(len(seen.t), dtype=bool)
+            part[rows] = True
+            yield part
+
+
+# Predicted precision of a load after planned passes: the covariance of the fit needs the planned
+# motion and the noise, but no measured values.
+
+
+HANDLING = 1.0
+"""s between two planned passes: the arm settles, the fingers close or open. Sensitive: robot time alone, by as much
+a pass."""
+
+NEAR = 2.0 * CLEARANCE
+"""m of a pass that are near a support."""
+PASSES = (("down", False), ("up", True), ("down", True), ("up", False))
+"""Of one cycle, and whether loaded: empty, loaded, loaded, empty, so that a drift cancels."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lift:
+    """Planned straight lift.
+
+    Attributes:
+        q: (2, m) joint angles at the grasp and above it, rad.
+        length: m.
+        near_speed: m/s, the fastest near a support.
+        acceleration: m/s².
+        observed: wrench observation of the arm; its signals are not used.
+        white: (m,) (N m)² s, variance of a signal's mean over 1 s.
+        flicker: (m,), see `Noise`.
+    """
+
+    q: Array
+    length: float
+    near_speed: float
+    acceleration: float
+    observed: WrenchObservation
+    white: Array
+    flicker: Array
+
+    def seconds(self, speed: float) -> float:
+        """Robot time of one cycle at `speed` m/s."""
+        near = min(NEAR, self.length)
+        slowly = near / min(speed, self.near_speed) + speed / self.acceleration
+        return len(PASSES) * ((self.length - near) / speed + slowly + HANDLING)
+
+    def noise(
+        self, cycles: int, speed: float, weight: float, gravity: float, hand: NominalHand
+    ) -> float:
+        """N, 1 sigma of a load of `weight` N after some cycles at `speed` m/s, by noise alone."""
+        exact = replace(hand, torque_gain=0.0, gain_covariance=None)
+        return float(np.sqrt(foreseen(self._weighing(cycles, speed), weight, gravity, exact)))
+
+    def floor(
+        self, cycles: int, speed: float, weight: float, gravity: float, hand: NominalHand
+    ) -> float:
+        """N, 1 sigma of it by the gains, which no further cycle makes smaller."""
+        noise = self.noise(cycles, speed, weight, gravity, hand)
+        whole = foreseen(self._weighing(cycles, speed), weight, gravity, hand)
+        return float(np.sqrt(max(whole - noise**2, 0.0)))
+
+    def _weighing(self, cycles: int, speed: float) -> Weighing:
+        segments: list[Segment] = []
+        start = 0.0
+        for grasp in range(cycles):
+            for kind, loaded in PASSES:
+                segments.append(self._pass(kind, loaded, float(grasp), start, speed))
+                start += self.length / speed + HANDLING
+        noise = SignalLevels(self.white, self.flicker, KNOWN)
+        return Weighing(segments, noise, self.observed.scale)
+
+    def _pass(self, kind: str, loaded: bool, grasp: float, start: float, speed: float) -> Segment:
+        """The steady part of a pass, in bins."""
+        clear = min(CLEARANCE, SHORT_LIFT * self.length) / self.length
+        edges = np.linspace(clear, 1.0, BINS + 1)
+        share = (edges[1:] + edges[:-1]) / 2.0
+        part = (1.0 - clear) * self.length / BINS / speed
+        gone = share if kind == "up" else 1.0 - share
+        q = self.q[0] + share[:, None] * (self.q[1] - self.q[0])
+        maps = self.observed.maps(q)
+        count = len(self.white)
+        t = start + gone * self.length / speed
+        turns = np.abs(self.q[1] - self.q[0])
+        path = (start * speed / self.length + gone)[:, None] * turns
+        every = np.ones((BINS, 1))
+        return Segment(
+            kind,
+            loaded,
+            grasp,
+            start=start,
+            end=start + self.length / speed,
+            t=t,
+            path=share * self.length,
+            acceleration=np.zeros(BINS),
+            speed2=np.full(BINS, speed**2),
+            maps=maps,
+            observed=np.zeros((BINS, count)),
+            variance=np.tile(self.white / part, (BINS, 1)),
+            motion=np.zeros((BINS, 0)),
+            dahl=np.zeros((BINS, 0, 0)),
+            turned=np.zeros(BINS),
+            spans=Spans(t, part * every[:, 0], path, every * turns / BINS),
+        )

@@ -1,0 +1,151 @@
+"""Observation of a wrench at the TCP: by the joint torques, or by the wrench itself where the trace does
+not state the arm's kinematic chain.
+
+A wrench W at the TCP shows in the joint torques as J^T W. Seven torques determine the three unknown
+numbers of a load better than the wrench (J^T)^+ tau computed from them: each sensor has its own noise and
+gain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.common.pose import Array, Pose
+from palpate.estimation.motion import Mask, smoothed_with_rate
+from palpate.estimation.rigid_bodies import own_motion, tool_kinematics
+from palpate.trace.recording import Chain, NominalHand
+from palpate.trace.samples import Samples, Trace
+
+FOLLOWED = 0.1
+"""s over which speeds and torques are averaged: between 8 and 30 Hz the torque of a real arm does not follow its links'
+motion, as gears, encoders and controller ripple and resonate. Sensitive: mass std ×1.05 at `lab`; on a recorded FR3 it
+halves it; with 0.02 s in a lift the ripple of encoders reads as −2.5 N/m along it at `measured`."""
+CHAIN_ROWS = 20
+"""rows on which the arm's kinematics must reproduce the wrench. Sensitive: no."""
+CHAIN_FORCE = 0.5
+"""N, median over those rows: where they differ by more, the wrench itself is taken. Sensitive: no."""
+CROSSTALK_SHARE = 0.25
+"""error (1 sigma) by the torques of other joints, in those of a gain: 0.14 % where gains are known to ±1 %. Bending is
+read as torsion: 0.43 N m of 54 N m in an uncalibrated sensor that was designed for little of it (Design and
+Optimization of a Joint Torque Sensor with Small Crosstalk Error for Robots, econbiz.de/Record/10013300597). Sensitive:
+mass above 1 kg std ×1.02–1.08 at `measured`."""
+TORQUE_LEVER = 0.3
+"""m: converts these forces to moments about the TCP (typical lever of the wrist joints). Sensitive: com 0.07 σ, std
+×0.9–1.1."""
+
+GAIN, CROSSTALK = "gain", "cross-talk"
+"""Names of causes: gains of the sensors, and what each reads of the other joints' torques."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WrenchObservation:
+    """Joint torques and Jacobians that observe the wrench at the TCP.
+
+    Attributes:
+        signals: (n, m) N m of m joints; or the wrench, N and N m.
+        scale: (m,) typical size of each signal per newton at the TCP.
+        chain: None where the signals are the wrench.
+        turn: (3, 3) axes of the base in the world.
+    """
+
+    signals: Array
+    scale: Array
+    chain: Chain | None
+    turn: Array
+
+    @property
+    def knows_links(self) -> bool:
+        """The inertial parameters of the arm's links are known."""
+        return self.chain is not None and bool(self.chain.links)
+
+    def maps(self, q: Array) -> Array:
+        """(k, m, 6) signals of unit wrenches (world axes about the TCP) at joint angles `q` (k, 7)."""
+        if self.chain is None:
+            return np.broadcast_to(np.eye(6), (len(q), 6, 6))
+        _, _, jacobian = tool_kinematics(self.chain, q)
+        turned = np.concatenate([self.turn @ jacobian[:, :3], self.turn @ jacobian[:, 3:]], axis=1)
+        return turned.transpose(0, 2, 1)
+
+    def wrenches(self, q: Array) -> Array:
+        """(k, 6, m) wrenches (world axes about the TCP) of unit signals at joint angles `q` (k, 7): the least-squares
+        inverse of `maps`."""
+        maps = self.maps(q)
+        turned = maps.transpose(0, 2, 1)
+        # A tenth of the time of a singular value decomposition; finite in singular poses, too.
+        return np.linalg.solve(turned @ maps + 1e-12 * np.eye(6), turned).astype(np.float64)
+
+    def own_motion(self, samples: Samples, rows: Mask, over: float = FOLLOWED) -> Array:
+        """(n, m) N m that moved the arm's own links, in `rows` (n,), else 0, at rates averaged over `over` s; (n, 0)
+        where the links are unknown."""
+        if self.chain is None or not self.chain.links or len(samples) < 2:
+            return np.zeros((len(samples), 0))
+        rates, changes = smoothed_with_rate(samples.dq, samples.t, over)
+        found = np.zeros(samples.q.shape)
+        found[rows] = own_motion(self.chain, samples.q[rows], rates[rows], changes[rows])
+        return found
+
+    def links_motion(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """(n, m) N m that move the arm's own links at joint angles `q` (n, 7), rad, rates and
+        accelerations; 0 where the links are unknown."""
+        if self.chain is None or not self.chain.links:
+            return np.zeros((len(q), self.signals.shape[1]))
+        return own_motion(self.chain, q, dq, ddq)
+
+
+def observe(trace: Trace) -> WrenchObservation:
+    """Observation by the joint torques where the arm's chain is known and reproduces the wrench, else by
+    the wrench."""
+    chain, samples = trace.hand.chain, trace.samples
+    if chain is not None and len(samples):
+        # Axes of the base in the world: the rotation from the computed to the measured tool.
+        _, tool, _ = tool_kinematics(chain, samples.q[:1])
+        measured = Pose.of(samples.pose_world_tcp[0, :3], samples.pose_world_tcp[0, 3:])
+        observed = observation_of_torques(samples.tau_ext, chain, measured.rotation @ tool[0].T)
+        # Where torques do not reproduce the recorded wrench, signs or frames are inconsistent.
+        rows = np.linspace(0, len(samples) - 1, min(CHAIN_ROWS, len(samples))).astype(int)
+        made = observed.wrenches(samples.q[rows]) @ observed.signals[rows][:, :, None]
+        apart = np.linalg.norm((made[:, :, 0] - samples.wrench[rows])[:, :3], axis=1)
+        if bool(np.median(apart) < CHAIN_FORCE):
+            return observed
+    scale = np.array([1.0] * 3 + [TORQUE_LEVER] * 3)
+    return WrenchObservation(samples.wrench, scale, None, np.eye(3))
+
+
+def observation_of_torques(torques: Array, chain: Chain, turn: Array) -> WrenchObservation:
+    """Observation by joint torques (n, m), N m; `turn` (3, 3): axes of the base in the world."""
+    return WrenchObservation(torques, np.full(len(chain.axes), TORQUE_LEVER), chain, turn)
+
+
+def gain_root(hand: NominalHand, signals: int) -> Array:
+    """(m, m) effects of m independent causes, one standard deviation each, on the relative gains of m torque
+    sensors.
+
+    A stated half width is that of a uniform distribution in each (GUM, JCGM 100:2008, 4.3.7). Of joints that
+    were calibrated it is the symmetric root of their covariance, so that each cause is mostly one joint's.
+    """
+    if hand.gain_covariance is None or len(hand.gain_covariance) != signals:
+        return hand.torque_gain / np.sqrt(3.0) * np.eye(signals)
+    sizes, axes = np.linalg.eigh(np.array(hand.gain_covariance))
+    return (axes * np.sqrt(np.maximum(sizes, 0.0))) @ axes.T
+
+
+def common_gain(hand: NominalHand) -> float:
+    """Standard deviation of a relative error that all torque sensors share: a datasheet's bound of each says nothing of
+    what they have in common, such as their temperature or reference. A calibrated arm's covariance says it."""
+    return hand.torque_gain / np.sqrt(3.0) if hand.gain_covariance is None else 0.0
+
+
+def crosstalk(hand: NominalHand, torque: Array) -> Array:
+    """(k, m) N m, 1 sigma of what each of m sensors reads of the torques (k, m) in the other joints.
+
+    The torques of one load are nearly in proportion to each other wherever it hangs, so that a single column a
+    sensor stands for its readings of all of them. None where the signals are those of a wrench, nor after a
+    calibration, whose weight showed it as a part of the gains.
+    """
+    if torque.shape[1] != len(hand.joints) or hand.gain_covariance is not None:
+        return np.zeros_like(torque)
+    squares = torque**2
+    others = squares.sum(axis=1, keepdims=True) - squares
+    return CROSSTALK_SHARE * hand.torque_gain / np.sqrt(3.0) * np.sqrt(np.maximum(others, 0.0))

@@ -1,0 +1,232 @@
+"""Interfaces of a workplace and its driver, and the teaching of poses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from palpate.common.errors import InputError, unknown_name
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Pose
+from palpate.robots.robot import Robot
+from palpate.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from palpate.perception.film import Footage
+    from palpate.robots.description import RobotDescription
+    from palpate.scene.poses import CameraEntry
+
+
+DECIMALS = 4
+"""0.1 mm, and 0.1 mrad: finer than a hand can be guided."""
+LEVEL = math.cos(math.radians(10.0))
+"""Cosine of the largest tilt of a hand that points down."""
+APART = 0.003
+"""Largest difference of a measured width from the scene's, m, as `CloseGripper` has it."""
+
+
+class GuidedHand(Protocol):
+    """A hand that a person guides."""
+
+    def where(self) -> tuple[Pose, float]:
+        """Pose of the TCP in the world, and m between the fingers.
+
+        Raises:
+            Unavailable: it does not answer.
+        """
+        ...
+
+    def close(self) -> None:
+        """Close the connection."""
+        ...
+
+
+@dataclass(slots=True)
+class Lesson:
+    """Poses taught for a scene so far.
+
+    Attributes:
+        scene: D.
+        objects, places: entries of poses.yaml.
+        others: its other sections.
+    """
+
+    scene: Scene
+    objects: dict[str, dict[str, Any]] = field(default_factory=dict[str, dict[str, Any]])
+    places: dict[str, dict[str, Any]] = field(default_factory=dict[str, dict[str, Any]])
+    others: dict[str, Any] = field(default_factory=dict[str, Any])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names that can be taught: objects, and approaches to surfaces."""
+        approaches = [f"{name}_approach" for name in self.scene.surfaces]
+        return (*self.scene.objects, *approaches)
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """The objects that are not taught yet."""
+        return tuple(name for name in self.scene.objects if name not in self.objects)
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """Content of the poses.yaml."""
+        sections = {"objects": self.objects, "places": self.places}
+        return {name: entries for name, entries in sections.items() if entries} | self.others
+
+    def shown(self, name: str, pose_world_tcp: Pose, width: float | None = None) -> str:
+        """Enter an object, or a place, at the pose of the hand, with m between the fingers; return the
+        entry in words.
+
+        Raises:
+            InputError: the hand does not point down, or the object cannot be grasped from above.
+        """
+        if pose_world_tcp.rotation[2, 2] > -LEVEL:
+            raise InputError("the hand leans: lead it until it points straight down")
+        yaw = _heading(pose_world_tcp)
+        if name not in self.scene.objects:
+            place = [round(float(part), DECIMALS) for part in pose_world_tcp.position]
+            self.places[name] = {"pos": place, "yaw": round(yaw, DECIMALS)}
+            return f"{name}: the hand at {_coordinates(pose_world_tcp)}"
+        grasp = self.scene.symbols.resolve(f"{name}_pose")
+        turned = yaw - _heading(grasp)
+        # The two fingers are alike: a hand grasps as well turned by half a turn.
+        turned -= math.pi * round(turned / math.pi)
+        # The object keeps the pose in the hand that it has in the scene's grasp.
+        pose_tcp_body = grasp.inverse() @ self.scene.body(name).pose_world
+        level = Pose.top_down(
+            (*pose_world_tcp.position[:2], grasp.position[2]), _heading(grasp) + turned
+        )
+        return self._enter(name, level @ pose_tcp_body, turned) + self._compare_width(name, width)
+
+    def measured(self, name: str, x: float, y: float, yaw: float = 0.0) -> str:
+        """Enter the middle of an object: m ahead of the arm's base, m to its left, and the rad by which
+        it is turned from its pose in the scene; return the entry in words.
+
+        Raises:
+            InputError: the scene has no such object.
+        """
+        if name not in self.scene.objects:
+            raise unknown_name("object", name, self.scene.objects)
+        body = self.scene.body(name)
+        middle = self.scene.pose_world_base.apply(np.array([x, y, 0.0]))
+        half = Pose.of((0.0, 0.0, 0.0), (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)))
+        turned = half @ Pose(np.zeros(3), body.pose_world.quaternion)
+        # From the middle of its shapes to the origin of its frame.
+        away = turned.apply(body.centre)
+        place = [middle[0] - away[0], middle[1] - away[1], body.pose_world.position[2]]
+        return self._enter(name, Pose(np.array(place), turned.quaternion), yaw)
+
+    def _enter(self, name: str, pose: Pose, turned: float) -> str:
+        self.objects[name] = {
+            "pos": [round(float(part), DECIMALS) for part in pose.position],
+            "quat": [round(float(part), 6) for part in pose.quaternion],
+        }
+        angle = f"{math.degrees(turned):+.0f}°"
+        return f"{name} at {_coordinates(pose)}, turned by {angle} from the scene's"
+
+    def _compare_width(self, name: str, width: float | None) -> str:
+        """Compare the finger width, m, with the object's size in the scene, as a clause."""
+        size = self.scene.body(name).size[:2]
+        if width is None or width > self.scene.arm.hand.opening - APART:
+            return ""
+        if (abs(size - width) <= APART).any():
+            return f"; {1e3 * width:.0f} mm wide, as in the scene"
+        sizes = " × ".join(f"{1e3 * side:.0f}" for side in size)
+        return f"; {1e3 * width:.0f} mm wide, where the scene has {sizes} mm: is it the same thing?"
+
+
+def _heading(pose_world_tcp: Pose) -> float:
+    """The yaw of `Pose.top_down`, rad, for a hand that points about down."""
+    reference = Pose.top_down((0.0, 0.0, 0.0), 0.0).rotation[:, 0]
+    x, y = pose_world_tcp.rotation[:2, 0]
+    return math.atan2(y, x) - math.atan2(reference[1], reference[0])
+
+
+def _coordinates(pose: Pose) -> str:
+    x, y, z = pose.position
+    return f"({x:.3f}, {y:.3f}, {z:.3f}) m"
+
+
+# Interfaces of a workplace, and of the driver that makes those of one kind of real robot.
+
+
+Finding = tuple[bool, str, str]
+"""Result of one diagnostic check: passed, name of the check, and its value or the remedy."""
+
+
+class Cell(Protocol):
+    """A workplace with one robot in it, simulated or real. A class that inherits from this one has a
+    real robot, and no camera.
+
+    A run calls in this order: `picture` before planning, where a picture is wanted; `robot` once there
+    is a checked plan; `footage` when the robot has been closed; `truth` when the estimates are made,
+    never before.
+    """
+
+    @property
+    def description(self) -> str:
+        """Name of the workplace in the report."""
+        ...
+
+    @property
+    def simulated(self) -> bool:
+        """True if no real robot moves."""
+        return False
+
+    def picture(self, camera: CameraEntry | None = None) -> bytes | None:
+        """The workspace before anything moves, as PNG, seen by `camera` if there is one; None without
+        a camera."""
+        return None
+
+    def robot(self) -> Robot:
+        """Return the robot, at rest with open fingers; the caller closes it.
+
+        Raises:
+            InputError: the workplace cannot be used.
+            Unavailable: the robot is out of reach.
+        """
+        ...
+
+    def footage(self) -> Footage | None:
+        """Return the camera's recording since the last call of `robot`, or None."""
+        return None
+
+    def truth(self, parameter: Parameter) -> tuple[float, ...] | None:
+        """Return the true value in the quantity's unit; None if unknown, as for a real workplace."""
+        return None
+
+
+@runtime_checkable
+class Close(Protocol):
+    """Optional ability of a cell: a close-up of the objects for a vision model."""
+
+    def closer(self) -> bytes | None:
+        """Return a close-up of the objects as PNG, labelled with their names in the scene, axes and
+        a scale; None without a camera."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Driver:
+    """Factory of the cells of one kind of robot: public in a module that an entry point of the
+    group `palpate.cells` names.
+
+    Attributes:
+        scheme: of the robot's URLs, e.g. `franky` for `franky://HOST`.
+        connect: makes the cell at a URL, for a scene. Without a scene (a plan is made from a picture
+            alone) only the cell's `picture` is called.
+        examine: yields what `palpate doctor --robot` reports of the robot at a URL with this
+            description; the last argument asks whether the robot may hold a position for some seconds.
+            None without diagnostics.
+        guided: the hand of the robot at a URL, for guiding by a person; None where it cannot be
+            guided.
+    """
+
+    scheme: str
+    connect: Callable[[str, Scene | None], Cell]
+    examine: Callable[[str, RobotDescription, Callable[[], bool]], Iterator[Finding]] | None = None
+    guided: Callable[[str, Scene], GuidedHand] | None = None

@@ -1,0 +1,140 @@
+"""Drivers of real robots by URL, and the cell of a Franka."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+from palpate.common.errors import InputError, Unavailable
+from palpate.common.extensions import extensions, public
+from palpate.common.pose import Pose
+from palpate.execution.cell import Cell, Driver, Finding
+from palpate.robots.franky.control_box import SCHEME, Address, clear, read_address, require_answer
+
+if TYPE_CHECKING:
+    from palpate.execution.cell import GuidedHand
+    from palpate.robots.description import RobotDescription
+    from palpate.robots.franky.robot import FrankyRobot
+    from palpate.scene.scene import Scene
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrankyCell(Cell):
+    """A real workplace with a Franka in it. Implements `palpate.robots.robot.Recoverable` for an arm
+    that is stopped before it is connected."""
+
+    address: Address
+    scene: Scene | None
+
+    @property
+    def description(self) -> str:
+        """See `Cell`."""
+        return f"Franka at {self.address}"
+
+    def robot(self) -> FrankyRobot:
+        """See `Cell`."""
+        from palpate.robots.franky.robot import FrankyRobot
+        from palpate.robots.franky.session import FrankySession
+
+        scene = self.scene
+        if scene is None:
+            raise InputError("a robot needs a scene to work in: give scene=D.xml")
+        session = FrankySession(self.address)
+        # A robot that cannot be made leaves no session open.
+        try:
+            return FrankyRobot(session, scene.arm.real(), scene.pose_world_base, scene.gravity)
+        except BaseException:
+            session.close()
+            raise
+
+    def recover(self) -> None:
+        """See `Recoverable`."""
+        clear(self.address)
+
+
+def connect(url: str, scene: Scene | None) -> FrankyCell:
+    """The cell at a URL, whose control box answers.
+
+    Raises:
+        InputError: no such URL.
+        Unavailable: it is out of reach.
+    """
+    address = read_address(url)
+    require_answer(address)
+    return FrankyCell(address, scene)
+
+
+def examine(url: str, arm: RobotDescription, may_hold: Callable[[], bool]) -> Iterator[Finding]:
+    """Run the diagnostic checks of the arm at a URL; see `Driver`.
+
+    Raises:
+        InputError: no such URL.
+    """
+    from palpate.robots.franky import doctor
+
+    origin = arm.stands(Pose.of((0.0, 0.0, 0.0)))
+    return doctor.examine(read_address(url), arm, origin, may_hold)
+
+
+def open_guided_hand(url: str, scene: Scene) -> GuidedHand:
+    """The hand at a URL, for guiding by a person.
+
+    Raises:
+        InputError: no such URL.
+        Unavailable: it is out of reach.
+    """
+    from palpate.robots.franky.session import FrankySession, Guided
+
+    return Guided(FrankySession(read_address(url)), scene.arm.stands(scene.pose_world_base))
+
+
+driver = Driver(SCHEME, connect, examine, open_guided_hand)
+
+
+# Registry of robot drivers: a URL's scheme selects the driver that makes the cell.
+
+
+@dataclass(frozen=True, slots=True)
+class Drivers:
+    """Known drivers, by scheme."""
+
+    known: Mapping[str, Driver]
+
+    def connect(self, url: str, scene: Scene | None) -> Cell:
+        """The cell at `url`.
+
+        Raises:
+            Unavailable: no driver for its scheme, or no answer at the URL.
+        """
+        return self.of(url).connect(url, scene)
+
+    def of(self, url: str) -> Driver:
+        """The driver for a URL.
+
+        Raises:
+            Unavailable: there is none for its scheme.
+        """
+        scheme = url.partition("://")[0]
+        if scheme not in self.known:
+            have = ", ".join(sorted(self.known)) or "none"
+            raise Unavailable(
+                f"no driver for '{url}': leave robot= out to use the embedded one; drivers: {have}"
+            )
+        return self.known[scheme]
+
+
+@cache
+def drivers() -> Drivers:
+    """palpate's own drivers, and those of the entry-point group `palpate.cells`.
+
+    Raises:
+        InputError: an entry point's module cannot be loaded; the message names it.
+    """
+    found = {driver.scheme: driver}
+    for module in extensions("palpate.cells"):
+        for thing in public(module):
+            if isinstance(thing, Driver):
+                found.setdefault(thing.scheme, thing)  # no package replaces palpate's own driver
+    return Drivers(found)

@@ -1,0 +1,243 @@
+"""Harm of a run, judged from a `Witness`: contact forces, falls, and objects that were moved."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from palpate.common.pose import Array
+from palpate.execution.contact_limits import SHOWN, UNSEEN, ContactRecord, Figures, touches
+from palpate.execution.witness import LOOK, Mask, Witness
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+
+TIPPED = np.deg2rad(15)
+"""rad: largest allowed tilt from the first attitude."""
+MOVED = 0.005
+"""m: largest allowed displacement of an object that the plan does not name."""
+PUSHED = 0.025
+"""m: largest allowed displacement of an object that is not held."""
+
+DROPPED, TOPPLED, GONE = FALLS = ("dropped", "tipped", "left its place")
+FALLEN = 0.013
+"""m of free fall: 0.5 m/s."""
+FALLING = 0.5
+"""m/s downwards, unsupported."""
+LEFT = 0.05
+"""m below its first height: an object that is no longer on its support."""
+UP = (0.0, 0.0, 1.0)
+
+
+class Track:
+    """Motion of an object during a run.
+
+    Attributes:
+        name: of the object.
+        fell: s, time of a fall out of the hand or off its support; None without one.
+        has_left: it ends lower than it stood, and is not held.
+        tilt: rad, largest while it was not held; a ball, or a log about its axis, rolls and does not tilt.
+        moved: m from its first position, largest.
+        pushed: m from where it was released, largest while it was not held.
+        turned: rad in the hand, largest.
+        tipped_at, moved_at, pushed_at: s, first time beyond the limit of each.
+    """
+
+    def __init__(self, witness: Witness, index: int) -> None:
+        from scipy.spatial.transform import Rotation  # takes longer to load than most plans to make
+
+        self.name = witness.objects[index]
+        looks = witness.looks
+        poses = np.array([look.poses[index] for look in looks])
+        held = np.array([look.held == index for look in looks])
+        touched = np.array([look.touched[index] for look in looks])
+        at, attitude = poses[:, :3], Rotation.from_quat(poses[:, 3:], scalar_first=True)
+        period = LOOK * witness.period
+        tilt = np.where(held, 0.0, _tilt(attitude, witness.axes[index]))
+        self.tilt, self.tipped_at = float(tilt.max()), _first(tilt > TIPPED, period)
+        fell = _fell(at[:, 2], held, touched, period)
+        self.fell = None if fell is None else fell * period
+        self.has_left = bool(at[-1, 2] < at[0, 2] - LEFT and not held[-1])
+        moved = np.linalg.norm(at - at[0], axis=1)
+        self.moved, self.moved_at = float(moved.max()), _first(moved > MOVED, period)
+        pushed = _push_distance(at, held)
+        self.pushed, self.pushed_at = float(pushed.max()), _first(pushed > PUSHED, period)
+        hands = Rotation.from_quat([look.hand for look in looks], scalar_first=True)
+        self.turned = _turn_in_hand(hands.inv() * attitude, held)
+
+
+def tracks(witness: Witness) -> list[Track]:
+    """Tracks of all objects."""
+    return [Track(witness, index) for index in range(len(witness.objects))]
+
+
+def _tilt(attitude: Rotation, axis: Array | None) -> Array:
+    """Tilt from the first attitude, (n,) rad; a rotation about the vertical, or about an `axis` of
+    revolution (3,), is none."""
+    vertical = attitude.inv().apply(UP)
+    if axis is not None:
+        rise = np.arcsin(np.clip(vertical @ axis, -1, 1))
+        return np.abs(rise - rise[0])
+    return np.arccos(np.clip(vertical @ vertical[0], -1, 1))
+
+
+def _first(beyond: Mask, period: float) -> float:
+    """Time (s) of the first row that is true, 0 without one."""
+    return float(np.argmax(beyond)) * period
+
+
+def _fell(z: Array, held: Mask, touched: Mask, period: float) -> int | None:
+    """Row of a fall: 13 mm downwards without support, or faster than 0.5 m/s outside the hand; None
+    without one."""
+    falling = (-np.diff(z) / period > FALLING) & ~held[1:]
+    fast = int(np.argmax(falling)) if falling.any() else None
+    sunk = 0.0
+    supports = touched[1:] | held[1:]
+    for row, (before, now, supported) in enumerate(zip(z[:-1], z[1:], supports, strict=True)):
+        sunk = 0.0 if supported else sunk + before - now
+        if sunk > FALLEN or row == fast:
+            return row
+    return None
+
+
+def _spells(held: Mask) -> list[tuple[int, int]]:
+    """Rows from each release (or the beginning) to the next (or the end)."""
+    released = np.flatnonzero(held[:-1] & ~held[1:]) + 1
+    return list(pairwise([0, *released.tolist(), len(held)]))
+
+
+def _push_distance(at: Array, held: Mask) -> Array:
+    """(n,) m from the first position, or from that of a release; 0 while held."""
+    ways = np.zeros(len(held))
+    for start, end in _spells(held):
+        ways[start:end] = np.linalg.norm(at[start:end, :2] - at[start, :2], axis=1)
+    return np.where(held, 0.0, ways)
+
+
+def _turn_in_hand(in_hand: Rotation, held: Mask) -> float:
+    """Largest rotation (rad) in the hand since the grasp."""
+    worst = 0.0
+    for start, end in _spells(held):
+        taken = start + int(np.argmax(held[start:end]))
+        if held[taken]:
+            turns = in_hand[taken].inv() * in_hand[taken:end]
+            worst = max(worst, float(turns.magnitude().max()))
+    return worst
+
+
+@dataclass(frozen=True, slots=True)
+class Fate:
+    """Harm to an object.
+
+    Attributes:
+        what: one of `FALLS`, or `moved` (without being named in the plan), or `pushed`.
+        way: m that it was moved or pushed.
+        t: s, when; inf for what is seen at the end alone.
+    """
+
+    name: str
+    what: str
+    way: float = 0.0
+    t: float = field(default=np.inf, compare=False)
+
+    @property
+    def fallen(self) -> bool:
+        """Dropped, tipped, or off its place."""
+        return self.what in FALLS
+
+    def __str__(self) -> str:
+        text = f"{self.name} {self.what}"
+        return f"{text} by {1e3 * self.way:.0f} mm" if self.way else text
+
+
+@dataclass(frozen=True, slots=True)
+class Harm:
+    """Harm of a run.
+
+    Attributes:
+        touches: all contacts, the largest forces first.
+        turned: rad that objects rotated in the hand.
+        forces: forces beyond the limits, in words.
+        fates: harm to objects of the scene.
+        unseen: harm to objects that the scene does not show, which is listed and not judged.
+        first: time, s, and description of the earliest harm; None for a harmless run.
+    """
+
+    touches: tuple[ContactRecord, ...]
+    turned: dict[str, float]
+    forces: tuple[str, ...]
+    fates: tuple[Fate, ...]
+    unseen: tuple[Fate, ...] = ()
+    first: tuple[float, str] | None = None
+
+    @property
+    def beyond(self) -> tuple[str, ...]:
+        """Everything beyond the limits, in words; empty for a harmless run."""
+        return (*self.forces, *map(str, self.fates))
+
+    @property
+    def fallen(self) -> tuple[str, ...]:
+        """Names of the scene's objects that were dropped, tipped, or left their place."""
+        return tuple(dict.fromkeys(fate.name for fate in self.fates if fate.fallen))
+
+
+def harm(
+    witness: Witness,
+    named: Collection[str] = (),
+    unseen: Collection[str] = (),
+    shown: Figures = SHOWN,
+    hidden: Figures = UNSEEN,
+) -> Harm:
+    """Judge a run.
+
+    Args:
+        witness: of the whole run.
+        named: objects that the plan names, which may be moved.
+        unseen: bodies that the scene does not show, with the limits `hidden`.
+        shown, hidden: limits of contact forces.
+    """
+    contacts = touches(witness)
+    forces: list[tuple[float, str]] = []
+    for touch in contacts:
+        beyond = touch.beyond(hidden if touch.thing in unseen else shown)
+        forces += ((touch.hardest, text) for text in beyond)
+    turned: dict[str, float] = {}
+    fates: list[Fate] = []
+    listed: list[Fate] = []
+    for track in tracks(witness):
+        if track.turned > 0:
+            turned[track.name] = track.turned
+        found = listed if track.name in unseen else fates
+        found += _fates(track, named)
+    falls = {fate.name: str(fate) for fate in fates if fate.fallen}
+    # What falls has moved before: the fall is said, at the time of the first motion.
+    events = [(fate.t, falls.get(fate.name, str(fate))) for fate in fates]
+    return Harm(
+        contacts,
+        turned,
+        forces=tuple(text for _, text in forces),
+        fates=tuple(fates),
+        unseen=tuple(listed),
+        first=min((*forces, *events), default=None),
+    )
+
+
+def _fates(track: Track, named: Collection[str]) -> list[Fate]:
+    """Harm to one object."""
+    found: list[Fate] = []
+    if track.fell is not None:
+        found.append(Fate(track.name, DROPPED, t=track.fell))
+    if track.tilt > TIPPED:
+        found.append(Fate(track.name, TOPPLED, t=track.tipped_at))
+    if track.has_left and track.fell is None:
+        found.append(Fate(track.name, GONE))
+    if track.name not in named and track.moved > MOVED:
+        found.append(Fate(track.name, "moved", track.moved, track.moved_at))
+    if track.pushed > PUSHED:
+        found.append(Fate(track.name, "pushed", track.pushed, track.pushed_at))
+    return found

@@ -1,0 +1,1 @@
+"""Poses from cameras, and rendered pictures."""

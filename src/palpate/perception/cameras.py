@@ -1,0 +1,223 @@
+"""Cameras: RealSense, OpenCV, and files with their intrinsics."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.common.errors import InputError, PalpateError, Unavailable
+from palpate.perception.detection import frames
+from palpate.perception.lens import Lens, Mount, read_lens
+from palpate.scene.camera import load_image
+
+WIDTH, HEIGHT, RATE = 1280, 720, 30
+"""Of the colour stream, and the depth's, pixels and Hz: all of the D400 family have them."""
+REALSENSE_TIMEOUT = 5000
+"""ms for a frame."""
+WARM_UP = 15
+"""Frames that its exposure takes to settle."""
+
+
+class RealSense:
+    """A running camera.
+
+    Attributes:
+        lens: as the device states it.
+        depth: (height, width) mm along the view, 0 for none, of the newest picture, if it was started `deep`.
+    """
+
+    def __init__(self, serial: str | None = None, deep: bool = False) -> None:
+        """Start the camera with this serial number, or the only one.
+
+        Raises:
+            InputError: its lens is of a kind that OpenCV's model does not describe.
+            Unavailable: no pyrealsense2, or no such camera.
+        """
+        try:
+            import pyrealsense2  # pyright: ignore[reportMissingImports]
+        except ImportError:
+            raise Unavailable(
+                "a RealSense camera needs pyrealsense2: pip install 'palpate[realsense]'"
+            ) from None
+        rs: Any = pyrealsense2
+        self._pipeline = rs.pipeline()
+        wanted = rs.config()
+        if serial is not None:
+            wanted.enable_device(serial)
+        wanted.enable_stream(rs.stream.color, WIDTH, HEIGHT, rs.format.rgb8, RATE)
+        self.depth: NDArray[np.uint16] | None = None
+        self._align: Any = None
+        if deep:
+            wanted.enable_stream(rs.stream.depth, WIDTH, HEIGHT, rs.format.z16, RATE)
+            self._align = rs.align(rs.stream.color)
+        try:
+            profile = self._pipeline.start(wanted)
+        except RuntimeError as error:
+            raise Unavailable(f"the RealSense camera does not start: {error}") from None
+        stated = profile.get_stream(rs.stream.color).as_video_stream_profile().get_intrinsics()
+        distortion = np.array(stated.coeffs, dtype=float)
+        if distortion.any() and stated.model != rs.distortion.brown_conrady:
+            self.close()
+            raise InputError(
+                f"the RealSense camera states a distortion of another kind ({stated.model}): calibrate its colour "
+                "stream, and give intrinsics=FILE.yaml"
+            )
+        if deep:
+            self._millimetres = 1e3 * profile.get_device().first_depth_sensor().get_depth_scale()
+        matrix = [[stated.fx, 0.0, stated.ppx], [0.0, stated.fy, stated.ppy], [0.0, 0.0, 1.0]]
+        self.lens = Lens(np.array(matrix), (stated.width, stated.height), distortion)
+
+    def frames(self) -> Iterator[NDArray[np.uint8]]:
+        """Yield pictures (height, width, 3), RGB, until closed.
+
+        Raises:
+            Unavailable: it gives none.
+        """
+        try:
+            for count in range(10**9):
+                try:
+                    frames = self._pipeline.wait_for_frames(REALSENSE_TIMEOUT)
+                except RuntimeError as error:
+                    raise Unavailable(f"the RealSense camera gives no picture: {error}") from None
+                frame = frames.get_color_frame()
+                if frame and count >= WARM_UP:
+                    if self._align is not None:
+                        far = self._align.process(frames).get_depth_frame()
+                        told = np.array(far.get_data()) * self._millimetres
+                        self.depth = told.round().astype(np.uint16)
+                    yield np.array(frame.get_data(), dtype=np.uint8)
+        finally:
+            self.close()
+
+    def close(self) -> None:
+        """Stop the camera."""
+        self._pipeline.stop()
+
+
+# Sources of pictures: a file with its intrinsics, a camera or a video by OpenCV, a RealSense
+# camera.
+
+
+PICTURES = (".png", ".jpg", ".jpeg")
+VIDEOS = (".mp4", ".avi", ".mkv", ".mov", ".webm")
+FRAMES = 10
+"""Frames of a camera or a video that a look takes."""
+LARGEST = 8192
+"""Pixels: longest side of a picture."""
+LIVE = "a camera's number, opencv:0, realsense or realsense:SERIAL"
+FORMS = f"FILE.png or .jpg, a video FILE.mp4, {LIVE}, or world:NAME of a simulated world"
+REALSENSE = "realsense"
+STALE = 1.0
+"""s: a camera whose newest picture is older has stopped."""
+CAMERA_TIMEOUT = 10.0
+"""s for a camera's first picture."""
+
+Frames = Iterator[NDArray[np.uint8]]
+Depth = NDArray[np.uint16] | None
+"""(height, width) mm along the view, 0 for none, of a picture's pixels; None of a camera that has none."""
+
+
+def pictures(
+    source: str, intrinsics: Path | None, deep: bool = False
+) -> tuple[list[NDArray[np.uint8]], Lens, Mount | None, Depth]:
+    """Pictures of a source, its lens, where its camera is if its file says so, and, if `deep`, depth.
+
+    Raises:
+        InputError: no such source, or no intrinsics.
+        Unavailable: a camera that does not answer.
+    """
+    stated = None if intrinsics is None else read_lens(intrinsics)
+    if Path(source).suffix.lower() in PICTURES:
+        lens, mount = _require_lens(stated)
+        return [load_image(Path(source), LARGEST)], lens, mount, None
+    coming, lens, mount, depth = _open_source(source, stated, deep)
+    taken = list(islice(coming, FRAMES))
+    if not taken:
+        raise Unavailable(f"the camera or video '{source[:100]}' gives no picture")
+    return taken, lens, mount, depth()
+
+
+class Stream:
+    """A camera that runs, and its newest picture.
+
+    Attributes:
+        lens: of its intrinsics file, or as the device states it.
+        mount: where it is, if its file says so.
+        depth: gives the newest depth, of a camera that was started `deep` and has one.
+    """
+
+    def __init__(self, source: str, intrinsics: Path | None, deep: bool = False) -> None:
+        """Start it.
+
+        Raises:
+            InputError: no such camera, or no intrinsics.
+            Unavailable: it does not answer.
+        """
+        if Path(source).suffix.lower() in (*PICTURES, *VIDEOS):
+            raise InputError(
+                f"'{source[:100]}' does not see the arm move: give {LIVE}, or world:NAME"
+            )
+        stated = None if intrinsics is None else read_lens(intrinsics)
+        coming, self.lens, self.mount, self.depth = _open_source(source, stated, deep)
+        self._source = source
+        self._newest: tuple[float, NDArray[np.uint8]] | None = None
+        self._failed: PalpateError | None = None
+        self._first = threading.Event()
+        # A camera's driver queues pictures: whoever does not read them all sees old ones.
+        threading.Thread(target=self._follow, args=(coming,), daemon=True).start()
+
+    def _follow(self, coming: Frames) -> None:
+        try:
+            for picture in coming:
+                self._newest = time.monotonic(), picture
+                self._first.set()
+        except PalpateError as error:
+            self._failed = error
+        self._first.set()
+
+    def latest(self) -> NDArray[np.uint8]:
+        """The newest picture.
+
+        Raises:
+            Unavailable: the camera has stopped.
+        """
+        self._first.wait(CAMERA_TIMEOUT)
+        if self._failed is not None:
+            raise self._failed
+        if self._newest is None or time.monotonic() - self._newest[0] > STALE:
+            raise Unavailable(f"the camera '{self._source[:100]}' gives no picture any more")
+        return self._newest[1]
+
+
+def _open_source(
+    source: str, stated: tuple[Lens, Mount | None] | None, deep: bool
+) -> tuple[Frames, Lens, Mount | None, Callable[[], Depth]]:
+    """Pictures that come from a camera or a video, its lens, where it is, and its newest depth."""
+    kind, _, rest = source.partition(":")
+    if kind == REALSENSE:
+        camera = RealSense(rest or None, deep)
+        lens, mount = stated or (camera.lens, None)
+        return camera.frames(), lens, mount, lambda: camera.depth
+    lens, mount = _require_lens(stated)
+    number = source.removeprefix("opencv:")
+    if number.isdecimal() and len(number) < 4:
+        return frames(int(number)), lens, mount, lambda: None
+    if Path(source).suffix.lower() in VIDEOS and Path(source).is_file():
+        return frames(source), lens, mount, lambda: None
+    raise InputError(f"no camera '{source[:100]}': give {FORMS}")
+
+
+def _require_lens(stated: tuple[Lens, Mount | None] | None) -> tuple[Lens, Mount | None]:
+    if stated is None:
+        raise InputError(
+            "a camera needs its intrinsics: give intrinsics=FILE.yaml with fx, fy, cx, cy and size, or the "
+            "file of ROS's camera_calibration"
+        )
+    return stated

@@ -1,0 +1,375 @@
+"""Film of a run: frames from a camera, encoded as H.264 while the arm moves."""
+
+from __future__ import annotations
+
+import tempfile
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import cache
+from itertools import chain
+from multiprocessing import Pipe, parent_process
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from palpate.common.pose import Array
+from palpate.common.processes import Beside, can_copy
+from palpate.perception.renderer import Painter, Pixels, extent, gl_available
+from palpate.perception.stage import build_stage, in_view, moving_bodies
+from palpate.trace.recording import LeafRun
+from palpate.trace.samples import Samples, Trace
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+
+
+FPS = 10.0
+SPEED = 2.5
+"""Speed of a film relative to robot time; long runs are faster still."""
+LONGEST = 20.0
+"""Longest film, s, so that the page stays small and is made in seconds without a GPU."""
+SIZE = (624, 416)
+QUALITY = 27
+"""x264's constant rate factor: about 100 kB for 10 s at 640 x 400."""
+SAMPLES = 12
+"""Configurations of which the camera has the work in view."""
+APART = 0.05
+"""m between the ends of what two shots have in view, for them to look alike: a third of the surroundings in view."""
+Caption = tuple[str, str]
+"""Texts at the left and at the right of a picture's foot."""
+NOTHING: Caption = ("", "")
+Frame = tuple[Array, Caption]
+"""A configuration (nq,), and what is said below."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Footage:
+    """Footage of the cell's 30 Hz camera: the world's model and its configurations, (t in s, qpos),
+    to be rendered.
+
+    Attributes:
+        spec: what the model was compiled from, with its bodies' looks; None: draw collision shapes.
+        believed: a replay of the trace, not seen by a camera.
+    """
+
+    model: mujoco.MjModel
+    frames: tuple[tuple[float, Array], ...]
+    spec: mujoco.MjSpec | None = None
+    believed: bool = False
+
+    def drawn(self, *, soft: bool = True) -> mujoco.MjModel:
+        """The model for pictures, with `soft` or hard shadows."""
+        return self.model if self.spec is None else build_stage(self.spec, soft=soft)
+
+
+@dataclass(frozen=True, slots=True)
+class Film:
+    """An MP4 and its speed relative to robot time; `believed`: a replay of the trace, not seen by a
+    camera."""
+
+    mp4: bytes
+    speed: float
+    believed: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shot:
+    """Speed and field of view of a film.
+
+    Attributes:
+        speed: relative to robot time.
+        points: (n, 3), m, in view: everything that moves, wherever it goes.
+    """
+
+    speed: float
+    points: Array
+
+    @classmethod
+    def of(cls, footage: Footage) -> Shot:
+        """The shot for a footage with frames."""
+        model, frames = footage.model, footage.frames
+        data, moving = mujoco.MjData(model), moving_bodies(model)
+        corners: list[Array] = []
+        for _, configuration in frames[:: max(1, len(frames) // SAMPLES)]:
+            data.qpos[:] = configuration
+            mujoco.mj_kinematics(model, data)
+            corners.append(extent(model, data, moving))
+        seconds = frames[-1][0] - frames[0][0]
+        return cls(film_speed(seconds), in_view(model, np.concatenate(corners)))
+
+    def serves(self, wanted: Shot) -> bool:
+        """True if this hardly differs from what is `wanted`."""
+        both = [
+            np.array([one.points.min(axis=0), one.points.max(axis=0)]) for one in (self, wanted)
+        ]
+        return self.speed == wanted.speed and bool((np.abs(both[0] - both[1]) < APART).all())
+
+    def rows(self, footage: Footage) -> list[int]:
+        """Numbers of the frames to draw."""
+        t = np.array([t for t, _ in footage.frames])
+        return np.searchsorted(t, np.arange(t[0], t[-1], self.speed / FPS)).tolist()
+
+
+def film_of(footage: Footage, trace: Trace | None) -> Film | None:
+    """Make the film of a footage; None without frames.
+
+    With a trace, each frame states the running leaves and the measured force.
+
+    Raises:
+        RuntimeError: no usable OpenGL.
+        OSError: it cannot be encoded.
+    """
+    if not footage.frames:
+        return None
+    shot = Shot.of(footage)
+    frames = [footage.frames[row] for row in shot.rows(footage)]
+    said = [NOTHING] * len(frames)
+    if trace is not None:
+        said = captions(trace.leaves, trace.samples, [t for t, _ in frames])
+    configurations = (qpos for _, qpos in frames)
+    return film_frames(footage, shot, zip(configurations, said, strict=True))
+
+
+def film_speed(seconds: float) -> float:
+    """Speed of the film of a run of `seconds`, relative to robot time."""
+    return max(SPEED, float(np.ceil(seconds / LONGEST)))
+
+
+def film_frames(footage: Footage, shot: Shot, frames: Iterable[Frame]) -> Film | None:
+    """The film of some frames of a footage; None without any.
+
+    Raises:
+        RuntimeError: no usable OpenGL.
+        OSError: it cannot be encoded.
+    """
+    encoded = mp4(_pictures(footage, shot, frames), FPS)
+    return None if encoded is None else Film(encoded, shot.speed, footage.believed)
+
+
+def _pictures(footage: Footage, shot: Shot, frames: Iterable[Frame]) -> Iterator[Pixels]:
+    model = footage.drawn(soft=False)
+    data = mujoco.MjData(model)
+    # One camera for all frames.
+    with Painter(model, *SIZE, draft=True) as painter:
+        camera = painter.enclose(shot.points)
+        for configuration, caption in frames:
+            data.qpos[:] = configuration
+            mujoco.mj_forward(model, data)
+            picture = painter.paint(data, camera)
+            yield picture if caption == NOTHING else _add_caption(picture, caption)
+
+
+def captions(leaves: Sequence[LeafRun], samples: Samples, times: Sequence[float]) -> list[Caption]:
+    """Captions at robot times, s: the leaves that run then; force and time."""
+    said: list[Caption] = []
+    rows = np.searchsorted(samples.t, times).clip(max=len(samples) - 1)
+    for now, row in zip(times, rows.tolist(), strict=True):
+        force = f"Fz {samples.wrench[row, 2]:+5.1f} N" if len(samples) else ""
+        labels = [leaf.label for leaf in leaves if leaf.start <= now < leaf.end]
+        said.append((" + ".join(labels), f"{force}   {now:5.1f} s"))
+    return said
+
+
+def _add_caption(picture: Pixels, caption: Caption) -> Pixels:
+    """The picture with a caption in a dark band at its foot."""
+    leaves, figures = caption
+    image, font = Image.fromarray(picture), _font()
+    draw = ImageDraw.Draw(image, "RGBA")
+    width, height = image.size
+    while len(leaves) > 1 and draw.textlength(leaves, font=font) > width - 190:
+        leaves = leaves[:-2] + "…"
+    top = height - 22
+    draw.rectangle((0, height - 28, width, height), fill=(15, 20, 26, 190))
+    draw.text((12, top), leaves, font=font, fill=(240, 244, 248, 255))
+    draw.text((width - 12, top), figures, font=font, fill=(94, 234, 212, 255), anchor="ra")
+    return np.asarray(image)
+
+
+@cache
+def _font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    """Font of the captions; it takes longer to unpack than a caption to write."""
+    return ImageFont.load_default(size=14)
+
+
+def mp4(frames: Iterable[Pixels], fps: float) -> bytes | None:
+    """An MP4 file's bytes, or None when there is no frame.
+
+    `frames` are (height, width, 3) RGB, all of one size; an odd last row or column is dropped, as
+    the pixel format asks.
+    """
+    from imageio_ffmpeg import write_frames
+
+    source = iter(frames)
+    first = next(source, None)
+    if first is None:
+        return None
+    height, width = (n - n % 2 for n in first.shape[:2])
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "video.mp4"
+        writer = write_frames(
+            str(path),
+            (width, height),
+            fps=fps,
+            codec="libx264",
+            pix_fmt_out="yuv420p",
+            quality=None,
+            macro_block_size=2,
+            ffmpeg_log_level="error",
+            output_params=["-crf", str(QUALITY), "-preset", "veryfast", "-movflags", "+faststart"],
+        )
+        writer.send(None)  # imageio_ffmpeg's writer is a generator: this starts it
+        try:
+            for frame in chain([first], source):
+                writer.send(np.ascontiguousarray(frame[:height, :width]))
+        finally:
+            writer.close()
+        return path.read_bytes()
+
+
+# A film that is drawn while the arm moves, by a copy of this process.
+
+
+Chunk = list[Frame]
+"""Frames to be drawn next; an empty one is the last."""
+
+
+class Reel:
+    """A film in the making. A context manager; leaving it gives up what is not finished.
+
+    A film that fails is given up, too: it is to be made anew at the end, where a failure costs the film alone.
+    """
+
+    def __init__(
+        self, footage: Callable[[], Footage | None], planned: Callable[[], Shot | None]
+    ) -> None:
+        """Begin once the shot that is `planned` is known; `footage`: as far as the camera has seen."""
+        self._footage, self._planned = footage, planned
+        self._shot: Shot | None = None
+        self._copy: Beside[Film | None] | None = None
+        self._sink: Connection | None = None
+        self._whole: tuple[Footage, Trace] | None = None
+        self._samples: list[Samples] = []
+        self._ended: list[LeafRun] = []
+        self._leaves = self._sent = 0
+        self._failed = False
+
+    def look(self, samples: Samples, leaves: Sequence[LeafRun]) -> None:
+        """After a leaf has ended, have drawn what the camera saw before it; `samples` since the last call, and all
+        `leaves` of this attempt that have ended."""
+        if not self._failed:
+            with self._failing():
+                self._look(samples, leaves)
+
+    def finish(self, footage: Footage, trace: Trace) -> Beside[Film | None] | None:
+        """The film of the whole execution, in progress; None where it has to be made anew."""
+        with self._failing():
+            self._finish(footage, trace)
+        return self._copy
+
+    def __enter__(self) -> Reel:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._give_up()
+
+    @contextmanager
+    def _failing(self) -> Generator[None]:
+        """Give the film up after an exception of the block."""
+        try:
+            yield
+        except Exception:
+            self._failed = True
+            self._give_up()
+
+    def _give_up(self) -> None:
+        if self._copy is not None:
+            self._copy.close()
+        if self._sink is not None:
+            self._sink.close()
+        self._copy = self._sink = None
+
+    def _look(self, samples: Samples, leaves: Sequence[LeafRun]) -> None:
+        self._samples.append(samples)
+        if len(leaves) < self._leaves:  # a further attempt
+            self._leaves = 0
+        ended, self._leaves = leaves[self._leaves :], len(leaves)
+        self._ended += ended
+        if not ended or len(self._ended) < 2:
+            return
+        footage = self._footage() if self._copy or self._may_begin() else None
+        if footage is None or self._shot is None:
+            return
+        felt, until = Samples.concatenate(self._samples), self._ended[-2].end
+        # Of leaves that run side by side the last one may not have ended.
+        chunk = self._chunk(self._shot, footage, felt, self._ended, until)
+        self._samples = [felt.where(felt.t >= until)]
+        if self._copy is None:
+            self._begin(self._shot, footage, chunk)
+        elif chunk:
+            self._send(chunk)
+
+    def _finish(self, footage: Footage, trace: Trace) -> None:
+        if self._copy is None or self._shot is None:
+            return
+        if not self._shot.serves(Shot.of(footage)):
+            self._give_up()
+            return
+        self._whole = footage, trace
+        self._send(self._chunk(self._shot, footage, trace.samples, trace.leaves))
+        self._send([])
+
+    def _may_begin(self) -> bool:
+        """True if the shot is known, and a copy of this process can draw it."""
+        if Painter.used or not can_copy():
+            return False
+        self._shot = self._planned()
+        return self._shot is not None and gl_available()[0]
+
+    def _chunk(
+        self,
+        shot: Shot,
+        footage: Footage,
+        felt: Samples,
+        leaves: Sequence[LeafRun],
+        until: float = np.inf,
+    ) -> Chunk:
+        """Frames to be drawn next, up to robot time `until`, s."""
+        frames = [footage.frames[row] for row in shot.rows(footage)[self._sent :]]
+        frames = [frame for frame in frames if frame[0] <= until]
+        self._sent += len(frames)
+        said = captions(leaves, felt, [t for t, _ in frames])
+        return [(qpos, caption) for (_, qpos), caption in zip(frames, said, strict=True)]
+
+    def _begin(self, shot: Shot, footage: Footage, chunk: Chunk) -> None:
+        source, sink = Pipe(duplex=False)
+
+        def work() -> Film | None:
+            if parent_process() is None:  # the copy has failed
+                return None if self._whole is None else film_of(*self._whole)
+            sink.close()  # the end of the original process then ends the source, too
+            return film_frames(footage, shot, _receive_frames(source, chunk))
+
+        self._copy, self._sink = Beside(work), sink
+        source.close()
+
+    def _send(self, chunk: Chunk) -> None:
+        assert self._sink is not None
+        with suppress(OSError):  # the copy has failed
+            self._sink.send(chunk)
+
+
+def _receive_frames(source: Connection, chunk: Chunk) -> Iterator[Frame]:
+    """Frames of a chunk and of those that come from `source` meanwhile, which is read at once."""
+    waiting, is_open = deque(chunk), True
+    while is_open or waiting:
+        while is_open and source.poll(0.0 if waiting else None):
+            more: Chunk = source.recv()
+            waiting.extend(more)
+            is_open = bool(more)
+        if waiting:
+            yield waiting.popleft()

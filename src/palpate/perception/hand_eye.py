@@ -1,0 +1,171 @@
+"""Calibrated poses of cameras, the simulated bench for a calibration, and pictures of residuals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from palpate.common.files import write_new
+from palpate.common.pose import Pose
+from palpate.perception.hand_eye_fit import HandEye, uncertainty
+from palpate.perception.lens import Lens, Mount
+from palpate.perception.rendered import SimulatedCamera
+from palpate.perception.renderer import png
+from palpate.robots.description import PREFIX, RobotDescription
+from palpate.robots.nominal import NominalArm
+from palpate.scene.scene import Scene
+
+SAME = 5.0
+"""Standard deviations of the focal length by which a camera is another one."""
+
+Hand = Callable[[], Pose]
+"""Pose of the TCP in the world, now."""
+
+
+def calibrated_camera(
+    scene: Scene, lens: Lens, mount: Mount | None, hand: Hand | None = None
+) -> tuple[Lens, Mount | None]:
+    """A camera's lens, and its place in the world: as calibrated against the scene's arm, else as believed. One on the
+    hand is where that is: as `hand` says, else at the mount's joints, else at home."""
+    lens, mount = _calibrated_place(scene, lens, mount)
+    if mount is None or not mount.on_hand:
+        return lens, mount
+    base = scene.arm.stands(scene.pose_world_base)
+    nominal = NominalArm(scene.arm, base, np.zeros(3))
+    q = scene.arm.home if mount.joints is None else mount.joints
+    if hand is None:
+        row = nominal.poses(q[None])[0]
+        pose = Pose(row[:3], row[3:])
+    else:
+        pose = hand()
+        q = nominal.reach(pose, q)  # about: how the elbow stands hardly matters
+    seen = mount.within(pose)
+    lever = base.rotation.T @ (seen.pose_world_camera.position - pose.position)
+    turn = np.kron(np.eye(2), base.rotation)
+    covariance = seen.covariance.copy()
+    covariance[:6, :6] += turn @ uncertainty(scene.arm, q, lever) @ turn.T
+    return lens, replace(seen, covariance=covariance)
+
+
+def _calibrated_place(scene: Scene, lens: Lens, mount: Mount | None) -> tuple[Lens, Mount | None]:
+    """Lens and place as calibrated; as they are where robot.yaml has no calibrated camera, or another one."""
+    config = scene.arm.config
+    camera = None if config is None else config.camera
+    if camera is None or camera.covariance is None or tuple(camera.size) != lens.size:
+        return lens, mount
+    focal = lens.size[1] / 2 / math.tan(math.radians(camera.fovy) / 2)
+    zoom = focal / float(lens.matrix[1, 1])
+    if abs(math.log(zoom)) > SAME * lens.focal_std:
+        return lens, mount
+    joints = None if mount is None else mount.joints
+    found = Mount(Pose.of(camera.pos, camera.quat), camera.covariance, camera.on_hand, joints)
+    base = scene.arm.stands(scene.pose_world_base)
+    return lens.zoom_lens(zoom), found if camera.on_hand else found.within(base)
+
+
+# Fixtures of the embedded arm and its bench for calibrating a camera: a tag on the hand, or a
+# camera on it and a tag on the bench; each a little off and askew, as a person puts it there.
+
+
+HAND = "hand"
+"""Name of the camera on the embedded arm's hand, `world:hand`."""
+HELD = Pose.of((0.07, 0.0, -0.07), (0.0, 1.0, 0.0, 0.0))
+"""It beside the broad side of the hand that looks away from the base at home, looking along the tool, in the TCP's
+frame."""
+FOVY = 45.0
+"""Its vertical field of view, degrees."""
+STICKER = Pose.of((0.055, 0.0, -0.045), (0.5, -0.5, 0.5, -0.5))
+"""A tag on that side of the hand, upright at home, in the TCP's frame; it is believed to be there to some cm."""
+LYING = Pose.of((0.5, 0.0, 0.0))
+"""A tag on the plane on which the arm stands, in the base's frame; likewise."""
+OFF, ASKEW = 0.005, 0.05
+"""m, uniform half width, and rad, 1 sigma, of a tag that somebody stuck there."""
+
+
+def believed_camera(seed: int) -> tuple[Lens, Mount]:
+    """The lens and the place on the hand of the embedded arm's camera, as its owner has them."""
+    alone = mujoco.MjSpec()
+    camera: Any = alone.worldbody.add_camera(name=HAND, fovy=FOVY)
+    camera.pos, camera.quat = HELD.position, HELD.quaternion
+    alone.worldbody.add_geom(size=[0.01, 0.01, 0.01], pos=[0.0, 0.0, 0.3])
+    owned = SimulatedCamera(alone, HAND, seed=seed)
+    return owned.lens, replace(owned.mount, on_hand=True)
+
+
+def with_camera(world: mujoco.MjSpec, arm: RobotDescription) -> mujoco.MjSpec:
+    """The world with a camera on the arm's hand."""
+    spec = world.copy()
+    where = _in_hand(spec, arm, HELD)
+    camera: Any = spec.body(PREFIX + arm.hand.body).add_camera(name=HAND, fovy=FOVY)
+    camera.pos, camera.quat = where.position, where.quaternion
+    return spec
+
+
+def with_tag(
+    world: mujoco.MjSpec,
+    arm: RobotDescription,
+    number: int,
+    side: float,
+    seed: int,
+    on: Pose | None,
+) -> mujoco.MjSpec:
+    """The world with a tag, `side` m, on the hand, or about where `on` is in the world."""
+    spec, random = world.copy(), np.random.default_rng([seed, *b"sticker"])
+    off, turn = random.uniform(-OFF, OFF, 3), random.normal(0, ASKEW, 3)
+    if on is not None:  # it lies flat
+        off, turn = off * [1, 1, 0], turn * [0, 0, 1]
+    askew = Pose(off, Pose.turn(turn).quaternion)
+    if on is None:
+        body, where = spec.body(PREFIX + arm.hand.body), _in_hand(spec, arm, STICKER @ askew)
+    else:
+        body, where = spec.worldbody, on @ askew
+    tag: Any = body.add_site(name=f"tag_{number}")
+    tag.pos, tag.quat, tag.size[0] = where.position, where.quaternion, side / 2
+    return spec
+
+
+def _in_hand(spec: mujoco.MjSpec, arm: RobotDescription, place: Pose) -> Pose:
+    """A pose in the TCP's frame in that of the hand's body, whose axes are the same."""
+    sites: list[Any] = list(spec.sites)
+    tcp = next(site for site in sites if site.name == PREFIX + arm.tcp)
+    return Pose(np.array(tcp.pos) + place.position, place.quaternion)
+
+
+# Picture of what a calibration of a camera leaves: every corner where it was seen, with a line,
+# many times as long, from there to where the fit has it.
+
+
+LONGER = 100
+"""Factor of a residual as drawn."""
+INK, PALE, RED = (30, 30, 30), (190, 190, 190), (200, 60, 40)
+MARGIN = 12
+"""Pixels: between writing and the picture's edge."""
+
+
+def draw_residuals(found: HandEye, path: Path) -> None:
+    """Write a PNG of a calibration's residuals.
+
+    Raises:
+        InputError: it exists, or cannot be written.
+    """
+    picture = Image.new("RGB", found.lens.size, (255, 255, 255))
+    draw, font = ImageDraw.Draw(picture), ImageFont.load_default(16)
+    for corners, residuals in zip(found.corners, found.residuals, strict=True):
+        draw.polygon([(x, y) for x, y in corners.tolist()], outline=PALE)
+        for (x, y), (u, v) in zip(corners.tolist(), residuals.tolist(), strict=True):
+            draw.ellipse((x - 2, y - 2, x + 2, y + 2), fill=INK)
+            draw.line((x, y, x + LONGER * u, y + LONGER * v), fill=RED, width=2)
+    size = math.sqrt(float(np.mean(found.residuals**2)))
+    words = (
+        f"{len(found.corners)} pictures of the tag, {len(found.refused)} left out; residuals {LONGER} times as long, "
+        f"{size:.2f} pixels rms"
+    )
+    draw.text((MARGIN, MARGIN), words, fill=INK, font=font)
+    write_new(path, png(np.asarray(picture)))

@@ -1,0 +1,294 @@
+"""Poses of objects from one look of a camera, and the picture with their outlines."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from palpate.common.display import table
+from palpate.common.errors import InputError
+from palpate.common.files import write_new, yaml_text
+from palpate.common.outline import hull
+from palpate.common.pose import Array, Pose
+from palpate.perception.detection import detect, sharpness
+from palpate.perception.hand_eye import Hand, calibrated_camera
+from palpate.perception.lens import Lens, Mount
+from palpate.perception.pose_estimators import estimate_poses
+from palpate.perception.renderer import png
+from palpate.perception.solve import Estimated, Problem, Solution, UnknownBody, solve
+from palpate.perception.tags import SceneTag, tags_of
+from palpate.scene.poses import ObjectEntry, Poses, parse_poses
+from palpate.scene.scene import Scene
+
+COLOURS = (
+    (230, 60, 50),
+    (30, 110, 220),
+    (20, 150, 80),
+    (200, 120, 0),
+    (140, 60, 190),
+    (0, 140, 160),
+)
+HALO = (255, 255, 255)
+LINE, LETTERS = 3, 26
+"""Width of a line and height of letters, pixels, of a picture `USUAL` pixels wide."""
+USUAL = 1280
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outlines:
+    """A picture and outlines in it.
+
+    Attributes:
+        pixels: (height, width, 3) RGB.
+        shapes: polygons (n, 2), pixels, of each object's geoms.
+    """
+
+    pixels: NDArray[np.uint8]
+    shapes: Mapping[str, tuple[Array, ...]]
+
+    def png(self) -> bytes:
+        """The picture with the outlines and names in it."""
+        image = Image.fromarray(self.pixels)
+        draw, scale = ImageDraw.Draw(image), max(image.width / USUAL, 0.5)
+        font = ImageFont.load_default(size=round(LETTERS * scale))
+        for number, (name, polygons) in enumerate(self.shapes.items()):
+            colour, width = COLOURS[number % len(COLOURS)], round(LINE * scale)
+            for polygon in polygons:
+                way = [(float(x), float(y)) for x, y in [*polygon, *polygon[:2]]]
+                draw.line(way, fill=HALO, width=width + 2, joint="curve")
+                draw.line(way, fill=colour, width=width, joint="curve")
+            points = np.concatenate(polygons)
+            top = points[points[:, 1].argmin()]
+            at = (float(top[0]), float(top[1]) - LETTERS * scale)
+            draw.text(
+                at, name, font=font, fill=colour, anchor="mm", stroke_width=3, stroke_fill=HALO
+            )
+        return png(np.asarray(image))
+
+
+def outlines(
+    pixels: NDArray[np.uint8],
+    scene: Scene,
+    problem: Problem,
+    camera: Pose,
+    zoom: float,
+    poses: Mapping[str, Pose],
+) -> Outlines:
+    """Outlines of a scene's objects at fitted poses, in the picture of a camera, in OpenCV's frame, with the focal
+    length times `zoom`. What is behind it is left out."""
+    shapes: dict[str, tuple[Array, ...]] = {}
+    description = scene.resolved.description
+    for name, pose in poses.items():
+        body = description.bodies[name]
+        step = pose @ scene.body(name).pose_world.inverse()
+        found: list[Array] = []
+        for geom in body.elements.colliding:
+            points = scene.resolved.shapes.points(geom) @ step.rotation.T + step.position
+            if ((points - camera.position) @ camera.rotation[:, 2] > 0.0).all():
+                found.append(hull(problem.pixels(camera, points, zoom)))
+        if found:
+            shapes[name] = tuple(found)
+    return Outlines(pixels, shapes)
+
+
+# Poses of objects from one look of a camera, each with its covariance.
+
+
+LUMA = np.array([0.299, 0.587, 0.114])
+"""Shares of red, green and blue in grey (ITU-R BT.601)."""
+DIGITS = 6
+"""Decimals of m and of quaternions in poses.yaml."""
+TOLD = 0.05
+"""m (1 sigma): a height of a surface that is less sure is none; a guess has as much."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Seen:
+    """Poses of the objects that a camera saw.
+
+    Attributes:
+        poses: of the objects' frames in the world.
+        covariances: (6, 6) of position, m, and rotation, rad, along the world's axes.
+        unseen: objects of the scene that were not found.
+        notes: what did not fit, in words.
+        noise: pixels, 1 sigma of a corner's coordinate.
+        outlines: of the objects, in the picture.
+        surfaces: poses of the surfaces whose height the scene leaves open and the picture tells, by a tag on them or on
+            what stands on them; their covariance is of z alone.
+    """
+
+    poses: dict[str, Pose]
+    covariances: dict[str, Array]
+    unseen: tuple[str, ...]
+    notes: tuple[str, ...]
+    noise: float
+    outlines: Outlines | None = None
+    surfaces: Mapping[str, Pose] = field(default_factory=dict[str, Pose])
+
+    def __repr__(self) -> str:
+        return f"<Seen: {', '.join(self.poses) or 'nothing'}; noise {self.noise:.2f} px>"
+
+    def std(self, name: str) -> tuple[float, float]:
+        """Standard deviations of an object's place, the largest along a level axis, m, and of its turn
+        about the vertical, rad."""
+        covariance = self.covariances[name]
+        level = np.linalg.eigvalsh(covariance[:2, :2])[-1]
+        return float(np.sqrt(level)), float(np.sqrt(covariance[5, 5]))
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """Content of a poses.yaml."""
+        poses = {**self.surfaces, **self.poses}
+        return {"objects": {name: self._entry(name, pose) for name, pose in poses.items()}}
+
+    @property
+    def entries(self) -> dict[str, ObjectEntry]:
+        """Entries of `objects` in a poses.yaml."""
+        return Poses.model_validate(self.content).objects
+
+    def save(self, path: str | Path) -> Path:
+        """Write a poses.yaml.
+
+        Raises:
+            InputError: it exists, or cannot be written.
+        """
+        path = Path(path)
+        text = yaml_text(self.content)
+        parse_poses(text, str(path))
+        write_new(path, text)
+        return path
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (name, str(pose.position.round(4).tolist()), f"{1e3 * self.std(name)[0]:.2f}")
+            for name, pose in self.poses.items()
+        ]
+        return table(repr(self), ("object", "place, m", "±, mm"), rows)
+
+    def _entry(self, name: str, pose: Pose) -> dict[str, Any]:
+        rows = [[float(f"{part:.3e}") for part in row] for row in self.covariances[name].tolist()]
+        return {
+            "pos": pose.position.round(DIGITS).tolist(),
+            "quat": pose.quaternion.round(DIGITS).tolist(),
+            "source": "seen",
+            "covariance": rows,
+        }
+
+
+def look(
+    scene: Scene,
+    pictures: list[NDArray[np.uint8]],
+    lens: Lens,
+    mount: Mount | None = None,
+    estimator: str | None = None,
+    hand: Hand | None = None,
+    depth: NDArray[np.uint16] | None = None,
+) -> Seen:
+    """Find the objects of a scene in pictures (height, width, 3) of one camera, which stands still: by
+    their tags, and by an `estimator` of poses, a command or a URL, which is given the `depth` (height, width) of their
+    pixels, mm along the view, too, if there is one. A camera that is calibrated in the robot.yaml of
+    the scene's arm is where that says; one on the hand by where the `hand` is, else by its joints.
+
+    Raises:
+        InputError: no tags in scene or picture, a picture of another size, nothing says where the camera
+            is, or the estimator's answer is none.
+        Unavailable: OpenCV is not installed, or the estimator does not answer.
+    """
+    lens, mount = calibrated_camera(scene, lens, mount, hand)
+    tags = tags_of(scene)
+    if not tags and estimator is None:
+        raise InputError(
+            'the scene states no tags: a tag is a site of its body, <site name="tag_12" pos="…" size="0.02"/>'
+        )
+    notes: list[str] = []
+    corners = _corners(pictures, lens, notes)
+    strange = sorted(number for number in corners if number not in tags)
+    if strange:
+        notes.append(f"tags that the scene does not state: {', '.join(map(str, strange))}")
+    seen = {number: where for number, where in corners.items() if number in tags}
+    if not seen and estimator is None:
+        raise InputError(
+            "none of the scene's tags is in the picture; the scene has "
+            f"{', '.join(f'tag {number}' for number in sorted(tags))}"
+        )
+    estimates: dict[str, Estimated] = {}
+    if estimator is not None:
+        estimates = estimate_poses(estimator, scene, max(pictures, key=sharpness), lens, depth)
+    problem = Problem(lens, seen, tags, things_of(scene), mount, estimates)
+    found = solve(problem)
+    notes += _said(found, tags)
+    objects = [name for name in scene.objects if name in found.poses]
+    poses = {name: found.poses[name] for name in objects}
+    heights = dict(_heights(scene, found))
+    return Seen(
+        poses,
+        {name: found.covariances[name] for name in (*heights, *objects)},
+        tuple(name for name in scene.objects if name not in found.poses),
+        tuple(notes),
+        found.noise,
+        outlines(pictures[0], scene, problem, found.pose_world_camera, found.zoom, poses),
+        heights,
+    )
+
+
+def _heights(scene: Scene, found: Solution) -> Iterator[tuple[str, Pose]]:
+    """Surfaces of open height that the picture tells; none below what was not seen, which stays where it is stated."""
+    for name, surface in scene.surfaces.items():
+        told = name in found.poses and found.covariances[name][2, 2] < TOLD**2
+        if told and all(one in found.poses for one in surface.carries):
+            yield name, found.poses[name]
+
+
+def _corners(pictures: list[NDArray[np.uint8]], lens: Lens, notes: list[str]) -> dict[int, Array]:
+    """Corners (4, 2) of each tag, pixels: the median over the pictures that show it once."""
+    found: dict[int, list[Array]] = {}
+    twice: set[int] = set()
+    for picture in pictures:
+        height, width = picture.shape[:2]
+        if (width, height) != lens.size:
+            raise InputError(
+                f"the picture has {width} × {height} pixels and the lens {lens.size[0]} × {lens.size[1]}: give "
+                "the intrinsics of this camera, at this size"
+            )
+        detected = detect((picture @ LUMA).astype(np.uint8), lens)
+        counted = Counter(number for number, _ in detected)
+        twice |= {number for number, count in counted.items() if count > 1}
+        for number, where in detected:
+            found.setdefault(number, []).append(where)
+    if twice:
+        notes.append(
+            f"tags that are there twice, and so not used: {', '.join(map(str, sorted(twice)))}"
+        )
+    return {
+        number: np.median(places, axis=0) for number, places in found.items() if number not in twice
+    }
+
+
+def things_of(scene: Scene) -> dict[str, UnknownBody]:
+    """Objects, and the surfaces whose height is open."""
+    supports = {
+        name: surface.name for surface in scene.surfaces.values() for name in surface.carries
+    }
+    found = {
+        name: UnknownBody(name, body.pose_at_rest, supports.get(name))
+        for name, body in scene.objects.items()
+    }
+    for name, surface in scene.surfaces.items():
+        if "height" in surface.missing:
+            found[name] = UnknownBody(name, surface.pose_world, None, is_surface=True)
+    return found
+
+
+def _said(found: Solution, tags: Mapping[int, SceneTag]) -> list[str]:
+    said = [
+        f"tag {number} on '{tags[number].body}' does not fit the others" for number in found.refused
+    ]
+    said += [f"the estimate of '{name}' contradicts its tags" for name in found.doubted]
+    return said + [f"'{name}' does not stand as the scene has it" for name in found.tilted]

@@ -1,0 +1,316 @@
+"""Pose estimators of other projects: one JSON document in, one out."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import os
+import selectors
+import shlex
+import signal
+import socket
+import subprocess
+import tempfile
+import threading
+import time
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager, suppress
+from http.client import HTTPConnection, HTTPException, HTTPSConnection
+from typing import Annotated, Any
+from urllib.parse import SplitResult, urlsplit
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, BaseModel, ValidationError
+
+from palpate.common.errors import InputError, Unavailable, unknown_name
+from palpate.common.files import describe_error
+from palpate.common.pose import Pose
+from palpate.mjcf.shapes import Shapes, hull_points, mesh_corners
+from palpate.perception.lens import Lens
+from palpate.perception.solve import Estimated
+from palpate.scene.poses import Covariance, Quaternion, Vector
+from palpate.scene.scene import Scene
+
+PATIENCE = 120.0
+"""s: time to answer; a network that is loaded first takes half a minute."""
+MAX_ANSWER = 1_000_000
+"""Bytes: largest answer; poses of a thousand objects have half of them."""
+MAX_WORDS = 300
+"""Characters of a command's last words that are shown."""
+
+
+def exchange_document(source: str, document: bytes, patience: float | None = None) -> bytes:
+    """The answer of a command line, or of a server by its `http://` or `https://` URL.
+
+    Raises:
+        InputError: no such command, or a URL that is none.
+        Unavailable: it cannot be reached, fails, or its answer is too late or too large.
+    """
+    seconds = PATIENCE if patience is None else patience
+    url = urlsplit(source)
+    answer = (
+        _post(url, document, seconds)
+        if url.scheme in ("http", "https")
+        else _run(source, document, seconds)
+    )
+    if len(answer) > MAX_ANSWER:
+        raise Unavailable(f"{_WHO} answers more than {MAX_ANSWER} bytes")
+    return answer
+
+
+_WHO = "the pose estimator"
+
+
+def _run(source: str, document: bytes, seconds: float) -> bytes:
+    try:
+        words = shlex.split(source)
+    except ValueError as error:
+        raise InputError(f"pose_estimator= is no command: {error}") from None
+    if not words:
+        raise InputError("pose_estimator= is empty: give a command, or a URL http://…")
+    with tempfile.TemporaryFile() as given, tempfile.TemporaryFile() as said:
+        given.write(document)
+        given.seek(0)
+        try:
+            process = subprocess.Popen(
+                words, stdin=given, stdout=subprocess.PIPE, stderr=said, start_new_session=True
+            )
+        except OSError as error:
+            raise InputError(f"{_WHO} '{words[0][:100]}': {error.strerror}") from None
+        try:
+            answer, ended = _output(process, time.monotonic() + seconds)
+        finally:
+            # With whatever it started.
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+        if not ended:
+            raise Unavailable(f"{_WHO} does not answer within {seconds:g} s")
+        if process.returncode != 0 and len(answer) <= MAX_ANSWER:
+            said.seek(max(0, said.seek(0, os.SEEK_END) - MAX_WORDS))
+            last = said.read().decode(errors="replace").strip().rpartition("\n")[2]
+            raise Unavailable(
+                f"{_WHO} fails with status {process.returncode}: {last or 'silently'}"
+            )
+    return answer
+
+
+def _output(process: subprocess.Popen[bytes], until: float) -> tuple[bytes, bool]:
+    """Output of a process, up to a little more than an answer may have, and False if time runs out."""
+    assert process.stdout is not None
+    answer = bytearray()
+    with process.stdout, selectors.DefaultSelector() as waiting:
+        waiting.register(process.stdout, selectors.EVENT_READ)
+        while len(answer) <= MAX_ANSWER:
+            if not waiting.select(max(0.0, until - time.monotonic())):
+                return bytes(answer), False
+            part = os.read(process.stdout.fileno(), 65536)
+            if not part:
+                break
+            answer += part
+    try:
+        # One that writes too much is not waited for.
+        if len(answer) <= MAX_ANSWER:
+            process.wait(max(0.0, until - time.monotonic()))
+    except subprocess.TimeoutExpired:
+        return bytes(answer), False
+    return bytes(answer), True
+
+
+def _post(url: SplitResult, document: bytes, seconds: float) -> bytes:
+    try:
+        port = url.port
+    except ValueError:
+        port = 0
+    if not url.hostname or port == 0 or "@" in url.netloc:
+        raise InputError(
+            "pose_estimator= is no URL of the form http://HOST:PORT/PATH, without a user name"
+        )
+    kind = HTTPSConnection if url.scheme == "https" else HTTPConnection
+    connection = kind(url.hostname, port, timeout=seconds)
+    where = f"{url.hostname}:{connection.port}"
+    try:
+        connection.connect()
+        with _closed_after(connection.sock, seconds) as late:
+            try:
+                path = url.path or "/"
+                headers = {"Content-Type": "application/json"}
+                connection.request(
+                    "POST", f"{path}?{url.query}" if url.query else path, document, headers
+                )
+                response = connection.getresponse()
+                answer = response.read(MAX_ANSWER + 1)
+            except (OSError, HTTPException, ValueError) as error:
+                if late.is_set() or isinstance(error, TimeoutError):
+                    raise TimeoutError from None
+                raise Unavailable(f"{_WHO} at {where}: {type(error).__name__}") from None
+            if late.is_set():
+                raise TimeoutError
+    except TimeoutError:
+        raise Unavailable(f"{_WHO} at {where} does not answer within {seconds:g} s") from None
+    except OSError as error:
+        raise Unavailable(f"{_WHO} at {where}: {error.strerror or error}") from None
+    finally:
+        connection.close()
+    if response.status != 200:
+        raise Unavailable(f"{_WHO} at {where} answers with HTTP status {response.status}")
+    return answer
+
+
+@contextmanager
+def _closed_after(sock: socket.socket, seconds: float) -> Generator[threading.Event]:
+    """Close a connection after a time, however slowly its other end goes on; the event is set then."""
+    late = threading.Event()
+
+    def close() -> None:
+        late.set()
+        with suppress(OSError):
+            sock.shutdown(socket.SHUT_RDWR)
+
+    timer = threading.Timer(seconds, close)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield late
+    finally:
+        timer.cancel()
+
+
+# Pose estimators of others (FoundationPose, MegaPose, …), which take one JSON document and give one
+# back.
+
+
+LEAST_STD = 1e-6
+"""m or rad: smallest standard deviation that is believed."""
+SHOWN = 2
+"""The last group of geoms that is shown, as in MuJoCo's viewer."""
+
+
+def estimate_poses(
+    source: str,
+    scene: Scene,
+    picture: NDArray[np.uint8],
+    lens: Lens,
+    depth: NDArray[np.uint16] | None = None,
+) -> dict[str, Estimated]:
+    """Ask an estimator, a command or a URL, for the poses of a scene's objects in a picture, with `depth` in mm.
+
+    Raises:
+        InputError: it answers something else.
+        Unavailable: it does not answer, or fails.
+    """
+    answer = exchange_document(source, request(scene, picture, lens, depth))
+    return parse_answer(answer, scene.objects)
+
+
+def request(
+    scene: Scene,
+    picture: NDArray[np.uint8],
+    lens: Lens,
+    depth: NDArray[np.uint16] | None = None,
+) -> bytes:
+    """The document that an estimator is given, JSON."""
+    (fx, _, cx), (_, fy, cy), _ = lens.matrix.tolist()
+    content = {
+        "palpate_estimator": 1,
+        "image": _png(picture),
+        "intrinsics": {"fx": fx, "fy": fy, "cx": cx, "cy": cy}
+        | {"size": list(lens.size), "distortion": lens.distortion.tolist()},
+        "objects": [{"name": name, "mesh": mesh_of(scene, name)} for name in scene.objects],
+    }
+    if depth is not None:
+        content["depth"] = _png(depth)
+    return json.dumps(content).encode()
+
+
+def _png(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> str:
+    """PNG in base64: RGB, or grey of 16 bits."""
+    from PIL import Image
+
+    png = io.BytesIO()
+    Image.fromarray(pixels).save(png, "PNG")
+    return base64.b64encode(png.getvalue()).decode()
+
+
+def parse_answer(answer: bytes, names: Mapping[str, Any]) -> dict[str, Estimated]:
+    """Poses of an estimator's answer, which are believed no further than they make sense.
+
+    Raises:
+        InputError: not of this form, or an object that was not asked for.
+    """
+    try:
+        read = _Answer.model_validate_json(answer)
+    except ValidationError as error:
+        raise InputError(f"the pose estimator's answer: {describe_error(error, _Answer)}") from None
+    found: dict[str, Estimated] = {}
+    for name, entry in read.objects.items():
+        if name not in names:
+            raise unknown_name("object in the pose estimator's answer", name, names)
+        pose = Pose.of(entry.pos, entry.quat)
+        found[name] = Estimated(pose, np.array(entry.covariance))
+    return found
+
+
+def mesh_of(scene: Scene, name: str) -> str:
+    """Wavefront OBJ of an object as its geoms are shown, in its own frame, m; a round shape has corners."""
+    known = scene.resolved.description.bodies[name]
+    shapes, pose = scene.resolved.shapes, known.pose_world
+    ids = [shapes.geom_ids[geom] for geom in known.elements.geoms]
+    shown = [i for i in ids if shapes.model.geom_group[i] <= SHOWN] or ids
+    lines: list[str] = []
+    count = 0
+    for i in shown:
+        triangles = (_triangles(shapes, i) - pose.position) @ pose.rotation
+        points, where = np.unique(triangles.reshape(-1, 3).round(7), axis=0, return_inverse=True)
+        lines += [f"v {x:.7g} {y:.7g} {z:.7g}" for x, y, z in points.tolist()]
+        corners = (where.reshape(-1, 3) + 1 + count).tolist()
+        lines += [f"f {a} {b} {c}" for a, b, c in corners]
+        count += len(points)
+    return "\n".join([*lines, ""])
+
+
+def _triangles(shapes: Shapes, geom: int) -> NDArray[np.float64]:
+    """(n, 3, 3) corners of the triangles of a geom in the world, m; counter-clockwise from outside."""
+    from scipy.spatial import ConvexHull
+
+    model, data = shapes.model, shapes.data
+    if model.geom_dataid[geom] >= 0:
+        corners = mesh_corners(model, int(model.geom_dataid[geom]))
+    else:
+        points = hull_points(model, geom)
+        hull: Any = ConvexHull(points)
+        corners = points[np.asarray(hull.simplices)]
+        a, b, c = np.moveaxis(corners, 1, 0)
+        inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0
+        corners[inward] = corners[inward][:, ::-1]
+    return corners @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+
+
+def _in_front(position: Vector) -> Vector:
+    if position[2] <= 0:
+        raise ValueError("is behind the camera: its z points along the view")
+    return position
+
+
+def _normalise_quaternion(quaternion: Quaternion) -> Quaternion:
+    if sum(part * part for part in quaternion) < 1e-9:
+        raise ValueError("is no rotation")
+    return quaternion
+
+
+def _spread(rows: Covariance) -> Covariance:
+    if np.linalg.eigvalsh(np.array(rows))[0] < LEAST_STD**2:
+        raise ValueError(f"has a standard deviation below {LEAST_STD:g} m or rad")
+    return rows
+
+
+class _Pose(BaseModel):
+    pos: Annotated[Vector, AfterValidator(_in_front)]
+    quat: Annotated[Quaternion, AfterValidator(_normalise_quaternion)]
+    covariance: Annotated[Covariance, AfterValidator(_spread)]
+
+
+class _Answer(BaseModel):
+    objects: dict[str, _Pose]

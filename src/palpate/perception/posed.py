@@ -1,0 +1,123 @@
+"""The workplace posed as believed: the scene with the nominal arm, at measured joint angles.
+
+It is a picture for people: deviations of the hidden world, or of a real workplace, are not in it.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from palpate.common.pose import Array, Pose
+from palpate.mjcf.compile import compile_model
+from palpate.perception.film import Footage
+from palpate.robots.description import PREFIX
+from palpate.scene.scene import Scene
+from palpate.trace.samples import Trace
+
+FRAME_PERIOD = 1.0 / 30.0
+"""s between two frames of a replay, as of the simulated camera."""
+
+
+class PosedCell:
+    """The scene and the arm, with every object where it was last put down.
+
+    Attributes:
+        spec: source of the model.
+        model, data: of MuJoCo; `data` has the poses of all bodies after `show`.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.spec = scene.spec_with(scene.arm.spec())
+        self.model = model = compile_model(self.spec)
+        self.data = mujoco.MjData(model)
+        arm = scene.arm
+        # Addresses in qpos, of the arm's joints and of the objects with a free joint.
+        self._arm = [int(model.joint(PREFIX + name).qposadr[0]) for name in arm.joints]
+        self._fingers = [int(model.joint(PREFIX + name).qposadr[0]) for name in arm.hand.fingers]
+        self._bodies: dict[str, int] = {}
+        for name in scene.objects:
+            body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
+            joint = int(model.body_jntadr[body]) if body > 0 else -1
+            if joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
+                self._bodies[name] = int(model.jnt_qposadr[joint])
+        self._initial = {name: scene.bodies[name].pose_world for name in self._bodies}
+        self.put_back()
+
+    def put_back(self) -> None:
+        """Put everything where the scene has it; the hand is empty."""
+        self._poses = dict(self._initial)
+        self._held: tuple[str, Pose] | None = None
+
+    def show(self, q: Array, width: float, pose_world_tcp: Pose, holding: str | None) -> None:
+        """Pose everything.
+
+        Args:
+            q: (7,) rad.
+            width: m between the fingers.
+            pose_world_tcp: pose of the TCP.
+            holding: the object between the fingers, which moves along with them.
+        """
+        self.carry(pose_world_tcp, holding)
+        self.data.qpos[self._arm] = q
+        self.data.qpos[self._fingers] = width / 2
+        for name, address in self._bodies.items():
+            self.data.qpos[address : address + 7] = self._poses[name].vector
+        mujoco.mj_kinematics(self.model, self.data)
+
+    def carry(self, pose_world_tcp: Pose, holding: str | None) -> None:
+        """Move the hand: a held object keeps its pose in it, a released one its pose in the world."""
+        if holding not in self._poses:
+            self._held = None
+            return
+        if self._held is None or self._held[0] != holding:
+            self._held = (holding, pose_world_tcp.inverse() @ self._poses[holding])
+        self._poses[holding] = pose_world_tcp @ self._held[1]
+
+
+class Replay:
+    """Replay of a trace in a posed cell; going back in time starts from the beginning again."""
+
+    def __init__(self, cell: PosedCell, trace: Trace) -> None:
+        self._cell, self._trace = cell, trace
+        self._begin()
+
+    def _begin(self) -> None:
+        self._now, self._ended = -np.inf, 0
+        self._holding: str | None = None
+        self._cell.put_back()
+
+    def show(self, t: float) -> None:
+        """Pose everything as at robot time `t`, s."""
+        if t < self._now:
+            self._begin()
+        self._now = t
+        leaves = self._trace.leaves
+        while self._ended < len(leaves) and leaves[self._ended].end <= t:
+            leaf = leaves[self._ended]
+            self._ended += 1
+            if leaf.context is not None and leaf.context.holding != self._holding:
+                # Grasped or released here: with the old object up to this pose, with the new one after.
+                for holding in (self._holding, leaf.context.holding):
+                    self._cell.carry(self._tcp(leaf.end), holding)
+                self._holding = leaf.context.holding
+        samples, row = self._trace.samples, self._row(t)
+        self._cell.show(samples.q[row], float(samples.width[row]), self._tcp(t), self._holding)
+
+    def _row(self, t: float) -> int:
+        return min(int(np.searchsorted(self._trace.t, t)), len(self._trace.t) - 1)
+
+    def _tcp(self, t: float) -> Pose:
+        x = self._trace.samples.pose_world_tcp[self._row(t)]
+        return Pose.of(x[:3], x[3:])
+
+
+def played_again(scene: Scene, trace: Trace) -> Footage:
+    """Replay of a trace for a camera: everything at its believed pose."""
+    cell = PosedCell(scene)
+    replay = Replay(cell, trace)
+    frames: list[tuple[float, Array]] = []
+    for t in np.arange(trace.t[0], trace.t[-1], FRAME_PERIOD).tolist():
+        replay.show(t)
+        frames.append((t, cell.data.qpos.copy()))
+    return Footage(cell.model, tuple(frames), cell.spec, believed=True)

@@ -1,0 +1,227 @@
+"""The camera of a simulated world: its picture through a lens that distorts, is a little out of focus, and
+has a sensor with noise. What it tells of itself is a little wrong, as far as its own figures say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.common.errors import InputError, Unavailable, unknown_name
+from palpate.common.pose import Array, Pose
+from palpate.perception.detection import MODULES, QUIET, blur_picture, remap, tag_pixels, undistort
+from palpate.perception.lens import FOCAL_STD, Lens, Mount
+from palpate.perception.renderer import Painter, forward_data, gl_available
+from palpate.perception.stage import build_stage
+from palpate.perception.tags import SITE
+from palpate.scene.camera import Camera
+
+SIZE = (1280, 720)
+"""Width and height, pixels, of a usual depth camera's colour picture."""
+MARGIN = 1.3
+"""Size of the picture that is drawn, to have what a lens bends into view."""
+PAPER = 2e-4
+"""m: half the thickness of a printed tag."""
+DEEPEST = 10.0
+"""m that a depth camera tells."""
+NEAREST = 0.1
+"""m: what is nearer to the camera is not drawn."""
+FINE = 8
+"""Texture pixels along a tag's module."""
+
+
+@dataclass(frozen=True, slots=True)
+class Imperfections:
+    """Imperfections of a simulated camera.
+
+    Attributes:
+        distortion: k1, k2, p1, p2, k3, which are known.
+        blur: pixels, 1 sigma.
+        grain: grey levels of 255, 1 sigma.
+        focal: relative error of the focal length, 1 sigma.
+        place, turn: error of the camera's pose, m and rad about each axis, 1 sigma.
+        depth: of the distance along the view, m at 1 m, 1 sigma; it grows with the square: matches to 0.08 pixels by
+            two lenses 50 mm apart (Intel, tuning of D400 cameras).
+    """
+
+    distortion: tuple[float, ...] = (-0.08, 0.03, 5e-4, -3e-4, 0.0)
+    blur: float = 0.6
+    grain: float = 2.0
+    focal: float = FOCAL_STD
+    place: float = 0.002
+    turn: float = 0.003
+    depth: float = 0.0025
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Taken:
+    """A picture and what its camera tells.
+
+    Attributes:
+        pixels: (height, width, 3) RGB.
+        lens: as its owner has it.
+        mount: None where nobody knows where it is.
+    """
+
+    pixels: NDArray[np.uint8]
+    lens: Lens
+    mount: Mount | None
+
+
+class SimulatedCamera:
+    """A camera of a world, whose sites `tag_12` become printed tags.
+
+    Attributes:
+        lens: as its owner has it.
+        mount: where its owner believes it to be.
+    """
+
+    def __init__(
+        self,
+        world: mujoco.MjSpec,
+        name: str,
+        *,
+        size: tuple[int, int] = SIZE,
+        seed: int = 0,
+        imperfections: Imperfections | None = None,
+    ) -> None:
+        """Draw the camera's errors; they are the same ones for the same seed.
+
+        Raises:
+            InputError: no such camera.
+            Unavailable: no OpenGL.
+        """
+        flaws = imperfections or Imperfections()
+        usable, reason = gl_available()
+        if not usable:
+            raise Unavailable(f"the world's camera cannot be drawn: {reason}")
+        cameras: list[mujoco.MjsCamera] = list(world.cameras)
+        names = [camera.name for camera in cameras if camera.name]
+        if not names:
+            raise InputError('the world has no camera: give it one, <camera name="workspace" …/>')
+        if name not in names:
+            raise unknown_name("camera of the world", name, names)
+        self._name, self._flaws, self._random = name, flaws, np.random.default_rng(seed)
+        self._model = build_stage(_with_tags(world), soft=False)
+        self._data = forward_data(self._model)
+        index = self._model.camera(name).id
+        quaternion = np.empty(4)
+        mujoco.mju_mat2Quat(quaternion, self._data.cam_xmat[index])
+        stands = Pose.of(self._data.cam_xpos[index], quaternion)
+        self._camera = Camera(stands, float(np.deg2rad(self._model.cam_fovy[index])), *size)
+        pinhole = Lens.of(self._camera)
+        self._true = Lens(pinhole.matrix, size, np.array(flaws.distortion))
+        # What the owner believes of the camera: its figures with an error each.
+        zoom = 1 + flaws.focal * self._random.standard_normal()
+        told = Lens(pinhole.matrix, size, self._true.distortion, max(flaws.focal, 1e-6))
+        self.lens = told.zoom_lens(zoom)
+        self.mount = _misplace_mount(stands, flaws, self._random)
+
+    def shoot(self, qpos: Array | None = None) -> NDArray[np.uint8]:
+        """Take a picture (height, width, 3), RGB, of the world in a configuration; by default its own."""
+        self._pose(qpos)
+        with self._painter() as painter:
+            drawn = np.array(painter.paint(self._data, self._name))
+        pixels = remap(drawn, _through(drawn, self._true))
+        pixels = blur_picture(pixels, self._flaws.blur) if self._flaws.blur else pixels
+        noisy = pixels + self._flaws.grain * self._random.standard_normal(pixels.shape)
+        return np.clip(noisy, 0, 255).astype(np.uint8)
+
+    def depth(self, qpos: Array | None = None) -> NDArray[np.uint16]:
+        """Distances along the view (height, width), mm, of the pixels of a picture; 0 beyond `DEEPEST`."""
+        self._pose(qpos)
+        with self._painter() as painter:
+            drawn = painter.distances(self._data, self._name)
+        column, row = np.moveaxis(_through(drawn, self._true).round().astype(int), -1, 0)
+        far = drawn[row.clip(0, len(drawn) - 1), column.clip(0, drawn.shape[1] - 1)]
+        far = far + self._flaws.depth * far**2 * self._random.standard_normal(far.shape)
+        return np.where(far < DEEPEST, 1e3 * far, 0.0).round().astype(np.uint16)
+
+    def _pose(self, qpos: Array | None) -> None:
+        if qpos is not None:
+            self._data.qpos[:] = qpos
+            mujoco.mj_forward(self._model, self._data)
+
+    def _painter(self) -> Painter:
+        """Painter of the pinhole's picture, larger by `MARGIN` on all sides."""
+        model, camera = self._model, self._camera
+        # A depth buffer reaches from near to far: what is nearer than paper is thin is the same to it.
+        model.vis.map.znear = NEAREST / model.stat.extent
+        width, height = (2 * round(MARGIN * side / 2) for side in (camera.width, camera.height))
+        fovy = np.degrees(2 * np.arctan(height / 2 / camera.focal))
+        model.camera(self._name).fovy[:] = fovy
+        return Painter(model, width, height)
+
+
+def take(
+    world: mujoco.MjSpec,
+    name: str,
+    *,
+    size: tuple[int, int] = SIZE,
+    seed: int = 0,
+    imperfections: Imperfections | None = None,
+) -> Taken:
+    """Take a picture by a `SimulatedCamera`; arguments as its."""
+    camera = SimulatedCamera(world, name, size=size, seed=seed, imperfections=imperfections)
+    return Taken(camera.shoot(), camera.lens, camera.mount)
+
+
+def _misplace_mount(stands: Pose, flaws: Imperfections, random: np.random.Generator) -> Mount:
+    place, turn = flaws.place * random.standard_normal(3), flaws.turn * random.standard_normal(3)
+    believed = Pose(stands.position + place, (Pose.turn(turn) @ stands).quaternion)
+    floor = 1e-12
+    spread = [flaws.place**2 + floor] * 3 + [flaws.turn**2 + floor] * 3
+    return Mount(believed, np.diag(spread))
+
+
+def _through(drawn: NDArray[Any], lens: Lens) -> Array:
+    """(height, width, 2) where the pixels of a lens that distorts are in a pinhole's picture with the same focal
+    length."""
+    (width, height), (rows, columns, *_) = lens.size, drawn.shape
+    grid = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(float)
+    there = undistort(lens, grid.reshape(-1, 2)).reshape(height, width, 2)
+    return there + np.array([columns - width, rows - height]) / 2
+
+
+def _with_tags(world: mujoco.MjSpec) -> mujoco.MjSpec:
+    """The world with a printed tag at each site named for one."""
+    spec = world.copy()
+    model = spec.compile()
+    sites: list[mujoco.MjsSite] = list(spec.sites)
+    for site in sites:
+        match = SITE.fullmatch(site.name)
+        if match is not None:
+            compiled = model.site(site.name)
+            _print(spec, site, int(match[1]), Pose.of(compiled.pos, compiled.quat))
+    return spec
+
+
+def _print(spec: mujoco.MjSpec, site: mujoco.MjsSite, number: int, frame: Pose) -> None:
+    name = f"palpate_{site.name}"
+    modules = np.pad(tag_pixels(number), QUIET, constant_values=255)
+    fine = np.kron(modules, np.ones((FINE, FINE), dtype=np.uint8))
+    texture = spec.add_texture(
+        name=name,
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        nchannel=3,
+        width=len(fine),
+        height=len(fine),
+    )
+    texture.data = np.repeat(fine[..., None], 3, axis=-1).tobytes()
+    material = spec.add_material(name=name, specular=0.0, shininess=0.0)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
+    half = float(site.size[0]) * (MODULES + 2 * QUIET) / MODULES
+    # A body of its own: a look takes the place of its body's geoms.
+    paper = site.parent.add_body(pos=frame.position, quat=frame.quaternion)
+    paper.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[half, half, PAPER],
+        material=name,
+        contype=0,
+        conaffinity=0,
+        mass=0.0,
+    )

@@ -1,0 +1,172 @@
+"""Subject and findings of the check."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Hashable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+from pydantic import ValidationError
+
+from palpate.common.parameter import Parameter
+from palpate.estimation.quantities.catalogue import catalogue
+from palpate.planning.plan import Node, Plan
+from palpate.planning.request.query import GRIPPER
+from palpate.primitives.base import Primitive
+from palpate.primitives.registry import Vocabulary
+from palpate.primitives.state import Violation
+from palpate.scene.scene import Scene
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A violation with its place in the plan (`tree.children[3]`)."""
+
+    path: str
+    violation: Violation
+
+    @classmethod
+    def of(cls, path: str, rule: str, message: str) -> Finding:
+        """Make a finding of a rule of whole plans."""
+        return cls(path, Violation(rule, message))
+
+    @property
+    def rule(self) -> str:
+        """Id of the broken rule, one of `check.RULES`."""
+        return self.violation.rule
+
+    @property
+    def message(self) -> str:
+        """Description with a remedy."""
+        return self.violation.message
+
+
+@dataclass(frozen=True, eq=False)
+class Form:
+    """Nodes of a tree by path, each leaf made into its primitive where its arguments fit.
+
+    Attributes:
+        nodes: all nodes, depth first.
+        primitives: the primitives of the leaves.
+        refused: the errors of leaves whose arguments do not fit.
+    """
+
+    nodes: Mapping[str, Node]
+    primitives: Mapping[str, Primitive]
+    refused: Mapping[str, ValidationError | TypeError]
+
+    @classmethod
+    def of(cls, tree: Node | None, words: Vocabulary) -> Form:
+        """Read a tree; the form is empty without one."""
+        nodes = dict(tree.walk()) if tree is not None else {}
+        primitives: dict[str, Primitive] = {}
+        refused: dict[str, ValidationError | TypeError] = {}
+        for path, node in nodes.items():
+            if node.type in words.primitives:
+                try:
+                    primitives[path] = words.make(node.type, dict(node.args))
+                except (ValidationError, TypeError) as error:
+                    refused[path] = error
+        return cls(nodes, primitives, refused)
+
+    def owners(self, path: str) -> dict[str, list[str]]:
+        """Paths, relative to `path`, of the leaves below it that move, by claimed resource."""
+        found: dict[str, list[str]] = {}
+        for where, primitive in self.primitives.items():
+            if where.startswith(f"{path}."):
+                for resource in sorted(primitive.claims):
+                    found.setdefault(resource, []).append(where.removeprefix(f"{path}."))
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedPlan:
+    """Plan under check, with the scene and the request that it is checked against.
+
+    Attributes:
+        plan: the plan.
+        words: the vocabulary that the plan may use.
+        scene: the scene that it runs in; None to check the grammar alone.
+        remeasure: allows quantities that the scene states to be measured.
+        requested: the parameters that the plan must measure, no more and no fewer; None for any.
+        repeated: allows a parameter to be measured several times, for a narrower interval.
+    """
+
+    plan: Plan
+    words: Vocabulary
+    scene: Scene | None
+    remeasure: bool = False
+    requested: tuple[Parameter, ...] | None = None
+    repeated: bool = False
+
+    @cached_property
+    def form(self) -> Form:
+        """The tree, read once."""
+        return Form.of(self.plan.tree, self.words)
+
+    @property
+    def unclear(self) -> bool:
+        """True if a parameter names an unknown object or quantity: the plan's aim is unknown then."""
+        return any(not self.exists(parameter) for parameter in self.plan.parameters)
+
+    def iter_parameters(self) -> Iterator[tuple[str, Parameter]]:
+        """Parameters of the plan, with their paths."""
+        for i, parameter in enumerate(self.plan.parameters):
+            yield f"parameters[{i}]", parameter
+
+    def exists(self, parameter: Parameter) -> bool:
+        """True if the catalogue has the quantity and the scene the object."""
+        quantity = catalogue().get(parameter.quantity)
+        if quantity is None or self.scene is None or not quantity.identifiable:
+            return quantity is not None
+        hand = parameter.object == GRIPPER == quantity.subject
+        return hand or parameter.object in self.scene.bodies
+
+    def is_of_its_kind(self, parameter: Parameter) -> bool:
+        """True if this kind of object carries the quantity; both must exist."""
+        quantity = catalogue()[parameter.quantity]
+        if self.scene is None or parameter.object not in self.scene.bodies:
+            return True
+        return quantity.subject in (self.scene.bodies[parameter.object].role, GRIPPER)
+
+    def is_known(self, parameter: Parameter) -> bool:
+        """True if the scene states the parameter."""
+        if self.scene is None or parameter.object not in self.scene.bodies:
+            return False
+        return parameter.quantity in self.scene.bodies[parameter.object].known
+
+
+# Findings as lines of text, those with one cause and one remedy together.
+
+
+SHOWN = 4
+"""Further places that one line names."""
+_OBSTACLE = re.compile(r" into ('[^']+')")
+
+
+def digest(findings: Iterable[Finding]) -> list[str]:
+    """A line for each cause, with all places where it is found, in the order of the findings."""
+    groups: dict[Hashable, list[Finding]] = {}
+    for finding in findings:
+        groups.setdefault(cause(finding), []).append(finding)
+    return [line(group[0], [each.path for each in group]) for group in groups.values()]
+
+
+def cause(finding: Finding) -> Hashable:
+    """Key of what mends a finding: the object to be carried away, else its rule and message."""
+    problem, _, remedy = finding.message.partition("; ")
+    obstacle = _OBSTACLE.search(problem)
+    if obstacle is not None and "carry it " in remedy:
+        return obstacle[1]
+    return finding.rule, finding.message
+
+
+def line(finding: Finding, paths: Iterable[str]) -> str:
+    """A finding with the other paths at which it is found."""
+    others = [path for path in dict.fromkeys(paths) if path != finding.path]
+    text = f"{finding.path}, {finding.rule}: {finding.message}"
+    if not others:
+        return text
+    more = f" and {len(others) - SHOWN} more" if len(others) > SHOWN else ""
+    return f"{text} (the same at {', '.join(others[:SHOWN])}{more})"

@@ -1,0 +1,421 @@
+"""Composition of the prompt: system modules, scene and named poses."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from math import atan2, degrees
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, get_args
+
+from palpate.common.errors import InputError, unknown_name
+from palpate.common.pose import Array, Pose
+from palpate.estimation.quantities.catalogue import PURPOSES, catalogue
+from palpate.estimation.quantities.quantity import Quantity
+from palpate.mjcf.edits import TextChange, apply_changes, remove_attribute, scan
+from palpate.planning.check.check import CATALOGUE, mm
+from palpate.primitives.registry import acquisition
+from palpate.scene.handle_grasps import points_down
+from palpate.scene.symbols import Symbols
+
+if TYPE_CHECKING:
+    from palpate.primitives.base import Primitive
+    from palpate.primitives.registry import Vocabulary
+    from palpate.robots.description import RobotDescription
+    from palpate.scene.scene import Scene
+
+
+RENDERED = frozenset({"texture", "light", "camera", "visual", "statistic", "skin"})
+"""Elements that say nothing of bodies, shapes, colours or quantities."""
+SHADING = (
+    *("texture", "texrepeat", "texuniform", "specular", "shininess"),
+    *("reflectance", "emission", "metallic", "roughness"),
+)
+"""Attributes of a material, without its colour."""
+_COMMENT = re.compile(r"\s*<!--.*?-->", re.DOTALL)
+
+
+def strip_rendering(text: str, comments: bool) -> str:
+    """The text without `RENDERED` and `SHADING`, materials that state no more, and sections that become
+    empty; every other byte is the user's."""
+    if not comments:
+        text = _COMMENT.sub("", text)
+    return _without_empty(_without_rendering(text))
+
+
+def _without_rendering(text: str) -> str:
+    data, found, end = text.encode("utf-8"), list[TextChange](), 0
+    for tag in scan(text):
+        if tag.start < end:  # inside of what is left out
+            continue
+        shading = [name for name in SHADING if name in tag.attributes]
+        material = tag.name == "material"
+        if tag.name in RENDERED or (
+            material and not {*tag.attributes} - {"name", "class", *shading}
+        ):
+            found.append(TextChange(len(data[: tag.start].rstrip()), tag.last, ""))
+            end = tag.last
+        elif material:
+            found += [remove_attribute(data, tag, name) for name in shading]
+    return apply_changes(text, found)
+
+
+def _without_empty(text: str) -> str:
+    data = text.encode("utf-8")
+    return apply_changes(
+        text,
+        [
+            TextChange(len(data[: tag.start].rstrip()), tag.last, "")
+            for tag in scan(text)
+            if tag.name == "asset" and not data[tag.end : tag.close].strip()
+        ],
+    )
+
+
+# Section of the prompt with every name that a pose expression may use: places, patterns of names
+# that many objects share, and offsets with their directions in the world.
+
+
+KINDS: Mapping[str, str] = {
+    "temporary": "the grasp of X with it put down on a free spot",
+    "top": "above the top of X",
+    "across": "a grasp of X a quarter turn on; its x_offset and y_offset turn with it",
+    "balance": "where X balances, as its grasps before have shown",
+}
+"""Poses that objects have besides their grasp, by the end of the name."""
+
+HEAD = (
+    "# Named poses\nGripper in the world: x y z in m, direction of its x axis in degrees from world x, counterclockwise"
+    " seen from above. Pointing down, its y axis, along which the fingers close, is 90° clockwise from there."
+)
+
+
+def named_poses(symbols: Symbols) -> str:
+    """Lines of all named poses, joint configurations and offsets, and of what cannot be grasped."""
+    lines = [f"{name}: {position_and_yaw(pose)}" for name, pose in symbols.poses.items()]
+    lines += _patterns(symbols)
+    lines += [f"{name}: joint configuration" for name in symbols.configurations]
+    lines.append("Offsets, as vectors x y z in the world, m:")
+    lines += _offsets(symbols)
+    lines += [f"{name} cannot be grasped: {why}" for name, why in symbols.ungraspable.items()]
+    return "\n".join(lines)
+
+
+def position_and_yaw(pose: Pose) -> str:
+    """Position (m) and direction of the x axis (degrees), or, of a level hand, where its fingers point."""
+    x, y, z = (f"{value + 0.0:.3f}" for value in pose.position.round(3))
+    if not points_down(pose):
+        return f"{x} {y} {z}, fingers level, along {_vector(pose.rotation[:, 2])}"
+    direction = degrees(atan2(pose.rotation[1, 0], pose.rotation[0, 0]))
+    return f"{x} {y} {z}, {round(direction)}"
+
+
+def _patterns(symbols: Symbols) -> Iterator[str]:
+    """Yield a line for each kind of pose, with the objects that have it."""
+    objects = list(symbols.own_offsets)
+    for kind, meaning in KINDS.items():
+        having = [
+            name
+            for name in objects
+            if f"{name}_{kind}" in symbols.usable and f"{name}_{kind}" not in symbols.poses
+        ]
+        if having:
+            whose = "any object" if having == objects else ", ".join(having)
+            yield f"X_{kind}: {meaning}; X: {whose}"
+
+
+def _offsets(symbols: Symbols) -> Iterator[str]:
+    """Yield a line for each set of offsets, with the objects and places that have it."""
+    groups: dict[str, list[str]] = {}
+    for name in symbols.own_offsets:
+        groups.setdefault(_vectors(symbols, f"{name}_pose"), []).append(name)
+    places = [
+        name for name in symbols.poses if symbols.subjects.get(name) not in symbols.own_offsets
+    ]
+    for name in places:
+        groups.setdefault(_vectors(symbols, name), []).append(name)
+    for vectors, names in groups.items():
+        yield f"{', '.join(names)}: {vectors}"
+
+
+def _vectors(symbols: Symbols, pose: str) -> str:
+    """Offsets at a pose, in the world."""
+    own = symbols.own_offsets.get(symbols.subjects.get(pose, ""), {})
+    return ", ".join(
+        f"{name} {_vector(symbols.shift(pose, symbols.poses[pose], symbols.offset(name, pose)))}"
+        for name in dict.fromkeys([*own, *symbols.offsets])
+    )
+
+
+def _vector(vector: Array) -> str:
+    """Components in m, to the millimetre."""
+    return " ".join(f"{value + 0.0:.3f}".rstrip("0").rstrip(".") for value in vector.round(3))
+
+
+# Composition of the prompt: the system prompt from the module files, the vocabulary's declarations
+# and the rules of the check; the user's message from the task.
+
+
+Style = Literal["full", "lean"]
+"""Style of the system prompt: with methods of measurement (full), or without (lean)."""
+STYLES: tuple[Style, ...] = get_args(Style)
+SYSTEM_MODULES = (
+    "role",
+    "actions",
+    "composites",
+    "reasoning_rules",
+    "bt_rules",
+    "metadata",
+    "output",
+)
+"""Modules of the system prompt in the order in which they are sent, each a Markdown file."""
+MODULES = (*SYSTEM_MODULES, "image", "text", "all")
+"""Names for `--without`: a module of the system prompt, an input, or the whole system prompt."""
+LARGEST_DESCRIPTION = 200_000
+"""Characters of the scene that are sent; a longer one is refused, not cut."""
+ORDER = "Return Φ, the explanation and the behavior tree."
+"""End of the planner's message."""
+REMEASURE = (
+    "# Measuring again\nThe user wants all that R asks for measured anew, also what D states: it is part of Φ, and "
+    "`nothing_missing` is right only where R asks for nothing that can be measured."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Prompt:
+    """Prompt of one task.
+
+    Attributes:
+        system: the system prompt.
+        task: R, D, robot and poses, which a critic receives as well.
+        images: the image files.
+        order: end of the user's message, which is for the planner alone.
+    """
+
+    system: str
+    task: str
+    images: tuple[Path, ...] = ()
+    order: str = ORDER
+
+    @property
+    def user(self) -> str:
+        """The user's message to the planner."""
+        return f"{self.task}\n\n{self.order}"
+
+
+def compose(
+    vocabulary: Vocabulary,
+    request: str,
+    scene: Scene | None,
+    images: Sequence[Path] = (),
+    symbols: Symbols | None = None,
+    without: Collection[str] = (),
+    style: Style = "full",
+    comments: bool = True,
+    arm: RobotDescription | None = None,
+    remeasure: bool = False,
+) -> Prompt:
+    """The whole prompt for one task; untrusted text is fenced.
+
+    Args:
+        vocabulary: primitives and composites of plans.
+        request, scene, images: R, D and I.
+        symbols, arm: named poses and robot, where there is no scene.
+        without: modules and inputs to leave out.
+        style: style of the system prompt.
+        comments: sends the comments in the scene's file, which may give the answer away.
+        remeasure: what the request asks for is measured even where the scene states it.
+
+    Raises:
+        InputError: an unknown module in `without`, neither a request nor a scene, or one that is
+            too long.
+    """
+    removed = checked_modules(without)
+    if not (request.strip() or scene):
+        raise InputError(
+            "there is neither a request nor a scene; give a sentence, an MJCF file, or both"
+        )
+    parts: list[str] = []
+    if "text" not in removed:
+        asked = fence(request) if request.strip() else "None: acquire what D leaves out."
+        parts += [f"# Request R\n{asked}", scene_section(scene, comments)]
+        if remeasure and request.strip():
+            parts.append(REMEASURE)
+    if scene is not None:
+        symbols, arm = scene.symbols, scene.arm
+    if arm is not None and "metadata" not in removed:
+        parts.append(robot_section(arm, scene.pose_world_base if scene is not None else None))
+    if symbols and "metadata" not in removed:
+        parts.append(f"{HEAD}\n{fence(named_poses(symbols))}")
+    pictures = () if "image" in removed else tuple(images)
+    if pictures:
+        views = "the workspace now"
+        if len(pictures) > 1:
+            views = f"{len(pictures)} views of {views}"
+        parts.append(f"# Image I\nAttached: {views}.")
+    return Prompt(system_prompt(vocabulary, removed, style), "\n\n".join(parts), pictures)
+
+
+def checked_modules(names: Iterable[str]) -> frozenset[str]:
+    """The names as a set.
+
+    Raises:
+        InputError: one is not a module; the message lists those there are.
+    """
+    for name in names:
+        if name not in MODULES:
+            raise unknown_name("prompt module", name, MODULES)
+    return frozenset(names)
+
+
+def checked_style(name: str) -> Style:
+    """The style of that name.
+
+    Raises:
+        InputError: there is none; the message lists those there are.
+    """
+    if name not in STYLES:
+        raise unknown_name("prompt", name, STYLES)
+    return name
+
+
+def system_prompt(
+    vocabulary: Vocabulary, without: Collection[str] = (), style: Style = "full"
+) -> str:
+    """The system prompt, less the modules in `without`; empty without all of them."""
+    if "all" in without:
+        return ""
+    return "\n".join(
+        filled_module(f"{name}.md", vocabulary, style)
+        for name in SYSTEM_MODULES
+        if name not in without
+    )
+
+
+def fence(text: str, language: str = "") -> str:
+    """`text` in a Markdown fence longer than any in it."""
+    ticks = "```"  # Markdown closes a fence only with as many backticks as opened it
+    while ticks in text:
+        ticks += "`"
+    return f"{ticks}{language}\n{text.rstrip()}\n{ticks}"
+
+
+def filled_module(file: str, vocabulary: Vocabulary, style: Style) -> str:
+    """A module of the system prompt, with generated descriptions in place of its marks, such as
+    `{{quantities}}`."""
+    text = _module(file, style)
+    if "{{" not in text:
+        return text
+    for name, description in descriptions(vocabulary, style).items():
+        text = text.replace(f"{{{{{name}}}}}", description)
+    return text
+
+
+def _module(file: str, style: Style) -> str:
+    """Text of a module's file, with its marks."""
+    folder = resources.files("palpate.planning.model").joinpath("prompts")
+    own = folder.joinpath(style, file)
+    return (own if own.is_file() else folder.joinpath(file)).read_text(encoding="utf-8")
+
+
+def descriptions(vocabulary: Vocabulary, style: Style) -> dict[str, str]:
+    """Generated descriptions of primitives, composites, quantities and rules, by mark."""
+    general: list[str] = []
+    conversion: list[str] = []
+    for primitive in vocabulary.primitives.values():
+        group = conversion if primitive.group == "conversion" else general
+        group.append(primitive_entry(primitive, style))
+    heads = {quantity: quantity_head(quantity) for quantity in catalogue().values()}
+    marks = {
+        "general": general,
+        "conversion": conversion,
+        "composites": [f"- {c.name}: {c.summary}" for c in vocabulary.composites.values()],
+        "quantities": [f"{head}: {acquisition(q)}" for q, head in heads.items()],
+        "names of quantities": [
+            head + (", derived" if q.derived else "") for q, head in heads.items()
+        ],
+        "goal": [_module("goal.md", style).rstrip()],
+    }
+    for mark, about in (("rules of parameters", "parameters"), ("rules of the tree", "tree")):
+        marks[mark] = [
+            f"- {rule.id}: {rule.asks}"
+            for rule in CATALOGUE.values()
+            if rule.about == about and not (rule.recipe and style == "lean")
+        ]
+    texts = {mark: "\n".join(lines) for mark, lines in marks.items()}
+    return {**texts, "purposes": "; ".join(map(str, PURPOSES))}
+
+
+def primitive_entry(primitive: type[Primitive], style: Style) -> str:
+    """Line of a primitive: signature, docstring, buffer and arguments."""
+    fields = primitive.model_fields
+    said = primitive.summary() if style == "full" else primitive.capability()
+    entry = f"- {primitive.__name__}({', '.join(fields)}): {said}"
+    if primitive.reads and primitive.reads not in said:
+        entry += f" Reads `{primitive.reads}`."
+    arguments = "; ".join(f"{name}: {field.description}" for name, field in fields.items())
+    if arguments:
+        entry += f" {arguments[0].upper()}{arguments[1:]}."
+    return entry
+
+
+_SUBJECTS = {
+    "gripper": "the held object or of `gripper`",
+    "object": "an object",
+    "surface": "a surface",
+    "fixture": "a drawer or door",
+}
+
+
+def quantity_head(quantity: Quantity) -> str:
+    """Name, unit and subject of a quantity."""
+    unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+    kind = "" if quantity.identifiable else ", not measurable"
+    subject = _SUBJECTS.get(quantity.subject, f"a {quantity.subject}")
+    return f"- {quantity.id}{unit}, of {subject}{kind}"
+
+
+def scene_section(scene: Scene | None, comments: bool) -> str:
+    """Section of the user's MJCF, or of the objects to list in its place."""
+    if scene is None:
+        return (
+            "# Simulation description D\nNone: list what the image shows in `scene`. What you list as X there has "
+            "the poses X_pose and X_temporary, a plane X has X_approach, and each has its own x_offset, y_offset and "
+            "z_offset, the last one upwards."
+        )
+    text = strip_rendering(scene.text, comments)
+    if len(text) > LARGEST_DESCRIPTION:
+        raise InputError(
+            f"the scene has {len(text)} characters; at most {LARGEST_DESCRIPTION} are sent to a "
+            "model: use the symbolic planner, or move assets to other files"
+        )
+    return (
+        "# Simulation description D (MJCF, without textures, lights and cameras; absent or `?` is "
+        f"unknown)\n{fence(text, 'xml')}"
+    )
+
+
+def robot_section(arm: RobotDescription, pose_world_base: Pose | None) -> str:
+    """Section of the robot's dimensions and limits by which the check judges fit and clearance."""
+    hand, limits = arm.hand, arm.limits
+    half_x, half_y = hand.half_extents
+    beside = hand.opening / 2 + hand.finger  # from the middle to the outside of an open finger
+    low, high = limits.workspace_min.tolist(), limits.workspace_max.tolist()
+    within = (f"{axis} {a:.3g} to {b:.3g} m" for axis, a, b in zip("xyz", low, high, strict=True))
+    lines = [
+        "# Robot",
+        "Hand, pointing down: the gripper's pose is that of the point between its fingertips; "
+        f"{mm(hand.opening)} between the open fingers, which close along the gripper's y; the palm is "
+        f"{mm(hand.palm)} above the fingertips. At a grasp the open fingers take up {mm(beside)} to either "
+        f"side along y and {mm(hand.pad)} along x, above the palm the hand {mm(half_y)} and {mm(half_x)}: "
+        "whatever else reaches in there blocks.",
+        f"Payload {limits.payload:g} kg. The gripper's point stays, from the base, within "
+        f"{', '.join(within)}, where the arm reaches.",
+    ]
+    if pose_world_base is not None:
+        lines.append(
+            f"Base in the world, with the direction of its x axis: {position_and_yaw(pose_world_base)}."
+        )
+    return "\n".join(lines)

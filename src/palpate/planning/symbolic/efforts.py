@@ -1,0 +1,309 @@
+"""Effort of a plan: passes, recordings, and errands of a person."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter, PlanRejected
+from palpate.estimation.quantities.catalogue import catalogue
+from palpate.estimation.quantities.quantity import Effort, Evidence, Quantity, Site
+from palpate.estimation.quantities.temperature import Temperature
+from palpate.estimation.quantities.within import Within, noise_std
+from palpate.planning.check.walk import evidence_amount
+from palpate.planning.request.grounding import ground
+from palpate.planning.symbolic.shortest import Tail
+from palpate.planning.symbolic.steps import Step, is_away, is_clear
+from palpate.primitives.base import Primitive, Surroundings
+from palpate.primitives.gripper import CloseGripper, OpenGripper
+from palpate.primitives.motion import MovePose
+from palpate.primitives.registry import Vocabulary
+from palpate.primitives.rules.profile import NEAR_SPEED
+from palpate.primitives.state import SymbolicState, during
+from palpate.scene.scene import Scene
+
+MANUAL: tuple[Quantity, ...] = (Temperature(),)
+"""Quantities beside the catalogue that a person reads off a tool."""
+_DENYING = re.compile(r"\b(?:not?|never|without|except|but|unless|if|instead|nor)\b|n't\b")
+_JOINING = re.compile(r"\band\b|[,;.!?]")
+_BEFORE_THING = re.compile(r"\b(?:of|in|inside|on|over|at)\b")
+
+
+@dataclass(frozen=True, slots=True)
+class Errand:
+    """Carrying of a tool over some objects.
+
+    Attributes:
+        quantity: what a person reads off the tool.
+        tool: the object that is carried.
+        spots: pose expressions where it is held, in order.
+        objects: the objects that are read there.
+    """
+
+    quantity: Quantity
+    tool: str
+    spots: tuple[str, ...]
+    objects: tuple[str, ...]
+
+    @property
+    def explanation(self) -> str:
+        """Explanation of the plan."""
+        over = " and ".join(f"'{name}'" for name in self.objects)
+        return (
+            f"'{self.tool}' is fetched, held over {over} and returned. The {self.quantity.label} is to be read by "
+            f"a person: no primitive reads it. {self.how.capitalize()}."
+        )
+
+    @property
+    def how(self) -> str:
+        """Instruction for the reading."""
+        return "; ".join(evidence.how for evidence in self.quantity.evidence)
+
+
+def errand(request: str, scene: Scene) -> Errand | None:
+    """The errand that a request asks for, and nothing else; None for any other request.
+
+    Raises:
+        InputError: the scene has no place over an object where the tool is to be held.
+    """
+    said = " ".join(request.lower().split())
+    if _DENYING.search(said):
+        return None
+    for quantity, evidence in iter_tool_quantities():
+        tools = [
+            name for name in scene.objects if evidence.tool in re.split(r"[\W_]+", name.lower())
+        ]
+        used = re.search(rf"\b(?:with|using) (?:the|a|my) {re.escape(evidence.tool)}\b", said)
+        if used is None or len(tools) != 1:
+            continue
+        rest = (said[: used.start()] + said[used.end() :]).strip(" ,.?!")
+        words = "|".join(quantity.words.get("en", ()))
+        asked = re.search(rf"\b(?:{words})\b", rest)
+        # What is joined before the quantity is a wish of its own.
+        if asked is None or _JOINING.search(rest[: asked.start()]):
+            continue
+        objects = objects_of(rest[asked.end() :], scene)
+        if not objects or tools[0] in objects:
+            continue
+        spots = tuple(f"{name}_{evidence.place}" for name in objects)
+        for spot in spots:
+            scene.symbols.resolve(spot)
+        return Errand(quantity, tools[0], spots, objects)
+    return None
+
+
+def iter_tool_quantities() -> Iterator[tuple[Quantity, Evidence]]:
+    """Quantities that no primitive reads, with the evidence that names their tool."""
+    known = catalogue()
+    every = [*MANUAL, *(each for each in known.values() if not each.identifiable)]
+    for quantity in every:
+        if quantity.id in known and known[quantity.id].identifiable:
+            continue  # a package reads it
+        for evidence in quantity.evidence:
+            if evidence.tool:
+                yield quantity, evidence
+
+
+def objects_of(said: str, scene: Scene) -> tuple[str, ...]:
+    """Objects that a phrase ends with, after the first of its prepositions that can be read: "of the
+    water in both cups"."""
+    for place in _BEFORE_THING.finditer(said):
+        if _JOINING.search(said[: place.start()]):
+            break
+        phrase = said[place.end() :].strip()
+        first, second = (objects_of_quantity(id, phrase, scene) for id in ("mass", "friction"))
+        # A wish within the phrase is the same whatever is asked of its objects.
+        if first and first == second:
+            return first
+    return ()
+
+
+def objects_of_quantity(id: str, phrase: str, scene: Scene) -> tuple[str, ...]:
+    """Objects of "the mass of (phrase)"; none where it asks for anything else."""
+    try:
+        found = ground(f"the {id} of {phrase}", scene)
+    except (InputError, PlanRejected):
+        return ()
+    plain = not (found.remarks or found.cannot) and all(p.quantity == id for p in found.asked)
+    return tuple(dict.fromkeys(one.object for one in found.asked)) if plain else ()
+
+
+# Effort beyond the evidence that a parameter needs: slow passes between grasp and lift, and
+# repeated cycles of grasp, lift and put-back, in which empty and loaded passes over the same path
+# alternate.
+
+
+Efforts = Mapping[Parameter, Effort]
+
+
+def efforts(scene: Scene, parameters: Iterable[Parameter], within: Within) -> Efforts:
+    """Initial effort of each parameter with a requested width, where its quantity can predict it."""
+    found: dict[Parameter, Effort] = {}
+    for parameter in parameters:
+        width, site = within.of(parameter), site_of(scene, parameter)
+        if width is not None and site is not None:
+            quantity = scene.catalogue[parameter.quantity]
+            effort = quantity.effort(site, noise_std(width, quantity.floor(site)), None)
+            if effort is not None:
+                found[parameter] = effort
+    return found
+
+
+def site_of(scene: Scene, parameter: Parameter, value: Sequence[float] = ()) -> Site | None:
+    """Workplace of an object with the believed `value` of the parameter. None for other bodies, or
+    without a belief."""
+    name = parameter.object
+    if name not in scene.objects:
+        return None
+    known = scene.bodies[name].known.get(parameter.quantity)
+    believed = tuple(value) or known or scene.priors.get(parameter)
+    if believed is None:
+        return None
+    grasp, above = (scene.symbols.resolve(at) for at in (f"{name}_pose", f"{name}_pose + z_offset"))
+    base, gravity = scene.pose_world_base, scene.gravity
+    return Site(
+        parameter=parameter,
+        arm=scene.arm,
+        pose_world_base=base,
+        grasp=grasp,
+        above=above,
+        believed=believed,
+        gravity=gravity,
+        near_speed=NEAR_SPEED,
+    )
+
+
+def with_effort(
+    start: SymbolicState, steps: Sequence[Step], state: SymbolicState, name: str, effort: Effort
+) -> tuple[list[Step], SymbolicState]:
+    """Add an effort to the steps that measure an object.
+
+    Args:
+        start, steps, state: the state before, the steps, and the state after them.
+        name: the object.
+        effort: speed of the passes and number of cycles; fewer where more would do harm.
+
+    Returns:
+        The steps with the effort, and the state after them.
+    """
+    # The recordings tell at which pose expressions the object was last grasped and held still.
+    lift = next(
+        (
+            (context.grasp, context.at)
+            for _, context in reversed(state.logged)
+            if context.holding == name and context.activity == "still"
+            if context.grasp and context.at
+        ),
+        None,
+    )
+    if lift is None:
+        return list(steps), state
+    grasp, above = lift
+    found = list(slow_steps(start.at, steps, {grasp, above}, effort.speed))
+    # Down, grasp, up; down, release, up.
+    cycle: list[Step] = []
+    for fingers in (CloseGripper(), OpenGripper()):
+        down, up = (MovePose(pose=pose, speed=effort.speed) for pose in lift)
+        cycle += [Step((primitive,)) for primitive in (down, fingers, up)]
+    for _ in range(effort.cycles - 1):
+        after = after_cycle(cycle, state, name, above)
+        if after is None:
+            break
+        found += cycle
+        state = after
+    return found, state
+
+
+def slow_steps(
+    at: str | None, steps: Iterable[Step], ends: set[str], speed: float | None
+) -> Iterator[Step]:
+    """The steps from pose `at` on, those between both `ends` of the lift at that speed (m/s)."""
+    for step in steps:
+        (first, *beside), start = step.primitives, at
+        if isinstance(first, MovePose):
+            at = first.pose
+            if {start, at} == ends and not beside:
+                step = Step((first.model_copy(update={"speed": speed}),), step.touches)
+        elif "arm" in first.claims:
+            at = None
+        yield step
+
+
+def after_cycle(
+    steps: Iterable[Step], state: SymbolicState, name: str, above: str
+) -> SymbolicState | None:
+    """The state after a cycle; None where it cannot be made from `state`, or does harm."""
+    if state.at != above or not is_clear(state):
+        return None
+    for step in steps:
+        after = step.applied(state)
+        if after is None or step.harm(state) is not None:
+            return None
+        state = after
+    return None if is_away(state, name) else state
+
+
+# Steps that record evidence of a parameter: sensing, and the conversion that reads it.
+
+
+def yielding(
+    parameter: Parameter, operators: Sequence[Primitive], words: Vocabulary, around: Surroundings
+) -> Tail:
+    """Tail of steps that sense and convert a parameter, alone or beside one of the motions."""
+    chains = list(recording_chains(parameter.quantity, words, around))
+    motions = [operator for operator in operators if "arm" in operator.claims]
+
+    def tail(state: SymbolicState) -> list[Step] | None:
+        for first, *others in chains:
+            following = [Step((primitive,)) for primitive in others]
+            steps = [Step((first,)), *following]
+            if adds_evidence(parameter, steps, state):
+                return steps
+            for operator in motions:
+                steps = [Step((operator, first)), *following]
+                if not state.contact and adds_evidence(parameter, steps, state):
+                    return steps
+        return None
+
+    return tail
+
+
+def recording_chains(
+    quantity: str, words: Vocabulary, around: Surroundings
+) -> Iterator[tuple[Primitive, ...]]:
+    """Sensing and conversion that end in `quantity`; of a derived quantity, the sensing alone."""
+
+    def iter_primitives(classes: Iterable[type[Primitive]]) -> Iterator[Primitive]:
+        for cls in classes:
+            yield from cls.groundings(around)
+
+    known = around.state.scene.catalogue[quantity]
+    if known.derived:
+        for buffer in dict.fromkeys(evidence.buffer for evidence in known.evidence):
+            for sensing in iter_primitives(words.sensors(buffer)):
+                yield (sensing,)
+    for conversion in iter_primitives(words.converters(quantity)):
+        if conversion.reads is None:
+            yield (conversion,)
+            continue
+        for sensing in iter_primitives(words.sensors(conversion.reads)):
+            yield sensing, conversion
+
+
+def adds_evidence(parameter: Parameter, steps: Iterable[Step], state: SymbolicState) -> bool:
+    """True if the steps can be made and add evidence of the parameter."""
+    before, quantity = evidence_amount(parameter, state), state.scene.catalogue[parameter.quantity]
+    for step in steps:
+        written = [primitive.writes for primitive in step.primitives if primitive.writes]
+        if written and quantity.evidence:
+            # Before the slower trial: the context of the recording shows whether it can be evidence.
+            context = during(step.moving, state).context()
+            if not any(quantity.piece(parameter, buffer, context) for buffer in written):
+                return False
+        after = step.applied(state)
+        if after is None:
+            return False
+        state = after
+    return evidence_amount(parameter, state) > before

@@ -1,0 +1,1 @@
+"""The vocabulary: primitives, symbolic state, and the rules that judge motions."""

@@ -1,0 +1,349 @@
+"""The base of every primitive.
+
+A primitive is one frozen pydantic class. Its docstring and field descriptions are the prompt
+(the lean prompt has the docstring's first paragraph: what it does, without its purpose); its fields the
+JSON schema and the BT.CPP ports; `groundings` the arguments that a planner tries;
+`requires` and `effects` its symbolic meaning, which the planner chains, the check folds and the run
+applies; `run` its behaviour on a robot; `unsafe` the predicate that is evaluated every tick while
+it runs. There is no second declaration of a primitive.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from inspect import cleandoc
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from palpate.common.errors import InputError
+from palpate.common.pose import Array
+from palpate.estimation.quantities.quantity import Quantity
+from palpate.primitives.load import NOTHING, FingerLoad
+from palpate.primitives.rules import motion
+from palpate.primitives.state import SymbolicState, Violation
+from palpate.robots.pace import mistaken_force, mistaken_moment, unexplained_torque
+from palpate.robots.robot import Robot, RobotState
+from palpate.robots.safety import Expectation, violation
+from palpate.robots.sheet import Links, Reflex
+from palpate.scene.scene import Scene
+from palpate.trace.recording import Conversion, LeafRun, Recording
+from palpate.trace.samples import FORCES, POSE, Samples, Trace
+
+Steps = Generator[float | None, None, str]
+"""A run: yields once a tick while RUNNING, returns its message on SUCCESS, raises `LeafFailure`. It may
+yield the s of robot time for which it needs no look at the robot, unless something happens: the next
+tick may then come so late."""
+Wait = Generator[float | None]
+"""Part of a run that only waits."""
+
+Resource = Literal["arm", "gripper"]
+ARM: frozenset[Resource] = frozenset({"arm"})
+GRIPPER: frozenset[Resource] = frozenset({"gripper"})
+
+Settled = Callable[[str, "Blackboard"], SymbolicState]
+
+WRITERS = {FORCES: "MeasureForces", POSE: "MeasureGripperPose"}
+"""Primitives that fill palpate's own buffers."""
+
+
+HAND = 0.1
+"""m from the TCP within which the empty hand touches things: fingertips, and the palm with its sides."""
+
+
+class LeafFailure(Exception):
+    """Raised inside `run`: the leaf returns FAILURE with this reason."""
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """Start and subject of a planner's search, for `Primitive.groundings`.
+
+    Attributes:
+        state: start of the search.
+        subject: object or surface to measure; empty for none.
+        poses: pose expressions to try, the nearest first.
+    """
+
+    state: SymbolicState
+    subject: str = ""
+    poses: tuple[str, ...] = ()
+
+
+class Recorder:
+    """Recorder of a running plan, into which the runner drains the robot every tick.
+
+    Attributes:
+        newest: samples of the last tick.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self.newest = Samples.empty()
+        self.recordings: list[Recording] = []
+        self.conversions: list[Conversion] = []
+        self.leaves: list[LeafRun] = []
+        self.hand, self.gravity = robot.hand, robot.gravity
+        self._robot = robot
+        self._parts: list[Samples] = []
+
+    def drain(self) -> Samples:
+        """Move the samples that the robot logged since the last call into the record."""
+        samples = self.newest = self._robot.drain()
+        if len(samples):
+            self._parts.append(samples)
+        return samples
+
+    def snapshot(self) -> Trace:
+        """The trace so far."""
+        self._parts = [Samples.concatenate(self._parts)]
+        return Trace(
+            self._parts[0],
+            tuple(self.leaves),
+            tuple(self.recordings),
+            tuple(self.conversions),
+            self.hand,
+            self.gravity,
+        )
+
+
+def keep_state(_: str, blackboard: Blackboard) -> SymbolicState:
+    """Return the state as it is: nothing is known of where things end."""
+    return blackboard.state
+
+
+@dataclass
+class Blackboard:
+    """Blackboard of a running primitive.
+
+    Attributes:
+        robot: the robot.
+        state: the symbolic state.
+        recorder: the recorder.
+        motions: number of running motion leaves.
+        owner: leaf that claims each resource; another leaf with the same claim fails.
+        load: measured load on the fingers.
+        pressed: (3,) N on the hand, world axes, as the running motion set out from a contact; zeros from
+            free air.
+        mistaken: N, of a force on the hand that errors of the joints' torques look like, at an end of the running
+            motion; no more than may be exceeded with an object in the fingers.
+        unrepeated: N m, change of the moment about the closing direction by turning the empty hand
+            in place and back: joint friction.
+        failed: a leaf has failed, and no other may move.
+        bound: place and source, in words, of every pose bound in this run and not reported yet.
+        choice: names of the conversions' estimators by quantity; others are the defaults.
+        waits: s for which each leaf that was ticked needs no look at the robot.
+        settled: returns the state after the motion of the leaf at a path, corrected by where things really
+            end, and fails the leaf where they did not.
+    """
+
+    robot: Robot
+    state: SymbolicState
+    recorder: Recorder
+    motions: int = 0
+    owner: dict[Resource, object] = field(default_factory=dict[Resource, object])
+    load: FingerLoad = NOTHING
+    pressed: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    mistaken: float = 0.0
+    unrepeated: float = 0.0
+    failed: bool = False
+    bound: dict[str, str] = field(default_factory=dict[str, str])
+    choice: Mapping[str, str] = field(default_factory=dict[str, str])
+    waits: list[float] = field(default_factory=list[float])
+    settled: Settled = keep_state
+
+    @property
+    def scene(self) -> Scene:
+        """Believed scene, at rest."""
+        return self.state.scene
+
+    def wait(self, longest: float) -> float:
+        """Take the s, up to `longest`, for which no leaf of the last tick needs a look at the robot."""
+        waits, self.waits = self.waits, []
+        return min(*waits, longest) if waits else 0.0
+
+    @property
+    def links(self) -> Links:
+        """Torques of the joints beyond which something has met a link of the arm: a force on the hand,
+        or on what it holds, acts no farther from the TCP than that reaches."""
+        lever, state = HAND, self.state
+        if state.holding is not None and state.pose_tcp_object is not None:
+            body = state.scene.body(state.holding)
+            apart = float(np.linalg.norm(state.pose_tcp_object.position))
+            lever = max(lever, apart + body.reach)
+        return Links(unexplained_torque(self.scene.arm), lever)
+
+    def set_out(self) -> None:
+        """Note what a hand in contact presses with, before a motion that leaves it."""
+        x, y, z = self.robot.state.contact[:3].tolist()
+        self.pressed = (x, y, z) if self.state.activity == "contact" else (0.0, 0.0, 0.0)
+
+    def press_on(self, way: Array) -> None:
+        """Expect nothing to linger of a contact that a motion along `way` (3,), m, presses on: within 60° of it."""
+        pressed = np.array(self.pressed)
+        if way @ pressed > 0.5 * np.linalg.norm(way) * np.linalg.norm(pressed):
+            self.pressed = (0.0, 0.0, 0.0)
+
+    def set_reflex(self, thresholds: Reflex, *way: Array) -> None:
+        """Set the thresholds at which the robot stops itself, those of its links' contacts with them, for a motion
+        by joint angles of `way` (7,), rad. What errors of the joints' torques look like is no contact."""
+        arm, reflexes = self.scene.arm, self.robot.limits.reflexes
+        places = (self.robot.state.q, *way)
+        mistaken = max(mistaken_force(arm, q) for q in places)
+        self.mistaken = min(mistaken, reflexes.carrying.force)
+        turning = min(max(mistaken_moment(arm, q) for q in places), reflexes.probing.torque)
+        self.robot.set_reflex(
+            replace(
+                thresholds,
+                force=max(thresholds.force, self.mistaken),
+                torque=max(thresholds.torque, turning),
+                links=self.links,
+                pressed=self.pressed,
+            )
+        )
+
+
+class Primitive(BaseModel):
+    """Base class. Subclasses set the class variables they need and implement `run` and
+    `effects`."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    claims: ClassVar[frozenset[Resource]] = frozenset()
+    group: ClassVar[Literal["motion", "gripper", "sensing", "conversion"]]
+    reads: ClassVar[str | None] = None
+    writes: ClassVar[str | None] = None
+    tilts: ClassVar[bool] = False
+    """It may tilt the held object."""
+    extra: ClassVar[bool] = False
+    """It yields optional evidence only: the planner does not search for it."""
+    measures: ClassVar[type[Quantity] | None] = None
+    """Quantity of the catalogue that a conversion estimates."""
+    timeout: ClassVar[float] = 30.0
+    """Robot time in s after which the leaf fails."""
+
+    @classmethod
+    def groundings(cls, around: Surroundings) -> Iterable[Primitive]:
+        """Instances for a planner to try, the likeliest first.
+
+        By default the one with default arguments. A primitive with a required argument must
+        override this, or only plans with written arguments use it.
+        """
+        needs_arguments = any(field.is_required() for field in cls.model_fields.values())
+        return () if needs_arguments else (cls(),)
+
+    def transferred(self, old: str, new: str) -> Primitive:
+        """The instance for object or surface `new` that corresponds to this one for `old`: a planner
+        tries it before a full search."""
+        return self
+
+    def violations(self, state: SymbolicState) -> list[Violation]:
+        """All violations of running it in `state`: by its preconditions, and by its motion among the
+        objects around the hand."""
+        if self.reads and self.reads not in state.buffers:
+            return [self.unwritten()]
+        found = state.unmet(self)
+        if "arm" not in self.claims:
+            unknown = self.claims and state.pose_world_tcp is None
+            return [*found, motion.unknown_start()] if unknown else found
+        if any(violation.rule == "unreachable" for violation in found):
+            return found
+        try:
+            after = state.after(self)
+        except InputError:
+            return found
+        return [*found, *motion.violations(state, after, may_tilt=self.tilts)]
+
+    def requires(self, state: SymbolicState) -> list[Violation]:
+        """Violations of its preconditions, worded so that a model or a person can repair the
+        plan. Rules that primitives share are in `admissible`."""
+        return []
+
+    @classmethod
+    def writer(cls) -> str | None:
+        """Primitive that fills the buffer which it reads; None for a third party's buffer."""
+        return WRITERS.get(cls.reads or "")
+
+    @classmethod
+    def unwritten(cls) -> Violation:
+        """Violation: the buffer that it reads is empty."""
+        writer = cls.writer() or "its sensing"
+        return Violation(
+            "buffer-unwritten", f"`{cls.reads}` is empty; {writer} must come before {cls.__name__}"
+        )
+
+    def bind(self, blackboard: Blackboard) -> None:
+        """Bind arguments that are known only in a run; called first, before any motion."""
+
+    def during(self, state: SymbolicState) -> SymbolicState:
+        """Symbolic state while this runs, in which a sensing leaf beside it in a Parallel records."""
+        return state
+
+    def effects(self, state: SymbolicState) -> SymbolicState:
+        """Symbolic state after SUCCESS, folded from the state before `during`."""
+        return state
+
+    def observed(self, after: SymbolicState, robot: RobotState) -> SymbolicState:
+        """State after SUCCESS at run time, corrected by the robot's."""
+        return after
+
+    def expectation(self, state: SymbolicState) -> Expectation:
+        """Expected forces while this runs; any others violate the safety predicate. By default those of a hand that
+        goes on holding and touching what it does."""
+        held = state.holding is not None
+        works = state.activity in ("working", "limit")
+        touching = works or state.activity in ("contact", "sliding")
+        # Who works a handle takes hold of it meanwhile, and sees to its slipping.
+        return Expectation(holding=held, grasped=held and not works, contact=touching)
+
+    def unsafe(self, blackboard: Blackboard) -> str | None:
+        """Safety predicate, evaluated every tick: the reason of its violation, or None."""
+        expected = replace(
+            self.expectation(blackboard.state),
+            pressed=blackboard.pressed,
+            mistaken=blackboard.mistaken,
+        )
+        return self.slipping(blackboard) or violation(
+            blackboard.robot.state,
+            blackboard.robot.limits,
+            expected,
+            blackboard.scene.pose_world_base,
+            blackboard.robot.gravity,
+            blackboard.links,
+        )
+
+    def slipping(self, blackboard: Blackboard) -> str | None:
+        """Reason why the held object slips from the fingers; None while it does not."""
+        grasped, state = self.expectation(blackboard.state).grasped, blackboard.robot.state
+        return blackboard.load.slip(state.width) if grasped and state.gripping else None
+
+    def run(self, blackboard: Blackboard) -> Steps:
+        """Run, yielding once a tick; return the message of SUCCESS, or raise `LeafFailure`."""
+        raise NotImplementedError
+
+    @property
+    def label(self) -> str:
+        """Label for people: `MovePose(bottle_pose + z_offset)`."""
+        shown = ", ".join(str(v) for v in self.model_dump().values() if v is not None)
+        return f"{type(self).__name__}({shown})"
+
+    @classmethod
+    def summary(cls) -> str:
+        """The docstring: what the primitive does, how to use it safely, and its purpose."""
+        return " ".join((cls.__doc__ or "").split())
+
+    @classmethod
+    def capability(cls) -> str:
+        """The docstring's first paragraph: what the primitive does and how to use it safely."""
+        return " ".join(cleandoc(cls.__doc__ or "").split("\n\n")[0].split())
+
+
+class ConversionPrimitive(Primitive):
+    """A primitive that converts the content of a buffer into an estimate of `measures`."""
+
+    group: ClassVar[Literal["motion", "gripper", "sensing", "conversion"]] = "conversion"
+
+    def subject(self, state: SymbolicState) -> str | None:
+        """Object or surface of the buffer's content, by its context; None without one."""
+        raise NotImplementedError

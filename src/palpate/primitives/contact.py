@@ -1,0 +1,368 @@
+"""The guarded motion: the arm moves until it touches something."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import takewhile
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from palpate.common.pose import Array, Pose, digits
+from palpate.primitives.base import (
+    ARM,
+    Blackboard,
+    LeafFailure,
+    Primitive,
+    Steps,
+    Surroundings,
+    Wait,
+)
+from palpate.primitives.guarding import (
+    BRIEF,
+    FreeAir,
+    WrenchFilter,
+    finish,
+    median_wrench,
+    never,
+    settle,
+    wait_for_contact,
+)
+from palpate.primitives.rules.clearance import box_hits, hand_path
+from palpate.primitives.rules.collision_geometry import hand_sweep, opening
+from palpate.primitives.rules.profile import POSE_ERROR
+from palpate.primitives.rules.solids import SIDES, solids
+from palpate.primitives.rules.support import above
+from palpate.primitives.rules.sweep import FINEST, Hit
+from palpate.primitives.rules.unknown_heights import lacks_measurement
+from palpate.primitives.state import PRECONDITION, SymbolicState, Violation
+from palpate.robots.robot import Robot, RobotState
+from palpate.robots.safety import Expectation
+from palpate.scene.load import is_open
+
+PROBE_SPEED = 0.012
+"""m/s where contact is expected: a rigid surface is met with less than 45 N (mean over 10 ms), also
+where the arm is heaviest."""
+APPROACH_SPEED = 0.020
+"""m/s where contact is possible but not expected yet. Less than twice the speed of the contact, by
+which the loading curve is fitted."""
+EXPECTED_WITHIN = 0.03
+"""m above the known top in which contact is expected; above one of unknown height it is everywhere."""
+CONTACT_FORCE = 8.0  # N: the threshold tau_c of the paper, against the force in free air on the way
+FIRM_FORCE = 30.0
+"""N: the threshold of a firm press: through something soft, and where the hand tilts at contact, as one finger
+alone may be supported, or the arm may be out of level by so little that the other one follows."""
+EASED = 10.0
+"""N to which the pressing force is reduced again: below the limit of a hand in contact, and above the
+error by the joints' friction, which reverses with the arm."""
+REPEATABLE = 0.5
+"""N below the limit of a hand in contact that it must hold: three times the repeatability of a force. A
+rigid body below a soft layer is met with more than the threshold."""
+RELIEF = 4.0  # N by which the arm's springs are relieved in one easing, at least
+EASINGS = math.ceil(FIRM_FORCE / RELIEF)
+"""Number of easings after which nothing of `FIRM_FORCE` is left on those springs."""
+EASING_SPEED = 0.006
+"""m/s: half of the probing speed, so that the arm's dampers do not lift it off as it sets out."""
+ASKEW = 3e-4  # rad of tilt at contact: a third of the effect of `CONTACT_FORCE` on one finger
+SOFT_DEPTH = 5e-4
+"""m of travel between half of `CONTACT_FORCE` and all of it on a soft body, 8 kN/m or less. A rigid body below it
+stops the tips within as much for all of that force: 60 µm/N, the tips included."""
+PRESS_SPEED = 0.006
+"""m/s through something soft, from rest: on springs of 3000 N/m the force on a rigid body grows by 18 N/s, so that
+`CONTACT_FORCE` takes 90 samples."""
+THICKEST = 0.03
+"""m: a cover that is pressed through is not thicker. The tips go no deeper into what is soft, unless `CONTACT_FORCE`
+alone presses them."""
+SIDE_FORCE = 2.0
+"""N: the threshold where a free object may be met sideways: the least that is certainly not the joints'
+friction."""
+CONTACT_TORQUE = 3.0  # N m, likewise
+PROBE_TRAVEL = 0.30  # m
+
+SEARCHED = 3.0 * FINEST
+"""m from where a probe is believed to end, a little before the contact, in which that is found exactly."""
+TOUCHES = 0.0003  # m of distance up to which parts are in contact
+
+AXES: dict[str, tuple[float, float, float]] = {
+    "+x": (1, 0, 0),
+    "-x": (-1, 0, 0),
+    "+y": (0, 1, 0),
+    "-y": (0, -1, 0),
+    "+z": (0, 0, 1),
+    "-z": (0, 0, -1),
+}
+
+
+class MoveUntilContact(Primitive):
+    """Move slowly and compliantly along one axis of the world, with empty fingers, until something
+    rigid is touched; the arm then stays in contact. A soft cover is pressed through to what is rigid
+    beneath.
+
+    Probe a surface's height with `-z` from its approach pose, then rise straight up to there: a picture
+    tells no height, and a cloth hides it."""
+
+    claims: ClassVar = ARM
+    group: ClassVar = "motion"
+    timeout: ClassVar[float] = 60.0
+
+    axis: Annotated[
+        Literal["+x", "-x", "+y", "-y", "+z", "-z"],
+        Field(description="direction of motion, world axes"),
+    ]
+
+    @classmethod
+    def groundings(cls, around: Surroundings) -> Iterator[MoveUntilContact]:
+        # Only the body below is certain to be touched.
+        yield cls(axis="-z")
+
+    def requires(self, state: SymbolicState) -> list[Violation]:
+        problem = self._problem(state)
+        if problem:
+            return [Violation(PRECONDITION, problem)]
+        return list(untouchable(state, self.direction, PROBE_TRAVEL))
+
+    @property
+    def direction(self) -> Array:
+        """(3,) unit vector, world axes."""
+        return np.array(AXES[self.axis], dtype=float)
+
+    def _problem(self, state: SymbolicState) -> str | None:
+        if state.pose_world_tcp is None or state.is_bent:
+            return f"the gripper is not at a known pose; {starts(state)}"
+        if state.contact:
+            pose = "approach" if state.contact in state.scene.surfaces else "top"
+            return (
+                f"already in contact with '{state.contact}'; "
+                f"MovePose to '{state.contact}_{pose}' first"
+            )
+        if self.axis == "-z" and state.surface_below(state.pose_world_tcp) is None:
+            return f"nothing is below '{state.at}'; {starts(state)}"
+        if state.holding:
+            return (
+                f"'{state.holding}' is in the gripper, and the fingertips probe; put it down first: "
+                f"MovePose '{above(state, state.grasp)}', MovePose '{state.grasp}', OpenGripper, "
+                f"MovePose '{above(state, state.grasp)}', MovePose '{state.at}'"
+            )
+        return None
+
+    def _objects_ahead(self, state: SymbolicState) -> list[str]:
+        """Objects that a sideways probe may meet."""
+        start = state.pose_world_tcp
+        if start is None or self.axis in ("+z", "-z"):
+            return []
+        end = start.translate(PROBE_TRAVEL * self.direction)
+        return box_hits(state, start, end, margin=POSE_ERROR)
+
+    def during(self, state: SymbolicState) -> SymbolicState:
+        return replace(state, activity="moving")
+
+    def effects(self, state: SymbolicState) -> SymbolicState:
+        first = touch(state, self.direction, PROBE_TRAVEL)
+        if first is None:
+            return replace(state, contact=None, activity="contact")
+        hit, pose = first
+        name = hit.other.owner
+        known = name if self.axis == "-z" and name in state.scene.bodies else None
+        return replace(state, pose_world_tcp=pose, joints=None, contact=known, activity="contact")
+
+    def observed(self, after: SymbolicState, robot: RobotState) -> SymbolicState:
+        # The contact is where the arm is, not where it was believed to be.
+        there = replace(after, pose_world_tcp=robot.pose_world_tcp)
+        if after.contact is None or not is_open(after.scene, after.contact):
+            return self._correct_belief(after, there)
+        top = float(robot.pose_world_tcp.position[2]) - after.scene.arm.tip
+        return there.raised(after.contact, top)
+
+    def _correct_belief(self, believed: SymbolicState, there: SymbolicState) -> SymbolicState:
+        """State `there`, with what was `believed` to be met where it was met. One of unsure size is left: its faces
+        tell that."""
+        first = touch(believed, self.direction, SEARCHED)
+        body = None if first is None else there.scene.bodies.get(first[0].other.owner)
+        if first is None or body is None or body.seen or "size" in body.missing:
+            return there
+        hit, _ = first
+        left = hit.share * SEARCHED + hit.distance
+        apart = float(self.direction @ (there.tcp.position - believed.tcp.position)) - left
+        return there.touched(body.name, "probe", self.direction, np.array(hit.where), apart)
+
+    def expectation(self, state: SymbolicState) -> Expectation:
+        return Expectation(contact=True, holding=state.holding is not None)
+
+    def run(self, blackboard: Blackboard) -> Steps:
+        robot, state = blackboard.robot, blackboard.state
+        start, upright = robot.state.pose_world_tcp, _tilt(robot.state)
+        threshold = SIDE_FORCE if self._objects_ahead(state) else CONTACT_FORCE
+        contact = _Contact(robot, self.direction)
+        far = contact.far if threshold >= CONTACT_FORCE else never
+        blackboard.set_reflex(robot.limits.reflexes.probing)
+        for speed, travel in self._stages(state, float(start.position[2])):
+            robot.move_axis(self.direction, speed, travel)
+            if (yield from wait_for_contact(blackboard, lambda: contact.exceeds(threshold), far)):
+                travelled = robot.state.pose_world_tcp.distance_to(start)
+                soft = contact.depth() >= SOFT_DEPTH
+                if soft and self._is_open(state):
+                    yield from self._press_through(blackboard, contact)
+                yield from settle(blackboard)
+                firm = self.axis == "-z" and not soft
+                if firm and abs(_tilt(robot.state) - upright) > ASKEW:
+                    # Press firmly, until the other finger is in contact too, and lightly again.
+                    robot.move_axis(self.direction, PROBE_SPEED, PROBE_TRAVEL)
+                    yield from wait_for_contact(blackboard, lambda: contact.exceeds(FIRM_FORCE))
+                    yield from settle(blackboard, BRIEF)
+                    yield from self._ease(blackboard, contact)
+                # A hand in contact must stay clear of the limit of an unexpected force.
+                elif np.linalg.norm(robot.state.contact[:3]) > robot.limits.free_force - REPEATABLE:
+                    yield from self._ease(blackboard, contact)
+                return f"contact after {1e3 * travelled:.0f} mm"
+        raise LeafFailure(
+            f"nothing touched within {PROBE_TRAVEL:.2f} m along {self.axis}; "
+            "start nearer, or probe another direction"
+        )
+
+    def _press_through(self, blackboard: Blackboard, contact: _Contact) -> Wait:
+        """Press on slowly, until something rigid stops the tips, or they have gone through the thickest cover."""
+        # Under an even spring, half of the force is reached at half of the depth.
+        left = THICKEST - 2.0 * contact.depth()
+        yield from finish(blackboard)
+        yield from settle(blackboard, BRIEF)
+        contact.course.clear()
+        blackboard.robot.move_axis(self.direction, PRESS_SPEED, PROBE_TRAVEL)
+        yield from wait_for_contact(
+            blackboard, lambda: contact.exceeds(FIRM_FORCE) or contact.is_stopped(left)
+        )
+
+    def _ease(self, blackboard: Blackboard, contact: _Contact) -> Wait:
+        """Retreat until the hand presses lightly."""
+        robot = blackboard.robot
+        for easing in range(EASINGS):
+            force = contact.at_rest((yield from median_wrench(blackboard)))
+            if force < EASED:
+                break
+            # Something soft follows the tips, and relieves the arm's springs by less than the retreat.
+            excess = 2.0**easing * (force - EASED)
+            relief = max(excess, RELIEF) / blackboard.scene.arm.stiffness.translation
+            robot.move_axis(-self.direction, EASING_SPEED, relief)
+            yield from finish(blackboard)
+            yield from settle(blackboard, BRIEF)
+        yield from settle(blackboard)
+
+    def _is_open(self, state: SymbolicState) -> bool:
+        """True if the probe is for a surface whose height the scene does not state."""
+        below = state.surface_below(state.pose_world_tcp)
+        return self.axis == "-z" and below is not None and is_open(state.scene, below.name)
+
+    def _stages(self, state: SymbolicState, z: float) -> list[tuple[float, float]]:
+        """Speed, m/s, and travel, m, of the parts of the motion in order; `z` of the start, m."""
+        below = state.surface_below(state.pose_world_tcp)
+        if self.axis != "-z" or below is None:
+            return [(PROBE_SPEED, PROBE_TRAVEL)]
+        far = z - state.scene.arm.tip - state.top_of(below) - EXPECTED_WITHIN
+        if far < EXPECTED_WITHIN or lacks_measurement(state, below.name):
+            return [(PROBE_SPEED, PROBE_TRAVEL)]
+        return [(APPROACH_SPEED, far), (PROBE_SPEED, PROBE_TRAVEL - far)]
+
+
+def starts(state: SymbolicState) -> str:
+    """Remedy: a start of the probe above the surface below, if there is one."""
+    below = None if state.pose_world_tcp is None else state.surface_below(state.pose_world_tcp)
+    names = [below.name] if below is not None and below.role == "surface" else state.scene.surfaces
+    places = [f"'{name}_approach'" for name in names]
+    if not places:
+        return "go lower"
+    return f"a surface is probed with -z from near above: MovePose to {' or '.join(places)} first"
+
+
+def touch(state: SymbolicState, direction: Array, travel: float) -> tuple[Hit, Pose] | None:
+    """First believed contact of the hand within `travel` m along a direction (3,), and the pose of
+    the TCP (world) just before it; None without contact, or from an unknown pose."""
+    start = state.pose_world_tcp
+    if start is None:
+        return None
+
+    def compute() -> tuple[Hit, Pose] | None:
+        end = start.translate(travel * direction)
+        path = hand_path(solids(state.scene), start, end, opening(state), FINEST)
+        swept = hand_sweep(state, path, TOUCHES)
+        first = swept.first(np.full(len(swept.pairs), TOUCHES))
+        if first is None:
+            return None
+        clear = max(first.share * travel - FINEST, 0.0)
+        return first, start.translate(clear * direction)
+
+    key = ("touch", *state.arrangement, digits(direction), travel)
+    return solids(state.scene).get_or_compute(key, compute)
+
+
+def untouchable(state: SymbolicState, direction: Array, travel: float) -> Iterator[Violation]:
+    """Violation of a guarded motion: no contact, or an inadmissible one."""
+    first = touch(state, direction, travel)
+    if first is None:
+        yield Violation(
+            PRECONDITION,
+            f"there is nothing to touch within {travel:.2f} m from '{state.at}'; {starts(state)}",
+        )
+        return
+    hit, _ = first
+    name = hit.other.owner
+    if hit.part.kind not in SIDES:
+        yield Violation(
+            "collision",
+            f"'{name}' would be met by the {hit.part.owner} and not by the fingertips; probe "
+            "from a pose above the middle of what is to be touched, clear of everything else",
+        )
+
+
+class _Contact:
+    """Contact detection along the direction of a probe; evaluated once a tick."""
+
+    def __init__(self, robot: Robot, direction: Array) -> None:
+        self._robot, self._direction = robot, direction
+        self._filtered, self._free_air = WrenchFilter(robot), FreeAir(robot, direction)
+        self._met: Pose | None = None
+        self.course: list[tuple[float, Pose]] = []  # reaction force, N, and pose at every tick
+
+    def at_rest(self, wrench: Array) -> float:
+        """Reaction force on an arm at rest, N, by a wrench (6,) against the first one at rest."""
+        return float((wrench - self._filtered.first)[:3] @ self._direction)
+
+    def exceeds(self, threshold: float) -> bool:
+        """True if the reaction force exceeds `threshold`, N, or a torque its own threshold."""
+        wrench = self._filtered.now()
+        if np.isnan(wrench).any():
+            return False
+        self._free_air.follow(wrench)
+        met = wrench - self._free_air.wrench
+        along, turning = float(met[:3] @ self._direction), met[3:]
+        self.course.append((along, self._robot.state.pose_world_tcp))
+        if along < CONTACT_FORCE / 2:
+            self._met = None  # the joints' friction on the way
+        elif self._met is None:
+            self._met = self._robot.state.pose_world_tcp
+        return along > threshold or float(np.linalg.norm(turning)) > CONTACT_TORQUE
+
+    def far(self) -> bool:
+        """True if nothing is felt, and the arm has set out."""
+        return self._met is None and self._free_air.known
+
+    def is_stopped(self, left: float) -> bool:
+        """True if over the course the travel exceeds `left`, m, or over its last `SOFT_DEPTH` the force grew by
+        `CONTACT_FORCE`."""
+        if not self.course:
+            return False
+        force, here = self.course[-1]
+        near = takewhile(lambda at: here.distance_to(at[1]) <= SOFT_DEPTH, reversed(self.course))
+        rise = force - min(felt for felt, _ in near)
+        return rise > CONTACT_FORCE or here.distance_to(self.course[0][1]) > left
+
+    def depth(self) -> float:
+        """m of travel since the reaction force exceeded half of `CONTACT_FORCE`."""
+        here = self._robot.state.pose_world_tcp
+        return 0.0 if self._met is None else here.distance_to(self._met)
+
+
+def _tilt(state: RobotState) -> float:
+    """Tilt of the hand in the closing direction against its command, rad."""
+    return float(state.pose_world_tcp.rotation[2, 1] - state.target_world_tcp.rotation[2, 1])

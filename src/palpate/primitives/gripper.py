@@ -1,0 +1,296 @@
+"""Primitives that move the fingers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator, Iterator
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+
+from palpate.primitives.base import (
+    GRIPPER,
+    Blackboard,
+    LeafFailure,
+    Primitive,
+    Steps,
+    Surroundings,
+    Wait,
+)
+from palpate.primitives.guarding import median_wrench
+from palpate.primitives.load import FingerLoad
+from palpate.primitives.rules.collision import finger_collisions
+from palpate.primitives.rules.grasp import ungraspable
+from palpate.primitives.rules.support import above, would_fall
+from palpate.primitives.state import SymbolicState, Violation
+from palpate.robots.robot import RobotState
+from palpate.robots.safety import Expectation
+
+TOP = "_top"  # Suffix of the name of the pose above an object's top
+GRIP_SETTLE = 0.1  # s: fingers at rest on an object before the grasp counts
+GENTLE = 10.0
+"""N of both fingers until the object is recognised: one that stands freely withstands it sideways."""
+NARROWER = 0.0015
+"""m that the fingers may come nearer each other than believed: the error of believed shapes; pads and
+objects deform by less at `GENTLE`."""
+YIELDS = 0.005
+"""m that they may come nearer at the full grasp force: light and soft things deform by half of that,
+and an object squeezed out between them yields by all of its width."""
+WIDER = 0.003
+"""m that they may stay farther apart: an object that one finger pushes to the other, from 10 mm beside
+the middle, tilts that much between the pads."""
+
+
+def finish_fingers(blackboard: Blackboard, least: float = -math.inf) -> Wait:
+    """Wait until the fingers' commanded motion has ended, or they are less than `least` m apart."""
+    yield
+    while blackboard.robot.state.gripper_moving and blackboard.robot.state.width >= least:
+        yield np.inf if math.isinf(least) else None
+
+
+def grip(
+    blackboard: Blackboard, missing: str, force: float | None = None, least: float = -math.inf
+) -> Generator[float | None, None, float]:
+    """Close the fingers with a force, N, or the full one, and wait until they have settled.
+
+    Returns:
+        m between the fingers, at rest, or on their way as soon as it is less than `least`.
+
+    Raises:
+        LeafFailure: they met no resistance; `missing` says what is not there.
+    """
+    robot = blackboard.robot
+    robot.close_gripper(force)
+    yield from finish_fingers(blackboard, least)
+    if robot.state.width < least:
+        return robot.state.width
+    start = robot.state.t
+    while (now := robot.state.t) - start < GRIP_SETTLE:
+        yield GRIP_SETTLE - (now - start)
+    if not robot.state.gripping:
+        raise LeafFailure(f"the fingers met no resistance: {missing}")
+    return robot.state.width
+
+
+def _open(blackboard: Blackboard) -> Wait:
+    blackboard.robot.open_gripper()
+    yield from finish_fingers(blackboard)
+
+
+class OpenGripper(Primitive):
+    """Open the fingers fully. A held object must stand on a support: bring it back to the pose
+    where it was grasped before opening, or it would fall."""
+
+    claims: ClassVar = GRIPPER
+    group: ClassVar = "gripper"
+    timeout: ClassVar[float] = 10.0
+
+    def requires(self, state: SymbolicState) -> list[Violation]:
+        opening = state.scene.arm.hand.opening
+        return [
+            *would_fall(state),
+            *_would_push(state),
+            *finger_collisions(state, opening, state.holding),
+        ]
+
+    def effects(self, state: SymbolicState) -> SymbolicState:
+        # A surface touched through the held object is touched no longer.
+        touched_through_it = state.activity == "contact" and state.contact is None
+        activity = "still" if touched_through_it else state.activity
+        return replace(
+            state,
+            gripper="open",
+            holding=None,
+            grasp=None,
+            pose_tcp_object=None,
+            lifted=False,
+            activity=activity,
+        )
+
+    def expectation(self, state: SymbolicState) -> Expectation:
+        return Expectation(holding=state.holding is not None, contact=True)
+
+    def run(self, blackboard: Blackboard) -> Steps:
+        name = blackboard.state.holding
+        if name is not None:
+            wrench = yield from median_wrench(blackboard)
+            if reason := blackboard.load.too_much(wrench):
+                raise LeafFailure(
+                    f"{reason} of '{name}', which would fall; lower it onto its support first"
+                )
+        yield from _open(blackboard)
+        return f"open to {1e3 * blackboard.robot.state.width:.0f} mm"
+
+
+class CloseGripper(Primitive):
+    """Close the fingers until they meet a physical resistance; fails when nothing is between them,
+    or not what is believed to be. Use it at an object's grasp pose with the gripper open."""
+
+    claims: ClassVar = GRIPPER
+    group: ClassVar = "gripper"
+    timeout: ClassVar[float] = 10.0
+
+    def requires(self, state: SymbolicState) -> list[Violation]:
+        if state.gripper != "open":
+            problem = "the gripper must be open before it closes; OpenGripper first"
+        elif state.pose_world_tcp is None or state.is_bent or state.activity == "contact":
+            problem = f"the gripper is not at a grasp pose; MovePose to {_nearest(state)} first"
+        elif (body := state.object_at(state.pose_world_tcp)) is None:
+            problem = f"nothing is between the fingers at '{state.at}'; MovePose to {_nearest(state)} first"
+        else:
+            return ungraspable(state, body)
+        return [Violation("gripper-state", problem)]
+
+    def effects(self, state: SymbolicState) -> SymbolicState:
+        body = state.object_at(state.pose_world_tcp)
+        if body is None or state.pose_world_tcp is None:
+            return replace(state, gripper="closed")
+        return replace(
+            state,
+            gripper="closed",
+            holding=body.name,
+            grasp=state.at,
+            lifted=False,
+            pose_tcp_object=state.pose_world_tcp.inverse() @ state.pose_of(body.name),
+            activity="contact",
+            contact=None,
+        )
+
+    def observed(self, after: SymbolicState, robot: RobotState) -> SymbolicState:
+        """Fingers that have closed on a thing have its middle between them."""
+        name, tool = after.holding, after.pose_world_tcp
+        if name is None or tool is None or after.pose_tcp_object is None:
+            return after
+        body = after.scene.body(name)
+        held = None if after.belief_of(name) is None else after.grip_of(body, tool)
+        if held is None:
+            return after
+        aside = np.array([0.0, held.aside, 0.0])
+        middle, along = tool.apply(aside), tool.rotation[:, 1]
+        apart = float(along @ (robot.pose_world_tcp.position - middle))
+        free = (after.scene.arm.hand.opening - held.width) / 2.0
+        centred = replace(after, pose_tcp_object=after.pose_tcp_object.translate(-aside))
+        return centred.touched(name, "fingers", along, middle, apart, pushed=free)
+
+    def expectation(self, state: SymbolicState) -> Expectation:
+        return Expectation(contact=True)
+
+    def run(self, blackboard: Blackboard) -> Steps:
+        robot = blackboard.robot
+        blackboard.load = FingerLoad((yield from median_wrench(blackboard)))
+        blackboard.set_reflex(robot.limits.reflexes.contact)
+        # Gently first, to compare the width with the believed one before the object can be moved.
+        met = yield from self._close(blackboard, GENTLE)
+        believed, doubt = _believed_width(blackboard.state)
+        if met < believed - NARROWER - doubt or met > believed + WIDER + doubt:
+            yield from _open(blackboard)
+            share = met / believed - 1.0
+            raise LeafFailure(
+                f"the fingers met something at {1e3 * met:.1f} mm where {1e3 * believed:.1f} mm was "
+                f"believed, {100 * share:+.0f} %: the object is not where it is believed, look again"
+                f"{_picture_advice(blackboard.state)}"
+            )
+        width = yield from self._close(blackboard, None, met - YIELDS)
+        if met - width > YIELDS:
+            yield from _open(blackboard)
+            raise LeafFailure(
+                f"what the fingers met at {1e3 * met:.1f} mm gave way to {1e3 * width:.1f} mm as they "
+                "took hold: the object is not where it is believed, look again"
+                f"{_picture_advice(blackboard.state)}"
+            )
+        blackboard.load = replace(blackboard.load, width=width)
+        return f"grasped at {1e3 * width:.1f} mm"
+
+    def _close(
+        self, blackboard: Blackboard, force: float | None, least: float = -math.inf
+    ) -> Generator[float | None, None, float]:
+        """`grip` with a force, N, or the full one; m between the fingers."""
+        missing = f"nothing is between them{_picture_advice(blackboard.state)}"
+        return (yield from grip(blackboard, missing, force, least))
+
+
+def _picture_advice(state: SymbolicState) -> str:
+    """Advice where the object at the fingers was seen in a picture or by a camera; else empty."""
+    body = state.object_at(state.pose_world_tcp)
+    if body is not None and body.covariance is not None and not body.seen:
+        x, y, _ = state.pose_of(body.name).position
+        return f"; '{body.name}' was seen at ({x:.3f}, {y:.3f}) m, to {1e3 * body.doubt:.1f} mm (3 std)"
+    if body is None or not body.seen:
+        return ""
+    wide, deep, high = 1e3 * body.size
+    x, y, _ = state.pose_of(body.name).position
+    return (
+        f"; by the picture '{body.name}' is {wide:.0f} x {deep:.0f} x {high:.0f} mm and stands at "
+        f"({x:.3f}, {y:.3f}) m: take a picture anew, or state its pose in poses.yaml"
+    )
+
+
+class FoldFingers(Primitive):
+    """Close the empty fingers on each other, making one narrow tip; fails when something is
+    between them.
+
+    Fold them at `<object>_top`, touch the top with MoveUntilContact -z, MovePose away,
+    OpenGripper."""
+
+    claims: ClassVar = GRIPPER
+    group: ClassVar = "gripper"
+    timeout: ClassVar[float] = 10.0
+
+    @classmethod
+    def groundings(cls, around: Surroundings) -> Iterator[FoldFingers]:
+        # Only an object touched from above needs a narrow tip.
+        if any(pose.endswith(TOP) for pose in around.poses):
+            yield cls()
+
+    def requires(self, state: SymbolicState) -> list[Violation]:
+        problem = None
+        if state.gripper != "open":
+            problem = "the gripper must be open before the fingers fold; OpenGripper first"
+        elif state.pose_world_tcp is None or state.activity == "contact":
+            problem = "the gripper is not in free air; MovePose to `<object>_top` first"
+        elif state.object_at(state.pose_world_tcp) is not None:
+            problem = f"something is between the fingers at '{state.at}'; MovePose away first"
+        return [Violation("gripper-state", problem)] if problem else []
+
+    def effects(self, state: SymbolicState) -> SymbolicState:
+        return replace(state, gripper="closed")
+
+    def run(self, blackboard: Blackboard) -> Steps:
+        blackboard.robot.close_gripper(GENTLE)
+        yield from finish_fingers(blackboard)
+        if blackboard.robot.state.gripping:
+            raise LeafFailure("the fingers met something: what is between them is not believed")
+        return f"folded to {1e3 * blackboard.robot.state.width:.0f} mm"
+
+
+def _would_push(state: SymbolicState) -> Iterator[Violation]:
+    """Violation: folded fingers press on something, which opening would push aside."""
+    if state.contact is None or state.holding is not None or state.gripper != "closed":
+        return
+    yield Violation(
+        "gripper-state",
+        f"the folded fingers press on '{state.contact}' and would push it aside as they open; "
+        f"MovePose to '{above(state, state.at)}' first",
+    )
+
+
+def _nearest(state: SymbolicState) -> str:
+    """The grasp pose of the object nearest to the hand, in words."""
+    here = state.pose_world_tcp
+    if here is None or not state.scene.objects:
+        return "`<object>_pose`"
+    nearest = min(state.scene.objects, key=lambda name: state.pose_of(name).distance_to(here))
+    return f"'{nearest}_pose'"
+
+
+def _believed_width(state: SymbolicState) -> tuple[float, float]:
+    """Believed opening of the fingers closed on the object between them, m, and its doubt, m; not a
+    number, which no width exceeds or falls below, where there is none, or its size is unknown."""
+    pose, body = state.pose_world_tcp, state.object_at(state.pose_world_tcp)
+    if pose is None or body is None:
+        return math.nan, 0.0
+    held = state.grip_of(body, pose)
+    width = math.nan if held is None or "size" in body.missing else held.width
+    # A shape seen in a picture is as uncertain as its position: two standard deviations.
+    return width, 2.0 * (body.accuracy or 0.0) if body.seen else 0.0

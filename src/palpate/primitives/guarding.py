@@ -1,0 +1,405 @@
+"""Contact during motions: forces, waiting, guarded spans, lowering and sliding."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Generator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from palpate.common.pose import Array, Pose
+from palpate.primitives.base import Blackboard, LeafFailure, Wait
+from palpate.primitives.load import BREAKAWAY, ROUGHEST, UNFELT, FingerLoad
+from palpate.primitives.rules.grasp import most_sideways
+from palpate.primitives.rules.profile import GUARDED_SPEED, POSE_ERROR, PathSpan, leaves, speed
+from palpate.robots.pace import SUSTAINED, mistaken_force
+from palpate.robots.robot import Robot
+from palpate.robots.sheet import Reflex, Reflexes
+
+SETTLED_SPEED = 0.003  # m/s
+CREEPING = 0.01
+"""rad/s: the elbow of an arm with a faster joint still moves, though the TCP rests. Friction turns round with
+it, and where the arm is folded near its base, that changes the sensed force by newtons. At rest an FR3 reports
+up to 0.004 rad/s (a recording at 1 kHz)."""
+DWELL = 0.3
+"""s at rest until a motion counts as settled where the wrench is compared with an earlier one; windows
+at rest also feed the estimators."""
+BRIEF = 0.1  # s, likewise, where nothing is compared
+SETTLE_LIMIT = 3.0  # s
+MEDIAN_TIME = 0.06  # s that the ticks of a median wrench take
+MET = 8.0
+"""N: change of the contact force that is a contact; five times the effect of the joints' friction and
+the sensors' bias as the arm sets out."""
+SETTING_OUT = (0.2, 0.4)
+"""s from the begin of a probe in which it sets out: then the arm no longer swings, and its joints'
+friction has reversed."""
+GROWS = 1.0
+"""N by which the reaction force grows meanwhile in contact: at 12 mm/s a rigid body presses by 3.6 N
+more on springs of 3000 N/m, and one of 600 N/m by 0.7 N."""
+DRIFT = np.array([20.0, 20.0, 20.0, 60.0, 60.0, 60.0])
+"""N/m and N m/m, largest change of the free-air wrench with position: one and a half times that of an
+uncalibrated arm (gains, links, friction; 12 arms, 15 N/m and 40 N m/m)."""
+DRIFT_MOST = np.array([1.5, 1.5, 1.5, 6.0, 6.0, 6.0])
+"""N and N m, its largest change altogether: the same, over 0.1 m. A soft body is pressed by so much more
+than a threshold at most."""
+
+
+class WrenchFilter:
+    """Median filter of the external wrench over the last ticks.
+
+    Attributes:
+        first: (6,) the first median, in the convention of `palpate.trace`; nan before.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self.first: Array = np.full(6, np.nan)
+        self._robot = robot
+        self._ticks: deque[Array] = deque(maxlen=SUSTAINED)
+
+    def now(self) -> Array:
+        """(6,) median of the last ticks; to be called once a tick. nan in the first ones, which
+        neither exceeds nor falls below any threshold."""
+        self._ticks.append(self._robot.state.contact)
+        if len(self._ticks) < SUSTAINED:
+            return np.full(6, np.nan)
+        a, b, c = self._ticks
+        # The median of three; np.median takes ten times as long.
+        wrench = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
+        if np.isnan(self.first).any():
+            self.first = wrench
+        return wrench
+
+
+class FreeAir:
+    """Baseline of a probe's wrench in free air; updated once a tick.
+
+    At first it is the wrench at rest. On the way the joints' friction adds a step, and the wrench
+    drifts with position. A contact comes later than the step, and grows more steeply than the drift.
+
+    Attributes:
+        wrench: (6,) in the convention of `palpate.trace`; nan before the first tick.
+    """
+
+    def __init__(self, robot: Robot, direction: Array) -> None:
+        self.wrench: Array = np.full(6, np.nan)
+        self._robot, self._direction = robot, direction
+        self._begin, self._at = robot.state.t, robot.state.pose_world_tcp
+        self._setting_out: list[Array] = []
+        self._under_way: Array | None = None
+
+    @property
+    def known(self) -> bool:
+        """True once the arm has set out."""
+        return self._under_way is not None
+
+    def follow(self, wrench: Array) -> None:
+        """Update with the median wrench (6,) of a tick."""
+        if np.isnan(self.wrench).any():
+            self.wrench = wrench
+        here, since = self._robot.state.pose_world_tcp, self._robot.state.t - self._begin
+        if since > SETTING_OUT[1]:
+            if self._under_way is None:
+                self._under_way = self.wrench = self._start_wrench()
+            # Follow the wrench no faster than free air can drift, and no farther.
+            most = DRIFT * here.distance_to(self._at)
+            drifted = self.wrench + np.clip(wrench - self.wrench, -most, most)
+            total = np.clip(drifted - self._under_way, -DRIFT_MOST, DRIFT_MOST)
+            self.wrench = self._under_way + total
+        elif since > SETTING_OUT[0]:
+            self._setting_out.append(wrench)
+        self._at = here
+
+    def _start_wrench(self) -> Array:
+        """(6,) median wrench as the arm set out, unless it grew, as in contact."""
+        wrenches = self._setting_out
+        if not wrenches:
+            return self.wrench
+        half = len(wrenches) // 2
+        grown = np.median(wrenches[half:], axis=0) - np.median(wrenches[: half + 1], axis=0)
+        if abs(grown[:3] @ self._direction) > GROWS:
+            return self.wrench
+        return np.median(wrenches, axis=0)
+
+
+def median_wrench(blackboard: Blackboard) -> Generator[float | None, None, Array]:
+    """Wait for some ticks; (6,) the median wrench meanwhile."""
+    wrenches: list[Array] = []
+    for _ in range(SUSTAINED):
+        wrenches.append(blackboard.robot.state.contact)
+        yield
+    return np.median(wrenches, axis=0)
+
+
+def settle(blackboard: Blackboard, dwell: float = DWELL) -> Wait:
+    """Wait until the arm, its elbow too, has been at rest for `dwell` s.
+
+    Raises:
+        LeafFailure: it does not come to rest.
+    """
+    start = since = blackboard.robot.state.t
+    while (now := blackboard.robot.state.t) - since < dwell:
+        since = max(since, _last_motion_time(blackboard))
+        if now - start > SETTLE_LIMIT + dwell:
+            raise LeafFailure(f"the arm does not settle within {SETTLE_LIMIT:g} s")
+        yield dwell - (now - since)
+
+
+def _last_motion_time(blackboard: Blackboard) -> float:
+    """Robot time, s, at which the arm last moved, by its state and the samples since the last tick; -inf where it
+    rested."""
+    state, rows = blackboard.robot.state, blackboard.recorder.newest
+    if np.linalg.norm(state.twist[:3]) > SETTLED_SPEED or np.abs(state.dq).max() > CREEPING:
+        return state.t
+    moves = np.linalg.norm(rows.twist[:, :3], axis=1) > SETTLED_SPEED
+    moves |= np.abs(rows.dq).max(1, initial=0.0) > CREEPING
+    return float(rows.t[moves].max(initial=-np.inf))
+
+
+def finish(blackboard: Blackboard) -> Wait:
+    """Wait until the arm's commanded motion has ended."""
+    yield
+    while blackboard.robot.state.moving:
+        yield np.inf
+
+
+def never() -> bool:
+    """Return False: always near enough to touch something."""
+    return False
+
+
+def wait_for_contact(
+    blackboard: Blackboard, touching: Callable[[], bool], far: Callable[[], bool] = never
+) -> Generator[float | None, None, bool]:
+    """Wait until the arm's motion is in contact, and hold it there; False when the motion ended
+    first. As long as it is `far` from touching, what the arm feels is soon enough to look."""
+    yield
+    while not touching():
+        if not blackboard.robot.state.moving:
+            return False
+        yield np.inf if far() else None
+    blackboard.robot.hold()
+    return True
+
+
+def in_words(force: Array) -> str:
+    """A force (3,), N, by size and main direction: `12 N downwards`."""
+    size = float(np.linalg.norm(force))
+    names = (("+x", "-x"), ("+y", "-y"), ("upwards", "downwards"))
+    axis = int(np.abs(force).argmax())
+    direction = names[axis][int(force[axis] < 0)]
+    return f"{size:.0f} N {direction}"
+
+
+# Contact during a straight motion: guarded spans, lowering onto a support, sliding along it.
+
+
+SET_DOWN = 10.0
+"""N that a held object presses on its support, besides its weight, when it counts as set down."""
+DOWN = np.array([0.0, 0.0, -1.0])  # World axes
+LOWERINGS = 3  # Largest number of times that an object without full support is lowered further
+WAVERS = 0.4  # N by which the sensed force of an arm at rest fluctuates
+CREEPS = 1.0
+"""N by which that force changes within 0.1 s while the posture of an arm, folded near its base, creeps on
+after a motion."""
+CREEPINGS = 5  # Largest number of times that its end is waited for
+PRESSES = 1.0  # N above the least measurable force, at first: enough must remain once the arm rests
+PEAK = 1.4
+"""Largest normal force on a slide over the pressing force: the arm presses while it sets out and changes
+its speed (21.3 N for 15 N, simulated FR3, friction 1)."""
+CONTACT_SPEED = 0.02  # m/s, wherever contact is present or possible
+FIRMLY = 0.8
+"""Part of the force that would turn an object between the pads that a slide may take: pads creep."""
+LIGHTLY = 3.0  # N, least pressing force, lest a slide lifts the dragged object
+PRESSED = (
+    (0.0, LIGHTLY, CONTACT_SPEED),
+    (0.5, 15.0, CONTACT_SPEED),
+    (1.0, LIGHTLY, 2.0 * CONTACT_SPEED),
+)
+"""Parts of a slide: its end as a share, the pressing force, N, and the largest speed, m/s. The normal
+force is resolved by the torque sensors, and rises and falls, so that the arm's own friction, or a pull
+along the way like a spring's, is not taken for friction; the two speeds likewise for viscous friction."""
+
+
+def span_reflex(of: Reflexes, span: PathSpan, holding: str | None, sets_down: bool) -> Reflex:
+    """Thresholds of the arm's reflex on a span. A held object may press as it is lifted or set
+    down."""
+    if span.guarded and (sets_down or leaves(span.start, span.end)):
+        return replace(of.probing, load=of.carrying.load)
+    return of.carrying if holding else of.free
+
+
+def follow_free(blackboard: Blackboard, span: PathSpan, left: float) -> Wait:
+    """Wait until a motion under way has passed a span with nothing near."""
+    fastest = blackboard.scene.arm.pace.speed
+    yield
+    while not _is_past(blackboard, span, left):
+        yield _soonest(blackboard, span, left, fastest)
+
+
+def wait_guarded_span(
+    blackboard: Blackboard, span: PathSpan, left: float, sets_down: bool, goal: str
+) -> Generator[float | None, None, bool]:
+    """Wait until a motion under way has passed a guarded span, which `left` m follow: True when the
+    held object is set down on its support, which ends the motion.
+
+    Raises:
+        LeafFailure: any other contact; the arm still presses on it.
+    """
+    robot, filtered, scene = blackboard.robot, WrenchFilter(blackboard.robot), blackboard.scene
+    # Joints that turn round on the way, in a lift or as the elbow sways, rub the other way: that is no contact.
+    least = max(MET, mistaken_force(scene.arm, robot.state.q))
+    fastest = speed(span, scene)
+    yield
+    while not _is_past(blackboard, span, left):
+        wrench = filtered.now()
+        change = wrench - filtered.first
+        # Friction of the joints may keep newtons in either reference; what presses shows in both.
+        if sets_down and min(-blackboard.load.borne(wrench), -change[2]) > SET_DOWN:
+            robot.hold()
+            return True
+        met = change[:3] - _explained_force(blackboard, change, sets_down, span)
+        if np.linalg.norm(met) > least:
+            before = 1e3 * (left + robot.state.pose_world_tcp.distance_to(span.end))
+            raise LeafFailure(
+                f"unexpected contact: the hand pushes with {in_words(met)} on something "
+                f"{before:.0f} mm before the end of the way to '{goal}'"
+            )
+        yield None if np.isnan(wrench).any() else _soonest(blackboard, span, left, fastest)
+    return False
+
+
+def _is_past(blackboard: Blackboard, span: PathSpan, left: float) -> bool:
+    """True if a motion has passed a span, or has ended."""
+    state = blackboard.robot.state
+    return not state.moving or (left > 0.0 and _ahead(blackboard, span) <= 0.0)
+
+
+def _soonest(blackboard: Blackboard, span: PathSpan, left: float, fastest: float) -> float:
+    """s after which a motion of at most `fastest` m/s may have passed a span, at the earliest; the end of a motion is
+    noticed anyway."""
+    return _ahead(blackboard, span) / fastest if left > 0.0 else np.inf
+
+
+def _ahead(blackboard: Blackboard, span: PathSpan) -> float:
+    """m of a span that a motion has not passed."""
+    gone = blackboard.robot.state.target_world_tcp.distance_to(span.start)
+    return span.start.distance_to(span.end) - gone
+
+
+def _explained_force(
+    blackboard: Blackboard, change: Array, sets_down: bool, span: PathSpan
+) -> Array:
+    """(3,) N, part of a change of the wrench (6,) that belongs to the motion."""
+    lift = float(change[2])
+    if sets_down:
+        # An object that has turned in the pads presses with one end first, and rubs there.
+        pressed = max(-lift, 0.0)
+        sideways = float(np.linalg.norm(change[:2]))
+        rubs = min(1.0, ROUGHEST * pressed / max(sideways, 1e-9))
+        return np.array([*(rubs * change[:2]), -pressed])
+    if not leaves(span.start, span.end):
+        return np.zeros(3)
+    if blackboard.state.holding is None:
+        return change[:3]  # the hand pressed on what it leaves
+    heaviest = blackboard.robot.limits.payload * blackboard.robot.gravity
+    return np.array([0.0, 0.0, min(max(lift, 0.0), heaviest)])
+
+
+def lower(blackboard: Blackboard, goal: str) -> Wait:
+    """Lower a held object until its support bears it: the arm sags, and fingers that press slip. The
+    arm's last sag before it rests may relieve the support again, or the friction of a folded arm's
+    joints seem to: so repeat, each time with twice the press. That is a contact which is meant to be: friction of
+    joints that turn round beside it may look like more than carrying explains."""
+    before = blackboard.state
+    for lowering in range(LOWERINGS):
+        yield from _rest(blackboard)
+        if blackboard.load.too_much((yield from median_wrench(blackboard)), WAVERS) is None:
+            return
+        pressed = PRESSES * 2**lowering
+        borne = partial(_is_borne, blackboard.load, WrenchFilter(blackboard.robot), pressed)
+        blackboard.robot.move_axis(DOWN, GUARDED_SPEED, POSE_ERROR)
+        blackboard.state = replace(before, lifted=False)
+        try:
+            stands = yield from wait_for_contact(blackboard, borne)
+        finally:  # a stop that comes meanwhile has to lower it
+            blackboard.state = before
+        if not stands:
+            raise LeafFailure(
+                f"nothing bears '{blackboard.state.holding}' at '{goal}' or "
+                f"{1e3 * POSE_ERROR:.0f} mm below: it stays in the fingers"
+            )
+
+
+def _rest(blackboard: Blackboard) -> Wait:
+    """Wait until the arm is at rest, and so is the force on it."""
+    for _ in range(CREEPINGS):
+        forces: list[float] = []
+        for _ in settle(blackboard):
+            forces.append(float(blackboard.robot.state.contact[2]))
+            yield
+        third = max(len(forces) // 3, 1)
+        earlier, later = np.median(forces[-2 * third : -third]), np.median(forces[-third:])
+        if abs(later - earlier) < CREEPS:
+            return
+
+
+def _is_borne(load: FingerLoad, filtered: WrenchFilter, pressed: float) -> bool:
+    """True if a support bears the whole load. A light load is `pressed` on it, N, as its weight alone
+    would not be measurable."""
+    wrench = filtered.now()
+    if not load.borne(wrench) < 0.0:
+        return False
+    return load.hanging is None or load.support_load(wrench) > UNFELT + pressed
+
+
+def slide(blackboard: Blackboard, target: Pose, most: float) -> Wait:
+    """Drag the held object along its support to a pose at `most` m/s, pressed lightly, firmly, and
+    lightly again."""
+    robot = blackboard.robot
+    start, weight = robot.state.target_world_tcp, _weight(blackboard)
+    # More force than the roughest support resists with is a collision.
+    normal = PEAK * max(force for _, force, _ in PRESSED) + weight
+    sideways = BREAKAWAY * ROUGHEST * normal + MET
+    blackboard.set_reflex(replace(robot.limits.reflexes.contact, sideways=sideways))
+    way = target.position - start.position
+    safe = max(CONTACT_SPEED, speed(PathSpan(start, target, True), blackboard.scene))
+    fastest = min(safe, most)
+    for share, force, pace in PRESSED:
+        # Dragged harder, the object would turn between the pads: then press less, down to taking
+        # half of its weight off its support.
+        load = blackboard.load
+        bearable = FIRMLY * most_sideways(blackboard.state, way) / load.rough
+        pressed = min(force, max(bearable - weight, -0.5 * load.weight))
+        down = pressed / blackboard.scene.arm.stiffness.translation
+        here = Pose(start.position + share * way - [0.0, 0.0, down], target.quaternion)
+        robot.move_pose(here, min(pace, fastest))
+        wrench = yield from drag(blackboard)
+        if share > 0.0:
+            blackboard.load = blackboard.load.after_drag(wrench)
+        yield from settle(blackboard, BRIEF)
+    robot.move_pose(target, min(CONTACT_SPEED, fastest))
+    yield from finish(blackboard)
+    yield from settle(blackboard)
+
+
+def drag(blackboard: Blackboard) -> Generator[float | None, None, Array]:
+    """Wait until the commanded motion has ended; (6,) the wrench right before."""
+    filtered = WrenchFilter(blackboard.robot)
+    yield
+    wrench = filtered.now()
+    while blackboard.robot.state.moving:
+        yield
+        wrench = filtered.now()
+    return wrench
+
+
+def _weight(blackboard: Blackboard) -> float:
+    """Weight of the held object, N: measured or known, else the largest that the arm carries."""
+    robot, state = blackboard.robot, blackboard.state
+    if blackboard.load.weight > 0.0:
+        return blackboard.load.weight
+    assert state.holding is not None
+    known = state.scene.body(state.holding).known.get("mass", (robot.limits.payload,))
+    return known[0] * robot.gravity

@@ -1,0 +1,364 @@
+"""Primitives that move the arm to a commanded pose or configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Array, Pose
+from palpate.estimation.quantities.com import CentreOfMass
+from palpate.estimation.quantities.estimators import estimate_all
+from palpate.primitives.base import (
+    ARM,
+    Blackboard,
+    LeafFailure,
+    Primitive,
+    Steps,
+    Surroundings,
+    Wait,
+)
+from palpate.primitives.guarding import (
+    BRIEF,
+    DWELL,
+    MEDIAN_TIME,
+    finish,
+    follow_free,
+    lower,
+    median_wrench,
+    settle,
+    slide,
+    span_reflex,
+    wait_guarded_span,
+)
+from palpate.primitives.load import UNFELT
+from palpate.primitives.rules.clearance import is_vertical
+from palpate.primitives.rules.collision_geometry import (
+    beyond_joint_limits,
+    joints_between,
+    out_of_reach,
+    swings,
+    unfelt,
+)
+from palpate.primitives.rules.profile import POSE_ERROR, spans, stretches
+from palpate.primitives.rules.support import clear_of_support, met_early, slides
+from palpate.primitives.state import (
+    HOME_CONFIG,
+    PRECONDITION,
+    SymbolicState,
+    Violation,
+    pose_of_joints,
+)
+from palpate.robots.pace import configuration, doubt
+from palpate.robots.safety import Expectation
+from palpate.scene.load import untouchable_reason
+from palpate.trace.recording import pose_name
+
+POSITION_TOLERANCE = 0.010
+"""m: an impedance-controlled arm with 1.5 kg on it sags by several millimetres. Soft springs may sag
+by more, as far as the load explains."""
+ANGLE_TOLERANCE = np.radians(3.0)  # rad, likewise
+UNDER_WAY = 90.0  # s that one motion may take: half a metre at the least speed of a cautious arm
+LEAST_SPEED = 0.01  # m/s that a plan may ask for: more slowly some joints of an arm stick and slip
+
+
+class MovePose(Primitive):
+    """Move the gripper in a straight line to a Cartesian equilibrium pose and settle there. Reach
+    an object from above: first `<object>_pose + z_offset`, then `<object>_pose`. While an object is
+    held on its support, moving sideways at the same height slides it with light pressure; lift it
+    first to carry it."""
+
+    claims: ClassVar = ARM
+    group: ClassVar = "motion"
+    timeout: ClassVar[float] = UNDER_WAY
+
+    pose: Annotated[
+        str,
+        Field(
+            min_length=1,
+            max_length=200,
+            description=(
+                "pose expression NAME (± [factor *] OFFSET)*, e.g. `jar_pose + z_offset`, `jar_pose - 2*x_offset`"
+            ),
+        ),
+    ]
+    speed: Annotated[
+        float | None,
+        Field(
+            ge=LEAST_SPEED,
+            le=1.0,
+            description=(
+                "m/s, at most; left out, as fast as is safe. Forces measured on a slow way are less noisy"
+            ),
+        ),
+    ] = None
+
+    def target(self, state: SymbolicState) -> Pose:
+        """TCP pose in the world of the expression."""
+        return state.resolve(self.pose)
+
+    @classmethod
+    def groundings(cls, around: Surroundings) -> Iterator[MovePose]:
+        for pose in around.poses:
+            yield cls(pose=pose)
+
+    def transferred(self, old: str, new: str) -> MovePose:
+        head = pose_name(self.pose)
+        endings = ("_pose", "_approach", "_balance")
+        names = {f"{old}{ending}": f"{new}{ending}" for ending in endings}
+        return self.model_copy(update={"pose": names.get(head, head) + self.pose[len(head) :]})
+
+    def requires(self, state: SymbolicState) -> list[Violation]:
+        try:
+            target = self.target(state)
+        except InputError as error:
+            return [Violation("unknown-symbol", str(error))]
+        found = out_of_reach(state, target, self.pose)
+        name = state.scene.symbols.subject(self.pose)
+        front = f"{name}_front"
+        if front in state.scene.symbols.configurations and swings(state.pose_world_tcp, target):
+            problem = f"the hand is not level; MoveJoints '{name}_level', then '{front}' first"
+            return [*found, Violation(PRECONDITION, problem)]
+        if name is None or name not in state.scene.objects or state.holding is not None:
+            return found
+        # The object's surface may have been measured far from its stated height.
+        reason = untouchable_reason(state.scene, name)
+        return [*found, Violation(PRECONDITION, reason)] if reason else found
+
+    def bind(self, blackboard: Blackboard) -> None:
+        state, name = blackboard.state, blackboard.scene.symbols.found_out(self.pose)
+        # Bound once: the hand puts an object down where it took it.
+        if name is not None and name not in state.bound:
+            along, why = _balance_point(blackboard, name)
+            blackboard.state = replace(state, bound={**state.bound, name: along})
+            blackboard.bound[name] = f"{name} is {1e3 * along:+.0f} mm along, {why}"
+
+    def slides(self, state: SymbolicState) -> bool:
+        """True if this would drag the held object along its support."""
+        if state.holding is None or state.lifted:
+            return False
+        return slides(state, state.after(self))
+
+    def during(self, state: SymbolicState) -> SymbolicState:
+        activity = "sliding" if self.slides(state) else "moving"
+        return replace(state, activity=activity, contact=None)
+
+    def effects(self, state: SymbolicState) -> SymbolicState:
+        target = self.target(state)
+        early = _early(state, target)
+        return _at_rest(state, self.pose, target.translate((0.0, 0.0, early)) if early else target)
+
+    def expectation(self, state: SymbolicState) -> Expectation:
+        held = state.holding is not None
+        return Expectation(holding=held, grasped=held, contact=held and not state.lifted)
+
+    def run(self, blackboard: Blackboard) -> Steps:
+        target = self.target(blackboard.state)
+        if blackboard.state.activity == "sliding":
+            yield from slide(blackboard, target, self.speed or np.inf)
+            blackboard.state = blackboard.state.after_drag()
+            message = self._distance_clause(blackboard, target)
+        else:
+            message = yield from self._go(blackboard, target)
+        if blackboard.state.holding and not self.effects(blackboard.state).lifted:
+            yield from lower(blackboard, self.pose)
+        name = blackboard.scene.symbols.found_out(self.pose)
+        found = blackboard.bound.pop(name or "", None)
+        return f"{message}; {found}" if found else message
+
+    def _go(self, blackboard: Blackboard, target: Pose) -> Steps:
+        """Move span by span; an object that is set down may meet its support early."""
+        robot, state, scene = blackboard.robot, blackboard.state, blackboard.scene
+        lifted = self.effects(state).lifted
+        sets_down = state.holding is not None and not lifted
+        dwell = DWELL
+        way = list(spans(state, robot.state.target_world_tcp, target))
+        left = sum(span.start.distance_to(span.end) for span in way)
+        fastest = min(scene.arm.pace.speed, self.speed or np.inf)
+        blackboard.press_on(target.position - robot.state.target_world_tcp.position)
+        robot.move_pose(target, fastest, stretches(way, scene))
+        for span in way:
+            left -= span.start.distance_to(span.end)
+            left = left if span is not way[-1] else 0.0
+            blackboard.set_reflex(
+                span_reflex(robot.limits.reflexes, span, state.holding, sets_down),
+                configuration(scene.arm, scene.pose_world_base.inverse() @ span.end),
+            )
+            if not span.guarded:
+                yield from follow_free(blackboard, span, left)
+            elif (yield from wait_guarded_span(blackboard, span, left, sets_down, self.pose)):
+                return self._set_down(blackboard, target)
+            dwell = BRIEF if span.guarded else DWELL
+        # The ticks in which the load is weighed count as standing still, too.
+        yield from settle(blackboard, dwell - MEDIAN_TIME if lifted else dwell)
+        if lifted:
+            yield from _weigh(blackboard)
+        return self._distance_clause(blackboard, target)
+
+    def _set_down(self, blackboard: Blackboard, target: Pose) -> str:
+        early = blackboard.robot.state.pose_world_tcp.distance_to(target)
+        if early > POSE_ERROR:
+            raise LeafFailure(
+                f"'{blackboard.state.holding}' met a support {1e3 * early:.0f} mm before "
+                f"'{self.pose}': something else is there"
+            )
+        return f"set down {1e3 * early:.1f} mm early"
+
+    def _distance_clause(self, blackboard: Blackboard, target: Pose) -> str:
+        """Distance of the arm from its target, in words.
+
+        Raises:
+            LeafFailure: too far.
+        """
+        measured = blackboard.robot.state.pose_world_tcp
+        distance, angle = measured.distance_to(target), measured.angle_to(target)
+        if distance > POSITION_TOLERANCE and blackboard.state.holding:
+            # Soft springs sag by the load over their stiffness.
+            sag = blackboard.load.weight / blackboard.scene.arm.stiffness.translation
+            distance = measured.distance_to(target.translate((0.0, 0.0, -sag)))
+        if distance > POSITION_TOLERANCE or angle > ANGLE_TOLERANCE:
+            raise LeafFailure(
+                f"stopped {1e3 * distance:.1f} mm and {np.degrees(angle):.1f}° from '{self.pose}', "
+                f"more than {1e3 * POSITION_TOLERANCE:.0f} mm or {np.degrees(ANGLE_TOLERANCE):.0f}°: "
+                "something is in the way, or the pose is at the edge of the arm's reach"
+            )
+        return f"within {1e3 * distance:.1f} mm"
+
+
+class MoveJoints(Primitive):
+    """Move all joints to a named configuration or to seven angles. Start and end every plan at
+    `home_config`, from where every pose is reached safely; never call it with an object in the
+    gripper that stands on a surface."""
+
+    claims: ClassVar = ARM
+    group: ClassVar = "motion"
+    timeout: ClassVar[float] = UNDER_WAY
+
+    joints: Annotated[
+        str | list[float],
+        Field(
+            description=(
+                "named configuration, e.g. `home_config`, or a list of 7 joint angles in rad"
+            )
+        ),
+    ]
+
+    def target(self, state: SymbolicState) -> Array:
+        """Joint angles (7,), rad.
+
+        Raises:
+            InputError: unknown name, or not seven numbers.
+        """
+        if isinstance(self.joints, str):
+            return state.scene.symbols.joints(self.joints)
+        if len(self.joints) != 7:
+            raise InputError(
+                f"MoveJoints needs 7 angles, not {len(self.joints)}; or use 'home_config'"
+            )
+        return np.array(self.joints)
+
+    @classmethod
+    def groundings(cls, around: Surroundings) -> Iterator[MoveJoints]:
+        yield cls(joints=HOME_CONFIG)
+        # On the way home, from before any handle.
+        before = (around.subject,) if around.subject else tuple(around.state.scene.fixtures)
+        for name in (f"{one}_{place}" for one in before for place in ("level", "front")):
+            if name in around.state.scene.symbols.configurations:
+                yield cls(joints=name)
+
+    def requires(self, state: SymbolicState) -> list[Violation]:
+        try:
+            target = self.target(state)
+        except InputError as error:
+            rule = "unknown-symbol" if isinstance(self.joints, str) else "unreachable"
+            return [Violation(rule, str(error))]
+        return beyond_joint_limits(state, target) or unfelt(state, target)
+
+    def during(self, state: SymbolicState) -> SymbolicState:
+        return replace(state, activity="moving", contact=None)
+
+    def effects(self, state: SymbolicState) -> SymbolicState:
+        name = self.joints if isinstance(self.joints, str) else None
+        joints = self.target(state)
+        pose = pose_of_joints(state.scene, joints)
+        return replace(_at_rest(state, name, pose), joints=joints, activity="still")
+
+    def expectation(self, state: SymbolicState) -> Expectation:
+        return Expectation(holding=state.holding is not None, grasped=state.holding is not None)
+
+    def run(self, blackboard: Blackboard) -> Steps:
+        robot, reflexes = blackboard.robot, blackboard.robot.limits.reflexes
+        goal = self.target(blackboard.state)
+        thresholds = reflexes.carrying if blackboard.state.holding else reflexes.free
+        blackboard.set_reflex(thresholds, *joints_between(robot.state.q, goal))
+        robot.move_joints(goal)
+        yield from finish(blackboard)
+        yield from settle(blackboard, BRIEF)
+        return "reached"
+
+
+def _early(state: SymbolicState, target: Pose) -> float:
+    """m above `target` at which the guarded motion straight down ends, as what it sets down stands."""
+    start, name, held = state.pose_world_tcp, state.holding, state.pose_tcp_object
+    if start is None or name is None or held is None or not state.lifted:
+        return 0.0
+    return met_early(state, name, target @ held) if is_vertical(start, target) else 0.0
+
+
+def _at_rest(state: SymbolicState, at: str | None, target: Pose) -> SymbolicState:
+    """The state at rest with the TCP, and the held object, at a pose."""
+    there = replace(
+        state, at=at, pose_world_tcp=target, joints=None, contact=None, activity="still"
+    )
+    if state.holding is None or state.pose_tcp_object is None:
+        return there
+    pose_world_object = target @ state.pose_tcp_object
+    lifted = clear_of_support(state, state.holding, pose_world_object)
+    return replace(
+        there,
+        lifted=lifted,
+        activity="still" if lifted else "contact",
+        moved=state.placing(state.holding, pose_world_object),
+    )
+
+
+def _weigh(blackboard: Blackboard) -> Wait:
+    """Measure the load that hangs free: unturned since its grasp, and within the payload."""
+    robot, scene, name = blackboard.robot, blackboard.scene, blackboard.state.holding
+    wrench = yield from median_wrench(blackboard)
+    here = robot.state
+    tool = here.pose_world_tcp
+    closing = scene.pose_world_base.rotation.T @ tool.rotation[:, 1]
+    unsure = doubt(scene.arm, here.q, here.tau, closing)
+    if reason := blackboard.load.turned(wrench, tool, unsure):
+        raise LeafFailure(f"'{name}' does not stay as it was grasped, {reason}")
+    blackboard.load = blackboard.load.hung(wrench, tool, unsure)
+    weight, payload = blackboard.load.weight, robot.limits.payload
+    if weight > payload * robot.gravity + UNFELT:
+        raise LeafFailure(
+            f"'{name}' weighs {weight / robot.gravity:.1f} kg, more than the payload of {payload:g} kg"
+        )
+
+
+def _balance_point(blackboard: Blackboard, name: str) -> tuple[float, str]:
+    """Place along the line of a balance pose, m, nearest to the object's centre of mass as measured
+    so far, and its source in words."""
+    scene, trace = blackboard.scene, blackboard.recorder.snapshot()
+    subject, line = scene.symbols.subjects[name], scene.symbols.lines[name]
+    (found,) = estimate_all([Parameter(subject, CentreOfMass.id)], trace, scene.bodies)
+    if found.verdict != "identified":
+        return line.believed, f"as believed: {found.verdict} so far"
+    body = scene.body(subject)
+    # Standard deviation along the line, at most.
+    std = float(np.abs(body.pose_world.rotation.T @ line.along) @ found.stds)
+    along = line.nearest(body.pose_at_rest.apply(found.values))
+    apart = along - line.believed
+    if abs(apart) < std:
+        measured = f"measured {1e3 * apart:+.0f} ± {1e3 * std:.0f} mm from there"
+        return line.believed, f"as believed: {measured}"
+    return along, f"as measured to ± {1e3 * std:.1f} mm"

@@ -1,0 +1,112 @@
+"""Graspable objects: width, mass and moment."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from palpate.common.errors import InputError
+from palpate.common.pose import Array, Pose
+from palpate.mjcf.body import Body
+from palpate.primitives.rules.collision import finger_collisions
+from palpate.primitives.rules.solids import LEFT, solids
+from palpate.primitives.state import SymbolicState, Violation
+from palpate.scene.scene import Scene
+
+PUSHED = 0.010
+"""m from the middle of the fingers beyond which an object is pushed, and a tall one tips, before both
+fingers touch it."""
+TORSION = 0.38
+"""Mean lever of an evenly pressed square pad over its side: ∫∫ sqrt(x² + y²) dx dy over the unit
+square about its centre. Friction times force times this lever resists turning."""
+
+
+def ungraspable(state: SymbolicState, body: Body) -> list[Violation]:
+    """Violations of closing the fingers on an object at the hand's pose: it does not fit, is known
+    to be too heavy, would twist, or something else is between the fingers."""
+    pose = state.pose_world_tcp
+    held = None if pose is None else state.grip_of(body, pose)
+    if pose is None or held is None:
+        return []
+    found: list[Violation] = []
+    left_out = f"leave out what needs '{body.name}' in the hand, and explain"
+    if unfit := does_not_fit(state.scene, body.name):
+        found.append(Violation("too-wide", f"{unfit}; {left_out}"))
+    if heavy := too_heavy(state.scene, body):
+        found.append(Violation("payload", f"{heavy}; {left_out}"))
+    if abs(held.aside) > PUSHED:
+        problem = (
+            f"'{body.name}' is {1e3 * abs(held.aside):.0f} mm beside the middle of the fingers, "
+            f"which would push it over; MovePose to '{body.name}_pose' first"
+        )
+        found.append(Violation("gripper-state", problem))
+    found += _twisting(state, body, pose)
+    return [*found, *finger_collisions(state, held.width, body.name)]
+
+
+def _twisting(state: SymbolicState, body: Body, pose_world_tcp: Pose) -> list[Violation]:
+    """Violation of holding an object there: its weight would turn it about the pads, by the known
+    or believed mass and centre of mass."""
+    scene, shapes = state.scene, solids(state.scene)
+    centre = state.pose_of(body.name).apply(shapes.centre_of_mass(body.name))
+    beside = float((centre - pose_world_tcp.position) @ pose_world_tcp.rotation[:, 0])
+    weight = shapes.mass(body.name) * scene.gravity
+    moment, most = weight * abs(beside), torsion(scene)
+    if moment <= most:
+        return []
+    problem = (
+        f"held {1e3 * abs(beside):.0f} mm beside its centre of mass, '{body.name}' would turn in "
+        f"the grip with {moment:.1f} N m, of at most {most:.1f} N m; grasp it within "
+        f"{1e3 * most / weight:.0f} mm{_nearer(state, beside)}"
+    )
+    return [Violation("twist", problem)]
+
+
+def _nearer(state: SymbolicState, beside: float) -> str:
+    """Remedy: the grasp right above a centre of mass that is `beside` m along the tool's x; empty
+    where the present one is no pose expression."""
+    symbols = state.scene.symbols
+    try:
+        here = symbols.parse(state.at or "")
+        step = float(symbols.offset("x_offset", here.name)[0])
+    except InputError:
+        return ""
+    if not step:
+        return ""
+    nearer = here.shift("x_offset", round(beside / step, 1))
+    return f"; MovePose to '{nearer}' first"
+
+
+def most_sideways(state: SymbolicState, way: Array) -> float:
+    """Largest force, N, along a horizontal direction (3,), world, at the bottom of the held object
+    that does not turn it about the pads; along the line between them it cannot turn."""
+    scene, pose = state.scene, state.pose_world_tcp
+    if pose is None or state.holding is None:
+        return np.inf
+    bottom = scene.body(state.holding).bottom_z(state.pose_of(state.holding))
+    across = abs(float(way @ pose.rotation[:, 0])) / max(float(np.linalg.norm(way)), 1e-9)
+    lever = max(float(pose.position[2]) - bottom, 0.0) * across
+    return torsion(scene) / max(lever, 1e-9)
+
+
+def torsion(scene: Scene) -> float:
+    """Largest moment, N m, with which the two pads resist turning about the line between them:
+    friction times force times the mean lever of a pad."""
+    shapes = solids(scene)
+    pad = shapes.pads[LEFT].geoms[0]
+    size, friction = shapes.model.geom_size[pad], shapes.model.geom_friction[pad, 0]
+    side = 2 * float(np.sqrt(size[0] * size[2]))
+    return float(friction) * scene.arm.hand.force * TORSION * side
+
+
+def does_not_fit(scene: Scene, name: str) -> str:
+    """Reason why the hand cannot take the object; empty if it can."""
+    reason = scene.symbols.ungraspable.get(name)
+    return f"'{name}' cannot be grasped: {reason}" if reason else ""
+
+
+def too_heavy(scene: Scene, body: Body) -> str:
+    """Message for a known mass beyond the payload; empty below it."""
+    mass, payload = body.known.get("mass", (0.0,))[0], scene.arm.limits.payload
+    if mass <= payload:
+        return ""
+    return f"'{body.name}' weighs {mass:g} kg, more than the payload of {payload:g} kg"

@@ -1,0 +1,84 @@
+"""Grip: contact of the pads with an object between them, and its width there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.common.pose import Frames, Pose
+from palpate.primitives.rules.solids import SIDES, Solids
+
+BITE = 0.004  # m of an object, in height and along it, that the pads must cover: an edge slips out
+MEETS = 0.0002  # m between a pad and an object, up to which they are in contact
+APPROACHES = 40  # Largest number of steps in which a pad closes in on an object
+
+
+@dataclass(frozen=True, slots=True)
+class Grip:
+    """Contact of the pads with an object.
+
+    Attributes:
+        width: m between the closed pads.
+        aside: m, offset of the object's middle from the tool's axis, along the tool's y.
+    """
+
+    width: float
+    aside: float
+
+
+def grip(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:
+    """Contact of the pads with an object at a pose in the tool frame; None where the pads would
+    close beside it, above it, or on hardly more than an edge."""
+    like = shapes.alike[name]
+    key = ("grip", like, pose_tcp_object.digits)
+    return shapes.get_or_compute(key, lambda: _grip(shapes, like, pose_tcp_object))
+
+
+def _grip(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:
+    body = shapes.scene.body(name)
+    # A cheap test first: the fingers cannot meet what is farther away than its bounding sphere.
+    middle = pose_tcp_object.apply(body.centre)
+    if np.linalg.norm(middle) > np.linalg.norm(body.size) / 2 + shapes.scene.arm.hand.opening:
+        return None
+    # On an edge alone, the pads miss the object once it is shifted by the bite.
+    for shift in ((0.0, 0.0, BITE), (BITE, 0.0, 0.0), (-BITE, 0.0, 0.0)):
+        if _close_pads(shapes, name, pose_tcp_object.translate(shift)) is None:
+            return None
+    return _close_pads(shapes, name, pose_tcp_object)
+
+
+def _close_pads(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:
+    """Contact of the pads as each closes from its open position."""
+    travels: list[float] = []
+    for side in SIDES:
+        travel = _travel(shapes, side, name, pose_tcp_object)
+        if travel is None:
+            return None
+        travels.append(travel)
+    left, right = travels
+    width = shapes.scene.arm.hand.opening - left - right
+    return Grip(width, (right - left) / 2) if width > 0 else None
+
+
+def _travel(shapes: Solids, side: str, name: str, pose_tcp_object: Pose) -> float | None:
+    """m that a finger's pads travel inwards from open to contact with an object; None without
+    contact."""
+    pads, parts = shapes.pads[side], shapes.objects[name]
+    opening = shapes.scene.arm.hand.opening
+    there = parts.at(pose_tcp_object.position[None], pose_tcp_object.rotation[None])
+    closed, travel = pads.at(np.zeros((1, 3)), np.eye(3)[None]), 0.0
+    # Sphere tracing: a pad may advance by its distance to the object without passing it.
+    for _ in range(APPROACHES):
+        aside = np.array([0.0, SIDES[side] * (opening / 2 - travel), 0.0])
+        closing = Frames(closed.positions + aside, closed.rotations)
+        apart = np.inf
+        for i, pad in enumerate(pads.geoms):
+            for j, part in enumerate(parts.geoms):
+                apart = min(apart, shapes.distance(pad, closing, i, part, there, j))
+        if apart < MEETS:
+            return travel
+        travel += apart
+        if travel >= opening:
+            return None
+    return travel

@@ -1,0 +1,301 @@
+"""Support of an object: its carriers and support polygon seen from above; hanging free, dragged,
+falling or tipping.
+
+An object stands where its lower face is over tops at its height. The hull of the supported parts of
+the face is its support polygon; the object is stable with its centre of mass over that.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from palpate.common.errors import InputError
+from palpate.common.outline import Convex, clip_polygon, depth, hull, rim, slab
+from palpate.common.pose import Array, Pose, digits
+from palpate.mjcf.contacts import SAME_TOP
+from palpate.primitives.rules.arrangement import Arrangement, arrangement
+from palpate.primitives.rules.solids import Solids, solids
+from palpate.primitives.state import SymbolicState, Violation
+
+SETTLES = 0.005
+"""m between the lowest point of an object and a top, either way, up to which the top carries it."""
+FACE = 0.002  # m above an object's lowest point up to which its lower face reaches
+SUNK = 0.02
+"""m of a top above an object's lowest point up to which it counts as below, by the error of belief."""
+LIFTED = 0.005  # m between a held object and its support above which it hangs free
+TIPPING = 0.005  # m that a centre of mass must be inside the support polygon
+OFF_CENTRE = 0.1
+"""Part of an object's extent by which an unstated centre of mass may be off the middle, each way: the
+prior of `quantities.com`."""
+EDGE = 0.003  # m between an object of unknown centre of mass and the edge of its carriers
+AS_FOUND = 0.003  # m from where an object stood up to which it stands there again
+UPRIGHT = np.radians(2.0)  # rad that an object may lean
+MIN_SLIDE = 0.03  # m: a shorter slide is not much more than the grip's and the arm's compliance
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Top:
+    """Upper face of a shape: its owner, (k, 2) corners counterclockwise, and height, world z, m; `foot`
+    is the world z of the shape's lowest point, `friction` what MuJoCo takes from it for a contact:
+    sliding coefficient, priority and `condim`."""
+
+    owner: str
+    outline: Array
+    height: float
+    foot: float
+    friction: tuple[float, int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Footing:
+    """An object at a pose, and the tops below it.
+
+    Attributes:
+        bottom: world z of its lowest point, m.
+        outline, face: (k, 2) corners of the whole object seen from above, and of its lower face.
+        tops: tops under its outline, at any height below.
+    """
+
+    bottom: float
+    outline: Array
+    face: Array
+    tops: tuple[Top, ...]
+
+    @cached_property
+    def carriers(self) -> tuple[Top, ...]:
+        """Tops at the height of its bottom."""
+        return tuple(top for top in self.tops if abs(top.height - self.bottom) <= SETTLES)
+
+    @property
+    def owners(self) -> list[str]:
+        """Bodies that carry it."""
+        return list(dict.fromkeys(top.owner for top in self.carriers))
+
+    @cached_property
+    def support(self) -> Array:
+        """(k, 2) corners of its support polygon; fewer than three where nothing carries it."""
+        parts = [clip_polygon(self.face, top.outline) for top in self.carriers]
+        return hull(np.concatenate([np.zeros((0, 2)), *parts]))
+
+    @property
+    def gap(self) -> float:
+        """m down to the highest top below it; inf where there is none."""
+        return self.bottom - max((top.height for top in self.tops), default=-np.inf)
+
+
+def footing(state: SymbolicState, name: str, pose_world_object: Pose) -> Footing:
+    """Footing of an object at a pose, among everything else that is not held."""
+    key = ("footing", name, pose_world_object.digits, state.holding, *state.others(name))
+    return solids(state.scene).get_or_compute(key, lambda: _footing(state, name, pose_world_object))
+
+
+def _footing(state: SymbolicState, name: str, pose: Pose) -> Footing:
+    shapes, around = solids(state.scene), arrangement(state, {})
+    like = shapes.alike[name]
+    key = ("stand", like, digits(pose.quaternion))
+    stand = shapes.get_or_compute(key, lambda: _stand(shapes, like, pose.quaternion))
+    bottom = stand.bottom + float(pose.position[2])
+    outline, face = stand.outline + pose.position[:2], stand.face + pose.position[:2]
+    low, high = np.full((1, 3), -np.inf), np.full((1, 3), bottom + SUNK)
+    low[0, :2], high[0, :2] = outline.min(axis=0), outline.max(axis=0)
+    tops: list[Top] = []
+    for i in np.flatnonzero(around.near(low, high)[0]).tolist():
+        if around.parts[i].owner == name:
+            continue
+        top = _top(shapes, around, i)
+        if top.height > bottom + SUNK and top.foot > bottom:
+            continue
+        if len(clip_polygon(outline, top.outline)) > 2:
+            tops.append(top)
+    return Footing(bottom, outline, face, tuple(tops))
+
+
+def _stand(shapes: Solids, name: str, quaternion: Array) -> Footing:
+    """Outline and lower face of an object whose frame is at the origin, turned, above nothing."""
+    pose = Pose(np.zeros(3), quaternion)
+    parts: list[Convex] = []
+    for geom, position, rotation in shapes.objects[name]:
+        parts.append(shapes.convex(geom, pose.apply(position), pose.rotation @ rotation))
+    points = np.concatenate([part.points for part in parts])
+    bottom = float(points[:, 2].min())
+    face = hull(np.concatenate([slab(part, bottom, bottom + FACE) for part in parts]))
+    return Footing(bottom, hull(rim(points[:, :2])), face, ())
+
+
+def _top(shapes: Solids, around: Arrangement, i: int) -> Top:
+    """Upper face of a shape that stands still."""
+    part, there = around.parts[i], around.frames
+    position, rotation = there.positions[0, i], there.rotations[0, i]
+
+    def compute() -> Top:
+        shape = shapes.convex(part.geom, position, rotation)
+        foot, height = float(shape.points[:, 2].min()), float(shape.points[:, 2].max())
+        model, geom = shapes.model, part.geom
+        friction = (
+            float(model.geom_friction[geom, 0]),
+            int(model.geom_priority[geom]),
+            int(model.geom_condim[geom]),
+        )
+        return Top(part.owner, hull(slab(shape, height - FACE, height)), height, foot, friction)
+
+    key = ("top", part.geom, position.tobytes(), rotation.tobytes())
+    return shapes.get_or_compute(key, compute)
+
+
+def clear_of_support(state: SymbolicState, name: str, pose_world_object: Pose) -> bool:
+    """True if an object at a pose hangs free of everything below it."""
+    return footing(state, name, pose_world_object).gap > LIFTED
+
+
+def met_early(state: SymbolicState, name: str, pose_world_object: Pose) -> float:
+    """m above a pose (world) at which a lifted object that is set down there stands already where it was found:
+    it has slipped in the pads, by `SUNK` at most. 0 where it would not stand there."""
+    early = -footing(state, name, pose_world_object).gap
+    if not SETTLES < early <= SUNK:
+        return 0.0
+    met = pose_world_object.translate((0.0, 0.0, early))
+    return early if is_as_found(state, name, met) else 0.0
+
+
+def stable(state: SymbolicState, name: str, pose_world_object: Pose) -> str | None:
+    """Reason why an object released at a pose (world) would not stay there; None if it would.
+
+    It stays where it stood before, on its carriers then. Elsewhere it must be upright, with its
+    centre of mass inside the support polygon by `TIPPING`: the stated one, or the middle with its
+    uncertainty where the file leaves it to the shapes. An unknown one may be anywhere: then the
+    object's whole outline must be over its carriers.
+    """
+    if is_as_found(state, name, pose_world_object):
+        return None
+    lean = leaning(state, name, pose_world_object)
+    if lean > UPRIGHT:
+        return f"it would lean by {np.degrees(lean):.0f}° and tip over"
+    there = footing(state, name, pose_world_object)
+    if not there.carriers:
+        if math.isinf(there.gap):
+            return "nothing is below it"
+        if there.gap > 0:
+            return f"it would fall by {there.gap:.3f} m"
+        return f"it would be pressed {-there.gap:.3f} m into what is below it"
+    outlines = [top.outline for top in there.carriers]
+    inside = (max(depth(outline, corner) for outline in outlines) for corner in there.outline)
+    if all(edge >= EDGE for edge in inside) or _is_balanced(state, name, pose_world_object, there):
+        return None
+    carriers = " and ".join(f"'{owner}'" for owner in there.owners)
+    return f"it would tip over the edge of {carriers}"
+
+
+def leaning(state: SymbolicState, name: str, pose_world_object: Pose) -> float:
+    """Angle, rad, between an object's vertical at a pose (world) and the one in the scene."""
+    up = state.scene.body(name).pose_world.rotation[2]
+    return float(np.arccos(np.clip(pose_world_object.rotation[2] @ up, -1.0, 1.0)))
+
+
+def is_as_found(state: SymbolicState, name: str, pose: Pose) -> bool:
+    """True if an object stands where the scene has it, on its carriers there."""
+    found = state.scene.body(name).pose_world
+    if pose.distance_to(found) > AS_FOUND or pose.angle_to(found) > UPRIGHT:
+        return False
+    for owner in footing(SymbolicState(state.scene), name, found).owners:
+        if owner == state.holding:
+            return False
+        if owner in state.moved and not is_as_found(state, owner, state.moved[owner]):
+            return False
+    return True
+
+
+def _is_balanced(state: SymbolicState, name: str, pose: Pose, there: Footing) -> bool:
+    """True if an object's centre of mass, with its uncertainty, is over its support polygon."""
+    body = state.scene.body(name)
+    if "com" in body.known:
+        return depth(there.support, pose.apply(body.known["com"])[:2]) >= TIPPING
+    if "com" not in body.assumed:
+        return False
+    middle = pose.apply(solids(state.scene).centre_of_mass(name))
+    extent = np.abs(pose.rotation[:2]) @ body.size
+    return depth(there.support, middle[:2]) >= TIPPING + float(OFF_CENTRE * extent.max())
+
+
+def slides(before: SymbolicState, after: SymbolicState) -> bool:
+    """True if a motion from one state to the other drags the held object along its support."""
+    if before.holding is None or before.lifted or after.lifted:
+        return False
+    travel = _travel(before, after)
+    return float(np.linalg.norm(travel)) > LIFTED and float(travel[2]) >= -SUNK
+
+
+def dragged_off(before: SymbolicState, after: SymbolicState) -> str | None:
+    """Reason why a held object on its support would not be stable at the end of a motion that does
+    not lift it; None if it would, or is lifted."""
+    held = before.holding
+    if held is None or before.lifted or np.linalg.norm(_travel(before, after)) <= LIFTED:
+        return None
+    start, end = before.pose_of(held), after.pose_of(held)
+    rise = float(end.position[2] - start.position[2])
+    if rise > LIFTED:
+        return None
+    if rise < -SUNK:
+        return f"'{after.at}' is {-1e3 * rise:.0f} mm lower than where it stands"
+    return stable(before, held, end)
+
+
+def surfaces_slid_on(before: SymbolicState, after: SymbolicState) -> list[str]:
+    """Surfaces that carry the held object during a slide, as `carriers`."""
+    held = before.holding
+    if held is None:
+        return []
+    start, end = before.pose_of(held), after.pose_of(held)
+    half = start.translate((end.position - start.position) / 2)
+    return carriers(before, held, (start, half, end))
+
+
+def carriers(state: SymbolicState, name: str, poses: Iterable[Pose]) -> list[str]:
+    """Bodies whose tops carry an object at some of the poses (world): a name for each body and each
+    friction of its shapes, so that a single surface has one."""
+    found: dict[tuple[object, ...], str] = {}
+    for pose in poses:
+        tops = footing(state, name, pose).carriers
+        highest = max((top.height for top in tops), default=0.0)
+        for top in tops:
+            if top.height > highest - SAME_TOP:
+                found[top.owner, top.friction] = top.owner
+    return list(found.values())
+
+
+def _travel(before: SymbolicState, after: SymbolicState) -> Array:
+    """(3,) m, displacement of the TCP; zero from or to an unknown pose."""
+    start, end = before.pose_world_tcp, after.pose_world_tcp
+    return np.zeros(3) if start is None or end is None else end.position - start.position
+
+
+def would_fall(state: SymbolicState) -> list[Violation]:
+    """Violation of opening the fingers: the held object would not stay."""
+    if not state.holding:
+        return []
+    if state.lifted:
+        problem = (
+            f"'{state.holding}' is lifted and would fall; MovePose it onto its support first, "
+            f"e.g. to '{state.grasp}'"
+        )
+        return [Violation("gripper-state", problem)]
+    reason = stable(state, state.holding, state.pose_of(state.holding))
+    if reason is None:
+        return []
+    problem = (
+        f"'{state.holding}' would not stay where it is let go of: {reason}; MovePose it to where "
+        f"it stood, e.g. to '{state.grasp}', or well inside a surface, before OpenGripper"
+    )
+    return [Violation("unsupported", problem)]
+
+
+def above(state: SymbolicState, expression: str | None) -> str:
+    """A pose expression plus one z_offset; anything else unchanged."""
+    try:
+        return str(state.scene.symbols.parse(expression or "").shift("z_offset", 1))
+    except InputError:
+        return f"{expression}"

@@ -1,0 +1,332 @@
+"""Primitives that turn the hand in place, loaded or empty, and back.
+
+Gravity shows along which line a load hangs; tilted, where on that line; turned about the vertical, how
+much of that is the sensors' own error. Inertia shows as the load is swung. Each is a difference from the
+same motion with the empty hand at the same pose, as the arm's own effects are far larger.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from palpate.common.pose import Array, Pose
+from palpate.primitives.base import (
+    ARM,
+    Blackboard,
+    LeafFailure,
+    Primitive,
+    Steps,
+    Surroundings,
+    Wait,
+)
+from palpate.primitives.guarding import BRIEF, DWELL, finish, median_wrench, settle
+from palpate.primitives.rules import motion
+from palpate.primitives.rules.collision_geometry import near_spans
+from palpate.primitives.rules.grasp import torsion
+from palpate.primitives.rules.profile import POSE_ERROR
+from palpate.primitives.rules.solids import solids
+from palpate.primitives.rules.support import above
+from palpate.primitives.state import SymbolicState, Violation
+from palpate.robots.pace import rubbing
+from palpate.robots.safety import Expectation
+from palpate.robots.sheet import MotionLimits
+from palpate.robots.trajectory import SWING_PEAK, rotate_quaternion
+from palpate.trace.recording import Activity
+
+HOLD = 1.0  # s that a tilt is held: as long as a weight is measured
+AXES = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0])}  # Axes of the tool
+SWINGS = ((2.0, 8), (4.0, 12))
+"""Frequencies, Hz, with periods at full amplitude. Two frequencies, as the compliance between pads and
+object grows with the square of the frequency; below half of the bandwidth of the springs at the TCP; in
+some seconds the white noise of a joint's torque averages to some mN m."""
+PRETENDED = 0.5  # Part of the reflex threshold of the moment that the joints' friction may take up
+STEP = math.radians(12.0)
+"""rad between the tilts that are checked: the wrist is badly placed 19° to either side of straight."""
+SLACK = 0.9  # Part of the turning speed that a swing uses
+TURNS = (90.0, -90.0, 60.0, -60.0)
+"""Degrees of a turn about the vertical that a planner tries. A quarter turn moves a lever from the first
+and last joints to those that sense it best; less of it shows less."""
+BENT = math.radians(10.0)
+"""rad by which a joint may turn farther than the hand: farther means another branch of the inverse
+kinematics."""
+
+
+def swing_angle(pace: MotionLimits, frequency: float) -> float:
+    """Amplitude, rad, of a swing at `frequency`, Hz, within the pace's speed and acceleration."""
+    rate = 2.0 * math.pi * frequency
+    acceleration = (pace.swinging_acceleration or 0.0) / SWING_PEAK
+    return min(SLACK * pace.turning_speed / rate, acceleration / rate**2)
+
+
+class _Turning(Primitive):
+    """Rotation of the hand about the TCP and back, beside a recording."""
+
+    claims: ClassVar = ARM
+    group: ClassVar = "motion"
+    tilts: ClassVar[bool] = True
+    activity: ClassVar[Activity]
+    tries: ClassVar[tuple[Mapping[str, Any], ...]] = ({},)  # arguments for a planner, in order
+
+    @classmethod
+    def groundings(cls, around: Surroundings) -> Iterator[Primitive]:
+        if around.subject in around.state.scene.objects:
+            for arguments in cls.tries:
+                yield cls(**arguments)
+
+    def turns(self, state: SymbolicState) -> list[Array]:
+        """Rotation vectors (3,), rad, in the tool's axes, of the extreme rotations."""
+        raise NotImplementedError
+
+    def requires(self, state: SymbolicState) -> list[Violation]:
+        name = type(self).__name__
+        if state.pose_world_tcp is None:
+            return [motion.unknown_start()]
+        if state.is_bent:
+            problem = f"{name} turns the hand at a pose; MovePose first"
+            return [Violation("unknown-start", problem)]
+        if state.contact or (state.holding and not state.lifted):
+            problem = (
+                f"{name} turns the hand in free air; lift what it holds, or leave "
+                f"what it touches: MovePose to '{above(state, state.at)}' first"
+            )
+            return [Violation("collision", problem)]
+        return []
+
+    def violations(self, state: SymbolicState) -> list[Violation]:
+        found = super().violations(state)
+        here, held = state.pose_world_tcp, state.pose_tcp_object
+        if found or here is None:
+            return found
+        for pose in self._ends(state):
+            if not solids(state.scene).reaches(pose):
+                problem = f"the arm cannot turn the hand as far at '{state.at}'"
+                return [Violation("unreachable", problem)]
+            there = replace(state, pose_world_tcp=pose, joints=None)
+            if state.holding is not None and held is not None:
+                there = replace(there, moved=state.placing(state.holding, pose @ held))
+            found += motion.violations(state, there, may_tilt=True)
+            # Turning is no guarded motion: it keeps the error of believed poses from everything.
+            if near_spans(state, here, pose, POSE_ERROR):
+                problem = (
+                    f"turned at '{state.at}' the hand, or what it holds, would come within "
+                    f"{1e3 * POSE_ERROR:.0f} mm of something; MovePose to "
+                    f"'{above(state, state.at)}' first"
+                )
+                found.append(Violation("collision", problem))
+        return found
+
+    def _ends(self, state: SymbolicState) -> Iterator[Pose]:
+        here = state.tcp
+        for turn in self.turns(state):
+            yield Pose.of(here.position, rotate_quaternion(here.quaternion, turn[None])[0])
+
+    def during(self, state: SymbolicState) -> SymbolicState:
+        return replace(state, activity=self.activity, contact=None)
+
+    def effects(self, state: SymbolicState) -> SymbolicState:
+        return replace(state, activity="still", contact=None)
+
+    def expectation(self, state: SymbolicState) -> Expectation:
+        held = state.holding is not None
+        return Expectation(holding=held, grasped=held)
+
+    def _start(self, blackboard: Blackboard) -> None:
+        reflexes = blackboard.robot.limits.reflexes
+        held = blackboard.state.holding
+        blackboard.set_reflex(reflexes.carrying if held else reflexes.free)
+
+    def _turn(self, blackboard: Blackboard, hold: float, dwell: float) -> Wait:
+        """Turn to each extreme rotation, and rest for `hold` s, then back, and rest for `dwell` s."""
+        here = blackboard.state.tcp
+        for pose in (*self._ends(blackboard.state), here):
+            blackboard.robot.move_pose(pose, blackboard.scene.arm.pace.speed)
+            yield from finish(blackboard)
+            yield from settle(blackboard, dwell if pose is here else hold)
+
+    def _require_same_hang(self, blackboard: Blackboard, before: Array) -> Wait:
+        """Require that the held object hangs as it did at the wrench `before` (6,). The same turn
+        with the empty hand shows how much joint friction alone changes the moment.
+
+        Raises:
+            LeafFailure: it slid or turned in the fingers.
+        """
+        load, tool = blackboard.load, blackboard.robot.state.pose_world_tcp
+        wrench = yield from median_wrench(blackboard)
+        if not blackboard.state.holding:
+            changed = abs(float((wrench - before)[3:] @ tool.rotation[:, 1]))
+            blackboard.unrepeated = max(blackboard.unrepeated, changed)
+        elif load.moment is not None:
+            change = load.turned(wrench, tool, load.doubt, blackboard.unrepeated)
+            if change:
+                raise LeafFailure(f"'{blackboard.state.holding}' moved in the fingers: {change}")
+
+
+class Tilt(_Turning):
+    """Tilt the hand in place, with what it holds or empty: by `degrees` one way, the other way, and
+    back, held still for a second each. MovePose to `<object>_pose + z_offset` first.
+
+    In a Parallel with MeasureForces, holding an object in free air and again with the empty hand at the
+    same pose, it shows how high the object's centre of mass is."""
+
+    timeout: ClassVar[float] = 60.0
+    activity: ClassVar[Activity] = "tilting"
+    tries: ClassVar = ({"about": "y"}, {"about": "x"})
+
+    about: Annotated[
+        Literal["x", "y"],
+        Field(description="axis of the gripper to turn about; its fingers close along y"),
+    ] = "y"
+    degrees: Annotated[float, Field(ge=5.0, le=45.0, description="how far, each way")] = 35.0
+
+    def turns(self, state: SymbolicState) -> list[Array]:
+        angle = math.radians(self.degrees)
+        return [angle * AXES[self.about], -angle * AXES[self.about]]
+
+    def requires(self, state: SymbolicState) -> list[Violation]:
+        return super().requires(state) or [*self._straightening(state)]
+
+    def _straightening(self, state: SymbolicState) -> Iterator[Violation]:
+        """Violation: the wrist would come so near to straight that joint friction is taken for a
+        collision."""
+        scene, here = state.scene, state.tcp
+        most = PRETENDED * scene.arm.limits.reflexes.free.torque
+        for turn in self.turns(state):
+            steps = math.ceil(float(np.linalg.norm(turn)) / STEP)
+            shares = np.linspace(0.0, 1.0, steps + 1)[1:, None]
+            for quaternion in rotate_quaternion(here.quaternion, shares * turn):
+                tilted = Pose.of(here.position, quaternion)
+                if rubbing(scene.arm, scene.pose_world_base.inverse() @ tilted) > most:
+                    other = "x" if self.about == "y" else "y"
+                    yield Violation(
+                        "unreachable",
+                        f"tilted about {self.about} by {self.degrees:g}° at '{state.at}', the arm's "
+                        "wrist comes so near to straight that what rubs in it is felt as a collision; "
+                        f'Tilt(about="{other}"), or go elsewhere',
+                    )
+                    return
+
+    def run(self, blackboard: Blackboard) -> Steps:
+        self._start(blackboard)
+        before = yield from median_wrench(blackboard)
+        yield from self._turn(blackboard, hold=DWELL + HOLD, dwell=DWELL)
+        yield from self._require_same_hang(blackboard, before)
+        return f"tilted by {self.degrees:g}° both ways"
+
+
+class Turn(_Turning):
+    """Turn the hand about the vertical and back.
+
+    In a Parallel with MeasureForces, empty and then with an object, it makes `com` surer."""
+
+    activity: ClassVar[Activity] = "turning"
+    tries: ClassVar = tuple({"degrees": degrees} for degrees in TURNS)
+    extra: ClassVar[bool] = True
+
+    degrees: Annotated[
+        float,
+        Field(ge=-150.0, le=150.0, description="counterclockwise, seen from above"),
+    ] = 90.0
+
+    def turns(self, state: SymbolicState) -> list[Array]:
+        return [math.radians(self.degrees) * state.tcp.rotation[2]]
+
+    def requires(self, state: SymbolicState) -> list[Violation]:
+        return super().requires(state) or [*self._bending(state)]
+
+    def _bending(self, state: SymbolicState) -> Iterator[Violation]:
+        """Violation: a joint would have to turn round to its other limit."""
+        now = state.q
+        most = math.radians(abs(self.degrees)) + BENT
+        for pose in self._ends(state):
+            then = solids(state.scene).configuration(pose)
+            if now is not None and then is not None and np.abs(then - now).max() > most:
+                yield Violation(
+                    "unreachable",
+                    f"turned by {self.degrees:g}° at '{state.at}', a joint of the arm comes to its end; "
+                    f"Turn(degrees={-self.degrees:g})",
+                )
+
+    def run(self, blackboard: Blackboard) -> Steps:
+        # About the vertical no weight turns in the fingers: nothing to compare at the end.
+        self._start(blackboard)
+        yield from self._turn(blackboard, hold=BRIEF, dwell=BRIEF)
+        return f"turned by {self.degrees:g}° and back"
+
+
+class Swing(_Turning):
+    """Swing the hand in place: a few degrees to and fro about each
+    axis of the hand in turn, slowly and fast. MovePose to `<object>_pose + z_offset` first.
+
+    In a Parallel with MeasureForces, with an object and empty as for Tilt, it shows the object's inertia."""
+
+    timeout: ClassVar[float] = 60.0
+    activity: ClassVar[Activity] = "swinging"
+
+    def turns(self, state: SymbolicState) -> list[Array]:
+        pace = state.scene.arm.pace
+        angle = max(swing_angle(pace, frequency) for frequency, _ in SWINGS)
+        return [sign * angle * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
+
+    def requires(self, state: SymbolicState) -> list[Violation]:
+        if found := super().requires(state):
+            return found
+        if state.scene.arm.pace.swinging_acceleration is None:
+            return [Violation("unreachable", "this arm's description does not let it swing")]
+        return [*self._too_fast(state), *self._twisting(state)]
+
+    def _too_fast(self, state: SymbolicState) -> Iterator[Violation]:
+        """Violation: a joint would exceed its speed."""
+        scene, here = state.scene, state.tcp
+        shapes = solids(scene)
+        q = shapes.configuration(here)
+        if q is None:
+            return
+        # Joint speeds of the turning speed about each axis of the tool: J⁺ times the twist.
+        tool = (scene.pose_world_base.inverse() @ here).rotation
+        twists = np.vstack([np.zeros((3, 3)), scene.arm.pace.turning_speed * tool])
+        rates = np.abs(np.linalg.pinv(shapes.arm.jacobian(q)) @ twists)
+        if (rates > scene.arm.limits.dq_max[:, None]).any():
+            yield Violation(
+                "unreachable",
+                f"swung at '{state.at}', the arm's joints would be too fast; go elsewhere",
+            )
+
+    def _twisting(self, state: SymbolicState) -> Iterator[Violation]:
+        """Violation: the held object would turn in the grip by its known or believed weight and
+        inertia."""
+        if state.holding is None or state.pose_tcp_object is None:
+            return
+        scene, shapes = state.scene, solids(state.scene)
+        body, mass = scene.body(state.holding), shapes.mass(state.holding)
+        centre = state.pose_tcp_object.apply(shapes.centre_of_mass(state.holding))
+        lever = float(np.hypot(centre[0], centre[2]))
+        # A box about its centre, (a² + b² + c²) / 12 at most, and the parallel axis theorem.
+        inertia = mass * (float(body.size @ body.size) / 12.0 + lever**2)
+        moment = mass * scene.gravity * lever
+        moment += inertia * (scene.arm.pace.swinging_acceleration or 0.0)
+        most = torsion(scene)
+        if moment > most:
+            yield Violation(
+                "twist",
+                f"swung, '{state.holding}' would turn in the grip with {moment:.1f} N m, of at most "
+                f"{most:.1f} N m; grasp it nearer to its middle",
+            )
+
+    def run(self, blackboard: Blackboard) -> Steps:
+        robot, pace = blackboard.robot, blackboard.scene.arm.pace
+        self._start(blackboard)
+        before = yield from median_wrench(blackboard)
+        for axis in np.eye(3):
+            for frequency, cycles in SWINGS:
+                robot.swing(axis, swing_angle(pace, frequency), frequency, cycles)
+                yield from finish(blackboard)
+                yield from settle(blackboard, BRIEF)
+        yield from settle(blackboard, DWELL)
+        yield from self._require_same_hang(blackboard, before)
+        return "swung about three axes"

@@ -1,0 +1,243 @@
+"""Registry of arms, and an arm as its owner knows it: description < datasheet < robot.yaml."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import BeforeValidator, Field
+
+from palpate.common.errors import InputError, unknown_name
+from palpate.common.extensions import extensions
+from palpate.common.files import Section, plain_number
+from palpate.robots.description import RobotDescription, read_description, reflexes
+from palpate.robots.robot_config import RobotConfig, read_config
+from palpate.robots.sheet import FILE, Cautious
+from palpate.trace.recording import NominalHand
+
+GROUP = "palpate.robots"  # entry points: packages with a `description.yaml`, named like the arm
+DEFAULT = "fr3"
+
+
+@dataclass(frozen=True, slots=True)
+class Arms:
+    """Arms by name, with their folders."""
+
+    folders: Mapping[str, Path]
+    _read: dict[tuple[Path, int], RobotDescription] = field(
+        default_factory=dict[tuple[Path, int], RobotDescription], repr=False, compare=False
+    )
+
+    def load(self, name_or_path: str) -> RobotDescription:
+        """Load the arm of that name or folder; an unchanged file is the same object.
+
+        Raises:
+            InputError: unknown; the message lists the valid names. Or the folder's description is
+                not valid.
+        """
+        folder = self.folders.get(name_or_path, Path(name_or_path)).resolve()
+        if not (folder / FILE).is_file():
+            raise unknown_name(
+                "arm", name_or_path, self.folders, f"Or give a folder with a {FILE}: PATH/"
+            )
+        version = (folder, (folder / FILE).stat().st_mtime_ns)
+        if version not in self._read:
+            names = {path.resolve(): name for name, path in self.folders.items()}
+            name = names.get(folder, folder.name)
+            self._read[version] = read_description(folder, name, self.folders)
+        return self._read[version]
+
+
+@cache
+def arms() -> Arms:
+    """Return all arms: those of this folder, and those of the entry-point group `palpate.robots`.
+
+    Raises:
+        InputError: an entry point's package cannot be loaded; the message names it.
+    """
+    found = {path.parent.name: path.parent for path in Path(__file__).parent.glob(f"*/{FILE}")}
+    for module in extensions(GROUP):
+        found.setdefault(module.__name__.rpartition(".")[2], Path(str(module.__file__)).parent)
+    return Arms(dict(sorted(found.items())))
+
+
+def load_description(name_or_path: str = DEFAULT, cautious: bool = False) -> RobotDescription:
+    """Load the arm of `--arm NAME|PATH/`; `cautious` limits its pace, as `--cautious`.
+
+    Raises:
+        InputError: as `Arms.load`.
+    """
+    arm = arms().load(name_or_path)
+    return _cautious(arm) if cautious else arm
+
+
+@cache  # results computed for an arm are cached by its identity
+def _cautious(arm: RobotDescription) -> RobotDescription:
+    return arm.cautious()
+
+
+# The arm as its owner knows it: description < datasheet < robot.yaml.
+
+
+Stated = Annotated[float, BeforeValidator(plain_number), Field(ge=0, allow_inf_nan=False)]
+
+
+class Datasheet(Section):
+    """Stated accuracies; None means the figure of the arm's description."""
+
+    force_resolution: Stated | None = None  # N
+    force_repeatability: Stated | None = None  # N, per approach
+    force_accuracy: Stated | None = None  # N, of an absolute force
+    pose_repeatability: Stated | None = None  # m
+    torque_gain_max: Stated | None = None  # relative, half width
+    # m, from the TCP to the pads' end along the tool, and its standard deviation
+    tip_offset: Stated | None = None
+    tip_offset_std: Stated | None = None
+    # m/N, of pads and joints beyond the encoders, under a force along the tool, likewise
+    tip_compliance: Stated | None = None
+    tip_compliance_std: Stated | None = None
+    rest_torque: Stated | None = None  # N m, of each joint at rest: friction and ripple
+
+
+def own_arm(
+    name: str,
+    cautious: bool,
+    config: Path | None,
+    sheet: Datasheet | None = None,
+    real: bool = False,
+) -> RobotDescription:
+    """Return the arm of `--arm` and `--robot-config`: its description, with the springs of a `real`
+    one, the figures of a datasheet, and those of the robot.yaml `config`.
+
+    Raises:
+        InputError: no such arm, or the file cannot be read, or is another arm's.
+    """
+    arm = load_description(name, cautious)
+    if real:
+        arm = _real(arm)
+    if sheet is not None:
+        arm = apply_datasheet(arm, sheet)
+    if config is None:
+        return arm
+    measured = read_config(config)
+    if measured.arm is not None and measured.arm != arm.name:
+        raise InputError(f"{config} was measured of the arm '{measured.arm}', not of '{arm.name}'")
+    return apply_calibration(arm, measured)
+
+
+@cache
+def _real(arm: RobotDescription) -> RobotDescription:
+    return arm.real()
+
+
+def require_same(
+    config: RobotConfig | None, simulated: tuple[str, int] | None, where: str = "the robot_config="
+) -> None:
+    """Require that a robot.yaml was measured on this arm: `simulated` is the embedded one's noise
+    model and seed, None for a real one.
+
+    Raises:
+        InputError: it was another one; `where` names the file.
+    """
+    measured = config.simulated if config is not None else None
+    if measured is None or (measured.noise, measured.seed) == simulated:
+        return
+    here = "a real arm" if simulated is None else f"noise {simulated[0]}, seed {simulated[1]}"
+    raise InputError(
+        f"{where} was measured of the embedded arm of noise {measured.noise}, seed {measured.seed}, and "
+        f"this is another one ({here}); without its section 'simulated' it is taken as it is"
+    )
+
+
+def apply_datasheet(arm: RobotDescription, sheet: Datasheet) -> RobotDescription:
+    """Return the arm with the figures of a datasheet in place of its description's."""
+    stated: dict[str, float] = sheet.model_dump(exclude_none=True)
+    if "torque_gain_max" in stated:
+        stated["torque_gain"] = stated.pop("torque_gain_max")
+    rest = stated.pop("rest_torque", arm.rest_torque)
+    if rest != arm.rest_torque:
+        arm = _resting(arm, rest)
+    new = {name: value for name, value in stated.items() if getattr(arm.nominal, name) != value}
+    return _apply_figures(arm, tuple(sorted(new.items()))) if new else arm
+
+
+@cache
+def _resting(arm: RobotDescription, rest_torque: float) -> RobotDescription:
+    return replace(arm, rest_torque=rest_torque)
+
+
+@cache
+def _apply_figures(
+    arm: RobotDescription, stated: tuple[tuple[str, float], ...]
+) -> RobotDescription:
+    return replace(arm, nominal=replace(arm.nominal, **dict(stated)))
+
+
+@cache
+def apply_calibration(arm: RobotDescription, config: RobotConfig) -> RobotDescription:
+    """Return the arm with the figures of a robot.yaml."""
+    limits, fence, pace = arm.limits, config.workspace, arm.pace
+    if fence is not None:
+        limits = replace(
+            limits,
+            workspace_min=np.maximum(limits.workspace_min, fence.min),
+            workspace_max=np.minimum(limits.workspace_max, fence.max),
+        )
+    if config.reflex is not None:
+        limits = replace(limits, reflexes=reflexes(config.reflex, limits.payload))
+    if config.speed is not None:  # of all speeds, cautious ones too; accelerations stay
+        part, slow = config.speed, pace.cautious
+        cautious = {name: getattr(slow, name) * part for name in Cautious.model_fields}
+        speeds = {n: getattr(pace, n) * part for n in ("speed", "turning_speed", "joint_speed")}
+        pace = pace.model_copy(update={**speeds, "cautious": Cautious(**cautious)})
+    return replace(
+        arm,
+        nominal=measured_hand(arm.nominal, config),
+        limits=limits,
+        stiffness=config.stiffness or arm.stiffness,
+        pace=pace,
+        end_effector=config.end_effector or arm.end_effector,
+        config=config,
+        described=arm,
+    )
+
+
+def measured_hand(hand: NominalHand, config: RobotConfig) -> NominalHand:
+    """Return the estimators' data of the arm with the figures of a robot.yaml."""
+    tip, soft, gains = config.tip_offset, config.tip_compliance, config.torque_gain
+    if tip is not None:
+        hand = replace(hand, tip_offset=tip.value, tip_offset_std=tip.std)
+    if config.pose_repeatability is not None:
+        hand = replace(hand, pose_repeatability=config.pose_repeatability.value)
+    if soft is not None:
+        hand = replace(hand, tip_compliance=soft.value, tip_compliance_std=soft.std)
+    if gains is None:
+        return hand
+    # What remains of the gains' errors after their correction; `torque_gain`, one figure for all
+    # joints, is the half width of a uniform distribution with the worst joint's deviation.
+    left = gains.spread / np.outer(1.0 + gains.value, 1.0 + gains.value)
+    rows = tuple(tuple(row) for row in left.tolist())
+    worst = float(np.sqrt(3.0 * left.diagonal().max()))
+    return replace(hand, torque_gain=worst, gain_covariance=rows)
+
+
+def owner_arm(arm: RobotDescription, sheet: Datasheet) -> RobotDescription:
+    """Return the arm with the figures of a datasheet, below those of its robot.yaml."""
+    if arm.described is None or arm.config is None:
+        return apply_datasheet(arm, sheet)
+    return apply_calibration(apply_datasheet(arm.described, sheet), arm.config)
+
+
+def without_calibration_figures(arm: RobotDescription) -> RobotDescription:
+    """Return the arm without the figures of its robot.yaml."""
+    return arm.described or arm
+
+
+@cache
+def measured_arm(arm: RobotDescription) -> RobotDescription:
+    """Return an arm that is as measured, with sensors that need no correction, to predict with."""
+    return replace(arm, config=None, described=None)

@@ -1,0 +1,255 @@
+"""`robot.yaml`: measured figures and settings of an individual arm; the format of `--robot-config`.
+
+Version 1. SI units. Every key is optional; an absent key means the figure of the noise model's
+datasheet, or of the arm's description. A measured figure has its standard deviation, date and method.
+"""
+
+from __future__ import annotations
+
+import datetime
+import os
+import tempfile
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Any, Literal, cast
+
+import numpy as np
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    Field,
+    PlainValidator,
+    ValidationError,
+    model_validator,
+)
+
+from palpate.common.errors import InputError
+from palpate.common.files import (
+    Section,
+    describe_error,
+    plain_number,
+    plain_yaml,
+    read_text,
+    yaml_text,
+)
+from palpate.common.pose import Array
+from palpate.robots.sheet import (
+    ControllerStiffness,
+    Name,
+    Pair,
+    ReflexSheet,
+    Seven,
+    Vector,
+    Workspace,
+    finite_array,
+)
+
+JOINTS = 7
+MAX_BYTES = 100_000  # largest robot.yaml
+ASKEW = 1e-9  # relative rounding error of a covariance's symmetry, and of its smallest eigenvalue
+
+_Plain = BeforeValidator(plain_number)
+Number = Annotated[float, _Plain, Field(allow_inf_nan=False)]
+Size = Annotated[float, _Plain, Field(gt=0, allow_inf_nan=False)]
+Deviation = Annotated[float, _Plain, Field(ge=0, allow_inf_nan=False)]
+
+
+def require_covariance(value: Any) -> Array:
+    """Validate a covariance (7, 7)."""
+    message = f"give {JOINTS} lists of {JOINTS} numbers that are a covariance"
+    array = finite_array(value, (JOINTS, JOINTS), message)
+    small = ASKEW * float(np.abs(array).max())
+    if not np.allclose(array, array.T, atol=small) or np.linalg.eigvalsh(array)[0] < -small:
+        raise ValueError(message)
+    return array
+
+
+def require_quaternion(value: Any) -> Array:
+    """Validate a quaternion (4,) of any length but 0."""
+    message = "give a quaternion: w, x, y, z, not all of them 0"
+    array = finite_array(value, (4,), message)
+    if not array.any():
+        raise ValueError(message)
+    return array
+
+
+class MeasuredFigure(Section):
+    """A measured figure."""
+
+    date: datetime.date | None = None
+    by: Annotated[str, Field(max_length=300)] | None = None
+
+
+class Value(MeasuredFigure):
+    """A number and its standard deviation."""
+
+    value: Number
+    std: Deviation
+
+
+class Repeated(MeasuredFigure):
+    """Standard deviation of a repeatability."""
+
+    value: Deviation
+
+
+class SensorGains(MeasuredFigure):
+    """Relative errors of the joints' torque sensors: a reading is 1 + `value` times the torque."""
+
+    value: Seven
+    # One of the two: of joints that were measured one by one, (7,), or together, (7, 7).
+    std: Seven | None = None
+    covariance: Annotated[np.ndarray, PlainValidator(require_covariance)] | None = None
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> SensorGains:
+        if (self.std is None) == (self.covariance is None):
+            raise ValueError("give 'std' or 'covariance', one of the two")
+        if self.std is not None and (self.std < 0).any():
+            raise ValueError("'std' must not be negative")
+        if (self.value <= -1).any():
+            raise ValueError("'value' is relative: 0.01 is one per cent")
+        return self
+
+    @property
+    def spread(self) -> Array:
+        """(7, 7) covariance."""
+        if self.covariance is not None:
+            return self.covariance
+        assert self.std is not None
+        return np.diag(self.std**2)
+
+
+class Lean(MeasuredFigure):
+    """Tilt of the base about its x and y axes, rad, and standard deviations."""
+
+    value: Pair
+    std: Pair
+
+
+class Gravity(MeasuredFigure):
+    """Gravity at the arm's place, m/s^2."""
+
+    value: Size
+
+
+class EndEffector(Section):
+    """End effector without a load, the fingers included."""
+
+    mass: Size  # kg
+    centre: Vector  # m, in the frame of the hand's body, with the fingers half open
+
+
+class CameraConfig(MeasuredFigure):
+    """A camera; its pose is in the frame of the arm's base, or of the TCP where it is on the hand, looking along
+    its own -z as in MJCF."""
+
+    pos: Vector  # m
+    quat: Annotated[np.ndarray, PlainValidator(require_quaternion)]  # w, x, y, z
+    fovy: Annotated[float, _Plain, Field(gt=1, lt=170)]  # vertical field of view, degrees
+    # width and height, pixels
+    size: tuple[Annotated[int, Field(gt=0, le=20000)], Annotated[int, Field(gt=0, le=20000)]]
+    on_hand: bool = False
+    # of position, m, rotation, rad, along the axes of that frame, and the logarithm of the focal length
+    covariance: Annotated[np.ndarray, PlainValidator(require_covariance)] | None = None
+
+
+class Simulated(Section):
+    """Identity of an embedded arm: another `noise` or `seed` is another arm."""
+
+    noise: Annotated[str, Field(min_length=1, max_length=1000)]
+    seed: Annotated[int, Field(ge=0)]
+    visits: Annotated[int, Field(ge=0)] = 0  # calibrations: each is a run with other errors
+
+
+class RobotConfig(Section):
+    """The content of a robot.yaml."""
+
+    palpate_robot: Literal[1] = 1
+    name: Name | None = None
+    arm: Name | None = None  # name of its description
+    simulated: Simulated | None = None  # None for a real arm
+    gravity: Gravity | None = None
+    torque_gain: SensorGains | None = None  # of the joints' sensors
+    # m, from the TCP to the pads' end along the tool, with the error of the arm's frame in a height
+    # at the place of measurement
+    tip_offset: Value | None = None
+    # Real or apparent tilt of the base against the scene's: measured with tip_offset, valid with it.
+    base_lean: Lean | None = None
+    pose_repeatability: Repeated | None = None  # m, of each axis of the TCP, measured by heights
+    tip_compliance: Value | None = (
+        None  # m/N, of pads and joints beyond the encoders, along the tool
+    )
+    end_effector: EndEffector | None = None
+    stiffness: ControllerStiffness | None = None  # of the controller's springs
+    reflex: ReflexSheet | None = None
+    workspace: Workspace | None = None  # of the TCP
+    speed: Annotated[float, _Plain, Field(gt=0, le=1)] | None = None  # share of the pace
+    camera: CameraConfig | None = None  # of the workspace, where no poses.yaml has one
+
+    # Compared by identity, as results computed from it are cached; a file is one object.
+    def __hash__(self) -> int:
+        return id(self)
+
+    def __eq__(self, other: object) -> bool:
+        return self is other
+
+
+def read_config(path: Path) -> RobotConfig:
+    """Read a robot.yaml; an unchanged file is the same object.
+
+    Raises:
+        InputError: unreadable, or not of this form; the message names file and key.
+    """
+    return _read(path, path.stat().st_mtime_ns if path.is_file() else 0)
+
+
+@lru_cache(32)
+def _read(path: Path, version: int) -> RobotConfig:
+    content: Any = plain_yaml(read_text(path, MAX_BYTES, "a robot.yaml"), str(path))
+    if not isinstance(content, dict):
+        raise InputError(
+            f"{path}: give the keys of a robot.yaml, e.g. 'gravity: {{value: 9.8123}}'"
+        )
+    try:
+        return RobotConfig.model_validate(content)
+    except ValidationError as error:
+        raise InputError(f"{path}: {describe_error(error, RobotConfig)}") from None
+
+
+def write_config(path: Path, config: RobotConfig) -> None:
+    """Write a robot.yaml atomically.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    text = yaml_text(plain(config))
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, part = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                file.write(text)
+            os.chmod(part, 0o644)
+            os.replace(part, path)
+        except BaseException:
+            os.unlink(part)
+            raise
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}") from error
+
+
+def plain(section: BaseModel) -> dict[str, Any]:
+    """Convert a section to plain values, arrays to lists, for YAML."""
+    values: dict[str, Any] = {}
+    for name in type(section).model_fields:
+        value = getattr(section, name)
+        if isinstance(value, BaseModel):
+            value = plain(value)
+        elif isinstance(value, np.ndarray):
+            value = value.tolist()
+        elif isinstance(value, tuple):
+            value = list(cast("tuple[Any, ...]", value))
+        if value is not None:
+            values[name] = value
+    return values

@@ -1,0 +1,321 @@
+"""Actuators of the simulated arm: impedance control as MuJoCo actuators, and the parallel hand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from palpate.common.pose import Array
+from palpate.robots.description import PREFIX, RobotDescription
+from palpate.robots.nominal import RIDGE
+from palpate.robots.sheet import ControllerStiffness, ParallelHand
+
+POSTURE_RATE = 5.0  # rad/s, natural frequency of the null space about its posture
+MOST_AWAY = 0.5  # rad from the posture at which its pull saturates
+
+ORIGIN = PREFIX + "origin"
+AXES = tuple(f"{PREFIX}cartesian_{axis}" for axis in "xyz")
+ORIENTATION = PREFIX + "orientation"
+DRIVES = tuple(f"{PREFIX}drive{i}" for i in range(1, 8))
+NULL_SPACE = PREFIX + "null_space"
+
+
+def add_actuators(world: mujoco.MjSpec, arm: RobotDescription) -> None:
+    """Add the controller's actuators to a world that the robot is attached to.
+
+    They inherit the arm's own defaults, and none of the scene's.
+    """
+    own = world.find_default(PREFIX + "main")
+    world.worldbody.add_site(own, name=ORIGIN, group=4)
+    site, tcp = mujoco.mjtTrn.mjTRN_SITE, PREFIX + arm.tcp
+    for i, name in enumerate(AXES):
+        axis = world.add_actuator(own, name=name, trntype=site, target=tcp, refsite=ORIGIN)
+        axis.gear = np.eye(6)[i]
+        axis.set_to_position(kp=1.0, kv=1.0)
+    turn = world.add_actuator(own, name=ORIENTATION, trntype=site, target=tcp, refsite=ORIGIN)
+    turn.set_to_orientation(kp=1.0, kv=1.0, ctrlspec=mujoco.mjtCtrlChart.mjCHART_QUAT)
+    for name, joint in zip(DRIVES, arm.joints, strict=True):
+        drive = world.add_actuator(
+            own, name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=PREFIX + joint
+        )
+        drive.set_to_position(kp=1.0, kv=1.0)
+        world.joint(PREFIX + joint).actgravcomp = True
+    # A tendon whose length is n q, with the null space's axis n of the present run of cycles.
+    tendon = world.add_tendon(own, name=NULL_SPACE)
+    for joint in arm.joints:
+        tendon.wrap_joint(PREFIX + joint, 1.0)
+    swivel = world.add_actuator(
+        own, name=NULL_SPACE, trntype=mujoco.mjtTrn.mjTRN_TENDON, target=NULL_SPACE
+    )
+    swivel.set_to_position(kp=1.0, kv=1.0)
+
+
+class SpringInertia(NamedTuple):
+    """Inertia that the springs act on in one configuration."""
+
+    tcp: Array  # (6, 6), world axes
+    joints: Array  # (7, 7)
+
+    @classmethod
+    def of(cls, mass_matrix: Array, jacobian: Array) -> SpringInertia:
+        """Compute both from the joint-space inertia M (7, 7) and the Jacobian J (6, 7), world axes
+        about the TCP: (J M^-1 J^T)^-1."""
+        mobility = jacobian @ np.linalg.solve(mass_matrix, jacobian.T)
+        inverse = np.linalg.inv(mobility + 1e-6 * np.eye(6))  # finite in singular poses, too
+        return cls(np.asarray(inverse, dtype=np.float64), mass_matrix)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SpringGains:
+    """Stiffness of the active springs, and their critical damping 2 sqrt(k m) with the inertia that
+    each moves."""
+
+    # True if the TCP's springs act, and the joint drives take torques; else the joints' springs act
+    cartesian: bool
+    stiffness: Array  # (6,) at the TCP, world axes, or (7,) at the joints
+    damping: Array  # likewise
+    inertia: Array  # (6, 6) or (7, 7) that they move
+    own: Array  # (7,) kg m^2, each joint's own
+
+    @classmethod
+    def of_tcp(cls, springs: ControllerStiffness, inertia: SpringInertia) -> SpringGains:
+        """Return the gains of the TCP's springs."""
+        stiffness = np.repeat([springs.translation, springs.rotation], 3)
+        along = np.diag(inertia.tcp).copy()
+        along[3:] = along[3:].mean()  # the orientation servo has one damping for all axes
+        damping = 2 * np.sqrt(stiffness * along)
+        return cls(True, stiffness, damping, inertia.tcp, np.diag(inertia.joints))
+
+    @classmethod
+    def of_joints(cls, springs: ControllerStiffness, inertia: SpringInertia) -> SpringGains:
+        """Return the gains of the joints' springs."""
+        own = np.diag(inertia.joints)
+        return cls(False, springs.joints, 2 * np.sqrt(springs.joints * own), inertia.joints, own)
+
+    @classmethod
+    def of_torques(cls, inertia: Array) -> SpringGains:
+        """Return zero gains: the joint drives take torques. `inertia` (7, 7) kg m^2."""
+        return cls(False, np.zeros(7), np.zeros(7), inertia, np.diag(inertia))
+
+    def dampers(self, jacobian: Array, swivel: Swivel) -> Array:
+        """Map all dampers to the joints, (7, 7): J^T D J for the TCP's, beside the null space's."""
+        if not self.cartesian:
+            return np.diag(self.damping)
+        own = swivel.damping * np.outer(swivel.axis, swivel.axis)
+        return jacobian.T @ (self.damping[:, None] * jacobian) + own
+
+    def on(self, rows: Array, each: Array, jacobian: Array) -> Array:
+        """Map rows of joint angles or rates (n, 7) through `stiffness` or `damping` to torques (n, 7), with the
+        Jacobians (n, 6, 7)."""
+        if not self.cartesian:
+            return rows * each
+        forces = (jacobian @ rows[:, :, None])[:, :, 0] * each
+        return (forces[:, None] @ jacobian)[:, 0]
+
+    def lead(self, rate: Array, acceleration: Array) -> Array:
+        """Compute the lead (n, 6 or 7) of the springs' set-points for a motion without lag.
+
+        Args:
+            rate, acceleration: (n, 6 or 7) of the motion, in the springs' axes.
+        """
+        return (self.damping * rate + acceleration @ self.inertia) / self.stiffness
+
+
+class Swivel(NamedTuple):
+    """Motion of the elbow with the TCP at rest, in one configuration: the null space of an arm with seven joints."""
+
+    axis: Array  # (7,) unit vector n of joint rates without a twist, J n = 0; torques along it make no force
+    damping: float  # N m s/rad, critical with the inertia n^T M n of the joints alone
+    own: Array  # (7,) kg m^2, that inertia joint by joint
+
+    @classmethod
+    def of(cls, jacobian: Array, own: Array) -> Swivel:
+        """Compute it from the Jacobian J (6, 7) and the joints' own inertia (7,), kg m^2."""
+        from scipy.linalg.lapack import dposv
+
+        # The projection 1 - J^T (J J^T)^-1 J is n n^T: its largest column shows n.
+        onto = np.eye(7) - jacobian.T @ dposv(jacobian @ jacobian.T + RIDGE, jacobian)[1]
+        axis = onto[:, int(onto.diagonal().argmax())]
+        axis = axis / math.sqrt(axis @ axis)
+        return cls(axis, 2 * POSTURE_RATE * float(own @ axis**2), own)
+
+    def torque(self, away: Array, rates: Array) -> Array:
+        """Compute the torques along the axis (n,), N m, that close the distance `away` (7,), rad, and follow the rates
+        (n, 7), rad/s, on top of the damper."""
+        near = np.minimum(np.maximum(away, -MOST_AWAY), MOST_AWAY)
+        torques = self.own * (POSTURE_RATE**2 * near + 2 * POSTURE_RATE * rates)
+        return torques @ self.axis
+
+
+class Actuators:
+    """The controller's actuators in a model, and the setting of their gains.
+
+    Attributes:
+        position, orientation, drives, swivel: indices into `ctrl`.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._gain, self._bias = model.actuator_gainprm, model.actuator_biasprm
+        self._axes = [model.actuator(name).id for name in AXES]
+        self._turn = model.actuator(ORIENTATION).id
+        self._drives = [model.actuator(name).id for name in DRIVES]
+        first = model.actuator_ctrladr
+        place, turn, drive = (int(first[i]) for i in (self._axes[0], self._turn, self._drives[0]))
+        self.position, self.orientation = slice(place, place + 3), slice(turn, turn + 4)
+        self.drives = slice(drive, drive + 7)
+        self._swivel = model.actuator(NULL_SPACE).id
+        self.swivel = int(first[self._swivel])
+        wraps = int(model.tendon_adr[model.tendon(NULL_SPACE).id])
+        self._axis = model.wrap_prm[wraps : wraps + 7]
+
+    def set(self, gains: SpringGains) -> None:
+        """Activate these springs alone; where the joints' are off, their drives are torque inputs."""
+        if gains.cartesian:
+            self._spring(self._axes, gains.stiffness[:3], gains.damping[:3])
+            self._spring(self._turn, gains.stiffness[3], gains.damping[3])
+            self._gain[self._drives, 0], self._bias[self._drives] = 1.0, 0.0
+        else:
+            self._spring([*self._axes, self._turn, self._swivel], 0.0, 0.0)
+            self._spring(self._drives, gains.stiffness, gains.damping)
+        if not gains.stiffness.any():
+            self._gain[self._drives, 0] = 1.0
+
+    def damp(self, swivel: Swivel) -> None:
+        """Damp the null space, with its torque as the control."""
+        self._axis[:] = swivel.axis
+        self._spring(self._swivel, 0.0, swivel.damping)
+        self._gain[self._swivel, 0] = 1.0
+
+    def _spring(
+        self, which: list[int] | int, stiffness: Array | float, damping: Array | float
+    ) -> None:
+        self._gain[which, 0] = stiffness
+        self._bias[which, 1], self._bias[which, 2] = -np.asarray(stiffness), -np.asarray(damping)
+
+
+# The parallel hand: a servo of limited force, and its encoders.
+
+
+DRIVE = "fingers"
+LAG = 0.015  # s that the fingers are behind their set-point
+STANDSTILL = 0.001  # m/s: slower fingers stand still
+STANDING = 0.1  # s of standstill before they count as stopped
+NOTHING = 0.002  # m: an opening below this is an empty hand
+ROUNDING = 0.0015
+"""m: radius of a finger's edges: 1.5 times the indentation by an object held at one edge of a pad."""
+
+
+def add_drive(robot: mujoco.MjSpec, hand: ParallelHand) -> None:
+    """Couple the two fingers into one mechanism, with one drive that pushes each with half its force.
+
+    Its control is each finger's distance from the middle, m. It is damped so that its full force
+    moves the fingers no faster than their speed limit: it follows an object that yields, without an
+    impact.
+    """
+    tendon = robot.add_tendon(name=DRIVE)
+    for finger in hand.fingers:
+        tendon.wrap_joint(finger, 0.5)
+    mirrored = robot.add_equality(
+        type=mujoco.mjtEq.mjEQ_JOINT, name1=hand.fingers[0], name2=hand.fingers[1]
+    )
+    mirrored.data[:5] = (0.0, 1.0, 0.0, 0.0, 0.0)
+    mirrored.solref[:2], mirrored.solimp[:3] = (0.004, 1.0), (0.98, 0.999, 0.0005)
+    drive = robot.add_actuator(
+        name=DRIVE,
+        trntype=mujoco.mjtTrn.mjTRN_TENDON,
+        target=DRIVE,
+        ctrlrange=(-0.01, hand.opening / 2),
+        forcerange=(-hand.force, hand.force),
+    )
+    damping = hand.force / hand.speed  # N s/m, of both fingers together
+    drive.set_to_position(kp=damping / LAG, kv=damping)
+
+
+def round_fingers(robot: mujoco.MjSpec, hand: ParallelHand) -> None:
+    """Round the edges of the fingers' colliding boxes, within the same outlines.
+
+    A box that is smaller by the radius, with the radius as its margin, is the Minkowski sum with a
+    ball. Contacts stay within the margin, and so out of a defect of the collision detection: where
+    an edge enters a cylinder, normals are off by up to 90 degrees (MuJoCo 4.0.0 with several contacts
+    a pair, mended by its commit bbb71a28), and a can between the edges of the pads would be squeezed
+    out against all friction.
+    """
+    for finger in hand.fingers:
+        for geom in robot.joint(finger).parent.geoms:
+            if geom.type == mujoco.mjtGeom.mjGEOM_BOX and geom.contype:
+                radius = min(ROUNDING, float(geom.size.min()) / 2)
+                geom.size -= radius
+                geom.margin += radius
+
+
+class Gripper:
+    """Set-points for the fingers, and their state. Times are robot time, s.
+
+    Attributes:
+        force: N, limit of the drive.
+        width: m between the fingers.
+        moving: True while a command is executed.
+    """
+
+    def __init__(self, hand: ParallelHand) -> None:
+        self._open, self._closed, self._speed = hand.opening / 2, -hand.overclose, hand.speed
+        self._strongest = self.force = hand.force
+        self._damping = hand.force / hand.speed
+        self.width = 2 * self._open
+        self.moving = False
+        self._goal = self._from = self._open
+        self._since = self._last_moved = 0.0
+
+    @property
+    def gripping(self) -> bool:
+        """True if closed, and stopped by an object."""
+        return self._goal == self._closed and not self.moving and self.width > NOTHING
+
+    def open(self, t: float) -> None:
+        """Start opening fully."""
+        self._start(t, self._open, self._strongest)
+
+    def close(self, t: float, force: float | None = None) -> None:
+        """Start closing with `force` N, by default the full force, until something resists."""
+        self._start(t, self._closed, self._strongest if force is None else force)
+
+    def setpoints(self, t: Array) -> Array | float:
+        """Compute each finger's commanded distance from the middle, m, at times `t` (n,), until the
+        next observation of the fingers."""
+        duration = abs(self._goal - self._from) / self._speed
+        if t[0] - self._since > duration:
+            return self._goal
+        way = self._speed * (t - self._since)
+        if self._goal > self._from:
+            return np.minimum(self._from + way, self._goal)
+        return np.maximum(self._from - way, self._goal)
+
+    def observe(self, t: float, fingers: Sequence[float], speeds: Sequence[float]) -> None:
+        """Update the state from the fingers' distances from the middle, m, and their speeds, m/s.
+
+        Fingers that touch are closed, however much the end stops yield under the drive. The set-point
+        leads the fingers by no more than the full force needs: they do not jump when an obstacle
+        yields at last.
+        """
+        self.width = max(0.0, sum(fingers))
+        middle, speed = sum(fingers) / 2, max(map(abs, speeds))
+        commanded = float(np.max(self.setpoints(np.array([t]))))
+        lead = LAG * (self.force / self._damping + speed)  # m, at this speed and full force
+        pressed = commanded == self._goal or commanded < middle - lead
+        self._from, self._since = min(max(commanded, middle - lead), middle + lead), t
+        if not self.moving:
+            return
+        if speed > STANDSTILL or not pressed:
+            self._last_moved = t
+        self.moving = t - self._last_moved < STANDING
+
+    def _start(self, t: float, goal: float, force: float) -> None:
+        self._from = float(np.max(self.setpoints(np.array([t]))))
+        self._since = self._last_moved = t
+        self.force = min(force, self._strongest)
+        self._goal, self.moving = goal, True

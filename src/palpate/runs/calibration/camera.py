@@ -1,0 +1,325 @@
+"""Calibration of a camera's pose: the arm shows it a tag on its hand in many poses, or carries it around one that
+stands still, and each rest is a picture.
+
+The poses are drawn at random about home, kept where the camera sees the tag, and chosen so that its place
+becomes surest (`palpate.perception.hand_eye_fit`).
+"""
+
+from __future__ import annotations
+
+import datetime
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.common.errors import InputError, PalpateError
+from palpate.common.pose import Array, Pose
+from palpate.execution.simulated_cell import SimulatedCell
+from palpate.perception.cameras import Stream
+from palpate.perception.detection import TAGS, detect
+from palpate.perception.hand_eye import HAND, LYING, STICKER, believed_camera, with_camera, with_tag
+from palpate.perception.hand_eye_fit import (
+    FEWEST,
+    CalibrationViews,
+    HandEye,
+    frame_of,
+    hand_eye,
+    stances,
+    surest,
+)
+from palpate.perception.lens import Lens, Mount
+from palpate.perception.look import LUMA
+from palpate.perception.rendered import SimulatedCamera
+from palpate.perception.tags import tags_of
+from palpate.planning.plan import Node, Plan
+from palpate.primitives.state import HOME_CONFIG
+from palpate.robots.nominal import NominalArm
+from palpate.robots.robot_config import JOINTS, CameraConfig
+from palpate.runs.calibration.gains import Known
+from palpate.runs.calibration.procedures import calibration_plan, scene_of_settings
+from palpate.runs.calibration.session import CalibrationSession
+from palpate.runs.settings import WORLD_CAMERA
+from palpate.runs.workplace import cell_for
+from palpate.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from palpate.execution.runner import Snapshot
+    from palpate.robots.description import RobotDescription
+
+
+PICTURES = 24
+"""Poses: with 0.07 pixels of noise the camera's place is then known to 0.6 mm."""
+DRAWN, KEPT = 12_000, 1000
+"""Configurations that are drawn, and of which the poses are chosen."""
+SPREAD = np.array([1.2, 1.0, 0.8, 1.0, 1.2, 1.2, 2.0])
+"""rad about home, uniform, half width."""
+LIMIT = 0.1
+"""rad to the joints' limits."""
+CLEAR = 0.25
+"""m: least height of the TCP above the plane on which the arm stands."""
+FACING = math.cos(math.radians(50.0))
+"""Of the angle between a tag's normal and the view."""
+BORDER = 0.08
+"""Share of the picture's width at its edges: the camera is not quite where it is believed to be."""
+SMALLEST = 30.0
+"""Pixels: shortest side of a tag in a picture; corners of smaller ones are led astray by what is dark
+beside the paper."""
+NEAREST = 0.15
+"""m from the camera to the tag."""
+TRIES = 6
+"""Choices of poses, each without those that something is in the way of."""
+
+
+@dataclass(frozen=True, slots=True)
+class Eye:
+    """A camera, or the embedded one.
+
+    Attributes:
+        source: as given on the command line.
+        lens: as its owner has it.
+        mount: where it is believed to be in the world, or on the hand.
+        shoot: takes a picture (height, width, 3), RGB.
+    """
+
+    source: str
+    lens: Lens
+    mount: Mount
+    shoot: Callable[[], NDArray[np.uint8]]
+
+
+@dataclass(slots=True)
+class Shots:
+    """Takes a picture at the end of every rest. An `Observer`."""
+
+    shoot: Callable[[], NDArray[np.uint8]]
+    lens: Lens
+    number: int
+    seen: list[Array | None] = field(default_factory=list["Array | None"])
+    failed: PalpateError | None = None
+
+    def on_tick(self, snapshot: Snapshot) -> None:
+        """See `Observer`."""
+        rests = sum(leaf.primitive == "MeasureForces" for leaf in snapshot.leaves)
+        if rests > len(self.seen) and self.failed is None and snapshot.stopping is None:
+            try:
+                grey = (self.shoot() @ LUMA).astype(np.uint8)
+            except PalpateError as error:
+                self.failed = error
+                return
+            found = [where for number, where in detect(grey, self.lens) if number == self.number]
+            self.seen.append(found[0] if len(found) == 1 else None)
+
+
+def locate(
+    session: CalibrationSession, source: str, intrinsics: Path | None, tag: Known
+) -> tuple[HandEye, CalibrationViews]:
+    """Find where a camera is by a tag on the hand, and put it into the session's robot.yaml; return what was
+    found, and the views with what was believed before.
+
+    Raises:
+        InputError: no such camera, nothing says roughly where it is, or the pictures do not fit.
+        Unavailable: OpenCV is not installed, or a camera does not answer.
+    """
+    number = _number(tag)
+    own = scene_of_settings(session)
+    scene = own or session.bench_with_camera()
+    eye = _eye(session, scene, source, intrinsics, number, tag.size.value)
+    base = session.arm.stands(scene.pose_world_base)
+    on_hand = eye.mount.on_hand
+    mount = eye.mount if on_hand else eye.mount.within(base.inverse())
+    there = base.inverse() @ _standing(scene, number) if on_hand else STICKER
+
+    half, std = tag.size.value / 2, tag.size.std / tag.size.value
+    scatter = session.arm.nominal.pose_repeatability
+    q = configurations(session.arm)
+    hands, jacobians = stances(session.arm, q)
+    frame = frame_of(hands[:KEPT], jacobians[:KEPT])
+    drawn = CalibrationViews(hands, jacobians, frame, half, std, eye.lens, mount, on_hand, scatter)
+    session.callbacks.progress("choosing poses in view of the camera")
+    chosen = _chosen(session, scene, q, drawn, there)
+    shots = Shots(eye.shoot, eye.lens, number)
+    what = "looking at tag {} from {}" if on_hand else "showing tag {} to the camera in {}"
+    session.callbacks.progress(f"{what.format(number, len(chosen))} poses")
+    trace = session.perform(scene, _plan(chosen), None if own else scene, shots)
+    if shots.failed is not None:
+        raise shots.failed
+    seen = [(i, where) for i, where in enumerate(shots.seen) if where is not None]
+    if len(seen) < FEWEST:
+        raise InputError(
+            f"the camera saw tag {number} in {len(seen)} of {len(chosen)} pictures, {FEWEST} are needed: is it "
+            f"{_place(on_hand)}, and the camera about where its intrinsics file says? Nothing is written"
+        )
+    rests = np.array([trace.of(recording).q.mean(axis=0) for recording in trace.recordings])
+    hands, jacobians = stances(session.arm, rests)
+    session.callbacks.progress(f"fitting {len(seen)} pictures")
+    shown = replace(drawn, hands=hands, jacobians=jacobians).some([i for i, _ in seen])
+    found = hand_eye(shown, [where for _, where in seen])
+    entry = _entry(found, eye.source, number, on_hand)
+    session.config = session.config.model_copy(update={"camera": entry})
+    return found, shown
+
+
+def _place(on_hand: bool) -> str:
+    """Expected place of the tag, in words."""
+    if on_hand:
+        return "where the scene has its site, or half a metre before the base, flat on the plane of its foot"
+    return "on the hand's broad side that looks away from the base at home"
+
+
+def _standing(scene: Scene, number: int) -> Pose:
+    """Believed pose in the world of a tag that stands still."""
+    stated = tags_of(scene).get(number)
+    return scene.pose_world_base @ LYING if stated is None else stated.pose_world
+
+
+def _number(tag: Known) -> int:
+    name = tag.name or "0"
+    if not name.isdecimal() or int(name) >= TAGS:
+        raise InputError(
+            f"tag '{name[:20]}': tags are numbered 0 to {TAGS - 1}; give e.g. 0=100mm±0.1mm"
+        )
+    return int(name)
+
+
+def _eye(
+    session: CalibrationSession,
+    scene: Scene,
+    source: str,
+    intrinsics: Path | None,
+    number: int,
+    side: float,
+) -> Eye:
+    settings = session.settings
+    if not source.startswith(WORLD_CAMERA):
+        stream = Stream(source, intrinsics)
+        if stream.mount is None:
+            raise InputError(
+                "nothing says roughly where the camera is: state its pose in the intrinsics file, e.g. to 50 mm and "
+                "0.1 rad: pose: {pos: …, quat: …, covariance: …}"
+            )
+        return Eye(source, stream.lens, stream.mount, stream.latest)
+    if intrinsics is not None or settings.robot is not None:
+        raise InputError(
+            f"camera={source} is one of the simulated world: leave out intrinsics= and robot="
+        )
+    name = source.removeprefix(WORLD_CAMERA)
+    cell = cell_for(settings, scene)
+    assert isinstance(cell, SimulatedCell)
+    if name == HAND:
+        lens, mount = believed_camera(settings.seed)
+        on = None if number in tags_of(scene) else cell.world.pose_world_base @ LYING
+    else:
+        owned = SimulatedCamera(cell.world.spec(cell.drawn), name, seed=settings.seed)
+        lens, mount, on = owned.lens, owned.mount, None
+    camera: list[SimulatedCamera] = []
+
+    def shoot() -> NDArray[np.uint8]:
+        """A picture of the world as it is now, with the tag in it."""
+        assert session.cell is not None
+        footage = session.cell.footage()
+        assert footage is not None
+        assert footage.spec is not None
+        if not camera:
+            spec = footage.spec
+            if name == HAND:
+                spec = with_camera(spec, session.arm)
+            if name != HAND or on is not None:
+                spec = with_tag(spec, session.arm, number, side, settings.seed, on)
+            camera.append(SimulatedCamera(spec, name, seed=settings.seed))
+        return camera[0].shoot(footage.frames[-1][1])
+
+    return Eye(source, lens, mount, shoot)
+
+
+def _chosen(
+    session: CalibrationSession, scene: Scene, q: Array, drawn: CalibrationViews, tag: Pose
+) -> list[Array]:
+    """Of configurations (n, 7) those that the arm reaches in `scene` and that tell most, in a short order."""
+    left = in_view(drawn, tag)
+    for _ in range(TRIES):
+        if len(left) < FEWEST:
+            break
+        best = [left[i] for i in surest(drawn.some(left), tag, PICTURES)]
+        chosen = _order_configurations(best, q, session.arm.home)
+        findings = session.findings(scene, _plan([q[i] for i in chosen]))
+        steps = {int(f.path.rpartition("[")[2].rstrip("]") or 0) for f in findings if "[" in f.path}
+        refused = {chosen[(step - 1) // 2] for step in steps if 0 < step <= 2 * len(chosen)}
+        if not refused:
+            return [q[i] for i in chosen]
+        left = [i for i in left if i not in refused]
+    raise InputError(
+        "the arm finds no poses in which the camera sees the tag and nothing is in the way; nothing moved: is the "
+        f"camera about where its intrinsics file says, and the tag {_place(drawn.on_hand)}?"
+    )
+
+
+def configurations(arm: RobotDescription) -> Array:
+    """(n, 7) configurations about home, well above the plane on which the arm stands."""
+    random = np.random.default_rng(0)
+    low, high = arm.limits.q_min + LIMIT, arm.limits.q_max - LIMIT
+    q = np.clip(arm.home + SPREAD * random.uniform(-1.0, 1.0, (DRAWN, JOINTS)), low, high).round(4)
+    places = NominalArm(arm, Pose.of([0, 0, 0]), np.zeros(3)).poses(q)
+    return q[places[:, 2] > CLEAR]
+
+
+def in_view(views: CalibrationViews, tag: Pose) -> list[int]:
+    """Indices of views in which the camera should see a tag believed at `tag`, `KEPT` at most."""
+    lens, local = views.lens, views.local(views.camera, tag)
+    pixels = lens.project(np.maximum(local, [-9, -9, NEAREST]).reshape(-1, 3))
+    border = BORDER * lens.size[0]
+    inside = (pixels > border) & (pixels < np.array(lens.size) - border)
+    sides = np.linalg.norm(np.diff(pixels.reshape(-1, 4, 2), axis=1), axis=2).min(axis=1)
+    good = inside.reshape(-1, 8).all(axis=1) & (sides > SMALLEST)
+    good &= (local[..., 2] > NEAREST).all(axis=1)
+    # Its corners are clockwise for who sees its face.
+    across = np.cross(local[:, 3] - local[:, 0], local[:, 1] - local[:, 0])
+    middle = local.mean(axis=1)
+    facing = -np.einsum("ij,ij->i", across, middle)
+    good &= facing > FACING * np.linalg.norm(across, axis=1) * np.linalg.norm(middle, axis=1)
+    return np.flatnonzero(good)[:KEPT].tolist()
+
+
+def _order_configurations(indices: list[int], q: Array, start: Array) -> list[int]:
+    """The order in which each configuration is the nearest one to the last."""
+    left, order, at = list(indices), list[int](), start
+    while left:
+        nearest = min(left, key=lambda i: float(np.linalg.norm(q[i] - at)))
+        order.append(nearest)
+        left.remove(nearest)
+        at = q[nearest]
+    return order
+
+
+def _plan(configurations: Sequence[Array]) -> Plan:
+    """Rests in configurations (7,), from home and back."""
+    home = Node("MoveJoints", (("joints", HOME_CONFIG),))
+    steps = [home]
+    for q in configurations:
+        steps.append(Node("MoveJoints", (("joints", q.tolist()),)))
+        steps.append(Node("MeasureForces"))
+    return calibration_plan((), Node("Sequence", children=(*steps, home)))
+
+
+def _entry(found: HandEye, source: str, number: int, on_hand: bool) -> CameraConfig:
+    """The camera for robot.yaml."""
+    pose, (width, height) = found.mount.pose_world_camera, found.lens.size
+    fovy = math.degrees(2 * math.atan(height / 2 / found.lens.matrix[1, 1]))
+    covariance = np.array(
+        [[float(f"{part:.4e}") for part in row] for row in found.mount.covariance]
+    )
+    where = "that stands still" if on_hand else "on the hand"
+    return CameraConfig(
+        date=datetime.date.today(),
+        by=f"tag {number} {where} in {len(found.corners)} pictures of {source[:80]}",
+        on_hand=on_hand,
+        pos=pose.position.round(6),
+        quat=pose.quaternion.round(7),
+        fovy=round(fovy, 5),
+        size=(width, height),
+        covariance=(covariance + covariance.T) / 2,
+    )

@@ -1,0 +1,229 @@
+"""Length of the fingertips and tilt of the arm's base, from touches of known heights.
+
+The height error h of a touch at x and y from the base follows the plane
+
+    h = c + s_x x + s_y y
+
+c: error of the tip length and of the base's height. s: tilt of the base, together with joint offsets and
+link errors, which over a few decimetres look the same. The residuals of the plane have two parts: the frame
+error `BENT` of an uncalibrated arm, and the repeatability of the pose on the datasheet. Which share of both
+this very arm has is estimated from its touches: a distorted frame also leans, so tilts and residuals are
+judged together. The residuals of five places alone would say too little.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Array, Pose
+from palpate.estimation.descent import UNSEEN, probes
+from palpate.estimation.estimate import chi_squared
+from palpate.estimation.touch import APART, RIGID, SurfaceTouch, find_touch
+from palpate.runs.calibration.gains import Stated, require
+from palpate.trace.samples import Trace
+
+FEWEST = 3
+"""Places that determine the plane."""
+BENT = 6e-5
+"""m (1 sigma): residuals of a plane through the gauges of the bench, at them and between, for arms with joint
+offsets of 1 mrad and link errors of 0.3 mm; root mean square of 200 such arms."""
+AROUND = 0.1
+"""m above and below the gauges: over this range of heights the frame error changes as if it grew in
+proportion to the arm's reach."""
+SHARES = (1.0 / 64.0, 1.0 / 8.0, 1.0)
+"""Share of the pose repeatability on the datasheet, an upper bound, that this very arm may have; equally
+likely a priori."""
+FRAMES = (1.0 / 4.0, 1.0 / 2.0, 1.0)
+"""Share of the frame error that this very arm may have, likewise. Two tilts and the residuals of five places
+are small by chance now and then: with these shares 1 in 1000 heights of arms with the full frame error is 4
+deviations off; with smaller ones it would be 8."""
+STIFF = 1e-6
+"""m/N: compliance of a steel gauge and of its support."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tips:
+    """Calibration of the fingertips and the base.
+
+    Attributes:
+        offset: from the TCP to the fingertips' end, along the tool, m.
+        offset_std: of a height near the gauges, by tips and frame together, m.
+        repeatability: of the pose, by touches of one height, m.
+        lean: (2,) tilt of the base about its x and y axes, beyond the one already corrected, rad.
+        lean_std: (2,) its standard deviation.
+        compliance: of pads and joints behind the encoders, m/N.
+        compliance_std: its standard deviation.
+        touches: number of touches.
+    """
+
+    offset: float
+    offset_std: float
+    repeatability: float
+    lean: Array
+    lean_std: Array
+    compliance: float
+    compliance_std: float
+    touches: int
+
+
+def fit_tips(
+    trace: Trace, surfaces: Sequence[Parameter], known: Stated, base: Pose, reach: float
+) -> Tips:
+    """Fit tip length and base tilt to touches of `surfaces`, all of height `known`, m, by an arm with its
+    base at `base` and a reach of `reach`, m.
+
+    Raises:
+        InputError: too few touches, or surfaces of another height, or not in one plane.
+    """
+    hand = trace.hand
+    descents = [recording for surface in surfaces for recording in probes(trace, surface)]
+    met = [find_touch(trace, recording) for recording in descents]
+    touches = rigid_touches([touch for touch in met if touch is not None])
+    require([test for touch in touches for test in touch.sides()], "the gauge")
+    spots, heights = places_of(touches, base)
+    deviations = [place - known.value for place in heights]
+    high = np.array([float(np.mean(place)) for place in heights]) - known.value
+    # The design is centred on the gauges, where height and tilt are uncorrelated.
+    middle = spots.mean(axis=0)
+    design = np.column_stack([np.ones(len(spots)), spots - middle])
+    leaning = hand.tip_offset_std / reach
+    prior = np.array([hand.tip_offset_std, leaning, leaning])
+    frame, share = shares(deviations, design, prior, hand.pose_repeatability)
+    repeated = share * hand.pose_repeatability
+    white = design / (spread := place_stds(heights, frame, repeated))[:, None]
+    information = white.T @ white + np.diag((np.array([1.0, frame, frame]) * prior) ** -2.0)
+    covariance: Array = np.linalg.inv(information).astype(np.float64)
+    mean = covariance @ (white.T @ (high / spread))
+    full = place_stds(heights, 1.0, hand.pose_repeatability)
+    require_plane(float(mean[0]), (high - design @ mean) / full, prior[0], known)
+    # Uncertainty of a height between the gauges, and of one somewhat above or below them.
+    here = float(np.trace(design @ covariance @ design.T)) / len(spots)
+    away = leaning * AROUND
+    std_x, std_y = np.sqrt(covariance.diagonal()[1:])
+    # One loading curve determines the compliance no better than its first contact is known.
+    compliances = np.array([touch.penetration / touch.full for touch in touches])
+    single = float(np.median([touch.first_std / touch.full for touch in touches]))
+    scatter = max(float(compliances.std(ddof=1)), single / np.sqrt(len(touches)))
+    return Tips(
+        offset=hand.tip_offset + float(mean[0] - mean[1:] @ middle),
+        offset_std=float(np.linalg.norm([here**0.5, frame * BENT, frame * away, known.std])),
+        repeatability=repeated,
+        # A slope along y is a rotation about x, one along x a negative rotation about y.
+        lean=np.array([-mean[2], mean[1]]),
+        lean_std=np.array([std_y, std_x]),
+        compliance=float(compliances.mean()),
+        compliance_std=max(scatter, STIFF),
+        touches=len(touches),
+    )
+
+
+def place_stds(heights: Sequence[Array], frame: float, repeatability: float) -> Array:
+    """(n,) m (1 sigma): deviation from the plane of the mean height at each place, for an arm with the share
+    `frame` of `BENT`."""
+    single = np.hypot(repeatability, UNSEEN)
+    return np.hypot(frame * BENT, [single / np.sqrt(len(place)) for place in heights])
+
+
+def shares(
+    heights: Sequence[Array], design: Array, prior: Array, repeatability: float
+) -> tuple[float, float]:
+    """Estimate this arm's shares of the frame error `BENT` and of the stated `repeatability`, m: root mean
+    squares over `FRAMES` and `SHARES`, weighted by the evidence of the `heights` (k,), m, at each place
+    (Bishop, Pattern Recognition and Machine Learning, section 3.4)."""
+    each = [len(high) for high in heights]
+    observed, rows = np.concatenate(heights), np.repeat(design, each, axis=0)
+    place, one = np.repeat(np.arange(len(each)), each), np.eye(sum(each))
+    # Covariance of all touches: common height, tilts and frame error of each place, scatter of each touch.
+    level, leans = rows[:, :1] * prior[0], rows[:, 1:] * prior[1:]
+    always: Array = level @ level.T + UNSEEN**2 * one
+    framed: Array = leans @ leans.T + BENT**2 * np.equal.outer(place, place)
+    pairs = list(product(FRAMES, SHARES))
+    log_likelihoods: list[float] = []
+    for frame, share in pairs:
+        covariance: Array = always + frame**2 * framed + (share * repeatability) ** 2 * one
+        misfit = float(observed @ np.linalg.solve(covariance, observed))
+        log_likelihoods.append(-(misfit + float(np.linalg.slogdet(covariance)[1])) / 2.0)
+    weights = np.exp(np.array(log_likelihoods) - max(log_likelihoods))
+    frame, share = np.sqrt(np.average(np.square(pairs), axis=0, weights=weights)).tolist()
+    return frame, share
+
+
+def require_plane(apart: float, residuals: Array, prior: float, known: Stated) -> None:
+    """Require that the gauges have the `known` height, `apart` m off within the `prior` std of the arm's own
+    height, and lie in one plane: whitened `residuals` (n,)."""
+    side = "above" if apart > 0 else "below"
+    tests = [
+        chi_squared(
+            "gauge",
+            apart**2 / (prior**2 + known.std**2),
+            1,
+            f"It was met {1e3 * abs(apart):.2f} mm {side} the height that it is said to have "
+            f"({known.text}): it is another one, or the fingers are not the description's.",
+        )
+    ]
+    if len(residuals) > FEWEST:  # as many as the coefficients of a plane
+        tests.append(
+            chi_squared(
+                "gauge against gauge",
+                float(residuals @ residuals),
+                len(residuals),
+                "The gauges do not lie in one plane: one is another one, or something lies on it.",
+            )
+        )
+    require(tests, "the gauge")
+
+
+def rigid_touches(found: Sequence[SurfaceTouch]) -> list[SurfaceTouch]:
+    """Select the touches of something rigid: those certainly rigid if they are the majority, else those
+    possibly rigid, of an arm with compliant tips.
+
+    Raises:
+        InputError: the majority is certainly compliant, or under something soft.
+    """
+    may_be = [touch for touch in found if touch.at_least <= RIGID and touch.soft == 0.0]
+    if 2 * len(may_be) <= len(found):
+        most = max((touch.at_least for touch in found), default=0.0)
+        how = f"by {1e6 * most:.0f} µm/N at least" if most > RIGID else "above something rigid"
+        raise InputError(
+            f"the gauge gives way {how} where it was touched: put it on something rigid, with nothing soft "
+            "on it; nothing is written"
+        )
+    certain = [touch for touch in may_be if not touch.gives_way]
+    return certain if 2 * len(certain) > len(found) else may_be
+
+
+def places_of(touches: Sequence[SurfaceTouch], base: Pose) -> tuple[Array, list[Array]]:
+    """Group touches by place: (n, 2) m, places in the base's axes, and the heights (k,) m, of each in the
+    world.
+
+    Raises:
+        InputError: too few places.
+    """
+    groups: list[list[SurfaceTouch]] = []
+    for touch in touches:
+        for group in groups:
+            if np.linalg.norm(touch.spot - group[0].spot) < APART:
+                group.append(touch)
+                break
+        else:
+            groups.append([touch])
+    require_places(len(groups))
+    spots = [base.local(np.array([*group[0].spot, group[0].height]))[:2] for group in groups]
+    return np.array(spots), [np.array([touch.height for touch in group]) for group in groups]
+
+
+def require_places(count: int) -> None:
+    """Require enough places to determine the tilt of the arm's frame; raises InputError."""
+    if count < FEWEST:
+        there = "at one place" if count == 1 else f"at {count} places"
+        raise InputError(
+            f"there are gauges {there}, and {FEWEST} are needed, {1e3 * APART:g} mm apart: fewer do not "
+            "separate the fingers' length from the tilt of the arm's frame; give a scene with gauges of that "
+            "height at several places"
+        )

@@ -1,0 +1,94 @@
+"""Callbacks of a run: progress and confirmation, passed on from stage to stage."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeVar
+
+from palpate.execution.recovery import Resume, nobody
+
+if TYPE_CHECKING:
+    from palpate.execution.runner import Observer
+    from palpate.perception.look import Seen
+    from palpate.runs.run import Run
+
+
+T = TypeVar("T")
+Progress = Callable[[str], None]
+"""Told which stage begins."""
+Confirm = Callable[["Run"], bool]
+"""Shown a plan before a real robot moves; whether it may."""
+Shown = Callable[["Run"], None]
+"""Shown what the run has grown to."""
+
+
+def quiet(_: str) -> None:
+    """Tell nobody which stage begins."""
+
+
+def allow_motion(_: Run) -> bool:
+    """Let the robot move without asking anybody."""
+    return True
+
+
+def refuse_proposal(_: Run) -> bool:
+    """Confirm no proposal."""
+    return False
+
+
+def unheard(_: Run) -> None:
+    """Show the run to nobody before all is done."""
+
+
+def accept_look(_: Seen) -> bool:
+    """Use what a camera saw without asking anybody."""
+    return True
+
+
+@dataclass(frozen=True, slots=True)
+class RunCallbacks:
+    """Callbacks of a run: progress and confirmation. By default nothing is shown or asked.
+
+    Attributes:
+        observer: called at every tick of the execution.
+        progress: called with the name of the stage that begins.
+        looked: called with what a camera saw, before anything is planned with it; True uses it.
+        planned: called with the run before its plan for a real robot is rehearsed, to be read meanwhile.
+        may_move: called with the run before a real robot moves; True lets it move.
+        may_measure: called with a run whose plan is a proposal; True measures what it proposes.
+        may_resume: called with the reason why a real robot stopped; True lets it go on.
+        measured: called with the run as soon as its values are final, before twin, film and report.
+    """
+
+    observer: Observer | None = None
+    progress: Progress = quiet
+    may_move: Confirm = allow_motion
+    may_measure: Confirm = refuse_proposal
+    may_resume: Resume = nobody
+    measured: Shown = unheard
+    planned: Shown = unheard
+    looked: Callable[[Seen], bool] = accept_look
+
+    def unfailing(self) -> RunCallbacks:
+        """The same, with failures of what only shows ignored, e.g. on a closed terminal."""
+        return replace(
+            self,
+            progress=_unfailing(self.progress),
+            measured=_unfailing(self.measured),
+            planned=_unfailing(self.planned),
+        )
+
+
+SILENT = RunCallbacks()
+"""Callbacks that show and ask nothing."""
+
+
+def _unfailing(tell: Callable[[T], None]) -> Callable[[T], None]:
+    def call(what: T) -> None:
+        # Printing to a closed pipe may raise SystemExit (rich does).
+        with suppress(Exception, SystemExit):
+            tell(what)
+
+    return call

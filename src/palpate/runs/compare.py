@@ -1,0 +1,186 @@
+"""Comparison of several runs' estimates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from palpate.common.display import table, text_table
+from palpate.common.errors import InputError
+from palpate.common.parameter import ByParameter, Parameter
+from palpate.common.pose import Array
+from palpate.common.version import __version__
+from palpate.estimation.estimate import Estimate, Shared
+from palpate.estimation.fusion import Source, difference
+from palpate.runs.fuse import arm_of, differences, estimate_of, names_of, parameters_of
+from palpate.runs.result import finite
+from palpate.runs.run import Run
+
+COLUMNS = ("parameter", "run", "value ± std", "difference in stds", "verdict")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ComparedEstimate:
+    """Estimate of one run in a comparison.
+
+    Attributes:
+        run: name of the run.
+        estimate: None if the run did not measure the parameter.
+        difference: (n,) from the first run with a value; None for that run, and without a value.
+        std: (n,) of the difference, without errors that both runs share.
+    """
+
+    run: str
+    estimate: Estimate | None
+    difference: Array | None = None
+    std: Array | None = None
+
+    @property
+    def z(self) -> Array | None:
+        """Difference in its standard deviations, (n,)."""
+        if self.difference is None or self.std is None:
+            return None
+        return self.difference / self.std
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Comparison(ByParameter[tuple[ComparedEstimate, ...]]):
+    """Comparison of several runs: `comparison["mug.mass"]` has a row of each run.
+
+    Attributes:
+        names: folders of the runs.
+        rows: rows by parameter, in the order of the runs.
+        remarks: differences of their scenes and worlds.
+    """
+
+    runs: tuple[Run, ...]
+    names: tuple[str, ...]
+    rows: dict[Parameter, tuple[ComparedEstimate, ...]]
+    remarks: tuple[str, ...]
+
+    def _entries(self) -> dict[Parameter, tuple[ComparedEstimate, ...]]:
+        return self.rows
+
+    def __repr__(self) -> str:
+        return f"<Comparison of {len(self.runs)} runs: {self._list_parameters()}>"
+
+    def __str__(self) -> str:
+        """Table with a row for each parameter and run."""
+        return text_table(COLUMNS, self._cells())
+
+    def _repr_html_(self) -> str:
+        return table(repr(self), COLUMNS, self._cells())
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        found: list[tuple[str, ...]] = []
+        for row in (row for rows in self.rows.values() for row in rows):
+            if row.estimate is not None:
+                name, value, _, verdict = row.estimate.cells()
+                apart = "" if row.z is None else ", ".join(f"{z:+.1f}" for z in row.z.tolist())
+                found.append((name, row.run, value, apart, verdict))
+        return found
+
+    def _list_parameters(self) -> str:
+        """List the parameters with their largest difference from the first run."""
+        said: list[str] = []
+        for parameter, rows in self.rows.items():
+            apart = [float(np.abs(row.z).max()) for row in rows if row.z is not None]
+            far = f" {max(apart):.1f} std apart" if apart else ""
+            said.append(f"{parameter}{far}")
+        return ", ".join(said) or "nothing"
+
+
+def compare_runs(runs: Sequence[Run]) -> Comparison:
+    """Compare all parameters of two or more runs, each run with the first that has a value.
+
+    Raises:
+        InputError: fewer than two runs.
+    """
+    if len(runs) < 2:
+        raise InputError("give two runs or more to compare")
+    names = names_of(runs)
+    remarks: list[str] = []
+    one_scene = True
+    for name, run in zip(names[1:], runs[1:], strict=True):
+        apart = list(differences(runs[0], run))
+        if apart:
+            remarks.append(f"{names[0]} and {name} are not of one scene: {'; '.join(apart)}")
+            one_scene = False
+    rows: dict[Parameter, tuple[ComparedEstimate, ...]] = {}
+    for parameter in parameters_of(runs):
+        rows[parameter] = tuple(_rows(parameter, runs, names, one_scene))
+    return Comparison(tuple(runs), names, rows, tuple(remarks))
+
+
+def _rows(
+    parameter: Parameter, runs: Sequence[Run], names: Sequence[str], one_scene: bool
+) -> Iterator[ComparedEstimate]:
+    first: Source | None = None
+    for name, run in zip(names, runs, strict=True):
+        estimate = estimate_of(run, parameter)
+        if estimate is None or not estimate.has_value:
+            yield ComparedEstimate(name, estimate)
+            continue
+        source = Source(name, arm_of(run), estimate)
+        if not one_scene:
+            source = _of_its_own_scene(source)
+        if first is None or len(first.estimate.values) != len(estimate.values):
+            first = first or source
+            yield ComparedEstimate(name, estimate)
+        else:
+            yield ComparedEstimate(name, estimate, *difference(first, source))
+
+
+def _of_its_own_scene(source: Source) -> Source:
+    """Rename the shared causes of a run of another scene: only those of the arm are common."""
+    shared: list[Shared] = []
+    for one in source.estimate.shared:
+        cause = one.cause if one.of == "arm" else f"{one.cause} of {source.run}"
+        shared.append(replace(one, cause=cause))
+    return replace(source, estimate=replace(source.estimate, shared=tuple(shared)))
+
+
+def comparison_json(comparison: Comparison) -> dict[str, Any]:
+    """Comparison as JSON: scalars for quantities of one component, lists for the others."""
+    runs: list[dict[str, Any]] = []
+    for name, run in zip(comparison.names, comparison.runs, strict=True):
+        where = None if run.folder is None else str(run.folder.absolute())
+        of = {"simulated": run.simulated, "arm": arm_of(run), "world": run.world}
+        runs.append({"name": name, "folder": where, "status": run.status} | of)
+    parameters: list[dict[str, Any]] = []
+    for parameter, rows in comparison.rows.items():
+        about = {"object": parameter.object, "quantity": parameter.quantity}
+        units = [row.estimate.unit for row in rows if row.estimate is not None]
+        parameters.append(about | {"unit": units[0], "runs": [_row_json(row) for row in rows]})
+    return finite(
+        {
+            "runs": runs,
+            "parameters": parameters,
+            "remarks": list(comparison.remarks),
+            "provenance": {"palpate": __version__},
+        }
+    )
+
+
+def _row_json(row: ComparedEstimate) -> dict[str, Any]:
+    estimate = row.estimate
+    return {
+        "run": row.run,
+        "value": _plain(None if estimate is None else estimate.values),
+        "std": _plain(None if estimate is None else estimate.stds),
+        "verdict": None if estimate is None else estimate.verdict,
+        "difference": _plain(row.difference),
+        "difference_std": _plain(row.std),
+        "z": _plain(row.z),
+    }
+
+
+def _plain(numbers: Array | None) -> Any:
+    """Convert (1,) to a scalar, (n,) to a list, nothing to null."""
+    if numbers is None or not len(numbers):
+        return None
+    found: list[float] = np.asarray(numbers).tolist()
+    return found[0] if len(found) == 1 else found

@@ -1,0 +1,309 @@
+"""Estimating stage: each parameter from the trace, and validation on held-out motions."""
+
+from __future__ import annotations
+
+import os
+import pickle
+from collections.abc import Collection, Generator, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from hashlib import sha256
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from palpate.common.errors import InputError, PalpateError
+from palpate.common.parameter import Parameter
+from palpate.common.processes import Beside, can_copy, shared_out
+from palpate.estimation.estimate import Estimate
+from palpate.estimation.quantities.estimators import estimate_all, failed_estimate
+from palpate.execution.cell import Cell
+from palpate.runs.callbacks import SILENT, RunCallbacks
+from palpate.runs.held_out import HeldOut, HeldOutMotion, held_out, held_still, judge, with_tests
+from palpate.runs.run import Run
+from palpate.runs.workplace import truths
+from palpate.scene.load import correct_body, scene_with_measurements
+from palpate.scene.scene import Scene
+from palpate.trace.samples import Trace, reach, sound, trace_around
+
+if TYPE_CHECKING:
+    from palpate.primitives.base import Recorder
+    from palpate.runs.building import Given
+
+
+MADE_UP = "Simulated: the true value was drawn from priors, and is that of no real thing."
+
+
+def estimate(made: Run, cell: Cell | None, callbacks: RunCallbacks = SILENT) -> Run:
+    """Return the run with its estimates, validated, and with the truth where `cell` knows it."""
+    for grown in estimates(made, cell, callbacks):
+        made = grown
+    return made
+
+
+def estimates(
+    made: Run, cell: Cell | None, callbacks: RunCallbacks = SILENT, ahead: Ahead | None = None
+) -> Iterator[Run]:
+    """Yield the run after every estimate, after their validation, and then with the truth. `ahead` has made some of
+    them."""
+    callbacks.progress("estimating")
+    trace = made.trace_if_any
+    # Keep the trace, so that it is read from its file once and not for every estimate.
+    made = replace(made, estimates=(), held_out=None, recorded=trace)
+    scene = made.scene if trace is None else _as_felt(made, trace)
+    found: dict[Parameter, Estimate] = {}
+
+    def make(later: Collection[str]) -> Iterator[Run]:
+        """Make all that is not found, but for those of the objects that come later."""
+        wanted = [one for one in made.plan.parameters if one not in found]
+        wanted = [one for one in wanted if one.object not in later]
+        for estimate in shared_out(partial(_estimate_parameter, made, scene), wanted):
+            found[estimate.parameter] = estimate
+            every = [found[one] for one in made.plan.parameters if one in found]
+            yield replace(made, estimates=tuple(every))
+
+    early: Mapping[str, Judged] = {}
+    if ahead is not None:
+        yield from make(later=ahead.begun)
+        early = _select_still_valid(ahead.results(), scene, trace)
+        found |= {one.parameter: one for each in early.values() for one in each.estimates}
+    yield from make(later=())
+    every = [found[one] for one in made.plan.parameters]
+    made = replace(made, estimates=(*every, *_unmeasured(made)))
+    callbacks.progress("validating the estimates on held-out motions")
+    made = _validate(made, scene, early={name: each.motion for name, each in early.items()})
+    yield made
+    # The truth is asked for when the estimates are final, never before.
+    if cell is not None:
+        yield replace(made, truth=truths(made, cell))
+
+
+def _unmeasured(made: Run) -> Iterator[Estimate]:
+    """Estimates without a value, of the requested parameters that the plan does not measure."""
+    for one in made.plan.unmeasured:
+        yield from (failed_estimate(parameter, one.reason) for parameter in one.parameters)
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """Estimates of one object, with its held-out motion.
+
+    Attributes:
+        key: of all that this was made from.
+        estimates: of its parameters.
+        motion: its held-out motion, or the reason why there is none; None if it was not held still.
+    """
+
+    key: bytes
+    estimates: tuple[Estimate, ...]
+    motion: HeldOutMotion | str | None
+
+
+def judge_object(made: Run, name: str) -> Judged:
+    """Estimate and judge an object by the run's trace."""
+    trace = made.trace
+    scene, evidence = _as_felt(made, trace), trace_around(sound(trace), name)
+    wanted = [one for one in made.plan.parameters if one.object == name]
+    found = tuple(_estimate_parameter(made, scene, one) for one in wanted)
+    lifted = any(held_still(evidence, name))
+    motion = judge(scene, evidence, found, name, None) if lifted else None
+    return Judged(_key(scene, evidence, name), found, motion)
+
+
+def _select_still_valid(
+    early: Mapping[str, Judged], scene: Scene, trace: Trace | None
+) -> dict[str, Judged]:
+    """Select the estimates whose evidence is the same at the end; none of a run that was broken off."""
+    if trace is None or sound(trace) is not trace:
+        return {}
+    return {
+        name: each
+        for name, each in early.items()
+        if each.key == _key(scene, trace_around(trace, name), name)
+    }
+
+
+def _key(scene: Scene, evidence: Trace, name: str) -> bytes:
+    """Digest of all that the estimates of an object are made from: where the scene has it, and its evidence."""
+    body = scene.bodies[name]
+    believed = (body.pose_world.vector, body.tipped.vector, body.covariance, dict(body.known))
+    return sha256(pickle.dumps((believed, evidence))).digest()
+
+
+def _as_felt(made: Run, trace: Trace) -> Scene:
+    """The run's scene with its surfaces as measured, and its objects where touch found them."""
+    scene = scene_with_measurements(made.scene, trace)
+    for name, belief in made.beliefs.items():
+        if belief.is_moved and name in scene.bodies:
+            scene = correct_body(scene, name, belief.placed @ belief.seen.inverse())
+    return scene
+
+
+def _estimate_parameter(made: Run, scene: Scene, parameter: Parameter) -> Estimate:
+    """The estimate of a parameter, with the surfaces of `scene` as measured."""
+    trace = made.trace_if_any
+    if trace is None:
+        return failed_estimate(parameter, "Nothing was recorded.")
+    try:
+        return _annotate(made, estimate_all([parameter], trace, scene.bodies)[0])
+    except PalpateError as error:
+        return failed_estimate(parameter, f"There is no estimator: {error}.")
+
+
+def reestimate(made: Run, choice: Mapping[str, str] | None = None) -> Run:
+    """Make the estimates again from the stored trace, in memory and without a twin: nothing moves,
+    and the run's folder stays unchanged. `choice` names estimators by quantity.
+
+    Raises:
+        InputError: it has no trace, another version recorded it, its scene's file is missing, or there
+            is no such estimator.
+    """
+    if made.folder is not None:
+        from palpate.runs.read import require_own_version
+
+        require_own_version(made.folder)
+    trace = made.trace_if_any
+    if trace is None:
+        where = "this run" if made.folder is None else f"'{made.folder}'"
+        raise InputError(f"{where} has no trace to make estimates from: nothing was executed")
+    # A run read from its folder has an empty scene if the scene's file is missing.
+    file = made.settings.scene
+    if file is not None and not made.scene.bodies:
+        raise InputError(
+            f"the run's scene, '{file}', is missing: put it back there to make estimates again"
+        )
+    scene = _as_felt(made, trace)
+    recorded = [one.parameter for one in made.estimates] if made.is_recorded else ()
+    found = estimate_all(recorded or made.plan.parameters, trace, scene.bodies, choice or {})
+    annotated = (*(_annotate(made, estimate) for estimate in found), *_unmeasured(made))
+    again = replace(made, recorded=trace, estimates=annotated, held_out=None, finished=None)
+    return _validate(again, scene, choice)
+
+
+def with_views(made: Run) -> Run:
+    """Add the data of the fits, which a run's folder does not hold, to the estimates of a run that
+    was read from its folder, by making them again from its trace. An estimate whose value differs
+    stays without; so do all without a trace or a scene."""
+    trace = made.trace_if_any
+    has_views = any(one.views for one in made.estimates)
+    if trace is None or not made.scene.bodies or has_views:
+        return made
+    with suppress(PalpateError):
+        wanted = [one.parameter for one in made.estimates]
+        found = estimate_all(wanted, trace, _as_felt(made, trace).bodies)
+        same = [
+            replace(one, views=again.views) if np.array_equal(one.values, again.values) else one
+            for one, again in zip(made.estimates, found, strict=True)
+        ]
+        return replace(made, recorded=trace, estimates=tuple(same))
+    return made
+
+
+def _annotate(made: Run, estimate: Estimate) -> Estimate:
+    """Add to the estimate's method an interval wider than asked for, and a truth drawn from priors."""
+    estimate = made.settings.within.told(estimate)
+    if not made.drawn:
+        return estimate
+    # The method's text is all that the twin quotes, so it must say there that no real thing was measured.
+    return replace(estimate, method=f"{estimate.method} {MADE_UP}".lstrip())
+
+
+def _validate(
+    made: Run,
+    scene: Scene,
+    choice: Mapping[str, str] | None = None,
+    early: Mapping[str, HeldOutMotion | str | None] | None = None,
+) -> Run:
+    """Test the estimates on held-out motions: each is left out, the rest is fitted again by the
+    estimators that `choice` names, and the left-out recording is predicted. `scene`: as measured; `early`: the
+    motions of objects for which that was done before."""
+    trace = made.trace_if_any
+    if trace is None:
+        return made
+    try:
+        held = held_out(scene, trace, made.estimates, choice, early)
+    except Exception as error:
+        reason = f"nothing was held out: {type(error).__name__}: {error}"
+        return replace(made, held_out=HeldOut((), (reason,)))
+    if held is None:
+        return made
+    return replace(made, held_out=held, estimates=with_tests(made.estimates, held))
+
+
+# Estimates of objects that the arm is done with, made while it handles the next.
+
+
+class Ahead:
+    """Estimates made by copies of this process, on processors that are idle while a simulated arm moves.
+
+    They are the same as those made at the end: whoever uses them compares the evidence (`Judged.key`).
+    """
+
+    def __init__(self, made: Run, beside: Beside[Given] | None) -> None:
+        """Begin without any; `beside` is a copy that is at work already."""
+        self._made, self._beside = made, beside
+        of_objects = (one.object for one in made.plan.parameters)
+        self._due = [name for name in dict.fromkeys(of_objects) if name in made.scene.objects]
+        self._copies: dict[str, Beside[Judged | None]] = {}
+        self._leaves = 0
+
+    @property
+    def begun(self) -> Collection[str]:
+        """Objects whose estimates are made, or in the making."""
+        return self._copies.keys()
+
+    def look(self, recorder: Recorder) -> None:
+        """After a leaf has ended, begin with an object whose evidence is complete. A further attempt has a
+        recorder of its own: its evidence is only a part, and no estimate is begun."""
+        if len(recorder.leaves) < self._leaves:
+            self._due.clear()
+        if len(recorder.leaves) == self._leaves or not self._due:
+            return
+        self._leaves = len(recorder.leaves)
+        now = recorder.leaves[-1].end
+        for name in self._due:
+            reached = reach(recorder, name)
+            if reached is not None and reached[1] < now and self._is_idle():
+                self._due.remove(name)
+                sofar = replace(self._made, recorded=recorder.snapshot())
+                with suppress(OSError):  # no process to be had
+                    self._copies[name] = Beside(partial(_try_object, sofar, name))
+                return
+
+    def results(self) -> Mapping[str, Judged]:
+        """Wait for what was begun, by object."""
+        found = {name: copy.result() for name, copy in self._copies.items()}
+        return {name: one for name, one in found.items() if one is not None}
+
+    def _is_idle(self) -> bool:
+        """Test for a processor beside that of the execution which no copy uses."""
+        working = sum(copy.running for copy in (*self._copies.values(), self._beside) if copy)
+        return can_copy() and working < len(os.sched_getaffinity(0)) - 1
+
+    def close(self) -> None:
+        """Give up what was not asked for."""
+        for copy in self._copies.values():
+            copy.close()
+
+
+@contextmanager
+def ahead_of(made: Run, cell: Cell, beside: Beside[Given] | None) -> Generator[Ahead | None]:
+    """Yield the estimates to be made while a simulated arm moves; None beside a real one, which needs the
+    processor. `beside`: a copy that is at work already."""
+    if not cell.simulated:
+        yield None
+        return
+    ahead = Ahead(made, beside)
+    try:
+        yield ahead
+    finally:
+        ahead.close()
+
+
+def _try_object(made: Run, name: str) -> Judged | None:
+    """Estimates of an object; None where they fail, so that they are made, and fail, at the end."""
+    try:
+        return judge_object(made, name)
+    except Exception:
+        return None

@@ -1,0 +1,316 @@
+"""Executing stage: the behavior tree on the robot, and cameras that watch it."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from palpate.common.errors import InputError, Unavailable
+from palpate.common.pose import Array, Pose
+from palpate.estimation.quantities.within import Within
+from palpate.execution.cell import Cell
+from palpate.execution.recovery import OnFailure
+from palpate.planning.plan import Plan
+from palpate.primitives.base import Blackboard, LeafFailure, Settled, keep_state
+from palpate.primitives.state import SymbolicState
+from palpate.robots.robot import Remembering, Robot
+from palpate.runs.callbacks import SILENT, RunCallbacks
+from palpate.runs.run import Ending, Run
+from palpate.runs.settings import WORLD_CAMERA
+from palpate.runs.workplace import footage_of, robot_of
+from palpate.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from palpate.execution.runner import Execution, Keep
+    from palpate.perception.look import Seen
+
+
+MOVED = 0.005
+"""m in the level that a thing may stand off, besides what sight leaves open: as a rehearsal's neighbours."""
+SURE = 3.0
+"""Standard deviations of what sight, and what is believed, leave open."""
+OFTEN = 5.0
+"""s of robot time from one look to the next, at least."""
+
+
+See = Callable[[], "Seen | None"]
+"""Takes a look; None where the camera shows nothing of the scene."""
+
+
+@dataclass(slots=True)
+class CameraWatch:
+    """Correction of the symbolic state after a motion, with a look where nothing is in the way.
+
+    Attributes:
+        settled: the correction.
+        see: takes a look.
+    """
+
+    settled: Settled
+    see: See
+    _looked: float = field(default=-np.inf, init=False)
+
+    def __call__(self, path: str, blackboard: Blackboard) -> SymbolicState:
+        """State after the leaf at a path.
+
+        Raises:
+            LeafFailure: something stands elsewhere than believed, or the camera does not answer.
+        """
+        state, now = self.settled(path, blackboard), blackboard.robot.state.t
+        if now - self._looked < OFTEN or blackboard.motions > 1 or not _is_away(state):
+            return state
+        self._looked = now
+        try:
+            seen = self.see()
+        except Unavailable as error:
+            raise LeafFailure(f"the look after the motion failed: {error}") from error
+        if seen is not None and (found := [*iter_displacements(state, seen)]):
+            raise LeafFailure(f"{'; '.join(found)}: see what moved it, and look again")
+        return state
+
+
+def iter_displacements(state: SymbolicState, seen: Seen) -> Iterator[str]:
+    """Objects that stand elsewhere than believed, each with where and how far."""
+    for name, pose in seen.poses.items():
+        belief, spread = state.belief_of(name), seen.covariances[name][:2, :2]
+        if belief is not None:
+            spread = spread + belief.covariance[:2, :2]
+        ways = [(pose.position - place.position)[:2] for place in _places(state, name)]
+        off = min(ways, key=lambda way: float(way @ way))
+        far, most = float(np.linalg.norm(off)), MOVED + SURE * _std_along(spread, off)
+        if far > most:
+            x, y, z = pose.position
+            yield (
+                f"'{name}' is seen at ({x:.3f}, {y:.3f}, {z:.3f}) m, {1e3 * far:.0f} mm from where it is believed, and "
+                f"{1e3 * most:.0f} mm are what sight leaves open"
+            )
+
+
+def _places(state: SymbolicState, name: str) -> Iterator[Pose]:
+    """Where an object is believed; and where it was seen at first, unless the run has moved it: touch may have
+    corrected that."""
+    yield state.pose_of(name)
+    if name not in state.displaced_objects():
+        yield (state.scene.as_given or state.scene).body(name).pose_world
+
+
+def watch_state(settled: Settled, see: See | None) -> Settled:
+    """The correction with looks; as it is without a camera."""
+    return settled if see is None else CameraWatch(settled, see)
+
+
+def eye(made: Run, cell: Cell) -> See | None:
+    """Looks of the settings' camera; None without one, and of a file, which shows nothing new.
+
+    Raises:
+        InputError: no such camera, or no intrinsics.
+        Unavailable: it does not answer.
+    """
+    source = made.settings.camera
+    if source is None:
+        return None
+    from palpate.perception.cameras import PICTURES, VIDEOS
+
+    if source.lower().endswith((*PICTURES, *VIDEOS)):
+        return None
+    if source.startswith(WORLD_CAMERA):
+        return _simulated_looks(source.removeprefix(WORLD_CAMERA), made, cell)
+    return _live(source, made)
+
+
+def _live(source: str, made: Run) -> See:
+    """Looks of a camera that runs from here on."""
+    from palpate.perception.cameras import Stream
+    from palpate.perception.look import look
+
+    settings = made.settings
+    estimator = settings.pose_estimator
+    stream = Stream(source, settings.intrinsics, estimator is not None)
+
+    def see() -> Seen | None:
+        lens, mount, pictures = stream.lens, stream.mount, [stream.latest()]
+        return _or_none(
+            lambda: look(made.scene, pictures, lens, mount, estimator, None, stream.depth())
+        )
+
+    return see
+
+
+def _simulated_looks(name: str, made: Run, cell: Cell) -> See:
+    """Looks of a camera of the simulated world, arm included."""
+    from palpate.perception.look import look
+    from palpate.perception.rendered import SimulatedCamera
+
+    estimator, cameras = made.settings.pose_estimator, list[SimulatedCamera]()
+
+    def see() -> Seen | None:
+        footage = cell.footage()
+        assert footage is not None
+        assert footage.spec is not None
+        if not cameras:
+            cameras.append(SimulatedCamera(footage.spec, name, seed=made.settings.seed))
+        camera, qpos = cameras[0], footage.frames[-1][1]
+        pictures, depth = [camera.shoot(qpos)], None if estimator is None else camera.depth(qpos)
+        lens, mount = camera.lens, camera.mount
+        return _or_none(lambda: look(made.scene, pictures, lens, mount, estimator, None, depth))
+
+    return see
+
+
+def _or_none(look: Callable[[], Seen]) -> Seen | None:
+    """What is seen; None where the arm hides all that there is to see by."""
+    try:
+        return look()
+    except InputError:
+        return None
+
+
+def _std_along(covariance: Array, way: Array) -> float:
+    """Standard deviation, m, along a way (2,), m; 0 along none."""
+    length = float(np.linalg.norm(way))
+    return float(np.sqrt(way @ covariance @ way)) / length if length > 0.0 else 0.0
+
+
+def _is_away(state: SymbolicState) -> bool:
+    """True if the hand is empty, touches nothing, and has nothing between its fingers."""
+    if state.holding is not None or state.activity != "still":
+        return False
+    return state.object_at(state.pose_world_tcp) is None
+
+
+# Tick the behavior tree on the cell's robot, and record the trace.
+
+
+log = logging.getLogger(__name__)
+
+
+def execute(
+    made: Run, cell: Cell, callbacks: RunCallbacks = SILENT, keep: Keep | None = None
+) -> Run:
+    """Execute the plan on the cell's robot; `keep` writes samples to disk meanwhile.
+
+    Raises:
+        InputError: the workplace cannot be used.
+        Unavailable: the robot, or the camera, is out of reach.
+    """
+    see = eye(made, cell)
+    robot, before = robot_of(cell, callbacks.may_resume)
+    callbacks.progress(f"executing on the {'simulated' if cell.simulated else 'real'} robot")
+    done = perform(
+        made.plan,
+        made.scene,
+        robot,
+        callbacks,
+        made.settings.on_failure,
+        within=made.settings.within,
+        keep=keep,
+        real=not cell.simulated,
+        settled=keep_state if made.rehearsal is None else made.rehearsal.foresight.settled,
+        see=see,
+    )
+    ending = Ending.of(done)
+    return replace(
+        made,
+        world=cell.description,
+        simulated=cell.simulated,
+        execution=replace(ending, setbacks=(*before, *ending.setbacks)),
+        final_state=done.final_state,
+        beliefs=done.final_state.seen,
+        recorded=done.trace,
+        black_box=robot.black_box() if isinstance(robot, Remembering) else None,
+        footage=footage_of(cell),
+    )
+
+
+def perform(
+    plan: Plan,
+    scene: Scene,
+    robot: Robot,
+    callbacks: RunCallbacks = SILENT,
+    on_failure: OnFailure = "stop",
+    *,
+    within: Within | None = None,
+    keep: Keep | None = None,
+    real: bool = False,
+    noiseless: bool = False,
+    settled: Settled = keep_state,
+    see: See | None = None,
+    tick_period: float | None = None,
+) -> Execution:
+    """Run the tree on the robot, and close the robot in any case.
+
+    Args:
+        plan: with a tree.
+        scene: that the plan was made for.
+        robot: simulated or real.
+        callbacks: progress, and the confirmation to resume after a stop of a real robot.
+        on_failure: `stop`, `skip` the failed object, or `replan`.
+        within: half widths of 95 % intervals; a measurement with a wider one is repeated.
+        keep: writes samples to disk meanwhile.
+        real: the robot is a real one.
+        noiseless: the robot is a simulated one without noise.
+        settled: corrects the symbolic state after a leaf of the plan, by where things ended in its
+            rehearsal.
+        see: looks at the scene after motions; a thing that moved ends the run.
+        tick_period: s of robot time between two ticks; the runner's by default.
+    """
+    from palpate.execution.recovery import recover, repeat
+    from palpate.execution.runner import TICK_PERIOD
+    from palpate.execution.runner import run as run_tree
+
+    attempt = partial(
+        run_tree,
+        observer=callbacks.observer,
+        keep=keep,
+        noiseless=noiseless,
+        settled=watch_state(keep_state, see),
+        tick_period=tick_period or TICK_PERIOD,
+    )
+    try:
+        first = attempt(plan, scene, robot, settled=watch_state(settled, see))
+        done = recover(
+            first,
+            plan,
+            scene,
+            robot,
+            policy=on_failure,
+            run=attempt,
+            real=real,
+            may_resume=callbacks.may_resume,
+        )
+        if within:
+            done = repeat(
+                done, plan, scene, robot, within=within, run=attempt, say=callbacks.progress
+            )
+        return done
+    finally:
+        try:
+            robot.close()
+        except Exception as error:  # the measurements are kept all the same
+            log.warning("the robot was not closed: %s: %s", type(error).__name__, error)
+
+
+def cut_off(made: Run) -> Run:
+    """End the execution of a run whose process was killed meanwhile, with the trace up to there."""
+    try:
+        trace = made.trace_if_any
+    except InputError:  # the file was cut off too early to be read
+        trace = None
+    leaves = trace.leaves if trace is not None else ()
+    seconds = 0.0
+    if trace is not None and len(trace.samples):
+        seconds = float(trace.t[-1] - trace.t[0])
+    ended_well = sum(leaf.status == "SUCCESS" for leaf in leaves) == made.plan.actions
+    ending = Ending(
+        "complete" if ended_well else "stopped",
+        stopped_by=None if ended_well else "the process ended while the plan was executed",
+        actions=len(leaves),
+        robot_seconds=seconds,
+        wall_seconds=0.0,
+    )
+    return replace(made, execution=ending, recorded=trace)

@@ -1,0 +1,235 @@
+"""Fusion of several runs of one scene into one estimate per parameter."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter
+from palpate.common.version import __version__
+from palpate.estimation.estimate import Estimate, Estimates, not_identified
+from palpate.estimation.fusion import Source, fuse
+from palpate.runs.folder import new_folder, write_json, write_text
+from palpate.runs.result import finite, parameter_json, twin_json
+from palpate.runs.run import Run
+from palpate.twin.twin import Twin, build_twin
+
+if TYPE_CHECKING:
+    from palpate.runs.settings import Settings
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Fusion(Estimates):
+    """Fusion of several runs.
+
+    Attributes:
+        names: folders of the runs.
+        estimates: one per parameter of any run.
+        left_out: excluded estimates with the reason, a line each.
+        twin: the scene with the fused values.
+        folder: folder that it was written to, if any.
+    """
+
+    runs: tuple[Run, ...]
+    names: tuple[str, ...]
+    estimates: tuple[Estimate, ...]
+    left_out: tuple[str, ...]
+    twin: Twin
+    folder: Path | None = None
+
+    @property
+    def identified(self) -> bool:
+        """True if every parameter is."""
+        return all(estimate.identified for estimate in self.estimates)
+
+    def __repr__(self) -> str:
+        said = ", ".join(repr(estimate).strip("<>") for estimate in self.estimates)
+        return f"<Fusion of {len(self.runs)} runs: {said}>"
+
+
+def fuse_runs(runs: Sequence[Run]) -> Fusion:
+    """Fuse the estimates of each parameter and build the twin.
+
+    Raises:
+        InputError: fewer than two runs, runs that are not of one scene, or the same recordings twice.
+    """
+    if len(runs) < 2:
+        raise InputError("give two runs or more to fuse")
+    names = names_of(runs)
+    for name, run in zip(names[1:], runs[1:], strict=True):
+        apart = list(differences(runs[0], run))
+        if apart:
+            raise InputError(f"{names[0]} and {name} are not of one scene: {'; '.join(apart)}")
+    _require_different(runs, names)
+    estimates: list[Estimate] = []
+    left_out: list[str] = []
+    for parameter in parameters_of(runs):
+        found = _sources(parameter, runs, names)
+        sources = [source for source in found if source.estimate.is_evidence]
+        left_out += [_left_out(source) for source in found if not source.estimate.is_evidence]
+        # A prior is no evidence: without an identified estimate there is no fused value.
+        unknown = not_identified(parameter, found[0].estimate.unit, "No run identified it.")
+        estimates.append(fuse(sources) if sources else unknown)
+    twin = build_twin(runs[0].scene, estimates)
+    return Fusion(tuple(runs), names, tuple(estimates), tuple(left_out), twin)
+
+
+def _sources(parameter: Parameter, runs: Sequence[Run], names: Sequence[str]) -> list[Source]:
+    """Estimates of a parameter by the runs that have one."""
+    sources: list[Source] = []
+    for name, run in zip(names, runs, strict=True):
+        estimate = estimate_of(run, parameter)
+        if estimate is not None:
+            sources.append(Source(name, arm_of(run), estimate))
+    return sources
+
+
+def _left_out(source: Source) -> str:
+    """Line on an estimate that is left out, with the reason."""
+    one = source.estimate
+    why = one.contradiction or one.doubt or one.method
+    return f"{one.parameter} of {source.run} is {one.verdict}: {why}"
+
+
+def arm_of(run: Run) -> str:
+    """Identity of a run's arm: noise model and seed of a simulated one, address of a real one."""
+    asked: Settings = run.settings
+    if asked.robot is not None:
+        return asked.robot
+    if not run.simulated:
+        return "an arm that is not known"
+    return f"the simulated {asked.arm} of {asked.noise}, seed {asked.seed}"
+
+
+def fusion_json(fusion: Fusion, folder: Path | None) -> dict[str, Any]:
+    """Content of the fusion's `result.json`."""
+    files: dict[str, str] = {}
+    if folder is not None:
+        named = {"result": "result.json", "twin": "twin.xml"}
+        files = {kind: str((folder / name).absolute()) for kind, name in named.items()}
+    runs: list[dict[str, Any]] = []
+    for name, run in zip(fusion.names, fusion.runs, strict=True):
+        where = None if run.folder is None else str(run.folder.absolute())
+        runs.append({"name": name, "folder": where, "status": run.status, "arm": arm_of(run)})
+    content = {
+        "status": "complete" if fusion.identified else "failed",
+        "simulated": fusion.runs[0].simulated,
+        "runs": runs,
+        "parameters": [parameter_json(estimate) for estimate in fusion.estimates],
+        "left_out": list(fusion.left_out),
+        "twin": twin_json(fusion.twin),
+        "files": files,
+        "provenance": {"palpate": __version__},
+    }
+    return finite(content)
+
+
+def write_fusion(fusion: Fusion, folder: Path) -> None:
+    """Result and twin into a new folder.
+
+    Raises:
+        InputError: it exists or cannot be made.
+    """
+    try:
+        with new_folder(folder) as scratch:
+            for name, text in fusion.twin.packed(scratch).items():
+                write_text(scratch / name, text)
+            write_json(scratch / "result.json", fusion_json(fusion, folder))
+    except OSError as error:
+        raise InputError(f"cannot write '{folder}': {error.strerror}") from error
+
+
+def names_of(runs: Sequence[Run]) -> tuple[str, ...]:
+    """Names of the runs' folders: their last parts if those differ, else whole paths."""
+    short: list[str] = []
+    long: list[str] = []
+    for i, run in enumerate(runs):
+        unsaved = f"run {i + 1}"
+        short.append(unsaved if run.folder is None else run.folder.name)
+        long.append(unsaved if run.folder is None else str(run.folder))
+    return tuple(short if len(set(short)) == len(short) else long)
+
+
+def parameters_of(runs: Sequence[Run]) -> list[Parameter]:
+    """Parameters of all runs, in order."""
+    promised = [estimate.parameter for run in runs for estimate in run.estimates]
+    return list(dict.fromkeys(promised))
+
+
+def estimate_of(run: Run, parameter: Parameter) -> Estimate | None:
+    """Estimate of a parameter by a run; None if it has none."""
+    for estimate in run.estimates:
+        if estimate.parameter == parameter:
+            return estimate
+    return None
+
+
+def differences(one: Run, other: Run) -> Iterator[str]:
+    """Differences of the scenes and worlds of two runs, in words."""
+    if not one.scene.bodies or not other.scene.bodies:
+        yield "the scene's file is gone"
+        return
+    if one.scene.text != other.scene.text:
+        yield f"their MJCF differ ({_first_difference(one.scene.text, other.scene.text)})"
+    elif _places(one) != _places(other):
+        yield "their poses differ"
+    if one.settings.arm != other.settings.arm:
+        yield f"their arms differ ({one.settings.arm}, {other.settings.arm})"
+    if one.simulated != other.simulated:
+        yield "one is simulated, one is not"
+    elif one.simulated:
+        yield from _other_world(one, other)
+
+
+def _other_world(one: Run, other: Run) -> Iterator[str]:
+    """Difference of two simulated worlds: another file, or another draw from the priors."""
+    worlds = [run.settings.world and run.settings.world.absolute() for run in (one, other)]
+    drawn = [run.world is not None and "drawn from priors" in run.world for run in (one, other)]
+    if worlds[0] != worlds[1] or drawn[0] != drawn[1]:
+        yield f"their worlds differ ({one.world}, {other.world})"
+    elif all(drawn) and one.settings.seed != other.settings.seed:
+        seeds = f"{one.settings.seed} and {other.settings.seed}"
+        yield f"their worlds were drawn from priors with seeds {seeds}: they are two worlds"
+
+
+def _places(run: Run) -> list[tuple[str, tuple[float, ...]]]:
+    found: list[tuple[str, tuple[float, ...]]] = []
+    for body in run.scene.bodies.values():
+        pose = body.pose_world
+        numbers = np.round([*pose.position, *pose.quaternion], 9).tolist()
+        found.append((body.name, tuple(numbers)))
+    return found
+
+
+def _first_difference(text: str, other: str) -> str:
+    """The first line in which two texts differ."""
+    for line in difflib.ndiff(text.splitlines(), other.splitlines()):
+        if line[:2] in ("- ", "+ "):
+            return line[2:].strip()
+    return "in their white space"
+
+
+def _require_different(runs: Sequence[Run], names: Sequence[str]) -> None:
+    """Reject the same recordings twice: estimates that are equal to the last bit.
+
+    Raises:
+        InputError: two runs hold the same recordings.
+    """
+    seen: dict[tuple[Any, ...], str] = {}
+    for name, run in zip(names, runs, strict=True):
+        for estimate in run.estimates:
+            if not estimate.has_value:
+                continue
+            numbers = (estimate.parameter, *estimate.values.tolist(), *estimate.stds.tolist())
+            if numbers in seen:
+                raise InputError(
+                    f"{seen[numbers]} and {name} hold the same recordings: a measurement is not counted "
+                    "twice"
+                )
+            seen[numbers] = name

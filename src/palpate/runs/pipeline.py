@@ -1,0 +1,248 @@
+"""The pipeline on one page: from a request, or an incomplete scene, to a digital twin.
+
+request + scene + pictures ─► parameters ─► plan ─► (check) ─► tree ─ticks─► trace ─► estimates
+─► twin + report
+
+The stages are in `palpate.stages`; this module holds their order, and the end of a run that is
+interrupted.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from palpate.common.processes import before_anything_moves, interrupts
+from palpate.execution.cell import Cell
+from palpate.runs import workplace
+from palpate.runs.building import build_twin, touch_twin, touched_beside
+from palpate.runs.callbacks import SILENT, RunCallbacks
+from palpate.runs.estimating import Ahead, ahead_of, estimate, estimates
+from palpate.runs.executing import execute
+from palpate.runs.folder import check_writable
+from palpate.runs.keeper import GROWING, Keeper, Step
+from palpate.runs.planning import confirm, load, plan, preflight, rehearse
+from palpate.runs.run import Run, Stage
+from palpate.runs.saving import (
+    darkroom_for,
+    film_while_moving,
+    folder_for,
+    reopen,
+    save,
+    save_proof,
+    taken_up,
+    with_footage,
+    write_report,
+)
+from palpate.runs.settings import Settings, request_json
+from palpate.runs.workplace import look, require_seen
+
+if TYPE_CHECKING:
+    from palpate.common.processes import Beside
+    from palpate.perception.film import Reel
+    from palpate.primitives.base import Recorder
+    from palpate.runs.building import Given
+    from palpate.runs.report.writing import Darkroom
+    from palpate.trace.samples import Samples
+
+
+__all__ = [
+    "build_twin",
+    "carry_out",
+    "confirm",
+    "estimate",
+    "execute",
+    "finish",
+    "load",
+    "look",
+    "measure",
+    "plan",
+    "preflight",
+    "rehearse",
+    "reopen",
+    "require_seen",
+    "run",
+    "save",
+    "save_proof",
+    "touch_twin",
+]
+
+
+def run(settings: Settings, callbacks: RunCallbacks = SILENT) -> Run:
+    """From settings to a finished run folder.
+
+    Raises:
+        InputError: bad input.
+        Unavailable: planner or robot out of reach.
+        ExecutionAborted: not confirmed, or interrupted before anything moved.
+    """
+    began = time.perf_counter()
+    settings = settings.check_values()
+    folder = folder_for(settings)
+    check_writable(folder)
+    with before_anything_moves("planning"):
+        preflight(settings)
+        scene, seen = look(settings, load(settings), callbacks)
+        callbacks.progress("planning")
+        made = plan(settings, scene)
+        if made.plan.proposal and callbacks.may_measure(made):
+            made = plan(settings.having(measure=made.plan.proposal), scene)
+        made = replace(require_seen(made, seen), begun=began)
+    return carry_out(made, callbacks, folder=folder)
+
+
+def carry_out(
+    made: Run,
+    callbacks: RunCallbacks = SILENT,
+    cell: Cell | None = None,
+    folder: Path | None = None,
+) -> Run:
+    """From a plan to a finished run, kept in `folder` while it grows, or in memory alone.
+
+    A signal ends it: while executing in a controlled stop, after which what was measured is still
+    made something of; else where it stands. What fails once something has moved is one of the run's
+    `shortfalls`.
+
+    Raises:
+        InputError: bad input, or a folder that cannot be written.
+        Unavailable: the robot is out of reach.
+        ExecutionAborted: not confirmed, or interrupted before anything moved.
+    """
+    callbacks = callbacks.unfailing()
+    if made.begun is None:
+        made = replace(made, begun=time.perf_counter())
+    with interrupts() as signals:
+        with before_anything_moves("rehearsing"):
+            made = rehearse(made, callbacks, cell)
+            confirm(made, callbacks, cell)
+            if not made.ready:
+                return made if folder is None else save(made, folder)
+            cell = cell or _cell_of(made)
+        made = replace(made, world=cell.description, simulated=cell.simulated)
+        keeper = Keeper(folder, signals)
+        made = keeper.begin(made, request_json(made.settings))
+        with (
+            touched_beside(made, cell) as given,
+            ahead_of(made, cell, given) as ahead,
+            film_while_moving(made, cell, given) as reel,
+        ):
+            steps = _Steps(keeper, callbacks, cell, ahead, reel=reel)
+            made = keeper.carry_out_execution(steps.execution, made)
+            with darkroom_for(made, reel) as darkroom:
+                return _Steps(keeper, callbacks, cell, ahead, darkroom, given).finished(made)
+
+
+def finish(folder: Path, callbacks: RunCallbacks = SILENT, film: bool = False) -> Run:
+    """Do what a run that was cut off, or was in a hurry, has left to do, with what its folder holds,
+    and write its report anew. What the camera saw is kept nowhere: a `film` made later is the trace,
+    played again.
+
+    Raises:
+        InputError: there is no such folder, or it is not a run's.
+    """
+    with interrupts() as signals:
+        made, keeper = taken_up(folder), Keeper(folder, signals)
+        if made.stage == "executing":
+            keeper.trace(made)
+            made = replace(made, stage="estimating")
+        if film:
+            made = with_footage(made)
+        return _Steps(keeper, callbacks.unfailing()).finished(made)
+
+
+def measure(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = None) -> Run:
+    """From a checked plan to estimates in memory, in `cell`, else in the one that the settings name.
+    A plan with findings, or without a tree, is rejected: nothing moves.
+
+    Raises:
+        Interrupted: a signal came; the arm has stopped.
+    """
+    if not made.ready:
+        return made
+    with interrupts() as signals, signals.raised():
+        cell = cell or _cell_of(made)
+        return estimate(execute(made, cell, callbacks), cell, callbacks)
+
+
+@dataclass(frozen=True, slots=True)
+class _Steps:
+    """The stages once something moves, as a keeper takes them: each yields what the run has grown to.
+
+    Attributes:
+        keeper: writes down what they made.
+        callbacks: progress and confirmation.
+        cell: where the robot moved; None where it did so in an earlier process.
+        ahead: estimates in the making.
+        darkroom: film and pictures in the making.
+        given: the scene as it was given, being touched.
+        reel: the film, being drawn.
+    """
+
+    keeper: Keeper
+    callbacks: RunCallbacks
+    cell: Cell | None = None
+    ahead: Ahead | None = None
+    darkroom: Darkroom | None = None
+    given: Beside[Given] | None = None
+    reel: Reel | None = None
+
+    def finished(self, made: Run) -> Run:
+        """All stages after the execution, from the one that is due; a signal ends them."""
+        steps: dict[Stage, Step] = {
+            "estimating": self.estimates,
+            "building the twin": self.twin,
+            "writing the report": self.report,
+        }
+        due = list(steps)
+        if made.stage in due:
+            due = due[due.index(made.stage) :]
+        elif made.stage is None:
+            due = due[-1:]
+        for stage in due:
+            if made.interrupted is not None:
+                return made
+            made = self.keeper.through(stage, steps[stage], made)
+        return made if made.interrupted is not None else self.keeper.finished(made)
+
+    def execution(self, made: Run) -> Iterator[Run]:
+        assert self.cell is not None
+        made = execute(made, self.cell, self.callbacks, self._keep)
+        self.keeper.trace(made)
+        yield made
+
+    def _keep(self, samples: Samples, recorder: Recorder) -> None:
+        follow, ahead, reel = self.keeper.follow, self.ahead, self.reel
+        follow(GROWING, lambda: self.keeper.samples(samples, recorder))
+        if ahead is not None:
+            follow("no estimate was begun while the arm moved", lambda: ahead.look(recorder))
+        if reel is not None:
+            follow("the film was not begun", lambda: reel.look(samples, recorder.leaves))
+
+    def estimates(self, made: Run) -> Iterator[Run]:
+        for grown in estimates(made, self.cell, self.callbacks, self.ahead):
+            made = grown
+            yield made
+        self.callbacks.measured(made)
+
+    def twin(self, made: Run) -> Iterator[Run]:
+        planned_in = made.scene
+        made = build_twin(made, self.callbacks)
+        self.keeper.twin(made)
+        yield made
+        if self.darkroom is not None:
+            self.darkroom.begin_stills(made)
+        if not made.settings.fast:
+            yield touch_twin(made, planned_in, self.callbacks, self.given)
+
+    def report(self, made: Run) -> Iterator[Run]:
+        if self.keeper.folder is not None:
+            self.callbacks.progress("writing the report")
+            yield write_report(made, self.keeper.folder, self.darkroom)
+
+
+def _cell_of(made: Run) -> Cell:
+    """The cell that the run's settings name."""
+    return workplace.cell_for(made.settings, made.scene, seen=made.seen is not None)

@@ -1,0 +1,292 @@
+"""The stages before anything moves: load the scene, plan, check, rehearse in simulation, confirm."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+from palpate.common.errors import ExecutionAborted, InputError
+from palpate.common.parameter import Parameter, PlanRejected
+from palpate.common.pose import Pose
+from palpate.execution.cell import Cell
+from palpate.planning.check.check import check
+from palpate.planning.check.finding import Finding
+from palpate.planning.plan import Plan, UnmeasuredParameters
+from palpate.planning.planner import Observant, Planner, PlannerSettings, in_words, named_parameters
+from palpate.planning.registry import OWN, planners
+from palpate.planning.symbolic.planner import requested_parameters, split_known
+from palpate.primitives.rules.collision_geometry import require_room
+from palpate.runs.callbacks import SILENT, RunCallbacks
+from palpate.runs.run import Run
+from palpate.runs.settings import Settings
+from palpate.runs.workplace import connect_cell, pictures_of
+from palpate.scene.camera import load_image
+from palpate.scene.load import load_scene, parse_scene
+from palpate.scene.picture_scene import DetectedScene, SceneBuilder
+from palpate.scene.poses import Poses, read_poses, seen_by
+from palpate.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from palpate.execution.rehearsal import Rehearsal
+
+
+def preflight(settings: Settings) -> None:
+    """Require an answer of the robot that the settings name, before anything is planned for it.
+
+    Raises:
+        InputError: no such URL.
+        Unavailable: it does not answer.
+    """
+    if settings.robot is not None:
+        connect_cell(settings, None)
+
+
+def load(settings: Settings) -> Scene | None:
+    """Load the scene with its poses, None if the settings name none; check that images are readable.
+
+    Raises:
+        InputError: a file that cannot be used.
+    """
+    for image in settings.images:
+        load_image(image)
+    if settings.scene is None:
+        return None
+    return load_scene(
+        settings.scene,
+        settings.poses,
+        settings.described_arm(),
+        root=settings.root,
+        robot_body=settings.robot_body,
+    )
+
+
+def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None) -> Run:
+    """Ask the planner (by default the one that the settings name) and check its answer. A plan
+    without a tree is a rejection. Without a scene file, the scene is built from what a model
+    detected in the picture.
+
+    Raises:
+        InputError: bad input, or a scene without room for the arm.
+        Unavailable: the provider.
+    """
+    if scene is not None:
+        settings.within.check(scene.bodies)
+        require_room(scene)
+
+    measure = _resolve_measure(settings, scene)
+    request = settings.request
+    if measure is not None:
+        request = " ".join(filter(None, (request, in_words(measure))))
+
+    # Poses are stated relative to the arm that saw them: transform them for the one that will move.
+    base = Pose.of((0.0, 0.0, 0.0)) if scene is None else scene.pose_world_base
+    arm = settings.described_arm() if scene is None else scene.arm
+    poses = seen_by(read_poses(settings.poses) if settings.poses else Poses(), arm, base)
+    if planner is None:
+        builder, model = SceneBuilder(poses, arm), settings.model_settings
+        asked = PlannerSettings(
+            settings.remeasure,
+            model,
+            builder,
+            settings.within,
+            measure,
+            rehearse=None if settings.rehearse is False else _rehearsal_finding,
+        )
+        planner = planners().make(settings.planner, asked)
+
+    pictures, blind = _pictures(planner, settings, scene, poses)
+    with _image_files(settings.images, pictures) as images:
+        try:
+            answer = planner.plan(request, scene, images)
+        except PlanRejected as rejection:
+            found, unused = rejection.proposal, rejection.not_used
+            answer = Plan(
+                (), None, str(rejection), settings.planner, proposal=found, not_used=unused
+            )
+    seen, conversation = None, None
+    if isinstance(planner, Observant):
+        seen, conversation = planner.seen, planner.conversation
+    scene = scene or _detected_scene(answer, seen)
+    answer = _with_reading_note(settings, answer, scene)
+    if measure is not None:
+        answer = _with_left_out(answer, split_known(measure, scene, settings.remeasure)[1])
+    answer = replace(answer, notes=(*answer.notes, *blind))
+
+    findings: tuple[Finding, ...] = ()
+    # Each answer of a model was checked during its conversation; other planners do not check theirs.
+    if conversation is None and answer.tree is not None:
+        remeasure = settings.remeasure or settings.planner == "exhaustive"
+        wanted = None if measure is None else requested_parameters(None, scene, remeasure, measure)
+        findings = check(answer, scene, remeasure=remeasure, requested=wanted)
+    return Run(
+        settings,
+        scene,
+        answer,
+        findings,
+        conversation=conversation,
+        seen=seen,
+        picture=next(iter(pictures), None),
+    )
+
+
+def _rehearsal_finding(plan: Plan, scene: Scene) -> Finding | None:
+    """Finding of a rehearsal, for a planner that corrects its plan."""
+    from palpate.execution.rehearsal import rehearse as rehearse_plan
+
+    return rehearse_plan(plan, scene).finding
+
+
+def rehearse(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = None) -> Run:
+    """Execute the plan in physics before anything moves: a plan of a model, a file or a user's own
+    planner always, palpate's own plans before a real robot moves. Harm and failures become findings,
+    and a plan with findings is not executed. A plan in a run folder that keeps its rehearsal is not rehearsed
+    again for the embedded arm, unless `rehearse` is True.
+
+    Raises:
+        InputError: a real robot moves, that of `cell` or of the settings, and `rehearse` is False.
+    """
+    real, wanted = _is_real(made, cell), made.settings.rehearse
+    if real and wanted is False:
+        raise InputError(
+            "rehearse=False (--no-rehearse) is for the embedded arm, not for a real one"
+        )
+    if wanted is None:
+        wanted = real or made.settings.planner not in OWN
+    if not made.ready or not wanted:
+        return made
+    from palpate.execution.rehearsal import rehearse as rehearse_plan
+
+    if real:
+        callbacks.planned(made)
+    rehearsal = None if real or made.settings.rehearse else _rehearsed_before(made)
+    before = "" if rehearsal is None else " of the run that the plan comes from"
+    if rehearsal is None:
+        callbacks.progress("rehearsing in simulation")
+        rehearsal = rehearse_plan(made.plan, made.scene)
+    callbacks.progress(f"rehearsal{before}: {rehearsal}")
+    failed = rehearsal.finding
+    return replace(made, rehearsal=rehearsal, findings=() if failed is None else (failed,))
+
+
+def _rehearsed_before(made: Run) -> Rehearsal | None:
+    """The rehearsal that the run folder of a replayed plan keeps; None without one."""
+    name, _, path = made.settings.planner.partition(":")
+    if name != "replay":
+        return None
+    from palpate.execution.rehearsal import kept_rehearsal
+
+    folder = Path(path) if Path(path).is_dir() else Path(path).parent
+    return kept_rehearsal(folder, made.plan, made.scene)
+
+
+def _is_real(made: Run, cell: Cell | None) -> bool:
+    """Test if a real robot will move, that of `cell` or of the settings."""
+    return made.settings.robot is not None or (cell is not None and not cell.simulated)
+
+
+def confirm(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = None) -> None:
+    """Ask before a real robot moves, that of `cell` or of the settings; a simulation needs no
+    confirmation.
+
+    Raises:
+        ExecutionAborted: the plan was not confirmed.
+    """
+    if _is_real(made, cell) and made.ready and not callbacks.may_move(made):
+        raise ExecutionAborted("the plan was not confirmed; nothing has moved")
+
+
+def _resolve_measure(settings: Settings, scene: Scene | None) -> tuple[Parameter, ...] | None:
+    """Resolve the parameters that `measure` names; None where it names none.
+
+    Raises:
+        InputError: no such parameter, no scene to have it, or the request asks for others.
+    """
+    if not settings.measure:
+        return None
+    if scene is None:
+        raise InputError("measure= names parameters of a scene: give scene=D.xml")
+    if settings.planner == "exhaustive":
+        raise InputError("the exhaustive planner measures everything: leave out measure=")
+    measure = named_parameters(settings.measure, scene)
+    read = None
+    if settings.request is not None:
+        read = requested_parameters(settings.request, scene, settings.remeasure)
+    if read is not None and set(read) != set(
+        requested_parameters(None, scene, True, measure) or measure
+    ):
+        asked = ", ".join(str(parameter) for parameter in read)
+        raise InputError(
+            f"the request asks for {asked}, and measure={','.join(settings.measure)} for something "
+            "else: give one of them"
+        )
+    return measure
+
+
+def _pictures(
+    planner: Planner, settings: Settings, scene: Scene | None, poses: Poses
+) -> tuple[tuple[bytes, ...], tuple[str, ...]]:
+    """Take pictures of the workspace (PNG) for a planner that looks at them, if none were given; with
+    notes on those that cannot be made."""
+    looks = scene is None or (isinstance(planner, Observant) and planner.looks)
+    if settings.images or not looks or "image" in settings.model_settings.without:
+        return (), ()
+    return pictures_of(settings, scene, poses)
+
+
+@contextmanager
+def _image_files(given: tuple[Path, ...], taken: Sequence[bytes]) -> Generator[tuple[Path, ...]]:
+    """Yield the images that were given, else the pictures taken of the workspace as temporary files."""
+    if given or not taken:
+        yield given
+        return
+    with TemporaryDirectory() as folder:
+        paths: list[Path] = []
+        for name, content in zip(("workspace.png", "closer.png"), taken, strict=False):
+            paths.append(Path(folder) / name)
+            paths[-1].write_bytes(content)
+        yield tuple(paths)
+
+
+def _detected_scene(answer: Plan, seen: DetectedScene | None) -> Scene:
+    """Scene that a model detected in the picture; empty for a rejection without one."""
+    if seen is not None:
+        return seen.scene()
+    if answer.tree is not None:
+        raise InputError(
+            "the plan comes without the objects of its scene: give the MJCF with scene=D.xml"
+        )
+    return parse_scene("<mujoco><worldbody/></mujoco>")
+
+
+def _with_left_out(answer: Plan, wanted: Sequence[Parameter]) -> Plan:
+    """Note the wanted parameters that a plan, of a model or a file, omits without a reason."""
+    explained = {parameter for one in answer.unmeasured for parameter in one.parameters}
+    left_out = [one for one in wanted if one not in explained | set(answer.parameters)]
+    if answer.tree is None or not left_out:
+        return answer
+    more = UnmeasuredParameters("The plan does not measure it.", tuple(left_out))
+    return replace(answer, unmeasured=(*answer.unmeasured, more))
+
+
+def _with_reading_note(settings: Settings, answer: Plan, scene: Scene) -> Plan:
+    """Add a note to a plan of a model or a file whose parameters differ from those that the symbolic
+    planner reads from the request. The plan stays: its author decides what the request asks for."""
+    if (
+        settings.planner in OWN
+        or settings.request is None
+        or settings.measure
+        or "text" in settings.model_settings.without
+    ):
+        return answer
+    wanted = requested_parameters(settings.request, scene, settings.remeasure)
+    if answer.tree is None or wanted is None or set(wanted) == set(answer.parameters):
+        return answer
+    asked = ", ".join(str(parameter) for parameter in wanted)
+    note = (
+        f"By its words the request asks for {asked}; the plan measures what its author took it for."
+    )
+    return replace(answer, notes=(*answer.notes, note))

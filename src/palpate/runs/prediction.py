@@ -1,0 +1,236 @@
+"""Prediction of the joint torques by an object in a motion, from its estimates, against the
+measured ones.
+
+Loaded rests and passes y, of which the motion consists, are predicted from those of the empty hand
+along the same path, y_0, and the load's wrench w = (F, M_x, M_y):
+
+    y = X w + E[bias | y_0] + error,   S = cov(bias | y_0) + X cov(w) X^T + gains
+
+The bias of the arm (friction, drift, noise) has the covariance that a weighing has for it
+(`estimation.load.equations`), and its part in the empty hand's signals is subtracted (conditional normal
+distribution, e.g. Bishop, Pattern Recognition and Machine Learning, section 2.3.1). A gain error is
+in the belief and in the motion alike: only the difference counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.common.pose import Array
+from palpate.estimation.balance import BELIEVED, COM_PRIOR, GRASP_SHIFT, accuracy
+from palpate.estimation.estimate import Estimate
+from palpate.estimation.holds import pose_in_hand
+from palpate.estimation.joint_friction import FLOOR, JOINT_LEVEL, SLIP_ANGLES
+from palpate.estimation.load_causes import LINK, TILT
+from palpate.estimation.load_equations import (
+    FORCE_Z,
+    SIDEWAYS,
+    TORQUE_X,
+    TORQUE_Y,
+    WeighingRows,
+    equations,
+)
+from palpate.estimation.motion import STEADY, mean_pose
+from palpate.estimation.segments import Segment, Weighing
+from palpate.estimation.wrench_observation import TORQUE_LEVER, gain_root
+from palpate.mjcf.inertial import whole
+from palpate.scene.scene import Scene
+from palpate.trace.recording import NominalHand, Recording
+from palpate.trace.samples import Trace
+
+LOAD = (FORCE_Z, TORQUE_X, TORQUE_Y)
+"""Columns of a wrench that a weight has."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Believed:
+    """A believed value: a mass, kg, a centre of mass, m, the load's horizontal lever from the TCP, m, or
+    its wrench on the hand (F in N, M_x and M_y about the TCP in N m, world axes).
+
+    Attributes:
+        value: (n,).
+        covariance: (n, n) of errors that the motion does not share, without the gains.
+        gains: (n, m) change of the value by one standard deviation of the gain of each of m signals.
+    """
+
+    value: Array
+    covariance: Array
+    gains: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Predicted:
+    """A motion in n rows, signal by signal and in each of the m signals k bins.
+
+    Attributes:
+        t: (k,) s.
+        measured: (m, k) effect of the load on the signals, from the loaded and the empty hand.
+        expected: (m, k) effect of the believed load.
+        residual: (n,) measured less expected.
+        covariance: (n, n) of the residual.
+        design: (n, 3) rows of unit wrenches.
+        freedom: degrees of freedom of the noise.
+    """
+
+    t: Array
+    measured: Array
+    expected: Array
+    residual: Array
+    covariance: Array
+    design: Array
+    freedom: float
+
+    @property
+    def misfit(self) -> float:
+        """chi-squared of the residual."""
+        return float(self.residual @ np.linalg.solve(self.covariance, self.residual))
+
+    def beyond(self) -> tuple[Array, Array]:
+        """Least-squares wrench (3,) of the residual, which the belief lacks, and its covariance
+        (3, 3)."""
+        information = self.design.T @ np.linalg.solve(self.covariance, self.design)
+        covariance: Array = np.linalg.inv(information).astype(np.float64)
+        solved = np.linalg.solve(self.covariance, self.residual)
+        return covariance @ self.design.T @ solved, covariance
+
+    def instead(self, wrench: Array) -> Predicted:
+        """The same motion for the belief in another `wrench` (3,) with the same covariance."""
+        expected = self.design @ wrench
+        residual = self.measured.ravel() - expected
+        return replace(self, expected=expected.reshape(self.measured.shape), residual=residual)
+
+
+def known_value(
+    estimate: Estimate | None, stated: tuple[float, ...] | None, signals: int
+) -> Believed | None:
+    """The estimate without the motion, else the value that the scene states; None without either."""
+    if estimate is None and stated is not None:
+        n = len(stated)
+        return Believed(np.array(stated), np.zeros((n, n)), np.zeros((n, signals)))
+    if estimate is None or not estimate.identified:
+        return None
+    # Causes common to all grasps act in the motion as well, and cancel; priors do not, nor do the
+    # weights of the links, which the empty hand's motion contains.
+    apart = (BELIEVED, LINK)
+    common = tuple(part for part in estimate.shared if not part.cause.startswith(apart))
+    alike = replace(estimate, shared=common).shared_std
+    own = np.sqrt(np.maximum(estimate.stds**2 - alike**2, 0.0))
+    effects = {part.cause: part.effect for part in estimate.shared}
+    nothing = (0.0,) * len(own)
+    columns = [effects.get(f"gain of joint {i + 1}", nothing) for i in range(signals)]
+    return Believed(estimate.values, np.diag(own**2), np.array(columns).T)
+
+
+def mass_part(fitted: Sequence[Estimate], signals: int) -> Believed | None:
+    """The mass that is a part of the estimate of a centre of mass or an inertia, which need not be
+    identified itself."""
+    for estimate in fitted:
+        mass = estimate.parts.get("mass")
+        if estimate.verdict != "contradicted" and mass is not None:
+            covariance = np.array([[mass.std]]) ** 2
+            return Believed(np.array([mass.value]), covariance, np.zeros((1, signals)))
+    return None
+
+
+def lever_of(
+    scene: Scene, trace: Trace, name: str, recording: Recording, fitted: Estimate | None
+) -> Believed:
+    """The lever by the fitted or stated centre of mass, else by the one that MuJoCo would infer, with
+    the accuracy of a prior."""
+    body, signals = scene.bodies[name], len(trace.hand.joints)
+    pose_world_tcp = mean_pose(trace.of(recording))
+    pose_world_body = pose_world_tcp @ pose_in_hand(trace, recording, body)
+    horizontal = pose_world_body.rotation[:2]
+    # The grasp's own error; errors common to all grasps count only where none were compared.
+    place = GRASP_SHIFT**2 + 2.0 * trace.hand.pose_repeatability**2
+    centre = known_value(fitted, body.known.get("com"), signals)
+    if fitted is None or centre is None:
+        place += accuracy(body, pose_world_tcp.rotation[:, 0]) ** 2 + trace.hand.tip_offset_std**2
+    if centre is None:
+        spread = COM_PRIOR * np.maximum(body.size, 1e-3)
+        inferred = whole(scene.spec().compile(), name).com
+        centre = Believed(inferred, np.diag(spread**2), np.zeros((3, signals)))
+    offset = (pose_world_body.position - pose_world_tcp.position)[:2] + horizontal @ centre.value
+    covariance = horizontal @ centre.covariance @ horizontal.T + place * np.eye(2)
+    return Believed(offset, covariance, horizontal @ centre.gains)
+
+
+def wrench_of(mass: Believed, lever: Believed, gravity: float) -> Believed:
+    """The weight F at r = (x, y) from the TCP, which has the moment (y F, -x F)."""
+    force = float(mass.value[0]) * gravity
+    x, y = lever.value.tolist()
+    # Derivatives of the wrench by F and by r.
+    by_force = np.array([1.0, y, -x])
+    by_offset = force * np.array([[0.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
+    std = float(np.sqrt(mass.covariance[0, 0])) * gravity
+    own = std**2 * np.outer(by_force, by_force)
+    gains = np.outer(by_force, gravity * mass.gains[0]) + by_offset @ lever.gains
+    return Believed(force * by_force, own + by_offset @ lever.covariance @ by_offset.T, gains)
+
+
+def predict_segments(
+    weighing: Weighing,
+    motion: Sequence[Segment],
+    wrench: Believed,
+    gravity: float,
+    hand: NominalHand,
+) -> Predicted | None:
+    """Predict the segments of `motion` from the empty ones of `weighing`; None without either of them."""
+    empty = [segment for segment in weighing.segments if not segment.loaded]
+    if not motion or not empty:
+        return None
+    segments = [*motion, *empty]
+
+    def bins(of: Callable[[Segment], NDArray[Any]]) -> NDArray[Any]:
+        """A signal of all segments, bin by bin."""
+        return np.concatenate([of(segment) for segment in segments])
+
+    rows = equations(replace(weighing, segments=segments), gravity)
+    signals = int(rows.signal.max()) + 1
+    loaded = bins(lambda s: np.full(len(s.t), s.loaded))
+    # While the arm accelerates its own inertia would be judged.
+    steady = np.abs(bins(lambda s: s.acceleration)) < STEADY
+    target = np.tile(loaded & steady, signals)
+    given = np.tile(~loaded, signals)
+    if not target.any():
+        return None
+
+    # Conditional of the target rows on the given ones, Bishop, equations 2.81 and 2.82.
+    bias = bias_covariance(rows, wrench, hand, signals)
+    cross = bias[np.ix_(given, target)]
+    gain: Array = np.linalg.solve(bias[np.ix_(given, given)], cross).astype(np.float64).T
+    remaining = bias[np.ix_(target, target)] - gain @ cross
+    measured = rows.observed[target] - gain @ rows.observed[given]
+    design = rows.wrench[:, LOAD][target]
+    expected = design @ wrench.value
+    return Predicted(
+        bins(lambda s: s.t)[loaded & steady],
+        measured.reshape(signals, -1),
+        expected.reshape(signals, -1),
+        measured - expected,
+        remaining + design @ wrench.covariance @ design.T,
+        design=design,
+        freedom=rows.freedom,
+    )
+
+
+def bias_covariance(rows: WeighingRows, wrench: Believed, hand: NominalHand, signals: int) -> Array:
+    """(n, n) covariance of the arm's errors in n rows: noise and drift, forces to the side, gains,
+    friction."""
+    design = rows.wrench[:, LOAD]
+    tilt = TILT * abs(float(wrench.value[0])) + FLOOR
+    sideways = rows.wrench[:, SIDEWAYS] * np.array([tilt, tilt, tilt * TORQUE_LEVER])
+    # A gain error acts on the load's torques, and acted on the estimate of the wrench.
+    borne = (design @ wrench.value)[:, None] * gain_root(hand, signals)[rows.signal]
+    gained = borne - design @ wrench.gains
+    dahl = JOINT_LEVEL / len(SLIP_ANGLES) ** 0.5 * rows.dahl
+    stuck = hand.force_repeatability * rows.stiction.stuck
+    bias = rows.root @ rows.root.T
+    for causes in (sideways, gained, dahl, stuck):
+        bias += causes @ causes.T
+    return bias

@@ -1,0 +1,153 @@
+"""From a recording that another program made to estimates and a twin: nothing is planned, nothing moves."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from palpate.common.errors import InputError, unknown_name
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Pose
+from palpate.estimation.carried import HAND
+from palpate.estimation.logs.reading import read_log
+from palpate.estimation.logs.trace import Carrying, trace_of
+from palpate.estimation.quantities.estimators import estimate_all
+from palpate.estimation.recording_check import require_within_limits
+from palpate.planning.plan import Plan
+from palpate.robots.owner import own_arm
+from palpate.runs.building import build_twin
+from palpate.runs.callbacks import SILENT, RunCallbacks
+from palpate.runs.read import NOTHING
+from palpate.runs.run import RECORDING, Ending, Run
+from palpate.runs.settings import Settings
+from palpate.scene.load import load_scene, parse_scene
+
+FARTHEST = 2.0
+"""m from the hand to the frame of the object in it."""
+LOAD = "load"
+"""Name of a load that is no object of a scene."""
+
+
+@dataclass(frozen=True, slots=True)
+class LogRequest:
+    """A recording and what is known of it.
+
+    Attributes:
+        log: file or folder of the recording.
+        carrying: the load; its name is an object of the scene where there is one.
+        empty: recording of the empty hand.
+        columns: map of the columns, of both.
+    """
+
+    log: Path
+    carrying: Carrying
+    empty: Path | None = None
+    columns: Path | None = None
+
+
+def estimate_recording(
+    settings: Settings, recorded: LogRequest, callbacks: RunCallbacks = SILENT
+) -> Run:
+    """Estimate the load of a recording; with a scene, build its twin.
+
+    Args:
+        settings: of which scene, poses, root, arm and robot.yaml count.
+
+    Raises:
+        InputError: a file that cannot be used, an unknown object, or a window that the recording does not have.
+        Unavailable: the library for the recording's format is not installed.
+    """
+    began, carrying = time.perf_counter(), recorded.carrying
+    arm = own_arm(settings.arm, settings.cautious, settings.robot_config, real=True)
+    if settings.scene is None:
+        scene = parse_scene(NOTHING, arm=arm)
+    else:
+        scene = load_scene(settings.scene, settings.poses, arm, root=settings.root)
+        objects = [name for name, body in scene.bodies.items() if body.role == "object"]
+        if carrying.name not in objects:
+            raise unknown_name(
+                "object", carrying.name, objects, "The load is one of them: object=NAME."
+            )
+    callbacks.progress("reading the recording")
+    logs = [read_log(one, recorded.columns) for one in (recorded.log, recorded.empty) if one]
+    for log in logs:
+        require_within_limits(log, arm)
+    quantities = ["mass"]
+    notes = [f"{log.source}: {note}." for log in logs for note in log.notes]
+    if settings.scene is None or carrying.in_hand is not None:
+        quantities += ["com", "inertia"]
+    else:
+        notes.append("Centre of mass and inertia need the object's pose in the hand: in_hand=POSE.")
+    if settings.scene is not None:
+        known = scene.bodies[carrying.name].known
+        notes += [
+            f"The scene states the {scene.catalogue[id].label} of '{carrying.name}' "
+            f"({' '.join(f'{number:.4g}' for number in known[id])}); what is measured replaces it in the twin."
+            for id in quantities
+            if id in known
+        ]
+    parameters = [Parameter(carrying.name, quantity) for quantity in quantities]
+    if carrying.hand == "found":
+        parameters.append(Parameter(HAND, "mass"))
+    trace = trace_of(
+        logs[0],
+        carrying,
+        parameters,
+        arm,
+        scene.pose_world_base,
+        scene.gravity,
+        logs[1] if recorded.empty else None,
+    )
+    callbacks.progress("estimating")
+    bodies = scene.bodies
+    # Whoever weighs something gets the rest with it, as far as the motion tells.
+    asked = tuple(one for one in parameters if one.quantity == "mass")
+    plan = Plan(asked, None, _explain_reading(recorded, len(logs[0])), RECORDING, tuple(notes))
+    made = Run(
+        replace(settings, robot=f"recording:{recorded.log.name}", noise="none"),
+        scene,
+        plan,
+        world=f"the recording {recorded.log.name}",
+        simulated=False,
+        execution=Ending("complete", None, 0, float(logs[0].t[-1]), 0.0),
+        recorded=trace,
+        estimates=estimate_all(parameters, trace, bodies),
+        begun=began,
+    )
+    if settings.scene is not None:
+        made = build_twin(made, callbacks)
+    return replace(made, total_seconds=time.perf_counter() - began)
+
+
+def _explain_reading(recorded: LogRequest, rows: int) -> str:
+    """Explanation of what was read from where."""
+    carrying = recorded.carrying
+    windows = ", ".join(f"{start:g} to {end:g} s" for start, end in carrying.windows)
+    text = f"{recorded.log.name}, {rows} samples; {carrying.name} was carried "
+    text += f"from {windows}" if windows else "all the time"
+    if recorded.empty is not None:
+        text += f"; the empty hand is in {recorded.empty.name}, too"
+    hand = "weighed, too" if carrying.hand == "found" else f"of {carrying.hand} kg"
+    return f"{text}. The hand is {'as described' if carrying.hand is None else hand}."
+
+
+def pose_text(pose: str) -> str:
+    """Check a pose in the hand, `X Y Z [QW QX QY QZ]` with blanks or commas, and return its seven numbers.
+
+    Raises:
+        InputError: not such numbers.
+    """
+    try:
+        numbers = [float(word) for word in pose.replace(",", " ").split()]
+    except ValueError:
+        numbers = []
+    turn = numbers[3:] or [1.0, 0.0, 0.0, 0.0]
+    is_pose = len(numbers) in (3, 7) and np.isfinite(numbers).all() and any(turn)
+    if not is_pose or max(map(abs, numbers[:3])) > FARTHEST:
+        raise InputError(
+            f"in_hand='{pose[:60]}': give X Y Z in m, at most {FARTHEST:g}, or X Y Z QW QX QY QZ"
+        )
+    return " ".join(f"{number:g}" for number in Pose.of(numbers[:3], turn).vector)

@@ -1,0 +1,283 @@
+"""Estimates and parameters as the page shows them: a card each, a table of many, the scene's values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.common.parameter import Parameter
+from palpate.estimation.quantities.catalogue import catalogue
+from palpate.runs.figures import figures, in_a_line
+from palpate.runs.report.changes import RecordingEntry, evidence, quantity_label
+from palpate.runs.report.charts import (
+    Axis,
+    Chart,
+    charts,
+    error_text,
+    plain,
+    with_spread,
+    with_unit,
+)
+from palpate.runs.report.data import EstimateWithTruth, ParameterRow, stated_as
+from palpate.trace.samples import Trace
+
+MARGIN = 1.35
+"""Half widths of the interval from the middle of a bar to its end."""
+TRUTH_MARGIN = 1.2
+"""Distances of the truth from the middle of a bar to its end."""
+OFF_SCALE = 5.0
+"""Interval half widths beyond which a truth is drawn at the end of the bar, so that the interval
+stays visible."""
+FEW = 4
+"""Most cards without a table above them."""
+AIR = 0.04
+"""Share of a common scale that stays free at each end."""
+UNSTATED = {"known": "–", "missing": "?", "assumed": "as of uniform density"}
+"""Placeholder for a missing value."""
+
+
+@dataclass(frozen=True, slots=True)
+class TruthMark:
+    """True value of the simulated world; `at` in per cent of the bar."""
+
+    value: str
+    at: float
+    error: str
+    covered: bool
+    number: float
+
+
+@dataclass(frozen=True, slots=True)
+class IntervalBar:
+    """Component of an estimate; the interval's `left` and `width` in per cent of the bar, with the
+    value in the middle."""
+
+    axis: str
+    value: str
+    std: str
+    low: str
+    high: str
+    left: float
+    width: float
+    truth: TruthMark | None
+    verdict: str
+    limit: str
+    number: float
+    bounds: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class EstimateCard:
+    """An estimate as it is printed."""
+
+    object: str
+    quantity: str
+    unit: str
+    verdict: str
+    whole: str
+    said: str
+    contradiction: str
+    doubt: str
+    method: str
+    intervals: tuple[IntervalBar, ...]
+    further: tuple[tuple[str, str], ...]
+    evidence: tuple[RecordingEntry, ...]
+    anchor: str
+    charts: tuple[Chart, ...]
+
+
+def cards(measured: Sequence[EstimateWithTruth], trace: Trace | None) -> list[EstimateCard]:
+    """Cards, one per estimate."""
+    return [estimate_card(m, trace, f"estimate-{i + 1}") for i, m in enumerate(measured)]
+
+
+def estimate_card(measured: EstimateWithTruth, trace: Trace | None, anchor: str) -> EstimateCard:
+    estimate = measured.estimate
+    unit = estimate.unit
+    further = [
+        (name, with_spread(part.value, part.std, part.unit or unit))
+        for name, part in estimate.parts.items()
+    ]
+    windows: list[RecordingEntry] = []
+    if trace is not None:
+        windows = [evidence(recording, trace) for recording in estimate.evidence]
+    return EstimateCard(
+        object=estimate.parameter.object,
+        quantity=quantity_label(estimate.parameter.quantity),
+        unit="" if unit == "1" else unit,
+        verdict=estimate.verdict,
+        whole=estimate.whole,
+        said=estimate.verdict_in_words,
+        contradiction=estimate.contradiction,
+        doubt=estimate.doubt,
+        method=estimate.method,
+        intervals=tuple(component_intervals(measured)),
+        further=tuple(further),
+        evidence=tuple(windows),
+        anchor=anchor,
+        charts=charts(measured) if trace is not None and len(trace.samples) else (),
+    )
+
+
+def component_intervals(measured: EstimateWithTruth) -> Iterable[IntervalBar]:
+    estimate = measured.estimate
+    truths: Sequence[float | None] = measured.truth or ()
+    if len(truths) != len(estimate.values):
+        truths = (None,) * len(estimate.values)
+    for i, (figure, truth) in enumerate(zip(figures(estimate), truths, strict=True)):
+        value = float(estimate.values[i])
+        low, high = estimate.intervals[i].tolist()
+        half = max((high - low) / 2, 1e-12)  # an exact value has an interval of no width
+        reach = MARGIN * half
+        if truth is not None:  # a truth farther away than `OFF_SCALE` is drawn at the bar's end
+            reach = max(reach, min(TRUTH_MARGIN * abs(truth - value), OFF_SCALE * half))
+        bar = Axis(value - reach, value + reach)
+        left, right = clipped_percent(bar, low), clipped_percent(bar, high)
+        revealed = None
+        if truth is not None:
+            error = error_text(value, truth, estimate.unit, relative=not figure.axis)
+            at, covered = clipped_percent(bar, truth), low <= truth <= high
+            revealed = TruthMark(f"{truth:.6g}", at, error, covered, truth)
+        yield IntervalBar(
+            axis=figure.axis,
+            value=figure.value,
+            std=figure.std,
+            low=figure.low,
+            high=figure.high,
+            left=left,
+            width=round(right - left, 2),
+            truth=revealed,
+            verdict=figure.verdict,
+            limit=figure.limit,
+            number=value,
+            bounds=(low, high),
+        )
+
+
+def clipped_percent(bar: Axis, value: float) -> float:
+    """Position on the bar in per cent, at one of its ends for a value outside."""
+    return min(max(bar.per_cent(value), 0.0), 100.0)
+
+
+def in_words(measured: Sequence[EstimateWithTruth]) -> tuple[str, str]:
+    """Captions of the pictures: names of the estimated quantities, and names with values."""
+    unknown: list[str] = []
+    known: list[str] = []
+    for card in cards(measured, None):
+        if not card.intervals:
+            continue
+        name = f"{card.object} {card.quantity}"
+        values = " ".join(interval.limit or interval.value for interval in card.intervals)
+        unknown.append(name)
+        known.append(with_unit(f"{name} {values}", card.unit))
+    return ", ".join(unknown), ", ".join(known)
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """Component of an estimate; places in per cent of the scale."""
+
+    name: str
+    anchor: str
+    value: str
+    std: str
+    verdict: str
+    at: float
+    left: float
+    width: float
+    truth: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class QuantityScale:
+    """All estimates of one quantity, the largest first; its ends as text."""
+
+    quantity: str
+    unit: str
+    low: str
+    high: str
+    entries: tuple[Entry, ...]
+    without: tuple[EstimateCard, ...]
+
+
+def forest(cards: Sequence[EstimateCard]) -> list[QuantityScale]:
+    """Forest plot of many estimates: one scale per quantity; empty for few cards."""
+    if len(cards) <= FEW:
+        return []
+    kinds: dict[tuple[str, str], list[EstimateCard]] = {}
+    for card in cards:
+        kinds.setdefault((card.quantity, card.unit), []).append(card)
+    return [quantity_scale(quantity, unit, of) for (quantity, unit), of in kinds.items()]
+
+
+def quantity_scale(quantity: str, unit: str, cards: Sequence[EstimateCard]) -> QuantityScale:
+    # Components of a vector are rows of their own, on the scale of their quantity.
+    rows = [(card, interval) for card in cards for interval in card.intervals]
+    rows.sort(key=lambda row: row[1].number, reverse=True)
+    ends: list[float] = []
+    for _, interval in rows:
+        ends += interval.bounds
+        if interval.truth is not None:
+            ends.append(interval.truth.number)
+    axis = Axis.enclose(np.array(ends or [0.0, 1.0]), AIR)
+    entries: list[Entry] = []
+    for card, interval in rows:
+        left, right = (axis.per_cent(end) for end in interval.bounds)
+        truth = interval.truth
+        entry = Entry(
+            name=f"{card.object} {interval.axis}".strip(),
+            anchor=card.anchor,
+            value=interval.value,
+            std=interval.std,
+            verdict=interval.verdict,
+            at=axis.per_cent(interval.number),
+            left=left,
+            width=round(right - left, 2),
+            truth=None if truth is None else axis.per_cent(truth.number),
+        )
+        entries.append(entry)
+    empty = tuple(card for card in cards if not card.intervals)
+    return QuantityScale(
+        quantity, unit, f"{axis.low:.3g}", f"{axis.high:.3g}", tuple(entries), empty
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterText:
+    """A parameter in words, with its value before and after as text."""
+
+    quantity: str
+    state: str
+    value: str
+    asked: bool
+
+
+def parameter_groups(
+    rows: Sequence[ParameterRow], measured: Sequence[EstimateWithTruth]
+) -> dict[str, list[ParameterText]]:
+    """Rows of the scene's parameters, by object."""
+    found: dict[Parameter, EstimateWithTruth] = {}
+    for m in measured:
+        if m.estimate.verdict in ("identified", "prior-dominated"):
+            found[stated_as(m.estimate.parameter)] = m
+    groups: dict[str, list[ParameterText]] = {}
+    for row in rows:
+        shown = ParameterText(
+            quantity_label(row.quantity), row.state, value_text(row, found), row.asked
+        )
+        groups.setdefault(row.object, []).append(shown)
+    return groups
+
+
+def value_text(row: ParameterRow, found: Mapping[Parameter, EstimateWithTruth]) -> str:
+    """The scene's value, followed by an arrow and the measured one."""
+    unit = catalogue()[row.quantity].unit if row.quantity in catalogue() else ""
+    before = plain(row.value) if row.value else UNSTATED[row.state]
+    now = found.get(Parameter(row.object, row.quantity))
+    if now is not None:
+        return with_unit(f"{before} → {in_a_line(now.estimate)}", unit)
+    if row.value:
+        return with_unit(before, unit)
+    return before

@@ -1,0 +1,296 @@
+"""The report: one self-contained HTML page, and its embedded assets."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+import io
+import re
+from collections.abc import Iterator
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from palpate.common.display import visible
+from palpate.common.redaction import redact
+from palpate.runs.report.cards import FEW, cards, forest, in_words, parameter_groups
+from palpate.runs.report.changes import change, diff_lines, windows
+from palpate.runs.report.data import ReportData
+from palpate.runs.report.plots import FAILED, GROUPS, Figure, timeline
+from palpate.runs.report.sections import (
+    Branch,
+    aftermath,
+    branches,
+    first_failure,
+    indifferent,
+    lines,
+    predictions,
+    primitive_groups,
+)
+
+if TYPE_CHECKING:
+    from jinja2 import Template
+    from markupsafe import Markup
+
+
+MAX_IMAGE = 400_000
+"""Bytes above which pictures are scaled down to `IMAGE_WIDTH` and stored as JPEG."""
+IMAGE_WIDTH = 1280
+PACKING = 4
+"""Compression level of plotly.js, 0 to 9; level 6 saves 4 % and takes twice as long."""
+
+
+@cache
+def plotly() -> tuple[Markup, str]:
+    """plotly.js, gzipped and in base64, and the hash of its text for the page's policy."""
+    from markupsafe import Markup
+
+    source = (files("plotly") / "package_data" / "plotly.min.js").read_bytes()
+    packed = base64.b64encode(gzip.compress(source, PACKING, mtime=0)).decode()
+    return Markup(packed), sha256_source(source)
+
+
+@cache
+def script() -> Markup:
+    """The page's own script."""
+    from markupsafe import Markup
+
+    return Markup((files("palpate.runs.report") / "report.js").read_text(encoding="utf-8"))
+
+
+@cache
+def style() -> str:
+    """Style of all pages: colours, light and dark, type, tables."""
+    return (files("palpate.runs.report") / "style.css").read_text(encoding="utf-8")
+
+
+@cache
+def template(package: str, name: str) -> Template:
+    """Load a page's template from its package; `style.css` and `study.html` are available to all."""
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined, select_autoescape
+
+    # Studies keep their templates in their own package.
+    own, shared = PackageLoader(package, "."), PackageLoader("palpate.runs.report", ".")
+    environment = Environment(
+        loader=ChoiceLoader([own, shared]),
+        autoescape=select_autoescape(),
+        undefined=StrictUndefined,
+        finalize=escaped_controls,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    filters: dict[str, Any] = cast(Any, environment).filters
+    filters["code"] = mark_code
+    return environment.get_template(name)
+
+
+def mark_code(text: str) -> Markup:
+    """Escape a text, and set its parts in backticks as code."""
+    from markupsafe import Markup, escape
+
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))
+
+
+def escaped_controls(value: Any) -> Any:
+    """Text and markup with control characters made visible, such as those that reverse the direction
+    of writing."""
+    if isinstance(value, int | float):
+        return value
+    text = visible(str(value))
+    return type(value)(text) if hasattr(value, "__html__") else text
+
+
+def policy() -> str:
+    """Content security policy: only the page's own scripts run, and nothing is ever fetched."""
+    # The hashes allow exactly these two scripts; a page may quote text from files and models.
+    own, plots = sha256_source(script().encode()), plotly()[1]
+    return (
+        "default-src 'none'; img-src data: blob:; media-src data:; "
+        f"style-src 'unsafe-inline'; script-src {own} {plots}"
+    )
+
+
+def sha256_source(content: bytes) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(content).digest()).decode()}'"
+
+
+def video_uri(mp4: bytes | None) -> str | None:
+    """A film as a data URI."""
+    return data_uri("video/mp4", mp4) if mp4 else None
+
+
+def picture_uri(picture: bytes | None) -> str | None:
+    """A picture as a data URI; None when there is none or it cannot be read."""
+    from PIL import Image
+
+    if not picture:
+        return None
+    try:
+        with Image.open(io.BytesIO(picture), formats=("PNG", "JPEG")) as image:
+            if len(picture) <= MAX_IMAGE:
+                return data_uri(f"image/{(image.format or 'png').lower()}", picture)
+            scaled, buffer = image.convert("RGB"), io.BytesIO()
+            scaled.thumbnail((IMAGE_WIDTH, IMAGE_WIDTH))
+            scaled.save(buffer, "JPEG", quality=86)
+            return data_uri("image/jpeg", buffer.getvalue())
+    except (OSError, ValueError, Image.DecompressionBombError):
+        return None
+
+
+def data_uri(mime: str, content: bytes) -> str:
+    return f"data:{mime};base64,{base64.b64encode(content).decode()}"
+
+
+# The report: one self-contained HTML page, which loads nothing from the network.
+
+
+VERDICTS = {
+    "running": "Under way",
+    "complete": "Complete",
+    "rejected": "Not measured",
+    "aborted": "Stopped safely",
+    "failed": "Incomplete",
+}
+
+SAFE_PATH = re.compile(r"[\w.-]+(/[\w.-]+)*")
+"""Link targets: files beside the page, nothing with a scheme."""
+
+ADVICE = {
+    "motion": "See what the hand met or what is in its way. Correct the position and size of that thing in the "
+    "scene, or move it aside.",
+    "gripper": "Compare the object's position, yaw and size in the scene with the real object: the fingers close "
+    "where the scene has it. A `grasps` entry in poses.yaml chooses another place to grip it.",
+    "sensing": "See that nothing but the plan's objects touches the arm or what it holds, and that the robot is "
+    "still connected.",
+    "conversion": "See that nothing but the plan's objects touched the arm or what it held: what was recorded "
+    "does not suffice for a value.",
+}
+"""Advice after a failure, by the group of the primitive that failed."""
+
+
+def write_report(path: Path, data: ReportData) -> None:
+    """Write the page to `path`."""
+    path.write_text(redact(render_report(data)), encoding="utf-8")
+
+
+def render_report(data: ReportData) -> str:
+    """The page's HTML."""
+    made = cards(data.measured, data.trace)
+    tree = branches(data.plan, data.trace)
+    failure = first_failure(tree)
+    nodes = data.plan.tree.walk() if data.plan.tree is not None else ()
+    # Leaves of a controlled stop lie outside of the tree: their paths begin with another word.
+    begun: int | None = None
+    if data.status == "aborted" and data.trace is not None:
+        begun = sum(leaf.node.startswith("tree") for leaf in data.trace.leaves)
+    return template("palpate.runs.report", "template.html").render(
+        data=data,
+        verdict=verdict_title(data),
+        verdict_line=verdict_sentence(data),
+        actions=sum(not node.children for _, node in nodes),
+        begun=begun,
+        cards=made,
+        forest=forest(made),
+        FEW=FEW,
+        retraced=any(card.evidence or card.charts for card in made),
+        captions=in_words(data.measured),
+        parameters=parameter_groups(data.parameters, data.measured),
+        tree=tree,
+        failure=failure,
+        steps=tuple(next_steps(data, failure)),
+        aftermath=aftermath(data.plan, data.trace),
+        predictions=predictions(data.held_out),
+        tasks=lines(data.proof),
+        indifferent=tuple(indifferent(data.proof)),
+        diff=diff_lines(data.twin_diff),
+        files=[name for name in data.files if SAFE_PATH.fullmatch(name) and ".." not in name],
+        group_colours=GROUPS,
+        failed=FAILED,
+        policy=policy(),
+        script=script(),
+        **picture_uris(data),
+        **timeline_figure(data),
+    )
+
+
+def verdict_title(data: ReportData) -> str:
+    """The headline."""
+    if data.status == "aborted" and data.held is not None and data.held.became != "put down":
+        how = "still holds" if data.held.became == "held" else "lost"
+        return f"Stopped: the hand {how} {data.held.name}"
+    return VERDICTS[data.status]
+
+
+def verdict_sentence(data: ReportData) -> str:
+    """The run in one sentence."""
+    if data.status == "rejected":
+        return "The arm did not move."
+    if data.plan.satisfied:
+        return "Nothing is missing: the arm did not move."
+    if data.status == "aborted":
+        return data.stopped_by or "The robot stopped before the plan was finished."
+    found = sum(m.estimate.identified for m in data.measured)
+    wanted = max(len(data.plan.parameters), len(data.measured))
+    unknowns = "unknown" if wanted == 1 else "unknowns"
+    blind = [
+        f"{m.estimate.parameter} along {' and '.join(m.estimate.doubtful_axes)}"
+        for m in data.measured
+        if m.estimate.identified and m.estimate.reason
+    ]
+    but = f", but for {', '.join(blind)}" if blind else ""
+    elsewhere = [row.object for row in data.poses if row.contradiction]
+    not_there = f"; {', '.join(elsewhere)} not where it was seen" if elsewhere else ""
+    return f"{found} of {wanted} {unknowns} measured{but}{not_there}."
+
+
+def picture_uris(data: ReportData) -> dict[str, Any]:
+    changed = change(data.before, data.after)
+    return {
+        "workspace": picture_uri(data.workspace),
+        "before": picture_uri(data.before),
+        "after": picture_uri(data.after),
+        "seen": picture_uri(data.seen),
+        "changed": changed,
+        "marked": picture_uri(changed.marked) if changed else None,
+        "video": video_uri(data.video),
+    }
+
+
+def timeline_figure(data: ReportData) -> dict[str, Any]:
+    """The timeline, and plotly.js to draw it, if anything was executed."""
+    figure: Figure | None = None
+    library = ""
+    if data.trace is not None and len(data.trace.samples):
+        named = windows(data.trace, [m.estimate for m in data.measured])
+        figure = timeline(data.trace, named, primitive_groups())
+        library, _ = plotly()  # 2 MB, only for pages that draw something
+    return {"figure": figure, "plotly": library}
+
+
+def next_steps(data: ReportData, failure: Branch | None) -> Iterator[str]:
+    """Advice to the user, in order, after a run that stopped early."""
+    if data.status != "aborted":
+        return
+    if data.held is not None:
+        name = data.held.name
+        advice = {
+            "held": f"Support {name}, open the fingers, and put it back where the scene has it.",
+            "lost": f"Find {name} and put it back where the scene has it.",
+        }
+        put_down = f"{name} was put down: see that it stands where the scene has it."
+        yield advice.get(data.held.became, put_down)
+    failed = failure is not None and failure.fate == "failure"
+    if failure is not None and failed:
+        yield ADVICE.get(failure.group, ADVICE["motion"])
+    kept = [str(one.estimate.parameter) for one in data.measured if one.estimate.identified]
+    if kept:
+        yield f"Keep what was measured before the stop: {', '.join(kept)}."
+    again = "Run the command again; it is at the end of this page, under “Reproduce”."
+    if failed:
+        again += (
+            " With `--on-failure skip` it leaves out the object that fails and measures the rest; with "
+            "`--on-failure replan` it tries again from where things stand."
+        )
+    yield again

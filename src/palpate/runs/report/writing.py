@@ -1,0 +1,181 @@
+"""Write pictures, film and page of a run; a failure of one does not prevent the others."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from palpate.common.processes import Beside
+from palpate.perception.dress import looks_in
+from palpate.perception.film import Film, film_of, film_speed
+from palpate.perception.renderer import Painter, gl_available, png
+from palpate.perception.stage import render_before_after, render_moment, render_scene
+from palpate.runs.folder import replacing
+from palpate.runs.keeper import shortfall
+from palpate.runs.report.data import Pictures, report_data
+from palpate.runs.report.page import write_report
+from palpate.scene.camera import load_image
+
+if TYPE_CHECKING:
+    from palpate.perception.film import Reel
+    from palpate.runs.run import Run
+
+
+IMAGES, STILLS = "images", ("workspace.png", "before.png", "after.png", "seen.png")
+"""A run's pictures: their folder, and their names in it."""
+FILMS = {False: "execution.mp4", True: "played-again.mp4"}
+"""Names of films: seen by a camera, or rendered from the trace."""
+
+
+def pictures_in(folder: Path, run: Run) -> Pictures:
+    """Read the pictures that the folder of a run holds already."""
+
+    def content(name: str) -> bytes | None:
+        file = folder / IMAGES / name
+        return file.read_bytes() if file.exists() else None
+
+    workspace, before, after, seen = (content(name) for name in STILLS)
+    stills = Pictures(workspace, before, after, seen)
+    # A film by a camera takes precedence over one rendered from the trace.
+    for believed, name in FILMS.items():
+        video = content(name)
+        if video is not None and run.execution is not None:
+            film = Film(video, film_speed(run.execution.robot_seconds), believed)
+            return replace(stills, film=film)
+    return stills
+
+
+def take_stills(run: Run, taken: Pictures) -> Pictures:
+    """Add pictures of the workspace, and of the scene before and after, to `taken`; without OpenGL,
+    only pictures that exist already.
+
+    Raises:
+        RuntimeError: OpenGL failed.
+    """
+    workspace = run.picture or taken.workspace
+    if run.settings.images:
+        workspace = png(load_image(run.settings.images[0]))
+    taken = replace(taken, workspace=workspace, seen=run.looked or taken.seen)
+    if not run.scene.bodies or not gl_available()[0]:
+        return taken
+    names = tuple(run.scene.bodies)
+    before = run.scene.spec()
+    if run.finished is None or run.finished.scene is None:
+        return replace(taken, workspace=workspace or render_scene(before, names))
+    footage, looks = run.footage, None
+    if footage is not None and footage.spec is not None:
+        # Draw the believed scene with the materials of the world that the camera saw.
+        looks = looks_in(footage.spec)
+    pair = render_before_after(before, run.finished.scene.spec(), names, looks=looks)
+    if workspace is None and footage is not None:
+        workspace = render_moment(footage.model, footage.frames[0][1], footage.drawn())
+    return Pictures(workspace, *pair, taken.seen, taken.film)
+
+
+def take_film(run: Run) -> Film | None:
+    """Make the film, if the cell's camera has footage; None without OpenGL.
+
+    Raises:
+        RuntimeError: OpenGL failed.
+        OSError: it cannot be encoded.
+    """
+    if run.footage is None or run.settings.fast or not gl_available()[0]:
+        return None
+    return film_of(run.footage, run.trace_if_any)
+
+
+def write_images(pictures: Pictures, folder: Path) -> None:
+    """Write the pictures as separate files into the run's folder."""
+    folder = folder / IMAGES
+    folder.mkdir(exist_ok=True)
+    stills = (pictures.workspace, pictures.before, pictures.after, pictures.seen)
+    contents = dict(zip(STILLS, stills, strict=True))
+    if pictures.film is not None:
+        contents[FILMS[pictures.film.believed]] = pictures.film.mp4
+    for name, content in contents.items():
+        if content is not None:
+            with replacing(folder / name) as part:
+                part.write_bytes(content)
+
+
+class Darkroom:
+    """Film and pictures of a run, made by copies of this process while other stages run. A context
+    manager; what is not finished on leaving is given up.
+
+    A process that has drawn is not copied: the driver's threads are not in the copy.
+    """
+
+    def __init__(self, run: Run, reel: Reel | None = None) -> None:
+        """Begin with the film, of which `reel` has drawn a part."""
+        # The trial of the backends is this process's child, so it is awaited here.
+        self._copied = gl_available()[0] and not Painter.used
+        film = None
+        if reel is not None and run.footage is not None:
+            film = reel.finish(run.footage, run.trace)
+        self.film = film or Beside(lambda: take_film(run), self._copied)
+        self._stills: Beside[Pictures] | None = None
+
+    def begin_stills(self, run: Run) -> None:
+        """Begin the pictures of a run whose twin is built."""
+        self._stills = Beside(lambda: take_stills(run, Pictures()), self._copied)
+
+    def stills(self, run: Run, taken: Pictures) -> Pictures:
+        """Wait for the pictures.
+
+        Raises:
+            RuntimeError: OpenGL failed.
+        """
+        return self._stills.result() if self._stills else take_stills(run, taken)
+
+    def __enter__(self) -> Darkroom:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.film.close()
+        if self._stills is not None:
+            self._stills.close()
+
+
+def write_all(
+    run: Run, folder: Path, darkroom: Darkroom | None = None, place: Path | None = None
+) -> tuple[str, ...]:
+    """Write pictures, film and page of a run.
+
+    Args:
+        run: finished, but for its report.
+        folder: to write into.
+        darkroom: with pictures and film in progress; else they are made now.
+        place: final location of the folder, by default `folder`.
+
+    Returns:
+        Shortfalls, one line for each part that could not be made.
+    """
+    missing: list[str] = []
+    pictures = Pictures()
+    with collecting_shortfalls("the pictures were not read again", missing):
+        pictures = pictures_in(folder, run)
+    with collecting_shortfalls("the pictures were not made", missing):
+        pictures = (darkroom.stills if darkroom else take_stills)(run, pictures)
+    with collecting_shortfalls("the film was not made", missing):
+        made = darkroom.film.result() if darkroom else take_film(run)
+        pictures = pictures if made is None else replace(pictures, film=made)
+    with collecting_shortfalls("the pictures were not written", missing):
+        write_images(pictures, folder)
+    with (
+        collecting_shortfalls("report.html was not written", missing),
+        replacing(folder / "report.html") as part,
+    ):
+        write_report(part, report_data(run, pictures, folder, place or folder))
+    return tuple(missing)
+
+
+@contextmanager
+def collecting_shortfalls(failure: str, shortfalls: list[str]) -> Generator[None]:
+    """Turn an exception of the block into a line of `shortfalls`."""
+    try:
+        yield
+    except Exception as error:
+        shortfalls.append(shortfall(failure, error))

@@ -1,0 +1,162 @@
+"""Write report and run folder, and read a run from its folder."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from palpate.common.errors import InputError
+from palpate.common.processes import Beside
+from palpate.execution.cell import Cell
+from palpate.runs.building import Given
+from palpate.runs.estimating import with_views
+from palpate.runs.executing import cut_off
+from palpate.runs.folder import default_folder, new_folder, read_json, write_json
+from palpate.runs.run import Run
+from palpate.runs.settings import Settings, request_json, settings_from
+from palpate.runs.workplace import footage_of
+
+if TYPE_CHECKING:
+    from palpate.perception.film import Reel, Shot
+    from palpate.runs.proof import Proof
+    from palpate.runs.report.writing import Darkroom
+
+
+def folder_for(settings: Settings) -> Path:
+    """The folder that the settings name, else a new one under `runs`."""
+    if settings.out is not None:
+        return settings.out
+    title, scene = "", settings.scene
+    if scene is not None:
+        # A file called `scene.xml` is named by its folder.
+        title = scene.resolve().parent.name if scene.stem == "scene" else scene.stem
+    return default_folder(title)
+
+
+@contextmanager
+def film_while_moving(made: Run, cell: Cell, given: Beside[Given] | None) -> Generator[Reel | None]:
+    """Test for OpenGL while the arm moves, if a film of the execution will be made, and yield what draws it
+    meanwhile, once the execution in the scene as `given` has shown what is in view; None without one."""
+    if made.folder is None or not made.simulated or made.settings.fast:
+        yield None
+        return
+    from palpate.perception.film import Reel
+    from palpate.perception.renderer import look_ahead
+
+    # A run without pictures is complete, too.
+    with suppress(OSError):
+        look_ahead()
+    if given is None:
+        yield None
+        return
+
+    def plan_shot() -> Shot | None:
+        touched = given.sent()
+        return None if touched is None else touched.shot
+
+    with Reel(partial(footage_of, cell), plan_shot) as reel:
+        yield reel
+
+
+@contextmanager
+def darkroom_for(made: Run, reel: Reel | None = None) -> Generator[Darkroom | None]:
+    """Render the film of the execution, and later the pictures, in processes of their own; `reel` has drawn a part
+    of it. Yield None for a run that is not saved, was not filmed, or is in a hurry (`fast`)."""
+    if made.folder is None or made.footage is None or made.settings.fast:
+        yield None
+        return
+    from palpate.runs.report.writing import Darkroom
+
+    with Darkroom(made, reel) as darkroom:
+        yield darkroom
+
+
+def write_report(made: Run, folder: Path, darkroom: Darkroom | None = None) -> Run:
+    """Write pictures and page of an otherwise finished run; failures are added to its shortfalls."""
+    from palpate.runs.report.writing import write_all
+
+    shown = with_views(replace(made, stage=None))
+    shortfalls = write_all(shown, folder, darkroom)
+    return replace(made, shortfalls=(*made.shortfalls, *shortfalls))
+
+
+def save(made: Run, folder: Path | None = None) -> Run:
+    """Save a run that is in memory into a folder: request, plan, tree, trace, result, twin, report and
+    images.
+
+    `folder` must not exist; by default it is the settings' `out`, else a new one under `runs`.
+
+    Raises:
+        InputError: the folder exists or cannot be made.
+    """
+    from palpate.runs.folder import write_files
+    from palpate.runs.report.writing import write_all
+
+    folder = folder or folder_for(made.settings)
+    try:
+        with new_folder(folder) as scratch:
+            write_json(scratch / "request.json", request_json(made.settings))
+            write_files(made, scratch, folder)
+            shortfalls = write_all(with_views(made), scratch, place=folder)
+    except OSError as error:
+        raise InputError(f"cannot write '{folder}': {error.strerror}") from error
+    return replace(made, folder=folder, shortfalls=(*made.shortfalls, *shortfalls))
+
+
+def save_proof(made: Run, folder: Path, proof: Proof) -> Run:
+    """Write `proof.json` into the run's folder, and its report again.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    from palpate.runs.export import PROOF, proof_json
+
+    try:
+        write_json(folder / PROOF, proof_json(proof))
+    except OSError as error:
+        raise InputError(f"cannot write '{folder / PROOF}': {error.strerror}") from error
+    return write_report(made, folder)
+
+
+def reopen(folder: Path) -> Run:
+    """Read the run that `save` wrote into `folder`; its trace is read on first access.
+
+    Raises:
+        InputError: there is no such folder, or it is not a run's.
+    """
+    from palpate.runs.read import read_run
+
+    settings = settings_from(read_json(folder / "request.json"))
+    return read_run(folder, settings)
+
+
+def with_footage(made: Run) -> Run:
+    """Return the run with footage rendered from its trace, for a film."""
+    from palpate.perception.posed import played_again
+
+    trace = made.trace_if_any
+    if trace is None or not len(trace.t):
+        return made
+    return replace(made, footage=played_again(made.scene, trace))
+
+
+def taken_up(folder: Path) -> Run:
+    """Read an unfinished run from `folder`, ready for its remaining stages: not `fast`, with no
+    interruption and no shortfalls.
+
+    Raises:
+        InputError: there is no such folder, or it is not a run's.
+    """
+    made = reopen(folder)
+    hurried, unhurried = made.settings.fast, replace(made.settings, fast=False)
+    made = replace(made, settings=unhurried, interrupted=None, shortfalls=())
+    # A run made with `fast` has skipped the validation of its twin, the pictures and the film.
+    if hurried and made.stage is None and made.finished is not None:
+        return replace(made, stage="building the twin")
+    if made.stage == "executing" and made.execution is None:
+        return cut_off(made)
+    return made

@@ -1,0 +1,260 @@
+"""Finished runs: save, estimate again, export, prove, fuse, compare."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import wraps
+from inspect import signature
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+
+from palpate.common.display import table, text_table
+from palpate.common.errors import perhaps
+from palpate.common.processes import single_threaded_blas
+from palpate.estimation.estimate import COLUMNS, Estimate
+from palpate.planning.planner import Planner
+from palpate.runs import pipeline
+from palpate.runs.answer import answer
+from palpate.runs.callbacks import Progress, RunCallbacks, quiet
+from palpate.runs.compare import Comparison, compare_runs
+from palpate.runs.estimating import reestimate
+from palpate.runs.fuse import Fusion as InnerFusion
+from palpate.runs.fuse import fuse_runs, write_fusion
+from palpate.runs.run import Run as InnerRun
+
+if TYPE_CHECKING:
+    from palpate.runs.proof import Proof
+    from palpate.twin.export import Export
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+Widths = Mapping[str, str | float] | str | Sequence[str]
+"""Half widths of intervals, by quantity or by parameter: `{"mass": "1g"}`, or SI numbers; or `"mass=1g, com=2mm"`."""
+
+
+def known_keywords(verb: Callable[P, R], more: Iterable[str] = ()) -> Callable[P, R]:
+    """Decorate a function so that an unknown keyword is a TypeError that names the nearest known one.
+
+    Args:
+        more: keywords that it takes as `**options`.
+    """
+    known = [name for name in signature(verb).parameters if name not in ("self", "options")]
+    known += more
+
+    @wraps(verb)
+    def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+        for name in kwargs:
+            if name not in known:
+                guess = perhaps(name, known) or f" it takes {', '.join(known)}"
+                raise TypeError(f"{verb.__name__}() has no argument '{name}';{guess}")
+        return verb(*args, **kwargs)
+
+    return checked
+
+
+def is_text(source: object) -> bool:
+    """Test for MJCF text, in contrast to a file name."""
+    return isinstance(source, str) and source.lstrip().startswith("<")
+
+
+def is_file(source: object) -> bool:
+    """Test for the name of a file."""
+    return isinstance(source, str | Path) and not is_text(source)
+
+
+def planner_name(planner: str | Planner) -> str:
+    """Name of a planner, for the settings."""
+    named: Any = planner  # the settings refuse what is neither
+    return getattr(named, "name", named)
+
+
+def contents_of(thing: Any, kind: type) -> dict[str, Any]:
+    """Values of the fields of the dataclass `kind` in an instance of it, to construct a subclass."""
+    return {part.name: getattr(thing, part.name) for part in fields(kind) if part.init}
+
+
+# Finished runs: save, estimate again, export, prove, fuse, compare.
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Run(InnerRun):
+    """Result of a run: `run["mug.mass"]`, `run.trace`, `run.twin`. See `palpate.runs.run.Run`."""
+
+    @known_keywords
+    def save(self, folder: str | Path) -> Run:
+        """Write the run folder: request, plan, tree, trace, result, twin, report and images.
+
+        Returns:
+            This run, which now knows its folder.
+
+        Raises:
+            InputError: the folder exists or cannot be made.
+        """
+        return run_of(pipeline.save(self, Path(folder)))
+
+    @known_keywords
+    def estimate(self, estimators: Mapping[str, str] | None = None) -> Run:
+        """Estimate again from the trace; return the run with the new estimates, without a twin.
+        Nothing moves, and the folder is not changed.
+
+        Args:
+            estimators: names by quantity, `{"mass": "single-shot"}`; else the defaults.
+
+        Raises:
+            InputError: it has no trace, another version recorded it, or there is no such estimator.
+        """
+        with single_threaded_blas():
+            return run_of(reestimate(self, estimators))
+
+    @known_keywords
+    def export(self, to: str, folder: str | Path | None = None) -> Export:
+        """Write the twin for another simulator into a new folder, and read it back.
+
+        Args:
+            to: `mjcf` (with every file that it needs), `urdf`, `usd`, or `randomisation` (ranges for
+                training).
+            folder: by default `export-FORMAT` in the run's own.
+
+        Raises:
+            InputError: it has no twin, there is no such format, or the folder exists or cannot be
+                made.
+            Unavailable: what writes the format is not installed.
+            PalpateError: what was written does not say what the twin says.
+        """
+        from palpate.runs.export import export_run
+
+        return export_run(self, to, None if folder is None else Path(folder))
+
+    def prove(self) -> Proof:
+        """Plan a push, a topple and a throw of each measured object, and an opening of each drawer or door, with the
+        prior and with the twin, and tell how far from their goals they end with the true values, else with values
+        drawn from the twin's intervals.
+
+        A saved run keeps it in `proof.json` and shows it in its report.
+
+        Raises:
+            InputError: it has no twin, or no object was measured.
+        """
+        from palpate.runs.export import prove_run
+
+        proof = prove_run(self)
+        if self.folder is not None:
+            pipeline.save_proof(self, self.folder, proof)
+        return proof
+
+    @property
+    def answer(self) -> str | None:
+        """Answer to a request that compares or adds up; None to others."""
+        return answer(self)
+
+    def _repr_html_(self) -> str:
+        return table(repr(self), COLUMNS, [estimate.cells() for estimate in self.estimates])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Fusion(InnerFusion):
+    """Fusion of several runs: `fusion["mug.mass"]`, `fusion.twin`. See `palpate.runs.fuse.Fusion`."""
+
+    def save(self, folder: str | Path) -> Fusion:
+        """Write result and twin into a new folder.
+
+        Raises:
+            InputError: the folder exists or cannot be made.
+        """
+        write_fusion(self, Path(folder))
+        return replace(self, folder=Path(folder))
+
+    def __str__(self) -> str:
+        """The estimates as a table of text."""
+        return text_table(COLUMNS, [estimate.cells() for estimate in self.estimates])
+
+    def _repr_html_(self) -> str:
+        rows = [estimate.cells() for estimate in self.estimates]
+        return table(f"<Fusion of {len(self.runs)} runs>", COLUMNS, rows)
+
+
+@known_keywords
+def open(folder: str | Path) -> Run:
+    """The run in a folder that `Run.save` or the command line wrote.
+
+    Its trace is read when first asked for. A folder does not keep the camera's
+    footage; where the scene's file has gone since, the scene is empty.
+
+    Raises:
+        InputError: there is no such folder, or it is not a run's.
+    """
+    return run_of(pipeline.reopen(Path(folder)))
+
+
+@known_keywords
+def fuse(runs: Sequence[str | Path | InnerRun]) -> Fusion:
+    """Fuse the estimates of several runs of one scene.
+
+    Each parameter gets the mean of least variance of the estimates that are identified; what runs of
+    one arm, or of one scene, have in common (gains, fingertips, poses) is not averaged away. Runs
+    that disagree make it *contradicted*.
+
+    Args:
+        runs: folders, or runs at hand.
+
+    Raises:
+        InputError: fewer than two runs, runs that are not of one scene, or the same recordings twice.
+    """
+    opened = [one if isinstance(one, InnerRun) else open(one) for one in runs]
+    with single_threaded_blas():
+        fused = fuse_runs(opened)
+    contents = contents_of(fused, InnerFusion)
+    contents["estimates"] = _label_simulation(fused.estimates, fused.runs[0].simulated)
+    return Fusion(**contents)
+
+
+@known_keywords
+def compare(runs: Sequence[str | Path | InnerRun]) -> Comparison:
+    """Compare the estimates of several runs, each with the first that has a value.
+
+    Args:
+        runs: folders, or runs at hand; of other scenes, too, with a remark.
+
+    Raises:
+        InputError: fewer than two runs, or a folder that is not a run's.
+    """
+    return compare_runs([one if isinstance(one, InnerRun) else open(one) for one in runs])
+
+
+def finish(folder: str | Path, progress: Progress = quiet, film: bool = False) -> Run:
+    """Finish an interrupted run from its folder and write its report again, with `film` also a film of
+    its trace.
+
+    Raises:
+        InputError: there is no such folder, or it is not a run's.
+    """
+    return run_of(pipeline.finish(Path(folder), RunCallbacks(progress=progress), film))
+
+
+def run_of(made: InnerRun) -> Run:
+    """The run with its verbs; its estimates say when they come from a simulation."""
+    contents = contents_of(made, InnerRun)
+    contents["estimates"] = _label_simulation(made.estimates, made.simulated)
+    return Run(**contents)
+
+
+def _label_simulation(estimates: Sequence[Estimate], simulated: bool) -> tuple[Estimate, ...]:
+    """The estimates; of a simulation they say so."""
+    if not simulated:
+        return tuple(estimates)
+    return tuple(_Simulated(**contents_of(each, Estimate)) for each in estimates)
+
+
+class _Simulated(Estimate):
+    """An estimate of a simulated run, which says so."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return f"{Estimate.__repr__(self)[:-1]}, simulated>"
+
+    def cells(self) -> tuple[str, str, str, str]:
+        name, number, bounds, verdict = Estimate.cells(self)
+        return name, number, bounds, f"{verdict}, simulated"

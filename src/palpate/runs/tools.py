@@ -1,0 +1,291 @@
+"""Functions of the command line without a run: check of a plan, prompt for a model, teaching of poses,
+vocabulary of plans, and a motion to record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from palpate.common.errors import InputError, Unavailable
+from palpate.common.files import read_text, write_new, yaml_text
+from palpate.estimation.quantities.catalogue import catalogue
+from palpate.execution.cell import GuidedHand, Lesson
+from palpate.execution.cell_drivers import drivers
+from palpate.planning.check.check import check
+from palpate.planning.model.prompt import Prompt, compose
+from palpate.planning.model.provider import PROVIDERS
+from palpate.planning.planner import in_words, named_parameters
+from palpate.planning.registry import load_proposal, plan_file, planners
+from palpate.primitives.registry import COMPOSITES, vocabulary
+from palpate.primitives.rules.collision_geometry import require_room
+from palpate.robots.owner import load_description, own_arm
+from palpate.runs import pipeline
+from palpate.runs.settings import Settings
+from palpate.scene.load import load_scene
+from palpate.scene.picture_scene import DetectedScene, SceneBuilder
+from palpate.scene.poses import MAX_BYTES as MAX_POSES
+from palpate.scene.poses import Poses, parse_poses, read_poses
+from palpate.scene.scaffold import POSES, SCENE, Scaffold, new_scene, written
+
+if TYPE_CHECKING:
+    from palpate.planning.check.finding import Finding
+    from palpate.planning.plan import Node
+
+
+__all__ = [
+    "check_file",
+    "examine_real_robot",
+    "examined_planner",
+    "guided_hand",
+    "lesson",
+    "new_scene",
+    "paper_notation",
+    "pictures",
+    "plan_schema",
+    "prompt",
+    "replay_planner_name",
+    "scene_from_picture",
+    "tree_nodes_model",
+    "units",
+    "vocabulary",
+    "write_excitation",
+    "write_poses",
+]
+
+
+def examine_real_robot(
+    asked: Settings, may_hold: Callable[[], bool]
+) -> Iterator[tuple[bool, str, str]]:
+    """Examine the real robot that the settings name; yield (passed, subject, finding or remedy).
+    `may_hold` asks for permission to let the arm hold itself for some seconds.
+
+    Raises:
+        InputError: no such URL or arm.
+        Unavailable: no driver, or one without an examination.
+    """
+    url = asked.robot or ""
+    driver = drivers().of(url)
+    if driver.examine is None:
+        raise Unavailable(f"the driver for '{url}' cannot examine its robot")
+    return driver.examine(url, own_arm(asked.arm, False, asked.robot_config, real=True), may_hold)
+
+
+def examined_planner(
+    planner: str, base_url: str | None, seconds: float
+) -> Iterator[tuple[bool, str, str]]:
+    """Examine a planner, with the results of `examine_real_robot`: a model's server is asked for its models, the
+    model for a word and for the colour of a picture, at most `seconds` each.
+
+    Raises:
+        InputError: no such planner or address.
+    """
+    if planner.partition(":")[0] in PROVIDERS:
+        from palpate.planning.model.examine import examine
+
+        return examine(planner, base_url, seconds)
+    planners().make(planner)
+    return iter([(True, planner, "needs no server")])
+
+
+def lesson(asked: Settings) -> Lesson:
+    """Prepare the teaching of the poses of the settings' scene, with the known ones.
+
+    Raises:
+        InputError: a file that cannot be read.
+    """
+    assert asked.scene is not None
+    arm, poses = load_description(asked.arm), asked.poses
+    loaded = load_scene(asked.scene, poses, arm, root=asked.root)
+    said = read_poses(poses).model_dump(exclude_defaults=True, mode="json") if poses else {}
+    objects, places = said.pop("objects", {}), said.pop("places", {})
+    return Lesson(loaded, objects, places, said)
+
+
+def guided_hand(url: str, taught: Lesson) -> GuidedHand:
+    """Connect to the hand of the real robot at a URL, for guiding by a person.
+
+    Raises:
+        InputError: no such URL.
+        Unavailable: no driver, no answer, or a robot that cannot be guided.
+    """
+    driver = drivers().of(url)
+    if driver.guided is None:
+        raise Unavailable(f"the robot at '{url}' cannot be led by hand")
+    return driver.guided(url, taught.scene)
+
+
+def write_poses(path: Path, taught: Lesson) -> None:
+    """Write the taught poses to a new poses.yaml.
+
+    Raises:
+        InputError: it exists, or cannot be written.
+    """
+    text = yaml_text(taught.content)
+    parse_poses(text, str(path))
+    write_new(path, text)
+
+
+def tag_sheet(path: Path, numbers: str, side: float) -> int:
+    """Write a PDF of tags, `0-11` or `3,7,9`, of a `side` in m to print; return its pages.
+
+    Raises:
+        InputError: no such tags, a side that cannot be, or the file exists or cannot be written.
+    """
+    from palpate.perception.tags import write_sheet
+
+    chosen: list[int] = []
+    for part in numbers.split(","):
+        first, _, last = part.strip().partition("-")
+        if not first.isdecimal() or not (last or first).isdecimal() or len(part) > 8:
+            raise InputError(f"numbers= takes tags such as 0-11 or 3,7,9, not '{numbers[:40]}'")
+        chosen += range(int(first), int(last or first) + 1)
+    return write_sheet(path, chosen, side)
+
+
+def write_excitation(arm: str, path: Path) -> list[str]:
+    """Write a motion of an arm that excites a load into a new file, and return what to record with it.
+
+    Raises:
+        InputError: no such arm, or the file exists or cannot be written.
+    """
+    from palpate.estimation.logs.excitation import excitation
+
+    if path.exists():
+        raise InputError(f"'{path}' exists already: choose another out=")
+    found = excitation(load_description(arm))
+    try:
+        path.write_text(found.csv(), encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot write '{path}': {error.strerror}") from None
+    return found.told(arm, str(path)).splitlines()
+
+
+def check_file(plan: Path, asked: Settings) -> tuple[Finding, ...]:
+    """Check a plan in a file; return the findings.
+
+    Args:
+        plan: a plan, a chat's answer, or a run folder.
+        asked: the scene and the arm; without a scene the plan is checked against the objects in its
+            file, or without any.
+
+    Raises:
+        InputError: a file that cannot be read, or a scene without room for the arm.
+    """
+    proposal = load_proposal(plan)
+    arm, known = load_description(asked.arm), None
+    if asked.scene is not None:
+        known = load_scene(
+            asked.scene, asked.poses, arm, root=asked.root, robot_body=asked.robot_body
+        )
+        require_room(known)
+    elif asked.poses is not None and proposal.scene:
+        builder = SceneBuilder(read_poses(asked.poses), arm)
+        known = DetectedScene(builder, proposal.scene).scene()
+    return check(proposal.plan, known)
+
+
+def prompt(settings: Settings) -> Prompt:
+    """Compose the system prompt, user message and images for a model.
+
+    Raises:
+        InputError: a value out of range, or a file that cannot be read.
+    """
+    settings = settings.check_values()
+    scene = pipeline.load(settings)
+    symbols = arm = None
+    if scene is None:
+        poses, arm = (
+            read_poses(settings.poses) if settings.poses else Poses(),
+            settings.described_arm(),
+        )
+        symbols = SceneBuilder(poses, arm).symbols
+    request = settings.request or ""
+    if settings.measure:
+        if scene is None:
+            raise InputError("measure= names parameters of a scene: give scene=D.xml")
+        request = f"{request} {in_words(named_parameters(settings.measure, scene))}".lstrip()
+    told = settings.model_settings
+    return compose(
+        vocabulary(),
+        request,
+        scene,
+        settings.images,
+        symbols,
+        told.without,
+        told.prompt,
+        told.comments,
+        arm,
+        settings.remeasure,
+    )
+
+
+def replay_planner_name(plan: Path) -> str:
+    """Name of the planner that replays a plan file or the plan of a run folder.
+
+    Raises:
+        InputError: there is no such file.
+    """
+    return f"replay:{plan_file(plan)}"
+
+
+def paper_notation(node: Node, depth: int = 0) -> Iterator[str]:
+    """Format a tree in the paper's notation, a line per node: {-} Sequence, /_/ Parallel, → action."""
+    indent = "    " * depth
+    if node.type in COMPOSITES:
+        yield f"{indent}{COMPOSITES[node.type].symbol} {node.type}"
+    else:
+        arguments = ", ".join(str(value) for _, value in node.args)
+        yield f"{indent}→ {node.type}({arguments})"
+    for child in node.children:
+        yield from paper_notation(child, depth + 1)
+
+
+def units() -> dict[str, str]:
+    """Unit of each quantity; `1` for dimensionless ones."""
+    return {quantity.id: quantity.unit for quantity in catalogue().values()}
+
+
+def plan_schema() -> dict[str, Any]:
+    """The JSON schema of a plan."""
+    from palpate.primitives.registry import plan_schema as schema
+
+    return schema(vocabulary())
+
+
+def tree_nodes_model() -> str:
+    """The vocabulary as BT.CPP 4 TreeNodesModel."""
+    from palpate.execution.btcpp import tree_nodes_model as model
+
+    return model(vocabulary())
+
+
+def pictures() -> tuple[bool, str]:
+    """Test for a renderer; return its availability, and the backend or a remedy."""
+    from palpate.perception.renderer import gl_available
+
+    return gl_available()
+
+
+def scene_from_picture(settings: Settings, folder: Path) -> Scaffold:
+    """Write the scene that a model detects in a picture, with its poses; the model's plan is not used.
+
+    Raises:
+        InputError: no picture, no camera, a planner that is no model, nothing seen, or a folder
+            that cannot be written.
+        Unavailable: the model's server.
+    """
+    if not settings.images or settings.poses is None:
+        raise InputError(
+            "a scene from a picture needs the picture (--image photo.jpg) and, in a poses.yaml "
+            "(--poses), the camera that took it: pos, quat, fovy and size"
+        )
+    made = pipeline.plan(settings.check_values(), None)
+    texts = {
+        SCENE: made.scene.resolved.document.text,
+        POSES: read_text(settings.poses, MAX_POSES, "poses"),
+    }
+    written(folder, texts)
+    names = tuple(made.scene.objects)
+    return Scaffold(folder / SCENE, folder / POSES, names)

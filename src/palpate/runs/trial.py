@@ -1,0 +1,169 @@
+"""Trial: one object of a scene on its support, alone, in physics.
+
+All other free bodies float where they are and touch nothing, so that a trial tells of one object alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Array
+from palpate.mjcf.contacts import CCD_TOLERANCE
+from palpate.scene.scene import Scene
+
+Values = Mapping[Parameter, tuple[float, ...]]
+"""Values of missing parameters by name; the others have their priors."""
+Push = Callable[[mujoco.MjData], Array]
+"""Force (3,) N, world axes, in a state."""
+
+SETTLING = 0.3
+"""s in which the object comes to rest on its support before anything is done with it."""
+REST = 2e-3
+"""m/s: the object lies still below this speed."""
+LONGEST = 3.0
+"""s of a trial."""
+FINEST = 1e-3
+"""s: shortest physics step of a trial; scenes that state finer ones would take minutes."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PhysicsTrial:
+    """A compiled world with the object at rest.
+
+    Attributes:
+        model: MuJoCo's model.
+        body: index of the object's body.
+        state: qpos of the settled world.
+        centre: (3,) m, centre of mass in it, world.
+        upright: (3,) the world's vertical in the body's frame in it.
+        low, high: (3,) m, corners of the box around the object's geoms in the world.
+    """
+
+    model: mujoco.MjModel
+    body: int
+    state: Array
+    centre: Array
+    upright: Array
+    low: Array
+    high: Array
+
+    @property
+    def mass(self) -> float:
+        """Mass of the object, kg."""
+        return float(self.model.body_subtreemass[self.body])
+
+    @property
+    def weight(self) -> float:
+        """Weight of the object, N."""
+        return self.mass * float(np.linalg.norm(self.model.opt.gravity))
+
+    def at(self, share: float) -> Array:
+        """(3,) m, the middle of the object in x and y, at a share of its height."""
+        middle = (self.low + self.high) / 2
+        return np.array([middle[0], middle[1], self.low[2] + share * (self.high - self.low)[2]])
+
+    def run(
+        self,
+        force: Push,
+        point: Array,
+        until: Callable[[mujoco.MjData], bool],
+        touching: bool = True,
+    ) -> mujoco.MjData:
+        """Apply a force at a point of the body until a condition holds, or for `LONGEST`.
+
+        Args:
+            force: by state, N.
+            point: (3,) m, where it acts at first; it moves with the object.
+            until: condition on the state.
+            touching: with contacts; without them the object flies through everything.
+
+        Returns:
+            The state at the end.
+        """
+        model, data = self.model, mujoco.MjData(self.model)
+        disabled, contacts = model.opt.disableflags, int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        model.opt.disableflags = disabled if touching else disabled | contacts
+        data.qpos = self.state
+        mujoco.mj_forward(model, data)
+        local = data.xmat[self.body].reshape(3, 3).T @ (point - data.xpos[self.body])
+        while data.time < LONGEST and not until(data):
+            where = data.xpos[self.body] + data.xmat[self.body].reshape(3, 3) @ local
+            data.qfrc_applied[:] = 0
+            mujoco.mj_applyFT(
+                model, data, force(data), np.zeros(3), where, self.body, data.qfrc_applied
+            )
+            mujoco.mj_step(model, data)
+        model.opt.disableflags = disabled
+        return data
+
+    def velocity(self, data: mujoco.MjData) -> Array:
+        """(3,) m/s of the body's origin, world axes."""
+        first = int(self.model.body_dofadr[self.body])
+        return data.qvel[first : first + 3]
+
+    def is_at_rest(self, data: mujoco.MjData) -> bool:
+        """Test that the object moves nowhere."""
+        return float(np.abs(self.velocity(data)).max()) < REST
+
+    def moved(self, data: mujoco.MjData) -> Array:
+        """(3,) m, displacement of the centre of mass."""
+        return np.asarray(data.xipos[self.body] - self.centre)
+
+    def tilt(self, data: mujoco.MjData) -> float:
+        """rad, angle between the object's upright then and now."""
+        upright = data.xmat[self.body].reshape(3, 3) @ self.upright
+        return float(np.arccos(np.clip(upright[2], -1.0, 1.0)))
+
+
+def trial_of(scene: Scene, name: str, values: Values) -> PhysicsTrial:
+    """The world of a scene with these values, in which only the object `name` can be moved.
+
+    Raises:
+        InputError: the values make no world, as an inertia that no body has.
+    """
+    spec = scene.spec(values)
+    for other in scene.objects:
+        if other != name:
+            set_aside(spec.body(other))
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        raise InputError(f"no world has these values: {error}") from None
+    model.opt.timestep = max(model.opt.timestep, FINEST)
+    model.opt.ccd_tolerance = min(model.opt.ccd_tolerance, CCD_TOLERANCE)
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, nstep=round(SETTLING / model.opt.timestep))
+    mujoco.mj_forward(model, data)
+    body = model.body(name).id
+    low, high = _box(model, data, body)
+    centre, upright = data.xipos[body].copy(), data.xmat[body].reshape(3, 3)[2].copy()
+    return PhysicsTrial(model, body, data.qpos.copy(), centre, upright, low, high)
+
+
+def set_aside(body: mujoco.MjsBody) -> None:
+    """Take weight and contacts from a body and its children."""
+    body.gravcomp = 1
+    for geom in body.geoms:
+        geom.contype = geom.conaffinity = 0
+    for child in body.bodies:
+        set_aside(child)
+
+
+def _box(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> tuple[Array, Array]:
+    """Corners of the box around a body's geoms, m, by their bounding boxes."""
+    mine = np.flatnonzero(model.body_rootid[model.geom_bodyid] == body)
+    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8)
+    points: list[Array] = []
+    for geom in mine:
+        middle, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
+        corners = middle[:, None] + half[:, None] * signs
+        turn = data.geom_xmat[geom].reshape(3, 3)
+        points.append((data.geom_xpos[geom][:, None] + turn @ corners).T)
+    cloud = np.concatenate(points)
+    return cloud.min(axis=0), cloud.max(axis=0)

@@ -1,0 +1,312 @@
+"""The workplace that the settings name, and the look of its camera before a run."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from palpate.common.errors import ExecutionAborted, InputError, PalpateError, Stopped, Unavailable
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Pose
+from palpate.execution.cell import Cell, Close
+from palpate.execution.cell_drivers import drivers
+from palpate.execution.recovery import Resume, confirmed_reason
+from palpate.robots.noise_levels import DEFAULT_LEVEL
+from palpate.robots.owner import require_same
+from palpate.robots.robot import Recoverable, Robot
+from palpate.runs.callbacks import SILENT, RunCallbacks
+from palpate.runs.run import Run
+from palpate.runs.settings import WORLD_CAMERA, Settings, noise_source
+from palpate.scene.load import replace_objects
+from palpate.scene.poses import Poses
+from palpate.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from palpate.perception.film import Footage
+    from palpate.perception.hand_eye import Hand
+    from palpate.perception.look import Seen
+
+
+log = logging.getLogger(__name__)
+
+
+def connect_cell(settings: Settings, scene: Scene | None) -> Cell:
+    """The cell of the real robot that the settings name.
+
+    Raises:
+        InputError: no such URL.
+        Unavailable: no driver for it, or no answer.
+    """
+    assert settings.robot is not None
+    return drivers().connect(settings.robot, scene)
+
+
+def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cell:
+    """The cell that the settings name.
+
+    Args:
+        settings: of the run.
+        scene: that the robot works in.
+        seen: the scene was detected in a picture.
+
+    Raises:
+        InputError: world and scene do not match, or `robot.yaml` was measured on another arm.
+        Unavailable: no driver for the robot.
+    """
+    from palpate.execution.simulated_cell import simulated_cell
+
+    simulated = (noise_source(settings.noise), settings.seed) if settings.robot is None else None
+    require_same(settings.described_arm().config, simulated)
+    if settings.robot is not None:
+        return connect_cell(settings, scene)
+    return simulated_cell(
+        scene,
+        settings.world,
+        noise=settings.noise,
+        seed=settings.seed,
+        seen=seen,
+        arm=settings.described_arm(),
+        root=settings.root,
+        robot_body=settings.robot_body,
+    )
+
+
+def pictures_of(
+    settings: Settings, scene: Scene | None, poses: Poses
+) -> tuple[tuple[bytes, ...], tuple[str, ...]]:
+    """Take pictures of the workspace (PNG): by the camera of `poses` if it states one, and, with a
+    scene, a close-up. None without scene, world or robot, and without OpenGL. One that cannot be made
+    is a note in its place.
+
+    Raises:
+        InputError: world and scene do not match.
+        Unavailable: no driver for the robot.
+    """
+    if scene is None and settings.world is None and settings.robot is None:
+        return (), ()
+    cell = cell_for(settings, scene)
+    cameras: dict[str, Callable[[], bytes | None]] = {
+        "of the workspace": partial(cell.picture, poses.camera)
+    }
+    if scene is not None and isinstance(cell, Close):
+        cameras["from nearby"] = cell.closer
+    taken: list[bytes] = []
+    notes: list[str] = []
+    for which, take in cameras.items():
+        try:
+            picture = take()
+        except Exception as error:
+            log.warning("no picture %s: %s: %s", which, type(error).__name__, error)
+            notes.append(f"There is no picture {which}: {error}".replace("\n", " "))
+            continue
+        if picture is not None:
+            taken.append(picture)
+    return tuple(taken), tuple(notes)
+
+
+def robot_of(cell: Cell, may_resume: Resume) -> tuple[Robot, tuple[str, ...]]:
+    """The cell's robot, and its setbacks: if the robot reports an earlier stop, `may_resume` is asked
+    to confirm that it may recover.
+
+    Raises:
+        InputError: the workplace cannot be used.
+        Unavailable: the robot is out of reach.
+    """
+    try:
+        return cell.robot(), ()
+    except Stopped as stopped:
+        if not isinstance(cell, Recoverable) or not may_resume(str(stopped)):
+            raise
+        cell.recover()
+        return cell.robot(), (confirmed_reason(str(stopped)),)
+    except PalpateError:
+        raise
+    except Exception as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise Unavailable(f"the robot cannot be used: {reason}") from error
+
+
+def footage_of(cell: Cell) -> Footage | None:
+    """Footage of the cell's camera; None on failure, which does not end the run."""
+    try:
+        return cell.footage()
+    except Exception as error:
+        log.warning("there is no film: %s: %s", type(error).__name__, error)
+        return None
+
+
+def truths(made: Run, cell: Cell) -> dict[Parameter, tuple[float, ...]]:
+    """True values of the estimated parameters, as far as the cell knows them."""
+    found: dict[Parameter, tuple[float, ...]] = {}
+    for estimate in made.estimates:
+        try:
+            values = cell.truth(estimate.parameter)
+        except Exception as error:
+            log.warning("the truth is not known: %s: %s", type(error).__name__, error)
+            break
+        if values is not None:
+            found[estimate.parameter] = values
+    return found
+
+
+# The look before a run: the poses that a camera sees take the place of the scene's.
+
+
+def look(
+    settings: Settings,
+    scene: Scene | None,
+    callbacks: RunCallbacks = SILENT,
+    world: Path | Scene | None = None,
+) -> tuple[Scene | None, Seen | None]:
+    """The scene with its objects where the settings' camera sees them, and what it saw; without a camera
+    the scene as it is, and None.
+
+    Args:
+        world: the simulated world, where the settings name no file of it.
+
+    Raises:
+        InputError: no such camera, nothing to see by, or no world for its camera.
+        Unavailable: OpenCV is not installed, or a camera or pose estimator does not answer.
+        ExecutionAborted: what was seen was not confirmed.
+    """
+    if settings.camera is None or scene is None:
+        return scene, None
+    hidden = None
+    if settings.camera.startswith(WORLD_CAMERA):
+        # A world made of the scene itself would be moved to where its camera saw things.
+        hidden = world or settings.world
+        if hidden is None:
+            raise InputError(
+                f"camera={settings.camera} is a camera of the simulated world: give world=W.xml"
+            )
+    callbacks.progress("looking")
+    robot, found = settings.robot, scene
+    seen = seen_from(
+        scene,
+        settings.camera,
+        settings.intrinsics,
+        hidden,
+        settings.seed,
+        settings.pose_estimator,
+        settings.noise,
+        None if robot is None else lambda: hand_of(robot, found),
+    )
+    if not callbacks.looked(seen):
+        raise ExecutionAborted("what the camera saw was not confirmed; nothing has moved")
+    return replace_objects(scene, seen.entries), seen
+
+
+def seen_from(
+    scene: Scene,
+    source: str,
+    intrinsics: Path | None = None,
+    world: Path | Scene | None = None,
+    seed: int = 0,
+    estimator: str | None = None,
+    noise: str = DEFAULT_LEVEL,
+    hand: Hand | None = None,
+) -> Seen:
+    """Poses of a scene by a source of pictures; arguments as those of `palpate.runs.recordings.see`, the noise model of
+    the embedded arm, and where the TCP is, for a camera on the hand.
+
+    Raises:
+        InputError: no such camera, nothing to see by, or a file that cannot be used.
+        Unavailable: OpenCV is not installed, or a camera or pose estimator does not answer.
+    """
+    from palpate.perception.cameras import pictures
+    from palpate.perception.look import look as look_at
+
+    if not source.startswith(WORLD_CAMERA):
+        if world is not None:
+            raise InputError(
+                f"world= goes with camera={WORLD_CAMERA}NAME, a camera of the simulated world"
+            )
+        taken, lens, mount, depth = pictures(source, intrinsics, estimator is not None)
+        return look_at(scene, taken, lens, mount, estimator, hand, depth)
+    if intrinsics is not None:
+        raise InputError(
+            "a camera of the simulated world has its own intrinsics: leave out intrinsics="
+        )
+    from palpate.execution.simulated_cell import simulated_cell
+    from palpate.perception.hand_eye import HAND, believed_camera, with_camera
+    from palpate.perception.rendered import SimulatedCamera
+
+    cell = simulated_cell(scene, world, noise=noise, seed=seed)
+    name = source.removeprefix(WORLD_CAMERA)
+    if name != HAND:
+        eye = SimulatedCamera(cell.world.spec(cell.drawn), name, seed=seed)
+        taken, depth = eye.shoot(), None if estimator is None else eye.depth()
+        return look_at(scene, [taken], eye.lens, eye.mount, estimator, None, depth)
+    robot = cell.robot()
+    footage, (lens, mount) = cell.footage(), believed_camera(seed)
+    assert footage is not None
+    assert footage.spec is not None
+    eye = SimulatedCamera(with_camera(footage.spec, scene.arm), HAND, seed=seed)
+    qpos = footage.frames[-1][1]
+    taken, depth = eye.shoot(qpos), None if estimator is None else eye.depth(qpos)
+    state = robot.state
+    robot.close()
+    return look_at(scene, [taken], lens, mount, estimator, lambda: state.pose_world_tcp, depth)
+
+
+def hand_of(url: str, scene: Scene) -> Pose:
+    """Where the TCP of the real arm at a URL is, world.
+
+    Raises:
+        Unavailable: it does not answer, or its driver does not say.
+    """
+    from palpate.execution.cell_drivers import drivers
+
+    guided = drivers().of(url).guided
+    if guided is None:
+        raise Unavailable(
+            f"the driver of '{url}' does not say where the hand is: state the joints= at which the camera looks in its "
+            "intrinsics file, and see first"
+        )
+    hand = guided(url, scene)
+    try:
+        return hand.where()[0]
+    finally:
+        hand.close()
+
+
+def require_seen(made: Run, seen: Seen | None) -> Run:
+    """The planned run with what is to be said of the look, where there was one.
+
+    Raises:
+        InputError: the plan touches objects that were not seen.
+    """
+    if seen is None:
+        return made
+    touched = set(_touched_names(made))
+    blind = [name for name in seen.unseen if name in touched]
+    if blind:
+        raise InputError(
+            f"the camera did not see {', '.join(blind)}: bring each, or a tag of it, into view, or do not ask for "
+            "what would touch them"
+        )
+    notes = [f"The look: {note}." for note in seen.notes]
+    if seen.unseen:
+        notes.append(f"Not seen, and taken to stand as stated: {', '.join(seen.unseen)}.")
+    picture = None if seen.outlines is None else seen.outlines.png()
+    plan = replace(made.plan, notes=(*made.plan.notes, *notes))
+    return replace(made, plan=plan, looked=picture)
+
+
+def _touched_names(made: Run) -> Iterator[str]:
+    """Objects and surfaces that are asked for, or that an action of the plan names."""
+    yield from (parameter.object for parameter in made.plan.parameters)
+    if made.plan.tree is None:
+        return
+    for _, node in made.plan.tree.walk():
+        for _, value in node.args:
+            # Names that do not exist are findings of the check.
+            with suppress(InputError):
+                subject = made.scene.symbols.subject(value) if isinstance(value, str) else None
+                if subject is not None:
+                    yield subject

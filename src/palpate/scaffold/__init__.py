@@ -1,1 +1,0 @@
-"""A scene to begin with: commented MJCF and poses, written from the names of things."""

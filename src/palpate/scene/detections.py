@@ -1,0 +1,307 @@
+"""Detections of a model in a picture, and their refinement by the picture's edges."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.common.errors import InputError
+from palpate.common.pose import Array
+
+Shape = Literal["box", "cylinder", "sphere", "plane"]
+
+
+@dataclass(frozen=True, slots=True)
+class SceneObject:
+    """An object or a support plane that a model detected in a picture.
+
+    Attributes:
+        name: as in its pose name.
+        shape: primitive shape; `plane` is a support.
+        bbox: (left, top, right, bottom) in the image, as fractions of its width and height.
+        height: of a plane, world z of its top as the model estimates, m; or None.
+        outline: corner points (x, y) of its silhouette, as fractions; None if only its box is known.
+    """
+
+    name: str
+    shape: Shape
+    bbox: tuple[float, float, float, float]
+    height: float | None = None
+    outline: tuple[tuple[float, float], ...] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class FittedShape:
+    """A shape in the world: `x`, `y` of its middle, `width`, `depth` and `height`, m; `yaw`, rad."""
+
+    thing: SceneObject
+    x: float
+    y: float
+    width: float
+    depth: float
+    height: float
+    yaw: float = 0.0
+
+
+RIM = 0.03
+"""m: least margin of a plane around the objects on it."""
+
+FOOT = 0.20
+"""m around the arm's foot: its base reaches as far, and its hand not so near."""
+
+
+def planes_and_things(
+    objects: Sequence[SceneObject],
+) -> tuple[list[SceneObject], list[SceneObject]]:
+    """Sort detections into planes and objects.
+
+    Raises:
+        InputError: no planes, or a name twice.
+    """
+    for name, following in pairwise(sorted(thing.name for thing in objects)):
+        if name == following:
+            raise InputError(f"scene: '{name}' is listed twice; give every thing a name of its own")
+    planes = [thing for thing in objects if thing.shape == "plane"]
+    if not planes:
+        raise InputError(
+            "scene: nothing is listed that the things stand on; list it with the shape 'plane'"
+        )
+    return planes, [thing for thing in objects if thing.shape != "plane"]
+
+
+def is_mount(shape: FittedShape) -> bool:
+    """True if a shape is at the arm's foot: its base, its pedestal, part of the arm itself."""
+    return float(np.hypot(shape.x, shape.y)) < FOOT
+
+
+def support_of(thing: SceneObject, planes: Sequence[SceneObject]) -> SceneObject:
+    """The smallest plane whose box contains the foot of the object's box, else the largest."""
+    x, y = (thing.bbox[0] + thing.bbox[2]) / 2, thing.bbox[3]
+
+    def area(plane: SceneObject) -> float:
+        left, top, right, bottom = plane.bbox
+        return (right - left) * (bottom - top)
+
+    below: list[SceneObject] = []
+    for plane in planes:
+        left, top, right, bottom = plane.bbox
+        if left <= x <= right and top <= y <= bottom:
+            below.append(plane)
+    return min(below, key=area) if below else max(planes, key=area)
+
+
+def widen_slab(slab: FittedShape, standing: Sequence[FittedShape]) -> FittedShape:
+    """The slab, enlarged so that it reaches `RIM` beyond the objects on it."""
+    left, right = slab.x - slab.width / 2, slab.x + slab.width / 2
+    near, far = slab.y - slab.depth / 2, slab.y + slab.depth / 2
+    for shape in standing:
+        across, along = shape.width / 2 + RIM, shape.depth / 2 + RIM
+        left, right = min(left, shape.x - across), max(right, shape.x + across)
+        near, far = min(near, shape.y - along), max(far, shape.y + along)
+    return FittedShape(
+        slab.thing, (left + right) / 2, (near + far) / 2, right - left, far - near, 0.0
+    )
+
+
+# Refinement of detected boxes: a model's boxes are rough, the pixels are exact.
+
+
+SPREADS = 5.0
+"""Robust standard deviations from the table's colour beyond which a pixel is of another colour: six in
+ten million of a Gaussian."""
+FINEST = 0.012
+"""Least standard deviation of a colour's share: three steps of 8 bits, the noise of JPEG."""
+SHADOW, GLARE = 0.35, 1.25
+"""Brightness of the table's shadow and of its shine, relative to its own."""
+NEAR = 0.12
+"""Search distance around the model's box, relative to the image's diagonal."""
+ALIKE = 0.6
+"""Least ratio of width and height between region and box, either way."""
+BARE = 0.05
+"""Most pixels of another colour in a box of bare table, as a share."""
+LEAST = 40
+"""Least pixels of a region."""
+POINTS = 32
+"""Directions in which an outline is sampled."""
+
+Pixels = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
+Box = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ColourRegion:
+    """Connected region of another colour than the table: `box` (left, top, right, bottom) and
+    `outline` (n, 2), pixels."""
+
+    box: Box
+    outline: Array
+
+
+def sharpen_boxes(objects: Sequence[SceneObject], pixels: Pixels) -> tuple[SceneObject, ...]:
+    """Refine boxes, and add outlines, by `pixels` (height, width, 3), where these are unambiguous.
+
+    Raises:
+        InputError: a box shows bare table, and what is of its size stands elsewhere.
+    """
+    planes = [thing for thing in objects if thing.shape == "plane"]
+    things = [thing for thing in objects if thing.shape != "plane" and thing.outline is None]
+    if not planes or not things:
+        return tuple(objects)
+    pieces = _pieces(pixels, planes)
+    size = np.array([pixels.shape[1], pixels.shape[0]], dtype=float)
+    pieces_of = {thing.name: _own_piece(thing, things, pieces, size) for thing in things}
+    found: list[SceneObject] = []
+    for thing in objects:
+        piece = pieces_of.get(thing.name)
+        if piece is None and thing in things and _shows_table(thing, planes, pixels):
+            others = [other for other in things if other is not thing]
+            free = [p for p in pieces if not any(_overlap(other, p, size) for other in others)]
+            _refuse_bare(
+                thing, [piece for piece in free if _is_similar_size(thing, piece, size)], size
+            )
+        if piece is not None:
+            left, top, right, bottom = (np.array(piece.box).reshape(2, 2) / size).ravel().tolist()
+            outline = tuple((x, y) for x, y in (piece.outline / size).round(5).tolist())
+            thing = replace(thing, bbox=(left, top, right, bottom), outline=outline)
+        found.append(thing)
+    return tuple(found)
+
+
+def _pieces(pixels: Pixels, planes: Sequence[SceneObject]) -> list[ColourRegion]:
+    """Regions on the planes of another colour than the plane's."""
+    from scipy.ndimage import (
+        binary_closing,
+        binary_fill_holes,
+        binary_opening,
+        find_objects,
+        label,
+    )
+
+    pieces: list[ColourRegion] = []
+    for plane in planes:
+        height, width = pixels.shape[:2]
+        left, right = round(plane.bbox[0] * width), round(plane.bbox[2] * width)
+        top, bottom = round(plane.bbox[1] * height), round(plane.bbox[3] * height)
+        view = pixels[top:bottom, left:right]
+        if view.size == 0:
+            continue
+        other = binary_opening(_other_colour(view), iterations=1)
+        other = binary_fill_holes(binary_closing(other, iterations=3))
+        labels, _ = label(other)
+        for number, (rows, columns) in enumerate(find_objects(labels), start=1):
+            mask: Mask = labels[rows, columns] == number
+            # A region at the edge of the plane's box may go on beyond it.
+            is_inside = rows.start > 0 and columns.start > 0
+            is_inside &= rows.stop < view.shape[0] and columns.stop < view.shape[1]
+            if mask.sum() >= LEAST and is_inside:
+                pieces.append(_piece(mask, left + columns.start, top + rows.start))
+    return pieces
+
+
+def _other_colour(view: Pixels) -> Mask:
+    """Mask of pixels of another colour, or brighter or darker than the table's shine and shadow."""
+    # Shares of red and green in the light do not depend on the brightness; the median is the table's.
+    light = view.astype(float).sum(axis=2) + 3.0
+    shares = (view[..., :2] + 1.0) / light[..., None]
+    middle = np.median(shares.reshape(-1, 2), axis=0)
+    # Median absolute deviation, scaled to a Gaussian's standard deviation.
+    spread = 1.4826 * np.median(np.abs(shares - middle).reshape(-1, 2), axis=0)
+    off = np.abs(shares - middle) / np.maximum(spread, FINEST / 3)
+    usual = float(np.median(light))
+    unlit = (light < SHADOW * usual) | (light > GLARE * usual)
+    return (off.max(axis=2) > SPREADS) | unlit
+
+
+def _piece(mask: Mask, left: int, top: int) -> ColourRegion:
+    """Box of a mask, and its extreme pixel corners in `POINTS` directions."""
+    rows, columns = np.nonzero(mask)
+    # Corners of the pixels, not their middles: a region from pixel 0 to 9 is ten wide.
+    edge = [(dx, dy) for dx in (0, 1) for dy in (0, 1)]
+    corners = [np.column_stack([left + columns + dx, top + rows + dy]) for dx, dy in edge]
+    points: Array = np.concatenate(corners).astype(float)
+    outline = points[np.argmax(points @ directions(POINTS).T, axis=0)]
+    (west, north), (east, south) = points.min(axis=0), points.max(axis=0)
+    return ColourRegion((float(west), float(north), float(east), float(south)), outline)
+
+
+def directions(count: int) -> Array:
+    """(count, 2) unit vectors around the full circle."""
+    turn = np.arange(count) * 2 * np.pi / count
+    return np.column_stack([np.cos(turn), np.sin(turn)])
+
+
+def _own_piece(
+    thing: SceneObject, things: Sequence[SceneObject], pieces: Sequence[ColourRegion], size: Array
+) -> ColourRegion | None:
+    """The nearest region of about the size of a box, unless another object's box is nearer to it."""
+    reach = NEAR * float(np.hypot(*size))
+    near = [piece for piece in pieces if _is_similar_size(thing, piece, size)]
+    if not near:
+        return None
+    nearest = min(near, key=lambda piece: _distance(thing, piece, size))
+    mine = _distance(thing, nearest, size)
+    others = [_distance(other, nearest, size) for other in things if other is not thing]
+    if mine > reach or min(others, default=np.inf) <= mine:
+        return None
+    return nearest
+
+
+def _is_similar_size(thing: SceneObject, piece: ColourRegion, size: Array) -> bool:
+    """True if a region is about as wide and high as an object's box."""
+    box, corners = np.array(thing.bbox).reshape(2, 2) * size, np.array(piece.box).reshape(2, 2)
+    ratio = (corners[1] - corners[0]) / (box[1] - box[0])
+    return bool(((ratio > ALIKE) & (ratio < 1 / ALIKE)).all())
+
+
+def _overlap(thing: SceneObject, piece: ColourRegion, size: Array) -> bool:
+    """True if an object's box and a region's have pixels in common."""
+    box, corners = np.array(thing.bbox).reshape(2, 2) * size, np.array(piece.box).reshape(2, 2)
+    return bool((box[0] < corners[1]).all() and (corners[0] < box[1]).all())
+
+
+def _shows_table(thing: SceneObject, planes: Sequence[SceneObject], pixels: Pixels) -> bool:
+    """True if a box within a plane's shows the plane's colour alone."""
+    size = np.array([pixels.shape[1], pixels.shape[0]])
+    for plane in planes:
+        first, last = (np.array(plane.bbox).reshape(2, 2) * size).round().astype(int)
+        low, high = (np.array(thing.bbox).reshape(2, 2) * size).round().astype(int)
+        if (low < first).any() or (high > last).any() or (high <= low).any():
+            continue
+        other = _other_colour(pixels[first[1] : last[1], first[0] : last[0]])
+        (left, top), (right, bottom) = low - first, high - first
+        return bool(other[top:bottom, left:right].mean() < BARE)
+    return False
+
+
+def _refuse_bare(thing: SceneObject, alike: Sequence[ColourRegion], size: Array) -> None:
+    """Refuse a box of bare table where the picture has something of its size elsewhere.
+
+    Raises:
+        InputError: with the nearest one's distance and size, worded for the model.
+    """
+    if not alike:
+        return
+    nearest = min(alike, key=lambda piece: _distance(thing, piece, size))
+    box = np.array(nearest.box).reshape(2, 2) / size
+    wide, high = 100 * (box[1] - box[0])
+    left, top, right, bottom = thing.bbox
+    off = 100 * _distance(thing, nearest, size) / float(np.hypot(*size))
+    shown = ", ".join(f"{edge:.3f}" for edge in box.ravel().tolist())
+    raise InputError(
+        f"scene: the box of '{thing.name}', {100 * (right - left):.0f} % x {100 * (bottom - top):.0f} % of the image, "
+        f"shows bare table; the nearest thing of about its size, {wide:.0f} % x {high:.0f} %, is {off:.0f} % of "
+        f"the image's diagonal away: look again, and give the box of '{thing.name}', [{shown}] if that is it"
+    )
+
+
+def _distance(thing: SceneObject, piece: ColourRegion, size: Array) -> float:
+    """Distance between the middles of an object's box and of a region's, pixels."""
+    mine = np.array(thing.bbox).reshape(2, 2).mean(axis=0) * size
+    theirs = np.array(piece.box).reshape(2, 2).mean(axis=0)
+    return float(np.linalg.norm(mine - theirs))

@@ -1,0 +1,233 @@
+"""Grasps of handles, from the geometry of a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from palpate.common.outline import Convex, Obstacle
+from palpate.common.pose import Array, Joint, Pose
+from palpate.mjcf.body import Body, BodyDescription
+from palpate.mjcf.shapes import RESTING
+from palpate.robots.description import RobotDescription
+from palpate.robots.grasp import Grasp, derive_grasp
+from palpate.robots.kinematics import LIMIT_MARGIN, within_joint_limits
+from palpate.robots.pace import configuration
+from palpate.scene.resolve import ResolvedScene
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Geometry of the scene: objects, surfaces and obstacles.
+
+    Attributes:
+        objects: geoms of each object, in the world.
+        handles: geoms of each fixture's handle, in the world.
+        clouds: (n, 3) points of all geoms of each object.
+        tops: (n, 3) points of each surface's carrier.
+        solids: owner ("" without one) and points (n, 3) of every colliding geom except planes.
+    """
+
+    objects: Mapping[str, list[Convex]]
+    handles: Mapping[str, list[Convex]]
+    clouds: Mapping[str, Array]
+    tops: Mapping[str, Array]
+    solids: Sequence[tuple[str, Array]]
+    bodies: Mapping[str, Body]
+    base: Pose
+    arm: RobotDescription
+
+    @classmethod
+    def of(
+        cls,
+        resolved: ResolvedScene,
+        bodies: Mapping[str, Body],
+        base: Pose,
+        arm: RobotDescription,
+    ) -> Geometry:
+        """From the compiled scene."""
+        shapes = resolved.shapes
+        objects: dict[str, list[Convex]] = {}
+        handles: dict[str, list[Convex]] = {}
+        carriers: dict[str, int] = {}
+        movable: set[int] = set()
+        # Objects are obstacles under their own names; all other geoms are fixed.
+        for name, body in resolved.description.bodies.items():
+            if body.role == "surface":
+                carriers[name] = shapes.geom_ids[body.carrier]
+                continue
+            if body.role == "fixture":
+                handle = body.handle
+                handles[name] = [shapes.convex(geom) for geom in handle]
+                movable |= {shapes.geom_ids[geom] for geom in handle}
+                continue
+            objects[name] = [shapes.convex(geom) for geom in body.elements.colliding]
+            movable |= {shapes.geom_ids[geom] for geom in body.elements.geoms}
+        solids: list[tuple[str, Array]] = []
+        for name, geoms in (*objects.items(), *handles.items()):
+            solids += [(name, geom.points) for geom in geoms]
+        owner = {i: name for name, i in carriers.items()}
+        for i in shapes.solid_geoms():
+            if i not in movable:
+                solids.append((owner.get(i, ""), shapes.geom_points(i)))
+        clouds: dict[str, Array] = {}
+        for name, geoms in objects.items():
+            clouds[name] = np.concatenate([geom.points for geom in geoms])
+        tops = {name: shapes.geom_points(i) for name, i in carriers.items()}
+        return cls(objects, handles, clouds, tops, solids, bodies, base, arm)
+
+    @cached_property
+    def obstacles(self) -> list[tuple[str, Obstacle]]:
+        """The solids as seen from above."""
+        return [(owner, Obstacle.of(points)) for owner, points in self.solids]
+
+    def others(self, *names: str | None) -> list[Obstacle]:
+        """Obstacles except the named objects and surfaces; None names nothing."""
+        return [obstacle for owner, obstacle in self.obstacles if owner not in names]
+
+    def on(self, surface: str) -> list[Array]:
+        """Points of each object that stands on a surface."""
+        top = self.bodies[surface]
+        standing: list[Array] = []
+        for cloud in self.clouds.values():
+            rests = abs(cloud[:, 2].min() - top.top_z()) < RESTING
+            if rests and top.covers(*middle(cloud)):
+                standing.append(cloud)
+        return standing
+
+    def support(self, name: str) -> str | None:
+        """The highest surface below an object."""
+        cloud = self.clouds[name]
+        below: list[Body] = []
+        for body in self.bodies.values():
+            is_under = body.role == "surface" and body.covers(*middle(cloud))
+            if is_under and body.top_z() < cloud[:, 2].min() + RESTING:
+                below.append(body)
+        highest = max(below, key=lambda body: body.top_z(), default=None)
+        return None if highest is None else highest.name
+
+
+def middle(cloud: Array) -> tuple[float, float]:
+    """Middle of (n, 3) points seen from above."""
+    x, y = (cloud.max(axis=0) + cloud.min(axis=0))[:2] / 2
+    return float(x), float(y)
+
+
+# Grasps of handles: from above, else level, from whichever side leaves room for the hand.
+
+
+RETREAT = 0.12
+"""m that a level hand goes back from a handle: its fingers, and what is grasped, are some 6 cm deep."""
+LEAST_AWAY = 0.3
+"""Cosine between the arm's direction to a handle and that of an approach, at least."""
+DOWN = -0.5
+"""Height of the tool's z axis, a unit vector, below which the hand counts as pointing down."""
+HALF_TURN = Pose.of((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+"""About the tool's z: the fingers close in the same way."""
+
+
+def handle_grasp(
+    arm: RobotDescription,
+    joint: Joint,
+    handle: Sequence[Convex],
+    around: Sequence[Array],
+    base: Pose,
+    is_named: bool,
+) -> Grasp:
+    """The grasp of a handle of convex shapes (world) among solids of points (n, 3); its yaw is that of the joint's
+    way. What is not named a handle may be a whole front, and is grasped from above alone."""
+    middle = np.concatenate([shape.points for shape in handle]).mean(axis=0)
+    way = joint.direction(middle)
+    obstacles = [Obstacle.of(points) for points in around]
+    above = derive_grasp(arm, handle, obstacles, float(np.arctan2(way[1], way[0])), base)
+    if not (above.problem and is_named):
+        return above
+    for direction in _level(way, handle, middle - base.position):
+        found = _grasp_along(direction, arm, handle, around, base)
+        if found is not None:
+            return found
+    return replace(above, problem=f"{above.problem}, from above or from its front")
+
+
+def _level(way: Array, handle: Sequence[Convex], away: Array) -> Iterator[Array]:
+    """Level directions (3,), unit, along and across the way (3,) of a handle and each of its parts where these are
+    narrowest, that lead `away` (3,) from the arm, most so first."""
+    angles = [float(np.arctan2(way[1], way[0])), *(_narrowest(shape) for shape in handle)]
+    turns = np.add.outer(angles, np.arange(4) * np.pi / 2).ravel()
+    whole = np.unique(np.round(np.degrees(turns)) % 360.0)
+    directions = np.radians(whole).astype(np.float64)
+    found = np.column_stack([np.cos(directions), np.sin(directions), np.zeros(len(whole))])
+    ahead = found @ away / float(np.linalg.norm(away))
+    for i in np.argsort(-ahead, kind="stable").tolist():
+        if ahead[i] > LEAST_AWAY:
+            yield found[i].astype(np.float64)
+
+
+def _narrowest(shape: Convex) -> float:
+    """Angle (rad) of the level direction in which a shape is narrowest."""
+    grid = np.radians(np.arange(180))
+    along = shape.points[:, :2] @ np.array([np.cos(grid), np.sin(grid)])
+    return float(grid[np.argmin(np.ptp(along, axis=0))])
+
+
+def _grasp_along(
+    direction: Array,
+    arm: RobotDescription,
+    handle: Sequence[Convex],
+    around: Sequence[Array],
+    base: Pose,
+) -> Grasp | None:
+    """The grasp of a hand that comes along a level `direction` (3,), unit; None where it does not fit, or is out of
+    reach."""
+    frame = Pose.turn(-np.pi / 2 * np.array([-direction[1], direction[0], 0.0]))
+    turned = [Convex(shape.points @ frame.rotation, shape.edges) for shape in handle]
+    obstacles = [Obstacle.of(points @ frame.rotation) for points in around]
+    up = frame.rotation[2]
+    yaw = float(np.arctan2(up[1], up[0]))
+    found = derive_grasp(arm, turned, obstacles, yaw, frame.inverse() @ base)
+    if found.problem:
+        return None
+    # Of both ways round that within reach, at the handle and behind it, that turns the wrist less.
+    reached: list[tuple[float, Pose]] = []
+    for pose in (frame @ found.pose, frame @ found.pose @ HALF_TURN):
+        back = pose.translate(-RETREAT * direction)
+        bent = [configuration(arm, base.inverse() @ one) for one in (pose, back)]
+        if all(within_joint_limits(arm, q, LIMIT_MARGIN) for q in bent):
+            reached.append((max(float(abs(q - arm.home)[6]) for q in bent), pose))
+    if not reached:
+        return None
+    return replace(found, pose=min(reached, key=lambda one: one[0])[1])
+
+
+def front_of(
+    arm: RobotDescription, name: str, pose_world_tcp: Pose, base: Pose
+) -> dict[str, Array]:
+    """Joint configurations (7,), rad, by which a level hand comes to a pose in front of a fixture: first the wrist
+    turns, as the arm is at home, then the arm moves. (Stretched, with a wrist in line, it could not feel a contact.)
+    """
+    front = configuration(arm, base.inverse() @ pose_world_tcp)
+    return {f"{name}_level": np.array([*arm.home[:5], *front[5:]]), f"{name}_front": front}
+
+
+def points_down(pose_world_tcp: Pose) -> bool:
+    """True for a hand that is not level."""
+    return bool(pose_world_tcp.rotation[2, 2] < DOWN)
+
+
+def fixtures_without_grasp(
+    bodies: Mapping[str, BodyDescription], held: Mapping[str, Grasp], given: Collection[str]
+) -> dict[str, str]:
+    """Fixtures that the hand cannot grasp, without a grasp `given`, that have no geom called a handle; with the
+    reason."""
+    why = (
+        "; none of its colliding geoms is called a handle (handle, knob, grip, latch, lever), so that all of them "
+        "were tried: name one, or give a grasp in poses.yaml"
+    )
+    return {
+        name: grasp.problem + why
+        for name, grasp in held.items()
+        if grasp.problem and name not in given and not bodies[name].named_handle
+    }

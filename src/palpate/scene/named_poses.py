@@ -1,0 +1,315 @@
+"""Symbols derived from the scene's geometry, and overruled by `poses.yaml`.
+
+Objects are the points of their geoms in the world, surfaces those of their carrier geom. Seen from
+above, a grasp is a strip of the object between the fingers, a temporary pose a spot of the surface
+with room for object and hand, an approach a spot for the closed fingers:
+
+        +----------------------- surface ------------------------+
+        |    o approach: hand clear of everything                |
+        |                              +------+                  |
+        |    [bottle]  temporary ----> |bottle| + hand, with     |
+        |    grasp: fingers in y       +------+ room around it   |
+        +--------------------------------------------------------+
+                           arm (base)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+
+import numpy as np
+
+from palpate.common.errors import unknown_name
+from palpate.common.outline import Convex, Obstacle, above, rectangle, rim
+from palpate.common.pose import Array, Pose, PoseLine
+from palpate.mjcf.body import Body
+from palpate.mjcf.shapes import RESTING
+from palpate.robots.description import RobotDescription
+from palpate.robots.grasp import Grasp, derive_grasp, turned_grasp
+from palpate.scene.handle_grasps import (
+    RETREAT,
+    Geometry,
+    fixtures_without_grasp,
+    front_of,
+    handle_grasp,
+    middle,
+    points_down,
+)
+from palpate.scene.places import APPROACH, GUESSED, approach_pose, free_spot
+from palpate.scene.poses import Poses
+from palpate.scene.resolve import ResolvedScene
+from palpate.scene.symbols import (
+    DEFAULT_OFFSETS,
+    Symbols,
+    configurations,
+    given_offsets,
+    in_hand,
+    in_world,
+    vectors,
+)
+
+LIFT = (0.10, 0.35)
+"""m: bounds of a derived `z_offset`."""
+
+USUAL_LIFT = RETREAT
+"""m: least derived `z_offset`."""
+
+CORRIDOR = 0.15
+"""m: half width of the corridor from the arm to an object, in which a lift clears neighbours."""
+
+LEVEL_TOP = 0.001
+"""m below an object's highest point, down to which points belong to its top."""
+
+CLEAR = 0.02
+"""m: between a carried object's bottom and the top of a neighbour."""
+
+
+def derive_symbols(
+    resolved: ResolvedScene, bodies: Mapping[str, Body], base: Pose, arm: RobotDescription
+) -> Symbols:
+    """All symbols of a scene: those of poses.yaml, the others from geometry."""
+    geometry = Geometry.of(resolved, bodies, base, arm)
+    entries = resolved.poses
+    grasps = {name: _grasp(geometry, name) for name in geometry.objects}
+    described = resolved.description.bodies
+    held = {
+        name: _handle_grasp(geometry, name, bool(described[name].named_handle))
+        for name in geometry.handles
+    }
+    poses = _poses(geometry, grasps | held, entries)
+    later = _later(geometry, poses)
+    common, special = given_offsets(entries)
+    for name in special:
+        if name not in grasps | held:
+            raise unknown_name("object in offsets", name, grasps | held)
+    own: dict[str, dict[str, Array]] = {}
+    for name, grasp in grasps.items():
+        derived = _own_offsets(geometry, name, grasp, poses[f"{name}_pose"])
+        own[name] = derived | common | special.get(name, {})
+    for name in geometry.handles:
+        lift = {"z_offset": _lift(geometry, geometry.handles[name], poses[f"{name}_pose"], name)}
+        own[name] = vectors(DEFAULT_OFFSETS) | lift | common | special.get(name, {})
+    lines = _lines(geometry, poses, own)
+    subjects: dict[str, str] = {}
+    for name in geometry.objects:
+        for kind in ("pose", "temporary", "top", "across", "balance"):
+            subjects[f"{name}_{kind}"] = name
+    subjects |= {f"{name}_approach": name for name in geometry.tops}
+    subjects |= {f"{name}_pose": name for name in geometry.handles}
+    names = {*poses, *later, *lines}
+    return Symbols(
+        poses=poses,
+        subjects={name: subject for name, subject in subjects.items() if name in names},
+        later=later,
+        lines=lines,
+        configurations=fronts(geometry, poses, own) | configurations(entries, arm.home),
+        handles=frozenset(f"{name}_pose" for name in geometry.handles),
+        offsets=vectors(DEFAULT_OFFSETS) | common,
+        own_offsets=own,
+        ungraspable=_ungraspable(geometry, grasps | held, entries)
+        | fixtures_without_grasp(described, held, entries.grasps),
+    )
+
+
+def _poses(geometry: Geometry, grasps: Mapping[str, Grasp], entries: Poses) -> dict[str, Pose]:
+    """Derived grasps and approaches, overruled by poses.yaml."""
+    poses = {f"{name}_pose": grasp.pose for name, grasp in grasps.items()}
+    # Grasps of poses.yaml are in the object's frame, places in the world.
+    for name, entry in entries.grasps.items():
+        poses[f"{name}_pose"] = geometry.bodies[name].pose_world @ entry.tool_pose()
+    for name in geometry.tops:
+        # A surface of unknown height is approached from farther above.
+        is_guessed = "height" in geometry.bodies[name].missing
+        approach = approach_pose(
+            geometry.arm,
+            top=geometry.tops[name],
+            others=geometry.others(name),
+            objects=geometry.on(name),
+            clear=APPROACH + (GUESSED if is_guessed else 0.0),
+            base=geometry.base,
+        )
+        if approach is not None:
+            poses[f"{name}_approach"] = approach
+    for name, entry in entries.places.items():
+        poses[name] = entry.tool_pose()
+    return poses
+
+
+def _later(geometry: Geometry, poses: Mapping[str, Pose]) -> dict[str, Callable[[], Pose | None]]:
+    """Functions for the poses that poses.yaml does not give: temporary poses, poses above objects, and
+    grasps turned by 90°."""
+    later: dict[str, Callable[[], Pose | None]] = {}
+    for name in geometry.objects:
+        pose = poses[f"{name}_pose"]
+        later[f"{name}_temporary"] = partial(free_place, geometry, name, poses)
+        later[f"{name}_top"] = partial(above_top, geometry, name, pose)
+        later[f"{name}_across"] = partial(grasp_across, geometry, name, pose)
+    return {name: find for name, find in later.items() if name not in poses}
+
+
+def fronts(
+    geometry: Geometry, poses: Mapping[str, Pose], offsets: Mapping[str, Mapping[str, Array]]
+) -> dict[str, Array]:
+    """Joint configurations (7,), rad, in front of the handles that a level hand grasps."""
+    found: dict[str, Array] = {}
+    for name in geometry.handles:
+        if not points_down(pose := poses[f"{name}_pose"]):
+            back = pose.translate(in_hand(pose, offsets[name]["z_offset"]))
+            found |= front_of(geometry.arm, name, back, geometry.base)
+    return found
+
+
+def _lines(
+    geometry: Geometry, poses: Mapping[str, Pose], offsets: Mapping[str, Mapping[str, Array]]
+) -> dict[str, PoseLine]:
+    """Segments of possible balance points about the grasps of objects: to twice their x_offset, if
+    that is more than half the pads, and poses.yaml does not give the pose."""
+    lines: dict[str, PoseLine] = {}
+    for name in geometry.objects:
+        pose, body = poses[f"{name}_pose"], geometry.bodies[name]
+        # The balance point may be anywhere within two x_offsets of the grasp, along the tool's x.
+        half = in_world(pose, 2.0 * offsets[name]["x_offset"] * [1.0, 1.0, 0.0])
+        if f"{name}_balance" in poses or np.linalg.norm(half) < geometry.arm.hand.pad:
+            continue
+        centre = np.array(body.known.get("com", body.centre))
+        lines[f"{name}_balance"] = PoseLine.through(pose, half, body.pose_world.apply(centre))
+    return lines
+
+
+def above_top(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose:
+    """TCP pose above the middle of an object's top, with the yaw of its grasp."""
+    cloud = geometry.clouds[name]
+    highest = float(cloud[:, 2].max())
+    part = cloud[cloud[:, 2] > highest - LEVEL_TOP]
+    return Pose.of((*middle(part), highest + APPROACH), pose_world_tcp.quaternion)
+
+
+def grasp_across(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose | None:
+    """The grasp of an object turned by 90°; None where it does not fit the hand."""
+    others = geometry.others(name, geometry.support(name))
+    found = turned_grasp(
+        geometry.arm, geometry.objects[name], others, pose_world_tcp, geometry.base
+    )
+    return None if found.problem else found.pose
+
+
+def _ungraspable(geometry: Geometry, grasps: Mapping[str, Grasp], entries: Poses) -> dict[str, str]:
+    """Objects that the hand cannot grasp, with the reason."""
+    reasons: dict[str, str] = {}
+    for name, grasp in grasps.items():
+        if grasp.problem and name not in entries.grasps:
+            reasons[name] = grasp.problem
+    for name in geometry.objects:
+        if "position" in geometry.bodies[name].missing and name not in entries.objects:
+            reasons[name] = "nobody knows where it is; give its pose in poses.yaml"
+    return reasons
+
+
+def free_place(geometry: Geometry, name: str, poses: Mapping[str, Pose]) -> Pose | None:
+    """TCP pose at which the object, grasped at its pose of `poses`, stands on a free spot of its
+    surface; None without one. An object stacked on another is put down on the surface first."""
+    # Two outlines are moved together: that of object and hand must be clear of all that reaches above
+    # the object's bottom, its present place included; the object's box must be on the surface.
+    support, pose_world_tcp = geometry.support(name), poses[f"{name}_pose"]
+    if support is None:
+        return None
+    cloud = geometry.clouds[name]
+    here = np.array(middle(cloud))
+    x, y = geometry.arm.hand.half_extents
+    hand = rectangle(pose_world_tcp.position[:2], pose_world_tcp.rotation[:2, 0], x, y / 2)
+    shape = rim(np.concatenate([cloud[:, :2], hand])) - here
+    # The box around the object, on which it comes to stand.
+    footing = np.array([cloud.min(axis=0)[:2], cloud.max(axis=0)[:2]]) - here
+    stacked = float(cloud[:, 2].min() - geometry.tops[support][:, 2].max())
+    drop = stacked if stacked > RESTING else 0.0
+    bottom = float(cloud[:, 2].min()) - drop
+    others = [*geometry.others(name, support), *_put_down_before(geometry, name, poses)]
+    obstacles = above([*others, Obstacle.of(cloud)], bottom + 0.002)
+    found = free_spot(
+        geometry.arm.reach,
+        shape=shape,
+        footing=footing,
+        top=geometry.tops[support],
+        obstacles=obstacles,
+        near=here,
+        z=bottom,
+        base=geometry.base,
+    )
+    if found is None:
+        return None
+    spot, _ = found
+    return pose_world_tcp.translate((*(spot - here), -drop))
+
+
+def _put_down_before(
+    geometry: Geometry, name: str, poses: Mapping[str, Pose]
+) -> Iterator[Obstacle]:
+    """Yield objects that stand on an object, at their temporary poses before it is moved."""
+    low, high = geometry.clouds[name].min(axis=0), geometry.clouds[name].max(axis=0)
+    for other, cloud in geometry.clouds.items():
+        centre = np.array(middle(cloud))
+        is_inside = bool(((centre > low[:2]) & (centre < high[:2])).all())
+        if other == name or not is_inside or cloud[:, 2].min() < high[2] - RESTING:
+            continue
+        place = free_place(geometry, other, poses)
+        if place is not None:
+            yield Obstacle.of(cloud + place.position - poses[f"{other}_pose"].position)
+
+
+def _grasp(geometry: Geometry, name: str) -> Grasp:
+    """The grasp among the neighbours, else the one after other objects are moved away."""
+    # Yaw of the object: heading of the body's axis that is most horizontal.
+    rotation = geometry.bodies[name].pose_world.rotation
+    level = int(np.argmax(np.hypot(rotation[0], rotation[1])))
+    yaw = float(np.arctan2(rotation[1, level], rotation[0, level]))
+    support = geometry.support(name)
+    geoms, covariance = geometry.objects[name], geometry.bodies[name].covariance
+    spread = None if covariance is None else covariance[:2, :2]
+    for cleared in ((name, support), (name, support, *geometry.objects)):
+        others = geometry.others(*cleared)
+        found = derive_grasp(geometry.arm, geoms, others, yaw, geometry.base, spread)
+        if not found.problem:
+            break
+    return found
+
+
+def _handle_grasp(geometry: Geometry, name: str, is_named: bool) -> Grasp:
+    joint, handle = geometry.bodies[name].joint, geometry.handles[name]
+    assert joint is not None
+    around = [points for owner, points in geometry.solids if owner != name]
+    return handle_grasp(geometry.arm, joint, handle, around, geometry.base, is_named)
+
+
+def _own_offsets(geometry: Geometry, name: str, grasp: Grasp, pose: Pose) -> dict[str, Array]:
+    """Offsets (3,), m: along x half of the grasp's slack beyond the pads, along y a quarter of the
+    width, along z a lift clear of neighbours."""
+    # At least 5 mm, also where the grasp has no slack.
+    x = max((grasp.slack - geometry.arm.hand.pad) / 2, 0.005)
+    y = max(grasp.width / 4, 0.005)
+    return {
+        "x_offset": np.array([x, 0, 0]),
+        "y_offset": np.array([0, y, 0]),
+        "z_offset": _lift(geometry, geometry.objects[name], pose, name),
+    }
+
+
+def _lift(geometry: Geometry, geoms: Sequence[Convex], pose: Pose, name: str) -> Array:
+    """(3,) m, upwards: clear of the neighbours of `geoms`, which are `name`'s; of a level hand, back."""
+    lift, bottom = USUAL_LIFT, min(float(geom.points[:, 2].min()) for geom in geoms)
+    for other in geometry.others(name) if points_down(pose) else ():
+        if _on_the_way(other.outline, pose, geometry.base):
+            lift = max(lift, other.top + CLEAR - bottom)
+    return np.array([0.0, 0.0, float(np.clip(lift, *LIFT))])
+
+
+def _on_the_way(outline: Array, pose: Pose, base: Pose) -> bool:
+    """True if an outline is within the corridor from the arm's front to the object."""
+    start = base.position[:2] + 0.3 * base.rotation[:2, 0]
+    way = pose.position[:2] - start
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    # Distance of the outline's box from the point of the way nearest to its middle.
+    share = np.clip(((low + high) / 2 - start) @ way / max(float(way @ way), 1e-9), 0, 1)
+    nearest = start + share * way
+    apart = np.maximum(np.maximum(low - nearest, nearest - high), 0)
+    return bool(np.linalg.norm(apart) < CORRIDOR)

@@ -1,0 +1,247 @@
+"""A folder with a new scene: MJCF and poses.yaml with a comment wherever a person has to decide. No
+file is overwritten."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from palpate.common.errors import InputError
+from palpate.common.files import plain_yaml
+
+MAX_THINGS = 15
+MAX_NAME = 60
+
+UNKNOWN = {"box": [60, 60, 80]}
+"""mm: shape and size of an object of unknown kind."""
+
+_COLOURS = {
+    "red": ".80 .18 .16",
+    "blue": ".16 .42 .80",
+    "green": ".22 .60 .32",
+    "yellow": ".93 .78 .22",
+    "orange": ".90 .52 .16",
+    "purple": ".52 .28 .64",
+    "white": ".93 .93 .91",
+    "black": ".14 .14 .15",
+    "grey": ".55 .56 .58",
+    "gray": ".55 .56 .58",
+    "brown": ".50 .35 .22",
+}
+_PALETTE = ("blue", "red", "green", "yellow", "purple", "orange")
+
+_ROWS = (0.42, 0.56, 0.70)
+_COLUMNS = (0.0, 0.18, -0.18, 0.36, -0.36)
+"""m, in front of the arm's foot: rows ahead and columns aside, with room for a hand between them."""
+
+
+@dataclass(frozen=True, slots=True)
+class ScaffoldItem:
+    """Object or surface of a new scene.
+
+    Attributes:
+        name: as in the MJCF.
+        kind: key of `kinds()`, or "" for an unknown name.
+        shape: `box`, `cylinder` or `sphere`.
+        extents: m, of a box along x, y and z, of a cylinder across and upright, of a ball across.
+        x, y: where it stands, m.
+        colour: red, green and blue, 0 to 1.
+    """
+
+    name: str
+    kind: str
+    shape: str
+    extents: tuple[float, ...]
+    x: float
+    y: float
+    colour: str
+
+    @property
+    def height(self) -> float:
+        """m: upright extent."""
+        return self.extents[-1]
+
+    @property
+    def size(self) -> str:
+        """MuJoCo's `size` of the geom: half extents, m."""
+        return " ".join(f"{extent / 2:.4g}" for extent in self.extents)
+
+
+@cache
+def kinds() -> dict[str, dict[str, list[float]]]:
+    """Shape and size by kind: `{"mug": {"cylinder": [74, 95]}}`, in mm."""
+    text = files("palpate.scene").joinpath("kinds.yaml").read_text(encoding="utf-8")
+    found: Any = plain_yaml(text, "kinds.yaml")
+    return found
+
+
+def place_objects(names: Sequence[str]) -> tuple[ScaffoldItem, ...]:
+    """Place an object for each name, in rows in front of the arm.
+
+    Raises:
+        InputError: too many, a name twice, or not a name.
+    """
+    if len(names) > MAX_THINGS:
+        raise InputError(
+            f"{len(names)} objects are too many to begin with: at most {MAX_THINGS} fit in front of the arm; "
+            "add the others to the file by hand"
+        )
+    places = [(x, y) for x in _ROWS for y in _COLUMNS]
+    found: dict[str, ScaffoldItem] = {}
+    for name, place in zip(names, places, strict=False):
+        name = identifier(name)
+        if name in found:
+            raise InputError(f"two objects are called '{name}': give each a name of its own")
+        words = name.lower().split("_")
+        # The last word is the noun: a `box_cutter` is a cutter.
+        kind = next((word for word in reversed(words) if word in kinds()), "")
+        [(shape, millimetres)] = kinds().get(kind, UNKNOWN).items()
+        extents = tuple(value / 1000 for value in millimetres)
+        usual = _PALETTE[len(found) % len(_PALETTE)]
+        colour = next((word for word in words if word in _COLOURS and word != kind), usual)
+        found[name] = ScaffoldItem(name, kind, shape, extents, *place, colour=_COLOURS[colour])
+    return tuple(found.values())
+
+
+def identifier(text: str) -> str:
+    """Turn a text into a name for MJCF and plans: letters, digits and underscores.
+
+    Raises:
+        InputError: no letter first, or too long.
+    """
+    name = re.sub(r"\W+", "_", text.strip()).strip("_")
+    if not name or not name[0].isalpha() or len(name) > MAX_NAME:
+        raise InputError(
+            f"'{text[:MAX_NAME]}' cannot be an object's name: it needs a letter first, then letters, digits or "
+            f"'_', at most {MAX_NAME} of them, for example 'red_mug'"
+        )
+    return name
+
+
+SCENE, POSES = "scene.xml", "poses.yaml"
+
+
+_HEAD = """\
+<!-- A scene for palpate. Lengths in m, masses in kg; x points away from the arm's foot, y to its left, z up.
+     What you know, write down. What you do not know, leave out or write as "?": that is what is measured. -->
+<mujoco model="{model}">
+  <asset>
+    <texture name="sky" type="skybox" builtin="gradient" rgb1=".86 .91 .96" rgb2=".55 .66 .78" width="64" height="384"/>
+  </asset>
+
+  <worldbody>
+    <light pos="0.4 -0.6 1.9" dir="0 0.2 -1" diffuse=".8 .8 .8"/>
+    <camera name="workspace" pos="1.35 -1.05 0.95" xyaxes="0.65 0.76 0 -0.38 0.33 0.86" fovy="42"/>
+
+    <!-- Where the arm's foot is. Everything below is measured from here. -->
+    <site name="robot_base" pos="0 0 0"/>
+
+    <!-- The middle of a slab of 1.2 x 1.2 x 0.04 m, whose top is level with the arm's foot. If you do not know how
+         high your {surface} is, write pos="0.35 0 ?". -->
+    <body name="{surface}" pos="0.35 0 -0.02">
+      <geom type="box" size=".60 .60 .02" rgba=".88 .80 .66 1"/>
+    </body>
+"""
+
+_THING = """
+    <!-- {about} -->
+    <body name="{name}" pos="{x:g} {y:g} {z:.4g}">
+      <freejoint/>
+      <geom type="{shape}" size="{size}" rgba="{colour} 1"/>
+    </body>
+"""
+
+_SIZES = {
+    "box": "half its extents along x, y and z",
+    "cylinder": "its radius and half its height",
+    "sphere": "its radius",
+}
+
+_POSES = """\
+# Where things are, where the MJCF does not say it well enough. Every entry is optional: remove the '#'
+# of what you need. Lengths in m, angles in rad, z up. `palpate teach scene.xml` fills this in with you.
+
+# objects:                      # poses of the objects' frames in the world; they overrule the MJCF
+#   {first}: {{pos: [0.42, 0.0, 0.05], yaw: 0.3}}
+
+# accuracy: 0.002               # how well these are known (1 sigma)
+
+# places:                       # poses of the point between the fingertips, which point down
+#   shelf_approach: {{pos: [0.4, 0.3, 0.3]}}
+
+# grasps:                       # where the hand takes an object, in the object's own frame
+#   {first}: {{pos: [0.0, 0.0, 0.01], yaw: 1.57}}
+
+# offsets:                      # how far a plan goes: up before and after a grasp, aside for a second one
+#   z_offset: 0.12
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Scaffold:
+    """Files of a new scene, and the names of its objects."""
+
+    scene: Path
+    poses: Path
+    objects: tuple[str, ...]
+
+
+def new_scene(folder: Path, names: Sequence[str], surface: str = "table") -> Scaffold:
+    """Write a scene of the named things on a surface.
+
+    Raises:
+        InputError: not a name, a file that exists, or a folder that cannot be written.
+    """
+    surface = identifier(surface)
+    things = place_objects(names)
+    if surface in {thing.name for thing in things}:
+        raise InputError(f"'{surface}' is the surface's name: give the object another one")
+    letters = [letter for letter in folder.absolute().name if letter.isalnum() or letter in " _-"]
+    model = "".join(letters) or "scene"
+    first = things[0].name if things else "mug"
+    texts = {SCENE: scene_text(model, surface, things), POSES: _POSES.format(first=first)}
+    written(folder, texts)
+    return Scaffold(folder / SCENE, folder / POSES, tuple(thing.name for thing in things))
+
+
+def written(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write all files, or none where one of them exists.
+
+    Raises:
+        InputError: one exists, or the folder cannot be written.
+    """
+    for name in texts:
+        if (folder / name).exists():
+            raise InputError(f"'{folder / name}' is there already: name another folder")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in texts.items():
+            with (folder / name).open("x", encoding="utf-8") as file:
+                file.write(text)
+    except OSError as error:
+        raise InputError(f"cannot write into '{folder}': {error.strerror}") from error
+
+
+def scene_text(model: str, surface: str, things: Sequence[ScaffoldItem]) -> str:
+    """MJCF of a surface and the objects on it, all masses missing."""
+    text = _HEAD.format(model=model, surface=surface)
+    for thing in things:
+        guess = "A box, for want of a better guess"
+        if thing.kind:
+            guess = f"A {thing.kind} of common size"
+        text += _THING.format(
+            about=f"{guess}: size is {_SIZES[thing.shape]}. Neither mass nor friction: missing.",
+            name=thing.name,
+            x=thing.x,
+            y=thing.y,
+            z=thing.height / 2,
+            shape=thing.shape,
+            size=thing.size,
+            colour=thing.colour,
+        )
+    return text + "  </worldbody>\n</mujoco>\n"

@@ -1,0 +1,145 @@
+"""The paper's studies of planners: ablation of the prompt (table II) and repeatability (table III)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from palpate.common.errors import unknown_name
+from palpate.planning.model.prompt import checked_style
+from palpate.studies.attempt import Conditions, attempt
+from palpate.studies.scenarios.catalogue import scenario, scenarios
+from palpate.studies.trials import PlannerTrial, TrialRecord, every_trial, run_trials
+
+CONFIGURATIONS: dict[str, frozenset[str]] = {
+    "full": frozenset(),
+    "no image": frozenset({"image"}),
+    "no text": frozenset({"text"}),
+    "no role": frozenset({"role"}),
+    "no actions": frozenset({"actions"}),
+    "no composites": frozenset({"composites"}),
+    "no rules": frozenset({"reasoning_rules", "bt_rules"}),
+    "no output": frozenset({"output"}),
+    "no system prompt": frozenset({"all"}),
+}
+"""The rows of the paper's table II, with the prompt modules that each leaves out."""
+
+ABLATION: dict[str, tuple[int, int | None]] = {
+    "full": (10, 10),
+    "no image": (10, 5),
+    "no text": (10, None),
+    "no role": (10, 10),
+    "no actions": (10, 0),
+    "no composites": (10, 8),
+    "no rules": (10, 3),
+    "no output": (0, 0),
+    "no system prompt": (0, 0),
+}
+"""Valid syntax and task success of 10 with Gemini 1.5 Pro: table II of the paper."""
+REPEATABILITY: dict[str, tuple[int, int]] = {"GPT-4": (20, 20), "Gemini 1.5 Pro": (20, 20)}
+"""Valid syntax and task success of 20: table III of the paper."""
+
+KINDS = (
+    "bottle_and_table",
+    "occlusion",
+    "friction",
+    "hammer",
+    "vision/labels",
+    "water_temperature",
+)
+"""Scenarios of several kinds: a module of the prompt that helps one of them (an obstacle, a slide,
+three grasps, a label, a refusal) may not help another."""
+EVERY = "all"
+SEVERAL = "kinds"
+
+
+def chosen(names: Sequence[str]) -> list[str]:
+    """Expand scenario names: `all` stands for those with a request for a planner, `kinds` for `KINDS`.
+
+    Raises:
+        InputError: there is no such scenario.
+    """
+    found: list[str] = []
+    for name in names:
+        if name == EVERY:
+            found += [each.name for each in scenarios().values() if each.asks]
+        elif name == SEVERAL:
+            found += KINDS
+        else:
+            found.append(scenario(name).name)
+    return list(dict.fromkeys(found))
+
+
+def ablation(
+    names: Sequence[str],
+    planners: Sequence[str],
+    file: Path,
+    conditions: Conditions,
+    trials: int = 10,
+    configurations: Iterable[str] = CONFIGURATIONS,
+    in_flight: int = 4,
+    say: Callable[[str], None] = lambda _: None,
+    prompts: Iterable[str] = ("full",),
+) -> list[TrialRecord]:
+    """Run `trials` trials of every configuration of every prompt with every planner in every scenario;
+    results are appended to `file`.
+
+    Raises:
+        InputError: unknown scenario, planner, prompt or configuration.
+        Unavailable: the provider could not be reached; finished trials are kept.
+    """
+    conditions = replace(conditions, beside=file)
+    critic = conditions.model_settings.critic or ""
+    styles = [checked_style(prompt) for prompt in prompts]
+    wanted = every_trial(chosen(names), planners, configurations, trials, styles, critic)
+
+    def run_attempt(trial: PlannerTrial) -> TrialRecord:
+        return attempt(trial, modules_left_out(trial.configuration), conditions)
+
+    return run_trials(wanted, run_attempt, file, in_flight, say)
+
+
+def modules_left_out(configuration: str) -> frozenset[str]:
+    """Prompt modules that a configuration leaves out.
+
+    Raises:
+        InputError: no such configuration; the message lists the valid ones.
+    """
+    if configuration not in CONFIGURATIONS:
+        raise unknown_name("configuration", configuration, CONFIGURATIONS)
+    return CONFIGURATIONS[configuration]
+
+
+def repeatability(
+    names: Sequence[str],
+    planners: Sequence[str],
+    file: Path,
+    conditions: Conditions,
+    trials: int = 20,
+    in_flight: int = 4,
+    say: Callable[[str], None] = lambda _: None,
+    prompts: Iterable[str] = ("full",),
+) -> list[TrialRecord]:
+    """Run `trials` trials of the whole prompt with every planner in every scenario; results are
+    appended to `file`.
+
+    Raises:
+        InputError: unknown scenario or planner.
+        Unavailable: the provider could not be reached; finished trials are kept.
+    """
+    return ablation(names, planners, file, conditions, trials, ["full"], in_flight, say, prompts)
+
+
+def published_ablation() -> dict[str, str]:
+    """The paper's syntax and success rates as text, by configuration."""
+    return {
+        name: f"{syntax}/10, {'–' if success is None else f'{success}/10'}"
+        for name, (syntax, success) in ABLATION.items()
+    }
+
+
+def published_repeatability() -> dict[str, str]:
+    """The paper's syntax and success rates as text; equal ones of several models once."""
+    rates = {f"{syntax}/20, {success}/20" for syntax, success in REPEATABILITY.values()}
+    return {"full": "; ".join(sorted(rates))}

@@ -1,0 +1,298 @@
+"""Runs of a campaign, kept one by one, and their statistics."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from statistics import fmean, stdev
+
+import numpy as np
+from scipy.special import stdtr, stdtrit
+
+from palpate.common.errors import InputError
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Array
+from palpate.robots.simulated.noise.models import noise_models
+from palpate.runs.settings import Settings, request_json
+from palpate.studies.accuracy import (
+    MissingComponent,
+    Question,
+    ScoredEstimate,
+    SeedRun,
+    StudyCase,
+    crashed_run,
+    run_case,
+)
+from palpate.studies.efficiency import Ranged
+from palpate.studies.workers import Crew, Lines, Lost, Progress
+
+FILE = "rows.jsonl"
+FILES = ("scene", "poses", "world", "robot_config")
+"""Settings that name a file: its content identifies a run, not its path."""
+PLACES = "drawn by their accuracy"
+"""Placement of objects. Rows without this entry are of worlds with all objects exactly at their
+stated poses."""
+APART = ("seed", "palpate", "images")
+"""Keys of `request.json` that do not describe the run."""
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """A scenario at a noise model, by its title."""
+
+    scenario: str
+    noise: str
+
+
+@dataclass(frozen=True, slots=True)
+class SeedRow:
+    """Seed of a group, with all other settings of its run in `group_settings`, by name."""
+
+    group: Group
+    about: dict[str, str]
+    run: SeedRun
+
+    @property
+    def key(self) -> tuple[Group, int]:
+        return self.group, self.run.seed
+
+
+Runs = dict[Group, list[SeedRun]]
+
+
+def measure(
+    questions: Iterable[Question],
+    seeds: Sequence[int],
+    crew: Crew,
+    folder: Path | None = None,
+    say: Callable[[str], None] = lambda _: None,
+) -> Runs:
+    """Return the runs of every question with every seed. Runs in `folder` are reused, the others
+    are made by `crew` and appended; `say` receives the progress.
+
+    Raises:
+        InputError: bad settings, or the folder holds runs with other settings.
+    """
+    known = {row.key: row for row in read(folder)} if folder else {}
+    asked: dict[Group, dict[str, str]] = {}
+    todo: list[tuple[Group, StudyCase]] = []
+    wanted: list[tuple[Group, int]] = []
+    for question in questions:
+        settings = question.settings.check_values()
+        group = Group(question.scenario, noise_models().title(settings.noise))
+        asked[group] = group_settings(settings)
+        wanted += [(group, seed) for seed in seeds]
+        todo += [(group, StudyCase(question, seed)) for seed in seeds if (group, seed) not in known]
+    refuse_other_settings(known.values(), asked)
+    lines = Lines(folder / FILE) if folder else None
+    if lines is not None:
+        lines.add()  # fails before anything is computed, if the file cannot be written
+    progress = Progress(len(wanted), len(wanted) - len(todo))
+    say(str(progress))
+    for place, found in crew.each(run_case, [case for _, case in todo]):
+        group, case = todo[place]
+        run = crashed_run(case.seed, str(found)) if isinstance(found, Lost) else found
+        row = SeedRow(group, asked[group], run)
+        if lines is not None:
+            lines.add(asdict(row))
+        known[row.key] = row
+        say(progress.step())
+    return group_runs(known[key] for key in wanted)
+
+
+def group_settings(settings: Settings) -> dict[str, str]:
+    """Settings that identify a group, without the seed; files are represented by their digest."""
+    asked = {name: value for name, value in request_json(settings).items() if name not in APART}
+    for name in FILES:
+        path: Path | None = getattr(settings, name)
+        asked[name] = short_digest(path.read_bytes()) if path else None
+    # A noise file of the same name may have another content.
+    asked["noise"] = short_digest(repr(noise_models().load(settings.noise)).encode())
+    asked["places"] = PLACES
+    return {name: str(value) for name, value in asked.items() if value is not None}
+
+
+def read(folder: Path) -> list[SeedRow]:
+    """Read all rows of a folder.
+
+    Raises:
+        InputError: its file holds something else.
+    """
+    return Lines(folder / FILE).read_as(SeedRow)
+
+
+def group_runs(rows: Iterable[SeedRow]) -> Runs:
+    """The runs of each group, in order of first appearance."""
+    found: Runs = {}
+    for row in rows:
+        found.setdefault(row.group, []).append(row.run)
+    return found
+
+
+def refuse_other_settings(rows: Iterable[SeedRow], asked: dict[Group, dict[str, str]]) -> None:
+    """Raise InputError if a group's kept rows have other settings than those asked for."""
+    for row in rows:
+        now = asked.get(row.group, row.about)
+        other = [name for name in {**row.about, **now} if row.about.get(name) != now.get(name)]
+        if other:
+            raise InputError(
+                f"the folder holds runs of {row.group.scenario} at {row.group.noise} with another "
+                f"{' and '.join(sorted(other))}; choose another out="
+            )
+
+
+def short_digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:12]
+
+
+# Statistics of estimates over many seeds: bias, scatter, stated standard deviations, coverage.
+
+
+Key = tuple[Parameter, int]
+"""Parameter and index of its component."""
+FREEDOMS = np.geomspace(1.0, 1e6, 2000)
+"""Degrees of freedom of the table from which those of an interval are interpolated."""
+QUANTILES = stdtrit(FREEDOMS, 0.975)
+"""Half widths of the 95 % intervals of Student's t with these, in standard deviations."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scores:
+    """Coverage and calibration of n estimates.
+
+    Attributes:
+        runs: n.
+        coverage95, coverage50: share of the 95 % and 50 % intervals that hold the truth.
+        stated: 1 / RMS(z), z = error / stated standard deviation; 1 for calibrated estimates.
+        worst: largest |z|.
+    """
+
+    runs: int
+    coverage95: Ranged
+    coverage50: Ranged
+    stated: Ranged
+    worst: float
+
+    @classmethod
+    def of(cls, estimates: Sequence[ScoredEstimate]) -> Scores:
+        """Score at least one estimate."""
+        z = errors_in_std(estimates)
+        return cls(
+            len(estimates),
+            Ranged.share(each.covered for each in estimates),
+            Ranged.share(bool(level <= 0.5) for level in levels(estimates)),
+            Ranged.rms(z).inverse,
+            float(np.abs(z).max()),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """A parameter's component over all seeds, in its SI unit. Its figures are those of the seeds that
+    identified it or were kept from it by a physical bound only, None without any.
+
+    Attributes:
+        runs: number of these seeds.
+        truth, mean: mean true and estimated value of these.
+        bias: mean error.
+        sd: standard deviation of the errors.
+        claimed: mean of the stated standard deviations; near `rmse` for calibrated estimates.
+        covered: number of 95 % intervals that hold the truth.
+        single_shot_sd: as `sd`, of the naive mean of F_z/g; None for quantities without one.
+        unit: as printed.
+        asked: number of all seeds.
+        verdicts: number of seeds by verdict.
+        rmse: root mean square of the errors.
+    """
+
+    parameter: Parameter
+    component: int
+    runs: int
+    truth: float
+    mean: float | None = None
+    bias: float | None = None
+    sd: float | None = None
+    claimed: float | None = None
+    covered: int = 0
+    single_shot_sd: float | None = None
+    unit: str = ""
+    asked: int = 0
+    verdicts: dict[str, int] = field(default_factory=dict[str, int])
+    rmse: float | None = None
+    scores: Scores | None = None
+
+    @property
+    def key(self) -> Key:
+        return self.parameter, self.component
+
+
+def summarise(runs: Sequence[SeedRun]) -> list[Summary]:
+    """Summarise each component of each parameter, in order of first appearance."""
+    found: dict[Key, list[ScoredEstimate | MissingComponent]] = {}
+    for run in runs:
+        for each in (*run.estimates, *run.doubted, *run.unmeasured):
+            found.setdefault((each.parameter, each.component), []).append(each)
+    return [component_summary(key, group, len(runs)) for key, group in found.items()]
+
+
+def component_summary(
+    key: Key, found: Sequence[ScoredEstimate | MissingComponent], asked: int
+) -> Summary:
+    verdicts = Counter(each.verdict for each in found)
+    identified = [each for each in found if isinstance(each, ScoredEstimate)]
+    identified = [each for each in identified if each.is_evidence]
+    summary = Summary(
+        *key,
+        runs=len(identified),
+        truth=fmean(each.truth for each in identified or found),
+        unit=found[0].unit,
+        asked=asked,
+        verdicts=dict(verdicts),
+    )
+    if not identified:
+        return summary
+    # The single-shot mass F_z/g of the same recording shows what the estimator gains.
+    errors = [each.error for each in identified]
+    naive = [each.single_shot - each.truth for each in identified if each.single_shot is not None]
+    return replace(
+        summary,
+        mean=fmean(each.value for each in identified),
+        bias=fmean(errors),
+        sd=sample_std(errors),
+        claimed=fmean(each.std for each in identified),
+        covered=sum(each.covered for each in identified),
+        single_shot_sd=sample_std(naive) if naive else None,
+        rmse=float(np.sqrt(np.mean(np.square(errors)))),
+        scores=Scores.of(identified),
+    )
+
+
+def errors_in_std(estimates: Sequence[ScoredEstimate]) -> Array:
+    """(n,) errors in stated standard deviations."""
+    return np.array([each.error / each.std for each in estimates])
+
+
+def shares(estimates: Sequence[ScoredEstimate]) -> Array:
+    """Probability integral transform of each error, (n,): its stated distribution function at the
+    error; uniform in 0…1 for calibrated estimates.
+
+    The stated distribution is Student's t, with the degrees of freedom that give the stated upper half
+    of the 95 % interval.
+    """
+    halves = np.array([(each.high - each.value) / each.std for each in estimates])
+    # np.interp needs increasing abscissae, and the quantile falls with the degrees of freedom.
+    freedom = np.interp(-halves, -QUANTILES, FREEDOMS)
+    return stdtr(freedom, errors_in_std(estimates))
+
+
+def levels(estimates: Sequence[ScoredEstimate]) -> Array:
+    """Level of the narrowest central interval that holds the truth, (n,); uniform in 0…1 for
+    calibrated estimates."""
+    return np.abs(2.0 * shares(estimates) - 1.0)
+
+
+def sample_std(values: Sequence[float]) -> float:
+    return stdev(values) if len(values) > 1 else 0.0

@@ -1,0 +1,311 @@
+"""Export of a twin for other simulators: MJCF, URDF or USD, each read back."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import mujoco
+import numpy as np
+
+from palpate.common.errors import InputError, PalpateError, Unavailable
+from palpate.common.parameter import Parameter
+from palpate.common.pose import Array
+from palpate.common.redaction import redact
+from palpate.estimation.estimate import Estimate
+from palpate.mjcf.document import Texts
+from palpate.mjcf.reading import reparse
+from palpate.scene.describe import Description, describe
+from palpate.scene.poses import Poses
+from palpate.twin.export_facts import (
+    CORNERS,
+    SCENE,
+    WORLD,
+    Facts,
+    box_around,
+    differences,
+    facts_of,
+    fallback_name,
+    plane_box,
+    ready,
+    round_box,
+    tensor,
+)
+from palpate.twin.export_urdf import read_urdf, write_urdf
+from palpate.twin.files import pack
+from palpate.twin.randomisation import write_randomisation
+from palpate.twin.twin import Twin, held_by_twin
+
+
+def require_usd() -> None:
+    """Require the converter.
+
+    Raises:
+        Unavailable: it is not installed.
+    """
+    try:
+        _module("mujoco_usd_converter")
+    except ImportError as error:
+        raise Unavailable(
+            f"USD needs a converter ({error.name} is not installed): pip install 'palpate[export]', "
+            "on Python 3.11 or 3.12"
+        ) from None
+
+
+def _module(name: str) -> Any:
+    """A module of the extra, loaded when it is used; USD has no types."""
+    return importlib.import_module(name)
+
+
+def write_usd(spec: mujoco.MjSpec, mjcf: Path, folder: Path) -> Path:
+    """Convert a model, which is first written as `mjcf` beside its files, into one `.usdc`."""
+    mjcf.write_text(spec.to_xml(), encoding="utf-8")
+    diagnostics = _module("usdex.core")
+    diagnostics.activateDiagnosticsDelegate()
+    diagnostics.setDiagnosticsLevel(diagnostics.DiagnosticsLevel.eError)
+    converter = _module("mujoco_usd_converter").Converter(layer_structure=False)
+    written = converter.convert(str(mjcf), str(folder.resolve()))
+    return folder / Path(str(written.path)).name
+
+
+def left_behind(spec: mujoco.MjSpec) -> Iterator[str]:
+    """Notes on elements that the converter leaves out, by kind."""
+    kinds = {
+        "cameras": spec.cameras,
+        "lights": spec.lights,
+        "keyframes": spec.keys,
+        "flexible things": spec.flexes,
+        "skins": spec.skins,
+        "contact pairs": spec.pairs,
+        "sensors": spec.sensors,
+    }
+    for kind, things in kinds.items():
+        if things:
+            yield f"{len(things)} {kind} are left out"
+
+
+def read_usd(path: Path) -> dict[str, Facts]:
+    """Facts about a stage's rigid bodies and colliders."""
+    geometry, physics = _module("pxr.UsdGeom"), _module("pxr.UsdPhysics")
+    stage = _module("pxr.Usd").Stage.Open(str(path))
+    shapes: dict[str, list[Array]] = {WORLD: []}
+    frictions: dict[str, list[float]] = {WORLD: []}
+    bodies: dict[str, Any] = {}
+    for prim in stage.Traverse():
+        if prim.HasAPI(physics.RigidBodyAPI):
+            bodies[name_of(prim)] = prim
+            shapes[name_of(prim)], frictions[name_of(prim)] = [], []
+        elif prim.IsA(geometry.Gprim) and not is_guide(prim):
+            owner = prim.GetParent()
+            while owner and not (owner.IsPseudoRoot() or owner.HasAPI(physics.RigidBodyAPI)):
+                owner = owner.GetParent()
+            name = name_of(owner) if owner and not owner.IsPseudoRoot() else WORLD
+            shapes[name].append(box_of(prim, frame_of(prim)))
+            friction = friction_of(prim)
+            if friction is not None:
+                frictions[name].append(friction)
+    found: dict[str, Facts] = {}
+    for name, boxes in shapes.items():
+        pose, mass, com, inertia = np.eye(4), 0.0, np.zeros(3), np.zeros((3, 3))
+        if name in bodies:
+            stated = physics.MassAPI(bodies[name])
+            axes = stated.GetPrincipalAxesAttr().Get()
+            diagonal = np.array(stated.GetDiagonalInertiaAttr().Get(), dtype=float)
+            pose, mass = frame_of(bodies[name]), float(stated.GetMassAttr().Get())
+            com = np.array(stated.GetCenterOfMassAttr().Get(), dtype=float)
+            inertia = tensor(diagonal, np.array([axes.GetReal(), *axes.GetImaginary()]))
+        shape = np.array(boxes).reshape(-1, 2, 3)
+        friction = np.array(frictions[name])
+        found[name] = Facts(pose, np.array([mass]), com, inertia, shape, friction)
+    return found
+
+
+def is_guide(prim: Any) -> bool:
+    """Test for a site, which is seen in editors alone."""
+    return str(_module("pxr.UsdGeom").Gprim(prim).GetPurposeAttr().Get()) == "guide"
+
+
+def name_of(prim: Any) -> str:
+    """MuJoCo's name of a prim: USD's own names have fewer characters."""
+    return str(prim.GetDisplayName() or prim.GetName())
+
+
+def frame_of(prim: Any) -> Array:
+    """(4, 4) in the world, stretched by the prim's scale."""
+    cache = _module("pxr.UsdGeom").XformCache()
+    # USD multiplies rows from the left.
+    return np.array(cache.GetLocalToWorldTransform(prim), dtype=float).T
+
+
+def box_of(prim: Any, frame: Array) -> Array:
+    def number(attribute: str) -> float:
+        return float(prim.GetAttribute(attribute).Get())
+
+    match str(prim.GetTypeName()):
+        case "Mesh":
+            return box_around(frame, np.array(prim.GetAttribute("points").Get(), dtype=float))
+        case "Plane":
+            return plane_box(frame)
+        case "Cube":
+            return box_around(frame, CORNERS * number("size") / 2)
+        case "Sphere":
+            return round_box(frame, number("radius"))
+        case "Capsule":
+            return round_box(frame, number("radius"), number("height") / 2)
+        case _:
+            return round_box(frame, number("radius"), number("height") / 2, axes=2)
+
+
+def friction_of(prim: Any) -> float | None:
+    """Friction of the physics material; None where a shape does not collide, or has none."""
+    physics, shade = _module("pxr.UsdPhysics"), _module("pxr.UsdShade")
+    if not prim.HasAPI(physics.CollisionAPI):
+        return None
+    if physics.CollisionAPI(prim).GetCollisionEnabledAttr().Get() is False:
+        return None
+    material, _ = shade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")
+    value = physics.MaterialAPI(material).GetDynamicFrictionAttr().Get() if material else None
+    return None if value is None else float(value)
+
+
+# Export of a twin for other simulators: MJCF that loads anywhere, URDF, or USD. Every file is read
+# back and compared, body by body, before it is handed out. Ranges for domain randomisation go
+# beside them.
+
+
+Format = Literal["mjcf", "urdf", "usd", "randomisation"]
+FORMATS: tuple[Format, ...] = get_args(Format)
+
+ONLY_NUMBERS = ("stiffness", "velocity", "momentum")
+"""Quantities without an attribute in any model."""
+NO_FRICTION = "URDF has no friction: each simulator takes its own"
+COMBINED = "how the friction of two things is combined is up to each simulator of USD"
+
+
+@dataclass(frozen=True, slots=True)
+class Export:
+    """Export of a twin.
+
+    Attributes:
+        file: the main file, in its folder.
+        held: measured parameters that it states, as read back.
+        lost: measured parameters that the format cannot state.
+        notes: other differences from the twin, a line each.
+    """
+
+    format: Format
+    file: Path
+    held: tuple[Parameter, ...]
+    lost: tuple[Parameter, ...]
+    notes: tuple[str, ...]
+
+
+def require_format(name: str) -> Format:
+    """The format of that name, whose writer is installed.
+
+    Raises:
+        InputError: there is none.
+        Unavailable: its writer is not installed.
+    """
+    for known in FORMATS:
+        if name == known:
+            if known == "usd":
+                require_usd()
+            return known
+    raise InputError(f"unknown format '{name[:40]}'; valid: {', '.join(FORMATS)}")
+
+
+def export_twin(
+    twin: Twin, estimates: Sequence[Estimate], chosen: Format, folder: Path, scratch: Path
+) -> Export:
+    """Write a twin into the empty `folder`, with intermediate files in the empty `scratch`.
+
+    Raises:
+        InputError: the twin cannot be simulated, so that it could not be compared.
+        PalpateError: what was written differs from the twin.
+    """
+    if chosen == "randomisation":
+        written = [each for each in held_by_twin(estimates) if each.parameter not in twin.unwritten]
+        file, notes = write_randomisation(written, folder)
+        return Export(chosen, file, tuple(each.parameter for each in written), (), tuple(notes))
+    if twin.scene is None:
+        raise InputError(f"there is no twin to export: {'; '.join(twin.notes) or 'nothing moved'}")
+    document = reparse(twin.texts or Texts(twin.xml), twin.scene.resolved.document)
+    description = describe(document, Poses(), twin.scene.catalogue, settled=False)
+    for name, text in pack(document, scratch, SCENE).items():
+        # Keys of the environment reach no file that is handed on.
+        (scratch / name).write_text(redact(text), encoding="utf-8", newline="")
+    scene = scratch / SCENE
+    try:
+        packed = mujoco.MjModel.from_xml_path(str(scene))
+        facts, model = facts_of(description.shapes.model), description.shapes.model
+        if model.nbody != packed.nbody:
+            # The description is without robots: numbers of unnamed bodies are ambiguous.
+            for body in range(model.nbody):
+                facts.pop(fallback_name(body), None)
+        require_same(facts, facts_of(packed))
+        file, notes = WRITERS[chosen](scene, folder)
+    except (ValueError, RuntimeError, mujoco.FatalError) as error:
+        reason = " ".join(str(error).split())[:600]
+        raise PalpateError(f"the twin cannot be exported as {chosen}: {reason}") from error
+    held: list[Parameter] = []
+    lost: list[Parameter] = []
+    for estimate in estimates:
+        parameter = estimate.parameter
+        is_in_twin = estimate.verdict in ("identified", "prior-dominated")
+        if is_in_twin and parameter not in twin.unwritten:
+            (held if can_state(chosen, description, parameter) else lost).append(parameter)
+    return Export(chosen, file, tuple(held), tuple(lost), tuple(notes))
+
+
+def can_state(chosen: Format, description: Description, parameter: Parameter) -> bool:
+    """Test if a format can state a parameter."""
+    if chosen == "mjcf":
+        return True  # `<custom>` has a place for everything
+    if chosen == "urdf" and parameter.quantity == "friction":
+        return False
+    return parameter.object in description.bodies and parameter.quantity not in ONLY_NUMBERS
+
+
+def _mjcf(scene: Path, folder: Path) -> tuple[Path, list[str]]:
+    for path in scene.parent.iterdir():
+        path.rename(folder / path.name)
+    return folder / scene.name, []
+
+
+def _urdf(scene: Path, folder: Path) -> tuple[Path, list[str]]:
+    spec, notes = ready(scene)
+    model = spec.compile()
+    file = folder / "scene.urdf"
+    written = write_urdf(model, file)
+    require_same(facts_of(model, colliding=True), read_urdf(file, written), friction=False)
+    return file, [NO_FRICTION, *notes, *written.notes]
+
+
+def _usd(scene: Path, folder: Path) -> tuple[Path, list[str]]:
+    spec, notes = ready(scene)
+    spec.modelname = scene.stem
+    twin = facts_of(spec.compile())
+    file = write_usd(spec, scene.with_name("ready.xml"), folder)
+    require_same(twin, read_usd(file))
+    return file, [COMBINED, *notes, *left_behind(spec)]
+
+
+WRITERS: Mapping[Format, Callable[[Path, Path], tuple[Path, list[str]]]] = {
+    "mjcf": _mjcf,
+    "urdf": _urdf,
+    "usd": _usd,
+}
+"""Each writes the contained scene into a folder and returns the main file, with notes."""
+
+
+def require_same(
+    twin: Mapping[str, Facts], made: Mapping[str, Facts], friction: bool = True
+) -> None:
+    for name, difference in differences(twin, made, friction):
+        raise PalpateError(
+            f"the twin's '{name}' is not the same when it is read back: {difference}"
+        )

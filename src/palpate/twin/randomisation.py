@@ -1,0 +1,223 @@
+"""Ranges for domain randomisation: what training draws its worlds from, so that a policy does not rely on
+more than was measured.
+
+`ranges.json` has every measured number with its interval and the covariance of all of them; `mjlab_events.py` and
+`isaaclab_events.py` have the ranges as event terms of these two libraries, which draw each number by itself.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from palpate.common.pose import Array
+from palpate.estimation.estimate import Z95, Estimate, axes_of
+
+RANGES = "ranges.json"
+Range = tuple[float, float]
+ENTITY_PARTS = ("body_names", "geom_names", "joint_names")
+"""Parameters that select parts of an entity."""
+Term = tuple[str, dict[str, Any]]
+"""Function of a library that changes something, and its parameters without the entity."""
+
+HEADER = '''"""Domain randomisation by palpate: the central 95 % intervals of what was measured.
+
+Each body is an entity of the scene by its name in the MJCF. `events()` goes into the events of an environment.
+"""
+
+{imports}
+
+
+def events() -> dict[str, EventTermCfg]:
+    """Event terms by name."""
+    return {{
+{terms}
+    }}
+'''
+MJLAB = """from mjlab.envs.mdp import dr
+from mjlab.managers.event_manager import EventTermCfg
+from mjlab.managers.scene_entity_config import SceneEntityCfg"""
+MJLAB_JOINT = {
+    "frictionloss": "dr.joint_friction",
+    "damping": "dr.joint_damping",
+    "spring": "dr.joint_stiffness",
+}
+"""Functions of mjlab for the joint of a fixture, by quantity."""
+ISAACLAB = """import isaaclab.envs.mdp as mdp
+from isaaclab.managers import EventTermCfg, SceneEntityCfg"""
+
+
+def write_randomisation(estimates: Sequence[Estimate], folder: Path) -> tuple[Path, list[str]]:
+    """Write the three files into an empty folder.
+
+    Returns:
+        `ranges.json`, and a note for each parameter that the libraries have no term for.
+    """
+    file = folder / RANGES
+    file.write_text(json.dumps(ranges(estimates), indent=2, allow_nan=False) + "\n", "utf-8")
+    notes: list[str] = []
+    for name, imports, terms in (
+        ("mjlab", MJLAB, mjlab_terms),
+        ("isaaclab", ISAACLAB, isaaclab_terms),
+    ):
+        said, left = _module(imports, estimates, terms)
+        (folder / f"{name}_events.py").write_text(said, "utf-8")
+        notes += [f"{name} has no term for {parameter}: see {RANGES}" for parameter in left]
+    return file, notes
+
+
+def ranges(estimates: Sequence[Estimate]) -> dict[str, Any]:
+    """Content of `ranges.json`: numbers by name, and their covariance in the same order."""
+    numbers: list[dict[str, Any]] = []
+    for estimate in estimates:
+        axes = axes_of(len(estimate.values))
+        columns = (axes, estimate.values, estimate.stds, estimate.intervals.tolist())
+        for axis, value, std, interval in zip(*columns, strict=True):
+            name = f"{estimate.parameter} {axis}".strip()
+            figures = {"value": float(value), "std": float(std), "ci95": interval}
+            numbers.append({"name": name, "unit": estimate.unit, **figures})
+    return {"numbers": numbers, "covariance": covariance(estimates).tolist()}
+
+
+def covariance(estimates: Sequence[Estimate]) -> Array:
+    """(n, n) covariance of all components: C_ij = sum over shared causes k of e_ki e_kj, beside the
+    variances. Causes are those of `Estimate.shared`, as the gain of a joint."""
+    if not estimates:
+        return np.zeros((0, 0))
+    stds = np.concatenate([estimate.stds for estimate in estimates])
+    causes: dict[str, Array] = {}
+    first = 0
+    for estimate in estimates:
+        last = first + len(estimate.stds)
+        for one in estimate.shared:
+            causes.setdefault(one.cause, np.zeros(len(stds)))[first:last] = one.effect
+        first = last
+    effects = np.array(list(causes.values())).reshape(-1, len(stds))
+    found = effects.T @ effects
+    np.fill_diagonal(found, stds**2)
+    return found
+
+
+def mjlab_terms(estimate: Estimate) -> Iterator[Term]:
+    """Terms of mjlab (`mjlab.envs.mdp.dr`)."""
+    match estimate.parameter.quantity:
+        case "mass":
+            # Mass and inertia are scaled together, by e^(2 alpha).
+            low, high = _bounds(estimate)
+            mass = float(estimate)
+            alpha = _range(math.log(max(low / mass, 1e-6)) / 2, math.log(high / mass) / 2)
+            yield "dr.pseudo_inertia", {"body_names": ".*", "alpha_range": alpha}
+        case "friction":
+            # One coefficient for all geoms: without `shared_random` each draws its own.
+            bounds = {"ranges": _bounds(estimate), "operation": "abs", "shared_random": True}
+            yield "dr.geom_friction", {"geom_names": ".*", **bounds}
+        case "com" | "com_3d":
+            offsets = dict(enumerate(_offsets(estimate)))
+            yield "dr.body_com_offset", {"body_names": ".*", "ranges": offsets, "operation": "add"}
+        case "height":
+            (offset,) = _offsets(estimate)
+            # Its name: mjlab puts what is fixed below a body of its own, which would move, too.
+            name = re.escape(estimate.parameter.object)
+            yield "dr.body_pos", {"body_names": name, "ranges": {2: offset}, "operation": "add"}
+        case "frictionloss" | "damping" | "spring" as quantity:
+            bounds = {"ranges": _bounds(estimate), "operation": "abs"}
+            yield MJLAB_JOINT[quantity], {"joint_names": ".*", **bounds}
+        case "range":
+            ends = {"ranges": _limits(estimate), "operation": "abs"}
+            yield "dr.joint_limits", {"joint_names": ".*", **ends}
+        case _:
+            return
+
+
+def isaaclab_terms(estimate: Estimate) -> Iterator[Term]:
+    """Terms of Isaac Lab (`isaaclab.envs.mdp`)."""
+    match estimate.parameter.quantity:
+        case "mass":
+            bounds = {"mass_distribution_params": _bounds(estimate), "operation": "abs"}
+            yield "mdp.randomize_rigid_body_mass", {"body_names": ".*", **bounds}
+        case "friction":
+            found = {"dynamic_friction_range": _bounds(estimate)}
+            static = estimate.parts.get("static")
+            widest = found["dynamic_friction_range"]
+            if static is not None:
+                half = Z95 * static.std
+                widest = _range(max(static.value - half, 0.0), static.value + half)
+            found |= {"static_friction_range": widest, "restitution_range": (0.0, 0.0)}
+            yield (
+                "mdp.randomize_rigid_body_material",
+                {"body_names": ".*", **found, "num_buckets": 64, "make_consistent": True},
+            )
+        case "com" | "com_3d":
+            offsets = dict(zip("xyz", _offsets(estimate), strict=True))
+            yield "mdp.randomize_rigid_body_com", {"body_names": ".*", "com_range": offsets}
+        case "range":
+            sides = ("lower", "upper")
+            ends = {
+                f"{sides[side]}_limit_distribution_params": limit
+                for side, limit in _limits(estimate).items()
+            }
+            yield (
+                "mdp.randomize_joint_parameters",
+                {"joint_names": ".*", **ends, "operation": "abs"},
+            )
+        case _:
+            return
+
+
+def _bounds(estimate: Estimate) -> Range:
+    """Ends of a scalar's interval, none below zero."""
+    low, high = estimate.intervals[0].tolist()
+    return _range(max(low, 0.0), high)
+
+
+def _offsets(estimate: Estimate) -> list[Range]:
+    """Ends of each component's interval, less its value."""
+    apart = estimate.intervals - estimate.values[:, None]
+    return [_range(low, high) for low, high in apart.tolist()]
+
+
+def _limits(estimate: Estimate) -> dict[int, Range]:
+    """Intervals of the limits of a joint that were measured, by side: 0 is the lower one."""
+    columns = zip(estimate.intervals.tolist(), estimate.stds, strict=True)
+    return {side: _range(*ends) for side, (ends, std) in enumerate(columns) if std > 0}
+
+
+def _module(
+    imports: str, estimates: Sequence[Estimate], terms: Callable[[Estimate], Iterator[Term]]
+) -> tuple[str, list[str]]:
+    """Text of a module with the terms, and the parameters that have none."""
+    lines: list[str] = []
+    left: list[str] = []
+    # Mass first: `pseudo_inertia` puts the centre of mass back where the model has it.
+    for estimate in sorted(estimates, key=lambda one: one.parameter.quantity != "mass"):
+        found = list(terms(estimate))
+        if not found:
+            left.append(str(estimate.parameter))
+        for function, parameters in found:
+            lines.append(_term(estimate, function, dict(parameters)))
+    return HEADER.format(imports=imports, terms="\n".join(lines)), left
+
+
+def _term(estimate: Estimate, function: str, parameters: dict[str, Any]) -> str:
+    """An entry of the dictionary; names are literals, whatever they contain."""
+    which = next(name for name in ENTITY_PARTS if name in parameters)
+    entity = f"SceneEntityCfg({estimate.parameter.object!r}, {which}={parameters.pop(which)!r})"
+    others = "".join(f", {name!r}: {value!r}" for name, value in parameters.items())
+    return (
+        f"        {str(estimate.parameter)!r}: EventTermCfg(\n"
+        f"            func={function},\n"
+        '            mode="startup",\n'
+        f'            params={{"asset_cfg": {entity}{others}}},\n'
+        "        ),"
+    )
+
+
+def _range(low: float, high: float) -> Range:
+    """Ends to six digits."""
+    return float(f"{low:.6g}"), float(f"{high:.6g}")

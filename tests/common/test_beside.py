@@ -1,0 +1,109 @@
+"""Work in a process of its own, beside this one; what it leaves behind when it is ended."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from palpate.common.processes import Beside, can_copy, shared_out
+
+ALONE = """
+import os, signal, sys, time
+from palpate.common.processes import Beside, shared_out
+def work():
+    os.kill(os.getpid(), signal.SIGINT)
+    return os.getpid(), list(range(100_000))
+with Beside(work) as beside:
+    who, numbers = beside.result()
+assert who != os.getpid() and len(numbers) == 100_000
+def failing():
+    raise ValueError(os.getpid())
+with Beside(failing) as beside:
+    try:
+        beside.result()
+    except ValueError as error:
+        assert error.args == (os.getpid(),)
+    else:
+        raise SystemExit("it did not fail")
+start = time.perf_counter()
+with Beside(lambda: time.sleep(60)) as beside:
+    assert beside.running and beside.sent() is None
+assert not beside.running
+assert time.perf_counter() - start < 30
+begun, left = os.pipe(), os.pipe()
+def tidy():
+    try:
+        os.write(begun[1], b"b")
+        time.sleep(60)
+    finally:
+        os.write(left[1], b"l")
+with Beside(tidy):
+    os.read(begun[0], 1)
+os.set_blocking(left[0], False)
+assert os.read(left[0], 1) == b"l"
+with Beside(lambda: 1) as beside:
+    while beside.running:
+        pass
+    assert beside.sent() == beside.result() == 1
+with Beside(failing) as beside:
+    while beside.running:
+        pass
+    assert beside.sent() is None, "it failed"
+with Beside(os.getpid, copied=False) as beside:
+    assert beside.result() == os.getpid()
+done = list(shared_out(lambda i: (i, os.getpid()), range(7)))
+assert [i for i, _ in done] == list(range(7)) and done[0][1] == os.getpid()
+assert len({who for _, who in done}) == min(7, len(os.sched_getaffinity(0)))
+assert list(shared_out(str, ())) == []
+with Beside(lambda: {who for _, who in shared_out(lambda i: (i, os.getpid()), range(7))}) as beside:
+    assert len(beside.result()) == 1, "a copy is not copied again"
+try:
+    list(shared_out(lambda i: 1 // (6 - i), range(7)))
+except ZeroDivisionError:
+    pass
+else:
+    raise SystemExit("it did not fail")
+"""
+
+
+@pytest.mark.skipif(
+    sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2,
+    reason="there is no second processor",
+)
+def test_it_is_done_by_another_process_and_fails_in_this_one() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", ALONE], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere nothing is copied")
+def test_it_is_done_in_this_process_where_no_other_is_to_be_had(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refused(_: object) -> None:
+        raise BlockingIOError("Resource temporarily unavailable")
+
+    monkeypatch.setattr("multiprocessing.context.ForkProcess.start", refused)
+    monkeypatch.setattr("palpate.common.processes.can_copy", lambda: True)
+    with Beside(os.getpid) as beside:
+        assert beside.result() == os.getpid()
+
+
+def test_a_process_with_threads_is_not_copied() -> None:
+    stop = threading.Event()
+    thread = threading.Thread(target=stop.wait)
+    thread.start()
+    try:
+        assert not can_copy()
+        with Beside(lambda: (os.getpid(), time.sleep(0))) as beside:
+            assert beside.result()[0] == os.getpid()
+        assert set(shared_out(lambda _: os.getpid(), range(7))) == {os.getpid()}
+    finally:
+        stop.set()
+        thread.join()

@@ -1,0 +1,38 @@
+from collections import Counter
+
+import pytest
+
+from palpate.cli.reference import page
+from palpate.estimation.quantities.catalogue import PURPOSES, catalogue, quantities_by_verb
+from palpate.planning.model.prompt import filled_module, system_prompt
+from palpate.planning.request.words import english
+from palpate.primitives.registry import vocabulary
+
+
+def test_a_verb_stands_in_one_row_and_its_quantities_in_the_catalogue() -> None:
+    verbs = Counter(verb for purpose in PURPOSES for verb in purpose.verbs)
+    assert verbs.most_common(1)[0][1] == 1
+    assert {id for purpose in PURPOSES for id in purpose.quantities} <= set(catalogue())
+
+
+@pytest.mark.parametrize("verb", ["topple", "tip", "tilt", "pour"])
+def test_what_turns_about_a_level_axis_needs_the_centre_of_mass_in_all_axes(verb: str) -> None:
+    assert "com_3d" in quantities_by_verb()[verb]
+
+
+@pytest.mark.parametrize(
+    "verb", ["slide", "push", "throw", "pour", "topple", "tilt", "stack", "drop", "grasp"]
+)
+def test_the_common_purposes_are_in_the_prompts(verb: str) -> None:
+    for text in (
+        system_prompt(vocabulary()),
+        filled_module("critic.md", vocabulary(), "full"),
+    ):
+        assert any(verb in str(p) and str(p) in text for p in PURPOSES)
+
+
+def test_requests_and_the_documentation_have_the_same_table() -> None:
+    assert english().purposes == quantities_by_verb()
+    text = page(vocabulary())
+    for purpose in PURPOSES:
+        assert f"| {', '.join(purpose.verbs)} |" in text

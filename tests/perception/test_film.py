@@ -1,0 +1,70 @@
+"""Films: their frames, captions and speed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import imageio.v3 as iio
+import mujoco
+import numpy as np
+import pytest
+
+from palpate.perception import film as films
+from palpate.perception.film import FPS, LONGEST, SPEED, Film, Footage, film_of, mp4
+from palpate.perception.renderer import gl_available
+from palpate.trace.samples import Trace
+
+usable, reason = gl_available()
+needs_gl = pytest.mark.skipif(not usable, reason=reason)
+
+MODEL = mujoco.MjModel.from_xml_string("<mujoco/>")
+FOOTAGE = Footage(MODEL, ((0.0, np.zeros(0)), (1.0, np.zeros(0))))
+BALL = mujoco.MjModel.from_xml_string("""<mujoco><worldbody>
+  <body name="table" pos="0 0 0.5"><geom type="box" size=".3 .4 .02" rgba=".8 .6 .4 1"/></body>
+  <body name="ball" pos="0 0 .6"><freejoint/><geom size=".05" rgba="1 0 0 1"/></body>
+</worldbody></mujoco>""")
+
+
+def test_a_film_says_whether_a_camera_saw_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(films, "mp4", lambda *_: b"mp4")
+    seen, replayed = film_of(FOOTAGE, None), film_of(replace(FOOTAGE, believed=True), None)
+    assert (seen, replayed) == (Film(b"mp4", SPEED), Film(b"mp4", SPEED, believed=True))
+
+
+def test_there_is_no_film_without_frames() -> None:
+    assert film_of(replace(FOOTAGE, frames=()), None) is None
+
+
+@needs_gl
+def test_a_film_plays_the_frames_faster(trace: Trace, tmp_path: Path) -> None:
+    frames = [(t, np.array([0, 0, 0.6 + 0.01 * t, 1, 0, 0, 0])) for t in np.arange(0, 5, 1 / 30)]
+    result = film_of(Footage(BALL, tuple(frames)), trace)
+    assert result is not None
+    assert result.speed == SPEED
+    path = tmp_path / "film.mp4"
+    path.write_bytes(result.mp4)
+    played = iio.imread(path, plugin="FFMPEG")
+    assert len(played) == pytest.approx(5 / SPEED * FPS, abs=1)
+    bands = played[:, -28:, :250].astype(int)
+    assert abs(bands[0] - bands[-1]).max() > 100, "the caption follows the leaves"
+
+
+@needs_gl
+def test_a_long_run_plays_faster_still() -> None:
+    frames = [(float(t), np.array([0, 0, 0.6, 1, 0, 0, 0])) for t in np.arange(0, 8 * LONGEST, 2.0)]
+    result = film_of(Footage(BALL, tuple(frames[:: len(frames) // 4])), None)
+    assert result is not None
+    assert result.speed >= 6
+
+
+def test_without_pictures_there_is_no_file() -> None:
+    assert mp4([], 10) is None
+
+
+def test_frames_of_odd_size_are_cropped(tmp_path: Path) -> None:
+    path = tmp_path / "odd.mp4"
+    content = mp4((np.full((31, 41, 3), shade, np.uint8) for shade in (0, 120, 240)), 10)
+    assert content is not None
+    path.write_bytes(content)
+    assert iio.imread(path, plugin="FFMPEG").shape[1:] == (30, 40, 3)

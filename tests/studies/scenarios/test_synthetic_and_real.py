@@ -1,0 +1,52 @@
+"""A photo and a rendering of one scene: the same prompt, the same parameters, the same tree."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from palpate.perception.renderer import gl_available
+from palpate.planning.model.prompt import Prompt, compose
+from palpate.planning.registry import load_plan
+from palpate.primitives.registry import vocabulary
+from palpate.runs import pipeline
+from palpate.runs.settings import Settings
+from palpate.studies.scenarios.catalogue import scenario
+
+PHOTO, RENDERING = scenario("synthetic_and_real"), scenario("synthetic_and_real/rendering")
+
+
+def prompt(settings: Settings) -> Prompt:
+    return compose(vocabulary(), settings.request or "", pipeline.load(settings), settings.images)
+
+
+def test_only_the_picture_differs_in_what_is_sent() -> None:
+    photo, rendering = prompt(PHOTO.settings()), prompt(RENDERING.settings())
+    assert photo.system.encode() == rendering.system.encode()
+    assert photo.user == rendering.user
+    (one,), (other,) = photo.images, rendering.images
+    assert one.read_bytes() != other.read_bytes()
+
+
+def test_the_answers_agree_on_parameters_and_tree_in_words_of_their_own() -> None:
+    photo, rendering = load_plan(PHOTO.plans["model"]), load_plan(RENDERING.plans["model"])
+    assert photo.parameters == rendering.parameters == PHOTO.expects
+    assert photo.tree == rendering.tree
+    assert photo.explanation != rendering.explanation
+
+
+@pytest.mark.skipif(not gl_available()[0], reason="no OpenGL")
+def test_the_pictures_are_those_that_the_renderer_makes() -> None:
+    from bench.pictures import photo, rendering
+
+    for kept, made in ((PHOTO.images[0], photo()), (RENDERING.images[0], rendering())):
+        difference = np.abs(pixels(kept.read_bytes()) - pixels(made))
+        assert difference.mean() < 6.0, kept.name
+    assert np.abs(pixels(photo()) - pixels(rendering())).mean() > 30.0
+
+
+def pixels(content: bytes) -> np.ndarray:
+    return np.asarray(Image.open(io.BytesIO(content)).convert("RGB"), dtype=float)
