@@ -23,8 +23,6 @@ nothing.
 
 from __future__ import annotations
 
-from palpate.common.version import __version__ as __version__
-
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from palpate.common.errors import ExecutionAborted as ExecutionAborted
@@ -33,6 +31,7 @@ if TYPE_CHECKING:
     from palpate.common.errors import Unavailable as Unavailable
     from palpate.common.parameter import Parameter as Parameter
     from palpate.common.parameter import PlanRejected as PlanRejected
+    from palpate.common.version import __version__ as __version__
     from palpate.estimation.estimate import Estimate as Estimate
     from palpate.estimation.quantities.quantity import Quantity as Quantity
     from palpate.execution.cell import Cell as Cell
@@ -91,6 +90,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "__version__": "common.version",
     "Cell": "execution.cell",
     "Estimate": "estimation.estimate",
     "ExecutionAborted": "common.errors",

@@ -25,7 +25,7 @@ SCENE = """<mujoco model="desk"><worldbody>
 """
 DRIVER = """import os, signal, time
 from palpate.execution.cell_drivers import Driver
-from palpate.stages import building
+from palpate.runs import building
 from test_nothing_lost import Bench
 
 built = building.build

@@ -11,7 +11,7 @@ import pytest
 from palpate.common.errors import InputError
 from palpate.common.files import open_with_limit, plain_yaml, read_bytes, read_text, require_regular
 from palpate.mjcf.reading import read_document
-from palpate.planning.registry import load_plan
+from palpate.planning.registry import load_proposal
 from palpate.robots.owner import load_description
 from palpate.runs.folder import read_json
 from palpate.scene.camera import load_image
@@ -21,7 +21,7 @@ from palpate.trace.mcap import read_mcap
 READERS: dict[str, Callable[[Path], object]] = {
     "scene": read_document,
     "poses": read_poses,
-    "plan": load_plan,
+    "plan": load_proposal,
     "picture": load_image,
     "trace": read_mcap,
     "a run's": read_json,

@@ -25,14 +25,14 @@ import numpy as np
 from palpate.common.processes import can_copy
 from palpate.perception.film import Footage, Shot, film_of
 from palpate.perception.film import Reel
-from palpate.trace.recording import Hand, LeafRun
+from palpate.trace.recording import LeafRun, NominalHand
 from palpate.trace.samples import Samples, Trace
 
 BALL = mujoco.MjModel.from_xml_string('''<mujoco><worldbody>
   <body name="table" pos="0 0 0.5"><geom type="box" size=".3 .4 .02"/></body>
   <body name="ball" pos="0 0 .6"><freejoint/><geom size=".05" rgba="1 0 0 1"/></body>
 </worldbody></mujoco>''')
-HAND = Hand(0.009, 0.15, 0.01, 1e-4)
+HAND = NominalHand(0.009, 0.15, 0.01, 1e-4)
 t = np.arange(0.0, 6.0, 0.005)
 flat, pose = np.zeros((len(t), 7)), np.zeros((len(t), 7))
 force = np.outer(t, [0, 0, 1, 0, 0, 0])

@@ -16,20 +16,20 @@ from dataclasses import replace
 import palpate as pp
 from palpate.common.processes import can_copy
 from palpate.common.pose import Pose
-from palpate.stages import estimating
-from palpate.trace import around
-around.AROUND = 1.5  # s: the run is short
+from palpate.runs import estimating
+from palpate.trace import samples as trace_samples
+trace_samples.AROUND = 1.5  # s: the run is short
 TEXT = '''<mujoco><worldbody>
   <site name="robot_base"/>
   <body name="desk" pos="0.4 0 -0.03"><geom type="box" size=".6 .6 .03"/></body>
   <body name="mug" pos="0.5 0.1 0.05"><freejoint/><geom type="box" size=".03 .02 .05"{}/></body>
 </worldbody></mujoco>'''
 used = []
-unchanged = estimating._unchanged
+unchanged = estimating._select_still_valid
 def seen(early, scene, trace):
     used.append((early, unchanged(early, scene, trace), scene, trace))
     return used[-1][1]
-estimating._unchanged = seen
+estimating._select_still_valid = seen
 run = pp.run(TEXT.format(""), "how heavy is the mug?", world=TEXT.format(' mass="0.34"'), noise="lab", fast=True)
 early, kept, scene, trace = used[-1]
 assert can_copy() is bool(kept), (early, kept)
@@ -42,7 +42,7 @@ if kept:
     samples = trace.samples
     louder = replace(trace, samples=replace(samples, tau_ext=1.01 * samples.tau_ext))
     assert unchanged(early, scene, louder) == {}, "other evidence"
-    elsewhere = estimating.corrected(scene, "mug", Pose.of((0.0, 0.0, 0.01)))
+    elsewhere = estimating.correct_body(scene, "mug", Pose.of((0.0, 0.0, 0.01)))
     assert unchanged(early, elsewhere, trace) == {}, "another place"
     failed = replace(trace.leaves[-1], status="FAILURE")
     assert unchanged(early, scene, replace(trace, leaves=(*trace.leaves[:-1], failed))) == {}, "broken off"

@@ -39,7 +39,7 @@ def tried(
         asked.append(parts)
         return execute(parts, world)
 
-    monkeypatch.setattr(replaying, "replayed", recorded)
+    monkeypatch.setattr(replaying, "replay_parts", recorded)
     again = replay_of(run.plan, run.scene, run.trace, run.estimates)
     assert again is not None
     found = again(run.twin.scene)

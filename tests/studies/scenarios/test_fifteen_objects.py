@@ -8,7 +8,7 @@ import pytest
 
 from palpate.execution.runner import run
 from palpate.execution.simulated_cell import simulated_cell
-from palpate.planning.registry import load_plan
+from palpate.planning.registry import load_proposal
 from palpate.runs import pipeline
 from palpate.studies.scenarios.catalogue import scenario
 
@@ -30,7 +30,7 @@ def test_one_parallel_for_fifteen_manipulations_is_refused() -> None:
 
 def test_forced_past_the_check_the_second_motion_fails_and_ends_the_first() -> None:
     settings = FIFTEEN.settings().check_values()
-    scene, plan = pipeline.load(settings), load_plan(FIFTEEN.plans["parallel"])
+    scene, plan = pipeline.load(settings), load_proposal(FIFTEEN.plans["parallel"]).plan
     assert scene is not None
     robot = simulated_cell(scene, settings.world).robot()
     before = {name: robot.world.true_pose(name) for name in scene.objects}

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from palpate.planning.plan import Node
-from palpate.planning.registry import load_plan
+from palpate.planning.registry import load_proposal
 from palpate.runs import pipeline
 from palpate.studies.scenarios.catalogue import scenario, scenarios
 
@@ -53,7 +53,7 @@ def test_a_models_plan_is_not_the_planners(name: str) -> None:
     chosen = scenario(name)
     settings = chosen.settings()
     planned = pipeline.plan(settings, pipeline.load(settings)).plan
-    recorded = load_plan(chosen.plans["model"])
+    recorded = load_proposal(chosen.plans["model"]).plan
     assert planned.tree is not None
     assert recorded.tree is not None
     assert (

@@ -10,7 +10,7 @@ from PIL import Image
 
 from palpate.perception.renderer import gl_available
 from palpate.planning.model.prompt import Prompt, compose
-from palpate.planning.registry import load_plan
+from palpate.planning.registry import load_proposal
 from palpate.primitives.registry import vocabulary
 from palpate.runs import pipeline
 from palpate.runs.settings import Settings
@@ -32,7 +32,10 @@ def test_only_the_picture_differs_in_what_is_sent() -> None:
 
 
 def test_the_answers_agree_on_parameters_and_tree_in_words_of_their_own() -> None:
-    photo, rendering = load_plan(PHOTO.plans["model"]), load_plan(RENDERING.plans["model"])
+    photo, rendering = (
+        load_proposal(PHOTO.plans["model"]).plan,
+        load_proposal(RENDERING.plans["model"]).plan,
+    )
     assert photo.parameters == rendering.parameters == PHOTO.expects
     assert photo.tree == rendering.tree
     assert photo.explanation != rendering.explanation

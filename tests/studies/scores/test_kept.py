@@ -97,7 +97,7 @@ def test_a_run_that_crashes_is_a_row_with_its_traceback(
     def burst(*_: object) -> None:
         raise ZeroDivisionError("the arm is nowhere")
 
-    monkeypatch.setattr("palpate.runs.planning.plan", burst)
+    monkeypatch.setattr("palpate.runs.pipeline.plan", burst)
     found = measure([LAB], [7], Processes(1), tmp_path)
     (run,) = found[Group("one_missing_mass", "lab")]
     assert (run.seed, run.status) == (7, "crashed")
