@@ -1,4 +1,4 @@
-"""Effort of a plan: passes, recordings, and errands of a person."""
+"""Effort of a plan: slow passes, repeated recordings, and errands with a tool."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from palpate.primitives.state import SymbolicState, during
 from palpate.scene.scene import Scene
 
 MANUAL: tuple[Quantity, ...] = (Temperature(),)
-"""Quantities beside the catalogue that a person reads off a tool."""
+"""Quantities outside the catalogue that a person reads off a tool."""
 _DENYING = re.compile(r"\b(?:not?|never|without|except|but|unless|if|instead|nor)\b|n't\b")
 _JOINING = re.compile(r"\band\b|[,;.!?]")
 _BEFORE_THING = re.compile(r"\b(?:of|in|inside|on|over|at)\b")
@@ -33,11 +33,11 @@ _BEFORE_THING = re.compile(r"\b(?:of|in|inside|on|over|at)\b")
 
 @dataclass(frozen=True, slots=True)
 class Errand:
-    """Carrying of a tool over some objects.
+    """Transport of a tool to some objects, where a person reads it.
 
     Attributes:
-        quantity: what a person reads off the tool.
-        tool: the object that is carried.
+        quantity: the quantity that a person reads off the tool.
+        tool: the carried object.
         spots: pose expressions where it is held, in order.
         objects: the objects that are read there.
     """
@@ -63,25 +63,27 @@ class Errand:
 
 
 def errand(request: str, scene: Scene) -> Errand | None:
-    """The errand that a request asks for, and nothing else; None for any other request.
+    """Return the errand that a request consists of; None for any other request.
 
     Raises:
-        InputError: the scene has no place over an object where the tool is to be held.
+        InputError: the scene has no place over an object where the tool can be held.
     """
     said = " ".join(request.lower().split())
     if _DENYING.search(said):
         return None
     for quantity, evidence in iter_tool_quantities():
+        # Require one object named after the tool, and the words "with" or "using" before it.
         tools = [
             name for name in scene.objects if evidence.tool in re.split(r"[\W_]+", name.lower())
         ]
         used = re.search(rf"\b(?:with|using) (?:the|a|my) {re.escape(evidence.tool)}\b", said)
         if used is None or len(tools) != 1:
             continue
+        # The remaining words must name the quantity, then the objects.
         rest = (said[: used.start()] + said[used.end() :]).strip(" ,.?!")
         words = "|".join(quantity.words.get("en", ()))
         asked = re.search(rf"\b(?:{words})\b", rest)
-        # What is joined before the quantity is a wish of its own.
+        # A joining word before the quantity starts a separate request.
         if asked is None or _JOINING.search(rest[: asked.start()]):
             continue
         objects = objects_of(rest[asked.end() :], scene)
@@ -95,7 +97,7 @@ def errand(request: str, scene: Scene) -> Errand | None:
 
 
 def iter_tool_quantities() -> Iterator[tuple[Quantity, Evidence]]:
-    """Quantities that no primitive reads, with the evidence that names their tool."""
+    """Yield the quantities that no primitive reads, with the evidence that names their tool."""
     known = catalogue()
     every = [*MANUAL, *(each for each in known.values() if not each.identifiable)]
     for quantity in every:
@@ -107,21 +109,23 @@ def iter_tool_quantities() -> Iterator[tuple[Quantity, Evidence]]:
 
 
 def objects_of(said: str, scene: Scene) -> tuple[str, ...]:
-    """Objects that a phrase ends with, after the first of its prepositions that can be read: "of the
-    water in both cups"."""
+    """Return the objects at the end of a phrase, e.g. "of the water in both cups".
+
+    The phrase begins after the first preposition for which it can be grounded.
+    """
     for place in _BEFORE_THING.finditer(said):
         if _JOINING.search(said[: place.start()]):
             break
         phrase = said[place.end() :].strip()
         first, second = (objects_of_quantity(id, phrase, scene) for id in ("mass", "friction"))
-        # A wish within the phrase is the same whatever is asked of its objects.
+        # The phrase names objects alone if two different quantities give the same objects.
         if first and first == second:
             return first
     return ()
 
 
 def objects_of_quantity(id: str, phrase: str, scene: Scene) -> tuple[str, ...]:
-    """Objects of "the mass of (phrase)"; none where it asks for anything else."""
+    """Return the objects of "the mass of (phrase)"; empty if the phrase requests anything else."""
     try:
         found = ground(f"the {id} of {phrase}", scene)
     except (InputError, PlanRejected):
@@ -130,18 +134,21 @@ def objects_of_quantity(id: str, phrase: str, scene: Scene) -> tuple[str, ...]:
     return tuple(dict.fromkeys(one.object for one in found.asked)) if plain else ()
 
 
-# Effort beyond the evidence that a parameter needs: slow passes between grasp and lift, and
-# repeated cycles of grasp, lift and put-back, in which empty and loaded passes over the same path
-# alternate.
+# Effort beyond the minimum: slow passes between grasp and lift, and repeated cycles of grasp, lift
+# and release. Empty and loaded passes over the same path alternate.
 
 
 Efforts = Mapping[Parameter, Effort]
 
 
 def efforts(scene: Scene, parameters: Iterable[Parameter], within: Within) -> Efforts:
-    """Initial effort of each parameter with a requested width, where its quantity can predict it."""
+    """Return the initial effort of each parameter with a requested interval width.
+
+    Parameters whose quantity cannot predict the effort are left out.
+    """
     found: dict[Parameter, Effort] = {}
     for parameter in parameters:
+        # Convert the width to a noise standard deviation, less the floor of the quantity.
         width, site = within.of(parameter), site_of(scene, parameter)
         if width is not None and site is not None:
             quantity = scene.catalogue[parameter.quantity]
@@ -152,11 +159,14 @@ def efforts(scene: Scene, parameters: Iterable[Parameter], within: Within) -> Ef
 
 
 def site_of(scene: Scene, parameter: Parameter, value: Sequence[float] = ()) -> Site | None:
-    """Workplace of an object with the believed `value` of the parameter. None for other bodies, or
-    without a belief."""
+    """Return the site of an object with the believed `value` of the parameter.
+
+    None for other bodies, or without a believed value.
+    """
     name = parameter.object
     if name not in scene.objects:
         return None
+    # Believed value: the given one, else the stated one, else the prior.
     known = scene.bodies[name].known.get(parameter.quantity)
     believed = tuple(value) or known or scene.priors.get(parameter)
     if believed is None:
@@ -181,14 +191,17 @@ def with_effort(
     """Add an effort to the steps that measure an object.
 
     Args:
-        start, steps, state: the state before, the steps, and the state after them.
+        start: the state before the steps.
+        steps: the steps.
+        state: the state after them.
         name: the object.
-        effort: speed of the passes and number of cycles; fewer where more would do harm.
+        effort: speed of the passes and number of cycles. Fewer cycles are made where more would
+            break a rule.
 
     Returns:
         The steps with the effort, and the state after them.
     """
-    # The recordings tell at which pose expressions the object was last grasped and held still.
+    # Find the pose expressions of the last grasp and still recording in the log.
     lift = next(
         (
             (context.grasp, context.at)
@@ -200,13 +213,15 @@ def with_effort(
     )
     if lift is None:
         return list(steps), state
+    # Slow the passes between grasp and lift to the speed of the effort.
     grasp, above = lift
     found = list(slow_steps(start.at, steps, {grasp, above}, effort.speed))
-    # Down, grasp, up; down, release, up.
+    # One cycle: down, grasp, up; down, release, up.
     cycle: list[Step] = []
     for fingers in (CloseGripper(), OpenGripper()):
         down, up = (MovePose(pose=pose, speed=effort.speed) for pose in lift)
         cycle += [Step((primitive,)) for primitive in (down, fingers, up)]
+    # Append cycles as long as they pass the exact check.
     for _ in range(effort.cycles - 1):
         after = after_cycle(cycle, state, name, above)
         if after is None:
@@ -219,7 +234,7 @@ def with_effort(
 def slow_steps(
     at: str | None, steps: Iterable[Step], ends: set[str], speed: float | None
 ) -> Iterator[Step]:
-    """The steps from pose `at` on, those between both `ends` of the lift at that speed (m/s)."""
+    """Yield the steps from pose `at` on, with passes between the two `ends` at `speed` (m/s)."""
     for step in steps:
         (first, *beside), start = step.primitives, at
         if isinstance(first, MovePose):
@@ -234,7 +249,7 @@ def slow_steps(
 def after_cycle(
     steps: Iterable[Step], state: SymbolicState, name: str, above: str
 ) -> SymbolicState | None:
-    """The state after a cycle; None where it cannot be made from `state`, or does harm."""
+    """Return the state after a cycle; None if the cycle is not possible or is refused."""
     if state.at != above or not is_clear(state):
         return None
     for step in steps:
@@ -245,17 +260,18 @@ def after_cycle(
     return None if is_away(state, name) else state
 
 
-# Steps that record evidence of a parameter: sensing, and the conversion that reads it.
+# Steps that record evidence: sensing and conversion.
 
 
 def yielding(
     parameter: Parameter, operators: Sequence[Primitive], words: Vocabulary, around: Surroundings
 ) -> Tail:
-    """Tail of steps that sense and convert a parameter, alone or beside one of the motions."""
+    """Return a tail that senses and converts a parameter, alone or in parallel with a motion."""
     chains = list(recording_chains(parameter.quantity, words, around))
     motions = [operator for operator in operators if "arm" in operator.claims]
 
     def tail(state: SymbolicState) -> list[Step] | None:
+        # Prefer a recording at rest; else record during one of the motions.
         for first, *others in chains:
             following = [Step((primitive,)) for primitive in others]
             steps = [Step((first,)), *following]
@@ -273,13 +289,17 @@ def yielding(
 def recording_chains(
     quantity: str, words: Vocabulary, around: Surroundings
 ) -> Iterator[tuple[Primitive, ...]]:
-    """Sensing and conversion that end in `quantity`; of a derived quantity, the sensing alone."""
+    """Yield pairs of sensing and conversion that end in `quantity`.
+
+    For a derived quantity, yield the sensing alone.
+    """
 
     def iter_primitives(classes: Iterable[type[Primitive]]) -> Iterator[Primitive]:
         for cls in classes:
             yield from cls.groundings(around)
 
     known = around.state.scene.catalogue[quantity]
+    # The value of a derived quantity is computed after the run, so no conversion is needed.
     if known.derived:
         for buffer in dict.fromkeys(evidence.buffer for evidence in known.evidence):
             for sensing in iter_primitives(words.sensors(buffer)):
@@ -293,12 +313,12 @@ def recording_chains(
 
 
 def adds_evidence(parameter: Parameter, steps: Iterable[Step], state: SymbolicState) -> bool:
-    """True if the steps can be made and add evidence of the parameter."""
+    """True if the steps are possible and add evidence of the parameter."""
     before, quantity = evidence_amount(parameter, state), state.scene.catalogue[parameter.quantity]
     for step in steps:
         written = [primitive.writes for primitive in step.primitives if primitive.writes]
         if written and quantity.evidence:
-            # Before the slower trial: the context of the recording shows whether it can be evidence.
+            # Test the context of the recording before the slower execution of the step.
             context = during(step.moving, state).context()
             if not any(quantity.piece(parameter, buffer, context) for buffer in written):
                 return False

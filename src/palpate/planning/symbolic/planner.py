@@ -1,7 +1,8 @@
-"""Planners without a model: from words and geometry (`symbolic`), and the paper's baseline.
+"""Planners without a model: `symbolic`, from words and geometry, and the exhaustive baseline.
 
-The symbolic planner grounds the request, reads what the scene misses, and chains a tree backwards from
-what it needs. It needs no key and no network, and rejects what it does not understand.
+The symbolic planner grounds the request, determines the missing parameters, and chains a tree
+backwards from them. It needs no key and no network. It rejects a request that it does not
+understand.
 """
 
 from __future__ import annotations
@@ -37,14 +38,21 @@ if TYPE_CHECKING:
 
 
 SUITE = {"surface": ("height",), "object": ("mass", "friction")}
-"""Quantities of the exhaustive baseline by role: the paper's "probe heights, weigh, and test
-friction"."""
+"""Quantities of the exhaustive baseline by role: "probe heights, weigh, and test friction" in the
+paper.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Assembled:
-    """A tree, the parameters that it yields, those that it cannot yield (`failed`), and a sentence for
-    each optional recording without room (`omitted`)."""
+    """Assembled tree with its results.
+
+    Attributes:
+        tree: the tree; None if nothing can be measured.
+        measured: the parameters that the tree yields.
+        failed: the parameters that it cannot yield, with reasons.
+        omitted: a sentence for each optional recording without free space.
+    """
 
     tree: Node | None
     measured: tuple[Parameter, ...]
@@ -54,12 +62,12 @@ class Assembled:
 
 @dataclass(frozen=True, slots=True)
 class SymbolicPlanner:
-    """Plans from words and geometry alone.
+    """Planner that uses words and geometry alone.
 
     Attributes:
-        remeasure: the request is measured even where the scene states it.
+        remeasure: requested values are measured even where the scene states them.
         within: requested widths of intervals.
-        measure: the parameters to measure; None: those that the request asks for.
+        measure: the parameters to measure; None for those of the request.
     """
 
     remeasure: bool = False
@@ -68,16 +76,19 @@ class SymbolicPlanner:
     name: str = "symbolic"
 
     def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = ()) -> Plan:
-        """The minimal plan for what the request asks and the scene misses; without a request, for
-        everything it misses. Images are not used.
+        """Make the minimal plan for the missing parameters of a request.
+
+        Without a request, the plan covers all missing parameters of the scene. Images are not used.
 
         Raises:
-            InputError: no scene, empty or too long a request, or it names objects that are not
-            there.
-            PlanRejected: ambiguous, not understood, or no parameter of it can be measured.
+            InputError: no scene, an empty or too long request, or unknown objects in it.
+            PlanRejected: the request is ambiguous or not understood, or no parameter of it can be
+                measured.
         """
         if scene is None:
             raise needs_scene(self.name)
+        # Ground the request. A request without measurable parameters may still be an errand with a
+        # tool.
         try:
             asked = asked_parameters(request, scene, self.measure)
         except (InputError, PlanRejected):
@@ -89,20 +100,24 @@ class SymbolicPlanner:
             if found is None:
                 raise
             return self._errand(found, scene)
+        # Separate stated values and quantities that no primitive measures.
         known, wanted = split_known(asked.asked, scene, self.remeasure)
         cannot = [UnmeasuredParameters(reason) for reason in asked.cannot]
         for parameter in wanted:
             quantity = catalogue()[parameter.quantity]
             if not quantity.identifiable:
                 cannot.append(_unmeasured([parameter], quantity.how))
+        # Assemble a tree for the identifiable parameters and those they depend on.
         found = with_needs(scene, wanted)
         made = assemble(scene, found, efforts=efforts(scene, found, self.within))
         unmeasured = (*made.failed, *cannot)
         reasons = [one.reason for one in unmeasured]
         doubts = [one for one in contradictions(scene.resolved) if one not in " ".join(reasons)]
         nothing_asked = not asked.asked and scene.resolved.description.roles.untouchable
+        # Reject the request if none of it can be measured.
         if not made.measured and (made.failed or nothing_asked):
             raise PlanRejected(" ".join([*reasons, *doubts]))
+        # Collect the remarks: stated values, unknown heights, and contradictions in the scene.
         notes = [known_note(parameter, scene) for parameter in known]
         sentences = [*asked.remarks, *explanation(made), *notes, *reasons]
         remarks = [*notes, *unknown_heights(made, scene), *doubts]
@@ -119,7 +134,7 @@ class SymbolicPlanner:
         )
 
     def _errand(self, errand: Errand, scene: Scene) -> Plan:
-        """The plan that carries a tool, and measures nothing.
+        """Plan to carry a tool without a measurement.
 
         Raises:
             PlanRejected: there is no path.
@@ -133,12 +148,12 @@ class SymbolicPlanner:
 
 @dataclass(frozen=True, slots=True)
 class ExhaustivePlanner:
-    """The paper's baseline: task-agnostic identification of every surface and object."""
+    """Baseline of the paper: task-agnostic identification of every surface and object."""
 
     name: str = "exhaustive"
 
     def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = ()) -> Plan:
-        """The full suite on everything; the request and the values that the scene states are ignored.
+        """Measure the full suite on every body, whatever the request and the scene state.
 
         Raises:
             InputError: no scene.
@@ -170,9 +185,9 @@ def requested_parameters(
     remeasure: bool = False,
     measure: tuple[Parameter, ...] | None = None,
 ) -> tuple[Parameter, ...] | None:
-    """The parameters that a plan for the request in this scene must measure, no more and no fewer.
+    """Return the exact set of parameters that a plan for this request must measure.
 
-    None where that is uncertain: a part of the request is not understood, is inferred, or cannot be
+    None if the set is uncertain: a part of the request is not understood, is inferred, or cannot be
     measured.
     """
     wanted = surely_requested_parameters(request, scene, remeasure, measure)
@@ -187,7 +202,7 @@ def surely_requested_parameters(
     remeasure: bool = False,
     measure: tuple[Parameter, ...] | None = None,
 ) -> tuple[Parameter, ...] | None:
-    """The parameters that `requested_parameters` returns, whether or not they can be measured."""
+    """Return the parameters of `requested_parameters`, including those that cannot be measured."""
     try:
         asked = asked_parameters(request, scene, measure)
     except (InputError, PlanRejected):
@@ -206,17 +221,18 @@ def assemble(
     efforts: Efforts | None = None,
     mirrored: bool = False,
 ) -> Assembled:
-    """Assemble one tree for all parameters that can be measured, those of one object together.
+    """Assemble one tree for all measurable parameters, grouped by object.
 
     Args:
         scene, parameters: the scene, and the parameters to measure in it.
-        words: the vocabulary of the tree, by default the installed one.
-        efforts: effort of each parameter, by default the least.
-        mirrored: slides go to the other side first, as in `Backchainer`.
+        words: the vocabulary of the tree; the installed one by default.
+        efforts: effort of each parameter; the minimum by default.
+        mirrored: slides go to the opposite side first, as in `Backchainer`.
     """
     words, wanted = words or vocabulary(), list(parameters)
     made = Assembled(None, (), ())
-    # Estimated balance points, and extras, are left out where a part of their region does not pass.
+    # The whole region of an estimated pose must pass the check. If a part fails, assemble again
+    # without extras, then without balance points.
     for balances, extras in ((True, True), (True, False), (False, True)):
         made = _assemble_tree(
             Backchainer(scene, words, mirrored, balances, extras), wanted, efforts or {}
@@ -233,6 +249,7 @@ def _assemble_tree(
     chainer: Backchainer, parameters: Iterable[Parameter], efforts: Efforts
 ) -> Assembled:
     chainer.go_home()
+    # Group the parameters by body: one grasp serves all parameters of a body.
     measured: list[Parameter] = []
     failed: list[UnmeasuredParameters] = []
     groups: dict[str, list[Parameter]] = {}
@@ -253,12 +270,15 @@ def _assemble_tree(
 def _measure(
     chainer: Backchainer, name: str, parameters: list[Parameter], efforts: Efforts
 ) -> tuple[list[Parameter], dict[Parameter, str]]:
-    """Measure as many parameters of a body as possible; return them, and the reasons against the
-    others."""
+    """Measure as many parameters of a body as possible.
+
+    Returns:
+        The measured parameters, and the reasons against the others.
+    """
     reason = unusable(chainer.scene, name)
     if reason:
         return [], dict.fromkeys(parameters, reason)
-    # One grasp serves all parameters of a body, so the greatest effort among them counts.
+    # One grasp serves all parameters of a body, so the greatest requested effort applies.
     chosen = {wanted: efforts[wanted] for wanted in parameters if wanted in efforts}
     most = max(chosen.values(), key=lambda effort: effort.cycles, default=None)
     try:
@@ -269,11 +289,12 @@ def _measure(
         if len(parameters) == 1:
             return [], dict.fromkeys(parameters, reason)
     else:
+        # Repeat each parameter as often as its effort requires.
         times = {wanted: effort.times for wanted, effort in chosen.items()}
         for count in range(2, max(times.values(), default=1) + 1):
             chainer.repeat(name, [wanted for wanted in times if times[wanted] >= count])
         return parameters, {}
-    # No plan has them together: those that can be measured alone are tried once more, together.
+    # No plan measures all of them. Find those that can be measured alone, and try these together.
     reasons: dict[Parameter, str] = {}
     for parameter in parameters:
         alone = Backchainer(chainer.scene, chainer.words)
@@ -287,7 +308,7 @@ def _measure(
 
 
 def _unmeasured(parameters: Sequence[Parameter], reason: str) -> UnmeasuredParameters:
-    """Parameters of one body, with a sentence that says why they cannot be measured."""
+    """Parameters of one body with a sentence that states why they cannot be measured."""
     why = reason.removesuffix(".")
     return UnmeasuredParameters(
         f"{spoken(parameters)} cannot be measured: {why}.", tuple(parameters)
@@ -295,7 +316,10 @@ def _unmeasured(parameters: Sequence[Parameter], reason: str) -> UnmeasuredParam
 
 
 def unusable(scene: Scene, name: str) -> str:
-    """Reason why a body cannot be worked on at all; empty if there is none."""
+    """Return the reason why a body cannot be measured at all; empty if it can.
+
+    Tests, in order: fit between the fingers, a resolvable grasp or touch pose, reach, and payload.
+    """
     if name == GRIPPER:
         return ""
     unfit = does_not_fit(scene, name)
@@ -314,8 +338,10 @@ def unusable(scene: Scene, name: str) -> str:
 def asked_parameters(
     request: str | None, scene: Scene, measure: tuple[Parameter, ...] | None = None
 ) -> Grounded:
-    """Parameters that are named exactly, else those of the request; without one, all that the scene
-    misses."""
+    """Return the exactly named parameters, else those of the request.
+
+    Without both, return all missing parameters of the scene.
+    """
     if measure is not None:
         return Grounded(measure)
     if request is None:
@@ -326,7 +352,7 @@ def asked_parameters(
 
 
 def with_needs(scene: Scene, wanted: Iterable[Parameter]) -> list[Parameter]:
-    """The identifiable ones of some parameters, with those that they depend on."""
+    """Return the identifiable parameters and those that they depend on."""
     found = [one for one in wanted if catalogue()[one.quantity].identifiable]
     for parameter in tuple(found):
         body = scene.bodies.get(parameter.object)
@@ -338,7 +364,7 @@ def with_needs(scene: Scene, wanted: Iterable[Parameter]) -> list[Parameter]:
 def split_known(
     parameters: Iterable[Parameter], scene: Scene, remeasure: bool
 ) -> tuple[list[Parameter], list[Parameter]]:
-    """Split into parameters that the scene states, and those to be measured."""
+    """Split parameters into those that the scene states and those to be measured."""
     known: list[Parameter] = []
     wanted: list[Parameter] = []
     for parameter in parameters:
@@ -349,14 +375,14 @@ def split_known(
 
 
 def known_note(parameter: Parameter, scene: Scene) -> str:
-    """Note on a parameter that the scene states, and that is not measured."""
+    """Note on a stated parameter that is not measured."""
     return (
         f"{stated_clause(parameter, scene)} and not measured again unless it is to be remeasured."
     )
 
 
 def stated_clause(parameter: Parameter, scene: Scene) -> str:
-    """Clause on a parameter that the scene states, with its value."""
+    """Clause on a stated parameter, with its value."""
     quantity = catalogue()[parameter.quantity]
     values = scene.bodies[parameter.object].known[quantity.known_as()]
     value = ", ".join(f"{v:.6g}" for v in values)
@@ -365,9 +391,10 @@ def stated_clause(parameter: Parameter, scene: Scene) -> str:
 
 
 def unknown_heights(made: Assembled, scene: Scene) -> list[str]:
-    """Notes on surfaces of unknown height that the plan leaves unmeasured below measured objects."""
+    """Notes on surfaces of unknown height that carry measured objects and are not measured."""
     sentences: list[str] = []
     for name, body in scene.surfaces.items():
+        # Only a surface of unknown height that the plan does not measure is of interest.
         if not is_open(scene, name) or Parameter(name, "height") in made.measured:
             continue
         on = risen(scene, name, body.top_z(), lambda other: scene.bodies[other].pose_world)
@@ -381,7 +408,7 @@ def unknown_heights(made: Assembled, scene: Scene) -> list[str]:
 
 
 def spoken(parameters: Sequence[Parameter]) -> str:
-    """The parameters of one object in words: "The mass and sliding friction of 'mug'"."""
+    """Name the parameters of one object in words: "The mass and sliding friction of 'mug'"."""
     labels = [catalogue()[parameter.quantity].label for parameter in parameters]
     *others, last = labels
     listed = f"{', '.join(others)} and {last}" if others else last
@@ -389,11 +416,14 @@ def spoken(parameters: Sequence[Parameter]) -> str:
 
 
 def explanation(made: Assembled) -> list[str]:
-    """Explanation: measured parameters and methods, a sentence per quantity, and objects carried
-    out of the way."""
+    """Explain a plan in sentences.
+
+    They name the measured parameters, one method per quantity, and the objects carried away.
+    """
     if made.tree is None:
         return []
     sentences = [f"To be measured: {', '.join(str(wanted) for wanted in made.measured)}."]
+    # One sentence per quantity, with all its objects.
     objects: dict[str, list[str]] = {}
     for parameter in made.measured:
         objects.setdefault(parameter.quantity, []).append(f"'{parameter.object}'")
@@ -403,6 +433,7 @@ def explanation(made: Assembled) -> list[str]:
         if quantity.derived:
             how = f"{quantity.how}, and the value is derived from the recordings"
         sentences.append(f"{quantity.label.capitalize()} of {', '.join(names)}: {how}.")
+    # One sentence per object that is carried to a temporary place or grasped at its balance point.
     for name in visited_objects(made.tree, TEMPORARY):
         slides = any(visited_objects(made.tree, axis, f"{name}{TEMPORARY}") for axis in SIDEWAYS)
         why = "stands on several surfaces, and is slid on one" if slides else "is in the way"
@@ -413,8 +444,7 @@ def explanation(made: Assembled) -> list[str]:
 
 
 def visited_objects(tree: Node, ending: str, start: str = "") -> Mapping[str, None]:
-    """Objects to whose pose with a name of that ending, and that start, the hand goes, in the order of
-    the tree."""
+    """Objects that the hand visits at a pose with this name ending (and `start`), in tree order."""
     values = [str(value) for _, node in tree.walk() for _, value in node.args]
     values = [value for value in values if value.startswith(start)]
     return dict.fromkeys(v.removesuffix(ending) for v in values if v.endswith(ending))

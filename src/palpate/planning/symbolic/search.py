@@ -1,10 +1,11 @@
-"""Trees from the primitives' own preconditions and effects.
+"""Backward chaining of behavior trees from the primitives' preconditions and effects.
 
-A parameter is chained backwards from its conversion, to the buffer that it reads, to the sensing
-that fills it; a search over the grounded motion and gripper primitives then finds the shortest path
-to a state in which that chain holds. Parameters are reached one after another, so the cost grows
-with their number and not with their combinations; the steps found for one object are tried first for
-the next.
+A parameter is chained backwards: from its conversion, to the buffer that it reads, to the sensing
+that fills the buffer. A search over grounded motion and gripper primitives finds the shortest path
+to a state where that chain holds.
+
+Parameters are reached one after another. The cost grows with their number, not with their
+combinations. The steps for one object are tried first for the next one.
 """
 
 from __future__ import annotations
@@ -53,28 +54,29 @@ from palpate.scene.load import TEMPORARY
 from palpate.scene.scene import Scene
 
 MAX_DETOURS = 20
-"""Paths that one search finds and sees refused before it gives up."""
+"""Maximum number of refused paths per search."""
 
 LIFTS = ("", " + z_offset", " + 1.5*z_offset", " + 2.5*z_offset")
-"""Offsets at which a tool is taken, and to which it is lifted before it is carried."""
+"""Offsets of the grasp and lift poses of a tool, from which it is carried."""
 
 Task = tuple[bool, frozenset[str]]
-"""Key of a solved task: slides to the other side first, and the measured quantities."""
+"""Key of a solved task: the slide direction flag (`mirrored`) and the measured quantities."""
 
 
 @dataclass(eq=False)
 class Backchainer:
-    """Builds one plan, object by object, over one symbolic state.
+    """Builds one plan over one symbolic state, object by object.
 
     Attributes:
-        scene: the scene that the plan runs in.
-        words: the vocabulary that it may use.
-        mirrored: slides go to the other side first. A dragged object lags behind, and is left a little
-            off towards where it came from: alternate sides even that out.
-        balances: an object that is also weighed is grasped last where the run finds it to balance.
-        extras: optional evidence is recorded, too.
-        omitted: optional recordings without room, in words.
-        state, steps: the plan so far, and the state after it.
+        scene: the scene of the plan.
+        words: the permitted vocabulary.
+        mirrored: slides go to the opposite side first. A dragged object lags behind the hand and
+            stays slightly displaced. Alternate sides cancel this bias.
+        balances: the last grasp of a weighed object is at its estimated balance point.
+        extras: optional evidence is recorded too.
+        omitted: messages on optional recordings that have no free space.
+        steps: the steps of the plan so far.
+        state: the symbolic state after `steps`.
     """
 
     scene: Scene
@@ -88,22 +90,22 @@ class Backchainer:
     _solved: dict[Task, tuple[str, list[Step]]] = field(
         default_factory=dict[Task, tuple[str, list[Step]]], init=False
     )
-    """First object of each task, and its steps."""
+    """Steps of each solved task, with the object they were found for."""
     _began: tuple[int, SymbolicState] = field(init=False)
-    """Number of steps before the last path that was searched, and the state then."""
+    """Number of steps and the state before the last search."""
     _refusal: str = field(default="", init=False)
-    """Reason against the last path that was found."""
+    """Reason why the last path was refused."""
 
     def __post_init__(self) -> None:
         self.state = SymbolicState(self.scene)
         self._began = 0, self.state
 
     def tree(self) -> Node:
-        """The steps so far, as one Sequence."""
+        """Return the steps so far as one Sequence."""
         return Node("Sequence", children=tuple(nodes(self.steps)))
 
     def go_home(self) -> None:
-        """Move to the home configuration, the hand open and empty."""
+        """Move to the home configuration with an open and empty hand."""
 
         def home(state: SymbolicState) -> bool:
             return state.at == HOME_CONFIG and state.gripper == "open" and not state.holding
@@ -113,11 +115,15 @@ class Backchainer:
     def measure(
         self, name: str, parameters: Sequence[Parameter], effort: Effort | None = None
     ) -> None:
-        """Measure `parameters` of one object or surface, with some `effort`, and leave the scene as
-        it was found.
+        """Measure `parameters` of one object or surface and restore the scene.
+
+        Args:
+            name: the object or surface.
+            parameters: its parameters.
+            effort: speed and number of cycles beyond the minimum; None for the minimum.
 
         Raises:
-            PlanRejected: there is no path; the message says which parameter.
+            PlanRejected: there is no path; the message names the parameter.
         """
         state, done = self.state, len(self.steps)
         try:
@@ -127,19 +133,21 @@ class Backchainer:
             self.state = state
             del self.steps[done:]
             raise
+        # Replace the steps by slower and repeated ones, for a narrower interval.
         if effort is not None:
             self.steps[done:], self.state = with_effort(
                 state, self.steps[done:], self.state, name, effort
             )
 
     def hold(self, tool: str, spots: Sequence[str]) -> None:
-        """Take a tool, hold it at each of some places, and put it back.
+        """Take a tool, hold it at each of the `spots`, and put it back.
 
         Raises:
             PlanRejected: there is no path.
         """
         away = self._clear(tool, (tool,))
         taken = [f"{tool}_pose{above}" for above in LIFTS]
+        # Search to each spot separately, so that every search stays short.
         for spot in spots:
             operators = self._operators(tool, [*taken, spot])
             held = when(lambda state, at=spot: state.holding == tool and state.at == at)
@@ -150,8 +158,10 @@ class Backchainer:
             self._carry(blocker, place, at_rest(blocker))
 
     def repeat(self, name: str, parameters: Sequence[Parameter]) -> None:
-        """Measure again as `measure`, independent of earlier recordings, with slides to the other
-        side than last time; nothing where there is no path."""
+        """Measure again with slides to the opposite side, independent of earlier recordings.
+
+        Without a path, the plan stays unchanged.
+        """
         state = self.state
         self.mirrored = not self.mirrored
         # Without its recordings, the parameter counts as unmeasured.
@@ -165,7 +175,11 @@ class Backchainer:
         )
 
     def _search(self, name: str, parameters: Sequence[Parameter]) -> None:
-        """Clear the way to an object, measure it, put it back, and put back what was in the way."""
+        """Search for the steps that measure an object and restore the scene.
+
+        Blocking objects are carried away first and put back last.
+        """
+        # An object without support would fall on release: reject it.
         floating = name in self.scene.objects and clear_of_support(
             self.state, name, self.state.pose_of(name)
         )
@@ -173,12 +187,15 @@ class Backchainer:
             raise PlanRejected(
                 f"'{name}' hangs in the air; say where it lies, in its pos or by --poses"
             )
+        # Carry blocking objects away, and collect the optional recordings.
         first = len(self.steps)
         away = self._clear(name, (name,)) if name in self.scene.bodies else []
         extras, added = self._extras(name, parameters), False
-        # Mass and com alone: the last grasp is at the balance point, where the weight's torque on the
-        # fingers is least.
+        # For mass and centre of mass alone, the last grasp is at the balance point: there the
+        # torque of the weight on the fingers is least.
         weighed = {"mass", "com"} == {wanted.quantity for wanted in parameters}
+        # Record each parameter until it is measured. The first level grasp also serves optional
+        # recordings.
         for parameter in parameters:
             while not has_measurement(parameter, self.state):
                 if not (self.balances and weighed and self._record_at_balance(parameter)):
@@ -187,9 +204,12 @@ class Backchainer:
                     added = self._add_extra(parameters, extras)
             self._improve(parameter)
             self._enrich(parameter)
+        # Optional recordings without a level grasp follow at the last grasp, if there is space.
         if extras and not (added or self._add_extra(parameters, extras)):
             kinds = " and ".join(dict.fromkeys(type(extra).__name__ for extra in extras))
             self.omitted.append(f"There is no room for {kinds} with '{name}'.")
+        # Restore the scene. Only a task without blocking objects can be transferred to another
+        # object.
         operators = self._operators(name, next(domains(self.scene, name)))
         self._reach(operators, when(at_rest(name)), f"'{name}' cannot be put back")
         if not away:
@@ -198,7 +218,7 @@ class Backchainer:
             self._carry(blocker, place, at_rest(blocker))
 
     def _transfer(self, name: str, parameters: Sequence[Parameter]) -> bool:
-        """Repeat the steps of the same task for this object; False where they do not work for it."""
+        """Repeat the steps of the same task for this object; return False where they do not apply."""
         other, steps = self._solved.get(self._task(parameters), ("", []))
         if not steps:
             return False
@@ -206,12 +226,13 @@ class Backchainer:
         for step in steps:
             moved = tuple(primitive.transferred(other, name) for primitive in step.primitives)
             again = Step(moved, step.touches)
-            # The exact judgement too: other objects stand around this one.
+            # The exact check is needed too, because this object has other neighbours.
             after = again.applied(state)
             if after is None or again.harm(state) is not None:
                 return False
             state = after
             done.append(again)
+        # Accept the steps only if they measure everything and restore the object.
         complete = all(has_measurement(parameter, state) for parameter in parameters)
         if not complete or not at_rest(name)(state):
             return False
@@ -223,14 +244,18 @@ class Backchainer:
         return self.mirrored, frozenset(parameter.quantity for parameter in parameters)
 
     def _acquire(self, parameter: Parameter) -> None:
-        """Acquire one more piece of evidence, with as few places as possible."""
+        """Acquire one more piece of evidence at as few places as possible.
+
+        Raises:
+            PlanRejected: no place yields evidence; the message states the reason.
+        """
         self._refusal = ""
         tried: list[Sequence[str]] = []
         for expressions in places(self.scene, parameter, self.state):
             if self._record(parameter, expressions):
                 return
             tried.append(expressions)
-        # A third party's primitive whose arguments no `groundings` name is never tried.
+        # A primitive of another package without `groundings` is never tried: name it in the error.
         around = self._surroundings(parameter.object, [])
         mute: list[str] = []
         for cls in self.words.converters(parameter.quantity):
@@ -242,6 +267,8 @@ class Backchainer:
                 f"no sequence of primitives measures {parameter}; {' and '.join(mute)} would need "
                 "`groundings`"
             )
+        # Explain the failure: several supporting surfaces, the last refused path, or the first
+        # obstacle.
         kinds = self.scene.catalogue[parameter.quantity].evidence
         slides = any("sliding" in kind.activity for kind in kinds)
         if slides and stands_on_seam(self.scene, parameter.object):
@@ -256,19 +283,20 @@ class Backchainer:
         )
 
     def _record(self, parameter: Parameter, expressions: Sequence[str]) -> bool:
-        """Acquire one more piece of evidence at some of these places, if there is a path."""
+        """Acquire one more piece of evidence at one of these places; return False without a path."""
         operators = self._operators(parameter.object, expressions)
         around = self._surroundings(parameter.object, expressions)
         return self._reach(operators, yielding(parameter, operators, self.words, around))
 
     def _record_at_balance(self, parameter: Parameter) -> bool:
-        """Acquire the last piece of evidence where an object balances, if there is a path."""
+        """Acquire the last piece of evidence at the balance point; return False without a path."""
         spots = balance_expressions(self.scene, parameter, self.state)
         return any(self._record(parameter, expressions) for expressions in spots)
 
     def _improve(self, parameter: Parameter) -> None:
-        """Record more evidence than needed, where one step from here yields it."""
+        """Record evidence beyond the minimum where a single step yields it."""
         sides = "-+" if self.mirrored else "+-"
+        # Try a second slide at each corner, until more evidence no longer improves the estimate.
         for axis in SIDEWAYS:
             for corner in corners(self.scene, parameter.object, axis, self.state, sides):
                 if evidence_amount(parameter, self.state) >= useful_evidence(parameter, self.state):
@@ -279,7 +307,7 @@ class Backchainer:
                 self._take(tail(self.state) or ())
 
     def _enrich(self, parameter: Parameter) -> None:
-        """Record optional evidence at a place of its own, where there is room."""
+        """Record optional evidence that has a dedicated place, if there is space."""
         for evidence in self.scene.catalogue[parameter.quantity].evidence:
             place = f"{parameter.object}_{evidence.place}"
             if evidence.optional and exists(self.scene, place):
@@ -287,7 +315,7 @@ class Backchainer:
                     self._acquire(parameter)
 
     def _take(self, steps: Sequence[Step]) -> bool:
-        """Append some steps, where there are any and the exact judgement passes them."""
+        """Append steps that pass the exact check; return False for refused or empty steps."""
         if not steps or find_first_refusal(self.state, steps) is not None:
             return False
         self.steps += steps
@@ -296,28 +324,32 @@ class Backchainer:
         return True
 
     def _extras(self, name: str, parameters: Iterable[Parameter]) -> Sequence[Primitive]:
-        """Primitives that yield only optional evidence of some of the parameters."""
+        """Return the primitives that yield only optional evidence of these parameters."""
         evidence = (
             one
             for parameter in parameters
             for one in self.scene.catalogue[parameter.quantity].evidence
         )
-        # Evidence with a place of its own is recorded there (`_enrich`).
+        # Evidence with a dedicated place is recorded there (`_enrich`).
         if not (self.extras and any(one.optional and not one.place for one in evidence)):
             return []
         return self._ground_primitives(self._surroundings(name, []), extra=True)
 
     def _hangs_level(self, name: str) -> bool:
-        """True if an object is held at its believed balance point: the less it turns in the fingers,
-        the longer it is held."""
+        """True if an object is held at its believed balance point.
+
+        The less an object turns in the fingers, the longer it can be held.
+        """
         held = self.state.pose_tcp_object
         if self.state.holding != name or held is None:
             return False
         return abs(held.apply(solids(self.scene).centre_of_mass(name))[0]) < NEARER
 
     def _add_extra(self, parameters: Iterable[Parameter], extras: Iterable[Primitive]) -> bool:
-        """Record optional evidence here with the held object, and with the empty hand before; False
-        where none can be recorded."""
+        """Record optional evidence with the held object, and before with the empty hand.
+
+        Return False if none can be recorded.
+        """
         for operator, steps in self._yielding(self.state, parameters, extras):
             if self._take(steps):
                 self._add_before(parameters, operator)
@@ -325,8 +357,11 @@ class Backchainer:
         return False
 
     def _add_before(self, parameters: Iterable[Parameter], operator: Primitive) -> None:
-        """Insert the same recording with the empty hand, where the last path passed this pose: the
-        joints' friction is then the same with the object and without."""
+        """Insert the same recording with the empty hand where the last path passed this pose.
+
+        The friction of the joints is then the same with and without the object.
+        """
+        # Replay the last path to find the latest pass of this pose with an empty hand.
         count, before = self._began
         passed: tuple[int, SymbolicState] | None = None
         for i, step in enumerate(self.steps[count:], start=count + 1):
@@ -335,6 +370,7 @@ class Backchainer:
                 passed = i, before
         if passed is None:
             return
+        # Insert the recording there. Later states gain its log entries and stay the same otherwise.
         i, there = passed
         for _, steps in self._yielding(there, parameters, [operator]):
             if find_first_refusal(there, steps) is None:
@@ -345,7 +381,7 @@ class Backchainer:
     def _yielding(
         self, state: SymbolicState, parameters: Iterable[Parameter], operators: Iterable[Primitive]
     ) -> Iterator[tuple[Primitive, Sequence[Step]]]:
-        """Operators that record evidence of a parameter in a state, with their steps."""
+        """Yield the operators that record evidence of a parameter in a state, with their steps."""
         for parameter in parameters:
             around = self._surroundings(parameter.object, [])
             for operator in operators:
@@ -354,11 +390,18 @@ class Backchainer:
                     yield operator, steps
 
     def _clear(self, name: str, waiting: tuple[str, ...]) -> list[tuple[str, str]]:
-        """Carry away the objects that block `name`, each after its own blockers; return their names,
-        with the temporary places."""
+        """Carry away the objects that block `name`, and their blockers first.
+
+        Returns:
+            The names of the carried objects with their temporary places, in order.
+
+        Raises:
+            PlanRejected: a blocker cannot be carried away, or there is no free place.
+        """
         away: list[tuple[str, str]] = []
         resolve = self.scene.symbols.resolve
         above, spot = (resolve(expression) for expression in approach(self.scene, name))
+        # Recompute the blockers after each carried object: the remaining ones may change.
         while found := blockers(self.state, name, above, spot):
             blocker = found[0]
             if blocker in waiting or blocker in dict(away):
@@ -380,13 +423,16 @@ class Backchainer:
         return away
 
     def _carry(self, name: str, place: str, done: Goal) -> None:
-        """Carry an object between its own pose and a place, until `done`."""
+        """Carry an object between its original pose and a place, until `done`."""
         spots = (f"{name}_pose", place)
         operators = self._operators(name, [e for at in spots for e in (f"{at} + z_offset", at)])
         self._reach(operators, when(done), f"'{name}' cannot be carried out of the way and back")
 
     def _surroundings(self, subject: str, expressions: Iterable[str]) -> Surroundings:
-        """Surroundings of an object, with the poses where one is held or a surface is touched."""
+        """Return the surroundings of an object, including the poses of the current grasp and
+        contact.
+        """
+        # Add the poses needed to release or lift: the grasp, the contact, and the temporary place.
         grasp = self.state.grasp
         here = [grasp, f"{grasp} + z_offset"] if grasp else []
         if self.state.contact and self.state.at:
@@ -397,7 +443,7 @@ class Backchainer:
         return Surroundings(self.state, subject, tuple(poses))
 
     def _operators(self, subject: str, expressions: Iterable[str]) -> list[Primitive]:
-        """Grounded motion and gripper primitives."""
+        """Return the grounded motion and gripper primitives."""
         return self._ground_primitives(self._surroundings(subject, expressions), extra=False)
 
     def _ground_primitives(self, around: Surroundings, extra: bool) -> list[Primitive]:
@@ -408,11 +454,16 @@ class Backchainer:
         return found
 
     def _reach(self, operators: Sequence[Primitive], tail: Tail, failure: str = "") -> bool:
-        """Append the fewest steps after which `tail` is reached, and its own; False if there are none.
+        """Append the shortest path to a state where `tail` applies, and the steps of `tail`.
+
+        Returns:
+            False if there is no path and no `failure` message is given.
 
         Raises:
-            PlanRejected: there are none, and `failure` says what that means.
+            PlanRejected: there is no path; `failure` begins the message.
         """
+        # Search with fast box tests, then apply the exact check to the path. Each refused step is
+        # excluded from the next search.
         refused: set[Refusal] = set()
         refusal = ""
         for _ in range(MAX_DETOURS):
@@ -428,6 +479,7 @@ class Backchainer:
                 return True
             refused.add(harm[0])  # the next search avoids this step in this state
             self._refusal = refusal = reason(harm[1])
+        # Report the last refusal, or the first obstacle if no path was found at all.
         if failure:
             why = refusal or obstacle(self.state, operators)
             raise PlanRejected(f"{failure}: {why}" if why else failure)

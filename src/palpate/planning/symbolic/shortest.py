@@ -1,7 +1,7 @@
-"""Breadth-first search over symbolic states, for the fewest steps to a goal.
+"""Breadth-first search over symbolic states for the fewest steps to a goal.
 
-Boxes are tested in every state. The exact judgement is slow: it tests only a found path, and the next
-search avoids the steps that it refuses.
+The search tests bounding boxes in every state. The exact check is slow and tests only a complete
+path. The next search excludes the refused steps.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from palpate.primitives.base import Primitive
 from palpate.primitives.state import PRECONDITION, RESTORED_POSITION, SymbolicState, Violation
 
 MAX_STATES = 5000
-"""States that one search visits before it gives up."""
+"""Maximum number of states per search."""
 FEW_STATES = 60
-"""States that the search for a reason visits."""
+"""Maximum number of states in the search for a reason."""
 MOVE_OR_CLEAR = "make room: move it, or what stands beside it"
 MOVE_OR_TURN = "move it nearer to the middle of the arm's reach, or turn it"
 ADVICE: Mapping[str, str] = {
@@ -35,18 +35,18 @@ ADVICE: Mapping[str, str] = {
 
 Goal = Callable[[SymbolicState], bool]
 Tail = Callable[[SymbolicState], "list[Step] | None"]
-"""Remaining steps from a state to the goal; None when the goal is not in reach from there."""
+"""Remaining steps from a state to the goal; None if the goal is not reachable from it."""
 Refusal = tuple[tuple[object, ...], str]
-"""A state, and the label of a step that does harm there."""
+"""Key of a state, and the label of a step that the exact check refuses there."""
 
 
 def at_rest(name: str) -> Goal:
-    """The hand empty, open and clear, and `name` where the scene has it."""
+    """Goal: the hand is empty, open and clear, and `name` is at its scene pose."""
     return lambda state: is_clear(state) and not is_away(state, name)
 
 
 def placement_goal(name: str, pose_world_object: Pose) -> Goal:
-    """The hand empty, open and clear, and `name` at that pose."""
+    """Goal: the hand is empty, open and clear, and `name` is at the given pose."""
 
     def matches(state: SymbolicState) -> bool:
         distance = state.pose_of(name).distance_to(pose_world_object)
@@ -56,14 +56,18 @@ def placement_goal(name: str, pose_world_object: Pose) -> Goal:
 
 
 def when(done: Goal) -> Tail:
-    """Tail without steps, once `done` holds."""
+    """Return a tail without steps that applies once `done` holds."""
     return lambda state: [] if done(state) else None
 
 
 def shortest(
     start: SymbolicState, operators: Sequence[Primitive], tail: Tail, refused: set[Refusal]
 ) -> tuple[list[Step], SymbolicState] | None:
-    """Breadth-first search; ties go to the order of `operators`."""
+    """Find a shortest path by breadth-first search; the order of `operators` breaks ties.
+
+    Returns:
+        The steps, including those of `tail`, and the final state; None without a path.
+    """
     queue: deque[tuple[SymbolicState, tuple[Step, ...]]] = deque([(start, ())])
     seen = {state_key(start)}
     # First in, first out: the first path that reaches the goal is a shortest one.
@@ -72,6 +76,7 @@ def shortest(
         rest = tail(state)
         if rest is not None and (after := final_state(state, rest, refused)) is not None:
             return [*steps, *rest], after
+        # Expand the state by every operator that applies and is not refused.
         for operator in operators:
             after = Step((operator,)).applied(state)
             if after is None or (state_key(state), operator.label) in refused:
@@ -87,7 +92,7 @@ def shortest(
 def final_state(
     state: SymbolicState, steps: Iterable[Step], refused: set[Refusal]
 ) -> SymbolicState | None:
-    """The state after some steps; None where one of them is `refused`."""
+    """Return the state after the steps; None if one of them is `refused`."""
     for step in steps:
         if refused and (state_key(state), step.label) in refused:
             return None
@@ -98,7 +103,7 @@ def final_state(
 def find_first_refusal(
     state: SymbolicState, steps: Iterable[Step]
 ) -> tuple[Refusal, Violation] | None:
-    """First of some steps that the exact judgement refuses, with its violation."""
+    """Return the first step that the exact check refuses, with its violation."""
     for step in steps:
         harm = step.harm(state)
         if harm is not None:
@@ -108,8 +113,12 @@ def find_first_refusal(
 
 
 def obstacle(state: SymbolicState, operators: Sequence[Primitive]) -> str:
-    """Reason why no sequence of actions leads on, with advice to the user: an object would tip, fall
-    or turn in the grip. Violations of the order of actions are not reasons."""
+    """Return a reason why no sequence of actions leads on, with advice to the user.
+
+    An object would tip, fall or turn in the grip, for example. Violations of the action order are
+    no reasons.
+    """
+    # Explore a few states, and report the first physical violation of a gripper action.
     queue, seen = deque([state]), {state_key(state)}
     while queue and len(seen) < FEW_STATES:
         here = queue.popleft()
@@ -125,13 +134,13 @@ def obstacle(state: SymbolicState, operators: Sequence[Primitive]) -> str:
 
 
 def reason(violation: Violation) -> str:
-    """A violation as a reason for the user: its finding, with advice that changes the scene."""
+    """State a violation as a reason for the user, with advice on how to change the scene."""
     advice = ADVICE.get(violation.rule)
     return f"{violation.finding}; {advice}" if advice else violation.finding
 
 
 def state_key(state: SymbolicState) -> tuple[object, ...]:
-    """Key of a state: poses to a tenth of a millimetre."""
+    """Key of a state, with positions rounded to 0.1 mm."""
     moved: list[object] = []
     for name, pose in sorted(state.moved.items()):
         moved.append((name, *np.round(pose.position, 4).tolist()))

@@ -1,4 +1,4 @@
-"""Steps of a plan under construction, and the pose expressions to visit."""
+"""Steps of a plan under construction, and candidate pose expressions."""
 
 from __future__ import annotations
 
@@ -32,17 +32,21 @@ from palpate.scene.load import TEMPORARY
 from palpate.scene.scene import Scene
 
 TURNED = 0.1
-"""rad by which an object may be turned and still count as restored."""
+"""rad. Maximum rotation of an object that still counts as restored."""
 SLIDE = 0.06
-"""m: least length of a slide for friction."""
+"""m. Minimum length of a slide for friction."""
 ASIDE = 0.03
-"""m: least length of its way along the other axis."""
+"""m. Minimum offset of a slide along the other axis."""
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Primitives that run together (in a Parallel when several). `touches`: it ends in contact with
-    a surface."""
+    """Primitives that run together, as a Parallel when there are several.
+
+    Attributes:
+        primitives: the primitives.
+        touches: the step ends in contact with a surface.
+    """
 
     primitives: tuple[Primitive, ...]
     touches: bool = False
@@ -63,17 +67,17 @@ class Step:
         return " beside ".join(primitive.label for primitive in self.primitives)
 
     def harm(self, state: SymbolicState) -> Violation | None:
-        """First violation of its motions by the exact judgement of the check, if any."""
+        """Return the first violation of its motions by the exact check; None without any."""
         for primitive in self.moving:
             for violation in primitive.violations(state):
                 return violation
         return None
 
     def effect(self, state: SymbolicState) -> SymbolicState:
-        """The state after it.
+        """Return the state after the step.
 
         Raises:
-            InputError: it goes to an unknown pose.
+            InputError: its target pose is unknown.
         """
         moving, sensing = self.moving, self.sensing
         branches = [sensing] if sensing else []
@@ -81,13 +85,15 @@ class Step:
         return parallel(state, meanwhile, moving, branches, lambda leaf, before: before.after(leaf))
 
     def applied(self, state: SymbolicState) -> SymbolicState | None:
-        """The state after it; None where it breaks a precondition, or is not preferred."""
+        """Return the state after the step; None if a precondition fails or the step is not
+        preferred.
+        """
         moving, sensing = self.moving, self.sensing
         try:
             meanwhile = during(moving, state) if sensing else state
             if any(primitive.violations(meanwhile) for primitive in sensing):
                 return None
-            # The effects of a guarded motion take long: not where it is refused.
+            # Computing the effects of a guarded motion is slow: test its preconditions first.
             if any(state.unmet(primitive) for primitive in moving):
                 return None
             after = self.effect(state)
@@ -97,9 +103,10 @@ class Step:
         return after if all(preferred) else None
 
     def node(self) -> Node:
-        """Node of a plan, with the primitives' arguments as they are written in a file."""
+        """Return the node of a plan, with arguments in file format."""
         made: list[Node] = []
         for primitive in self.primitives:
+            # Plans hold JSON arrays as tuples, so that nodes are comparable.
             arguments: list[tuple[str, Any]] = []
             for name, value in primitive.model_dump(mode="json", exclude_none=True).items():
                 if isinstance(value, list):
@@ -112,26 +119,32 @@ class Step:
 def is_preferred(
     primitive: Primitive, before: SymbolicState, after: SymbolicState, recorded: bool
 ) -> bool:
-    """True if this planner takes an action: it is stricter than the check, and takes no detours.
+    """True if this planner uses an action; it is stricter than the check and avoids detours.
 
-    `recorded`: something is sensed beside it.
+    Args:
+        primitive: the action.
+        before, after: the states before and after it.
+        recorded: a sensing primitive runs in parallel.
     """
+    # From an unknown pose, only the home configuration is a target.
     if before.pose_world_tcp is None:
         return after.at == HOME_CONFIG
     if "arm" not in primitive.claims:
         if after.gripper != "closed":
             return releases_in_place(before)
-        # The empty hand closes only above the top of an object, to probe it with its fingertips.
+        # The empty hand closes only above an object, to probe its top with the fingertips.
         probes = after.at is not None and after.at.endswith(TOP)
         return probes or after.holding is not None
     if after.contact:
-        # A guarded motion begins in free air.
+        # A guarded motion begins without contact.
         return not before.contact and not straddles(before)
     if after.is_bent:
-        # The joints move with a free hand.
+        # Joint motions need a free hand.
         return not (before.contact or before.holding or straddles(before))
+    # A motion to the current pose is useless unless it records a tilt.
     if after.at == before.at and not before.contact and not (primitive.tilts and recorded):
         return False
+    # A dragged object must slide along an acceptable path.
     dragged = before.holding is not None and not before.lifted and not after.lifted
     if dragged and not slides_well(before, after, recorded):
         return False
@@ -139,8 +152,10 @@ def is_preferred(
 
 
 def releases_in_place(before: SymbolicState) -> bool:
-    """True if an object is released where and as the scene has it, or at its temporary place; or if the
-    hand is closed and empty."""
+    """True if an object is released at its scene pose or at its temporary place.
+
+    Also true if the hand is closed and empty.
+    """
     held = before.holding
     if before.gripper == "open" or held is None:
         return before.gripper != "open"
@@ -151,13 +166,15 @@ def releases_in_place(before: SymbolicState) -> bool:
 
 
 def slides_well(before: SymbolicState, after: SymbolicState, recorded: bool) -> bool:
-    """True if an object is slid straight on one surface, far enough for its friction to be recorded, or
-    back to where it was found."""
+    """True if a straight slide on one surface is long enough to record friction.
+
+    Also true for a slide back to the initial position.
+    """
     if before.pose_world_tcp is None or after.pose_world_tcp is None:
         return False
     if after.pose_world_tcp.angle_to(before.pose_world_tcp) > SAME_POSE:
         return False
-    # The estimate of a friction takes every drag, recorded or not.
+    # The friction estimate uses every drag, also those without a parallel recording.
     if len(surfaces_slid_on(before, after)) != 1:
         return False
     travel = after.pose_world_tcp.distance_to(before.pose_world_tcp)
@@ -169,12 +186,12 @@ def slides_well(before: SymbolicState, after: SymbolicState, recorded: bool) -> 
 
 
 def straddles(state: SymbolicState) -> bool:
-    """True if an object stands between the open fingers."""
+    """True if an object is between the open fingers."""
     return not state.holding and straddled_object(state, state.pose_world_tcp) is not None
 
 
 def is_away(state: SymbolicState, name: str) -> bool:
-    """True if an object is not where the scene has it."""
+    """True if an object is not at its scene pose."""
     return name in state.displaced_objects()
 
 
@@ -185,7 +202,7 @@ def is_clear(state: SymbolicState) -> bool:
 
 
 def nodes(steps: Sequence[Step]) -> Iterator[Node]:
-    """The steps as nodes: sensing is grouped with the contact that it follows, as one Sequence."""
+    """Yield the steps as nodes; sensing joins the contact before it in one Sequence."""
     group: list[Node] = []
     for i, step in enumerate(steps):
         group.append(step.node())
@@ -196,26 +213,31 @@ def nodes(steps: Sequence[Step]) -> Iterator[Node]:
         group = []
 
 
-# Pose expressions to visit: where evidence is missing, around an object, beside it.
+# Candidate pose expressions for missing evidence, around an object.
 
 
 SPOT = 1.5
-"""Offsets between the spots of a surface that are touched: 75 mm, of which three define a plane."""
+"""Offsets. Distance between the touched spots of a surface: 1.5 offsets are 75 mm. Three spots
+define a plane.
+"""
 SIDEWAYS = ("y_offset", "x_offset")
-"""Offsets along which objects are slid: the closing direction of the fingers first, across which an
-object may tip in their grip."""
+"""Offsets of slides. The closing direction of the fingers is first; an object may tip in the grip
+across it.
+"""
 BALANCE = "_balance"
-"""Ending of the name of the pose at which an object balances, as a run estimates it."""
+"""Name ending of the pose at which an object balances, as estimated in a run."""
 NEARER = 0.005
-"""m by which a centre of mass must be beside the grasp for one side to be nearer to it."""
+"""m. Minimum offset of the centre of mass from the grasp for one side to count as nearer."""
 
 
 def places(scene: Scene, parameter: Parameter, state: SymbolicState) -> Iterator[list[str]]:
-    """Pose expressions where the missing evidence has to be recorded, if its declaration says so; else
-    around the object."""
+    """Yield sets of pose expressions for the missing evidence.
+
+    The declaration of the quantity determines the place; the default is around the object.
+    """
     quantity, name = scene.catalogue[parameter.quantity], parameter.object
     if any(one.distinct == "place" and one.count > 1 for one in quantity.evidence):
-        # Three spots of a surface that are not in line, in four ways.
+        # Three spots of a surface that are not collinear, in four arrangements.
         _, spot = approach(scene, name)
         first, other = SIDEWAYS
         for sign in "+-":
@@ -225,6 +247,7 @@ def places(scene: Scene, parameter: Parameter, state: SymbolicState) -> Iterator
     if not any(evidence.place for evidence in quantity.evidence):
         yield from domains(scene, name)
         return
+    # Yield the dedicated places of evidence that is still missing.
     done = {kind for kind, _ in quantity.pieces(parameter, state.logged)}
     for kind, evidence in enumerate(quantity.evidence):
         spot = f"{name}_{evidence.place}"
@@ -235,8 +258,11 @@ def places(scene: Scene, parameter: Parameter, state: SymbolicState) -> Iterator
 def balance_expressions(
     scene: Scene, parameter: Parameter, state: SymbolicState
 ) -> Iterator[list[str]]:
-    """Pose expressions where an object balances, for the last of several grasps: the grasps before
-    locate the balance point. None if it is believed to lie at the first grasp."""
+    """Yield pose expressions at the balance point for the last of several grasps.
+
+    The earlier grasps locate the balance point. Yield none if it is believed to lie at the first
+    grasp.
+    """
     quantity, name = scene.catalogue[parameter.quantity], parameter.object
     line = scene.symbols.lines.get(f"{name}{BALANCE}")
     if line is None or abs(line.believed) < NEARER:
@@ -248,8 +274,10 @@ def balance_expressions(
 
 
 def domains(scene: Scene, name: str) -> Iterator[list[str]]:
-    """Pose expressions around an object or surface, few first: above and at it, then shifted along its
-    axes."""
+    """Yield sets of pose expressions around an object or surface, in order of size.
+
+    The first set is above and at the object. The others are shifted along its axes.
+    """
     above, spot = approach(scene, name)
     if name not in scene.bodies:  # the gripper itself: above any object
         yield [approach(scene, other)[0] for other in scene.objects]
@@ -258,17 +286,19 @@ def domains(scene: Scene, name: str) -> Iterator[list[str]]:
         yield [spot, above]
         return
     yield [above, spot]
+    # Slides from the initial pose in both directions of an axis.
     for axis in SIDEWAYS:
         factor = multiples(scene, axis, spot, SLIDE)
         yield [above, spot, *(f"{spot} {sign} {factor}*{axis}" for sign in "+-")]
+    # An object on several surfaces slides at its temporary place on one surface instead.
     if stands_on_seam(scene, name):
         place = f"{name}{TEMPORARY}"
         for axis in SIDEWAYS if exists(scene, place) else ():
             factor = multiples(scene, axis, place, SLIDE)
             ends = [place, *(f"{place} {sign} {factor}*{axis}" for sign in "+-")]
             yield [above, spot, *ends, *(f"{end} + z_offset" for end in ends)]
-    # Other grasps, last the one nearer to the believed centre of mass: there the object sags least in
-    # the fingers when it is turned after all grasps.
+    # Other grasps. The grasp nearest to the believed centre of mass is last: after all grasps the
+    # object turns least there.
     for axis in reversed(SIDEWAYS):
         expressions = [above, spot]
         for sign in "-+" if towards_centre(scene, name, axis) > NEARER else "+-":
@@ -278,8 +308,11 @@ def domains(scene: Scene, name: str) -> Iterator[list[str]]:
 
 
 def corners(scene: Scene, name: str, axis: str, state: SymbolicState, sides: str) -> Iterator[str]:
-    """Goals of a second slide, beside where the object stood, after one along `axis`: a third slide,
-    along the other axis, closes the triangle."""
+    """Yield end points of a second slide that starts after one along `axis`.
+
+    The end point lies next to the initial pose. A third slide along the other axis closes the
+    triangle.
+    """
     _, spot = approach(scene, name)
     (other,) = (one for one in SIDEWAYS if one != axis)
     there, aside = multiples(scene, axis, spot, SLIDE), multiples(scene, other, spot, ASIDE)
@@ -289,7 +322,7 @@ def corners(scene: Scene, name: str, axis: str, state: SymbolicState, sides: str
 
 
 def approach(scene: Scene, name: str) -> tuple[str, str]:
-    """Pose expressions above an object or surface and at it."""
+    """Return the pose expressions above an object or surface and at it."""
     graspable = name in scene.objects or name in scene.fixtures
     spot = f"{name}_pose" if graspable else f"{name}_approach"
     return f"{spot} + z_offset", spot
@@ -305,7 +338,7 @@ def exists(scene: Scene, expression: str) -> bool:
 
 
 def stands_on_seam(scene: Scene, name: str) -> bool:
-    """True if several surfaces carry an object together, so that it has to be slid elsewhere."""
+    """True if several surfaces carry an object together, so that it must be slid elsewhere."""
     return len(carriers(SymbolicState(scene), name, [scene.body(name).pose_world])) > 1
 
 
@@ -321,6 +354,6 @@ def towards_centre(scene: Scene, name: str, axis: str) -> float:
 
 
 def multiples(scene: Scene, axis: str, spot: str, distance: float) -> int:
-    """Least multiple of an offset whose length reaches `distance` (m)."""
+    """Return the smallest multiple of an offset with a length of at least `distance` (m)."""
     length = float(np.linalg.norm(scene.symbols.offset(axis, spot)))
     return max(1, math.ceil(distance / max(length, 1e-3)))
