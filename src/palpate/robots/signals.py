@@ -15,30 +15,33 @@ from palpate.robots.description import Limits, RobotDescription
 from palpate.robots.robot import RobotState
 from palpate.trace.samples import Samples
 
-STALLED = 5  # advances after which a clock that has not moved stands
+STALLED = 5  # advances without progress, after which a clock is called stopped
 BY_ITSELF = 30.0
-"""s that may pass unasked on a real arm, whose time goes on while a computer is busy: no fault of
-the clock."""
+"""s: time that may pass unrequested on a real arm. Its clock goes on while the computer is busy, which is no
+fault of the clock.
+"""
 OVERSPEED = 1.5  # times a joint's speed limit: a faster encoder jumps
 ENCODER_SLACK = 2e-3  # rad of tolerance between two samples of an encoder
 OVERSHOOT = 2.0  # times the TCP's speed limit: a faster reported pose jumps
 POSE_SLACK = 0.01  # m of tolerance between two reported poses
-OVERLOAD = 2.0  # times a joint's torque limit: no joint bears more
+OVERLOAD = 2.0  # times a joint's torque limit: no joint carries more
 WIDTH_SLACK = 0.005  # m that the reported width may lie beyond closed and open fingers
 WIDTH_SPEED = 2.0  # m/s: no finger is as fast
 SIGNALS = ("q", "dq", "tau_ext", "wrench", "pose_world_tcp", "twist", "width")
 FORCE, TORQUE = 4.0, 2.0
-"""N, N m by which a contact may grow from one state to the next without confirmation: at 20 mm/s it
-grows by 1 N. A hard one grows by more, and is confirmed 20 ms late; the robot's own reflex is not.
-An object that is pressed and rubbed may slip and stick: changes up to the largest contact within
-`RUBBED` need no confirmation either."""
+"""N, N m: change of a contact from one state to the next that needs no confirmation. At 20 mm/s a contact
+grows by 1 N. A hard contact grows by more, and is confirmed 20 ms late; the robot's own reflex has no such
+delay. An object that is pressed and rubbed may slip and stick. So changes up to the largest contact within
+`RUBBED` need no confirmation either.
+"""
 RUBBED = 0.3
-"""s, time constant with which the largest contact is forgotten; stick-slip repeats within 0.1 s."""
+"""s: time constant with which the largest contact is forgotten. Stick-slip repeats within 0.1 s."""
 SHAKEN = 20.0, 5.0
-"""N, N m per rad/s of the joints' speed (norm) by which ripple of the gears shakes a contact from one
-state to the next: recordings of an FR3 in a soft loop jump by 11 N (95 %) in 20 ms at 0.6 rad/s."""
-LOAD = 0.25  # of a joint's torque limit: the same for its torque
-MOST, WINDOW = 4, 1.0  # spikes within so many s are a fault
+"""N, N m per rad/s of joint speed (norm): change of a contact from state to state by ripple of the gears.
+Recordings of an FR3 in a soft loop jump by 11 N (95 %) in 20 ms at 0.6 rad/s.
+"""
+LOAD = 0.25  # of a joint's torque limit: change of its torque that needs no confirmation
+MOST, WINDOW = 4, 1.0  # number of spikes within that many s that is a fault
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +57,7 @@ class Fault:
 
 
 class Clock:
-    """Check of the robot's time, and of the stamps of its samples: they must neither stand, go back
-    nor leap."""
+    """Check of the robot's time and of its samples' stamps: they must not stop, go back or leap."""
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
@@ -64,12 +66,12 @@ class Clock:
         self._sample: float | None = None
 
     def ask(self, duration: float) -> None:
-        """Note that the robot is asked to let `duration` s pass."""
+        """Record the request to let `duration` s pass."""
         self._asked += duration
         self._waits += 1
 
     def follow(self, state: RobotState) -> Fault | None:
-        """Check the next state. Old samples are left to the safety predicate."""
+        """Check the next state. The safety predicate handles old samples."""
         before, self._state = self._state, state
         if before is None:
             self._asked, self._waits = 0.0, 0
@@ -109,8 +111,10 @@ class Clock:
 
 
 class Spikes:
-    """Filter of the forces, a median over three states where they jump: a change that only one
-    state shows is held back, and counted."""
+    """Filter of the forces: a median over three states where they jump.
+
+    A change that only one state shows is held back and counted.
+    """
 
     def __init__(self, limits: Limits) -> None:
         self._scale = LOAD * limits.tau_max
@@ -121,11 +125,13 @@ class Spikes:
 
     def follow(self, state: RobotState) -> Fault | None:
         """Filter the next state."""
+        # The largest recent contact decays with the time constant RUBBED.
         if self._believed is not None:
             left = math.exp(min(self._believed.t - state.t, 0.0) / RUBBED)
             contact = self._believed.contact
             self._pressed = max(norm(contact[:3]), left * self._pressed)
             self._twisted = max(norm(contact[3:]), left * self._twisted)
+        # The new state confirms the doubted one, or shows that it was a spike.
         if self._doubted is not None and self._believed is not None:
             if self._force_distance(state, self._doubted) <= self._force_distance(
                 state, self._believed
@@ -134,10 +140,12 @@ class Spikes:
             else:
                 self._times.append(self._doubted.t)
         self._doubted = None
+        # Doubt a state whose forces jump away from the accepted ones.
         if self._believed is None or self._force_distance(state, self._believed) <= 1.0:
             self._believed = state
         else:
             self._doubted = state
+        # Many spikes in a short time are a fault.
         times = self._times
         if len(times) < MOST or state.t - times[0] > WINDOW:
             return None
@@ -146,7 +154,7 @@ class Spikes:
 
     @property
     def doubting(self) -> bool:
-        """True if the next state decides whether a force has jumped."""
+        """Test if the next state decides whether a force has jumped."""
         return self._doubted is not None
 
     def believable(self, state: RobotState) -> RobotState:
@@ -159,13 +167,13 @@ class Spikes:
         )
 
     def _force_distance(self, state: RobotState, other: RobotState) -> float:
-        """Compute the distance of two states' forces, in units of the change that needs no
-        confirmation."""
+        """Compute the distance of two states' forces, relative to the change that needs no confirmation."""
+        # Scale each part by its permitted change: largest of fixed, recent contact, and ripple at this speed.
         speed, force = norm(state.dq), np.abs(state.contact - other.contact)
         force[:3] /= max(FORCE, self._pressed, SHAKEN[0] * speed)
         force[3:] /= max(TORQUE, self._twisted, SHAKEN[1] * speed)
         torque = np.abs(state.tau - other.tau) / self._scale
-        return float(np.concatenate([force, torque]).max())  # not a number, if any is none
+        return float(np.concatenate([force, torque]).max())  # NaN if any signal is NaN
 
 
 def norm(v: Array) -> float:
@@ -187,7 +195,8 @@ def not_finite(samples: Samples) -> Fault | None:
 
 
 def impossible(samples: Samples, last: Samples, limits: Limits) -> Fault | None:
-    """Find joints that jump, and torques that no joint bears; `last` are the samples before."""
+    """Find joints that jump, and torques that no joint can carry; `last` are the preceding samples."""
+    # A joint may move by its speed limit times the time between samples, plus a slack.
     t = np.concatenate([last.t[-1:], samples.t])
     q = np.concatenate([last.q[-1:], samples.q])
     dt = np.maximum(t[1:] - t[:-1], 0.0)[:, None]
@@ -200,6 +209,7 @@ def impossible(samples: Samples, last: Samples, limits: Limits) -> Fault | None:
             f"{limits.dq_max[i]:.2f} rad/s allow"
         )
         return Fault("encoders jump", what, float(t[row + 1]))
+    # The external torque may not exceed a multiple of the joint's limit.
     share = np.abs(samples.tau_ext) / limits.tau_max
     if share.max(initial=0.0) > OVERLOAD:
         row, i = np.unravel_index(int(share.argmax()), share.shape)
@@ -231,18 +241,18 @@ def wrong_width(state: RobotState, before: RobotState, arm: RobotDescription) ->
     return None
 
 
-# Signals that have stopped changing though their stamps go on.
+# Signals that stop changing although their stamps advance.
 
 
-FROZEN = 0.1  # s that a signal stays the same to the last bit, before it is called frozen
-REPEATS = 4  # in a row, likewise: a noisy signal in coarse steps repeats once now and then
-MOVED = 2e-4  # rad of a joint's turn that changes every torque, be it in the last bit
+FROZEN = 0.1  # s without a change in the last bit, before a signal is called frozen
+REPEATS = 4  # equal samples in a row: a noisy signal in coarse steps repeats now and then
+MOVED = 2e-4  # rad: turn of a joint that changes every torque by at least the last bit
 LED = 1e-3
-"""m of motion of the commanded equilibrium (0.1 of a quaternion's change counts as much) that the
-encoders of the arm must show."""
+"""m: motion of the commanded equilibrium that the arm's encoders must show. A quaternion's change counts
+with the factor 0.1."""
 NOISY = 1e-3
-"""N m (N) of change from sample to sample, in nine of ten samples: a signal with so much noise never
-repeats itself. Torque sensors have some 20 times as much in 5 ms."""
+"""N m (N): change from sample to sample, in nine of ten samples. A signal with so much noise never repeats.
+Torque sensors change by about 20 times as much in 5 ms."""
 LEARNT = 100  # changes in a row from which the noise is known
 ENCODERS = "encoders"  # the signal that forces do not cause
 
@@ -250,10 +260,10 @@ Mask = NDArray[np.bool_]
 
 
 class Constancy:
-    """Time since each column of some signals, side by side, has been the same.
+    """Time for which each column of some signals, in one array, has been constant.
 
     Attributes:
-        names: of the signals.
+        names: names of the signals.
     """
 
     def __init__(self, widths: Mapping[str, int]) -> None:
@@ -274,8 +284,9 @@ class Constancy:
         self._marks: dict[str, tuple[Array, Array]] = {}
 
     def follow(self, t: Array, values: Array, q: Array, target: Array) -> None:
-        """Process the next `values` (m, n) of the signals at times `t` (m,), with joints `q` (m, 7)
-        and commanded equilibrium `target` (m, 7)."""
+        """Process the next `values` (m, n) of the signals at times `t` (m,), with joints `q` (m, 7) and commanded
+        equilibrium `target` (m, 7).
+        """
         if self._last is None:
             self._last = values[:1]
             self._since[:] = t[0]
@@ -289,8 +300,7 @@ class Constancy:
         return t - float(self._since.min()) >= FROZEN
 
     def constant_since(self, name: str, t: float) -> Array:
-        """Return the time (n,), s, for which each column of a signal has been the same; 0 before enough
-        repeats."""
+        """Return the time (n,), s, for which each column of a signal has been constant; 0 before enough repeats."""
         columns = self._columns[name]
         return np.where(self._repeats[columns] < REPEATS, 0.0, t - self._since[columns])
 
@@ -299,7 +309,7 @@ class Constancy:
         return self._since[self._columns[name]]
 
     def noisy(self, name: str) -> Mask:
-        """Select the columns of a signal that never rested before they stood."""
+        """Select the columns of a signal whose noise changed every sample before they became constant."""
         return np.quantile(self._changes[:, self._columns[name]], 0.1, axis=0) > NOISY
 
     def moved(self, name: str) -> float:
@@ -314,9 +324,11 @@ class Constancy:
     def _take(self, t: Array, values: Array, q: Array, target: Array) -> None:
         """Process at most `LEARNT` rows."""
         assert self._last is not None
+        # Change of each column from row to row.
         before = np.concatenate([self._last, values[:-1]]) if len(t) > 1 else self._last
         steps = np.abs(values - before)
         self._last, self._q, self._target = values[-1:], q[-1], target[-1]
+        # Usual case: every column changes in every row, so that the ring buffer takes all changes.
         row, self._row = self._row % LEARNT, self._row + len(t)
         if steps.min() > 0.0 and self._goes_on_all:
             end = row + len(t)
@@ -326,18 +338,20 @@ class Constancy:
             self._marks = dict.fromkeys(self.names, (q[-1], target[-1]))
             return
         changed, into = values != before, (row + np.arange(len(t))) % LEARNT
-        # A column that stands keeps its noise; one that changes after it stood may rest, and its
-        # noise is learnt again.
+        # A constant column keeps its noise figures. A column that changes again may have
+        # rested, and its noise is measured from the start.
         resumed = latest_row(changed & ~np.concatenate([self._goes_on[None], changed[:-1]]))
         self._changes[:, resumed >= 0] = 0.0
         known = changed & (np.arange(len(changed))[:, None] >= resumed)
         self._changes[into] = np.where(known, steps, self._changes[into])
         self._goes_on = changed[-1]
         self._goes_on_all = bool(self._goes_on.all())
+        # Count equal rows since the latest change of each column, and note its time.
         latest = latest_row(changed)
         self._repeats = np.where(latest < 0, self._repeats, -1) + len(t) - np.maximum(latest, 0)
         went_on = latest >= 0
         self._since[went_on] = t[latest[went_on]]
+        # A signal's mark is the arm's state at the latest change of any of its columns.
         for name, columns in self._columns.items():
             row = int(latest[columns].max())
             if row >= 0:
@@ -345,7 +359,7 @@ class Constancy:
 
 
 def frozen(signals: Constancy, t: float) -> Fault | None:
-    """Find the first frozen signal: `encoders`, or one that forces cause."""
+    """Find the first frozen signal: `encoders`, or a signal that forces cause."""
     if not signals.stands(t):
         return None
     found = frozen_encoders(signals, t)
@@ -358,9 +372,11 @@ def frozen(signals: Constancy, t: float) -> Fault | None:
 def frozen_torques(name: str, signals: Constancy, t: float) -> Fault | None:
     """Test a signal that forces cause: it changes with the arm's posture, or by its noise."""
     since, lasted, moved = signals.since(name), signals.constant_since(name, t), signals.moved(name)
+    # All columns are constant while the arm turns.
     if lasted.min() >= FROZEN and moved > MOVED:
         why = f"while a joint turned by {1e3 * moved:.1f} mrad"
         return frozen_fault(name, t, float(since.max()), why)
+    # Some columns are constant although their noise changed every sample before.
     stands = lasted >= FROZEN
     if stands.any():
         stands &= signals.noisy(name)
@@ -372,7 +388,7 @@ def frozen_torques(name: str, signals: Constancy, t: float) -> Fault | None:
 
 
 def frozen_encoders(signals: Constancy, t: float) -> Fault | None:
-    """Test the joint positions: they change when the arm is led on, even against an obstacle."""
+    """Test the joint positions: they change when the commanded equilibrium moves, even against an obstacle."""
     since, led = signals.since(ENCODERS), signals.led(ENCODERS)
     if signals.constant_since(ENCODERS, t).min() < FROZEN or led < LED:
         return None

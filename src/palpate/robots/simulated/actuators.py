@@ -30,6 +30,7 @@ def add_actuators(world: mujoco.MjSpec, arm: RobotDescription) -> None:
 
     They inherit the arm's own defaults, and none of the scene's.
     """
+    # Three actuators pull the TCP along the world's axes, one turns it.
     own = world.find_default(PREFIX + "main")
     world.worldbody.add_site(own, name=ORIGIN, group=4)
     site, tcp = mujoco.mjtTrn.mjTRN_SITE, PREFIX + arm.tcp
@@ -39,13 +40,14 @@ def add_actuators(world: mujoco.MjSpec, arm: RobotDescription) -> None:
         axis.set_to_position(kp=1.0, kv=1.0)
     turn = world.add_actuator(own, name=ORIENTATION, trntype=site, target=tcp, refsite=ORIGIN)
     turn.set_to_orientation(kp=1.0, kv=1.0, ctrlspec=mujoco.mjtCtrlChart.mjCHART_QUAT)
+    # A drive per joint acts as a spring or as a torque input.
     for name, joint in zip(DRIVES, arm.joints, strict=True):
         drive = world.add_actuator(
             own, name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=PREFIX + joint
         )
         drive.set_to_position(kp=1.0, kv=1.0)
         world.joint(PREFIX + joint).actgravcomp = True
-    # A tendon whose length is n q, with the null space's axis n of the present run of cycles.
+    # A tendon of length n^T q, where n is the null space's axis in the present run of cycles.
     tendon = world.add_tendon(own, name=NULL_SPACE)
     for joint in arm.joints:
         tendon.wrap_joint(PREFIX + joint, 1.0)
@@ -63,8 +65,10 @@ class SpringInertia(NamedTuple):
 
     @classmethod
     def of(cls, mass_matrix: Array, jacobian: Array) -> SpringInertia:
-        """Compute both from the joint-space inertia M (7, 7) and the Jacobian J (6, 7), world axes
-        about the TCP: (J M^-1 J^T)^-1."""
+        """Compute both from the joint-space inertia M (7, 7) and the Jacobian J (6, 7), world axes about the TCP.
+
+        The inertia at the TCP is (J M^-1 J^T)^-1.
+        """
         mobility = jacobian @ np.linalg.solve(mass_matrix, jacobian.T)
         inverse = np.linalg.inv(mobility + 1e-6 * np.eye(6))  # finite in singular poses, too
         return cls(np.asarray(inverse, dtype=np.float64), mass_matrix)
@@ -72,15 +76,15 @@ class SpringInertia(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpringGains:
-    """Stiffness of the active springs, and their critical damping 2 sqrt(k m) with the inertia that
-    each moves."""
+    """Stiffness of the active springs, and their critical damping 2 sqrt(k m), where m is the
+    inertia that each spring moves."""
 
     # True if the TCP's springs act, and the joint drives take torques; else the joints' springs act
     cartesian: bool
     stiffness: Array  # (6,) at the TCP, world axes, or (7,) at the joints
-    damping: Array  # likewise
+    damping: Array  # (6,) or (7,), in the axes of the stiffness
     inertia: Array  # (6, 6) or (7, 7) that they move
-    own: Array  # (7,) kg m^2, each joint's own
+    own: Array  # (7,) kg m^2, diagonal of the joint-space inertia
 
     @classmethod
     def of_tcp(cls, springs: ControllerStiffness, inertia: SpringInertia) -> SpringGains:
@@ -103,15 +107,17 @@ class SpringGains:
         return cls(False, np.zeros(7), np.zeros(7), inertia, np.diag(inertia))
 
     def dampers(self, jacobian: Array, swivel: Swivel) -> Array:
-        """Map all dampers to the joints, (7, 7): J^T D J for the TCP's, beside the null space's."""
+        """Map all dampers to the joints, (7, 7): J^T D J of the TCP's dampers plus the null space's."""
         if not self.cartesian:
             return np.diag(self.damping)
         own = swivel.damping * np.outer(swivel.axis, swivel.axis)
         return jacobian.T @ (self.damping[:, None] * jacobian) + own
 
     def on(self, rows: Array, each: Array, jacobian: Array) -> Array:
-        """Map rows of joint angles or rates (n, 7) through `stiffness` or `damping` to torques (n, 7), with the
-        Jacobians (n, 6, 7)."""
+        """Map rows of joint angles or rates (n, 7) through `stiffness` or `damping`, given as `each`.
+
+        Return torques (n, 7), computed with the Jacobians (n, 6, 7).
+        """
         if not self.cartesian:
             return rows * each
         forces = (jacobian @ rows[:, :, None])[:, :, 0] * each
@@ -138,15 +144,18 @@ class Swivel(NamedTuple):
         """Compute it from the Jacobian J (6, 7) and the joints' own inertia (7,), kg m^2."""
         from scipy.linalg.lapack import dposv
 
-        # The projection 1 - J^T (J J^T)^-1 J is n n^T: its largest column shows n.
+        # The projection 1 - J^T (J J^T)^-1 J is n n^T: its largest column is parallel to n.
         onto = np.eye(7) - jacobian.T @ dposv(jacobian @ jacobian.T + RIDGE, jacobian)[1]
         axis = onto[:, int(onto.diagonal().argmax())]
         axis = axis / math.sqrt(axis @ axis)
         return cls(axis, 2 * POSTURE_RATE * float(own @ axis**2), own)
 
     def torque(self, away: Array, rates: Array) -> Array:
-        """Compute the torques along the axis (n,), N m, that close the distance `away` (7,), rad, and follow the rates
-        (n, 7), rad/s, on top of the damper."""
+        """Compute the torques along the axis (n,), N m, for a PD motion to the posture.
+
+        `away` (7,), rad, is the distance from the posture; `rates` (n, 7), rad/s, are those of the posture.
+        They add to the torque of the damper.
+        """
         near = np.minimum(np.maximum(away, -MOST_AWAY), MOST_AWAY)
         torques = self.own * (POSTURE_RATE**2 * near + 2 * POSTURE_RATE * rates)
         return torques @ self.axis
@@ -174,7 +183,7 @@ class Actuators:
         self._axis = model.wrap_prm[wraps : wraps + 7]
 
     def set(self, gains: SpringGains) -> None:
-        """Activate these springs alone; where the joints' are off, their drives are torque inputs."""
+        """Activate only these springs. The joint drives are torque inputs where the joints' springs are off."""
         if gains.cartesian:
             self._spring(self._axes, gains.stiffness[:3], gains.damping[:3])
             self._spring(self._turn, gains.stiffness[3], gains.damping[3])
@@ -198,13 +207,13 @@ class Actuators:
         self._bias[which, 1], self._bias[which, 2] = -np.asarray(stiffness), -np.asarray(damping)
 
 
-# The parallel hand: a servo of limited force, and its encoders.
+# Parallel hand: a servo of limited force, and its encoders.
 
 
 DRIVE = "fingers"
-LAG = 0.015  # s that the fingers are behind their set-point
-STANDSTILL = 0.001  # m/s: slower fingers stand still
-STANDING = 0.1  # s of standstill before they count as stopped
+LAG = 0.015  # s: lag of the fingers behind their set-point
+STANDSTILL = 0.001  # m/s: slower fingers count as at rest
+STANDING = 0.1  # s at rest before the fingers count as stopped
 NOTHING = 0.002  # m: an opening below this is an empty hand
 ROUNDING = 0.0015
 """m: radius of a finger's edges: 1.5 times the indentation by an object held at one edge of a pad."""
@@ -213,10 +222,10 @@ ROUNDING = 0.0015
 def add_drive(robot: mujoco.MjSpec, hand: ParallelHand) -> None:
     """Couple the two fingers into one mechanism, with one drive that pushes each with half its force.
 
-    Its control is each finger's distance from the middle, m. It is damped so that its full force
-    moves the fingers no faster than their speed limit: it follows an object that yields, without an
-    impact.
+    Its control is each finger's distance from the middle, m. Its damping limits the speed of the fingers at full
+    force to their speed limit. So it follows an object that yields, without an impact.
     """
+    # One tendon averages the two fingers; an equality keeps them symmetric.
     tendon = robot.add_tendon(name=DRIVE)
     for finger in hand.fingers:
         tendon.wrap_joint(finger, 0.5)
@@ -239,11 +248,10 @@ def add_drive(robot: mujoco.MjSpec, hand: ParallelHand) -> None:
 def round_fingers(robot: mujoco.MjSpec, hand: ParallelHand) -> None:
     """Round the edges of the fingers' colliding boxes, within the same outlines.
 
-    A box that is smaller by the radius, with the radius as its margin, is the Minkowski sum with a
-    ball. Contacts stay within the margin, and so out of a defect of the collision detection: where
-    an edge enters a cylinder, normals are off by up to 90 degrees (MuJoCo 4.0.0 with several contacts
-    a pair, mended by its commit bbb71a28), and a can between the edges of the pads would be squeezed
-    out against all friction.
+    A box that is smaller by the radius, with the radius as its margin, is the Minkowski sum with a ball.
+    Contacts then stay within the margin, which avoids a defect of the collision detection. Where an edge enters
+    a cylinder, normals are off by up to 90 degrees (MuJoCo 4.0.0 with several contacts a pair, fixed by its
+    commit bbb71a28). A can between the edges of the pads would be squeezed out against all friction.
     """
     for finger in hand.fingers:
         for geom in robot.joint(finger).parent.geoms:
@@ -273,7 +281,7 @@ class Gripper:
 
     @property
     def gripping(self) -> bool:
-        """True if closed, and stopped by an object."""
+        """Test if the hand is closed on an object."""
         return self._goal == self._closed and not self.moving and self.width > NOTHING
 
     def open(self, t: float) -> None:
@@ -285,8 +293,10 @@ class Gripper:
         self._start(t, self._closed, self._strongest if force is None else force)
 
     def setpoints(self, t: Array) -> Array | float:
-        """Compute each finger's commanded distance from the middle, m, at times `t` (n,), until the
-        next observation of the fingers."""
+        """Compute each finger's commanded distance from the middle, m, at times `t` (n,), until the next observation
+        of the fingers.
+        """
+        # A ramp at the fingers' speed from the last observation to the goal.
         duration = abs(self._goal - self._from) / self._speed
         if t[0] - self._since > duration:
             return self._goal
@@ -298,16 +308,17 @@ class Gripper:
     def observe(self, t: float, fingers: Sequence[float], speeds: Sequence[float]) -> None:
         """Update the state from the fingers' distances from the middle, m, and their speeds, m/s.
 
-        Fingers that touch are closed, however much the end stops yield under the drive. The set-point
-        leads the fingers by no more than the full force needs: they do not jump when an obstacle
-        yields at last.
+        Fingers that touch each other count as closed, although the end stops yield under the drive. The set-point
+        leads the fingers by no more than the full force needs, so that they do not jump when an obstacle yields.
         """
         self.width = max(0.0, sum(fingers))
+        # Limit the lead of the set-point over the fingers.
         middle, speed = sum(fingers) / 2, max(map(abs, speeds))
         commanded = float(np.max(self.setpoints(np.array([t]))))
         lead = LAG * (self.force / self._damping + speed)  # m, at this speed and full force
         pressed = commanded == self._goal or commanded < middle - lead
         self._from, self._since = min(max(commanded, middle - lead), middle + lead), t
+        # A command ends after the fingers have rested under pressure for a time.
         if not self.moving:
             return
         if speed > STANDSTILL or not pressed:

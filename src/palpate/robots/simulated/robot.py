@@ -1,8 +1,8 @@
 """The embedded robot: a simulated arm in a hidden world, behind the protocol of a real one.
 
 Each `advance` computes the set-points of the steps ahead, lets the world run them, and converts the
-recorded joint signals into sensor readings. The controller's 1 kHz loop itself is the world's
-actuators (`impedance`), so that Python runs once per tick and not once per step.
+recorded joint signals into sensor readings. The world's actuators execute the controller's 1 kHz loop
+(module `actuators`), so that Python runs once per tick and not once per step.
 """
 
 from __future__ import annotations
@@ -82,16 +82,19 @@ class MujocoRobot(Commanded):
         Raises:
             InputError: no such noise model, or the world does not compile with the robot in it.
         """
+        # Draw the individual robot; its owner knows only the stated figures.
         model, streams = noise_models().load(noise, arm), Streams(seed, visit)
         arm, truth = owner_arm(arm, model.datasheet), TrueArm(model.model, streams)
         assumed = np.array(world.option.gravity if gravity is None else gravity)
         if arm.gravity is not None:
             assumed = np.array([0.0, 0.0, -arm.gravity])
+        # The controller's model of the arm and the hidden world with the true arm.
         nominal = NominalArm(arm, arm.stands(pose_world_base), assumed)
         super().__init__(arm, nominal, float(-assumed[2]))
         self._world = World(
             world, stands or pose_world_base, without_calibration_figures(arm), truth, substeps, q
         )
+        # Errors of the sensors, and the acquisition of their samples.
         self._sensors = Sensors(model, arm.limits.tau_max, streams)
         self._encoders = Encoders(model, self._sensors.rests, streams)
         self._stamps = Stamps(model.acquisition, streams)
@@ -102,6 +105,7 @@ class MujocoRobot(Commanded):
         self._reflex: str | None = None
         self._due, self._tick = 0.0, LONGEST_RUN * BLOCK
         self._logged: list[Samples] = []
+        # Zero the torque sensors at rest.
         config = arm.config or RobotConfig()
         self._readout = Readout(
             nominal=nominal,
@@ -158,13 +162,13 @@ class MujocoRobot(Commanded):
         return self._cached
 
     def move_joints(self, q: Array, speed: float = 1.0) -> None:
-        """No part exceeds the description's pace."""
+        """Move the joints; no joint exceeds the speed of the arm's description."""
         self._reflex = None
         goal = np.asarray(q, dtype=float)
         self._follow_joints(self._joint_path(self._world.t, self._joint_motion(), goal, speed))
 
     def move_pose(self, target: Pose, speed: float, slower: Sequence[Stretch] = ()) -> None:
-        """Slower where the arm's effective mass is large."""
+        """Move the TCP, more slowly where the arm's effective mass is large."""
         self._reflex = None
         t, begin, q = self._world.t, self._pose_begin(), self._readout.q
         self._follow_pose(*self._pose_path(t, begin, target, speed, slower, q))
@@ -191,7 +195,7 @@ class MujocoRobot(Commanded):
         self._cached = None
 
     def hold(self) -> None:
-        """The commanded equilibrium stays, so a contact keeps its force."""
+        """Stop the motion. The commanded equilibrium stays, so that a contact keeps its force."""
         t, path = self._world.t, self._path
         if path.end <= t:
             return
@@ -210,9 +214,11 @@ class MujocoRobot(Commanded):
         self._read()
 
     def _pass(self, duration: float, tick: int) -> None:
-        """Step the world as `advance`; to the end of the tick of so many log periods in which something is
-        felt."""
+        """Step the world as `advance` does. End early, with the tick of `tick` log periods in which the guard notices a
+        change of the force.
+        """
         self._tick = tick * BLOCK
+        # Requested time accumulates, so that rounding to log periods does not drift.
         self._due += duration / self._stamps.rate
         periods = round((self._due - self._world.t) / PERIOD)
         while periods > 0:
@@ -220,21 +226,25 @@ class MujocoRobot(Commanded):
                 self._read()
             self._run(min(periods, LONGEST_RUN))
             periods = round((self._due - self._world.t) / PERIOD)
+            # The time after a noticed change is not owed any more.
             if tick < LONGEST_RUN and self._guard.felt is not None:
                 self._due -= max(periods, 0) * PERIOD
                 return
 
     def run_on(self, ticks: int, tick: float) -> None:
-        """Let up to `ticks` pass, as `robots.robot.RunsOn`."""
+        """Let up to `ticks` ticks pass; see `robots.robot.RunsOn`."""
         t, gripper = self._world.t, self._gripper
+        # A motion that ends earlier limits the number of ticks.
         if self._path.end > t:
             ticks = max(1, min(ticks, math.ceil((self._path.end - t) / tick - 1e-9)))
+        # Run many ticks at once only while neither the hand nor a contact needs attention.
         hand, periods = (gripper.moving, gripper.gripping), max(1, round(tick / PERIOD))
         looks = self._yielding or gripper.moving or self._guard.felt is not None
         at_once = 1 if looks else max(1, LONGEST_RUN // periods)
         while ticks > 0:
             self._pass(min(ticks, at_once) * tick, periods)
             ticks -= at_once
+            # Stop where the tree may have to react: a reflex, a noticed force, or a change of the hand.
             if self._yielding or self._guard.felt is not None:
                 break
             if hand != (gripper.moving, gripper.gripping):
@@ -274,13 +284,14 @@ class MujocoRobot(Commanded):
         self._world.actuators.set(gains)
 
     def _inertia(self, path: PositionPath) -> SpringInertia:
-        """Return the inertia for a whole motion: halfway between its ends."""
+        """Return the inertia for a whole motion: that of the mean of its first and last configurations."""
         nominal, q = self._nominal, path.sample(path.knots[[0, -1]]).mean(0)
         return SpringInertia.of(nominal.mass_matrix(q), nominal.kinematics(q[None]).jacobian[0])
 
     def _joint_motion(self) -> MotionState:
-        """Return the start of a joint motion: the present one's state, or the set-points at which
-        the joints' springs pull as the TCP's do now."""
+        """Return the start of a joint motion: the state of the present joint motion, or set-points at which the
+        joints' springs exert the torques that the TCP's springs exert now.
+        """
         t, path, readout = self._world.t, self._path, self._readout
         if isinstance(path, PositionPath) and not self._yielding:
             return path.at(t)
@@ -288,14 +299,17 @@ class MujocoRobot(Commanded):
         return MotionState(self._leading(), rate, np.zeros(7))
 
     def _leading(self) -> Array:
-        """Compute the joint set-points (7,), rad, at which the joints' springs exert the present
-        torques: a change to them is free of jerks."""
+        """Compute the joint set-points (7,), rad, at which the joints' springs exert the present torques.
+
+        q_set = q + tau / k, so that the change of springs is free of jerks.
+        """
         return self._readout.q + self._sprung() / self._arm.stiffness.joints
 
     def _pose_begin(self) -> tuple[MotionState, Array]:
-        """Return the start of a Cartesian motion: the present one's state, or the set-points at which
-        the TCP's springs pull as the joints' do now; and the orientation (4,) that its rotation
-        vector is relative to.
+        """Return the start of a Cartesian motion, and the orientation (4,) that its rotation vector is relative to.
+
+        The start is the state of the present Cartesian motion, or set-points at which the TCP's springs exert
+        the torques that the joints' springs exert now.
         """
         t, path = self._world.t, self._path
         if isinstance(path, PosePath):
@@ -309,25 +323,30 @@ class MujocoRobot(Commanded):
         return self._readout.commanded - self._readout.gravity_torque
 
     def _run(self, periods: int) -> None:
-        """Step the world for some log periods, and follow the arm."""
+        """Step the world for some log periods, and update the controller's state."""
         world, n = self._world, periods * BLOCK
         readout = self._readout
+        # Dynamics and null space are those of the run's beginning.
         self._dynamics = self._nominal.dynamics(readout.q, readout.rate)
         self._swivel = Swivel.of(readout.jacobian, self._gains.own)
         control = np.empty((n, len(world.rest_control)))
+        # Write the set-points of arm and fingers for every cycle ahead.
         control[:] = world.rest_control
         self._correction.follow()
         target = self._command(control)
         times = world.t + TIMESTEP * np.arange(n, dtype=float)
         world.set_fingers(control, self._gripper.setpoints(times) - self._wider / 2)
+        # Step the world while the guard observes it.
         self._begin_guard(n)
         steps = world.step(control, self._guard)
         target = target[: len(steps.q)]
         self._correction.reached(len(steps.q) / periods)
+        # Update the readout and the gripper from the recorded steps.
         readout.follow(steps, self._gains, self._swivel, target)
         self._target = target[-1]
         fingers, speeds = steps.fingers[-1] + self._wider / 2, steps.finger_speed[-1]
         self._gripper.observe(world.t, fingers.tolist(), speeds.tolist())
+        # After a reflex the arm yields until it is slow, or for the longest time.
         if self._guard.fired:
             self._yield(self._guard.fired)
         elif self._yielding:
@@ -337,10 +356,11 @@ class MujocoRobot(Commanded):
                 self._follow_joints(still(world.t, self._leading()))
 
     def _begin_guard(self, cycles: int) -> None:
-        """Prepare the contact reflex for the run of cycles ahead."""
+        """Prepare the contact reflex for the next run of `cycles`."""
         readout, thresholds = self._readout, self._thresholds
         mass_matrix, velocity_torque = self._dynamics
         jacobian = readout.jacobian
+        # Deviation of the sensed from the commanded torque that the model explains.
         known = readout.deviation - velocity_torque - self._correction.torque
 
         def reaction() -> Reaction:
@@ -366,22 +386,25 @@ class MujocoRobot(Commanded):
         self._world.actuators.set(self._gains)
 
     def _command(self, control: Array) -> Array:
-        """Write the arm's set-points into `control` (n, nu); return the commanded TCP poses, one per
-        log period."""
+        """Write the arm's set-points into `control` (n, nu); return the commanded TCP poses, one per log period."""
         actuators, readout, setpoints = self._world.actuators, self._readout, self._setpoints
+        # Select the rows of the run from the precomputed set-points.
         first = setpoints.first(self._world.t)
         block, last = first // BLOCK, first + len(control)
         rows, target = setpoints.rows[first:last], setpoints.poses[block : last // BLOCK]
         if self._yielding:
             return target
+        # Joint motion: the joints' springs take the corrected angles, with the weight's error as an offset.
         correction = self._correction
         if not self._gains.cartesian:
             control[:, actuators.drives] = correction.joints(rows)
             control[:, actuators.drives] += correction.torque / self._gains.stiffness
             return target
+        # Cartesian motion: the TCP's springs take the pose, the joint drives the feed-forward torques.
         control[:, actuators.position] = correction.positions(rows[:, :3])
         control[:, actuators.orientation] = correction.orientations(rows[:, 3:])
         control[:, actuators.drives] = self._dynamics[1] + correction.torque
+        # The null space follows its posture with one torque per log period.
         posture = setpoints.posture[block : last // BLOCK]
         swivel = self._swivel.torque(posture[0, :7] - readout.q, posture[:, 7:])
         control[:, actuators.swivel] = np.repeat(swivel, BLOCK)

@@ -1,7 +1,7 @@
-"""The hidden world: the scene's physics with the true robot in it.
+"""The hidden world: the physics of the scene with the true robot in it.
 
-Nothing here passes through the robot's protocol. The controller gives set-points and gets joint
-signals; truth and pictures are for observers outside, after the estimates are made.
+Nothing here passes through the robot's protocol. The controller sends set-points and receives joint
+signals. Truth and pictures serve outside observers, after the estimates are made.
 """
 
 from __future__ import annotations
@@ -41,12 +41,13 @@ from palpate.robots.simulated.timing import (
 FRAME_PERIOD = 1.0 / 30.0  # s between camera frames
 LEVEL = 0.01  # rad, largest inclination of gravity
 ASLEEP = 1e-4
-"""m/s: slower objects rest, and take no time until something that moves touches them. A cylinder on its end
-goes on trembling at some 5e-5 m/s for ever, by the rounding of its contacts."""
+"""m/s: objects slower than this sleep, and cost no computing time until a moving object touches them. A
+cylinder on its end trembles at about 5e-5 m/s for ever, by the rounding of its contacts.
+"""
 PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 MOTOR, PUSH, TOUCHING = PREFIX + "motor{}", PREFIX + "push", PREFIX + "touching"  # names of sensors
-SENSED = 10  # values of these: motor torques, and the force of the hand
-NET_FORCE = 3  # of MuJoCo's reductions of several contacts
+SENSED = 10  # values of these sensors: 7 motor torques and the 3 components of the hand's force
+NET_FORCE = 3  # MuJoCo's reduction of several contacts to their net force
 NEEDED = (
     *("gravity", "contact", "constraint", "equality", "limit"),
     *("frictionloss", "actuation", "spring", "damper"),
@@ -60,23 +61,22 @@ class Steps(NamedTuple):
     q: Array  # (n, 7) rad at the end of each block
     dq: Array  # (n, 7) rad/s, likewise
     torque: Array  # (n, 7) N m, mean commanded joint torques, at the beginning of each physics step
-    push: Array  # (n, 3) N, mean force with which the hand pushes on things, world axes
+    push: Array  # (n, 3) N, mean force of the hand on the objects it touches, world axes
     fingers: Array  # (n, 2) m at the end of each block
-    finger_speed: Array  # (n, 2) m/s, likewise
+    finger_speed: Array  # (n, 2) m/s at the end of each block
     step: float  # s, a step of the physics
 
 
 class World:
-    """The physics of one run. `model`, `data` and `frames` are for pictures, `true_*` for the
-    report.
+    """Physics of one run. `model`, `data` and `frames` serve pictures; `true_*` serve the report.
 
     Attributes:
         model: the compiled world, robot included (its names start with `robot/`).
         frames: (t, qpos) every 1/30 s, as a 30 Hz camera sees it.
         t: s, time of the world.
-        actuators: the controller's.
+        actuators: actuators of the controller.
         rest_control: (nu,) initial value of each row of controls, for actuators without a command.
-        watch: called with the data after every physics step, if set.
+        watch: observer that is called with the data after every physics step, if set.
     """
 
     def __init__(
@@ -88,13 +88,17 @@ class World:
         substeps: int = SUBSTEPS,
         q: Array | None = None,
     ) -> None:
-        """Put the true arm into `spec`, which is changed, at its stated place `pose_world_base` with joint angles `q`
-        (7,), rad, or at home; with `substeps` physics steps in a control cycle while anything touches, or moves beside
-        the arm, else one.
+        """Put the true arm into `spec`, which is changed, with its base at `pose_world_base`.
+
+        Args:
+            substeps: physics steps in a control cycle while anything touches, or moves apart from the arm;
+                otherwise a cycle has one step.
+            q: (7,) rad, initial joint angles; home by default.
 
         Raises:
-            InputError: it does not compile, or lacks physics that weighing and touching need.
+            InputError: the world does not compile, or lacks physics that weighing and touching need.
         """
+        # Addresses of the robot's joints, fingers and frames in the model's arrays.
         self._arm, self._finest, self._substeps = arm, substeps, substeps
         self.model = compile_world(spec, pose_world_base, arm, truth, substeps)
         self._data = mujoco.MjData(self.model)
@@ -106,12 +110,14 @@ class World:
         self._hand = int(self.model.body(PREFIX + arm.hand.body).id)
         self._drive = int(self.model.actuator(PREFIX + DRIVE).id)
         self._fingers_control = int(self.model.actuator_ctrladr[self._drive])
+        # The run begins at rest, with the fingers open.
         self._data.qpos[self._q], self._data.qpos[self._finger_q] = (
             arm.home if q is None else q,
             arm.hand.opening / 2,
         )
         self._seen, self._before = mujoco.MjData(self.model), mujoco.MjData(self.model)
         self._dq = self._data.qvel[self._v]
+        # Buffers for the longest run: the state and the sensors after each physics step.
         self._sensors = run_of(self.model.sensor(MOTOR.format(1)).adr[0], SENSED)
         self._touching = int(self.model.sensor(TOUCHING).adr[0])
         self._rollout = Rollout(nthread=0)
@@ -128,19 +134,22 @@ class World:
         self.watch: Watch | None = None
 
     def step(self, control: Array, guard: Guard) -> Steps:
-        """Step a cycle per row of `control` (n * BLOCK, nu), or until the guard fires: then the arm
-        yields for the rest of that block, and the run ends with it; or until the end of the tick in which
-        it feels something.
+        """Step one control cycle per row of `control` (n * BLOCK, nu).
+
+        A contact reflex of the guard ends the run early: the arm yields for the rest of that block. A change of
+        the force that the guard notices ends the run with the tick in which it occurs.
 
         Raises:
             ExecutionAborted: the physics became unstable.
         """
         count = len(control)
+        # One physics step a cycle suffices while the arm moves alone.
         if self._is_free() and not guard.yielding:
             self._pace(1)
         if guard.yielding:
             self._cycle(control, 0, count, guard.reaction)
         else:
+            # Find the cycle in which the guard fires; the arm yields to the end of that block.
             look = self._all_at_once if takes_many(self.watch) else self._one_by_one
             fired = look(control, guard)
             if fired is None:
@@ -149,6 +158,7 @@ class World:
                 self.actuators.set(guard.reaction.gains)
                 count = (fired // BLOCK + 1) * BLOCK
                 self._cycle(control, fired + 1, count, guard.reaction)
+        # Read the state at the end of each block.
         blocks = self._states[0, self._ends(count, BLOCK), 1:].copy()
         qvel = blocks[:, self.model.nq :]
         self._film(blocks[:, : self.model.nq])
@@ -158,6 +168,7 @@ class World:
                 f"the simulated world became unstable before {self.t:.2f} s of robot time: "
                 "check its masses, sizes and contact parameters"
             )
+        # The motors' torques and the hand's force are means over each block.
         means = self._means(0, count, BLOCK)
         steps = Steps(
             q=blocks[:, self._q],
@@ -172,8 +183,7 @@ class World:
         return steps
 
     def _is_free(self) -> bool:
-        """True if nothing but the arm moves, and nothing touches: one step of the physics a cycle will do, until
-        something does."""
+        """Test if only the arm moves and nothing touches: one physics step a cycle then suffices."""
         return takes_many(self.watch) and self._data.ncon == 0 and self._data.ntree_awake <= 1
 
     def _pace(self, substeps: int) -> None:
@@ -181,37 +191,42 @@ class World:
         self._substeps, self.model.opt.timestep = substeps, TIMESTEP / substeps
 
     def _ends(self, count: int, every: int = 1) -> slice:
-        """Return the rows of the physics steps that end each cycle of `count`, or `every` so many."""
+        """Return the rows of the physics steps that end each group of `every` cycles among `count` cycles."""
         length = every * self._substeps
         return slice(length - 1, count * self._substeps, length)
 
     def _means(self, first: int, last: int, every: int = 1) -> Array:
-        """Compute means (n, SENSED) of the sensors over each cycle, or `every` so many, from `first` to `last`."""
+        """Compute means (n, SENSED) of the sensors over groups of `every` cycles, from cycle `first` to `last`."""
         rows = slice(first * self._substeps, last * self._substeps)
         each = every * self._substeps
         sensed = self._signals[0, rows, self._sensors].reshape(-1, each, SENSED)
         return np.add.reduce(sensed, axis=1) / each
 
     def _all_at_once(self, control: Array, guard: Guard) -> int | None:
-        """Step all cycles before the guard observes them, which is faster than one by one; return
-        the cycle in which it fires. Later cycles are undone, as are those after what it feels."""
+        """Step all cycles before the guard observes them, which is faster than one by one.
+
+        Return the cycle in which the guard fires; None if it does not. Cycles after it are undone, as are
+        cycles after a change of the force that the guard notices.
+        """
         mujoco.mj_copyData(self._before, self.model, self._data)
         before, count = self.compensation, len(control)
         undo = mark_steps(self.watch)
         self._roll(control)
-        if self._substeps < self._finest and self._is_touching(count):  # once more, in finer steps
+        if self._substeps < self._finest and self._is_touching(count):  # repeat with finer steps
             mujoco.mj_copyData(self._data, self.model, self._before)
             undo()
             undo = mark_steps(self.watch)
             self._pace(self._finest)
             self._roll(control)
-        # The weight that the motors hold is the nominal arm's, followed from end to end of the run.
+        # The motors hold the nominal arm's weight, which is interpolated over the run.
         share = np.arange(1.0, count + 1)[:, None] / count
         weight = before + share * (self.compensation - before)
+        # The guard tests the effort (motor torque less weight) of every cycle.
         rates = self._states[0, self._ends(count), 1 + self.model.nq :][:, self._v].copy()
         fired = guard.observe(
             self._means(0, count)[:, :7] - weight, rates, TIMESTEP / self._substeps
         )
+        # Undo the cycles after the end of the run: restore the state, and repeat the cycles before.
         last = (guard.felt or count) if fired is None else fired + 1
         if last < count:
             mujoco.mj_copyData(self._data, self.model, self._before)
@@ -224,8 +239,9 @@ class World:
         return bool(self._signals[0, : count * self._substeps, self._touching].any())
 
     def _one_by_one(self, control: Array, guard: Guard) -> int | None:
-        """Step as `_all_at_once`, for a `watch` that cannot undo what it saw."""
+        """Step like `_all_at_once`, for a `watch` that cannot undo its steps."""
         for i in range(len(control)):
+            # The guard tests each cycle before the next one begins.
             self._cycle(control, i, i + 1)
             effort = self._means(i, i + 1)[:, :7] - self.compensation
             step = TIMESTEP / self._substeps
@@ -236,15 +252,17 @@ class World:
         return None
 
     def _roll(self, control: Array) -> None:
-        """Step all cycles in one call, or block by block where friction changes; one by one for `watch`."""
+        """Step all cycles in one call, block by block where friction changes, or one by one for `watch`."""
         if self.watch is not None:
             self._cycle(control, 0, len(control))
             return
         model, data = self.model, self._data
+        # A rollout takes one row of controls per physics step.
         control = np.repeat(control, self._substeps, axis=0)[None]
         count = control.shape[1]
         length = BLOCK * self._substeps if self._stiction else count
         for first in range(0, count, length):
+            # Static friction depends on the slip at the beginning of each block.
             for stiction in self._stiction:
                 stiction.apply(model, data)
             mujoco.mj_getState(model, data, self._at[0], PHYSICS)
@@ -295,12 +313,12 @@ class World:
 
     @property
     def qpos(self) -> Array:
-        """(nq,) now."""
+        """Configuration (nq,) now."""
         return self._data.qpos.copy()
 
     @property
     def compensation(self) -> Array:
-        """(7,) N m with which MuJoCo holds the nominal arm up now."""
+        """Torques (7,), N m, with which MuJoCo holds the nominal arm up now."""
         data = self._data if self.t else self.data()
         return data.qfrc_gravcomp[self._v].copy()
 
@@ -323,13 +341,13 @@ class World:
         return Pose(frame.xpos.copy(), frame.xquat.copy())
 
     def true_poses(self, bodies: Iterable[str]) -> dict[str, Pose]:
-        """Return the true poses now, in the world, of those of the `bodies` that there are."""
+        """Return the true poses now, in the world, of the `bodies` that exist; omit other names."""
         names, data = {self.model.body(i).name for i in range(self.model.nbody)}, self.data()
         found = {name: data.body(name) for name in bodies if name in names}
         return {name: Pose(body.xpos.copy(), body.xquat.copy()) for name, body in found.items()}
 
     def weights(self) -> dict[str, float]:
-        """Return the weights of the bodies, N, each with what is fixed to it."""
+        """Return the weights of the bodies, N, each with all bodies fixed to it."""
         model, gravity = self.model, float(np.linalg.norm(self.model.opt.gravity))
         return {
             model.body(i).name: gravity * float(model.body_subtreemass[i])
@@ -344,7 +362,7 @@ class World:
         return Pose(data.site_xpos[self._tcp].copy(), data.xquat[self._hand].copy())
 
     def _film(self, qpos: Array) -> None:
-        """Keep the configurations (at ends of log periods) that are nearest to the camera's frames."""
+        """Keep the configurations, at ends of log periods, that are nearest to the camera's frames."""
         while (row := round((len(self.frames) * FRAME_PERIOD - self.t) / PERIOD) - 1) < len(qpos):
             self.frames.append((self.t + (row + 1) * PERIOD, qpos[row].copy()))
 
@@ -361,6 +379,7 @@ def compile_world(
     Raises:
         InputError: it does not compile, or lacks physics that weighing and touching need.
     """
+    # Build the true robot: exclude contact of neighbouring links, add the hand's drive, round the fingers.
     require_physics(spec)
     robot = arm.spec()
     for pair in sorted(map(sorted, neighbours(robot, arm))):
@@ -368,21 +387,23 @@ def compile_world(
     add_drive(robot, arm.hand)
     truth.build(robot, arm)
     round_fingers(robot, arm.hand)
+    # Set the time step, and let resting objects sleep.
     spec.option.timestep = TIMESTEP / substeps
     spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
     spec.option.sleep_tolerance = ASLEEP
     spec.option.gravity = truth.gravity(spec.option.gravity)
     for name in ("integrator", "cone", "impratio", "solver"):
         setattr(spec.option, name, getattr(robot.option, name))
-    # The solver is at least as accurate as the arm needs it: accuracy is no physics of the scene.
+    # The solver is at least as accurate as the arm needs: accuracy is no physics of the scene.
     for name in ("iterations", "ls_iterations", "ccd_iterations"):
         setattr(spec.option, name, max(getattr(spec.option, name), getattr(robot.option, name)))
     for name in ("tolerance", "ls_tolerance"):
         setattr(spec.option, name, min(getattr(spec.option, name), getattr(robot.option, name)))
     spec.option.ccd_tolerance = min(spec.option.ccd_tolerance, CCD_TOLERANCE)
     robot.option.gravity, robot.option.timestep = spec.option.gravity, spec.option.timestep
-    for key in list(spec.keys):  # states of a world without this robot
+    for key in list(spec.keys):  # keyframes hold states of a world without this robot
         spec.delete(key)
+    # Attach the robot at its true base, with actuators, sensors and contact parameters.
     try:
         base = truth.base(pose_world_base)
         frame = spec.worldbody.add_frame(pos=base.position, quat=base.quaternion)
@@ -391,7 +412,7 @@ def compile_world(
         add_sensors(spec, arm)
         let_touch(spec)
         keep_softness(spec, arm)
-        # `settotalmass` is of the scene's bodies: with the robot among them it would scale both.
+        # `settotalmass` concerns the scene's bodies: with the robot among them it would scale both.
         total, spec.compiler.settotalmass = spec.compiler.settotalmass, -1.0
         model = spec.compile()
         if total > 0.0:
@@ -404,8 +425,10 @@ def compile_world(
 
 
 def scale_scene(model: mujoco.MjModel, total: float) -> None:
-    """Scale mass and inertia of all bodies but the robot's to a sum of `total`, kg, as MuJoCo's
-    `mj_setTotalmass` does for all bodies."""
+    """Scale mass and inertia of all bodies except the robot's to a total of `total`, kg.
+
+    MuJoCo's `mj_setTotalmass` does the same for all bodies.
+    """
     scene = [i for i in range(1, model.nbody) if not model.body(i).name.startswith(PREFIX)]
     scale = total / model.body_mass[scene].sum()
     model.body_mass[scene] *= scale
@@ -414,8 +437,9 @@ def scale_scene(model: mujoco.MjModel, total: float) -> None:
 
 
 def add_sensors(world: mujoco.MjSpec, arm: RobotDescription) -> None:
-    """Add what is recorded of every cycle: torques of the joints' motors, the net force of the hand on what
-    it touches, and whether anything touches."""
+    """Add sensors that are recorded in every cycle: the torques of the joints' motors, the net force of the hand
+    on the objects it touches, and a flag that any contact exists.
+    """
     for i, name in enumerate(arm.joints, 1):
         world.add_sensor(
             name=MOTOR.format(i),

@@ -23,36 +23,42 @@ from palpate.robots.simulated.noise.line import SignalLine
 from palpate.robots.simulated.noise.model import JOINTS, Flicker, NoiseModel, Streams, Torque
 from palpate.robots.simulated.timing import BLOCK, PERIOD
 
-THRESHOLDS = 8  # play operators that make up the hysteresis, each half as wide as the one before
-WIDEST = 0.25  # of the range: the widest of them
+THRESHOLDS = 8  # play operators of the hysteresis, each half as wide as the one before
+WIDEST = 0.25  # of the range: width of the widest play operator
 LOOP = math.sqrt(2.0)
-"""Width of a loop of swing S over w S, at weights w: between 1 and 2, by where S lies between two
-thresholds."""
+"""Ratio of a loop's width to w S, for swing S and weights w. It lies between 1 and 2, by the place of S between
+two thresholds; this is its geometric mean.
+"""
 WALK_TIME = 300.0
-"""s: a random walk has no stationary size; it spreads as a drift of that size and this time
-constant does in the beginning, and never turns back."""
+"""s: a random walk has no stationary size. At first it spreads like a drift of that size with this time
+constant; later it does not return.
+"""
 AHEAD = 20  # log periods of 1/f noise that are drawn together
-PER_DECADE = 3  # relaxations that make up 1/f noise: their sum is within 3 % of it
+PER_DECADE = 3  # relaxations per decade of 1/f noise: their sum is within 3 % of 1/f
 
 
 class Gauges:
     """Seven sensors with their robot's own gains, cross-talk, curvature, hysteresis and ripple."""
 
     def __init__(self, torque: Torque, tau_max: Array, streams: Streams) -> None:
+        # Sensitivity matrix: gains on its diagonal, cross-talk off it.
         self._matrix = np.diag(1.0 + torque.gain_max.draw(streams("torque.gain_max")))
         crosstalk = torque.crosstalk.draw(streams("torque.crosstalk"))
         self._matrix += crosstalk - np.diag(np.diag(crosstalk))
         self._gain = np.diag(self._matrix).copy()
         self._crossed = torque.crosstalk.any
+        # Curvature is relative to the full range.
         full = np.where(np.isfinite(torque.range), torque.range, tau_max)
         self._curvature = None
         if torque.nonlinearity_max.any:
             drawn = torque.nonlinearity_max.draw(streams("torque.nonlinearity_max"))
             self._curvature = drawn / full
+        # Ripple of the gears, amplified by a soft control loop.
         self._waves = Waves(torque.ripple, streams("torque.ripple"))
         self._resonator = None
         if np.isfinite(torque.ripple.resonance.frequency).any():
             self._resonator = Resonator(torque.ripple.resonance, PERIOD)
+        # Half widths of the play operators, a geometric series.
         self._weight = torque.hysteresis / LOOP
         self._lags = bool(self._weight.any())
         self._half = WIDEST * full * 0.5 ** np.arange(THRESHOLDS)[:, None]
@@ -71,12 +77,15 @@ class Gauges:
         return reading
 
     def _lag(self, torque: Array) -> Array:
-        """Sum the lags (n, 7), N m, of play operators of all widths: a Prandtl-Ishlinskii model,
-        whose loops are as wide as the swing since the last reversal is long (P. Krejci,
-        "Hysteresis, Convexity and Dissipation in Hyperbolic Equations", 1996)."""
+        """Sum the lags (n, 7), N m, of play operators of all widths: a Prandtl-Ishlinskii model.
+
+        The width of a loop is proportional to the swing since the last reversal (P. Krejci, "Hysteresis,
+        Convexity and Dissipation in Hyperbolic Equations", 1996).
+        """
         before = self._plays
         if before is None:
             before = np.broadcast_to(torque[0], self._half.shape)
+        # Each play operator follows its input with a dead band: p_i = clip(p_(i-1), u_i - h, u_i + h).
         low, high = torque[:, None] - self._half, torque[:, None] + self._half
         plays = np.empty_like(low)
         for i in range(len(torque)):
@@ -86,7 +95,7 @@ class Gauges:
 
 
 class Relaxation:
-    """An Ornstein-Uhlenbeck process of `count` components, exact at any step; `size` stationary.
+    """Ornstein-Uhlenbeck process of `count` components with stationary standard deviation `size`, exact at any step.
 
     Attributes:
         value: (count,) now; a random walk (infinite `time` constant) starts at zero.
@@ -103,29 +112,32 @@ class Relaxation:
         if math.isinf(self._time):
             self.value = self.value + self._size * math.sqrt(2 * duration / WALK_TIME) * drawn
             return self.value
+        # Exact discretisation: x' = k x + size sqrt(1 - k^2) n, with k = exp(-dt / time).
         kept = math.exp(-duration / self._time)
         self.value = kept * self.value + self._size * math.sqrt(1 - kept * kept) * drawn
         return self.value
 
 
 class FlickerNoise:
-    """1/f noise of seven joints as a sum of relaxations whose corners are spaced evenly on a log
-    axis.
+    """1/f noise of seven joints as a sum of relaxations whose corners are spaced evenly on a log axis.
 
-    One of variance v and corner f_k has the one-sided power spectral density (2 v / pi f_k) /
-    (1 + (f / f_k)^2). Spaced by a factor r, their sum is v / (f ln r) between the lowest and the
-    highest corner, flat below, and falls as 1 / f^2 above; half of it is left at the corners.
+    A relaxation of variance v and corner f_k has the one-sided power spectral density
+    (2 v / pi f_k) / (1 + (f / f_k)^2). Corners spaced by a factor r sum to v / (f ln r) between the lowest
+    and the highest corner. The sum is flat below and falls as 1 / f^2 above; at the two corners it has
+    half that value.
     """
 
     def __init__(self, flicker: Flicker, period: float, random: np.random.Generator) -> None:
+        # Corners and the variance of each relaxation.
         low, high = flicker.band
         count = max(2, math.ceil(PER_DECADE * math.log10(high / low)) + 1)
         corners = np.geomspace(low, high, count)
         size = flicker.level * math.sqrt(math.log(corners[1] / corners[0]))
+        # Discretise each relaxation at the log period: decay factor and standard deviation of its input.
         keep = np.exp(-2 * np.pi * corners * period)[:, None]
         self._kick = np.sqrt(1 - keep**2) * size
         self._random, self._parts = random, size * random.standard_normal((count, JOINTS))
-        # Response of each part to each kick of the rows ahead, and what is left of it now.
+        # Response of each relaxation to each input of the rows ahead, and the decay of its present value.
         ages = np.subtract.outer(np.arange(AHEAD), np.arange(AHEAD))
         self._response = np.tril(keep[:, None] ** np.maximum(ages, 0))
         self._fade = keep[:, None] ** np.arange(1.0, AHEAD + 1)[:, None]
@@ -139,7 +151,7 @@ class FlickerNoise:
         return out
 
     def _more(self) -> Array:
-        """Draw the noise (AHEAD, 7) of the rows ahead: no motion changes it."""
+        """Draw the noise (AHEAD, 7) of the next rows; it does not depend on the motion."""
         drawn = self._random.standard_normal((AHEAD, *self._parts.shape)) * self._kick
         parts = self._response @ drawn.transpose(1, 0, 2) + self._fade * self._parts[:, None]
         self._parts = parts[:, -1]
@@ -150,7 +162,7 @@ class Wander:
     """Slow and coloured noise of the torque signals: drift, warm-up, flicker, zeroing offset.
 
     Attributes:
-        left: (7,) N m that zeroing leaves.
+        left: (7,) N m, offset that remains after zeroing.
     """
 
     def __init__(self, torque: Torque, period: float, streams: Streams) -> None:
@@ -168,7 +180,7 @@ class Wander:
 
     @property
     def now(self) -> Array:
-        """(7,) N m of drift now."""
+        """Drift (7,), N m, now."""
         return np.zeros(JOINTS) if self._drift is None else self._drift.value
 
     def add(self, reading: Array) -> None:
@@ -183,23 +195,24 @@ class Wander:
             reading += self._flicker.after(len(reading))
 
 
-# Sensors of the arm: joint encoders, and joint torque sensors.
+# Sensors of the arm: joint encoders and joint torque sensors.
 
 
 PAD_TIME = 0.02
-"""s in which pads give way, sqrt(m c) for an arm's 8 kg on 5e-5 m/N: hard objects of the world ring
-under an impact, and pads would not."""
-NOTHING = 1e-6  # N: pads that nothing presses are 0.1 nm from their shape
-YIELDS = -math.expm1(-PERIOD / PAD_TIME)  # share of it in a log period
+"""s: time constant of the pads' deformation, sqrt(m c) with an arm's 8 kg on 5e-5 m/N. Hard objects of the world
+ring under an impact; pads would not.
+"""
+NOTHING = 1e-6  # N: pads under less than this force are within 0.1 nm of their shape
+YIELDS = -math.expm1(-PERIOD / PAD_TIME)  # share of the deformation in a log period
 
 
 class Encoders:
-    """Errors of the joint angles, and of the TCP's position that follows from them.
+    """Errors of the joint angles, and of the TCP position that follows from them.
 
     Attributes:
-        exact: True if reported angles are the true ones, up to noise.
+        exact: True if reported angles equal the true ones, except for noise.
         clean: True if they have no noise.
-        soft: m/N, compliance of the pads under a probe: the arm goes on, as its encoders see.
+        soft: m/N, compliance of the pads under a probe. The arm advances by it, and its encoders show it.
     """
 
     def __init__(self, noise: NoiseModel, rests: Rests, streams: Streams) -> None:
@@ -220,7 +233,7 @@ class Encoders:
 
     @property
     def pose_error(self) -> Array:
-        """(3,) m, world axes: reported less true position of the TCP, without the angles' part."""
+        """Position error (3,), m, world axes: reported less true TCP position, without the angles' part."""
         if self._thermal is None:
             return self._rests.pose_error
         return self._rests.pose_error + self._thermal.value
@@ -239,7 +252,7 @@ class Encoders:
         return reported if self._waves.none else reported + self._waves.at(q)
 
     def pressed(self, jacobian: Array, force: Array, axis: Array) -> Array:
-        """Compute how far (n, 7), rad, the arm went on while its pads gave way.
+        """Compute the joint motion (n, 7), rad, by which the arm advances while its pads deform.
 
         Args:
             jacobian: (6, 7), world axes about the TCP.
@@ -249,9 +262,11 @@ class Encoders:
         if self._pressed < NOTHING and force.max() <= 0.0:
             self._pressed = 0.0
             return np.zeros((len(force), JOINTS))
+        # Low-pass the force: the pads deform with the time constant PAD_TIME.
         for i, pressing in enumerate(np.maximum(force, 0.0).tolist()):
             self._pressed += (pressing - self._pressed) * YIELDS
             force[i] = self._pressed
+        # Map the advance along the axis to the joints by the pseudo-inverse of the Jacobian.
         forward = np.concatenate([axis, np.zeros(3)])
         along = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + RIDGE, forward)
         return self.soft * force[:, None] * along
@@ -271,9 +286,9 @@ class SensorReading(NamedTuple):
     """Measurement of n log periods."""
 
     torque: Array  # (n, 7) N m
-    arrived: NDArray[np.bool_] | None  # (n,) which of them did, None for all
-    # (7,) N m, the last reading before white noise and acquisition errors: the arm's own reflex uses
-    # it with the noise of each look
+    arrived: NDArray[np.bool_] | None  # (n,) True for samples that arrived; None for all
+    # (7,) N m, the last reading before white noise and acquisition errors. The arm's own
+    # reflex adds the noise of each look.
     shown: Array
 
 
@@ -286,7 +301,7 @@ class Sensors:
     """
 
     def __init__(self, noise: NoiseModel, tau_max: Array, streams: Streams) -> None:
-        """`tau_max` (7,) N m: the range of a sensor where the model states none."""
+        """Draw the sensors' errors; `tau_max` (7,), N m, is the range of a sensor where the model states none."""
         torque, vibration = noise.torque, noise.environment.vibration
         self._friction = JointFriction(noise.friction, PERIOD, streams)
         self.rests = Rests(noise.sticking, noise.pose, PERIOD, streams)
@@ -303,8 +318,9 @@ class Sensors:
         self._zero = np.zeros(JOINTS)
 
     def zero(self, torque: Array, nominal: Array, start: LoggedMotion) -> None:
-        """Zero the sensors at rest: at the true `torque` (7,) they show the `nominal` one (7,), up to
-        the error of zeroing. `start`: one log period of the resting arm."""
+        """Zero the sensors at rest: at the true `torque` (7,) they show the `nominal` one (7,), except for the zeroing
+        error. `start` is one log period of the resting arm.
+        """
         here = torque[None] + self._friction.torque
         if self._cable is not None:
             self._cable.add(here, start)
@@ -313,6 +329,7 @@ class Sensors:
 
     def measure(self, torque: Array, motion: LoggedMotion) -> SensorReading:
         """Simulate the measurement of the true mean torques (n, 7) behind the gears, N m."""
+        # Disturbances of the mechanics add to the torque behind the gears.
         torque = torque.copy()
         if self._vibration is not None:
             self._vibration.add(torque)
@@ -322,6 +339,7 @@ class Sensors:
             self.rests.add(torque, motion)
         if self._cable is not None:
             self._cable.add(torque, motion)
+        # The sensors then add their own errors, less the reading at zeroing.
         reading = self._gauges.read(torque, motion.q)
         self._wander.add(reading)
         reading -= self._zero
