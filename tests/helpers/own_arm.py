@@ -42,6 +42,7 @@ reach: {nearest: 0.42, farthest: 0.7, preferred: 0.55, shoulder: 0.36, wrist: 0.
 hand:
   body: gripper
   tcp: [0, 0, 0.1]
+  palm: 0.029
   fingers: [left_slide, right_slide]
   opening: 0.1
   pads: {centre: [0, 0.004, 0.04], half: [0.009, 0.004, 0.01]}

@@ -47,6 +47,7 @@ def judge(made: Run) -> None:
     assert made.execution is not None
     assert made.execution.stopped_by is None
     assert {e.parameter for e in made.estimates} == set(made.plan.parameters)
+    assert not made.plan.unmeasured
     for estimate in made.estimates:
         truth = made.truth[estimate.parameter][0]
         assert estimate.verdict == "identified", estimate

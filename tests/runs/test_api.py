@@ -538,6 +538,11 @@ def test_every_public_name_is_there_and_has_a_docstring() -> None:
         pp.weigh  # noqa: B018
 
 
+def test_a_run_without_estimates_is_true() -> None:
+    run = pp.load(DESK).plan("the temperature of the mug").run()
+    assert (len(run), bool(run)) == (0, True)
+
+
 def test_importing_it_loads_nothing() -> None:
     code = "import sys; import palpate; print(*[m for m in sys.modules if 'palpate.' in m or m in ('numpy', 'mujoco')])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -71,6 +71,10 @@ class ByParameter(Generic[T]):
     def __len__(self) -> int:
         return len(self._entries())
 
+    def __bool__(self) -> bool:
+        """True, also without any entry: `if run:` tests for a run."""
+        return True
+
     def __contains__(self, name: object) -> bool:
         return str(name) in map(str, self._entries())
 

@@ -357,9 +357,9 @@ class _Signals:
         speed = np.linalg.norm(samples.twist[:, :3], axis=1)
         passes = [float(speed[cut.rows].mean()) for cut in cuts if cut.kind in ("up", "down")]
         moves = speed > max(PASS_SPEED, ALIKE_SPEED * min(passes, default=0.0))
-        calm = (at_rest(samples) | (steady(samples) & moves)) & (load.loaded | load.empty)
-        # What a contact changes is no noise of the sensors.
-        calm &= rows_in_free_air(trace)
+        # Friction with a support is no noise of the sensors: motion counts in free air alone.
+        moves &= steady(samples) & rows_in_free_air(trace)
+        calm = (at_rest(samples) | moves) & (load.loaded | load.empty)
         joints = observed.chain is not None
         return cls(
             samples,
