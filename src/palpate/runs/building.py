@@ -35,14 +35,18 @@ if TYPE_CHECKING:
 
 
 REPLAY_PERIOD = 0.04
-"""s between two ticks of an execution that is compared only in the means of its recordings: as long as the simulated
-arm goes on without new feed-forward torques. Residuals move by less than 6 mN and 0.3 micrometres (bottle,
-hammer, drawer), in a seventh to a fifth less time than at 0.02 s."""
+"""s between two ticks of an execution that is compared only in the means of its recordings. It
+equals the time that the simulated arm continues without new feed-forward torques. Against 0.02 s,
+residuals differ by less than 6 mN and 0.3 micrometres (bottle, hammer, drawer), and the duration
+falls by a seventh to a fifth.
+"""
 REPLAY_SUBSTEPS = 1
-"""Physics steps in a control cycle of it: of 1 ms, half MuJoCo's default, and twice those of an execution. Residuals of
-1 to 2 N move by 1 to 4 mN (drawer: 16 mN), in a quarter to a third less time."""
+"""Physics steps in a control cycle of such an execution. The step is 1 ms, half MuJoCo's default
+and twice that of an execution on the robot. Residuals of 1 to 2 N change by 1 to 4 mN (drawer: 16
+mN), and the duration falls by a quarter to a third.
+"""
 LASTING: tuple[Activity, ...] = ("working", "limit")
-"""Activities that leave a fixture elsewhere."""
+"""Activities that change the position of a fixture."""
 HANDS = (OPENS := "OpenGripper", "CloseGripper")
 
 
@@ -55,14 +59,14 @@ class PlanPart(NamedTuple):
 
 
 class Given(NamedTuple):
-    """Execution in the scene as given: what was felt, and how a film of it is taken."""
+    """Execution in the scene as given: the means of its recordings, and a shot for the film."""
 
     felt: Felt
     shot: Shot
 
 
 def touched_as_given(plan: Plan, scene: Scene) -> Given:
-    """Execute a plan in the scene that it was made for."""
+    """Execute a plan in the scene for which it was made."""
     from palpate.perception.film import Footage, Shot
 
     trace, world = _execute_part(scene, PlanPart(plan, scene))
@@ -70,7 +74,7 @@ def touched_as_given(plan: Plan, scene: Scene) -> Given:
 
 
 def replay_parts(parts: Sequence[PlanPart], world: Scene) -> Felt:
-    """Means of all recordings of the parts' executions in `world`."""
+    """Execute the parts in `world`, and return the means of all recordings."""
 
     def means(part: PlanPart) -> Felt:
         return mean_recordings(_execute_part(world, part)[0])
@@ -79,7 +83,10 @@ def replay_parts(parts: Sequence[PlanPart], world: Scene) -> Felt:
 
 
 def _execute_part(world: Scene, part: PlanPart) -> tuple[Trace, World]:
-    """Trace of a noise-free simulated robot that executes a part in `world`, and that as it is then.
+    """Execute a part in `world` with a noise-free simulated robot.
+
+    Returns:
+        The trace, and the world at the end.
 
     Raises:
         Interrupted: a signal came meanwhile.
@@ -98,13 +105,14 @@ def _execute_part(world: Scene, part: PlanPart) -> tuple[Trace, World]:
 def replay_of(
     plan: Plan, scene: Scene, trace: Trace, estimates: Collection[Estimate]
 ) -> Replay | None:
-    """Execution in a given world of what is compared of a plan; None where nothing was recorded.
+    """Make the execution, in a given world, of the parts of a plan that are compared; None if
+    nothing was recorded.
 
     Args:
         plan: executed.
-        scene: that it was made for.
+        scene: for which it was made.
         trace: of its execution.
-        estimates: what was measured, which later parts know.
+        estimates: known to later parts of the plan.
     """
     nodes = [leaf.node for leaf in trace.leaves]
     if len(set(nodes)) < len(nodes):  # a node ran twice: no part of one plan covers that
@@ -113,6 +121,8 @@ def replay_of(
     if not parts:
         return None
 
+    # Execute the parts; if a recording is missing, a part depends on an earlier one: execute the
+    # whole plan.
     def replay(world: Scene) -> Felt:
         means = replay_parts(parts, world)
         if len(parts) > 1 and len(means) < len(trace.recordings):
@@ -125,23 +135,29 @@ def replay_of(
 def _parts(
     plan: Plan, scene: Scene, trace: Trace, estimates: Collection[Estimate]
 ) -> Iterator[PlanPart]:
-    """Cut a plan into parts that each end with a recording and begin at a rest before the next."""
+    """Cut a plan into parts. Each ends with a recording and begins at a rest before the next
+    one."""
     leaves, recordings = trace.leaves, trace.recordings
     if not recordings:
         return
     opens = next((leaf.node for leaf in leaves if leaf.primitive == OPENS), "")
+    # Parts may begin at rests only if no touch corrects a pose.
     certain = all(map(_is_certain, scene.bodies.values()))
     places = list(rests(leaves)) if certain else []
     first, ends, q = 0, 0.0, None
     for before, after in zip(recordings, [*recordings[1:], None], strict=True):
         start = leaves[first].start
+        # Extend the part to the last motion that its recording is compared with.
         ends = max(ends, *_compared_interval(trace, before, start))
         begins = None
+        # Begin the next part at the latest rest between this part and the next recording; otherwise
+        # merge them.
         if after is not None:
             earliest, _ = _compared_interval(trace, after, before.end)
             begins = max((i for i in places if ends <= leaves[i].start <= earliest), default=None)
             if begins is None:
                 continue
+        # A later part begins with the knowledge and joint positions of that time.
         at = scene
         if first:
             at = _scene_at(scene, trace, start, estimates)
@@ -152,8 +168,12 @@ def _parts(
 
 
 def _compared_interval(trace: Trace, recording: Recording, since: float) -> tuple[float, float]:
-    """First and last robot time, s, of a recording, and of motions of the empty hand that it is compared with: those
-    after `since` and before it, or else the first one after it; of all, where none is after `since`."""
+    """First and last robot time, s, of a recording and of the empty-hand motions that it is
+    compared with.
+
+    These are the motions after `since` and before the recording, or else the first one after it. If
+    no motion is after `since`, all are candidates.
+    """
     empty: list[LeafRun] = []
     if recording.buffer == FORCES:
         every = list(empty_motions(trace, recording))
@@ -164,12 +184,12 @@ def _compared_interval(trace: Trace, recording: Recording, since: float) -> tupl
 
 
 def _is_certain(body: Body) -> bool:
-    """True if no touch corrects where the body is believed."""
+    """True if no touch corrects the believed pose of the body."""
     return body.covariance is None
 
 
 def _scene_at(scene: Scene, trace: Trace, before: float, estimates: Collection[Estimate]) -> Scene:
-    """The scene as it is known at robot time `before`, s."""
+    """Scene with everything known at robot time `before`, s."""
     state = SymbolicState(scene)
     for estimate in estimates:
         converted = trace.converted(estimate.parameter)
@@ -179,10 +199,13 @@ def _scene_at(scene: Scene, trace: Trace, before: float, estimates: Collection[E
 
 
 def rests(leaves: Sequence[LeafRun]) -> Iterator[int]:
-    """Indices of the motions before which the open hand is at rest in free air, and nothing was left elsewhere."""
+    """Indices of motions before which the open hand is at rest in free air and no object was
+    displaced.
+    """
     is_open = False
     for i, (leaf, after) in enumerate(pairwise(leaves), 1):
         now, then = leaf.context, after.context
+        # Displacements end the search: a fixture has moved, or an object was put down elsewhere.
         if now is None or then is None or now.activity in LASTING:
             return
         if now.holding is not None and then.holding is None and now.at != now.grasp:
@@ -194,12 +217,14 @@ def rests(leaves: Sequence[LeafRun]) -> Iterator[int]:
             yield i
 
 
-# Build the digital twin, and validate it by executing the plan again in simulation.
+# The digital twin, and its validation by executing the plan again in simulation.
 
 
 def build_twin(made: Run, callbacks: RunCallbacks = SILENT) -> Run:
-    """Write the estimates into the scene's MJCF. A scene detected in a picture is taken as the
-    symbolic state has it at the end of the execution."""
+    """Write the estimates into the scene's MJCF.
+
+    A scene detected in a picture is taken from the symbolic state at the end of the execution.
+    """
     if made.trace_if_any is None:
         return made
     callbacks.progress("building the twin")
@@ -211,8 +236,10 @@ def build_twin(made: Run, callbacks: RunCallbacks = SILENT) -> Run:
 
 
 def sizes_on_the_way(made: Run, scene: Scene) -> list[Estimate]:
-    """Sizes that nobody asked for, of objects of `scene` whose own are from a picture or marked unsure, from the
-    grasps and touches of the run."""
+    """Estimate sizes that were not requested, from the grasps and touches of the run.
+
+    The objects are those of `scene` whose sizes are from a picture or marked unsure.
+    """
     trace = made.trace_if_any
     asked = {parameter.object for parameter in made.plan.parameters if parameter.quantity == "size"}
     if trace is None:
@@ -229,7 +256,7 @@ def touched_beside(made: Run, cell: Cell) -> Generator[Beside[Given] | None]:
     if made.settings.fast or made.seen or not cell.simulated:
         yield None
         return
-    # Independent of any estimate, so it need not wait for them.
+    # This execution depends on no estimate, so it need not wait for them.
     with Beside(lambda: touched_as_given(made.plan, made.scene)) as given:
         yield given
 
@@ -255,19 +282,21 @@ def touch_twin(
     trace = made.trace_if_any
     if trace is None:
         return made
+    # Execute the plan's part of the trace again.
     trace = _of_plan(trace, made.plan)
     again = replay_of(made.plan, planned_in, trace, made.estimates)
     if again is None:
         return made
-    # `given` executed the whole plan: comparable only if the robot executed the whole plan as well.
+    # `given` executed the whole plan: it is comparable only if the robot did so as well.
     whole = made.execution is not None and made.execution.status == "complete"
     beside = (lambda: given.result().felt) if given is not None and whole else None
     return replace(made, finished=touch(made.finished, made.scene, trace, again, beside))
 
 
 def _of_plan(trace: Trace, plan: Plan) -> Trace:
-    """The trace up to the first leaf that is none of the plan's: of a repetition, or of what was done after a
-    failure."""
+    """Cut the trace before the first leaf that does not belong to the plan: a repetition, or a
+    recovery from a failure.
+    """
     nodes = {path for path, _ in plan.tree.walk()} if plan.tree is not None else set[str]()
     others = [leaf.start for leaf in trace.leaves if leaf.node not in nodes]
     return trace.until(min(others)) if others else trace

@@ -45,17 +45,20 @@ def estimate(made: Run, cell: Cell | None, callbacks: RunCallbacks = SILENT) -> 
 def estimates(
     made: Run, cell: Cell | None, callbacks: RunCallbacks = SILENT, ahead: Ahead | None = None
 ) -> Iterator[Run]:
-    """Yield the run after every estimate, after their validation, and then with the truth. `ahead` has made some of
-    them."""
+    """Yield the run after every estimate, after their validation, and finally with the truth.
+
+    `ahead` holds estimates that were made during the execution.
+    """
     callbacks.progress("estimating")
     trace = made.trace_if_any
     # Keep the trace, so that it is read from its file once and not for every estimate.
     made = replace(made, estimates=(), held_out=None, recorded=trace)
+    # Use the surfaces and poses that the run measured.
     scene = made.scene if trace is None else _as_felt(made, trace)
     found: dict[Parameter, Estimate] = {}
 
     def make(later: Collection[str]) -> Iterator[Run]:
-        """Make all that is not found, but for those of the objects that come later."""
+        """Make all estimates that do not exist yet, except those of the objects in `later`."""
         wanted = [one for one in made.plan.parameters if one not in found]
         wanted = [one for one in wanted if one.object not in later]
         for estimate in shared_out(partial(_estimate_parameter, made, scene), wanted):
@@ -63,6 +66,7 @@ def estimates(
             every = [found[one] for one in made.plan.parameters if one in found]
             yield replace(made, estimates=tuple(every))
 
+    # Make the estimates of objects that no copy works on, then collect those of the copies.
     early: Mapping[str, Judged] = {}
     if ahead is not None:
         yield from make(later=ahead.begun)
@@ -74,13 +78,14 @@ def estimates(
     callbacks.progress("validating the estimates on held-out motions")
     made = _validate(made, scene, early={name: each.motion for name, each in early.items()})
     yield made
-    # The truth is asked for when the estimates are final, never before.
+    # Read the truth only after all estimates are final.
     if cell is not None:
         yield replace(made, truth=truths(made, cell))
 
 
 def _unmeasured(made: Run) -> Iterator[Estimate]:
-    """Estimates without a value, of the requested parameters that the plan does not measure."""
+    """Make estimates without a value for the requested parameters that the plan does not
+    measure."""
     for one in made.plan.unmeasured:
         yield from (failed_estimate(parameter, one.reason) for parameter in one.parameters)
 
@@ -90,7 +95,7 @@ class Judged:
     """Estimates of one object, with its held-out motion.
 
     Attributes:
-        key: of all that this was made from.
+        key: digest of all data that this was made from.
         estimates: of its parameters.
         motion: its held-out motion, or the reason why there is none; None if it was not held still.
     """
@@ -114,7 +119,9 @@ def judge_object(made: Run, name: str) -> Judged:
 def _select_still_valid(
     early: Mapping[str, Judged], scene: Scene, trace: Trace | None
 ) -> dict[str, Judged]:
-    """Select the estimates whose evidence is the same at the end; none of a run that was broken off."""
+    """Select the estimates whose evidence is still the same at the end; none of a run that was
+    interrupted.
+    """
     if trace is None or sound(trace) is not trace:
         return {}
     return {
@@ -125,14 +132,16 @@ def _select_still_valid(
 
 
 def _key(scene: Scene, evidence: Trace, name: str) -> bytes:
-    """Digest of all that the estimates of an object are made from: where the scene has it, and its evidence."""
+    """Digest of all data for the estimates of an object: its pose and known values in the scene,
+    and its evidence.
+    """
     body = scene.bodies[name]
     believed = (body.pose_world.vector, body.tipped.vector, body.covariance, dict(body.known))
     return sha256(pickle.dumps((believed, evidence))).digest()
 
 
 def _as_felt(made: Run, trace: Trace) -> Scene:
-    """The run's scene with its surfaces as measured, and its objects where touch found them."""
+    """Correct the run's scene: surfaces as measured, objects at the poses found by touch."""
     scene = scene_with_measurements(made.scene, trace)
     for name, belief in made.beliefs.items():
         if belief.is_moved and name in scene.bodies:
@@ -141,7 +150,7 @@ def _as_felt(made: Run, trace: Trace) -> Scene:
 
 
 def _estimate_parameter(made: Run, scene: Scene, parameter: Parameter) -> Estimate:
-    """The estimate of a parameter, with the surfaces of `scene` as measured."""
+    """Estimate a parameter, with the surfaces of `scene` as measured."""
     trace = made.trace_if_any
     if trace is None:
         return failed_estimate(parameter, "Nothing was recorded.")
@@ -152,12 +161,15 @@ def _estimate_parameter(made: Run, scene: Scene, parameter: Parameter) -> Estima
 
 
 def reestimate(made: Run, choice: Mapping[str, str] | None = None) -> Run:
-    """Make the estimates again from the stored trace, in memory and without a twin: nothing moves,
-    and the run's folder stays unchanged. `choice` names estimators by quantity.
+    """Make the estimates again from the stored trace.
+
+    The result is in memory and has no twin. Nothing moves, and the run's folder stays unchanged.
+    `choice` names estimators by quantity.
 
     Raises:
-        InputError: it has no trace, another version recorded it, its scene's file is missing, or there
-            is no such estimator.
+        InputError: the run has no trace, another version recorded it, its scene's file is missing,
+        or
+            there is no such estimator.
     """
     if made.folder is not None:
         from palpate.runs.read import require_own_version
@@ -173,6 +185,7 @@ def reestimate(made: Run, choice: Mapping[str, str] | None = None) -> Run:
         raise InputError(
             f"the run's scene, '{file}', is missing: put it back there to make estimates again"
         )
+    # Repeat estimation and validation as the run did them.
     scene = _as_felt(made, trace)
     recorded = [one.parameter for one in made.estimates] if made.is_recorded else ()
     found = estimate_all(recorded or made.plan.parameters, trace, scene.bodies, choice or {})
@@ -182,9 +195,11 @@ def reestimate(made: Run, choice: Mapping[str, str] | None = None) -> Run:
 
 
 def with_views(made: Run) -> Run:
-    """Add the data of the fits, which a run's folder does not hold, to the estimates of a run that
-    was read from its folder, by making them again from its trace. An estimate whose value differs
-    stays without; so do all without a trace or a scene."""
+    """Add the data of the fits to the estimates of a run that was read from its folder.
+
+    A folder does not hold these data: the estimates are made again from the trace. An estimate with
+    a different value gets none. Without a trace or a scene, no estimate gets any.
+    """
     trace = made.trace_if_any
     has_views = any(one.views for one in made.estimates)
     if trace is None or not made.scene.bodies or has_views:
@@ -201,11 +216,14 @@ def with_views(made: Run) -> Run:
 
 
 def _annotate(made: Run, estimate: Estimate) -> Estimate:
-    """Add to the estimate's method an interval wider than asked for, and a truth drawn from priors."""
+    """Note in the estimate's method an interval wider than requested, and a truth drawn from
+    priors.
+    """
     estimate = made.settings.within.told(estimate)
     if not made.drawn:
         return estimate
-    # The method's text is all that the twin quotes, so it must say there that no real thing was measured.
+    # The twin quotes only the method's text, so this text must state that the truth was drawn from
+    # priors.
     return replace(estimate, method=f"{estimate.method} {MADE_UP}".lstrip())
 
 
@@ -215,9 +233,16 @@ def _validate(
     choice: Mapping[str, str] | None = None,
     early: Mapping[str, HeldOutMotion | str | None] | None = None,
 ) -> Run:
-    """Test the estimates on held-out motions: each is left out, the rest is fitted again by the
-    estimators that `choice` names, and the left-out recording is predicted. `scene`: as measured; `early`: the
-    motions of objects for which that was done before."""
+    """Test the estimates on held-out motions.
+
+    Each motion is left out, the rest is fitted again, and the left-out recording is predicted.
+
+    Args:
+        made: the run.
+        scene: with measured surfaces.
+        choice: estimators by quantity.
+        early: motions of objects that were judged before.
+    """
     trace = made.trace_if_any
     if trace is None:
         return made
@@ -231,17 +256,19 @@ def _validate(
     return replace(made, held_out=held, estimates=with_tests(made.estimates, held))
 
 
-# Estimates of objects that the arm is done with, made while it handles the next.
+# Estimates of finished objects, made while the arm handles the next one.
 
 
 class Ahead:
-    """Estimates made by copies of this process, on processors that are idle while a simulated arm moves.
+    """Estimates made by copies of this process, on processors that are idle while a simulated arm
+    moves.
 
-    They are the same as those made at the end: whoever uses them compares the evidence (`Judged.key`).
+    They are equal to those made at the end. The caller compares the evidence before it uses them
+    (`Judged.key`).
     """
 
     def __init__(self, made: Run, beside: Beside[Given] | None) -> None:
-        """Begin without any; `beside` is a copy that is at work already."""
+        """Begin without estimates. `beside` is a copy that already runs."""
         self._made, self._beside = made, beside
         of_objects = (one.object for one in made.plan.parameters)
         self._due = [name for name in dict.fromkeys(of_objects) if name in made.scene.objects]
@@ -250,18 +277,23 @@ class Ahead:
 
     @property
     def begun(self) -> Collection[str]:
-        """Objects whose estimates are made, or in the making."""
+        """Objects whose estimates are made or in progress."""
         return self._copies.keys()
 
     def look(self, recorder: Recorder) -> None:
-        """After a leaf has ended, begin with an object whose evidence is complete. A further attempt has a
-        recorder of its own: its evidence is only a part, and no estimate is begun."""
+        """Start the estimates of an object whose evidence is complete, after a leaf has ended.
+
+        A further attempt has another recorder. Its evidence is only a part, and no estimate is
+        started.
+        """
+        # Fewer leaves than before: a new attempt has begun.
         if len(recorder.leaves) < self._leaves:
             self._due.clear()
         if len(recorder.leaves) == self._leaves or not self._due:
             return
         self._leaves = len(recorder.leaves)
         now = recorder.leaves[-1].end
+        # Start a copy for the first object of which the plan records nothing more.
         for name in self._due:
             reached = reach(recorder, name)
             if reached is not None and reached[1] < now and self._is_idle():
@@ -272,25 +304,28 @@ class Ahead:
                 return
 
     def results(self) -> Mapping[str, Judged]:
-        """Wait for what was begun, by object."""
+        """Wait for the estimates that were started, and return them by object."""
         found = {name: copy.result() for name, copy in self._copies.items()}
         return {name: one for name, one in found.items() if one is not None}
 
     def _is_idle(self) -> bool:
-        """Test for a processor beside that of the execution which no copy uses."""
+        """True if a processor is free besides that of the execution and those of the copies."""
         working = sum(copy.running for copy in (*self._copies.values(), self._beside) if copy)
         return can_copy() and working < len(os.sched_getaffinity(0)) - 1
 
     def close(self) -> None:
-        """Give up what was not asked for."""
+        """End the copies whose results were not collected."""
         for copy in self._copies.values():
             copy.close()
 
 
 @contextmanager
 def ahead_of(made: Run, cell: Cell, beside: Beside[Given] | None) -> Generator[Ahead | None]:
-    """Yield the estimates to be made while a simulated arm moves; None beside a real one, which needs the
-    processor. `beside`: a copy that is at work already."""
+    """Yield the estimates made while a simulated arm moves; None with a real one, which needs the
+    processor.
+
+    `beside` is a copy that already runs.
+    """
     if not cell.simulated:
         yield None
         return
@@ -302,7 +337,7 @@ def ahead_of(made: Run, cell: Cell, beside: Beside[Given] | None) -> Generator[A
 
 
 def _try_object(made: Run, name: str) -> Judged | None:
-    """Estimates of an object; None where they fail, so that they are made, and fail, at the end."""
+    """Estimate an object; None on failure, so that the error occurs and is reported at the end."""
     try:
         return judge_object(made, name)
     except Exception:

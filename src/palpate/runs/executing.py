@@ -31,20 +31,22 @@ if TYPE_CHECKING:
 
 
 MOVED = 0.005
-"""m in the level that a thing may stand off, besides what sight leaves open: as a rehearsal's neighbours."""
+"""m: distance of an object from its believed position that is allowed in addition to the
+uncertainty of sight, as for neighbours in a rehearsal.
+"""
 SURE = 3.0
-"""Standard deviations of what sight, and what is believed, leave open."""
+"""Standard deviations of sight and belief within which a position agrees."""
 OFTEN = 5.0
-"""s of robot time from one look to the next, at least."""
+"""s of robot time: least interval between two looks."""
 
 
 See = Callable[[], "Seen | None"]
-"""Takes a look; None where the camera shows nothing of the scene."""
+"""Take a look; None where the camera shows nothing of the scene."""
 
 
 @dataclass(slots=True)
 class CameraWatch:
-    """Correction of the symbolic state after a motion, with a look where nothing is in the way.
+    """Corrects the symbolic state after a motion, and takes a look when the view is free.
 
     Attributes:
         settled: the correction.
@@ -56,14 +58,15 @@ class CameraWatch:
     _looked: float = field(default=-np.inf, init=False)
 
     def __call__(self, path: str, blackboard: Blackboard) -> SymbolicState:
-        """State after the leaf at a path.
+        """Correct the state after the leaf at a path.
 
         Raises:
-            LeafFailure: something stands elsewhere than believed, or the camera does not answer.
+            LeafFailure: an object is not at its believed position, or the camera does not answer.
         """
         state, now = self.settled(path, blackboard), blackboard.robot.state.t
         if now - self._looked < OFTEN or blackboard.motions > 1 or not _is_away(state):
             return state
+        # Compare the seen positions with the believed ones.
         self._looked = now
         try:
             seen = self.see()
@@ -75,11 +78,13 @@ class CameraWatch:
 
 
 def iter_displacements(state: SymbolicState, seen: Seen) -> Iterator[str]:
-    """Objects that stand elsewhere than believed, each with where and how far."""
+    """Describe the objects that are not at their believed positions, with position and distance."""
     for name, pose in seen.poses.items():
+        # Covariance of the horizontal difference: sight and belief add.
         belief, spread = state.belief_of(name), seen.covariances[name][:2, :2]
         if belief is not None:
             spread = spread + belief.covariance[:2, :2]
+        # Allow the nearer of the believed and the first seen position; test along the displacement.
         ways = [(pose.position - place.position)[:2] for place in _places(state, name)]
         off = min(ways, key=lambda way: float(way @ way))
         far, most = float(np.linalg.norm(off)), MOVED + SURE * _std_along(spread, off)
@@ -92,20 +97,22 @@ def iter_displacements(state: SymbolicState, seen: Seen) -> Iterator[str]:
 
 
 def _places(state: SymbolicState, name: str) -> Iterator[Pose]:
-    """Where an object is believed; and where it was seen at first, unless the run has moved it: touch may have
-    corrected that."""
+    """Believed pose of an object. For an object that the run has not moved, also the first seen
+    pose, which touch may have corrected.
+    """
     yield state.pose_of(name)
     if name not in state.displaced_objects():
         yield (state.scene.as_given or state.scene).body(name).pose_world
 
 
 def watch_state(settled: Settled, see: See | None) -> Settled:
-    """The correction with looks; as it is without a camera."""
+    """Add looks to the correction; without a camera it stays unchanged."""
     return settled if see is None else CameraWatch(settled, see)
 
 
 def eye(made: Run, cell: Cell) -> See | None:
-    """Looks of the settings' camera; None without one, and of a file, which shows nothing new.
+    """Make the looks of the settings' camera; None without one, and of a file, which shows nothing
+    new.
 
     Raises:
         InputError: no such camera, or no intrinsics.
@@ -124,7 +131,7 @@ def eye(made: Run, cell: Cell) -> See | None:
 
 
 def _live(source: str, made: Run) -> See:
-    """Looks of a camera that runs from here on."""
+    """Make the looks of a real camera, which streams from here on."""
     from palpate.perception.cameras import Stream
     from palpate.perception.look import look
 
@@ -142,7 +149,7 @@ def _live(source: str, made: Run) -> See:
 
 
 def _simulated_looks(name: str, made: Run, cell: Cell) -> See:
-    """Looks of a camera of the simulated world, arm included."""
+    """Make the looks of a camera in the simulated world, arm included."""
     from palpate.perception.look import look
     from palpate.perception.rendered import SimulatedCamera
 
@@ -163,7 +170,7 @@ def _simulated_looks(name: str, made: Run, cell: Cell) -> See:
 
 
 def _or_none(look: Callable[[], Seen]) -> Seen | None:
-    """What is seen; None where the arm hides all that there is to see by."""
+    """Take a look; None where the arm hides everything that identifies a pose."""
     try:
         return look()
     except InputError:
@@ -171,7 +178,7 @@ def _or_none(look: Callable[[], Seen]) -> Seen | None:
 
 
 def _std_along(covariance: Array, way: Array) -> float:
-    """Standard deviation, m, along a way (2,), m; 0 along none."""
+    """Standard deviation along the direction `way` (2,), m; 0 for a zero vector."""
     length = float(np.linalg.norm(way))
     return float(np.sqrt(way @ covariance @ way)) / length if length > 0.0 else 0.0
 
@@ -183,7 +190,7 @@ def _is_away(state: SymbolicState) -> bool:
     return state.object_at(state.pose_world_tcp) is None
 
 
-# Tick the behavior tree on the cell's robot, and record the trace.
+# Execution of the behavior tree on the cell's robot, with the trace.
 
 
 log = logging.getLogger(__name__)
@@ -192,7 +199,7 @@ log = logging.getLogger(__name__)
 def execute(
     made: Run, cell: Cell, callbacks: RunCallbacks = SILENT, keep: Keep | None = None
 ) -> Run:
-    """Execute the plan on the cell's robot; `keep` writes samples to disk meanwhile.
+    """Execute the plan on the cell's robot. `keep` writes samples to disk meanwhile.
 
     Raises:
         InputError: the workplace cannot be used.
@@ -246,7 +253,7 @@ def perform(
 
     Args:
         plan: with a tree.
-        scene: that the plan was made for.
+        scene: for which the plan was made.
         robot: simulated or real.
         callbacks: progress, and the confirmation to resume after a stop of a real robot.
         on_failure: `stop`, `skip` the failed object, or `replan`.
@@ -254,9 +261,9 @@ def perform(
         keep: writes samples to disk meanwhile.
         real: the robot is a real one.
         noiseless: the robot is a simulated one without noise.
-        settled: corrects the symbolic state after a leaf of the plan, by where things ended in its
-            rehearsal.
-        see: looks at the scene after motions; a thing that moved ends the run.
+        settled: corrects the symbolic state after a leaf of the plan, by the final poses of its
+        rehearsal.
+        see: looks at the scene after motions; a displaced object ends the run.
         tick_period: s of robot time between two ticks; the runner's by default.
     """
     from palpate.execution.recovery import recover, repeat
@@ -272,6 +279,8 @@ def perform(
         tick_period=tick_period or TICK_PERIOD,
     )
     try:
+        # Execute, recover from failures by the policy, then repeat measurements that are too
+        # uncertain.
         first = attempt(plan, scene, robot, settled=watch_state(settled, see))
         done = recover(
             first,
@@ -296,7 +305,7 @@ def perform(
 
 
 def cut_off(made: Run) -> Run:
-    """End the execution of a run whose process was killed meanwhile, with the trace up to there."""
+    """End the execution of a run whose process was killed, with the trace recorded so far."""
     try:
         trace = made.trace_if_any
     except InputError:  # the file was cut off too early to be read
@@ -305,6 +314,7 @@ def cut_off(made: Run) -> Run:
     seconds = 0.0
     if trace is not None and len(trace.samples):
         seconds = float(trace.t[-1] - trace.t[0])
+    # All actions of the plan succeeded: the execution was complete.
     ended_well = sum(leaf.status == "SUCCESS" for leaf in leaves) == made.plan.actions
     ending = Ending(
         "complete" if ended_well else "stopped",

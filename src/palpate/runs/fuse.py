@@ -45,7 +45,7 @@ class Fusion(Estimates):
 
     @property
     def identified(self) -> bool:
-        """True if every parameter is."""
+        """True if every parameter is identified."""
         return all(estimate.identified for estimate in self.estimates)
 
     def __repr__(self) -> str:
@@ -61,12 +61,14 @@ def fuse_runs(runs: Sequence[Run]) -> Fusion:
     """
     if len(runs) < 2:
         raise InputError("give two runs or more to fuse")
+    # Require runs of one scene with different recordings.
     names = names_of(runs)
     for name, run in zip(names[1:], runs[1:], strict=True):
         apart = list(differences(runs[0], run))
         if apart:
             raise InputError(f"{names[0]} and {name} are not of one scene: {'; '.join(apart)}")
     _require_different(runs, names)
+    # Fuse each parameter over the runs that give evidence for it; list the other estimates.
     estimates: list[Estimate] = []
     left_out: list[str] = []
     for parameter in parameters_of(runs):
@@ -81,7 +83,7 @@ def fuse_runs(runs: Sequence[Run]) -> Fusion:
 
 
 def _sources(parameter: Parameter, runs: Sequence[Run], names: Sequence[str]) -> list[Source]:
-    """Estimates of a parameter by the runs that have one."""
+    """Collect the estimates of a parameter, each with its run and arm."""
     sources: list[Source] = []
     for name, run in zip(names, runs, strict=True):
         estimate = estimate_of(run, parameter)
@@ -91,7 +93,7 @@ def _sources(parameter: Parameter, runs: Sequence[Run], names: Sequence[str]) ->
 
 
 def _left_out(source: Source) -> str:
-    """Line on an estimate that is left out, with the reason."""
+    """Describe an estimate that is left out, with the reason."""
     one = source.estimate
     why = one.contradiction or one.doubt or one.method
     return f"{one.parameter} of {source.run} is {one.verdict}: {why}"
@@ -131,7 +133,7 @@ def fusion_json(fusion: Fusion, folder: Path | None) -> dict[str, Any]:
 
 
 def write_fusion(fusion: Fusion, folder: Path) -> None:
-    """Result and twin into a new folder.
+    """Write result and twin into a new folder.
 
     Raises:
         InputError: it exists or cannot be made.
@@ -157,7 +159,7 @@ def names_of(runs: Sequence[Run]) -> tuple[str, ...]:
 
 
 def parameters_of(runs: Sequence[Run]) -> list[Parameter]:
-    """Parameters of all runs, in order."""
+    """Parameters of all runs, each once, in order."""
     promised = [estimate.parameter for run in runs for estimate in run.estimates]
     return list(dict.fromkeys(promised))
 
@@ -171,7 +173,7 @@ def estimate_of(run: Run, parameter: Parameter) -> Estimate | None:
 
 
 def differences(one: Run, other: Run) -> Iterator[str]:
-    """Differences of the scenes and worlds of two runs, in words."""
+    """Describe the differences of the scenes and worlds of two runs."""
     if not one.scene.bodies or not other.scene.bodies:
         yield "the scene's file is gone"
         return
@@ -188,7 +190,9 @@ def differences(one: Run, other: Run) -> Iterator[str]:
 
 
 def _other_world(one: Run, other: Run) -> Iterator[str]:
-    """Difference of two simulated worlds: another file, or another draw from the priors."""
+    """Describe the difference of two simulated worlds: another file, or another draw from the
+    priors.
+    """
     worlds = [run.settings.world and run.settings.world.absolute() for run in (one, other)]
     drawn = [run.world is not None and "drawn from priors" in run.world for run in (one, other)]
     if worlds[0] != worlds[1] or drawn[0] != drawn[1]:
@@ -208,7 +212,7 @@ def _places(run: Run) -> list[tuple[str, tuple[float, ...]]]:
 
 
 def _first_difference(text: str, other: str) -> str:
-    """The first line in which two texts differ."""
+    """Find the first line in which two texts differ."""
     for line in difflib.ndiff(text.splitlines(), other.splitlines()):
         if line[:2] in ("- ", "+ "):
             return line[2:].strip()
@@ -221,6 +225,7 @@ def _require_different(runs: Sequence[Run], names: Sequence[str]) -> None:
     Raises:
         InputError: two runs hold the same recordings.
     """
+    # Values and deviations identify a recording: independent measurements never agree in every bit.
     seen: dict[tuple[Any, ...], str] = {}
     for name, run in zip(names, runs, strict=True):
         for estimate in run.estimates:

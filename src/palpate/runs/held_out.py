@@ -32,7 +32,7 @@ WEIGHT = "held-out weight"
 BALANCE = "held-out balance"
 TORQUES = "held-out torques"
 JUDGED = {WEIGHT: "mass", BALANCE: "com"}
-"""Quantities that tests judge; the test of the remaining torques judges none."""
+"""Quantity that each test judges. The test of the remaining torques judges none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ class HeldOutMotion:
 
     Attributes:
         object: in the hand.
-        motion: in words.
+        motion: description.
         start, end: s.
         chi2, dof, p: of the joint torques, over all joints and bins.
         chi2_template: the same for the mass of the prior.
@@ -89,7 +89,9 @@ class HeldOutMotion:
 
     @property
     def agrees(self) -> bool:
-        """True if weight and balance are as predicted; remaining torques may be the arm's own."""
+        """True if weight and balance agree with the prediction. Remaining torques may come from the
+        arm itself.
+        """
         return all(test.passed for test in self.tests if test.name in JUDGED)
 
     @property
@@ -100,30 +102,35 @@ class HeldOutMotion:
 
 @dataclass(frozen=True, slots=True)
 class HeldOut:
-    """Held-out motions, one an object; `notes`: reasons why there is none of an object."""
+    """Held-out motions, one for each object. `notes` are the reasons why an object has none."""
 
     motions: tuple[HeldOutMotion, ...]
     notes: tuple[str, ...] = ()
 
     @property
     def agrees(self) -> bool:
-        """True if all are as predicted."""
+        """True if all motions agree with their predictions."""
         return all(motion.agrees for motion in self.motions)
 
 
-# Judge of the estimates: hold a motion of each object out, make the estimates again without it, and
-# test their prediction of it.
+# Cross-validation: hold out one motion of each object, estimate without it, and predict it.
 
 
 FITTED = ("mass", "com", "inertia")
 """Quantities on which the wrench of a held object depends."""
 IN_THE_AIR = ("still", "swinging")
-"""Activities of recordings from which these are estimated."""
+"""Activities of recordings from which these quantities are estimated."""
 
 
 @dataclass(frozen=True, slots=True)
 class HoldOut:
-    """A held-out time, s, in words, and the recording along whose path the object moves in it."""
+    """A held-out interval.
+
+    Attributes:
+        words: description.
+        start, end: s.
+        recording: along its path the object moves in the interval.
+    """
 
     words: str
     start: float
@@ -138,8 +145,16 @@ def held_out(
     choice: Mapping[str, str] | None = None,
     early: Mapping[str, HeldOutMotion | str | None] | None = None,
 ) -> HeldOut | None:
-    """Judge the estimates of every lifted object; None without any. `choice` names the estimators by
-    quantity, where `estimates` were not made by the default ones; `early` are objects judged before."""
+    """Judge the estimates of every lifted object; None without any.
+
+    Args:
+        scene: of the run.
+        trace: of the run.
+        estimates: to be judged.
+        choice: estimators by quantity, where `estimates` were not made by the default ones.
+        early: objects judged before.
+    """
+    # Find the objects that were lifted; those judged before are not judged again.
     evidence = sound(trace)
     motions: list[HeldOutMotion] = []
     notes: list[str] = []
@@ -150,6 +165,7 @@ def held_out(
     every = shared_out(
         lambda name: judge(scene, trace_around(evidence, name), estimates, name, choice), due
     )
+    # Collect motions and notes in the order of lifting.
     judgements = {**known, **dict(zip(due, every, strict=True))}
     for name in names:
         judged = judgements[name]
@@ -163,8 +179,11 @@ def held_out(
 
 
 def with_tests(estimates: Sequence[Estimate], held: HeldOut) -> tuple[Estimate, ...]:
-    """The estimates with the tests on the held-out motions: a mass that does not predict the weight in
-    another motion, or a centre of mass the balance, is contradicted."""
+    """Add the tests on the held-out motions to the estimates.
+
+    A mass is contradicted if it does not predict the weight in another motion. A centre of mass is
+    contradicted if it does not predict the balance.
+    """
     tests: dict[Parameter, FitTest] = {}
     for motion in held.motions:
         for test in motion.tests:
@@ -180,18 +199,22 @@ def with_tests(estimates: Sequence[Estimate], held: HeldOut) -> tuple[Estimate, 
 
 
 def usable(estimate: Estimate) -> bool:
-    """True if an estimate has a value that nothing contradicts."""
+    """True if an estimate has a value and no test contradicts it."""
     return estimate.has_value and estimate.verdict != "contradicted"
 
 
 def stated_as(parameter: Parameter) -> Parameter:
-    """The parameter as the file states it: `com` of `com_3d`, whose tilts a held-out motion may lack."""
+    """Convert to the parameter that the file states: `com` for `com_3d`, whose tilts a held-out
+    motion may lack.
+    """
     quantity = catalogue().get(parameter.quantity)
     return parameter if quantity is None else Parameter(parameter.object, quantity.known_as())
 
 
 def held_still(trace: Trace, name: str | None = None) -> Iterator[Recording]:
-    """Recordings of forces while an object, or `name`, was held still in the air."""
+    """Yield the recordings of forces while an object, or the one called `name`, was held still in
+    the air.
+    """
     for recording in trace.recordings:
         context = recording.context
         held = context.holding is not None and name in (None, context.holding)
@@ -200,21 +223,23 @@ def held_still(trace: Trace, name: str | None = None) -> Iterator[Recording]:
 
 
 def cut_of(trace: Trace, name: str) -> HoldOut | None:
-    """The last lift of several, else the way down after the object was measured."""
+    """Choose the interval to hold out: the last of several lifts, else the way down after the
+    measurement.
+    """
     grasps = load_rows(trace, name).grasps
     lifts: list[HoldOut] = []
-    # Grasps and releases alternate.
+    # Grasps and releases alternate: every second interval is a lift.
     for start, end in list(pairwise([*grasps, float(trace.t[-1])]))[::2]:
         measured = [r for r in held_still(trace, name) if start <= r.start and r.end <= end]
         if measured:
-            # Along the way up to the first recording: later it may be tilted.
+            # Follow the path of the first recording: later the object may be tilted.
             lifts.append(HoldOut("", start, end, measured[0]))
     if not lifts:
         return None
     last = lifts[-1]
     if len(lifts) > 1:
         return replace(last, words=f"the last of {len(lifts)} lifts of the {name}")
-    # All recordings of it in the air are kept for the estimates.
+    # Keep all recordings in the air for the estimates: the interval begins after the last of them.
     kept = [last.recording.end]
     for recording in trace.recordings:
         inside = last.start <= recording.start and recording.end <= last.end
@@ -231,11 +256,12 @@ def judge(
     name: str,
     choice: Mapping[str, str] | None,
 ) -> HeldOutMotion | str:
-    """The held-out motion of an object, or the reason why there is none."""
+    """Predict and judge the held-out motion of an object; return the reason if there is none."""
     body = scene.bodies.get(name)
     cut = cut_of(trace, name)
     if body is None or cut is None:
         return "nothing was recorded of it that could be held out"
+    # Repeat the estimates of the object without the interval.
     of_it = [e for e in estimates if e.parameter.object == name and usable(e)]
     wanted = list(dict.fromkeys(stated_as(estimate.parameter) for estimate in of_it))
     wanted = [parameter for parameter in wanted if parameter.quantity in FITTED]
@@ -243,11 +269,13 @@ def judge(
     again = {estimate.parameter.quantity: estimate for estimate in fitted}
     signals = len(trace.hand.joints)
 
+    # Make the load's wrench from the new mass and centre of mass.
     mass = known_value(again.get("mass"), body.known.get("mass"), signals) or mass_part(
         fitted, signals
     )
     if mass is None:
         return no_mass_reason(again.get("mass"), cut)
+    # Predict the loaded segments within the interval.
     along = weighing(trace, cut.recording)
     motion = [s for s in along.segments if s.loaded and cut.start <= s.start and s.end <= cut.end]
     lever = lever_of(scene, trace, name, cut.recording, again.get("com"))
@@ -255,14 +283,14 @@ def judge(
     found = predict_segments(along, motion, wrench, trace.gravity, trace.hand)
     if found is None:
         return "nothing was recorded of the empty hand along the motion that could be held out"
-    # For comparison: the same load, had it the mass that was believed before.
+    # Predict the same load with the mass of the prior, for comparison.
     believed = scene.priors.get(Parameter(name, "mass"), tuple(mass.value.tolist()))
     guess = found.instead(wrench.value * believed[0] / float(mass.value[0]))
     return judged_motion(name, cut, found, guess, trace)
 
 
 def no_mass_reason(mass: Estimate | None, cut: HoldOut) -> str:
-    """Reason why no mass predicts the held-out motion."""
+    """Explain why no mass predicts the held-out motion."""
     if mass is None:
         return "neither a mass nor a centre of mass was measured that could predict a motion"
     how_well = (
@@ -276,6 +304,8 @@ def judged_motion(
 ) -> HeldOutMotion:
     from scipy.special import fdtrc
 
+    # Fit the wrench that the prediction lacks; the p-value is that of an F-test with the noise's
+    # degrees of freedom.
     more, covariance = found.beyond()
     dof, misfit = len(found.residual), found.misfit
     return HeldOutMotion(
@@ -299,8 +329,17 @@ def judged_motion(
 def tests_of(
     name: str, found: Predicted, more: Array, covariance: Array, gravity: float
 ) -> Iterator[FitTest]:
-    """Tests of the wrench `more` (3,) than predicted, and of the whole residual."""
+    """Test the wrench `more` (3,) that the prediction lacks, and the whole residual.
+
+    Args:
+        name: of the object.
+        found: prediction.
+        more: (3,) N and N m.
+        covariance: (3, 3) of `more`.
+        gravity: m/s^2.
+    """
     held = "In a motion that was held out,"
+    # Weight: one degree of freedom.
     mass = float(more[0]) / gravity
     way = "heavier" if mass > 0 else "lighter"
     yield chi_squared(
@@ -310,6 +349,7 @@ def tests_of(
         f"{held} the {name} is {1e3 * abs(mass):.3g} g {way} than the twin predicts.",
         found.freedom,
     )
+    # Balance: two horizontal moments.
     moment = float(np.hypot(more[1], more[2]))
     yield chi_squared(
         BALANCE,
@@ -318,6 +358,7 @@ def tests_of(
         f"{held} the moment of the {name} is {moment:.2g} N·m off what the twin predicts.",
         found.freedom,
     )
+    # All torques: one degree of freedom a row.
     yield chi_squared(
         TORQUES,
         found.misfit,

@@ -1,15 +1,14 @@
-"""Prediction of the joint torques by an object in a motion, from its estimates, against the
-measured ones.
+"""Prediction of the joint torques that an object causes in a motion, from its estimates.
 
-Loaded rests and passes y, of which the motion consists, are predicted from those of the empty hand
-along the same path, y_0, and the load's wrench w = (F, M_x, M_y):
+The motion consists of loaded rests and passes y. They are predicted from those of the empty hand
+along the same path, y_0, and from the load's wrench w = (F, M_x, M_y):
 
     y = X w + E[bias | y_0] + error,   S = cov(bias | y_0) + X cov(w) X^T + gains
 
-The bias of the arm (friction, drift, noise) has the covariance that a weighing has for it
-(`estimation.load.equations`), and its part in the empty hand's signals is subtracted (conditional normal
-distribution, e.g. Bishop, Pattern Recognition and Machine Learning, section 2.3.1). A gain error is
-in the belief and in the motion alike: only the difference counts.
+The bias of the arm (friction, drift, noise) has the covariance that a weighing assigns to it
+(`estimation.load.equations`). Its part in the signals of the empty hand is subtracted by the
+conditional normal distribution (Bishop, Pattern Recognition and Machine Learning, section 2.3.1). A
+gain error acts on the belief and on the motion alike: only the difference counts.
 """
 
 from __future__ import annotations
@@ -44,18 +43,21 @@ from palpate.trace.recording import NominalHand, Recording
 from palpate.trace.samples import Trace
 
 LOAD = (FORCE_Z, TORQUE_X, TORQUE_Y)
-"""Columns of a wrench that a weight has."""
+"""Columns of a wrench that a weight has: the vertical force and two horizontal moments."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Believed:
-    """A believed value: a mass, kg, a centre of mass, m, the load's horizontal lever from the TCP, m, or
-    its wrench on the hand (F in N, M_x and M_y about the TCP in N m, world axes).
+    """A believed value.
+
+    It is a mass, kg; a centre of mass, m; the load's horizontal lever from the TCP, m; or its
+    wrench on the hand (F in N, M_x and M_y about the TCP in N m, world axes).
 
     Attributes:
         value: (n,).
         covariance: (n, n) of errors that the motion does not share, without the gains.
-        gains: (n, m) change of the value by one standard deviation of the gain of each of m signals.
+        gains: (n, m) change of the value by one standard deviation of the gain of each of m
+        signals.
     """
 
     value: Array
@@ -65,7 +67,7 @@ class Believed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Predicted:
-    """A motion in n rows, signal by signal and in each of the m signals k bins.
+    """A motion in n rows: k bins for each of m signals.
 
     Attributes:
         t: (k,) s.
@@ -87,19 +89,24 @@ class Predicted:
 
     @property
     def misfit(self) -> float:
-        """chi-squared of the residual."""
+        """chi-squared of the residual, r^T S^-1 r."""
         return float(self.residual @ np.linalg.solve(self.covariance, self.residual))
 
     def beyond(self) -> tuple[Array, Array]:
-        """Least-squares wrench (3,) of the residual, which the belief lacks, and its covariance
-        (3, 3)."""
+        """Fit the wrench that the belief lacks to the residual, by generalized least squares:
+
+            dw = (X^T S^-1 X)^-1 X^T S^-1 r
+
+        Returns:
+            The wrench (3,) and its covariance (3, 3).
+        """
         information = self.design.T @ np.linalg.solve(self.covariance, self.design)
         covariance: Array = np.linalg.inv(information).astype(np.float64)
         solved = np.linalg.solve(self.covariance, self.residual)
         return covariance @ self.design.T @ solved, covariance
 
     def instead(self, wrench: Array) -> Predicted:
-        """The same motion for the belief in another `wrench` (3,) with the same covariance."""
+        """Predict the same motion for another `wrench` (3,) with the same covariance."""
         expected = self.design @ wrench
         residual = self.measured.ravel() - expected
         return replace(self, expected=expected.reshape(self.measured.shape), residual=residual)
@@ -108,18 +115,21 @@ class Predicted:
 def known_value(
     estimate: Estimate | None, stated: tuple[float, ...] | None, signals: int
 ) -> Believed | None:
-    """The estimate without the motion, else the value that the scene states; None without either."""
+    """Convert the estimate made without the motion, else the value that the scene states; None
+    without either.
+    """
     if estimate is None and stated is not None:
         n = len(stated)
         return Believed(np.array(stated), np.zeros((n, n)), np.zeros((n, signals)))
     if estimate is None or not estimate.identified:
         return None
-    # Causes common to all grasps act in the motion as well, and cancel; priors do not, nor do the
-    # weights of the links, which the empty hand's motion contains.
+    # Leave out causes that all grasps share: they act in the motion as well, and cancel. Keep
+    # priors, and keep the weights of the links, which the motion of the empty hand contains.
     apart = (BELIEVED, LINK)
     common = tuple(part for part in estimate.shared if not part.cause.startswith(apart))
     alike = replace(estimate, shared=common).shared_std
     own = np.sqrt(np.maximum(estimate.stds**2 - alike**2, 0.0))
+    # Effects of the gains stay separate: they correlate the belief with the motion.
     effects = {part.cause: part.effect for part in estimate.shared}
     nothing = (0.0,) * len(own)
     columns = [effects.get(f"gain of joint {i + 1}", nothing) for i in range(signals)]
@@ -127,8 +137,9 @@ def known_value(
 
 
 def mass_part(fitted: Sequence[Estimate], signals: int) -> Believed | None:
-    """The mass that is a part of the estimate of a centre of mass or an inertia, which need not be
-    identified itself."""
+    """Find the mass that is a part of the estimate of a centre of mass or an inertia. The mass
+    itself need not be identified.
+    """
     for estimate in fitted:
         mass = estimate.parts.get("mass")
         if estimate.verdict != "contradicted" and mass is not None:
@@ -140,13 +151,16 @@ def mass_part(fitted: Sequence[Estimate], signals: int) -> Believed | None:
 def lever_of(
     scene: Scene, trace: Trace, name: str, recording: Recording, fitted: Estimate | None
 ) -> Believed:
-    """The lever by the fitted or stated centre of mass, else by the one that MuJoCo would infer, with
-    the accuracy of a prior."""
+    """Horizontal lever of the load, from the fitted or stated centre of mass.
+
+    Without either, it is the centre that MuJoCo would infer, with the accuracy of a prior.
+    """
     body, signals = scene.bodies[name], len(trace.hand.joints)
     pose_world_tcp = mean_pose(trace.of(recording))
     pose_world_body = pose_world_tcp @ pose_in_hand(trace, recording, body)
     horizontal = pose_world_body.rotation[:2]
-    # The grasp's own error; errors common to all grasps count only where none were compared.
+    # Add the error of the grasp. Errors common to all grasps count only where no grasps were
+    # compared.
     place = GRASP_SHIFT**2 + 2.0 * trace.hand.pose_repeatability**2
     centre = known_value(fitted, body.known.get("com"), signals)
     if fitted is None or centre is None:
@@ -155,16 +169,17 @@ def lever_of(
         spread = COM_PRIOR * np.maximum(body.size, 1e-3)
         inferred = whole(scene.spec().compile(), name).com
         centre = Believed(inferred, np.diag(spread**2), np.zeros((3, signals)))
+    # Horizontal offset from TCP to centre of mass, and its covariance by linear propagation.
     offset = (pose_world_body.position - pose_world_tcp.position)[:2] + horizontal @ centre.value
     covariance = horizontal @ centre.covariance @ horizontal.T + place * np.eye(2)
     return Believed(offset, covariance, horizontal @ centre.gains)
 
 
 def wrench_of(mass: Believed, lever: Believed, gravity: float) -> Believed:
-    """The weight F at r = (x, y) from the TCP, which has the moment (y F, -x F)."""
+    """Wrench of the weight F at r = (x, y) from the TCP: the force F and the moment (y F, -x F)."""
     force = float(mass.value[0]) * gravity
     x, y = lever.value.tolist()
-    # Derivatives of the wrench by F and by r.
+    # Propagate the errors by the derivatives of the wrench with respect to F and r.
     by_force = np.array([1.0, y, -x])
     by_offset = force * np.array([[0.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
     std = float(np.sqrt(mass.covariance[0, 0])) * gravity
@@ -193,18 +208,19 @@ def predict_segments(
     rows = equations(replace(weighing, segments=segments), gravity)
     signals = int(rows.signal.max()) + 1
     loaded = bins(lambda s: np.full(len(s.t), s.loaded))
-    # While the arm accelerates its own inertia would be judged.
+    # Leave out accelerated samples, in which the inertia of the arm acts.
     steady = np.abs(bins(lambda s: s.acceleration)) < STEADY
     target = np.tile(loaded & steady, signals)
     given = np.tile(~loaded, signals)
     if not target.any():
         return None
 
-    # Conditional of the target rows on the given ones, Bishop, equations 2.81 and 2.82.
+    # Condition the target rows on the given ones: Bishop, equations 2.81 and 2.82.
     bias = bias_covariance(rows, wrench, hand, signals)
     cross = bias[np.ix_(given, target)]
     gain: Array = np.linalg.solve(bias[np.ix_(given, given)], cross).astype(np.float64).T
     remaining = bias[np.ix_(target, target)] - gain @ cross
+    # Subtract the predicted bias from the target rows, and compare the rest with the load's effect.
     measured = rows.observed[target] - gain @ rows.observed[given]
     design = rows.wrench[:, LOAD][target]
     expected = design @ wrench.value
@@ -220,14 +236,17 @@ def predict_segments(
 
 
 def bias_covariance(rows: WeighingRows, wrench: Believed, hand: NominalHand, signals: int) -> Array:
-    """(n, n) covariance of the arm's errors in n rows: noise and drift, forces to the side, gains,
-    friction."""
+    """Covariance of the arm's errors in n rows, (n, n): noise and drift, horizontal forces, gains,
+    friction.
+    """
+    # Horizontal force of a tilted support, in proportion to the weight and at least `FLOOR`.
     design = rows.wrench[:, LOAD]
     tilt = TILT * abs(float(wrench.value[0])) + FLOOR
     sideways = rows.wrench[:, SIDEWAYS] * np.array([tilt, tilt, tilt * TORQUE_LEVER])
-    # A gain error acts on the load's torques, and acted on the estimate of the wrench.
+    # A gain error acts on the load's torques, and it acted on the estimate of the wrench.
     borne = (design @ wrench.value)[:, None] * gain_root(hand, signals)[rows.signal]
     gained = borne - design @ wrench.gains
+    # Joint friction: the hysteresis of Dahl's model, and the wrench that sticks at rest.
     dahl = JOINT_LEVEL / len(SLIP_ANGLES) ** 0.5 * rows.dahl
     stuck = hand.force_repeatability * rows.stiction.stuck
     bias = rows.root @ rows.root.T

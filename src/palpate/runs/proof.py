@@ -1,8 +1,9 @@
 """Proof of a twin: distances from the goal of tasks that were planned in the prior and in the twin.
 
-Each task is planned in the prior (the scene as given) and in the twin, and carried out in the scene with the true
-values of a simulated world; where they are not known, in scenes drawn from the twin's intervals. The distances that
-the twin's plan reaches in those draws are its promise.
+Each task is planned in the prior (the scene as given) and in the twin. It is carried out in the
+scene with the true values of a simulated world. Where they are not known, it is carried out in
+scenes drawn from the twin's intervals. The distances that the twin's plan reaches in those draws
+are its promise.
 """
 
 from __future__ import annotations
@@ -27,21 +28,21 @@ from palpate.twin.inject import part_names, stated_parameter, values_to_write
 from palpate.twin.twin import held_by_twin
 
 DRAWS = 20
-"""Worlds drawn from the twin's intervals."""
+"""Count of worlds drawn from the twin's intervals."""
 TRIES = 5
-"""Attempts for each draw."""
+"""Attempts for each draw, on average. A draw that no body can have is repeated."""
 SAME = 1e-3
-"""Share of a goal, or of a force: plans that differ by less are one."""
+"""Share of a goal, or of a force. Plans that differ by less count as equal."""
 COLUMNS = ("object", "task", "goal", "prior off by", "twin off by", "95 % of draws")
 
 
 @dataclass(frozen=True, slots=True)
 class Proved:
-    """A task with one object: errors are distances from the goal, with their sign, in `unit`.
+    """A task with one object. Errors are signed distances from the goal, in `unit`.
 
     Attributes:
         task: its name.
-        says: what is done, in words.
+        says: description.
         unit: `m` or `N`.
         goal: m to the mark; for a threshold the force of the judging world, N.
         prior: errors of the prior's plan in each judging world; not finite where it fails.
@@ -66,7 +67,7 @@ class Proved:
 
     @property
     def depends(self) -> bool:
-        """True where the plans of prior and twin differ: a measured value acts on the task."""
+        """True if the plans of prior and twin differ: a measured value acts on the task."""
         return not np.allclose(self.prior, self.twin, rtol=0, atol=SAME * abs(self.goal))
 
     def cells(self) -> tuple[str, ...]:
@@ -79,7 +80,7 @@ class Proved:
         return self.object, self.task, goal, self._text(self.prior), self._text(self.twin), promise
 
     def _text(self, errors: Sequence[float]) -> str:
-        """The error, or the root mean square of several."""
+        """Format one error, or the root mean square of several."""
         error = typical(errors)
         if not np.isfinite(error):
             return "fails"
@@ -100,13 +101,13 @@ class Proved:
 
 
 def typical(errors: Sequence[float]) -> float:
-    """The error, or the root mean square of several; infinite if any is."""
+    """Return one error, or the root mean square of several; infinite if any is."""
     return errors[0] if len(errors) == 1 else float(np.sqrt(np.mean(np.square(errors))))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Proof:
-    """Tasks planned with a twin, and how near to their goals they end.
+    """Tasks planned with a twin, and their distances from the goals.
 
     Attributes:
         rows: one for each object and task that can be done.
@@ -137,11 +138,13 @@ def prove(
     seed: int = 0,
     draws: int = DRAWS,
 ) -> Proof:
-    """Plan tasks in prior and twin, and carry them out in the truth, or in draws where it is not known.
+    """Plan tasks in prior and twin, and carry them out in the truth, or in draws where it is not
+    known.
 
     Raises:
-        InputError: neither an object was measured, nor what it stands on, nor a drawer or a door.
+        InputError: neither an object was measured, nor its support, nor a drawer or a door.
     """
+    # Find the objects and fixtures on which a measured value acts.
     named = partial(stated_parameter, quantities=scene.catalogue)
     stated = [replace(each, parameter=named(each.parameter)) for each in held_by_twin(estimates)]
     values, _ = values_to_write(scene, stated, {estimate.parameter for estimate in stated})
@@ -151,8 +154,10 @@ def prove(
         raise InputError(
             "there is nothing to prove: no object was measured, nor what it stands on, nor a drawer or a door"
         )
+    # Complete the truth with the twin's values: a plan then differs only by the measured ones.
     true = {**values, **{named(parameter): value for parameter, value in truth.items()}}
     spread, rng = spread_of(stated, values), np.random.default_rng(seed)
+    # Draw the worlds of each subject once, and do all its tasks in them.
     rows: list[Proved] = []
     left_out: list[str] = []
 
@@ -176,7 +181,9 @@ def prove(
 
 @dataclass(frozen=True, slots=True)
 class _Worlds(Generic[World]):
-    """Worlds of one thing: planned in `prior` and `twin`, carried out in `judges` and `drawn`."""
+    """Worlds of one object or fixture: planned in `prior` and `twin`, carried out in `judges` and
+    `drawn`.
+    """
 
     prior: World
     twin: World
@@ -184,7 +191,9 @@ class _Worlds(Generic[World]):
     drawn: Sequence[World]
 
     def prove_task(self, name: str, kinds: Sequence[type[Task[World]]]) -> Proved | None:
-        """Plan and carry out the first of `kinds`, and direction, that can be done in the twin."""
+        """Plan and carry out the first of `kinds` that can be done in the twin, in the first
+        possible direction.
+        """
         for task in (kind(way) for kind in kinds for way in kind.ways):
             action = task.plan(self.twin)
             if action is not None:
@@ -206,20 +215,22 @@ class _Worlds(Generic[World]):
 
 
 def errors(task: Task[World], action: float | None, worlds: Sequence[World]) -> tuple[float, ...]:
-    """Distances from the goal where an action is taken in each world; infinite where there is none."""
+    """Distances from the goal after an action in each world; infinite without an action."""
     if action is None:
         return (np.inf,) * len(worlds)
     return tuple(task.reached(world, action) - task.goal for world in worlds)
 
 
 def _acts_on(scene: Scene, name: str, values: Values) -> bool:
-    """Test that a value belongs to an object or to what carries it."""
+    """True if a value belongs to an object or to one of its carriers."""
     carriers = {body.name for body in scene.bodies.values() if name in body.carries}
     return any(parameter.object in carriers | {name} for parameter in values)
 
 
 def spread_of(estimates: Sequence[Estimate], values: Values) -> dict[Parameter, Array]:
-    """(n,) standard deviations of each written value, which may be a part of another's estimate."""
+    """Standard deviations (n,) of each written value. The value may be a part of the estimate of
+    another quantity.
+    """
     found = {each.parameter: each.stds for each in estimates}
     for parameter in values.keys() - found.keys():
         names = part_names(parameter.quantity, len(values[parameter]))
@@ -240,8 +251,13 @@ def drawn_worlds(
     rng: np.random.Generator,
     draws: int,
 ) -> list[World]:
-    """Worlds whose values are drawn from the estimates' normal distributions. Values that no body can
-    have, as a negative mass, are drawn again."""
+    """Draw worlds with values from the estimates' normal distributions.
+
+    Values that no body can have, as a negative mass, are drawn again.
+
+    Raises:
+        InputError: fewer than `draws` worlds in `TRIES` times as many attempts.
+    """
     worlds: list[World] = []
     for _ in range(TRIES * draws):
         drawn = {

@@ -1,4 +1,4 @@
-"""Tasks with the twin: push, topple, throw; open a drawer or a door."""
+"""Tasks with the twin: push, topple and throw an object; open a drawer or a door."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from palpate.runs.trial import FINEST, LONGEST, REST, PhysicsTrial, Values, set_
 from palpate.scene.scene import Scene
 
 WAYS = np.array([[1.0, 0, 0], [0, 1.0, 0], [-1.0, 0, 0], [0, -1.0, 0]])
-"""Directions in which a task is tried, world axes; the first one that can be planned is taken."""
+"""Directions in which a task is tried, world axes. The first possible one is taken."""
 BISECTIONS = 11
-"""Steps of the search for an action: to 5e-4 of it."""
+"""Bisection steps in the search for an action: they determine it to 5e-4."""
 STRONGEST = 100.0
 """Largest force that is tried, as a multiple of the object's weight."""
 LOW = 0.1
-"""Share of an object's height at which it is pushed."""
+"""Height of a push, as a share of the object's height."""
 UPRIGHT = float(np.radians(20))
-"""rad: an object that has turned by more did not slide to where it is."""
+"""rad: largest tilt of an object that has slid. With more it has tipped over."""
 GRIP = 10.0
-"""Friction coefficient of a foot that is held."""
+"""Friction coefficient that holds a foot in place."""
 NEAR = 0.02
-"""Share of a goal within which a planned force has to end in its own world."""
+"""Largest distance from the goal of a planned force in its own world, as a share of the goal."""
 
 Unit = Literal["m", "N"]
 World = TypeVar("World")
@@ -39,14 +39,14 @@ World = TypeVar("World")
 
 @dataclass(frozen=True)
 class Task(ABC, Generic[World]):
-    """Something to do in a world, by one number that is planned: the action.
+    """Task in a world, with one planned number: the action.
 
     Attributes:
-        way: (3,) unit vector along which it is done, world axes.
+        way: (3,) unit vector of its direction, world axes.
         name: as in tables.
-        says: what is done, in words.
-        unit: unit of what is reached.
-        goal: what shall be reached.
+        says: description.
+        unit: unit of the result.
+        goal: result to reach.
         ways: (n, 3) directions in which it is tried.
     """
 
@@ -58,8 +58,9 @@ class Task(ABC, Generic[World]):
     ways: ClassVar[Array] = WAYS
 
     def plan(self, world: World) -> float | None:
-        """Action that ends at the goal in a world; None if the object tips over on the way to it, or cannot
-        be moved."""
+        """Plan the action that ends at the goal in a world; None if the object tips over before, or
+        cannot be moved.
+        """
         action = smallest(
             lambda action: self.reached(world, action) >= self.goal, *self.tried(world)
         )
@@ -73,19 +74,22 @@ class Task(ABC, Generic[World]):
 
     @abstractmethod
     def reached(self, world: World, action: float) -> float:
-        """Result of an action in a world, in `unit`; not finite where the task fails otherwise."""
+        """Result of an action in a world, in `unit`; not finite if the task fails in another
+        way."""
 
 
 class OfObject(Task[PhysicsTrial]):
-    """Base of what is done with an object, by a force unless it says otherwise."""
+    """Base of tasks with an object. The action is a force, unless stated otherwise."""
 
     def tried(self, world: PhysicsTrial) -> tuple[float, float]:
-        """Forces by its weight, N."""
+        """Forces in proportion to the object's weight, N."""
         return 0.1 * world.weight, STRONGEST * world.weight
 
 
 class Slide(OfObject):
-    """Slide to a mark after a push; the action is its force, N. Mass and friction decide where it stops."""
+    """Slide to a mark after a push. The action is the force, N. Mass and friction determine where
+    it stops.
+    """
 
     name = "push to a mark"
     says = "a push of 0.2 s near its foot shall slide it 100 mm"
@@ -93,7 +97,9 @@ class Slide(OfObject):
     goal = 0.1
 
     def reached(self, world: PhysicsTrial, action: float) -> float:
-        """Distance along the way; infinite for an object that tips over or falls off."""
+        """Distance in the direction of the push; infinite for an object that tips over or falls
+        off.
+        """
         done = world.run(
             lambda data: action * self.way * (data.time < 0.2),
             world.at(LOW),
@@ -103,8 +109,11 @@ class Slide(OfObject):
 
 
 class SpringPush(OfObject):
-    """Push to a mark through a damped spring, as a compliant arm does; the action is how far the arm goes, m.
-    The object stays behind by the friction force over the stiffness."""
+    """Push to a mark through a damped spring, as a compliant arm does.
+
+    The action is the travel of the arm, m. The object lags behind by the friction force over the
+    stiffness.
+    """
 
     name = "push to a mark"
     says = "an arm that gives way by 1 mm for each 0.2 N shall push it 100 mm, near its foot"
@@ -120,9 +129,12 @@ class SpringPush(OfObject):
         return self.goal / 2, 4 * self.goal
 
     def reached(self, world: PhysicsTrial, action: float) -> float:
-        """Distance along the way; infinite for an object that tips over or falls off."""
+        """Distance in the direction of the push; infinite for an object that tips over or falls
+        off.
+        """
 
         def force(data: mujoco.MjData) -> Array:
+            # Force of spring and damper between arm and object; it only pushes.
             arm = min(self.speed * data.time, action)
             stretch = self.stiffness * (arm - float(world.moved(data) @ self.way))
             pace = self.speed * (arm < action) - float(world.velocity(data) @ self.way)
@@ -136,7 +148,9 @@ class SpringPush(OfObject):
 
 
 class Topple(OfObject):
-    """Tip over the edge of the foot; the action is the force at the top, N. Mass and centre of mass decide."""
+    """Tip the object over the edge of its foot. The action is the force at the top, N. It depends
+    on mass and centre of mass.
+    """
 
     name = "topple"
     says = "the smallest force at its top that tips it, its foot held"
@@ -144,7 +158,7 @@ class Topple(OfObject):
     goal = 0.0
 
     def plan(self, world: PhysicsTrial) -> float | None:
-        """The threshold of a world."""
+        """Threshold force of a world, N."""
         with foot_held(world):
             return smallest(partial(self._tips, world), 0.1 * world.weight, 5 * world.weight)
 
@@ -154,7 +168,7 @@ class Topple(OfObject):
         return np.inf if threshold is None else action - threshold
 
     def _tips(self, world: PhysicsTrial, force: float) -> bool:
-        """The force, which grows to its full strength in 0.2 s, turns the object by 5°."""
+        """True if the force turns the object by 5°. The force grows to its full value in 0.2 s."""
         done = world.run(
             lambda data: force * self.way * min(data.time / 0.2, 1.0),
             world.at(1.0),
@@ -164,7 +178,9 @@ class Topple(OfObject):
 
 
 class Throw(OfObject):
-    """Throw to a mark on the floor; the action is the force, N. Mass and the height of its support decide."""
+    """Throw to a mark on the floor. The action is the force, N. The result depends on mass and on
+    the height of the support.
+    """
 
     name = "throw to a mark"
     says = "a force of 50 ms upwards at 45° shall throw it 500 mm, through free air to the floor"
@@ -172,7 +188,9 @@ class Throw(OfObject):
     goal = 0.5
 
     def reached(self, world: PhysicsTrial, action: float) -> float:
-        """Distance of its centre of mass along the way, at z = 0 or where its foot was below that."""
+        """Distance of the centre of mass, m, where it passes the floor: z = 0, or the object's
+        lowest point if that is lower.
+        """
         floor = min(0.0, float(world.low[2]))
         upwards = np.array([0.0, 0.0, 1.0])
         places: list[tuple[float, float]] = []
@@ -185,31 +203,37 @@ class Throw(OfObject):
             return action * (self.way + upwards) / np.sqrt(2) * (data.time < 0.05)
 
         world.run(force, world.at(0.5), is_on_ground, touching=False)
-        # It passes the floor between two physics steps.
+        # Interpolate between the two physics steps at which it passes the floor.
         (below, there), (above, here) = places[-1], places[-2]
         return float(np.interp(floor, (below, above), (there, here)))
 
 
 Tasks = Sequence[Sequence[type[Task[World]]]]
-"""Tasks of a kind of world, each with what is done where it cannot be."""
+"""Tasks of a kind of world. Each is followed by tasks that replace it where it is not possible."""
 TASKS: Tasks[PhysicsTrial] = ((Slide, SpringPush), (Topple,), (Throw,))
-"""Of an object: tall things tip over when friction stops them."""
+"""Tasks with an object. Slender objects tip over when friction stops them: for these, `SpringPush`
+replaces `Slide`.
+"""
 
 
 def slid(world: PhysicsTrial, done: mujoco.MjData, way: Array) -> float:
-    """Distance along a way, m; infinite for an object that tipped over or fell."""
+    """Distance in the direction `way`, m; infinite for an object that tipped over or fell."""
     moved = world.moved(done)
     stands = world.tilt(done) < UPRIGHT and abs(moved[2]) < 0.01
     return float(moved @ way) if stands else np.inf
 
 
 def smallest(suffices: Callable[[float], bool], first: float, most: float) -> float | None:
-    """Smallest action that suffices, by doubling from `first` and bisection; None if `most` does not."""
+    """Find the smallest action that suffices, by doubling from `first` and bisection; None if
+    `most` is too small.
+    """
+    # Bracket the threshold by doubling.
     low, high = 0.0, first
     while not suffices(high):
         low, high = high, 2 * high
         if high > most:
             return None
+    # Bisect the bracket.
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
         low, high = (low, middle) if suffices(middle) else (middle, high)
@@ -218,8 +242,11 @@ def smallest(suffices: Callable[[float], bool], first: float, most: float) -> fl
 
 @contextmanager
 def foot_held(world: PhysicsTrial) -> Generator[None]:
-    """Let the object not slide: a friction that no force at its top exceeds. Pyramidal cones let a
-    foot with such a friction creep, elliptic ones do not."""
+    """Hold the foot of the object in place by a friction that no force at its top exceeds.
+
+    The contact cones are elliptic meanwhile: with pyramidal ones a foot with such a friction
+    creeps.
+    """
     model, cone = world.model, world.model.opt.cone
     mine = np.flatnonzero(model.body_rootid[model.geom_bodyid] == world.body)
     saved = {name: getattr(model, name)[mine].copy() for name in ("geom_friction", "geom_priority")}
@@ -234,23 +261,24 @@ def foot_held(world: PhysicsTrial) -> Generator[None]:
             getattr(model, name)[mine] = values
 
 
-# Two things to do with a drawer or a door: let it coast to an opening, open it steadily.
+# Tasks with a drawer or a door: coast to an opening, open steadily.
 
 
 FIRST, MOST = 0.1, 1000.0
 """N: first and largest force at a handle that a plan tries."""
 PUSHED = 0.2
-"""s of a push."""
+"""s: duration of a push."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointTrial:
-    """A compiled world with a fixture where the scene has it.
+    """A compiled world with a fixture at its pose in the scene.
 
     Attributes:
         model: MuJoCo's model.
-        qpos: index of the joint's position; dof: of its rate.
-        lever: m at the handle per unit of the joint's, towards the farther limit.
+        qpos: index of the joint's position.
+        dof: index of its rate.
+        lever: m at the handle per unit of the joint, towards the farther limit.
     """
 
     model: mujoco.MjModel
@@ -261,11 +289,19 @@ class JointTrial:
     def run(
         self, force: Callable[[float], float], until: Callable[[float, float, float], bool]
     ) -> tuple[float, float]:
-        """Apply a force at the handle, N by time, until a condition of time, s, way, m, and speed, m/s, of the handle
-        holds, or for `LONGEST`; return way and speed then."""
+        """Apply a force at the handle until a condition holds, or for `LONGEST`.
+
+        Args:
+            force: N, by time.
+            until: condition on time, s, travel, m, and speed, m/s, of the handle.
+
+        Returns:
+            Travel and speed at the end.
+        """
         model, data = self.model, mujoco.MjData(self.model)
         start = float(data.qpos[self.qpos])
         while True:
+            # Handle coordinates: the joint's position and rate times the lever.
             way = self.lever * (float(data.qpos[self.qpos]) - start)
             speed = self.lever * float(data.qvel[self.dof])
             if data.time > LONGEST or until(data.time, way, speed):
@@ -275,18 +311,20 @@ class JointTrial:
 
 
 class JointTask(Task[JointTrial]):
-    """Base of what is done with a joint: by a force at its handle, N."""
+    """Base of tasks with a joint. The action is a force at its handle, N."""
 
     ways: ClassVar[Array] = WAYS[:1]  # along the joint, whichever way that is
 
     def tried(self, world: JointTrial) -> tuple[float, float]:
-        """Forces, N, whatever the world."""
+        """The same range of forces in every world, N."""
         del world
         return FIRST, MOST
 
 
 class Coast(JointTask):
-    """Coast to an opening after a push; the action is its force, N. Friction, damping and mass decide."""
+    """Coast to an opening after a push. The action is the force, N. The result depends on friction,
+    damping and mass.
+    """
 
     name = "coast to an opening"
     says = "a push of 0.2 s at its handle shall let it coast 100 mm"
@@ -294,7 +332,7 @@ class Coast(JointTask):
     goal = 0.1
 
     def reached(self, world: JointTrial, action: float) -> float:
-        """Way of the handle to where it comes to rest, or turns round."""
+        """Travel of the handle to the point where it stops or reverses."""
         way, _ = world.run(
             lambda time: action * (time < PUSHED),
             lambda time, _, speed: time > PUSHED and speed < REST,
@@ -303,7 +341,7 @@ class Coast(JointTask):
 
 
 class Steady(JointTask):
-    """Open at a speed; the action is the force, N. Friction and damping decide."""
+    """Open at a speed. The action is the force, N. The result depends on friction and damping."""
 
     name = "open steadily"
     says = "the smallest force at its handle with which this passes 100 mm at 0.1 m/s"
@@ -313,7 +351,7 @@ class Steady(JointTask):
     speed: ClassVar = 0.1
 
     def plan(self, world: JointTrial) -> float | None:
-        """The threshold of a world."""
+        """Threshold force of a world, N."""
         return smallest(lambda force: self._passes(world, force), *self.tried(world))
 
     def reached(self, world: JointTrial, action: float) -> float:
@@ -330,7 +368,7 @@ JOINT_TASKS: Tasks[JointTrial] = ((Coast,), (Steady,))
 
 
 def joint_trial_of(scene: Scene, name: str, values: Values) -> JointTrial:
-    """The world of a scene with these values, of which the fixture `name` alone is moved.
+    """Build the world of a scene with these values, in which only the fixture `name` moves.
 
     Raises:
         InputError: the values make no world, as a friction below zero.
@@ -338,12 +376,14 @@ def joint_trial_of(scene: Scene, name: str, values: Values) -> JointTrial:
     for parameter, value in values.items():
         if parameter.object == name and parameter.quantity != Range.id and min(value) < 0.0:
             raise InputError(f"no joint has a {parameter.quantity} of {value}")
+    # Free objects have no weight and no contacts, and the fixture moves without contacts as well.
     spec = scene.spec(values)
     for other in scene.objects:
         set_aside(spec.body(other))
     model = spec.compile()
     model.opt.timestep = max(model.opt.timestep, FINEST)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    # The force acts towards the limit with more room.
     joint, number = scene.body(name).joint, int(model.body(name).jntadr[0])
     assert joint is not None
     handle = scene.symbols.resolve(f"{name}_pose").position

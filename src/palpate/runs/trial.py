@@ -1,6 +1,7 @@
-"""Trial: one object of a scene on its support, alone, in physics.
+"""Trial: physics of one object of a scene on its support.
 
-All other free bodies float where they are and touch nothing, so that a trial tells of one object alone.
+All other free bodies float at their poses without contacts. A trial therefore depends on one object
+alone.
 """
 
 from __future__ import annotations
@@ -18,18 +19,18 @@ from palpate.mjcf.contacts import CCD_TOLERANCE
 from palpate.scene.scene import Scene
 
 Values = Mapping[Parameter, tuple[float, ...]]
-"""Values of missing parameters by name; the others have their priors."""
+"""Values of missing parameters by name. The others have their priors."""
 Push = Callable[[mujoco.MjData], Array]
 """Force (3,) N, world axes, in a state."""
 
 SETTLING = 0.3
-"""s in which the object comes to rest on its support before anything is done with it."""
+"""s: time in which the object comes to rest on its support before the trial."""
 REST = 2e-3
-"""m/s: the object lies still below this speed."""
+"""m/s: the object is at rest below this speed."""
 LONGEST = 3.0
-"""s of a trial."""
+"""s: longest duration of a trial."""
 FINEST = 1e-3
-"""s: shortest physics step of a trial; scenes that state finer ones would take minutes."""
+"""s: shortest physics step of a trial. Scenes with finer steps would take minutes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,8 +41,8 @@ class PhysicsTrial:
         model: MuJoCo's model.
         body: index of the object's body.
         state: qpos of the settled world.
-        centre: (3,) m, centre of mass in it, world.
-        upright: (3,) the world's vertical in the body's frame in it.
+        centre: (3,) m, centre of mass then, world.
+        upright: (3,) vertical axis of the world in the body's frame then.
         low, high: (3,) m, corners of the box around the object's geoms in the world.
     """
 
@@ -64,7 +65,7 @@ class PhysicsTrial:
         return self.mass * float(np.linalg.norm(self.model.opt.gravity))
 
     def at(self, share: float) -> Array:
-        """(3,) m, the middle of the object in x and y, at a share of its height."""
+        """Point (3,) m, at the middle of the object in x and y, at a share of its height."""
         middle = (self.low + self.high) / 2
         return np.array([middle[0], middle[1], self.low[2] + share * (self.high - self.low)[2]])
 
@@ -86,13 +87,16 @@ class PhysicsTrial:
         Returns:
             The state at the end.
         """
+        # Begin at the settled state, with or without contacts.
         model, data = self.model, mujoco.MjData(self.model)
         disabled, contacts = model.opt.disableflags, int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
         model.opt.disableflags = disabled if touching else disabled | contacts
         data.qpos = self.state
         mujoco.mj_forward(model, data)
+        # Keep the point fixed in the body's frame.
         local = data.xmat[self.body].reshape(3, 3).T @ (point - data.xpos[self.body])
         while data.time < LONGEST and not until(data):
+            # Convert the force at the point to generalized forces.
             where = data.xpos[self.body] + data.xmat[self.body].reshape(3, 3) @ local
             data.qfrc_applied[:] = 0
             mujoco.mj_applyFT(
@@ -103,26 +107,26 @@ class PhysicsTrial:
         return data
 
     def velocity(self, data: mujoco.MjData) -> Array:
-        """(3,) m/s of the body's origin, world axes."""
+        """Velocity (3,) m/s of the body's origin, world axes."""
         first = int(self.model.body_dofadr[self.body])
         return data.qvel[first : first + 3]
 
     def is_at_rest(self, data: mujoco.MjData) -> bool:
-        """Test that the object moves nowhere."""
+        """True if no velocity component reaches `REST`."""
         return float(np.abs(self.velocity(data)).max()) < REST
 
     def moved(self, data: mujoco.MjData) -> Array:
-        """(3,) m, displacement of the centre of mass."""
+        """Displacement (3,) m of the centre of mass."""
         return np.asarray(data.xipos[self.body] - self.centre)
 
     def tilt(self, data: mujoco.MjData) -> float:
-        """rad, angle between the object's upright then and now."""
+        """Angle between the object's vertical axis then and now, rad."""
         upright = data.xmat[self.body].reshape(3, 3) @ self.upright
         return float(np.arccos(np.clip(upright[2], -1.0, 1.0)))
 
 
 def trial_of(scene: Scene, name: str, values: Values) -> PhysicsTrial:
-    """The world of a scene with these values, in which only the object `name` can be moved.
+    """Build the world of a scene with these values, in which only the object `name` moves.
 
     Raises:
         InputError: the values make no world, as an inertia that no body has.
@@ -135,8 +139,10 @@ def trial_of(scene: Scene, name: str, values: Values) -> PhysicsTrial:
         model = spec.compile()
     except ValueError as error:
         raise InputError(f"no world has these values: {error}") from None
+    # Bound the duration by a coarser step, and the creep of contacts by a finer tolerance.
     model.opt.timestep = max(model.opt.timestep, FINEST)
     model.opt.ccd_tolerance = min(model.opt.ccd_tolerance, CCD_TOLERANCE)
+    # Let the object settle.
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, nstep=round(SETTLING / model.opt.timestep))
     mujoco.mj_forward(model, data)
@@ -147,7 +153,7 @@ def trial_of(scene: Scene, name: str, values: Values) -> PhysicsTrial:
 
 
 def set_aside(body: mujoco.MjsBody) -> None:
-    """Take weight and contacts from a body and its children."""
+    """Remove weight and contacts from a body and its children."""
     body.gravcomp = 1
     for geom in body.geoms:
         geom.contype = geom.conaffinity = 0
@@ -156,11 +162,12 @@ def set_aside(body: mujoco.MjsBody) -> None:
 
 
 def _box(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> tuple[Array, Array]:
-    """Corners of the box around a body's geoms, m, by their bounding boxes."""
+    """Corners of the box around a body's geoms, m, from their bounding boxes."""
     mine = np.flatnonzero(model.body_rootid[model.geom_bodyid] == body)
     signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8)
     points: list[Array] = []
     for geom in mine:
+        # Corners of the geom's bounding box, in world axes.
         middle, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
         corners = middle[:, None] + half[:, None] * signs
         turn = data.geom_xmat[geom].reshape(3, 3)

@@ -36,7 +36,7 @@ log = logging.getLogger(__name__)
 
 
 def connect_cell(settings: Settings, scene: Scene | None) -> Cell:
-    """The cell of the real robot that the settings name.
+    """Connect the cell of the real robot that the settings name.
 
     Raises:
         InputError: no such URL.
@@ -47,11 +47,11 @@ def connect_cell(settings: Settings, scene: Scene | None) -> Cell:
 
 
 def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cell:
-    """The cell that the settings name.
+    """Make the cell that the settings name.
 
     Args:
         settings: of the run.
-        scene: that the robot works in.
+        scene: in which the robot works.
         seen: the scene was detected in a picture.
 
     Raises:
@@ -79,9 +79,13 @@ def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cel
 def pictures_of(
     settings: Settings, scene: Scene | None, poses: Poses
 ) -> tuple[tuple[bytes, ...], tuple[str, ...]]:
-    """Take pictures of the workspace (PNG): by the camera of `poses` if it states one, and, with a
-    scene, a close-up. None without scene, world or robot, and without OpenGL. One that cannot be made
-    is a note in its place.
+    """Take pictures of the workspace (PNG).
+
+    They are one by the camera of `poses`, if it states one, and a close-up of a scene. There are
+    none without scene, world or robot, and without OpenGL.
+
+    Returns:
+        The pictures, and a note for each one that failed.
 
     Raises:
         InputError: world and scene do not match.
@@ -110,8 +114,9 @@ def pictures_of(
 
 
 def robot_of(cell: Cell, may_resume: Resume) -> tuple[Robot, tuple[str, ...]]:
-    """The cell's robot, and its setbacks: if the robot reports an earlier stop, `may_resume` is asked
-    to confirm that it may recover.
+    """Get the cell's robot and its setbacks.
+
+    If the robot reports an earlier stop, `may_resume` must confirm that it may recover.
 
     Raises:
         InputError: the workplace cannot be used.
@@ -132,7 +137,7 @@ def robot_of(cell: Cell, may_resume: Resume) -> tuple[Robot, tuple[str, ...]]:
 
 
 def footage_of(cell: Cell) -> Footage | None:
-    """Footage of the cell's camera; None on failure, which does not end the run."""
+    """Get the footage of the cell's camera; None on failure, which does not end the run."""
     try:
         return cell.footage()
     except Exception as error:
@@ -141,7 +146,7 @@ def footage_of(cell: Cell) -> Footage | None:
 
 
 def truths(made: Run, cell: Cell) -> dict[Parameter, tuple[float, ...]]:
-    """True values of the estimated parameters, as far as the cell knows them."""
+    """Read the true values of the estimated parameters, if the cell knows them."""
     found: dict[Parameter, tuple[float, ...]] = {}
     for estimate in made.estimates:
         try:
@@ -154,7 +159,7 @@ def truths(made: Run, cell: Cell) -> dict[Parameter, tuple[float, ...]]:
     return found
 
 
-# The look before a run: the poses that a camera sees take the place of the scene's.
+# The look before a run: poses that a camera sees replace those of the scene.
 
 
 def look(
@@ -163,22 +168,27 @@ def look(
     callbacks: RunCallbacks = SILENT,
     world: Path | Scene | None = None,
 ) -> tuple[Scene | None, Seen | None]:
-    """The scene with its objects where the settings' camera sees them, and what it saw; without a camera
-    the scene as it is, and None.
+    """Move the objects of a scene to the poses that the settings' camera sees.
 
     Args:
+        settings: of the run.
+        scene: before the look.
+        callbacks: progress, and confirmation of the look.
         world: the simulated world, where the settings name no file of it.
+
+    Returns:
+        The scene and the look; without a camera the unchanged scene and None.
 
     Raises:
         InputError: no such camera, nothing to see by, or no world for its camera.
         Unavailable: OpenCV is not installed, or a camera or pose estimator does not answer.
-        ExecutionAborted: what was seen was not confirmed.
+        ExecutionAborted: the look was not confirmed.
     """
     if settings.camera is None or scene is None:
         return scene, None
     hidden = None
     if settings.camera.startswith(WORLD_CAMERA):
-        # A world made of the scene itself would be moved to where its camera saw things.
+        # Require a world file: a world made from the scene itself would follow the seen poses.
         hidden = world or settings.world
         if hidden is None:
             raise InputError(
@@ -211,8 +221,13 @@ def seen_from(
     noise: str = DEFAULT_LEVEL,
     hand: Hand | None = None,
 ) -> Seen:
-    """Poses of a scene by a source of pictures; arguments as those of `palpate.runs.recordings.see`, the noise model of
-    the embedded arm, and where the TCP is, for a camera on the hand.
+    """Determine the poses of a scene from a source of pictures.
+
+    Args:
+        scene: whose objects are looked for.
+        source, intrinsics, world, seed, estimator: as in `palpate.runs.recordings.see`.
+        noise: noise model of the embedded arm.
+        hand: pose of the TCP, for a camera on the hand.
 
     Raises:
         InputError: no such camera, nothing to see by, or a file that cannot be used.
@@ -236,6 +251,7 @@ def seen_from(
     from palpate.perception.hand_eye import HAND, believed_camera, with_camera
     from palpate.perception.rendered import SimulatedCamera
 
+    # Render the picture in the simulated world: by one of its own cameras, or by one on the hand.
     cell = simulated_cell(scene, world, noise=noise, seed=seed)
     name = source.removeprefix(WORLD_CAMERA)
     if name != HAND:
@@ -255,10 +271,10 @@ def seen_from(
 
 
 def hand_of(url: str, scene: Scene) -> Pose:
-    """Where the TCP of the real arm at a URL is, world.
+    """Read the pose of the TCP of the real arm at a URL, in the world.
 
     Raises:
-        Unavailable: it does not answer, or its driver does not say.
+        Unavailable: it does not answer, or its driver does not report the pose.
     """
     from palpate.execution.cell_drivers import drivers
 
@@ -276,7 +292,8 @@ def hand_of(url: str, scene: Scene) -> Pose:
 
 
 def require_seen(made: Run, seen: Seen | None) -> Run:
-    """The planned run with what is to be said of the look, where there was one.
+    """Require that the camera saw every object that the plan touches, and add the notes of the
+    look.
 
     Raises:
         InputError: the plan touches objects that were not seen.
@@ -299,13 +316,13 @@ def require_seen(made: Run, seen: Seen | None) -> Run:
 
 
 def _touched_names(made: Run) -> Iterator[str]:
-    """Objects and surfaces that are asked for, or that an action of the plan names."""
+    """Objects and surfaces that are requested, or that an action of the plan names."""
     yield from (parameter.object for parameter in made.plan.parameters)
     if made.plan.tree is None:
         return
     for _, node in made.plan.tree.walk():
         for _, value in node.args:
-            # Names that do not exist are findings of the check.
+            # Skip names that do not exist: the check reports them as findings.
             with suppress(InputError):
                 subject = made.scene.symbols.subject(value) if isinstance(value, str) else None
                 if subject is not None:

@@ -1,7 +1,9 @@
-"""`palpate calibrate`: measure one very arm with references of known weight and height, and write robot.yaml.
+"""`palpate calibrate`: calibrate one arm with references of known weight and height, and write
+robot.yaml.
 
-Each procedure is a visit to the arm: plan, check, execution and estimation as in any run, except that the
-measured size is known and the arm is not. Findings correct the next visit, which so also tests them.
+Each procedure is a visit to the arm: plan, check, execution and estimation as in any run. Here the
+measured size is known and the arm is not. Each visit is corrected by the findings before it, and so
+tests them.
 """
 
 from __future__ import annotations
@@ -36,7 +38,7 @@ MEASURED = (
     "tip_compliance",
     "camera",
 )
-"""Keys of robot.yaml that a calibration writes; all others stay."""
+"""Keys of robot.yaml that a calibration writes. It leaves all others unchanged."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,9 +49,10 @@ class Wanted:
         weight: a known mass, kg.
         gauge: known heights, m.
         own_weight: the arm weighs itself.
-        camera: a camera that looks at the arm or is on its hand, as `see` takes it; its intrinsics file; and the tag
-            on the hand, or before a camera there, its number and side, m.
-        plot: PNG to write of the camera's residuals.
+        camera: a camera that looks at the arm or is on its hand, in the syntax of `see`.
+        intrinsics: intrinsics file of the camera.
+        tag: number and side, m, of the tag on the hand, or before a camera on the hand.
+        plot: PNG file for the camera's residuals.
     """
 
     weight: Known | None = None
@@ -106,8 +109,15 @@ class CalibratedFigure:
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Result of a calibration and its file. `robot_seconds`: duration of the motions, s; `pictures`: what the
-    camera's pose was fitted to."""
+    """Result of a calibration and its file.
+
+    Attributes:
+        config: the calibrated figures.
+        found: figures before and after.
+        file: the robot.yaml.
+        robot_seconds: duration of the motions, s.
+        pictures: to which the camera's pose was fitted.
+    """
 
     config: RobotConfig
     found: tuple[CalibratedFigure, ...]
@@ -121,11 +131,12 @@ def calibrate(
 ) -> Calibration:
     """Calibrate an arm and write the findings into `out`; other figures of an existing file stay.
 
-    Without a scene the embedded arm stands on a bench. The calibration refines `settings.robot_config`, or
-    without one the arm's datasheet.
+    Without a scene the embedded arm is on a bench. The calibration refines `settings.robot_config`,
+    or the datasheet where there is none.
 
     Raises:
-        InputError: bad input; or the measurements contradict the stated references: nothing is written.
+        InputError: bad input; or the measurements contradict the stated references: nothing is
+        written.
         Unavailable: no such robot.
         ExecutionAborted: not confirmed, or stopped.
     """
@@ -135,10 +146,11 @@ def calibrate(
     before = RobotConfig()
     if settings.robot_config is not None:
         before = read_config(settings.robot_config)
-    # Visits to the embedded arm are counted over all sessions: each draws other errors.
+    # Count visits to the embedded arm over all sessions: each visit draws new errors.
     simulated = [config.simulated for config in (before, existing) if config is not None]
     visits = max([one.visits for one in simulated if one is not None], default=0)
     session = CalibrationSession(settings, before, callbacks, visits)
+    # Begin with the torque gains: all later procedures use the torques.
     start = session.arm
     if wanted.own_weight:
         weigh_itself(session)
@@ -166,7 +178,11 @@ def calibrate(
 def require_consistent(
     settings: Settings, wanted: Wanted, out: Path, existing: RobotConfig | None
 ) -> None:
-    """Require a reference, a scene for a real arm, and files of this same arm; raises InputError."""
+    """Require a reference, a scene for a real arm, and files of this same arm.
+
+    Raises:
+        InputError: one of them is missing or contradicts another.
+    """
     if wanted == Wanted():
         raise InputError(
             "nothing to calibrate with: give a known weight (--weight 0.5kg±0.1g), known heights "
@@ -186,7 +202,7 @@ def require_consistent(
         raise InputError(
             "a real arm needs a scene=D.xml that says where it, the weight and the gauges stand"
         )
-    # An embedded arm is the same one if noise model and seed are.
+    # An embedded arm is identified by its noise model and seed.
     simulated = (noise_source(settings.noise), settings.seed) if settings.robot is None else None
     arm = settings.described_arm()
     require_same(arm.config, simulated)
@@ -208,13 +224,13 @@ def merge_findings(under: RobotConfig, session: CalibrationSession) -> RobotConf
 
 
 def compare_figures(start: RobotDescription, end: RobotDescription) -> list[CalibratedFigure]:
-    """Compare each figure that was measured with its value before the calibration."""
+    """Compare each measured figure with its value before the calibration."""
     old, new, found = start.config, end.config, list[CalibratedFigure]()
     assert new is not None
     first, last = start.nominal, end.nominal
 
     def is_new(name: str) -> bool:
-        # By identity: a figure that was measured again may have the same value.
+        # Compare by identity: a new measurement may give the same value.
         figure = getattr(new, name)
         return figure is not None and figure is not getattr(old, name, None)
 
@@ -226,7 +242,7 @@ def compare_figures(start: RobotDescription, end: RobotDescription) -> list[Cali
                 CalibratedFigure(f"torque_gain {joint}", "1", before, after, gains.by or "")
             )
     if lean is not None and is_new("base_lean"):
-        # Without a calibration: a tilt as large as the tip length is uncertain over the reach.
+        # Without a calibration the tilt has the uncertainty of the tip length, over the reach.
         values, stds = (0.0, 0.0), (first.tip_offset_std / start.reach.stretched,) * 2
         if old is not None and old.base_lean is not None:
             values, stds = old.base_lean.value.tolist(), old.base_lean.std.tolist()
@@ -242,9 +258,10 @@ def compare_figures(start: RobotDescription, end: RobotDescription) -> list[Cali
 
 
 def camera_found(before: CalibrationViews, after: HandEye, tag: Known) -> list[CalibratedFigure]:
-    """The camera's place, turn and focal length before and after, each against what was believed."""
+    """Compare position, rotation and focal length of the camera with those believed before."""
     from palpate.perception.solve import pose_difference
 
+    # Pose difference as six coordinates, with the deviations from both covariances.
     off = pose_difference(after.mount.pose_world_camera, before.mount.pose_world_camera)
     stds = np.sqrt(np.diag(after.mount.covariance)), np.sqrt(np.diag(before.mount.covariance))
     by = f"a tag of {tag.size.text} in {len(after.corners)} pictures"
@@ -259,14 +276,16 @@ def camera_found(before: CalibrationViews, after: HandEye, tag: Known) -> list[C
 
 
 def value_and_std(hand: NominalHand, name: str) -> tuple[float, float]:
-    """Figure of an arm with its standard deviation; a repeatability is itself one, of 0."""
+    """Look up a figure of an arm with its standard deviation. A repeatability is itself a standard
+    deviation, of an error with mean 0.
+    """
     if name == "pose_repeatability":
         return 0.0, hand.pose_repeatability
     return getattr(hand, name), getattr(hand, f"{name}_std")
 
 
 def gain_values(arm: RobotDescription) -> list[tuple[float, float]]:
-    """Value and standard deviation of each joint's gain."""
+    """Value and standard deviation of each joint's gain, relative."""
     gains = arm.config.torque_gain if arm.config is not None else None
     if gains is not None:
         stds = np.sqrt(gains.spread.diagonal()).tolist()

@@ -1,8 +1,9 @@
-"""Calibration of a camera's pose: the arm shows it a tag on its hand in many poses, or carries it around one that
-stands still, and each rest is a picture.
+"""Calibration of a camera's pose with a tag.
 
-The poses are drawn at random about home, kept where the camera sees the tag, and chosen so that its place
-becomes surest (`palpate.perception.hand_eye_fit`).
+The arm shows the camera a tag on its hand in many poses, or carries the camera around a fixed tag.
+Each rest gives one picture. The poses are drawn at random about home and kept where the camera sees
+the tag. The poses that reduce the uncertainty of the camera's pose most are chosen
+(`palpate.perception.hand_eye_fit`).
 """
 
 from __future__ import annotations
@@ -53,36 +54,39 @@ if TYPE_CHECKING:
 
 
 PICTURES = 24
-"""Poses: with 0.07 pixels of noise the camera's place is then known to 0.6 mm."""
+"""Count of poses. With 0.07 pixels of noise they determine the camera's position to 0.6 mm."""
 DRAWN, KEPT = 12_000, 1000
-"""Configurations that are drawn, and of which the poses are chosen."""
+"""Configurations drawn, and the most of them from which poses are chosen."""
 SPREAD = np.array([1.2, 1.0, 0.8, 1.0, 1.2, 1.2, 2.0])
-"""rad about home, uniform, half width."""
+"""rad: half width of the uniform distribution of each joint about home."""
 LIMIT = 0.1
-"""rad to the joints' limits."""
+"""rad: distance to the joint limits."""
 CLEAR = 0.25
-"""m: least height of the TCP above the plane on which the arm stands."""
+"""m: least height of the TCP above the plane of the arm's base."""
 FACING = math.cos(math.radians(50.0))
-"""Of the angle between a tag's normal and the view."""
+"""Cosine of the largest angle between a tag's normal and the direction of view."""
 BORDER = 0.08
-"""Share of the picture's width at its edges: the camera is not quite where it is believed to be."""
+"""Share of the picture's width that stays free at its edges. The camera's true pose differs from
+the believed one.
+"""
 SMALLEST = 30.0
-"""Pixels: shortest side of a tag in a picture; corners of smaller ones are led astray by what is dark
-beside the paper."""
+"""Pixels: shortest side of a tag in a picture. At smaller sizes dark surroundings of the paper
+shift the detected corners.
+"""
 NEAREST = 0.15
-"""m from the camera to the tag."""
+"""m: least distance of the tag from the camera."""
 TRIES = 6
-"""Choices of poses, each without those that something is in the way of."""
+"""Selections of poses. Each new one leaves out the poses that the check refused."""
 
 
 @dataclass(frozen=True, slots=True)
 class Eye:
-    """A camera, or the embedded one.
+    """A camera, real or simulated.
 
     Attributes:
         source: as given on the command line.
-        lens: as its owner has it.
-        mount: where it is believed to be in the world, or on the hand.
+        lens: known to its owner.
+        mount: believed pose in the world, or on the hand.
         shoot: takes a picture (height, width, 3), RGB.
     """
 
@@ -94,7 +98,7 @@ class Eye:
 
 @dataclass(slots=True)
 class Shots:
-    """Takes a picture at the end of every rest. An `Observer`."""
+    """Observer that takes a picture at the end of every rest."""
 
     shoot: Callable[[], NDArray[np.uint8]]
     lens: Lens
@@ -104,6 +108,7 @@ class Shots:
 
     def on_tick(self, snapshot: Snapshot) -> None:
         """See `Observer`."""
+        # A finished or running measurement marks a rest; each rest gets one picture.
         rests = sum(leaf.primitive == "MeasureForces" for leaf in snapshot.leaves)
         if rests > len(self.seen) and self.failed is None and snapshot.stopping is None:
             try:
@@ -111,6 +116,7 @@ class Shots:
             except PalpateError as error:
                 self.failed = error
                 return
+            # A tag seen twice is ambiguous, and counts as not seen.
             found = [where for number, where in detect(grey, self.lens) if number == self.number]
             self.seen.append(found[0] if len(found) == 1 else None)
 
@@ -118,22 +124,27 @@ class Shots:
 def locate(
     session: CalibrationSession, source: str, intrinsics: Path | None, tag: Known
 ) -> tuple[HandEye, CalibrationViews]:
-    """Find where a camera is by a tag on the hand, and put it into the session's robot.yaml; return what was
-    found, and the views with what was believed before.
+    """Locate a camera by a tag, and put its pose into the session's robot.yaml.
+
+    Returns:
+        The fitted pose, and the views with the poses believed before.
 
     Raises:
-        InputError: no such camera, nothing says roughly where it is, or the pictures do not fit.
+        InputError: no such camera, no rough pose of it is stated, or the pictures do not fit.
         Unavailable: OpenCV is not installed, or a camera does not answer.
     """
     number = _number(tag)
     own = scene_of_settings(session)
     scene = own or session.bench_with_camera()
     eye = _eye(session, scene, source, intrinsics, number, tag.size.value)
+    # Express the believed poses of camera and tag in the frames that the fit uses: the arm's base,
+    # or the hand.
     base = session.arm.stands(scene.pose_world_base)
     on_hand = eye.mount.on_hand
     mount = eye.mount if on_hand else eye.mount.within(base.inverse())
     there = base.inverse() @ _standing(scene, number) if on_hand else STICKER
 
+    # Draw candidate poses and choose those that determine the camera best.
     half, std = tag.size.value / 2, tag.size.std / tag.size.value
     scatter = session.arm.nominal.pose_repeatability
     q = configurations(session.arm)
@@ -142,6 +153,7 @@ def locate(
     drawn = CalibrationViews(hands, jacobians, frame, half, std, eye.lens, mount, on_hand, scatter)
     session.callbacks.progress("choosing poses in view of the camera")
     chosen = _chosen(session, scene, q, drawn, there)
+    # Visit the poses and take a picture at each rest.
     shots = Shots(eye.shoot, eye.lens, number)
     what = "looking at tag {} from {}" if on_hand else "showing tag {} to the camera in {}"
     session.callbacks.progress(f"{what.format(number, len(chosen))} poses")
@@ -154,6 +166,7 @@ def locate(
             f"the camera saw tag {number} in {len(seen)} of {len(chosen)} pictures, {FEWEST} are needed: is it "
             f"{_place(on_hand)}, and the camera about where its intrinsics file says? Nothing is written"
         )
+    # Fit the camera's pose to the pictures, with the joint positions measured at each rest.
     rests = np.array([trace.of(recording).q.mean(axis=0) for recording in trace.recordings])
     hands, jacobians = stances(session.arm, rests)
     session.callbacks.progress(f"fitting {len(seen)} pictures")
@@ -165,14 +178,14 @@ def locate(
 
 
 def _place(on_hand: bool) -> str:
-    """Expected place of the tag, in words."""
+    """Describe the expected place of the tag."""
     if on_hand:
         return "where the scene has its site, or half a metre before the base, flat on the plane of its foot"
     return "on the hand's broad side that looks away from the base at home"
 
 
 def _standing(scene: Scene, number: int) -> Pose:
-    """Believed pose in the world of a tag that stands still."""
+    """Believed pose of a fixed tag in the world."""
     stated = tags_of(scene).get(number)
     return scene.pose_world_base @ LYING if stated is None else stated.pose_world
 
@@ -218,6 +231,7 @@ def _eye(
         lens, mount, on = owned.lens, owned.mount, None
     camera: list[SimulatedCamera] = []
 
+    # Build the simulated camera on the first picture, when the world of the visit exists.
     def shoot() -> NDArray[np.uint8]:
         """A picture of the world as it is now, with the tag in it."""
         assert session.cell is not None
@@ -239,14 +253,27 @@ def _eye(
 def _chosen(
     session: CalibrationSession, scene: Scene, q: Array, drawn: CalibrationViews, tag: Pose
 ) -> list[Array]:
-    """Of configurations (n, 7) those that the arm reaches in `scene` and that tell most, in a short order."""
+    """Choose reachable configurations that determine the camera's pose best, in a short order.
+
+    Args:
+        session: of the arm.
+        scene: in which the arm moves.
+        q: (n, 7) candidates.
+        drawn: their views.
+        tag: believed pose of the tag.
+
+    Raises:
+        InputError: too few configurations remain.
+    """
     left = in_view(drawn, tag)
     for _ in range(TRIES):
         if len(left) < FEWEST:
             break
+        # Choose the most informative views, and check the plan through them.
         best = [left[i] for i in surest(drawn.some(left), tag, PICTURES)]
         chosen = _order_configurations(best, q, session.arm.home)
         findings = session.findings(scene, _plan([q[i] for i in chosen]))
+        # Map each finding to its configuration: steps alternate between motion and measurement.
         steps = {int(f.path.rpartition("[")[2].rstrip("]") or 0) for f in findings if "[" in f.path}
         refused = {chosen[(step - 1) // 2] for step in steps if 0 < step <= 2 * len(chosen)}
         if not refused:
@@ -259,7 +286,7 @@ def _chosen(
 
 
 def configurations(arm: RobotDescription) -> Array:
-    """(n, 7) configurations about home, well above the plane on which the arm stands."""
+    """Draw (n, 7) configurations about home whose TCP is well above the plane of the base."""
     random = np.random.default_rng(0)
     low, high = arm.limits.q_min + LIMIT, arm.limits.q_max - LIMIT
     q = np.clip(arm.home + SPREAD * random.uniform(-1.0, 1.0, (DRAWN, JOINTS)), low, high).round(4)
@@ -268,15 +295,21 @@ def configurations(arm: RobotDescription) -> Array:
 
 
 def in_view(views: CalibrationViews, tag: Pose) -> list[int]:
-    """Indices of views in which the camera should see a tag believed at `tag`, `KEPT` at most."""
+    """Select views in which the camera should see a tag at the believed pose `tag`, at most `KEPT`.
+
+    Returns:
+        Their indices.
+    """
     lens, local = views.lens, views.local(views.camera, tag)
+    # Project the tag's corners; depths below `NEAREST` are clipped and refused further down.
     pixels = lens.project(np.maximum(local, [-9, -9, NEAREST]).reshape(-1, 3))
     border = BORDER * lens.size[0]
     inside = (pixels > border) & (pixels < np.array(lens.size) - border)
+    # Keep views whose corners lie within the borders and whose shortest side is large enough.
     sides = np.linalg.norm(np.diff(pixels.reshape(-1, 4, 2), axis=1), axis=2).min(axis=1)
     good = inside.reshape(-1, 8).all(axis=1) & (sides > SMALLEST)
     good &= (local[..., 2] > NEAREST).all(axis=1)
-    # Its corners are clockwise for who sees its face.
+    # The corners are clockwise seen from the front: the normal must face the camera.
     across = np.cross(local[:, 3] - local[:, 0], local[:, 1] - local[:, 0])
     middle = local.mean(axis=1)
     facing = -np.einsum("ij,ij->i", across, middle)
@@ -285,7 +318,7 @@ def in_view(views: CalibrationViews, tag: Pose) -> list[int]:
 
 
 def _order_configurations(indices: list[int], q: Array, start: Array) -> list[int]:
-    """The order in which each configuration is the nearest one to the last."""
+    """Order configurations greedily: each one is the nearest to the one before."""
     left, order, at = list(indices), list[int](), start
     while left:
         nearest = min(left, key=lambda i: float(np.linalg.norm(q[i] - at)))
@@ -296,7 +329,7 @@ def _order_configurations(indices: list[int], q: Array, start: Array) -> list[in
 
 
 def _plan(configurations: Sequence[Array]) -> Plan:
-    """Rests in configurations (7,), from home and back."""
+    """Make the plan of rests in `configurations` (7,), from home and back."""
     home = Node("MoveJoints", (("joints", HOME_CONFIG),))
     steps = [home]
     for q in configurations:
@@ -306,7 +339,7 @@ def _plan(configurations: Sequence[Array]) -> Plan:
 
 
 def _entry(found: HandEye, source: str, number: int, on_hand: bool) -> CameraConfig:
-    """The camera for robot.yaml."""
+    """Make the camera's entry in robot.yaml."""
     pose, (width, height) = found.mount.pose_world_camera, found.lens.size
     fovy = math.degrees(2 * math.atan(height / 2 / found.lens.matrix[1, 1]))
     covariance = np.array(

@@ -82,7 +82,7 @@ def parse_reference(text: str, units: Mapping[str, float], what: str) -> Stated:
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """Reference in the scene: `[NAME=]SIZE`.
+    """Reference in the scene, written `[NAME=]SIZE`.
 
     Attributes:
         size: its known mass or height.
@@ -99,36 +99,45 @@ class Known:
         return cls(parse_reference(size, units, what), name.strip() if found else None)
 
 
-# Gains of the joint torque sensors, from a known weight in the hand or from the arm's own weight.
+# Gains of the joint torque sensors, by a known weight in the hand or by the arm's own weight.
 
 
 CONFIGURATIONS = 30
-"""Rests at which the arm weighs itself: friction is about as large as the signal, and averages out."""
+"""Count of rests at which the arm weighs itself. Friction is about as large as the signal, and
+averages out over many rests.
+"""
 SPREAD = np.array([0.8, 0.6, 0.6, 0.7, 1.0, 0.8, 1.2])
-"""rad about home, uniform, half width."""
+"""rad: half width of the uniform distribution of each joint about home."""
 CLEAR = 0.25
-"""m: least height of the TCP above the plane on which the arm stands."""
+"""m: least height of the TCP above the plane of the arm's base."""
 WIDE = 0.1
-"""Relative (1 sigma): a bound of gains for a fit that hardly uses their prior."""
+"""Relative (1 sigma): wide prior of the gains, for a fit that the prior hardly influences."""
 MARGIN = 0.1
-"""rad to the joints' limits."""
+"""rad: distance of each configuration to the joint limits."""
 UP = np.array([0.0, 0.0, 1.0])
 OFFSET = 1.0
-"""N m (1 sigma): torque offset of a joint, from zeroing and friction at the start."""
+"""N m (1 sigma): torque offset of a joint, from zeroing and from friction at the start."""
 ROUNDS = 4
 """Iterations in which the fit learns the scatter of friction from its own residuals."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GainBelief:
-    """Gaussian of the torque sensors' relative gain errors: `mean` (7,), `covariance` (7, 7)."""
+    """Gaussian of the relative gain errors of the torque sensors.
+
+    Attributes:
+        mean: (7,).
+        covariance: (7, 7).
+    """
 
     mean: Array
     covariance: Array
 
     def after(self, corrected: Array) -> GainBelief:
         """Compose with gains `corrected` (7,) by which the readings were already corrected:
-        1 + g = (1 + corrected)(1 + mean)."""
+
+        1 + g = (1 + corrected) (1 + mean)
+        """
         larger = 1.0 + corrected
         whole = larger * (1.0 + self.mean) - 1.0
         return GainBelief(whole, self.covariance * np.outer(larger, larger))
@@ -146,18 +155,23 @@ def require(tests: Sequence[FitTest], what: str) -> None:
 
 
 def gains_from_weighing(trace: Trace, parameter: Parameter, known: Stated) -> GainBelief:
-    """Compute the posterior of the gains from a weighing of a `known` mass, kg, in `trace`, whose readings
-    are corrected by the calibration so far.
+    """Compute the posterior of the gains from the weighing of a known mass.
+
+    Args:
+        trace: with readings that are corrected by the calibration so far.
+        parameter: mass of the weight.
+        known: stated mass, kg.
 
     Raises:
-        InputError: it was not weighed, its weighing contradicts itself, or it weighs something else than
-            is stated.
+        InputError: the object was not weighed, its weighing contradicts itself, or its mass is not
+        the
+            stated one.
     """
     recording = trace.converted(parameter)
     if recording is None or trace.hand.chain is None:
         raise InputError(f"{parameter.object} was not weighed; nothing is calibrated")
     found, gravity, hand = weighings(trace, recording), trace.gravity, trace.hand
-    # Weighed with the prior of the gains: does it hang free, and weigh what is stated?
+    # Weigh with the prior of the gains. Test that the load hangs free and has the stated mass.
     load = fit_load(found, gravity, hand)
     mass, mass_std = load.force / gravity, load.force_std / gravity
     same = chi_squared(
@@ -169,6 +183,7 @@ def gains_from_weighing(trace: Trace, parameter: Parameter, known: Stated) -> Ga
         load.freedom,
     )
     require([*load.tests, same], "the weight")
+    # Fit the gains with the load fixed at the stated weight. Centres of mass begin at zero.
     rows = [equations(weighing, gravity) for weighing in found]
     grasps = tuple(time for weighing in found for time in weighing.grasps)
     about = np.zeros(1 + 2 * len(grasps))
@@ -179,34 +194,48 @@ def gains_from_weighing(trace: Trace, parameter: Parameter, known: Stated) -> Ga
     for _ in range(LOAD_ITERATIONS):
         about = np.concatenate([[force], posterior.mean[1 : len(about)]])
         posterior = fit_at_force(load_model(rows, grasps, about, hand), force, std)
+    # The fit has unit prior deviations: scale its posterior by the root of the prior covariance.
     mean, covariance = posterior[GAIN]
     root = gain_root(hand, JOINTS)
     return GainBelief(root @ mean, root @ covariance @ root.T)
 
 
 def fit_at_force(model: LoadModel, force: float, std: float) -> Posterior:
-    """Posterior of a load model with a known vertical `force` ± `std`, N. The first unknown is the deviation from
-    that force."""
+    """Compute the posterior of a load model with a known vertical force.
+
+    Args:
+        model: of the weighing.
+        force: N, known vertical force.
+        std: N, its standard deviation.
+
+    Returns:
+        The posterior. Its first unknown is the deviation from `force`.
+    """
     (load, *others), noise, y, scales = model
     known = replace(load, prior=np.array([std, *load.prior[1:]]))
-    # What a sensor reads of the other joints' torques belongs to the gain that a weight shows.
+    # A weight shows the gain together with the crosstalk: torques of other joints that a sensor
+    # reads.
     others = [cause for cause in others if cause.name != CROSSTALK]
-    # Noise estimated from `freedom` blocks: standard deviation of Student's t.
+    # Noise with `freedom` degrees of freedom: use the standard deviation of Student's t.
     wider = math.sqrt(max(1.0, noise.freedom / max(noise.freedom - 2.0, 1.0)))
-    # Without the hyperprior of the gains' scale: every fit that reads robot.yaml applies it again. Applied
-    # here, too, an unloaded joint would be known worse after a calibration than before.
+    # Leave out the hyperprior of the gains' scale: every fit that reads robot.yaml applies it
+    # again. Applied here as well, it would leave an unloaded joint less certain after a calibration
+    # than before.
     kept = [scale for scale in scales if GAIN not in scale.causes]
     noise = SignalNoise([wider * root for root in noise.roots], noise.freedom)
     return fit([known, *others], noise, y - force * load.columns[:, 0], kept)
 
 
 def own_weight_tree(arm: RobotDescription) -> Node:
-    """Tree of rests in configurations around home, the same ones every time, from home and back."""
+    """Make the tree of rests in configurations around home. The configurations are the same every
+    time; the tree begins and ends at home.
+    """
     random, nominal = np.random.default_rng(0), NominalArm(arm, Pose.of([0, 0, 0]), -9.81 * UP)
     low, high = arm.limits.q_min + MARGIN, arm.limits.q_max - MARGIN
     home = Node("MoveJoints", (("joints", HOME_CONFIG),))
     steps = [home]
     while len(steps) <= 2 * CONFIGURATIONS:
+        # Draw a configuration; keep it if the TCP is above the clearance and away from the base.
         q = np.clip(arm.home + SPREAD * random.uniform(-1.0, 1.0, JOINTS), low, high)
         x, y, z = nominal.poses(q[None])[0, :3].tolist()
         if z > CLEAR and math.hypot(x, y) > arm.reach.nearest:
@@ -216,8 +245,11 @@ def own_weight_tree(arm: RobotDescription) -> Node:
 
 
 def weighed_itself(trace: Trace, arm: RobotDescription) -> GainBelief:
-    """Compute the posterior of the gains from the arm's own weight at rest in many configurations; the
-    readings are corrected by the calibration so far.
+    """Compute the posterior of the gains from the arm's own weight at rest in many configurations.
+
+    Args:
+        trace: with readings that are corrected by the calibration so far.
+        arm: its description.
 
     Raises:
         InputError: too few rests, or a weight that such an arm cannot have.
@@ -228,17 +260,19 @@ def weighed_itself(trace: Trace, arm: RobotDescription) -> GainBelief:
             f"the arm rested in {len(rests)} configurations, too few to determine its weight; nothing is "
             "written"
         )
+    # Average positions and torques over each rest: white noise becomes negligible.
     q = np.array([rest.q.mean(axis=0) for rest in rests])
     observed = np.array([rest.tau_ext.mean(axis=0) for rest in rests])
     maps, root = observe(trace).maps(q), gain_root(trace.hand, JOINTS)
-    # Friction and drift of each joint, and the wrench that sticks in all of them, differ at every rest.
+    # Noise of a rest: friction and drift of each joint, and the wrench that sticks in all of them.
     own = arm.sensors.friction**2 + arm.sensors.drift**2
     stuck = trace.hand.force_repeatability * maps[:, :, :3]
     noise = np.diag(own) + stuck @ stuck.transpose(0, 2, 1)
     gains, others = own_weight_columns(trace, arm, q)
-    # The scatter is fitted with wide gains, so that a wrong prior of them does not pass for scatter.
+    # Fit the scatter with wide gains, so that an error of their prior does not count as scatter.
     wide = own_causes(WIDE * gains, others)
     noise = noise * scatter(wide, observed, noise)
+    # Test the gains against zero, then fit them with their prior in units of its root.
     mean, covariance = own_fit(wide, observed, noise)[GAIN]
     require_own_weight(WIDE * mean, WIDE**2 * covariance, root @ root.T)
     mean, covariance = own_fit(own_causes(gains @ root, others), observed, noise)[GAIN]
@@ -246,7 +280,9 @@ def weighed_itself(trace: Trace, arm: RobotDescription) -> GainBelief:
 
 
 def own_causes(gains: Array, others: Array) -> list[Cause]:
-    """Causes of the own-weight equations by their columns (n, 7, p), in units of their prior deviations."""
+    """Make the causes of the own-weight equations from their columns (n, 7, p), in units of their
+    prior deviations.
+    """
     found: list[Cause] = []
     for name, columns in ((GAIN, gains), ("links and zeros", others)):
         count = int(columns.shape[2])
@@ -255,15 +291,22 @@ def own_causes(gains: Array, others: Array) -> list[Cause]:
 
 
 def own_fit(causes: Sequence[Cause], observed: Array, noise: Array) -> Posterior:
-    """Fit torques `observed` (n, 7) with the covariance `noise` (n, 7, 7) at each rest."""
+    """Fit torques `observed` (n, 7) with the noise covariance `noise` (n, 7, 7) of each rest, N
+    m."""
     roots: list[Array] = [*np.linalg.cholesky(noise).astype(np.float64)]
     return fit(causes, SignalNoise(roots, KNOWN), observed.ravel())
 
 
 def scatter(causes: Sequence[Cause], observed: Array, noise: Array) -> Array:
-    """(7, 7) factors that make the `noise` (n, 7, 7) of each joint as large as the fit's residuals."""
+    """Estimate (7, 7) factors that scale the `noise` (n, 7, 7) of each joint to the residuals of
+    the fit.
+
+    Fixed-point iteration: each joint's variance is its sum of squared residuals over its residual
+    degrees of freedom.
+    """
     size = np.ones(JOINTS)
     for _ in range(ROUNDS):
+        # Refit with the current scale; the degrees of freedom are 1 less the leverage of each row.
         found = own_fit(causes, observed, noise * np.outer(size, size))
         left = (found.residual**2).reshape(observed.shape).sum(axis=0)
         freedom = (1.0 - found.leverage).reshape(observed.shape).sum(axis=0)
@@ -272,8 +315,17 @@ def scatter(causes: Sequence[Cause], observed: Array, noise: Array) -> Array:
 
 
 def require_own_weight(mean: Array, covariance: Array, believed: Array) -> None:
-    """Require that gains estimated without a prior, `mean` (7,) with `covariance` (7, 7), agree with zero
-    within the prior covariance `believed` (7, 7)."""
+    """Require that gains estimated without a prior agree with zero.
+
+    Args:
+        mean: (7,) gains estimated without a prior.
+        covariance: (7, 7) of `mean`.
+        believed: (7, 7) prior covariance of the gains.
+
+    Raises:
+        InputError: they differ from zero by more than their accuracy allows.
+    """
+    # Test statistic d^T S^-1 d over all joints; the message names the joint that deviates most.
     spread = covariance + believed
     apart = np.abs(mean) / np.sqrt(spread.diagonal())
     worst = int(np.argmax(apart))
@@ -289,9 +341,15 @@ def require_own_weight(mean: Array, covariance: Array, believed: Array) -> None:
 
 
 def own_weight_columns(trace: Trace, arm: RobotDescription, q: Array) -> tuple[Array, Array]:
-    """Columns of the own-weight equations at `q` (n, 7): torques of unit gains (n, 7, 7), and those of one
-    standard deviation of each other unknown, zero offsets, link masses and centres (n, 7, p); N m."""
+    """Compute the columns of the own-weight equations at `q` (n, 7), N m.
+
+    Returns:
+        (n, 7, 7) torques of unit gains, and (n, 7, p) torques of one standard deviation of each
+        other
+        unknown: zero offsets, link masses and centres.
+    """
     q = np.concatenate([trace.samples.q[:1], q])  # the sensors were zeroed at the start
+    # All columns are differences to the configuration in which the sensors were zeroed.
     nominal = NominalArm(arm, Pose.of([0, 0, 0]), -trace.gravity * UP)
     weight, links = nominal.kinematics(q).gravity_torque, link_columns(arm, trace.gravity, q)
     gains = (weight[1:] - weight[0])[:, :, None] * np.eye(JOINTS)
@@ -300,15 +358,21 @@ def own_weight_columns(trace: Trace, arm: RobotDescription, q: Array) -> tuple[A
 
 
 def link_columns(arm: RobotDescription, gravity: float, q: Array) -> Array:
-    """(n, 7, 4 k) N m: change of the torques that hold the arm at `q` (n, 7), by one standard deviation of
-    the mass of each of k links, hand included, and of its centre along three axes."""
+    """Change of the torques that hold the arm at `q` (n, 7), per standard deviation of the link
+    parameters.
+
+    Returns:
+        (n, 7, 4 k) N m, for mass and three coordinates of the centre of each of k links, hand
+        included.
+    """
     chain, sensors, still = arm.nominal.chain, arm.sensors, np.zeros_like(q)
     assert chain is not None
     bodies = Bodies.of(chain, sensors.link_mass, sensors.link_com, arm.limits.payload)
     heavier = 1.0 if arm.end_effector is None else arm.end_effector.mass / bodies.hand[0]
-    # Torques of a unit of mass and first moment of each link.
+    # Torques per unit of mass and of first moment of each link.
     held = regressor(chain, q, still, still, -gravity * UP)[..., :4]
     columns: list[Array] = []
+    # Deviations of a link: its mass scales all moments, its centre shifts the first moments.
     for joint, body in [*enumerate(bodies.links), (JOINTS - 1, heavier * bodies.hand)]:
         shifts = sensors.link_com * body[0] * np.eye(4)[:, 1:]
         sizes = np.column_stack([sensors.link_mass * body[:4], shifts])

@@ -21,18 +21,19 @@ from palpate.scene.load import load_scene
 from palpate.scene.scene import Scene
 
 SPEED = 0.05
-"""m/s at which a weight is lifted and lowered: slow enough to average white noise, fast enough to avoid
-drift."""
+"""m/s: speed at which a weight is lifted and lowered. It is slow enough to average white noise, and
+fast enough to avoid drift.
+"""
 DIGITS = 13
-"""Decimals of a relative variance: three digits of a gain that is known to 0.001 %."""
+"""Decimals of a relative variance. They give three digits of a gain that is known to 0.001 %."""
 ROUNDS = 2
-"""Touches of each gauge: they separate the scatter between places from that between touches."""
+"""Touches of each gauge. Two separate the scatter between places from that between touches."""
 SAME = 1e-6
 """Relative tolerance between the size in a scene and the stated one."""
 
 
 def weigh_itself(session: CalibrationSession) -> None:
-    """Calibrate the gains by the arm's own weight: of all joints but those with vertical axes."""
+    """Calibrate the gains by the arm's own weight. Joints with vertical axes stay uncalibrated."""
     session.callbacks.progress(f"weighing the arm itself in {CONFIGURATIONS} configurations")
     own = scene_of_settings(session)
     scene = own or session.empty_bench()
@@ -43,8 +44,10 @@ def weigh_itself(session: CalibrationSession) -> None:
 
 
 def weigh(session: CalibrationSession, known: Known) -> None:
-    """Calibrate the gains by a known weight: of the joints that carry it. On the bench it is weighed at
-    several places, in the user's scene where it stands."""
+    """Calibrate the gains of the joints that carry a known weight.
+
+    On the bench the weight is measured at several places, in the user's scene at its own place.
+    """
     own, size = scene_of_settings(session), known.size
     if own is not None:
         masses = {n: b.known["mass"][0] for n, b in own.objects.items() if "mass" in b.known}
@@ -64,7 +67,7 @@ def weigh_once(
     """Weigh the object `name` of a known mass, and correct the gains."""
     mass = Parameter(name, "mass")
     tree = measuring_tree(scene, (mass,))
-    # Slow ways from and to the grasp; the first one leads there from home.
+    # Slow down the ways from and to the grasp; the first way only leads there from home.
     ways = [
         way
         for _, way in tree.walk()
@@ -89,7 +92,8 @@ def gauge(session: CalibrationSession, known: Known) -> None:
         scene, world, names = own, None, gauges_of(own, known)
     require_places(len(names))
     heights = tuple(Parameter(name, "height") for name in names)
-    # Without the conversions: a single touch without contact is no reason to stop, touches are judged together.
+    # Without the conversions to heights: a touch without contact is no reason to stop. All touches
+    # are judged together.
     once = drop_leaves(measuring_tree(scene, heights), "Pose2Height")
     plan = calibration_plan((), Node("Sequence", children=(once,) * ROUNDS))
     trace = session.perform(scene, plan, world)
@@ -97,7 +101,7 @@ def gauge(session: CalibrationSession, known: Known) -> None:
     base = arm.stands(scene.pose_world_base)
     found = fit_tips(trace, heights, size, base, arm.reach.stretched)
     by, date = f"{found.touches} touches of gauges of {size.text}", datetime.date.today()
-    # The tilt was measured against the one already corrected.
+    # Compose the tilt with the one already corrected.
     before = session.config.base_lean
     lean = found.lean + (np.zeros(2) if before is None else before.value)
     offset, compliance = (found.offset, found.offset_std), (found.compliance, found.compliance_std)
@@ -111,11 +115,11 @@ def gauge(session: CalibrationSession, known: Known) -> None:
 
 
 def correct_gains(session: CalibrationSession, found: GainBelief, by: str) -> None:
-    """Correct the gains of the next visits by those `found`."""
+    """Compose the gains for the next visits with the gains `found`. `by` names the procedure."""
     before = session.config.torque_gain
     whole = found.after(np.zeros(JOINTS) if before is None else before.value)
     ways = [] if before is None or before.by is None else before.by.split("; ")
-    # Symmetric without rounding errors, and with meaningful digits alone.
+    # Remove asymmetry by rounding errors, and digits without meaning.
     covariance = ((whole.covariance + whole.covariance.T) / 2).round(DIGITS)
     figure = SensorGains(
         date=datetime.date.today(),
@@ -127,7 +131,7 @@ def correct_gains(session: CalibrationSession, found: GainBelief, by: str) -> No
 
 
 def scene_of_settings(session: CalibrationSession) -> Scene | None:
-    """Load the user's scene, for the arm as calibrated so far; None where the bench is used."""
+    """Load the user's scene for the arm as calibrated so far; None for the bench."""
     settings = session.settings
     if settings.scene is None:
         return None
@@ -135,7 +139,7 @@ def scene_of_settings(session: CalibrationSession) -> Scene | None:
 
 
 def gauges_of(scene: Scene, known: Known) -> tuple[str, ...]:
-    """Gauges in a scene: the named one, or all surfaces of that height.
+    """Find the gauges in a scene: the named one, or all surfaces of that height.
 
     Raises:
         InputError: there is none.
@@ -153,7 +157,7 @@ def gauges_of(scene: Scene, known: Known) -> tuple[str, ...]:
 
 
 def reference(stated: dict[str, float], known: Known, what: str, unit: str, kind: str) -> str:
-    """Name of the reference among bodies that state a size: the named one, or the only one.
+    """Find the reference among bodies that state a size: the named one, or the only one.
 
     Raises:
         InputError: there is none, or the scene states another size for it.
@@ -175,12 +179,12 @@ def reference(stated: dict[str, float], known: Known, what: str, unit: str, kind
 
 
 def agrees(value: float, stated: Stated) -> bool:
-    """True if a scene's value is within the stated limits."""
+    """True if a scene's value is within the stated limits of the reference."""
     return abs(value - stated.value) <= stated.limit + SAME * stated.value
 
 
 def measuring_tree(scene: Scene, parameters: tuple[Parameter, ...]) -> Node:
-    """Tree that measures all of `parameters`.
+    """Make the tree that measures all of `parameters`.
 
     Raises:
         InputError: some of them cannot be measured there.
@@ -198,13 +202,13 @@ def calibration_plan(parameters: tuple[Parameter, ...], tree: Node) -> Plan:
 
 
 def drop_leaves(node: Node, kind: str) -> Node:
-    """Copy of a tree without the leaves of type `kind`."""
+    """Copy a tree without the leaves of type `kind`."""
     kept = [drop_leaves(child, kind) for child in node.children if child.type != kind]
     return replace(node, children=tuple(kept))
 
 
 def slow_motions(node: Node, ways: Sequence[Node]) -> Node:
-    """Copy of a tree in which the motions `ways` are slow."""
+    """Copy a tree with the motions `ways` slowed down to `SPEED`."""
     children = tuple(slow_motions(child, ways) for child in node.children)
     # Compared by identity: equal motions elsewhere in the tree stay as they are.
     is_slow = any(node is way for way in ways)

@@ -1,7 +1,7 @@
-"""Session of a calibration: repeated visits to one arm, corrected by the findings so far; and the bench on
-which the embedded arm stands, a plate with a weight or gauge blocks.
+"""Session of a calibration: repeated visits to one arm, each corrected by the findings before it.
 
-The scene of the bench states nominal sizes; its hidden world draws the true ones within their limits.
+The embedded arm is on a bench: a plate with a weight or gauge blocks. The scene of the bench states
+nominal sizes. Its hidden world draws the true sizes within their limits.
 """
 
 from __future__ import annotations
@@ -36,12 +36,13 @@ if TYPE_CHECKING:
 
 
 BLOCK = "block"
-"""Name of the weight: a block of 40 x 40 x 80 mm, whatever its mass."""
+"""Name of the weight, a block of 40 x 40 x 80 mm for any mass."""
 PLACES = (0.45, 0.60, 0.35)
-"""m from the base to the weight, one place a visit. The joints share its weight differently at each, so
-that the gains hold between and around these places."""
+"""m: distances from the base to the weight, one for each visit. The joints share its weight
+differently at each place, so that the gains hold between and around these places.
+"""
 GAUGES = ((0.50, -0.18), (0.50, 0.18), (0.66, -0.18), (0.66, 0.18), (0.58, 0.0))
-"""m: places of the gauge blocks on the plate; their spread shows a tilt of the arm's frame."""
+"""m: positions of the gauge blocks on the plate. Their spread shows a tilt of the arm's frame."""
 GAUGE_NAMES = tuple(f"gauge_{i}" for i in range(1, len(GAUGES) + 1))
 
 PLATE = """<mujoco model="calibration bench">
@@ -111,14 +112,15 @@ class CalibrationSession:
         return self._bench(WEIGHT.format(name=BLOCK, x=x, mass=mass))
 
     def bench_with_gauges(self, height: float) -> Scene:
-        """Bench with gauge blocks whose tops are `height`, m, above the plane on which the arm stands."""
+        """Bench with gauge blocks. Their tops are `height`, m, above the plane of the arm's
+        base."""
         blocks: list[str] = []
         for name, (x, y) in zip(GAUGE_NAMES, GAUGES, strict=True):
             blocks.append(GAUGE.format(name=name, x=x, y=y, half=height / 2))
         return self._bench("\n".join(blocks))
 
     def bench_with_camera(self) -> Scene:
-        """Bench in view of a camera."""
+        """Bench with a camera that sees it."""
         return self._bench(CAMERA)
 
     def _bench(self, things: str) -> Scene:
@@ -126,8 +128,11 @@ class CalibrationSession:
         return parse_scene(text, arm=self.arm)
 
     def findings(self, scene: Scene, plan: Plan) -> tuple[Finding, ...]:
-        """Findings that forbid a plan. A calibration needs recordings that no parameter of the plan uses:
-        `redundant` does not apply."""
+        """Check a plan for findings that forbid it.
+
+        The rule `redundant` does not apply: a calibration needs recordings that no parameter of the
+        plan uses.
+        """
         found = check(plan, scene, remeasure=True)
         return tuple(finding for finding in found if finding.rule != "redundant")
 
@@ -138,19 +143,25 @@ class CalibrationSession:
         world: Scene | None = None,
         observer: Observer | None = None,
     ) -> Trace:
-        """Execute a plan in `scene` and return its trace. `world` is the simulated world, where the
-        settings name no other workplace; `observer` is called beside the one of the callbacks.
+        """Execute a plan in `scene` and return its trace.
+
+        Args:
+            scene: of the plan.
+            plan: executed.
+            world: simulated world; None uses the workplace that the settings name.
+            observer: called in addition to the one of the callbacks.
 
         Raises:
-            InputError: the plan cannot be executed there, or was not to its end.
+            InputError: the plan cannot be executed there.
             Unavailable: the robot.
-            ExecutionAborted: not confirmed.
+            ExecutionAborted: not confirmed, or stopped before its end.
         """
         self.visits += 1
+        # Rehearse the plan; a finding of the rehearsal refuses the calibration before any motion.
         findings = self.findings(scene, plan)
         run = pipeline.rehearse(Run(self.settings, scene, plan, findings), self.callbacks)
         if run.findings:
-            # Without the violation's advice, which is for authors of plans.
+            # Leave out the violation's advice, which addresses authors of plans.
             finding, count = run.findings[0].violation.finding, len(run.findings)
             often = "" if count == 1 else f" ({count} motions of the calibration are refused)"
             raise InputError(
@@ -171,6 +182,7 @@ class CalibrationSession:
         if observer is not None:
             every = [one for one in (observer, callbacks.observer) if one is not None]
             callbacks = replace(callbacks, observer=Observers(*every))
+        # Execute; an incomplete execution gives no calibration.
         run = pipeline.measure(run, callbacks, cell)
         assert run.execution is not None
         if run.execution.stopped_by is not None:

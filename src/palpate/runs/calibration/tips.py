@@ -4,11 +4,13 @@ The height error h of a touch at x and y from the base follows the plane
 
     h = c + s_x x + s_y y
 
-c: error of the tip length and of the base's height. s: tilt of the base, together with joint offsets and
-link errors, which over a few decimetres look the same. The residuals of the plane have two parts: the frame
-error `BENT` of an uncalibrated arm, and the repeatability of the pose on the datasheet. Which share of both
-this very arm has is estimated from its touches: a distorted frame also leans, so tilts and residuals are
-judged together. The residuals of five places alone would say too little.
+The offset c is the error of the tip length and of the base's height. The slope s is the tilt of the
+base. Joint offsets and link errors have the same effect over a few decimetres.
+
+The residuals of the plane have two parts: the frame error `BENT` of an uncalibrated arm, and the
+pose repeatability on the datasheet. The touches show which share of both this arm has. A distorted
+frame also tilts, so tilts and residuals are judged together. The residuals of five places alone
+would be too uncertain.
 """
 
 from __future__ import annotations
@@ -29,20 +31,24 @@ from palpate.runs.calibration.gains import Stated, require
 from palpate.trace.samples import Trace
 
 FEWEST = 3
-"""Places that determine the plane."""
+"""Least count of places: a plane has three coefficients."""
 BENT = 6e-5
-"""m (1 sigma): residuals of a plane through the gauges of the bench, at them and between, for arms with joint
-offsets of 1 mrad and link errors of 0.3 mm; root mean square of 200 such arms."""
+"""m (1 sigma): residuals of a plane through the gauges of the bench, at them and between them. Root
+mean square over 200 arms with joint offsets of 1 mrad and link errors of 0.3 mm.
+"""
 AROUND = 0.1
-"""m above and below the gauges: over this range of heights the frame error changes as if it grew in
-proportion to the arm's reach."""
+"""m above and below the gauges. Over this range of heights the frame error is taken to grow in
+proportion to the arm's reach.
+"""
 SHARES = (1.0 / 64.0, 1.0 / 8.0, 1.0)
-"""Share of the pose repeatability on the datasheet, an upper bound, that this very arm may have; equally
-likely a priori."""
+"""Shares of the pose repeatability on the datasheet, which is an upper bound. They are equally
+probable a priori.
+"""
 FRAMES = (1.0 / 4.0, 1.0 / 2.0, 1.0)
-"""Share of the frame error that this very arm may have, likewise. Two tilts and the residuals of five places
-are small by chance now and then: with these shares 1 in 1000 heights of arms with the full frame error is 4
-deviations off; with smaller ones it would be 8."""
+"""Shares of the frame error that this arm may have, equally probable a priori. Two tilts and the
+residuals of five places are sometimes small by chance. With these shares, 1 in 1000 heights of arms
+with the full frame error is 4 deviations off. With smaller shares it would be 8.
+"""
 STIFF = 1e-6
 """m/N: compliance of a steel gauge and of its support."""
 
@@ -75,13 +81,20 @@ class Tips:
 def fit_tips(
     trace: Trace, surfaces: Sequence[Parameter], known: Stated, base: Pose, reach: float
 ) -> Tips:
-    """Fit tip length and base tilt to touches of `surfaces`, all of height `known`, m, by an arm with its
-    base at `base` and a reach of `reach`, m.
+    """Fit tip length and base tilt to touches.
+
+    Args:
+        trace: with the touches.
+        surfaces: heights that were touched.
+        known: height of all of them, m.
+        base: pose of the arm's base.
+        reach: of the arm, m.
 
     Raises:
         InputError: too few touches, or surfaces of another height, or not in one plane.
     """
     hand = trace.hand
+    # Find the touches of all descents; group them by place.
     descents = [recording for surface in surfaces for recording in probes(trace, surface)]
     met = [find_touch(trace, recording) for recording in descents]
     touches = rigid_touches([touch for touch in met if touch is not None])
@@ -89,24 +102,28 @@ def fit_tips(
     spots, heights = places_of(touches, base)
     deviations = [place - known.value for place in heights]
     high = np.array([float(np.mean(place)) for place in heights]) - known.value
-    # The design is centred on the gauges, where height and tilt are uncorrelated.
+    # Centre the design on the gauges, where height and tilt are uncorrelated.
     middle = spots.mean(axis=0)
     design = np.column_stack([np.ones(len(spots)), spots - middle])
     leaning = hand.tip_offset_std / reach
     prior = np.array([hand.tip_offset_std, leaning, leaning])
+    # Estimate the shares of frame error and scatter, then fit the plane by weighted least squares
+    # with a Gaussian prior.
     frame, share = shares(deviations, design, prior, hand.pose_repeatability)
     repeated = share * hand.pose_repeatability
     white = design / (spread := place_stds(heights, frame, repeated))[:, None]
     information = white.T @ white + np.diag((np.array([1.0, frame, frame]) * prior) ** -2.0)
     covariance: Array = np.linalg.inv(information).astype(np.float64)
     mean = covariance @ (white.T @ (high / spread))
+    # Test height and flatness with the full datasheet errors.
     full = place_stds(heights, 1.0, hand.pose_repeatability)
     require_plane(float(mean[0]), (high - design @ mean) / full, prior[0], known)
-    # Uncertainty of a height between the gauges, and of one somewhat above or below them.
+    # Variance of a height between the gauges, and of one somewhat above or below them.
     here = float(np.trace(design @ covariance @ design.T)) / len(spots)
     away = leaning * AROUND
     std_x, std_y = np.sqrt(covariance.diagonal()[1:])
-    # One loading curve determines the compliance no better than its first contact is known.
+    # Compliance: the mean over touches. One loading curve is no more accurate than its contact
+    # onset.
     compliances = np.array([touch.penetration / touch.full for touch in touches])
     single = float(np.median([touch.first_std / touch.full for touch in touches]))
     scatter = max(float(compliances.std(ddof=1)), single / np.sqrt(len(touches)))
@@ -124,8 +141,16 @@ def fit_tips(
 
 
 def place_stds(heights: Sequence[Array], frame: float, repeatability: float) -> Array:
-    """(n,) m (1 sigma): deviation from the plane of the mean height at each place, for an arm with the share
-    `frame` of `BENT`."""
+    """Standard deviation of the mean height at each place from the plane.
+
+    Args:
+        heights: touches of each of n places, m.
+        frame: share of `BENT` that the arm has.
+        repeatability: m.
+
+    Returns:
+        (n,) m.
+    """
     single = np.hypot(repeatability, UNSEEN)
     return np.hypot(frame * BENT, [single / np.sqrt(len(place)) for place in heights])
 
@@ -133,9 +158,17 @@ def place_stds(heights: Sequence[Array], frame: float, repeatability: float) -> 
 def shares(
     heights: Sequence[Array], design: Array, prior: Array, repeatability: float
 ) -> tuple[float, float]:
-    """Estimate this arm's shares of the frame error `BENT` and of the stated `repeatability`, m: root mean
-    squares over `FRAMES` and `SHARES`, weighted by the evidence of the `heights` (k,), m, at each place
-    (Bishop, Pattern Recognition and Machine Learning, section 3.4)."""
+    """Estimate the arm's shares of the frame error `BENT` and of the stated repeatability.
+
+    The result is the root mean square over `FRAMES` and `SHARES`, weighted by the evidence (Bishop,
+    Pattern Recognition and Machine Learning, section 3.4).
+
+    Args:
+        heights: (k,) m, touches of each place.
+        design: (n, 3) rows of the plane.
+        prior: (3,) standard deviations of its coefficients.
+        repeatability: m, on the datasheet.
+    """
     each = [len(high) for high in heights]
     observed, rows = np.concatenate(heights), np.repeat(design, each, axis=0)
     place, one = np.repeat(np.arange(len(each)), each), np.eye(sum(each))
@@ -144,19 +177,30 @@ def shares(
     always: Array = level @ level.T + UNSEEN**2 * one
     framed: Array = leans @ leans.T + BENT**2 * np.equal.outer(place, place)
     pairs = list(product(FRAMES, SHARES))
+    # Gaussian log evidence of each pair of shares, without its constant.
     log_likelihoods: list[float] = []
     for frame, share in pairs:
         covariance: Array = always + frame**2 * framed + (share * repeatability) ** 2 * one
         misfit = float(observed @ np.linalg.solve(covariance, observed))
         log_likelihoods.append(-(misfit + float(np.linalg.slogdet(covariance)[1])) / 2.0)
+    # Weights relative to the largest evidence, so that the exponential does not underflow.
     weights = np.exp(np.array(log_likelihoods) - max(log_likelihoods))
     frame, share = np.sqrt(np.average(np.square(pairs), axis=0, weights=weights)).tolist()
     return frame, share
 
 
 def require_plane(apart: float, residuals: Array, prior: float, known: Stated) -> None:
-    """Require that the gauges have the `known` height, `apart` m off within the `prior` std of the arm's own
-    height, and lie in one plane: whitened `residuals` (n,)."""
+    """Require that the gauges have the known height and lie in one plane.
+
+    Args:
+        apart: m, deviation from the known height.
+        residuals: (n,) whitened residuals of the plane.
+        prior: m (1 sigma), of the arm's own height.
+        known: stated height.
+
+    Raises:
+        InputError: one of the tests fails.
+    """
     side = "above" if apart > 0 else "below"
     tests = [
         chi_squared(
@@ -180,8 +224,10 @@ def require_plane(apart: float, residuals: Array, prior: float, known: Stated) -
 
 
 def rigid_touches(found: Sequence[SurfaceTouch]) -> list[SurfaceTouch]:
-    """Select the touches of something rigid: those certainly rigid if they are the majority, else those
-    possibly rigid, of an arm with compliant tips.
+    """Select the touches of a rigid surface.
+
+    Certainly rigid touches are selected if they are the majority. Otherwise possibly rigid ones
+    are, of an arm with compliant tips.
 
     Raises:
         InputError: the majority is certainly compliant, or under something soft.
@@ -199,13 +245,16 @@ def rigid_touches(found: Sequence[SurfaceTouch]) -> list[SurfaceTouch]:
 
 
 def places_of(touches: Sequence[SurfaceTouch], base: Pose) -> tuple[Array, list[Array]]:
-    """Group touches by place: (n, 2) m, places in the base's axes, and the heights (k,) m, of each in the
-    world.
+    """Group touches by place.
+
+    Returns:
+        (n, 2) m, places in the axes of the base, and the heights (k,) m of each in the world.
 
     Raises:
         InputError: too few places.
     """
     groups: list[list[SurfaceTouch]] = []
+    # Each touch joins the first group within `APART`, or begins a new one.
     for touch in touches:
         for group in groups:
             if np.linalg.norm(touch.spot - group[0].spot) < APART:
@@ -219,7 +268,11 @@ def places_of(touches: Sequence[SurfaceTouch], base: Pose) -> tuple[Array, list[
 
 
 def require_places(count: int) -> None:
-    """Require enough places to determine the tilt of the arm's frame; raises InputError."""
+    """Require enough places to determine the tilt of the arm's frame.
+
+    Raises:
+        InputError: there are fewer than `FEWEST`.
+    """
     if count < FEWEST:
         there = "at one place" if count == 1 else f"at {count} places"
         raise InputError(
