@@ -1,7 +1,7 @@
-"""Top-down grasps from geometry: where the hand closes on an object, and along which direction.
+"""Top-down grasps from geometry: the place where the hand closes on an object, and the closing direction.
 
-The closing direction (tool y) is one in which the object is narrower than the hand opens where the
-pads are; the tool's x runs along the object, so that offsets along x stay on a handle.
+The closing direction (tool y) is one in which the object is narrower than the opening of the hand, at the
+height of the pads. The tool's x runs along the object, so that offsets along x stay on a handle.
 """
 
 from __future__ import annotations
@@ -26,20 +26,22 @@ from palpate.common.outline import (
 from palpate.common.pose import Array, Pose
 from palpate.robots.description import RobotDescription
 
-SPARE = 0.004  # m of the opening left for errors of the pose
+SPARE = 0.004  # m of the opening that are reserved for errors of the pose
 GROUND = 0.005  # m of clearance of the fingertips above the support
 HEADROOM = 0.005  # m of clearance between the palm and the top of the object
-SHALLOW = 0.02  # m of the TCP below the top where the hand has no room deeper down
+SHALLOW = 0.02  # m of the TCP below the top, where the hand has no room for a deeper grasp
 SLANT = 0.3
-"""Largest angle between the pads and a grasped side (tangent); a steeper one slides out."""
+"""Largest slope (tangent) of a grasped side against the pads; an object with a steeper side slides out."""
 MOST_TURN = np.radians(165.0)
-"""rad by which the tool may be turned against home: it takes the shorter way, which beyond half a turn
-is not the sum of the turns of base and wrist."""
+"""rad: largest turn of the tool against home. The tool takes the shorter way, which beyond half a turn is not
+the sum of the turns of base and wrist.
+"""
 LITTLE_TURN = np.radians(60.0)
-"""rad by which the tool may be turned against the direction from the base to it without another grasp that is as good
-being preferred."""
-WRIST_SPARE = 0.2  # rad of the last joint's margin where the tool turns the other way round
-STATION = 0.005  # m between places along an object where a grasp is tried
+"""rad: turn of the tool against the direction from the base to it, up to which a grasp counts as little turned.
+Beyond it, an equally good grasp with a smaller turn is preferred.
+"""
+WRIST_SPARE = 0.2  # rad of margin of the last joint, where the tool turns the opposite way
+STATION = 0.005  # m between stations along an object at which a grasp is tried
 NEIGHBOUR = 0.002  # m of clearance between the hand and other objects
 
 
@@ -49,8 +51,10 @@ class Grasp:
 
     pose: Pose  # of the TCP in the world
     width: float  # m, of the object there
-    slack: float  # m that it may be shifted along the tool's x
-    short: float = 0.0  # m that the hand does not open farther than the object's pose is unsure
+    slack: float  # m by which the object may be shifted along the tool's x
+    short: float = (
+        0.0  # m by which the opening is too small for the uncertainty of the object's pose
+    )
     problem: str = ""  # reason that the hand cannot take the object
 
 
@@ -64,7 +68,8 @@ def derive_grasp(
 ) -> Grasp:
     """Derive the grasp of an object of convex `geoms` (in the world) among `obstacles`.
 
-    `yaw` is the object's own direction (rad), `spread` (2, 2) the covariance, m², of its place seen from above.
+    `yaw` is the object's own direction (rad). `spread` (2, 2) is the covariance, m², of its position seen from
+    above.
     """
     scene = _Scene(arm, geoms, obstacles, base, spread)
     bottom, top = float(scene.cloud[:, 2].min()), float(scene.cloud[:, 2].max())
@@ -72,8 +77,9 @@ def derive_grasp(
     for height in _heights(arm, bottom, top):
         outlines = scene.outlines(height)
         found = [scene.grasp(outlines, a, height) for a in _angles(outlines, yaw, base)]
-        # Problems first, then room for what is unsure, width (to 3 mm), and a wrist that turns little: else the elbow
-        # of a folded arm gives way to the side, joints turn round in a lift, and friction hides the load.
+        # Order of preference: no problem, room for the pose's uncertainty, width (to 3 mm), and a small turn of
+        # the wrist. A large turn folds the arm: the elbow then yields sideways, joints turn in a lift, and
+        # friction hides the load.
         best = min(
             found if best is None else [*found, best],
             key=lambda grasp: (
@@ -96,8 +102,7 @@ def turned_grasp(
     pose_world_tcp: Pose,
     base: Pose,
 ) -> Grasp:
-    """Derive the grasp at the height of another one, at `pose_world_tcp`, with the fingers a quarter
-    turn on."""
+    """Derive the grasp at the height of the grasp `pose_world_tcp`, with the fingers turned by 90 degrees."""
     height, closing = float(pose_world_tcp.position[2]), pose_world_tcp.rotation[:, 1]
     scene = _Scene(arm, geoms, obstacles, base)
     outlines = scene.outlines(height)
@@ -108,7 +113,7 @@ def turned_grasp(
 
 
 class _Scene:
-    """An object to grasp, and the obstacles that the hand could touch in doing so."""
+    """An object to grasp, and the obstacles that the hand could touch during the grasp."""
 
     def __init__(
         self,
@@ -141,6 +146,7 @@ class _Scene:
         return Grasp(pose, 0.0, 0.0, problem="it is too flat for the fingers")
 
     def grasp(self, outlines: Sequence[Array], angle: float, height: float) -> Grasp:
+        # Axes across and along the pads, and stations along the object.
         """Find the best grasp of outlines that closes along `angle`, rad."""
         hand = self._arm.hand
         across, along = unit(angle), unit(angle - np.pi / 2)
@@ -149,12 +155,14 @@ class _Scene:
         count = max(int(length / STATION), 8)
         step = length / count
         stations: Array = start + step * np.arange(count + 1, dtype=float)
+        # Profile of the object: its sides at each station, and their slopes.
         low, high = profile(outlines, along, across, stations)
         slopes = np.abs(np.gradient(low, step)), np.abs(np.gradient(high, step))
-        # The pads touch the object's extremes within their width.
+        # The pads touch the object's extremes within the width of the pads.
         window = max(int(np.ceil(hand.pad / step)), 1)
         low, high = _spread(low, window, np.fmin), _spread(high, window, np.fmax)
         fits = (slopes[0] <= SLANT) & (slopes[1] <= SLANT) & (high - low <= hand.opening - SPARE)
+        # Centre the grasp on the graspable stretch.
         at, slack = _best_station(stations, fits, (ends.max() + ends.min()) / 2)
         wide = float(np.interp(at, stations, high - low))
         centre = at * along + float(np.interp(at, stations, high + low)) / 2 * across
@@ -166,7 +174,7 @@ class _Scene:
             )
         elif self._has_obstacle(centre, across, height):
             problem = "its neighbours leave no room for the hand"
-        # The fingers open farther than the object is wide, if they can.
+        # The fingers open farther than the object's width, if they can.
         unsure = 2 * SURE * float(np.sqrt(across @ self._spread @ across))
         short = max(wide + max(unsure, SPARE) - hand.opening, 0.0)
         return Grasp(self._tool_pose(centre, height, angle), wide, slack, short, problem)
@@ -186,18 +194,23 @@ class _Scene:
         )
 
     def turn(self, pose: Pose) -> float:
-        """Angle of the tool against the direction from the base to it, rad, unsigned."""
+        """Return the unsigned angle, rad, of the tool against the direction from the base to it."""
         away = pose.position - self._base.position
         return float(abs(np.arctan2(*(pose.rotation[:2, :2].T @ away[:2])[::-1])))
 
     def _tool_pose(self, centre: Array, height: float, closing: float) -> Pose:
-        """Return the top-down pose with tool y along `closing`; of both directions, the one that
-        turns the wrist less, unless the tool comes to it from home the other way round."""
+        """Return the top-down pose with tool y along `closing`.
+
+        Of both directions it takes the one that turns the wrist less, unless the tool reaches it from home by
+        the opposite turn.
+        """
         arm, base = self._arm, self._base
+        # Direction of the centre from the base, and the tool's turn against it, within a right angle.
         away = centre - base.position[:2]
         azimuth = float(np.arctan2(away[1], away[0]))
         yaw = closing + np.pi / 2
         turned = (yaw - azimuth + np.pi / 2) % np.pi - np.pi / 2
+        # A turn near 180 degrees from home is ambiguous: take the other direction, if the last joint allows.
         ahead = float(np.arctan2(*base.local((*centre, height))[1::-1]))
         if abs(ahead + turned) > MOST_TURN:
             other = turned - np.copysign(np.pi, turned)
@@ -208,7 +221,7 @@ class _Scene:
 
 
 def _heights(arm: RobotDescription, bottom: float, top: float) -> list[float]:
-    """Return heights of the TCP to try: below the palm for tall objects, the middle of flat ones."""
+    """Return heights of the TCP to try: below the palm for tall objects, the middle for flat objects."""
     lowest = bottom + arm.tip + GROUND
     middle = (top - bottom) / 2
     depths = (arm.hand.palm - HEADROOM, SHALLOW)
@@ -217,11 +230,12 @@ def _heights(arm: RobotDescription, bottom: float, top: float) -> list[float]:
 
 
 def _angles(outlines: Sequence[Array], yaw: float, base: Pose) -> list[float]:
-    """Return closing directions to try: where a part is narrowest, and all around for round parts."""
+    """Return closing directions to try: the narrow ones of each part, and 15 degree steps for round parts."""
     turn = np.arctan2(base.rotation[1, 0], base.rotation[0, 0])
     grid = yaw + np.deg2rad(np.arange(180))
     directions = np.column_stack([np.cos(grid), np.sin(grid)])
     angles: list[float] = []
+    # Width of each part at each degree; a nearly constant width indicates a round part.
     for outline in outlines:
         along = outline @ directions.T
         widths = along.max(axis=0) - along.min(axis=0)
@@ -234,15 +248,18 @@ def _angles(outlines: Sequence[Array], yaw: float, base: Pose) -> list[float]:
 
 
 def _spread(values: Array, window: int, pick: np.ufunc) -> Array:
-    """Compute the least or greatest value within `window` stations."""
+    """Compute the smallest or largest value within `window` stations on either side."""
     padded = np.pad(values, window, constant_values=np.nan)
     return pick.reduce(np.lib.stride_tricks.sliding_window_view(padded, 2 * window + 1), axis=1)
 
 
 def _best_station(stations: Array, fits: NDArray[np.bool_], middle: float) -> tuple[float, float]:
-    """Return the middle of the graspable stretch nearest the object's middle, and half its length."""
+    """Return the middle of the graspable stretch nearest to the object's middle, and half the stretch's
+    length.
+    """
     if not fits.any():
         return middle, 0.0
+    # Find the runs of graspable stations; the short ones are ignored.
     edges = np.flatnonzero(np.diff(np.concatenate([[0], fits.astype(int), [0]])))
     stretches = [(float(stations[a]), float(stations[b - 1])) for a, b in edges.reshape(-1, 2)]
     longest = max(b - a for a, b in stretches)

@@ -17,13 +17,15 @@ from palpate.robots.safety import JOINT_MARGIN
 
 POSITION_TOLERANCE, ANGLE_TOLERANCE = 0.001, np.radians(0.5)  # m, rad
 LIMIT_MARGIN = 0.05
-"""rad of margin at the end stops, for the impedance controller's deviations; the safety predicate has
-a smaller one."""
+"""rad: margin at the end stops, for the impedance controller's deviations. The safety predicate has a smaller
+margin.
+"""
 MAX_ITERATIONS = 30
-STALLED = 1e-4  # rad: a smaller Gauss-Newton step away from the target is a local minimum
+STALLED = 1e-4  # rad: a smaller Gauss-Newton step far from the target indicates a local minimum
 POSTURE_COST = 1e-3
-"""Weight of the distance from the posture against 1 rad or 1 m of error: it only selects among the
-solutions."""
+"""Weight of the distance from the posture against 1 rad or 1 m of error. It only selects among the
+solutions.
+"""
 CACHED_POSES = 4096
 
 
@@ -33,11 +35,12 @@ def inverse_kinematics(
     pose_world_base: Pose,
     seed_q: Array | None = None,
 ) -> Array | None:
-    """Compute joint angles (7,), rad, for a pose of the TCP; None if none are found.
+    """Compute joint angles (7,), rad, for a pose of the TCP; None if none is found.
 
-    Within 1 mm, 0.5° and the joint range less a margin. Deterministic; of the many solutions the
-    one near `seed_q`, by default near the ready posture turned towards the target, elbow up.
+    The result is within 1 mm, 0.5° and the joint range less a margin. It is deterministic: of the many
+    solutions, the one near `seed_q`, by default near the ready posture turned towards the target, elbow up.
     """
+    # Round the pose so that results can be cached; q and -q are one orientation.
     pose = pose_world_base.inverse() @ pose_world_tcp
     sign = 1.0 if pose.quaternion[np.argmax(np.abs(pose.quaternion))] > 0 else -1.0
     key = (*np.round(pose.position, 5).tolist(), *np.round(sign * pose.quaternion, 5).tolist())
@@ -47,9 +50,13 @@ def inverse_kinematics(
 
 
 def too_far(arm: RobotDescription, pose_base_tcp: Pose) -> bool:
-    """Test if the sixth joint would be farther from the shoulder than the links between them reach, wherever
-    it is about the axis of the last: a quick test, false for some poses out of reach."""
+    """Test if a pose is out of reach. The test is quick, and false for some poses out of reach.
+
+    The sixth joint lies on a circle about the axis of the last joint. The pose is out of reach if every point
+    of that circle is farther from the shoulder than the links between them can reach.
+    """
     links = _links(arm)
+    # Distance from the shoulder to the nearest point of the circle.
     apart = pose_base_tcp.apply(links.wrist) - links.shoulder
     along = float(apart @ (pose_base_tcp.rotation @ links.axis))
     across = math.sqrt(max(float(apart @ apart) - along * along, 0.0))
@@ -57,8 +64,10 @@ def too_far(arm: RobotDescription, pose_base_tcp: Pose) -> bool:
 
 
 def within_joint_limits(arm: RobotDescription, q: Array, margin: float = JOINT_MARGIN) -> bool:
-    """Test if joint angles (7,), rad, are finite and within the joint range less a margin, by default
-    that of the safety predicate."""
+    """Test if joint angles (7,), rad, are finite and within the joint range less a margin, by default the margin
+    of
+    the safety predicate.
+    """
     low, high = arm.limits.q_min, arm.limits.q_max
     return bool(((q >= low + margin) & (q <= high - margin)).all())
 
@@ -101,9 +110,10 @@ class _Solver:
         self.limit = mink.ConfigurationLimit(model, min_distance_from_limits=LIMIT_MARGIN)
 
     def search(self, pose_base_tcp: Pose, q: Array) -> Array | None:
-        """Search from `q`; None where the search ends away from the pose."""
+        """Search from `q`; return None where the search does not end at the pose."""
         import mink
 
+        # Gauss-Newton steps on the task's error, with a small pull to the posture, clipped to the limits.
         self.reach.set_target(mink.SE3(pose_base_tcp.vector[[3, 4, 5, 6, 0, 1, 2]]))
         self.posture.set_target(q)
         self.configuration.update(np.clip(q, self.low, self.high))
@@ -148,10 +158,11 @@ def _solve(
 def _seeds(
     arm: RobotDescription, pose_base_tcp: Pose, seed: tuple[float, ...] | None
 ) -> Iterator[Array]:
-    """Yield the search's start postures: home turned towards the target, with the hand's yaw of the
-    pose, then the other postures."""
+    """Yield start postures of the search: home turned towards the target, with the yaw of the pose's
+    tool, then the other postures."""
     if seed is not None:
         yield np.array(seed)
+    # Home, turned about the base towards the target, with the last joint set by the tool's yaw.
     first, last = np.eye(7)[0], np.eye(7)[6]
     azimuth = float(np.arctan2(pose_base_tcp.position[1], pose_base_tcp.position[0]))
     ready = arm.home + azimuth * first
@@ -163,14 +174,17 @@ def _seeds(
 
 
 class _Links(NamedTuple):
-    """The arm between its second joint and its last. The sixth joint lies on a circle about the axis of the last."""
+    """The arm between its second joint and its last.
+
+    The sixth joint lies on a circle about the axis of the last joint.
+    """
 
     shoulder: Array  # (3,) m, the second joint in the base
-    wrist: Array  # (3,) m, the circle's middle in the tool
-    axis: Array  # (3,) its axis in the tool
+    wrist: Array  # (3,) m, centre of the circle in the tool frame
+    axis: Array  # (3,) axis of the circle in the tool frame
     radius: float  # m
     stretched: float  # m, largest distance of the sixth joint from the shoulder
-    missed: float  # m by which the circle may be off where the tool is within the tolerances
+    missed: float  # m, error of the circle where the tool is within the tolerances
 
 
 @cache
@@ -178,17 +192,21 @@ def _links(arm: RobotDescription) -> _Links:
     model = model_without_fingers(arm)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
+    # Anchors and axes of the joints in the reference configuration.
     joints = [model.joint(name).id for name in arm.joints]
     at, axes, tcp = data.xanchor[joints], data.xaxis[joints], data.site(arm.tcp)
 
     def parts(link: int, joint: int) -> Array:
-        """m along and across the axis of a joint, from joint `link` to the next."""
+        """Return the components, m, along and across the axis of a joint, of the way from joint `link` to the
+        next.
+        """
         way = at[link + 1] - at[link]
         along = float(way @ axes[joint])
         return np.array([along, float(np.linalg.norm(way - along * axes[joint]))])
 
-    # Two links are longest where they point the same way from the axis of the joint between them.
+    # Two links reach farthest when they point the same way from the axis of the joint between them.
     stretched = sum(float(np.linalg.norm(parts(i - 1, i) + parts(i, i))) for i in (2, 4))
+    # The circle of the sixth joint in the tool frame, and its error within the tolerances.
     along, radius = parts(5, 6).tolist()
     to_tool = tcp.xmat.reshape(3, 3).T
     wrist = to_tool @ (at[6] - along * axes[6] - tcp.xpos)

@@ -1,4 +1,4 @@
-"""The nominal arm: the manufacturer's kinematics and inertias, for controller and wrench."""
+"""The nominal arm: the manufacturer's kinematics and inertias, for the controller and for wrenches."""
 
 from __future__ import annotations
 
@@ -14,16 +14,21 @@ from palpate.robots.description import RobotDescription
 from palpate.robots.trajectory import rotation_vector
 
 RIDGE = 1e-9 * np.eye(6)
-"""Regularisation added to J J^T (m^2), far below its smallest eigenvalue in the workspace, so that a
-singular pose stays finite."""
+"""m^2: regularisation added to J J^T, far below its smallest eigenvalue in the workspace. A singular pose
+stays finite.
+"""
 SEARCH_STEPS, SEARCH_RATE, SEARCH_DAMPING, SEARCH_DONE = 60, 0.3, 1e-4, 1e-3
-"""Of `NominalArm.reach`: most iterations, share of the distance to the posture per step, m^2, rad."""
+"""Parameters of `NominalArm.reach`: most iterations; share of the distance to the posture per step; damping,
+m^2; largest step of a converged search, rad.
+"""
 SEARCH_TURN = 0.2
-"""rad of any joint in one iteration, at most."""
+"""rad: largest turn of a joint in one iteration."""
 PLACES = 8
-"""Arms at their places whose models are kept."""
+"""Number of arms, each at its place, whose models are kept."""
 SWUNG = 0.5
-"""Cosine of the angle between tool axes from which the tool swings far: a hand that is level, not tilted."""
+"""Cosine of the angle between tool axes beyond which the tool counts as swung: a level hand, not a tilted
+one.
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,7 +42,9 @@ class Kinematics:
 
 
 def wrench(jacobian: Array, torque: Array) -> Array:
-    """Compute the wrench (6,) at the TCP of joint torques (7,): (J^T)^+ tau. `jacobian` is (6, 7)."""
+    """Compute the wrench (6,) at the TCP of joint torques (7,): (J^T)^+ tau = (J J^T)^-1 J tau. `jacobian` is
+    (6, 7).
+    """
     from scipy.linalg.lapack import dposv
 
     return dposv(jacobian @ jacobian.T + RIDGE, jacobian @ torque)[1]
@@ -47,6 +54,7 @@ def wrenches(jacobian: Array, torque: Array) -> Array:
     """Compute `wrench` (n, 6, k) for n Jacobians (n, 6, 7) and k torques each (n, 7, k)."""
     from scipy.linalg.lapack import dposv
 
+    # Solve (J J^T + R) w = J tau for each row.
     square = np.matmul(jacobian, jacobian.transpose(0, 2, 1))
     square += RIDGE
     right, out = np.matmul(jacobian, torque), np.empty((len(torque), 6, torque.shape[2]))
@@ -59,9 +67,9 @@ def wrenches(jacobian: Array, torque: Array) -> Array:
 def explain_torque(jacobian: Array, torque: Array) -> tuple[float, float]:
     """Split external joint torques (7,), N m, by the force at the TCP that explains most of them.
 
-    That force is f = (J_v^T)^+ tau, with the upper rows J_v of `jacobian` (6, 7), world axes. Returned
-    are the norm of what it leaves, tau - J_v^T f, N m, and that of f, N. A force on a link leaves much:
-    it turns no joint beyond that link.
+    The force is f = (J_v^T)^+ tau, with the upper rows J_v of `jacobian` (6, 7), world axes. Return the norm
+    of the remainder tau - J_v^T f, N m, and the norm of f, N. A force on a link leaves a large remainder: it
+    turns no joint beyond that link.
     """
     force = force_of(jacobian) @ torque
     left = torque - jacobian[:3].T @ force
@@ -69,7 +77,10 @@ def explain_torque(jacobian: Array, torque: Array) -> tuple[float, float]:
 
 
 def force_of(jacobian: Array) -> Array:
-    """Compute the matrix (3, 7) from joint torques to the force at the TCP that explains most of them."""
+    """Compute the matrix (3, 7) from joint torques to the force at the TCP that explains most of them.
+
+    It is (J_v J_v^T)^-1 J_v, with the translational rows J_v (3, 7) of the Jacobian.
+    """
     from scipy.linalg.lapack import dposv
 
     moving = jacobian[:3]
@@ -78,7 +89,7 @@ def force_of(jacobian: Array) -> Array:
 
 @lru_cache(PLACES)
 def _bare(arm: RobotDescription, *numbers: float) -> mujoco.MjModel:
-    """Compile an arm without shapes: `numbers` are its base's place and quaternion, and gravity."""
+    """Compile an arm without shapes; `numbers` are the position and quaternion of its base, and gravity."""
     place, gravity = np.array(numbers[:7]), np.array(numbers[7:])
     spec = arm.spec(gravity)
     base = spec.body(arm.base)
@@ -109,12 +120,14 @@ class NominalArm:
         pose, jacobian = np.empty((n, 7)), np.empty((n, 6, model.nv))
         gravity, inertia = np.empty((n, model.nv)), np.zeros((n, model.nv))
         for i in range(n):
+            # Kinematics, Jacobian and gravity torque at rest.
             self._q[:], self._dq[:], self._cvel[:] = q[i], 0.0, 0.0
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
             mujoco.mj_jacSite(model, data, jacobian[i, :3], jacobian[i, 3:], self._tcp)
             mujoco.mj_rne(model, data, 0, gravity[i])
             pose[i, :3], pose[i, 3:] = self._position, self._quaternion
+            # Inertia torque M ddq + C dq: the recursive Newton-Euler torque less gravity's.
             if dq is not None and ddq is not None:
                 self._dq[:], self._ddq[:] = dq[i], ddq[i]
                 mujoco.mj_comVel(model, data)
@@ -140,45 +153,54 @@ class NominalArm:
         return pose, jacobian
 
     def offsets(self, q: Array) -> Array:
-        """Compute by how much the TCP's place moves (n, 3, 21), world axes, per m by which the place of each
-        of the seven links in the one before is off, along the axes of the latter, at `q` (n, 7), rad."""
+        """Compute the sensitivity (n, 3, 21) of the TCP position to position errors of the links, at `q` (n, 7),
+        rad.
+
+        A column is the motion of the TCP, world axes, per m of error of a link's position in its parent, along
+        one of the parent's axes. There are three columns for each of the seven links.
+        """
         out = np.empty((len(q), 3, 7, 3))
         bodies = self._model.jnt_bodyid[:7]
         for i in range(len(q)):
             self._q[:] = q[i]
             mujoco.mj_kinematics(self._model, self._data)
+            # A shift of a link moves the TCP by the same vector: the parent's axes in the world.
             turns = self._data.xmat[self._model.body_parentid[bodies]].reshape(7, 3, 3)
             out[i] = turns.transpose(1, 0, 2)
         return out.reshape(len(q), 3, 21)
 
     def reach(self, goal: Pose, posture: Array) -> Array:
-        """Compute the configuration (7,) with the TCP at `goal` and the null space at rest near
-        `posture`, which is first turned about the base towards the goal, and, for a level hand, about the tool.
+        """Compute the configuration (7,) with the TCP at `goal` and the null space at rest near `posture`.
 
-        It depends on these alone, so the arm returns to a pose with the same elbow: a wrench's bias
-        is that of a configuration, not of a pose. For a pose out of reach it returns the nearest
+        The posture is first turned about the base towards the goal and, for a level hand, about the tool. The
+        result depends on these arguments alone, so that the arm returns to a pose with the same elbow: the
+        bias
+        of a wrench belongs to a configuration, not to a pose. For a pose out of reach it is the nearest
         configuration of the search.
 
-        `kinematics.inverse_kinematics`, which decides if a pose is reachable, is another search
-        (mink's, with joint limits). Here it would bend the elbow by up to 0.14 rad more, and every
-        force would have another bias: friction of the bundled scenario reads 0.3460 and not 0.3456
-        (std 0.011).
+        `kinematics.inverse_kinematics`, which decides if a pose is reachable, is another search (mink's, with
+        joint limits). Here it would bend the elbow by up to 0.14 rad more, and every force would have another
+        bias. Friction of the bundled scenario would read 0.3460 instead of 0.3456 (std 0.011).
         """
+        # Start from the posture, turned towards the goal.
         ahead = self._pose_world_base.local(goal.position)
         posture = self._level_tool(posture + np.arctan2(ahead[1], ahead[0]) * np.eye(7)[0], goal)
         q, damping = posture, SEARCH_DAMPING * np.eye(6)
         error, scaled = np.empty((2, 6))
         for _ in range(SEARCH_STEPS):
+            # Error of the pose: position, and rotation vector in world axes.
             jacobian = self.jacobian(q)
             error[:3] = goal.position - self._position
             turn = rotation_vector(self._quaternion, goal.quaternion)
             mujoco.mju_rotVecQuat(error[3:], turn, self._quaternion)
+            # Pull of the null space towards the posture.
             away = SEARCH_RATE * (posture - q)
-            # Damped least squares, J^T (J J^T + λ I)^-1, beside the way to the posture.
+            # Damped least squares, J^T (J J^T + λ I)^-1, plus the motion to the posture.
             square = jacobian @ jacobian.T + damping
             mujoco.mju_cholFactor(square, 0.0)
             mujoco.mju_cholSolve(scaled, square, error - jacobian @ away)
             step = jacobian.T @ scaled + away
+            # Limit the step of any joint; stop when it is small.
             turns: list[float] = step.tolist()
             largest = max(map(abs, turns))
             q = q + (step if largest < SEARCH_TURN else step.clip(-SEARCH_TURN, SEARCH_TURN))
@@ -187,27 +209,33 @@ class NominalArm:
         return q
 
     def _level_tool(self, posture: Array, goal: Pose) -> Array:
-        """Turn the last two joints as the tool swings, and turns about its own axis, on its way to a `goal` where it
-        is level: a search from elsewhere may fold the wrist."""
+        """Turn the last two joints as the tool swings and twists on its way to a level `goal`.
+
+        A search that starts elsewhere may fold the wrist.
+        """
+        # Relative rotation from the present to the goal orientation.
         axes = self.jacobian(posture)[3:]
         relative, inverse = np.empty(4), self._quaternion * CONJUGATE
         mujoco.mju_mulQuat(relative, inverse, goal.quaternion)
         w, x, y, z = relative
+        # Swing-twist decomposition about the tool axis: cosine of the swing, then the twist.
         swung = 1.0 - 2.0 * (x**2 + y**2)
         if swung > SWUNG:
             return posture
         now = np.empty(3)
         mujoco.mju_rotVecQuat(now, np.eye(3)[2], self._quaternion)
         twist = (2.0 * np.arctan2(z, w) + np.pi) % (2.0 * np.pi) - np.pi
+        # Signs follow the axes of the sixth and the seventh joint.
         swing = np.arccos(max(swung, -1.0)) * np.sign(
             np.cross(now, goal.rotation[:, 2]) @ axes[:, 5]
         )
         return posture + np.array([0.0] * 5 + [swing, twist * np.sign(now @ axes[:, 6])])
 
     def dynamics(self, q: Array, dq: Array) -> tuple[Array, Array]:
-        """Compute `mass_matrix` (7, 7), and Coriolis and centrifugal torques (7,), N m."""
+        """Compute the mass matrix (7, 7), kg m^2, and Coriolis and centrifugal torques (7,), N m."""
         model, data = self._model, self._data
         mass_matrix, gravity, bias = self.mass_matrix(q), np.empty(model.nv), np.empty(model.nv)
+        # Newton-Euler torques at rest are gravity; the difference at speed is Coriolis and centrifugal.
         self._dq[:], self._cvel[:] = 0.0, 0.0
         mujoco.mj_rne(model, data, 0, gravity)
         self._dq[:] = dq
@@ -216,7 +244,7 @@ class NominalArm:
         return mass_matrix, (bias - gravity)[:7]
 
     def mass_matrix(self, q: Array) -> Array:
-        """Compute the joint-space inertia (7, 7), the motors' reflected one included, kg m^2."""
+        """Compute the joint-space inertia (7, 7), kg m^2, including the motors' reflected inertia."""
         model, data = self._model, self._data
         self._q[:] = q
         mujoco.mj_kinematics(model, data)
@@ -236,8 +264,10 @@ class NominalArm:
         return out[:, :7]
 
     def elbow_jacobian(self) -> Array:
-        """Compute the Jacobian (3, 7) of the fourth joint's place, world axes, at the configuration
-        of the last call."""
+        """Compute the Jacobian (3, 7) of the fourth joint's position, world axes, at the configuration of the
+        last
+        call.
+        """
         out = np.empty((3, self._model.nv))
         mujoco.mj_jacBody(self._model, self._data, out, None, self._elbow)
         return out[:, :7]

@@ -94,10 +94,11 @@ class Datasheet(Section):
     force_accuracy: Stated | None = None  # N, of an absolute force
     pose_repeatability: Stated | None = None  # m
     torque_gain_max: Stated | None = None  # relative, half width
-    # m, from the TCP to the pads' end along the tool, and its standard deviation
+    # m, distance from the TCP to the pads' end along the tool, and its standard deviation
     tip_offset: Stated | None = None
     tip_offset_std: Stated | None = None
-    # m/N, of pads and joints beyond the encoders, under a force along the tool, likewise
+    # m/N, compliance of pads and joints beyond the encoders, under a force along the tool, and its standard
+    # deviation
     tip_compliance: Stated | None = None
     tip_compliance_std: Stated | None = None
     rest_torque: Stated | None = None  # N m, of each joint at rest: friction and ripple
@@ -110,11 +111,13 @@ def own_arm(
     sheet: Datasheet | None = None,
     real: bool = False,
 ) -> RobotDescription:
-    """Return the arm of `--arm` and `--robot-config`: its description, with the springs of a `real`
-    one, the figures of a datasheet, and those of the robot.yaml `config`.
+    """Return the arm of `--arm` and `--robot-config`.
+
+    It is the description with the springs of a `real` arm, the figures of a datasheet, and the figures of the
+    robot.yaml `config`; later figures replace earlier ones.
 
     Raises:
-        InputError: no such arm, or the file cannot be read, or is another arm's.
+        InputError: no such arm, or the file cannot be read, or belongs to another arm.
     """
     arm = load_description(name, cautious)
     if real:
@@ -137,11 +140,12 @@ def _real(arm: RobotDescription) -> RobotDescription:
 def require_same(
     config: RobotConfig | None, simulated: tuple[str, int] | None, where: str = "the robot_config="
 ) -> None:
-    """Require that a robot.yaml was measured on this arm: `simulated` is the embedded one's noise
-    model and seed, None for a real one.
+    """Require that a robot.yaml was measured on this arm.
+
+    `simulated` is the noise model and seed of the embedded arm, None for a real one.
 
     Raises:
-        InputError: it was another one; `where` names the file.
+        InputError: it was measured on another arm; `where` names the file.
     """
     measured = config.simulated if config is not None else None
     if measured is None or (measured.noise, measured.seed) == simulated:
@@ -180,6 +184,7 @@ def _apply_figures(
 @cache
 def apply_calibration(arm: RobotDescription, config: RobotConfig) -> RobotDescription:
     """Return the arm with the figures of a robot.yaml."""
+    # The fence can only shrink the workspace.
     limits, fence, pace = arm.limits, config.workspace, arm.pace
     if fence is not None:
         limits = replace(
@@ -189,7 +194,7 @@ def apply_calibration(arm: RobotDescription, config: RobotConfig) -> RobotDescri
         )
     if config.reflex is not None:
         limits = replace(limits, reflexes=reflexes(config.reflex, limits.payload))
-    if config.speed is not None:  # of all speeds, cautious ones too; accelerations stay
+    if config.speed is not None:  # scales all speeds, cautious ones too; accelerations stay
         part, slow = config.speed, pace.cautious
         cautious = {name: getattr(slow, name) * part for name in Cautious.model_fields}
         speeds = {n: getattr(pace, n) * part for n in ("speed", "turning_speed", "joint_speed")}
@@ -217,8 +222,8 @@ def measured_hand(hand: NominalHand, config: RobotConfig) -> NominalHand:
         hand = replace(hand, tip_compliance=soft.value, tip_compliance_std=soft.std)
     if gains is None:
         return hand
-    # What remains of the gains' errors after their correction; `torque_gain`, one figure for all
-    # joints, is the half width of a uniform distribution with the worst joint's deviation.
+    # Uncertainty of the gains that remains after their correction. `torque_gain` is one figure for all joints:
+    # the half width of a uniform distribution with the worst joint's deviation.
     left = gains.spread / np.outer(1.0 + gains.value, 1.0 + gains.value)
     rows = tuple(tuple(row) for row in left.tolist())
     worst = float(np.sqrt(3.0 * left.diagonal().max()))
@@ -239,5 +244,5 @@ def without_calibration_figures(arm: RobotDescription) -> RobotDescription:
 
 @cache
 def measured_arm(arm: RobotDescription) -> RobotDescription:
-    """Return an arm that is as measured, with sensors that need no correction, to predict with."""
+    """Return the arm as measured, with sensors that need no correction, for predictions."""
     return replace(arm, config=None, described=None)

@@ -15,37 +15,40 @@ from palpate.robots.description import RobotDescription
 from palpate.robots.nominal import RIDGE, NominalArm
 from palpate.robots.sheet import MotionLimits
 
-STATIONS = 9  # configurations of a motion at which its speed limit is computed
-SOFTEST = 1e-3  # 1/kg added to a mobility: a mass above 1000 kg does not move
+STATIONS = 9  # number of configurations along a motion at which its speed limit is computed
+SOFTEST = 1e-3  # 1/kg added to a mobility: a mass above 1000 kg counts as immovable
 STIFFEST = 1e6
-"""N/m of an obstacle: steel on a concrete floor. A softer one stops the arm more gently."""
+"""N/m: stiffness of an obstacle of steel on a concrete floor. A softer obstacle stops the arm more gently."""
 SHELL = 1e5
-"""N/m of the elbow's and the wrist's shells against obstacles that hang above: stiffer ones stand
-below, on a table."""
+"""N/m: stiffness between the shells of elbow or wrist and obstacles that hang above. Stiffer obstacles are
+below, on a table.
+"""
 REBOUND = 0.5
-"""Restitution of the arm's shells on an obstacle as stiff, damped by a fifth of the critical."""
+"""Restitution of the arm's shells on an obstacle of equal stiffness, with a damping ratio of one fifth."""
 LENGTHWAYS = 0.7
-"""Cosine to the tool's axis of motions that the fingertips alone, or the wrist alone, lead: an upright
-obstacle meets the hand's side with no more than the rest of the motion."""
-WINDOW = 0.010  # s, over which the force of a contact is averaged
+"""Cosine to the tool axis of motions that only the fingertips or only the wrist lead. An upright obstacle meets
+the hand's side with at most the remaining part of the motion.
+"""
+WINDOW = 0.010  # s over which the force of a contact is averaged
 GENTLE = 0.65  # N s: 65 N on average over 10 ms, the lowest quasi-static limit of ISO/TS 15066
-STILL = 1e-6  # m on a whole motion: the point is at rest
+STILL = 1e-6  # m on a whole motion: a point that moves less is at rest
 
 _LOCK = Lock()
 
 
 def contact_speed(arm: RobotDescription, pose_base_tcp: Pose, direction: Array) -> float:
-    """Compute the speed, m/s, of an intended contact of the TCP with an impulse of `GENTLE`, at a pose
-    along the unit `direction` (3,), both in the base's axes.
+    """Compute the speed, m/s, of an intended contact of the TCP with an impulse of `GENTLE`.
 
-    The mass is that of the hand with its orientation fixed: with both fingers on a surface it cannot
-    turn.
+    The contact is at a pose, along the unit `direction` (3,), both in the base's axes. The mass is that of the
+    hand with its orientation fixed: with both fingers on a surface it cannot turn. The speed is
+    v = GENTLE / ((1 + e) d^T M_tcp d).
     """
     with _LOCK:
         nominal = _nominal(arm)
         q = nominal.reach(pose_base_tcp, arm.home)
         jacobian = nominal.jacobian(q)
         mobility = jacobian @ np.linalg.solve(nominal.mass_matrix(q), jacobian.T)
+    # Inertia of the hand that cannot turn: the translational block of the inverted mobility.
     held = np.linalg.inv(mobility + SOFTEST * np.eye(6))[:3, :3]
     return GENTLE / ((1.0 + arm.pace.restitution) * float(direction @ held @ direction))
 
@@ -65,10 +68,12 @@ def jacobian(arm: RobotDescription, q: Array) -> Array:
 def free_speeds(
     nominal: NominalArm, arm: RobotDescription, bent: tuple[Array, Array], way: Array
 ) -> list[float]:
-    """Compute the speed limits, m/s, in free air in each equal part of the straight `way` (3,), m, in
-    the nominal arm's axes; `bent`: joint angles (7,), rad, at its beginning and end."""
+    """Compute the speed limits, m/s, in free air in each equal part of the straight `way` (3,), m, in the nominal
+    arm's axes. `bent` has the joint angles (7,), rad, at its beginning and end.
+    """
     direction = way / np.linalg.norm(way)
     first, last = bent
+    # Evaluate the limit at stations between the two configurations; a part takes the lower of its ends.
     speeds: list[float] = []
     for share in np.linspace(0.0, 1.0, STATIONS).tolist():
         q = first + share * (last - first)
@@ -77,16 +82,19 @@ def free_speeds(
 
 
 def free_speed(nominal: NominalArm, arm: RobotDescription, q: Array, direction: Array) -> float:
-    """Compute the TCP's speed limit, m/s, in free air at joint angles `q` (7,), rad, along the unit
-    `direction` (3,), in the nominal arm's axes: no leading point of the hand exceeds the pace's
-    impulse."""
+    """Compute the TCP's speed limit, m/s, in free air at joint angles `q` (7,), rad.
+
+    The motion is along the unit `direction` (3,), in the nominal arm's axes. No leading point of the hand
+    exceeds the pace's impulse.
+    """
     mass_matrix, jacobian, tool = nominal.mass_matrix(q), nominal.jacobian(q), tool_axis(nominal, q)
-    # Leading points, m behind the TCP: the fingertips, the back of the wrist, or, sideways, all between.
+    # Leading points, m behind the TCP: the fingertips, the back of the wrist or, sideways, both and the middle.
     forwards, points, stiffness = float(direction @ tool), (0.0, 0.5, 1.0), STIFFEST
     if forwards > LENGTHWAYS:
         points = (0.0,)
     elif forwards < -LENGTHWAYS:
         points, stiffness = (1.0,), SHELL
+    # The point with the largest effective mass limits the speed.
     speed = arm.pace.speed
     for share in points:
         behind = share * arm.reach.wrist
@@ -96,16 +104,20 @@ def free_speed(nominal: NominalArm, arm: RobotDescription, q: Array, direction: 
 
 
 def guided_mass(mass_matrix: Array, jacobian: Array, direction: Array) -> float:
-    """Compute the effective mass, kg, along a unit `direction` (3,) of a point with its `jacobian`
-    (3, 7) that is kept on its line, as by friction at a contact; its orientation is free."""
+    """Compute the effective mass, kg, along a unit `direction` (3,) of a point with its `jacobian` (3, 7).
+
+    The point is kept on its line, as by friction at a contact: d^T (J M^-1 J^T)^-1 d. Its orientation is free.
+    """
     return float(direction @ np.linalg.inv(point_mobility(mass_matrix, jacobian)) @ direction)
 
 
 def joint_rates(
     nominal: NominalArm, arm: RobotDescription, start: Array, goal: Array
 ) -> list[float]:
-    """Compute the rate limits, 1/s, in each equal part of the straight joint motion from `start` to
-    `goal` (7,), rad: joints, fingertips, wrist and elbow keep their limits."""
+    """Compute the rate limits, 1/s, in each equal part of the straight joint motion from `start` to `goal` (7,),
+    rad, at which joints, fingertips, wrist and elbow keep their limits.
+    """
+    # The fastest joint limits the rate of the whole motion; the moving points limit it further.
     way = goal - start
     most = arm.pace.joint_speed / max(float(np.abs(way).max()), 1e-6)
     rates: list[float] = []
@@ -115,10 +127,13 @@ def joint_rates(
 
 
 def point_rate(nominal: NominalArm, arm: RobotDescription, q: Array, way: Array) -> float:
-    """Compute the rate limit, 1/s, of fingertips, wrist and elbow along the joint motion `way` (7,),
-    rad, at joint angles `q` (7,)."""
+    """Compute the rate limit, 1/s, of fingertips, wrist and elbow along the joint motion `way` (7,), rad, at
+    joint
+    angles `q` (7,).
+    """
     mass_matrix, tcp = nominal.mass_matrix(q), nominal.jacobian(q)
     wrist = point_jacobian(tcp, -arm.reach.wrist * tool_axis(nominal, q))
+    # Each point meets an obstacle with its effective mass 1 / (d^T Λ d), free to move across its path.
     points = ((tcp[:3], STIFFEST), (wrist, STIFFEST), (nominal.elbow_jacobian(), SHELL))
     rate = math.inf
     for point, stiffness in points:
@@ -142,16 +157,16 @@ def point_jacobian(jacobian: Array, offset: Array) -> Array:
 
 
 def point_mobility(mass_matrix: Array, jacobian: Array) -> Array:
-    """Compute the mobility (3, 3), 1/kg, of a point with this `jacobian` (3, 7)."""
+    """Compute the mobility (3, 3), 1/kg, of a point with this `jacobian` (3, 7): J M^-1 J^T, regularised."""
     return jacobian @ np.linalg.solve(mass_matrix, jacobian.T) + SOFTEST * np.eye(3)
 
 
 def impulse_speed(pace: MotionLimits, mass: float, stiffness: float) -> float:
-    """Compute the speed, m/s, at which a mass, kg, gives the pace's impulse within `WINDOW` to an
-    obstacle of that `stiffness`, N/m.
+    """Compute the speed, m/s, at which a mass, kg, transfers the pace's impulse to an obstacle within `WINDOW`.
 
-    The contact is half a wave of sin(w t) with w = sqrt(k / m), of which a heavy mass gives only the
-    middle within the window.
+    The obstacle has the `stiffness`, N/m. The force is half a wave of sin(w t) with w = sqrt(k / m). Within
+    the
+    window, a heavy mass transfers only the middle of that wave.
     """
     angle = min(math.sqrt(stiffness / mass) * WINDOW / 2, math.pi / 2)
     return pace.impulse / ((1.0 + REBOUND) * mass * math.sin(angle))
@@ -168,18 +183,21 @@ def _nominal(arm: RobotDescription) -> NominalArm:
 SUSTAINED = 3
 """Ticks whose median is the measured wrench: 60 ms, in which a probing arm moves 1 mm at most."""
 RUBBING = 1.0
-"""N m, root of the sum of squares of the friction of a Franka's joints in its sensors: half of phi_1 of
-Gaz, Cognetti, Oliva, Robuffo Giordano, De Luca, RA-L 2019, doi:10.1109/LRA.2019.2931248."""
+"""N m: root of the sum of squares of the joint friction that a Franka's sensors show. It is half of phi_1 of
+Gaz, Cognetti, Oliva, Robuffo Giordano, De Luca, RA-L 2019, doi:10.1109/LRA.2019.2931248.
+"""
 SURELY = 2.0
-"""Times that, with what the owner knows of rests and noise, from which a torque is no error: conforming
-runs leave up to 1.25 N m unexplained (ten scenarios at `hardware` and `measured`), 0.35 at `lab`."""
+"""Factor on this friction, with the owner's figures of rests and noise, beyond which a torque is no error.
+Conforming runs leave up to 1.25 N m unexplained (ten scenarios at `hardware` and `measured`), and 0.35 N m at
+`lab`.
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Doubt:
     """Standard deviations of a moment measured in one configuration, from the joints' errors."""
 
-    # (7,) N m, of relative errors of each joint's sensor and links: equal in all configurations
+    # (7,) N m, of relative errors of each joint's sensor and links, the same in all configurations
     lasting: Array
     fleeting: float  # N m, of errors that differ at every rest: friction, drift and noise
 
@@ -190,15 +208,17 @@ class Doubt:
 
 
 def doubt(arm: RobotDescription, q: Array, tau: Array, axis: Array) -> Doubt:
-    """Compute the uncertainty of the moment about the unit `axis` (3,), in the base's axes, measured
-    at rest at joint angles `q` (7,), rad, with joint torques `tau` (7,), N m.
+    """Compute the uncertainty of the moment about the unit `axis` (3,), in the base's axes, measured at rest.
 
-    The wrench at the TCP is (J J^T)^-1 J tau, and so is its deviation. A gain error of uniform
-    distribution has its half width over sqrt(3) as standard deviation.
+    The joint angles are `q` (7,), rad, and the joint torques `tau` (7,), N m. The wrench at the TCP is
+    (J J^T)^-1 J tau, and so is its deviation. A gain error of uniform distribution has the standard deviation
+    half width / sqrt(3).
     """
     sensors, gain = arm.sensors, arm.nominal.torque_gain / np.sqrt(3.0)
+    # Lever of each joint torque on the moment; relative errors scale with the torque.
     levers = moments(arm, q).T @ axis
     relative = np.hypot(gain, sensors.link_mass)
+    # Errors of a rest: noise of a median over ticks, friction or ripple, and drift.
     noise = sensors.torque_noise / np.sqrt(SUSTAINED)
     rest = np.maximum(sensors.friction, arm.rest_torque)
     own = np.sqrt(rest**2 + noise**2 + sensors.drift**2)
@@ -206,34 +226,39 @@ def doubt(arm: RobotDescription, q: Array, tau: Array, axis: Array) -> Doubt:
 
 
 def rubbing(arm: RobotDescription, pose_base_tcp: Pose) -> float:
-    """Compute the largest moment about the TCP, N m, that friction of `RUBBING` looks like at a pose.
+    """Compute the largest moment about the TCP, N m, that joint friction of `RUBBING` can imitate at a pose.
 
-    Where the wrist's first and last axis are nearly parallel, their torques carry no information on a
-    moment across them, and friction may look like any.
+    Where the wrist's first and last axis are nearly parallel, their torques carry no information on a moment
+    across them. Friction can then imitate any such moment.
     """
     return RUBBING * _moment_gain(arm, tuple(pose_base_tcp.vector.round(6).tolist()))
 
 
 @lru_cache
 def unexplained_torque(arm: RobotDescription) -> float:
-    """Compute the torque, N m, norm over the joints, beyond which errors of the arm explain it no more:
-    friction of `RUBBING`, what rests leave, the sensors' noise."""
+    """Compute the largest torque, N m, norm over the joints, that errors of the arm can explain.
+
+    These errors are friction of `RUBBING`, remainders of rests, and the sensors' noise.
+    """
     rest = np.maximum(arm.sensors.friction, arm.rest_torque)
     noise = arm.sensors.torque_noise / np.sqrt(SUSTAINED)
     return SURELY * float(np.sqrt(RUBBING**2 + rest @ rest + noise @ noise))
 
 
 def mistaken_force(arm: RobotDescription, q: Array) -> float:
-    """Compute the largest force on the TCP, N, that `unexplained_torque` looks like at joint angles `q` (7,), rad.
+    """Compute the largest force on the TCP, N, that `unexplained_torque` can imitate at joint angles `q` (7,),
+    rad.
 
-    The force is (J J^T)^-1 J tau. A stretched arm has no lever on a force along it: a little friction
-    looks like a large one.
+    The force is (J J^T)^-1 J tau. A stretched arm has no lever on a force along it: a little friction imitates
+    a large force.
     """
     return unexplained_torque(arm) * float(np.linalg.norm(_unit_wrenches(arm, q)[:3], 2))
 
 
 def mistaken_moment(arm: RobotDescription, q: Array) -> float:
-    """Compute the largest moment about the TCP, N m, that `unexplained_torque` looks like, likewise."""
+    """Compute the largest moment about the TCP, N m, that `unexplained_torque` can imitate at joint angles `q`
+    (7,), rad.
+    """
     return unexplained_torque(arm) * float(np.linalg.norm(moments(arm, q), 2))
 
 

@@ -1,4 +1,4 @@
-"""A robot whose signals are checked for plausibility before anybody acts upon them."""
+"""A robot whose signals are checked for plausibility before any code acts on them."""
 
 from __future__ import annotations
 
@@ -28,24 +28,26 @@ from palpate.trace.recording import NominalHand
 from palpate.trace.samples import Samples
 
 DISAGREEMENT, AGREED = 0.03, 0.1
-"""rad between a joint's motion and the integral of its speed, in so many s."""
+"""rad: largest difference between a joint's motion and the integral of its speed; s: time of the integral."""
 EMPTY_FORCE, EMPTY_TORQUE = 10.0, 3.0
-"""N, N m that an empty hand at rest at home may measure: 0.15 N of repeatability and 0.8 N of accuracy
-by an arm's datasheet, the same again for errors of the links' identified masses, and static friction
-behind the sensors. Where all joints hold 0.15 to 0.64 N m as identified (Gaz et al., RA-L 2019,
-doi:10.1109/LRA.2019.2931248) with the worst signs that is 3.9 N and 1.1 N m; single robots may have
-twice the average."""
-AT_HOME = 0.02  # rad
-SLOW = 0.01  # rad/s
+"""N, N m: largest wrench that an empty hand at rest at home may show. An arm's datasheet allows 0.15 N of
+repeatability and 0.8 N of accuracy. Errors of the links' identified masses add the same, and static friction
+behind the sensors adds to it. If all joints hold the identified 0.15 to 0.64 N m (Gaz et al., RA-L 2019,
+doi:10.1109/LRA.2019.2931248) with the worst signs, they show 3.9 N and 1.1 N m. Single robots may have twice
+the average.
+"""
+AT_HOME = 0.02  # rad from home that counts as at home
+SLOW = 0.01  # rad/s: slower joints count as at rest
 RESTED = 0.2  # s at rest before it counts
 
 
 class Watched:
-    """A robot whose states report implausible signals (`RobotState.fault`) and omit forces that only
-    a single state shows. Its samples are the robot's own. Implements `Robot`.
+    """A robot whose states report implausible signals and omit forces that only one state shows.
 
-    A robot whose signals are `sound` is a simulated one without noise: they neither freeze nor get lost,
-    which is half of the time that the checks take.
+    `RobotState.fault` names the fault. The samples are the robot's own. Implements `Robot`.
+
+    Signals are `sound` for a simulated robot without noise. They neither freeze nor get lost, and skipping
+    these checks saves half of their time.
     """
 
     def __init__(self, robot: Robot, arm: RobotDescription, sound: bool = False) -> None:
@@ -93,8 +95,9 @@ class Watched:
         self._advanced, self._shown = True, None
 
     def run_on(self, ticks: int, tick: float) -> None:
-        """Let time pass as `RunsOn`; a single tick where the robot's own time passes, or a force is
-        doubted."""
+        """Let time pass as `RunsOn`. Let one tick pass if the robot's own time passes, or a force is
+        doubted.
+        """
         if ticks <= 1 or self._runs_on is None or self._watch.spikes.doubting:
             self.advance(tick)
             return
@@ -142,10 +145,10 @@ class Watched:
 
 
 class SignalWatch:
-    """All plausibility checks of a robot's signals, by themselves and against its description.
+    """All plausibility checks of a robot's signals, each alone and against the robot's description.
 
     Attributes:
-        fault: the first one; it stays, whatever the robot reports later.
+        fault: the first fault; it stays, whatever the robot reports later.
     """
 
     def __init__(self, limits: Limits, arm: RobotDescription, sound: bool = False) -> None:
@@ -207,6 +210,7 @@ class SignalWatch:
 
     def _disagree(self, samples: Samples) -> Fault | None:
         """Compare the encoders with the integral of their speeds."""
+        # Motion and integral of the speed since the last comparison.
         t = np.concatenate([self._last.t[-1:], samples.t])
         q = np.concatenate([self._last.q[-1:], samples.q])
         dt = t[1:] - t[:-1]
@@ -215,6 +219,7 @@ class SignalWatch:
         self._summed += float(dt.sum())
         if self._summed < AGREED:
             return None
+        # Compare them after a while, and start the sums from zero.
         apart, lasted = np.abs(self._way - self._integral), self._summed
         self._way = self._integral = np.zeros(7)
         self._summed = 0.0
@@ -226,6 +231,7 @@ class SignalWatch:
 
     def _empty_hand(self, state: RobotState) -> Fault | None:
         """Check the wrench of an empty hand at rest at home, in free air."""
+        # Any motion, grasp or distance from home starts the rest again.
         moves = state.moving or state.gripper_moving or state.gripping or state.reflex
         if (
             moves
@@ -236,6 +242,7 @@ class SignalWatch:
             self._contacts.clear()
             self._rested = state.t
             return None
+        # The median over the time at rest rejects single spikes.
         self._contacts.append(state.contact)
         if state.t - self._rested < RESTED:
             return None

@@ -1,8 +1,8 @@
 """Contact reflex of the simulated arm: a 1 kHz momentum observer, and the reaction to a contact.
 
-It uses only what a real arm has at every cycle: encoders, measured joint torques, and the nominal
-model as of the beginning of a run of cycles. Besides the wrench at the TCP it tests the part of the joints'
-torques that no force at the hand explains: contact of a link.
+It uses only signals that a real arm has at every cycle: encoders, measured joint torques, and the nominal
+model as of the beginning of a run of cycles. It tests the wrench at the TCP. It also tests the part of the
+joint torques that no force at the hand explains, which shows contact of a link.
 """
 
 from __future__ import annotations
@@ -20,19 +20,22 @@ from palpate.robots.simulated.actuators import SpringGains
 from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, TIMESTEP
 
 OBSERVER_TIME = 0.005
-"""s: time constant of the observer; Franka states that its arms detect a collision within 2 ms
-(Panda datasheet, "collision detection time")."""
+"""s: time constant of the observer. Franka states that its arms detect a collision within 2 ms (Panda
+datasheet, "collision detection time").
+"""
 BRAKING = 150.0
-"""1/s: rate at which the arm slows down when it has stopped itself, within its joints' torques;
-0.25 m/s end after 2 mm. A heavy arm is in contact with a rigid post for some 10 ms: the post should
-not have to take the momentum that the arm can brake in them."""
+"""1/s: rate at which the arm slows down after it has stopped itself, within its joints' torques. A motion of
+0.25 m/s ends after 2 mm. A heavy arm is in contact with a rigid post for about 10 ms. The post should not
+have to absorb the momentum that the arm can brake in this time.
+"""
 FELT, USUAL_TIME = 3.0, 0.3
-"""N by which a force differs when something is felt, and s over which that of the time before is averaged:
-a slow contact that adds 36 N/s (12 mm/s on springs of 3000 N/m) is felt after 0.1 s, at 3.5 N."""
+"""N: change of the force that counts as noticed; s: time constant of the average that it is compared with.
+A slow contact that adds 36 N/s (12 mm/s on springs of 3000 N/m) is noticed after 0.1 s, at 3.5 N.
+"""
 
 _KEEP = math.exp(-TIMESTEP / OBSERVER_TIME)
 _BLEND = 1.0 - _KEEP
-# Weights of the observer's filter after each cycle: of its torques (cycles, 1), and of each input.
+# Weights of the observer's filter after each cycle: of its previous state (cycles, 1), and of each input.
 _CYCLES: Array = np.arange(LONGEST_RUN * BLOCK, dtype=float)
 _TORQUE_KEPT: Array = _KEEP ** (_CYCLES[:, None] + 1.0)
 _INPUT_KEPT: Array = np.tril(_KEEP ** np.maximum(np.subtract.outer(_CYCLES, _CYCLES), 0))
@@ -41,20 +44,24 @@ _INPUT_KEPT: Array = np.tril(_KEEP ** np.maximum(np.subtract.outer(_CYCLES, _CYC
 class Reaction(NamedTuple):
     """Reaction of the arm to its own collision stop: it yields."""
 
-    gains: SpringGains  # of the drives, which then take torques
+    gains: SpringGains  # gains of the drives, which then take torques
     damping: Array  # (7, 7) N m s/rad
     load: Array  # (7,) N m that hold the load on the hand
     most: Array  # (7,) N m, torque limits of the joints
 
     @classmethod
     def of(cls, inertia: Array, load: Array, most: Array) -> Reaction:
-        """Make dampers proportional to the inertia (7, 7): the whole arm slows down as one, and no
-        joint pushes another against what has stopped the TCP."""
+        """Make dampers proportional to the inertia (7, 7).
+
+        All joints then slow down at one rate, and no joint pushes another against the obstacle.
+        """
         return cls(SpringGains.of_torques(inertia), BRAKING * inertia, load, most)
 
     def torque(self, dq: Array) -> Array:
-        """Compute the torques (7,), N m, at joint rates `dq` (7,), rad/s, all scaled down where one
-        joint would exceed its limit."""
+        """Compute the torques (7,), N m, at joint rates `dq` (7,), rad/s. All are scaled down together where a
+        joint
+        would exceed its limit.
+        """
         braking = self.damping @ dq
         share = max(1.0, float((np.abs(braking) / self.most).max()))
         return self.load - braking / share
@@ -63,14 +70,14 @@ class Reaction(NamedTuple):
 class Guard:
     """Observer of the external joint torques in the control loop; it reports the cycle of a contact.
 
-    Within a run of at most 40 ms inertia and Jacobian are those of its beginning; the arm turns by
-    less than 0.04 rad in it.
+    Within a run of at most 40 ms, inertia and Jacobian are those of its beginning. The arm turns by less than
+    0.04 rad in that time.
 
     Attributes:
         yielding: True while the arm yields.
-        fired: reason that the arm stopped itself in the last run; None while it goes on.
-        felt: cycles after which the last run ends, or would have, because the force differs from that of
-            the time before; None while it does not.
+        fired: reason for which the arm stopped itself in the last run; None while it continues.
+        felt: number of cycles after which the last run ends because the force changed; None without such a
+            change.
     """
 
     def __init__(self) -> None:
@@ -97,23 +104,26 @@ class Guard:
         """Prepare a run of cycles.
 
         Args:
-            thresholds: of the external wrench; None while the arm yields.
-            reaction: makes the reaction above them.
+            thresholds: limits of the external wrench; None while the arm yields.
+            reaction: makes the reaction to an exceeded threshold.
             jacobian: (6, 7), world axes about the TCP.
             mass_matrix: (7, 7) kg m^2 that the commanded torques move.
             dampers: (7, 7) N m s/rad, of the controller.
             dq: (7,) rad/s now.
             deviation: (n, 7) N m of each cycle: sensed less commanded torques, and less Coriolis and
                 centrifugal torques.
-            tick: cycles with multiples of which the run may end because something is felt.
+            tick: cycles per tick; a change of the force may end the run at a multiple of it.
         """
         from scipy.linalg.lapack import dposv  # not for a plan that nothing executes
 
+        # Maps from joint torques to the wrench, (J J^T)^-1 J, and to the torques that no force at the TCP
+        # explains.
         self._to_wrench = dposv(jacobian @ jacobian.T + RIDGE, jacobian)[1].T
         self._jacobian, self._mass_matrix, self._dampers = jacobian, mass_matrix, dampers
         self._to_rest = np.eye(7) - force_of(jacobian).T @ jacobian[:3]
         self._known = deviation
         self._dq = dq
+        # The usual force is a low-pass filter of the force at the end of each run.
         kept = math.exp(-self._look * TIMESTEP / USUAL_TIME)
         self._usual = self._force + kept * (self._usual - self._force)
         self._tick, self.felt = tick, None
@@ -124,24 +134,27 @@ class Guard:
             self.reaction = reaction()
 
     def observe(self, torque: Array, dq: Array, step: float) -> int | None:
-        """Return the first of the next n cycles whose wrench exceeds the thresholds; None if none.
+        """Return the first of the next n cycles whose wrench exceeds the thresholds; None if there is none.
 
-        After it the wrench is followed no further: the arm yields.
+        After that cycle the observer stops: the arm yields.
 
         Args:
             torque: (n, 7) N m commanded at the joints, less the nominal arm's gravity compensation.
             dq: (n, 7) rad/s at the end of each cycle.
             step: s, of the physics.
         """
+        # Change of the momentum in each cycle. The integrator is implicit in the dampers, which adds h D to M.
         count = len(dq)
         gained = dq.copy()
         gained[0] -= self._dq
         gained[1:] -= dq[:-1]
         momentum = gained @ (self._mass_matrix + step * self._dampers)
+        # External torque per cycle, and its first-order filter with the state before.
         new = torque - momentum / TIMESTEP + self._known[self._look : self._look + count]
         torques = _INPUT_KEPT[:count, :count] @ (_BLEND * new) + _TORQUE_KEPT[:count] * self._torque
         self._look += count
         self._torque, self._dq = torques[-1], dq[-1]
+        # Test the doubtful cycles in full, and stop at the first one beyond a threshold.
         wrenches = torques @ self._to_wrench
         for i in self._doubtful(torques, wrenches):
             self.fired = self._reason(torques[i])
@@ -152,8 +165,10 @@ class Guard:
         return None
 
     def _feel(self, torques: Array, forces: Array, dq: Array) -> None:
-        """Compare the forces of some cycles with that of the time before; where one differs, the cycles after
-        that tick are left out."""
+        """Compare the forces of some cycles with the usual force. Where one differs, end the run with that
+        tick.
+        """
+        # Find the first cycle whose force differs, and round up to whole ticks.
         first = self._look - len(dq)
         differs = squares(forces - self._usual) > FELT**2
         if self.felt is None and differs.any():
@@ -172,7 +187,7 @@ class Guard:
         return large.nonzero()[0].tolist() if large.any() else []
 
     def _reason(self, torque: Array) -> str | None:
-        """Return the reason to stop at external joint torques (7,), N m; None while it goes on."""
+        """Return the reason to stop at external joint torques (7,), N m; None without one."""
         reason, links = self._thresholds.fired(torque @ self._to_wrench), self._thresholds.links
         if reason is not None or links is None:
             return reason

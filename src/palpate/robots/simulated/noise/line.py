@@ -19,10 +19,10 @@ LATEST = 0.45  # of a log period: largest error of a stamp, so that samples stay
 class SignalLine:
     """White noise, filter, delay, quantisation, outliers, repeats and gaps of the torque samples.
 
-    It makes the means of blocks of 1 kHz samples, and single samples only where an error needs them.
+    It makes the means of blocks of 1 kHz samples. It makes single samples only where an error needs them.
 
     Attributes:
-        kept: single samples (n, 7), N m, of each run before any are lost; None: not kept.
+        kept: single samples (n, 7), N m, of each run, before any is lost; None if they are not kept.
     """
 
     def __init__(self, torque: Torque, acquisition: Acquisition, streams: Streams) -> None:
@@ -35,25 +35,28 @@ class SignalLine:
         self._strays = bool(self._outliers.rate and self._outliers.size.any())
         self._coarse = bool(torque.quantisation.any())
         self._all_coarse = bool(torque.quantisation.all())
+        # Only some errors need single samples; otherwise block means suffice.
         others = torque.filter or torque.delay or self._repeated
         self._single = self._coarse or self._strays or bool(others or self._gaps)
         self._bounded = bool(np.isfinite(torque.range).any())
         self.kept: tuple[Array, ...] | None = None
-        # State that a run leaves to the next one; empty at first.
+        # State between runs; empty at first.
         self._filtered = self._late = self._last = np.empty((0, JOINTS))
         self._held = np.zeros(JOINTS)
 
     def carry(self, reading: Array) -> tuple[Array, NDArray[np.bool_] | None]:
-        """Compute the block means (n, 7), N m, that arrive of the readings (n, 7), which may change.
+        """Compute the block means (n, 7), N m, of the readings (n, 7), which may be overwritten.
 
         Returns:
-            The means, the last one repeated for blocks that are lost; and which blocks arrive, None
+            The means, with the last one repeated for lost blocks; and a mask of the blocks that arrive, None
             for all of them.
         """
+        # Block means suffice: their white noise is smaller by sqrt(BLOCK).
         if not self._single and self.kept is None:
             if self._noisy:
                 reading += self._mean * self._white.standard_normal(reading.shape)
             return self._saturate(reading), None
+        # The chain of errors of the 1 kHz samples, in the order of the electronics.
         samples = np.repeat(reading, BLOCK, axis=0)
         samples += self._torque.white * self._white.standard_normal(samples.shape)
         samples = self._delay(self._filter(samples))
@@ -68,6 +71,7 @@ class SignalLine:
         blocks = samples.reshape(-1, BLOCK, JOINTS)
         if self._gaps is None:
             return blocks.mean(axis=1), None
+        # Samples in gaps are left out of the means; a block without any keeps the last mean.
         arrived = self._gaps.arrived(len(samples)).reshape(-1, BLOCK)
         if arrived.all():
             mean = blocks.mean(axis=1)
@@ -81,7 +85,7 @@ class SignalLine:
         return mean, count > 0
 
     def _quantise(self, samples: Array) -> Array:
-        """Round to whole steps, where there are any."""
+        """Round to whole quantisation steps in the joints that have one."""
         step = self._torque.quantisation
         if self._all_coarse:
             return np.round(samples / step) * step
@@ -98,6 +102,7 @@ class SignalLine:
         """Apply a first-order low pass, started at the first sample."""
         if not self._torque.filter:
             return samples
+        # Exponential smoothing with the corner frequency of the filter, Hz.
         keep = math.exp(-2 * math.pi * self._torque.filter * TIMESTEP)
         if not len(self._filtered):
             self._filtered = samples[:1]
@@ -111,6 +116,7 @@ class SignalLine:
         late = self._torque.delay / TIMESTEP
         if not late:
             return samples
+        # Shift by whole samples, and interpolate the rest.
         whole, part = int(late), late - int(late)
         if not len(self._late):
             self._late = np.repeat(samples[:1], whole + 1, axis=0)
@@ -133,6 +139,7 @@ class SignalLine:
         if fresh.all():
             self._last = samples[-1:]
             return samples
+        # The row of the last fresh sample, for each sample.
         rows = np.where(fresh, np.arange(len(samples)), -1)
         np.maximum.accumulate(rows, out=rows)
         before = self._last if len(self._last) else samples[:1]
@@ -142,15 +149,15 @@ class SignalLine:
 
 
 class Gaps:
-    """Samples that do not arrive."""
+    """Gaps in the samples."""
 
     def __init__(self, acquisition: Acquisition, streams: Streams) -> None:
         self._rate, self._random = acquisition.dropped.rate, streams.run("acquisition.dropped")
         self._length = max(1, round(acquisition.dropped.length / TIMESTEP))
-        self._left = 0  # samples of the last gap that are yet to come
+        self._left = 0  # samples of the last gap that extend into the next run
 
     def arrived(self, count: int) -> NDArray[np.bool_]:
-        """Draw which of the next `count` samples arrive."""
+        """Draw a mask of the next `count` samples that arrive."""
         arrived = np.ones(count, dtype=np.bool_)
         arrived[: self._left] = False
         self._left = max(0, self._left - count)
@@ -165,7 +172,7 @@ class Stamps:
     """Robot time against world time: the rate of the robot's clock, and the jitter of its stamps.
 
     Attributes:
-        rate: s of robot time per second.
+        rate: s of robot time per second of world time.
     """
 
     def __init__(self, acquisition: Acquisition, streams: Streams) -> None:
@@ -182,8 +189,10 @@ class Stamps:
 
 @cache
 def low_pass(count: int, keep: float) -> tuple[Array, Array]:
-    """Return the filter's response to each of `count` inputs (count, count), and to the state
-    before them (count,)."""
+    """Return the filter's response to each of `count` inputs (count, count), and to the state before them (count,).
+
+    y_i = keep^(i+1) y_0 + sum_j (1 - keep) keep^(i-j) x_j.
+    """
     ages = np.subtract.outer(np.arange(count), np.arange(count))
     response = np.where(ages >= 0, (1.0 - keep) * keep ** np.maximum(ages, 0), 0.0)
     return response, keep ** np.arange(1.0, count + 1)
