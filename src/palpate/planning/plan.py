@@ -1,7 +1,7 @@
 """Plan as a type and as a file: parameters, explanation, tree.
 
-The text of a plan comes from a file or from a model and is untrusted: its size, nesting and number of
-nodes are bounded before anything is built from it.
+The text of a plan comes from a file or a model and is untrusted. Its size, nesting depth and number
+of nodes are bounded before anything is built from it.
 """
 
 from __future__ import annotations
@@ -23,19 +23,26 @@ T = TypeVar("T")
 
 MAX_BYTES = 1_000_000
 MAX_NESTING = 64
-"""Nested JSON brackets; a node costs two, so a tree may be about 30 deep."""
+"""Maximum depth of nested JSON brackets. A node uses two, so a tree may be about 30 deep."""
 MAX_NODES = 5000
 MAX_REASON = 120
-"""Characters of the explanation that the short form of a plan shows."""
+"""Maximum number of characters of the explanation in the short form of a plan."""
 
-# A string without an end takes the rest: else each of its quotes would be tried as a beginning.
+# An unterminated string extends to the end of the text. Otherwise each later quote would be tried
+# as a start, in quadratic time.
 _STRING = re.compile(r'"(?:[^"\\]|\\.)*(?:"|\Z)', re.DOTALL)
 
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """Node of a plan's tree: a primitive with its `args` (`{"pose": "bottle_pose + z_offset"}`), or a
-    composite with its `children`, in order."""
+    """Node of a plan's tree.
+
+    Attributes:
+        type: name of a primitive or composite.
+        args: arguments of a primitive (`{"pose": "bottle_pose + z_offset"}`).
+        children: children of a composite, in order.
+        name: optional label.
+    """
 
     type: str
     args: tuple[tuple[str, Any], ...] = ()
@@ -43,13 +50,13 @@ class Node:
     name: str = ""
 
     def walk(self, path: str = "tree") -> Iterator[tuple[str, Node]]:
-        """This node and all below it, depth first, each with its path (`tree.children[3]`)."""
+        """Yield this node and all below it, depth first, with paths (`tree.children[3]`)."""
         yield path, self
         for i, child in enumerate(self.children):
             yield from child.walk(f"{path}.children[{i}]")
 
     def __str__(self) -> str:
-        """Tree as text, a node per line, children indented."""
+        """Format the tree as text, one node per line, with indented children."""
         lines: list[str] = []
         for path, node in self.walk():
             arguments = ", ".join(str(value) for _, value in node.args)
@@ -59,15 +66,18 @@ class Node:
 
 
 Outcome = Literal["measure", "nothing_missing", "cannot", "ambiguous"]
-"""Outcome of a request: a tree; none, as all is known; none, as it cannot be measured; or a
-question, as it is ambiguous."""
+"""Outcome of a request: a tree, or no tree because all is known, nothing is measurable, or the
+request is ambiguous.
+"""
 OUTCOMES: tuple[str, ...] = get_args(Outcome)
 
 
 @dataclass(frozen=True, slots=True)
 class UnmeasuredParameters:
-    """Requested parameters that a plan does not measure, and the reason, a sentence. A property that no
-    quantity stands for, such as the temperature, has no parameters."""
+    """Requested parameters that a plan does not measure, with a reason.
+
+    A property without a quantity in the catalogue, such as the temperature, has no parameters.
+    """
 
     reason: str
     parameters: tuple[Parameter, ...] = ()
@@ -79,7 +89,10 @@ class UnmeasuredParameters:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Plan:
-    """Plan of a planner. `tree` is None when nothing is to be measured; the explanation says why."""
+    """Plan of a planner.
+
+    `tree` is None if nothing is to be measured; the explanation gives the reason.
+    """
 
     parameters: tuple[Parameter, ...]
     tree: Node | None
@@ -88,15 +101,15 @@ class Plan:
     notes: tuple[str, ...] = ()
     """Remarks for the result, e.g. that a requested quantity is known already."""
     declared: Outcome | None = None
-    """Outcome declared by the author, where there is no tree."""
+    """Outcome declared by the author, if there is no tree."""
     proposal: tuple[Parameter, ...] = ()
-    """Parameters that a request may ask for which was not understood whole; to be confirmed."""
+    """Candidate parameters of a request that was only partly understood; to be confirmed."""
     not_used: tuple[str, ...] = ()
     """Words of that request that the proposal leaves out."""
     again: tuple[Parameter, ...] = ()
-    """Those of `parameters` that are measured again, though the scene states them."""
+    """Elements of `parameters` that are measured again although the scene states them."""
     unmeasured: tuple[UnmeasuredParameters, ...] = ()
-    """What was requested and is not in `parameters`; a run of the plan is not complete then."""
+    """Requested parameters that are not in `parameters`; a run of the plan is then incomplete."""
 
     @property
     def outcome(self) -> Outcome:
@@ -124,19 +137,21 @@ class Plan:
         return f"<Plan{by}: {measures}, {self.actions} actions>"
 
     def __str__(self) -> str:
-        """The short line, and below it the tree, one node a line, or the explanation."""
+        """Format the short line, followed by the tree or the explanation."""
         below = self.explanation if self.tree is None else str(self.tree)
         return f"{self!r}\n{below}"
 
 
 def parse_plan(text: str | bytes) -> Plan:
-    """A plan from JSON text: a plan file, a run folder's `plan.json`, or a model's answer.
+    """Parse a plan from JSON text: a plan file, a run's `plan.json`, or a model's answer.
 
     Other fields of the document (a provider's usage, findings, …) are ignored.
 
     Raises:
-        InputError: not JSON, too large, too deep, or not of a plan's form; the message says where.
+        InputError: not JSON, too large, too deep, or not in the form of a plan; the message states
+            the place.
     """
+    # Bound the size before the text is decoded or searched.
     if len(text) > MAX_BYTES:
         raise InputError(f"the plan is larger than {MAX_BYTES // 1000} kB; shorten it")
     if isinstance(text, bytes):
@@ -161,15 +176,16 @@ def parse_plan(text: str | bytes) -> Plan:
 
 
 def plan_from(document: object) -> Plan:
-    """A plan from an already parsed JSON document.
+    """Make a plan from a parsed JSON document.
 
     Raises:
-        InputError: not of a plan's form; the message says where.
+        InputError: not in the form of a plan; the message states the place.
     """
     fields = _mapping(document, "a plan")
     for required in ("parameters", "tree"):
         if required not in fields:
             _fail("a plan", f"needs the field '{required}'; it has {_list_fields(fields)}")
+    # Read the fields in order; each reader reports its path.
     listed = _each(_parameter, fields["parameters"], "parameters")
     parameters = tuple(parameter for parameter, _ in listed)
     again = tuple(parameter for parameter, marked in listed if marked)
@@ -179,6 +195,7 @@ def plan_from(document: object) -> Plan:
     explanation = _text(fields.get("explanation", ""), "explanation")
     planner = _text(fields.get("planner", ""), "planner")
     notes = _each(_text, fields.get("notes", []), "notes")
+    # The declared outcome must agree with the presence of a tree.
     outcome = fields.get("outcome")
     if outcome is not None and outcome not in OUTCOMES:
         _fail("outcome", f"must be one of {', '.join(OUTCOMES)}")
@@ -189,8 +206,9 @@ def plan_from(document: object) -> Plan:
             "outcome",
             "is 'measure', yet 'tree' is null; give a tree, or say what stands against it",
         )
-    # 'measure' and 'cannot' follow from the tree, or its absence.
+    # 'measure' and 'cannot' follow from the presence of a tree, so they are not stored.
     declared = None if outcome in (None, "measure", "cannot") else cast("Outcome", outcome)
+    # Parameters that the author left out, with reasons.
     unmeasured = _each(_unmeasured, fields.get("unmeasured", []), "unmeasured")
     return Plan(
         parameters, tree, explanation, planner, notes, declared, again=again, unmeasured=unmeasured
@@ -198,7 +216,8 @@ def plan_from(document: object) -> Plan:
 
 
 def plan_json(plan: Plan) -> dict[str, Any]:
-    """The plan as plain JSON values; `plan_from` reads it back unchanged."""
+    """Return the plan as plain JSON values; `plan_from` reads them back unchanged."""
+    # Parameters that are measured again carry a mark.
     promised = zip(plan.parameters, _parameters_json(plan.parameters), strict=True)
     document: dict[str, Any] = {
         "parameters": [
@@ -222,7 +241,7 @@ def plan_json(plan: Plan) -> dict[str, Any]:
 
 
 def proposal_json(plan: Plan) -> dict[str, Any]:
-    """The proposal of a plan as plain JSON values, without one no field at all."""
+    """Return the proposal of a plan as plain JSON values; empty without a proposal."""
     if not plan.proposal:
         return {}
     return {"proposal": _parameters_json(plan.proposal), "not_used": list(plan.not_used)}
@@ -233,17 +252,19 @@ def _parameters_json(parameters: Iterable[Parameter]) -> list[dict[str, str]]:
 
 
 def dump_plan(plan: Plan, extra: Mapping[str, Any] | None = None) -> str:
-    """The plan as JSON text, the same for the same plan; `extra` fields (a provider's figures) come
-    last."""
+    """Return the plan as deterministic JSON text; `extra` fields, such as a provider's usage, come
+    last.
+    """
     document = plan_json(plan)
     for key, value in (extra or {}).items():
+        # Extra fields never replace fields of the plan.
         if key not in Plan.__slots__:
             document[key] = value
     return json_text(document, indent=2) + "\n"
 
 
 def nesting(text: str) -> int:
-    """Depth of the brackets of JSON text, without those in strings."""
+    """Return the bracket depth of JSON text, without brackets in strings."""
     depth = deepest = 0
     for bracket in re.findall(r"[\[\]{}]", _STRING.sub("", text)):
         depth += 1 if bracket in "[{" else -1
@@ -252,10 +273,11 @@ def nesting(text: str) -> int:
 
 
 def unique_json(text: str) -> object:
-    """The value of JSON text.
+    """Parse JSON text without duplicate fields.
 
     Raises:
-        InputError: an object has a field twice. ValueError: not JSON, or too deep for its reader.
+        InputError: an object has a field twice.
+        ValueError: not JSON, or too deep for the reader.
     """
     try:
         return json.loads(text, object_pairs_hook=_unique)
@@ -280,18 +302,22 @@ def _finite(number: str) -> float:
 
 
 def _node(value: object, path: str, depth: int, budget: list[int]) -> Node:
+    """Read a node and its children within a depth limit and a shared node budget."""
     budget[0] -= 1  # shared by all nodes of the tree
     if budget[0] < 0:
         raise InputError(f"the plan has more than {MAX_NODES} nodes; split it")
     if depth > MAX_NESTING:
         _fail(path, "is nested too deep; flatten the tree")
     fields = _mapping(value, path)
+    # Every node has a type and optionally a name.
     if "type" not in fields:
         _fail(path, f"needs the field 'type'; it has {_list_fields(fields)}")
     type = _text(fields["type"], f"{path}.type")
     name = _text(fields.get("name", ""), f"{path}.name")
+    # All fields other than type, name and children are arguments.
     arguments: list[tuple[str, object]] = []
     for key, argument in fields.items():
+        # Children under another name are a frequent error of models.
         if "children" not in fields and _lists_objects(argument):
             _fail(f"{path}.{key}", "is a list of objects; did you mean 'children'?")
         if key not in ("type", "name", "children"):
@@ -310,7 +336,7 @@ def _lists_objects(value: object) -> bool:
 
 
 def _parameter(value: object, path: str) -> tuple[Parameter, bool]:
-    """A parameter, and its mark `again`."""
+    """Read a parameter and its mark `again`."""
     fields = _mapping(value, path)
     if set(fields) - {"again"} != {"object", "quantity"}:
         _fail(
@@ -332,7 +358,7 @@ def _unmeasured(value: object, path: str) -> UnmeasuredParameters:
 
 
 def _frozen(value: object, path: str) -> object:
-    """The JSON value with its arrays as tuples, so that nodes compare and share no mutable parts."""
+    """Return a JSON value with arrays as tuples, so that nodes are comparable and immutable."""
     if isinstance(value, list):
         return tuple(_frozen(item, path) for item in cast("list[object]", value))
     if isinstance(value, dict):
@@ -360,7 +386,7 @@ def _mapping(value: object, path: str) -> dict[str, Any]:
 
 
 def _each(read: Callable[[object, str], T], value: object, path: str) -> tuple[T, ...]:
-    """Every item of a list, read with its path."""
+    """Read every item of a list with its path."""
     if not isinstance(value, list):
         _fail(path, f"must be a list, not {_kind(value)}")
     items = cast("list[object]", value)
@@ -370,6 +396,7 @@ def _each(read: Callable[[object, str], T], value: object, path: str) -> tuple[T
 def _text(value: object, path: str) -> str:
     if not isinstance(value, str):
         _fail(path, f"must be text, not {_kind(value)}")
+    # JSON escapes can make lone surrogates, which no UTF-8 file can hold.
     if any("\ud800" <= c <= "\udfff" for c in value):
         _fail(path, "contains half of a surrogate pair")
     return redact(value)  # a key that was escaped in the JSON stands here in full
@@ -390,17 +417,22 @@ def _fail(path: str, problem: str) -> NoReturn:
 
 
 def part_of(plan: Plan, leaves: Collection[str]) -> Plan:
-    """The plan with only the leaves of the given paths (`tree.children[3]`), in their order; the
-    branches of a Parallel stay together. Without any leaf it has no tree."""
+    """Reduce a plan to the leaves at the given paths (`tree.children[3]`), in their order.
+
+    Branches of a Parallel stay together. Without any leaf, the plan has no tree.
+    """
     if plan.tree is None:
         return plan
     return replace(plan, tree=_part(plan.tree, leaves, "tree"))
 
 
 def _part(node: Node, leaves: Collection[str], path: str) -> Node | None:
+    """Reduce a node to the wanted leaves; None without any."""
+    # Leaves and Parallels are kept or removed as a whole.
     if node.type != "Sequence":
         wanted = any(found in leaves for found, _ in node.walk(path))
         return node if wanted else None
+    # A Sequence keeps the children that contain wanted leaves.
     parts = [_part(child, leaves, f"{path}.children[{i}]") for i, child in enumerate(node.children)]
     kept = tuple(part for part in parts if part is not None)
     return replace(node, children=kept) if kept else None

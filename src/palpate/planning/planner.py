@@ -1,4 +1,4 @@
-"""Contract of a planner, and parameters by name."""
+"""Protocol of a planner, and parameters by name."""
 
 from __future__ import annotations
 
@@ -25,26 +25,26 @@ if TYPE_CHECKING:
 
 Rehearse = Callable[[Plan, "Scene"], "Finding | None"]
 MAX_REQUEST = 4_000
-"""Characters: a request is a sentence or a paragraph, not a document."""
+"""Maximum number of characters of a request: a sentence or a paragraph."""
 
 
 class Planner(Protocol):
-    """Turns a request, an incomplete scene and pictures into a plan: the paper's f(R, D, I)."""
+    """Maps a request, an incomplete scene and images to a plan: f(R, D, I) in the paper."""
 
     @property
     def name(self) -> str:
-        """Name on the command line; kept in `Plan.planner`."""
+        """Name on the command line; stored in `Plan.planner`."""
         ...
 
     def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = ()) -> Plan:
-        """A plan for the request and the missing parameters of the scene; its tree is None when none of
-        them can be measured.
+        """Make a plan for the request and the missing parameters of the scene.
 
-        Without a scene, a planner must be able to see the images.
+        The tree of the plan is None if none of them can be measured. Without a scene, a planner
+        needs vision of the images.
 
         Raises:
             InputError: the request is not usable.
-            PlanRejected: there is no plan; the message explains.
+            PlanRejected: there is no plan; the message states the reason.
             Unavailable: a provider is out of reach.
         """
         ...
@@ -55,9 +55,9 @@ class Observant(Protocol):
     """Planner that also keeps its dialogue and the detected scene.
 
     Attributes:
-        looks: it takes a picture of the workspace even where there is a scene.
-        conversation: the latest dialogue with a model, also when `plan` raised.
-        seen: the scene detected in the pictures, where there was no scene.
+        looks: it takes a picture of the workspace even if there is a scene.
+        conversation: the latest dialogue with a model, also after an error in `plan`.
+        seen: the scene detected in the pictures, if there was no scene.
     """
 
     looks: ClassVar[bool]
@@ -70,14 +70,14 @@ class PlannerSettings:
     """Settings for the construction of a planner.
 
     Attributes:
-        remeasure: the request is measured even where the scene states it.
+        remeasure: requested values are measured even where the scene states them.
         model_settings: settings of a model; None for the defaults.
-        builder: makes a scene of detected objects, where there is none.
+        builder: makes a scene of detected objects, if there is none.
         within: requested widths of intervals.
-        measure: the parameters that the plan must measure, no more and no fewer; None: the planner
-            decides by the request.
-        rehearse: executes a plan in physics and returns what it finds, None for a harmless plan; for a
-            planner that corrects its plans.
+        measure: the exact set of parameters that the plan must measure; None to derive it from the
+            request.
+        rehearse: executes a plan in physics and returns its finding, None for a harmless plan. For
+            planners that correct their plans.
     """
 
     remeasure: bool = False
@@ -90,12 +90,12 @@ class PlannerSettings:
 
 @dataclass(frozen=True, slots=True)
 class PlannerKind:
-    """Factory of a planner for the command line's `name` or `name:argument`.
+    """Factory of a planner for the command-line form `name` or `name:argument`.
 
     Attributes:
         name: the word before the colon.
-        make: factory from the argument (empty where none is given) and the settings.
-        argument: placeholder of the argument after the colon: `FILE`; empty without one.
+        make: factory from the argument (empty by default) and the settings.
+        argument: placeholder of the argument after the colon, e.g. `FILE`; empty without one.
         optional: the argument may be left out.
     """
 
@@ -110,7 +110,7 @@ class PlannerKind:
         return f"{self.name}:{self.argument}" if self.argument else self.name
 
     def accepts(self, spec: str) -> bool:
-        """True if `spec` is written in that form."""
+        """True if `spec` has this form."""
         name, _, argument = spec.partition(":")
         if not self.argument:
             return spec == self.name
@@ -118,7 +118,7 @@ class PlannerKind:
 
 
 def needs_scene(planner: str) -> InputError:
-    """Error for a planner without a scene that cannot see."""
+    """Error for a planner without a scene and without vision."""
     return InputError(
         f"the {planner} planner needs a scene to work on: give an MJCF with scene=D.xml, or let a "
         "model look at a picture: planner=PROVIDER:MODEL images=I.png poses=poses.yaml (with its "
@@ -126,24 +126,25 @@ def needs_scene(planner: str) -> InputError:
     )
 
 
-# Parameters by name: `bottle.mass`, `bottle.*`, `*.mass`, `missing`. No language is involved.
+# Parameters by name: `bottle.mass`, `bottle.*`, `*.mass`, `missing`. They involve no language.
 
 
 MISSING = "missing"
-"""Name of everything that the scene misses."""
+"""Name of all missing parameters of the scene."""
 HINT = "Give measure=bottle.mass, measure=bottle.*, measure=*.mass or measure=missing."
 
 
 def named_parameters(names: Iterable[str], scene: Scene) -> tuple[Parameter, ...]:
-    """Resolve names of parameters in a scene, each name a parameter, a pattern, or a comma list.
+    """Resolve names of parameters: each one a parameter, a pattern, or a comma-separated list.
 
-    A pattern stands for what the scene misses: `bottle.*` for all of the bottle, `*.mass` for every
-    mass, `missing` for everything. It may match nothing, where nothing is missing.
+    A pattern selects missing parameters: `bottle.*` for all of the bottle, `*.mass` for every mass,
+    `missing` for all. It may match nothing if nothing is missing.
 
     Raises:
         InputError: no such body or quantity, or a quantity that such a body does not have.
     """
     found: list[Parameter] = []
+    # Each given name may be a comma-separated list.
     listed = [part.strip() for given in names for part in given.split(",")]
     if listed and not any(listed):
         raise InputError(f"measure= is empty. {HINT}")
@@ -158,13 +159,17 @@ def named_parameters(names: Iterable[str], scene: Scene) -> tuple[Parameter, ...
 
 
 def in_words(parameters: Sequence[Parameter]) -> str:
-    """State the parameters as a request, for a planner that reads one."""
+    """State the parameters as a request, for a planner that reads requests."""
     listed = ", ".join(str(parameter) for parameter in parameters) or "nothing"
     return f"Measure exactly these parameters, no more and no fewer: {listed}."
 
 
 def _matching(pattern: str, scene: Scene) -> list[Parameter]:
+    """Return the missing parameters that match a pattern; the pattern must name a known body and
+    quantity.
+    """
     body, _, quantity = pattern.rpartition(".")
+    # A pattern with an unknown body or quantity is an error, not an empty match.
     if not any(fnmatchcase(name, body) for name in scene.bodies):
         raise unknown_name("object or surface in measure=", body, scene.bodies, HINT)
     if not any(fnmatchcase(id, quantity) for id in scene.catalogue):
@@ -173,19 +178,22 @@ def _matching(pattern: str, scene: Scene) -> list[Parameter]:
 
 
 def _parameter(name: str, scene: Scene) -> Parameter:
+    """Return the parameter of an exact name, or raise an error with the valid names."""
     object, dot, id = name.rpartition(".")
     bodies = [*scene.bodies, GRIPPER]
+    # A body without a quantity is a frequent error, so it has its own message.
     if not dot and name in bodies:
         raise InputError(f"measure={name} names no quantity. {HINT.replace('bottle', name)}")
     if object not in bodies:
         why = scene.resolved.description.why_no_body(object or name)
         raise unknown_name("object or surface in measure=", object or name, bodies, why or HINT)
+    # Suggest the quantity of a synonym.
     if id not in scene.catalogue:
         meant = scene.catalogue.meant(id)
         raise unknown_name("quantity in measure=", id, scene.catalogue, HINT, meant)
     subject = scene.catalogue[id].subject
     role = GRIPPER if object == GRIPPER else scene.bodies[object].role
-    # What the gripper has, the object that it holds has, too.
+    # A held object also has the quantities of the gripper.
     if role != subject and not (subject == GRIPPER and role == "object"):
         raise InputError(
             f"measure={name}: '{object}' is a{'n' if role == 'object' else ''} {role}, and the "

@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class ReplayPlanner:
-    """Recorded plan, or recorded conversation whose answers are checked again.
+    """Replay of a recorded plan, or of a conversation whose answers are checked again.
 
     Attributes:
         path: the file, or the run folder.
-        remeasure: allows quantities that the scene states to be measured.
+        remeasure: allows measurement of quantities that the scene states.
         builder: makes a scene of detected objects, for a plan without a scene.
-        conversation: the dialogue as checked again, when the file is one.
-        seen: the detected scene, when there was no scene.
+        conversation: the dialogue as checked again, if the file is one.
+        seen: the detected scene, if there was no scene.
     """
 
     looks: ClassVar[bool] = False
@@ -49,7 +49,7 @@ class ReplayPlanner:
         return f"replay:{self.path}"
 
     def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = ()) -> Plan:
-        """The plan in the file; the images refine the detected scene, where there is no other.
+        """Return the plan in the file. Without a scene, the images refine the detected one.
 
         Raises:
             InputError: no such file, or not a plan.
@@ -61,6 +61,7 @@ class ReplayPlanner:
         begins = start.startswith(b"{") and b'"planner"' in start and b'"system"' in start
         if begins and b'"rounds"' in text:
             return replace(self._from_conversation(request, scene, images), planner=self.name)
+        # A plan without a scene brings its detected objects: build the scene from them.
         proposal = read_proposal(text)
         if scene is None and proposal.scene and self.builder:
             self.seen = self.builder.from_detections(proposal.scene, images)
@@ -71,10 +72,12 @@ class ReplayPlanner:
     def _from_conversation(
         self, request: str | None, scene: Scene | None, images: Sequence[Path]
     ) -> Plan:
+        """Check the recorded answers again; return the first plan that passes."""
         from palpate.planning.model.conversation import read_conversation
         from palpate.planning.model.planner import VlmPlanner
         from palpate.planning.model.rounds import replay_conversation
 
+        # Check the recorded answers with the same code as in a dialogue.
         judge = VlmPlanner("replay", remeasure=self.remeasure, builder=self.builder)
         judge.images = tuple(images)
         kept = read_conversation(plan_file(self.path))
@@ -90,7 +93,7 @@ class ReplayPlanner:
 
 
 def load_proposal(path: Path) -> Proposal:
-    """Load the plan in a plan file, a run folder or a chat's answer, with the objects that a model saw.
+    """Load the plan of a plan file, run folder or chat answer, with the detected objects.
 
     Raises:
         InputError: no such file, or not a plan.
@@ -99,10 +102,10 @@ def load_proposal(path: Path) -> Proposal:
 
 
 def read_proposal(text: bytes) -> Proposal:
-    """The plan in a file's content: JSON alone, or amid a chat's prose.
+    """Read a plan from a file's content: JSON alone, or embedded in prose.
 
     Raises:
-        InputError: there is none.
+        InputError: the content has no plan.
     """
     from palpate.planning.model.answer import read_answer
 
@@ -118,10 +121,10 @@ def read_proposal(text: bytes) -> Proposal:
 
 
 def plan_file(path: Path) -> Path:
-    """The plan's file: `path` itself, or `plan.json` in a run folder.
+    """Return the file of a plan: `path` itself, or `plan.json` in a run folder.
 
     Raises:
-        InputError: there is none.
+        InputError: there is no such file.
     """
     found, lacking = path, f"there is no plan file '{path}'"
     if path.is_dir():
@@ -137,25 +140,26 @@ def _read(path: Path) -> bytes:
     return read_bytes(path, MAX_CONVERSATION, "a plan")
 
 
-# Registry of planners: palpate's own, the models, and those of other packages.
+# Registry of planners: built-in planners, models, and those of other packages.
 
 
 OWN = ("symbolic", "exhaustive")
-"""Planners whose plans are palpate's own."""
+"""Planners with plans made by palpate itself."""
 
 
 @dataclass(frozen=True, slots=True)
 class Planners:
-    """Kinds of planners by name, in the order in which they are listed."""
+    """Kinds of planners by name, in listing order."""
 
     kinds: Mapping[str, PlannerKind]
 
     def make(self, spec: str, settings: PlannerSettings | None = None) -> Planner:
-        """Make the planner that `spec` names, e.g. `symbolic`, `replay:FILE`, `openai:MODEL`.
+        """Make the planner of a `spec` such as `symbolic`, `replay:FILE` or `openai:MODEL`.
 
         Raises:
-            InputError: unknown; the message lists the valid ones.
+            InputError: the spec is unknown; the message lists the valid ones.
         """
+        # The part after the colon is the argument of the factory.
         name, _, argument = spec.partition(":")
         kind = self.kinds.get(name)
         if kind is None or not kind.accepts(spec):
@@ -165,14 +169,15 @@ class Planners:
 
 @cache
 def planners() -> Planners:
-    """Palpate's own planners and everything in the entry-point group `palpate.planners`.
+    """Return palpate's planners and those of the entry-point group `palpate.planners`.
 
-    An entry point names a module; every public planner class and every public `PlannerKind` in it
-    is registered under its name. Palpate's own names cannot be taken.
+    An entry point names a module. Every public planner class and every public `PlannerKind` in it
+    is registered under its name. Built-in names cannot be replaced.
 
     Raises:
-        InputError: an entry point's module cannot be loaded; the message names it.
+        InputError: the module of an entry point cannot be loaded; the message names it.
     """
+    # Built-in kinds come first, so that `setdefault` keeps them.
     own = [
         PlannerKind("symbolic", _symbolic),
         PlannerKind("exhaustive", _exhaustive),
@@ -181,6 +186,7 @@ def planners() -> Planners:
     for provider in PROVIDERS:
         own.append(PlannerKind(provider, partial(_model, provider), "MODEL", optional=True))
     kinds = {kind.name: kind for kind in own}
+    # Other packages add kinds, but do not replace built-in ones.
     for module in extensions("palpate.planners"):
         for kind in offered_kinds(module):
             kinds.setdefault(kind.name, kind)
@@ -188,10 +194,11 @@ def planners() -> Planners:
 
 
 def offered_kinds(module: ModuleType) -> Iterator[PlannerKind]:
-    """Planners that are public in another package's module."""
+    """Yield the public planners of another package's module."""
     for thing in public(module):
         if isinstance(thing, PlannerKind):
             yield thing
+        # A planner class is wrapped in a factory without arguments.
         elif isinstance(thing, type) and is_planner(thing):
             name: str = vars(thing)["name"]
             yield PlannerKind(name, partial(_without_arguments, thing))
@@ -202,7 +209,7 @@ def is_planner(cls: type) -> TypeGuard[type[Planner]]:
     return isinstance(vars(cls).get("name"), str) and callable(getattr(cls, "plan", None))
 
 
-# Factories import the planner that they make, so that a command loads no other.
+# Factories. Each imports its planner on demand, so that a command loads no other.
 
 
 def _without_arguments(cls: type[Planner], argument: str, settings: PlannerSettings) -> Planner:

@@ -1,4 +1,4 @@
-"""Check of a plan before anything moves: its rules, their order, and estimated poses."""
+"""Check of a plan before any motion: rules, their order, and estimated poses."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ class Rule:
 
     Attributes:
         id: name in findings.
-        asks: requirement on a plan, in words for people and models alike.
-        about: part of a plan that it judges.
-        recipe: it prescribes a method of measurement, not safety, economy or form; the lean prompt
-            leaves that to the model.
+        asks: requirement on a plan, in words for people and models.
+        about: part of a plan that the rule tests.
+        recipe: the rule prescribes a method of measurement rather than safety, economy or form. The
+            lean prompt leaves recipes to the model.
     """
 
     id: str
@@ -117,20 +117,27 @@ CATALOGUE: Mapping[str, Rule] = {
     **{id: Rule(id, asks, "parameters") for id, asks in _PARAMETERS.items()},
     **{id: Rule(id, asks, recipe=id in _RECIPES) for id, asks in {**_FORM, **_ACTIONS}.items()},
 }
-"""Every rule by its id, in the order in which people and models read them."""
+"""All rules by id, in the order of presentation to people and models."""
 
 
-# Poses that a run estimates: the whole plan must pass the check for every place in their regions.
+# Estimated poses: the whole plan must pass the check at every place in their regions.
 
 
 def unpassable_regions(
     case: CheckedPlan, walk: Walk, reachable: Reach | None = None
 ) -> Iterator[Finding]:
-    """Findings on a tree that `walk` has judged at the believed poses: one for every pose whose
-    region does not pass as a whole."""
+    """Yield a finding for every estimated pose with a region that does not pass as a whole.
+
+    Args:
+        case: the plan under check.
+        walk: the walk over the tree at the believed poses.
+        reachable: replaces the arm's inverse kinematics.
+    """
     assert case.scene is not None
     symbols = case.scene.symbols
+    # Between two estimated poses the path is unknown, so a known pose must come between.
     for action in walk.actions:
+        # Both ends estimated: the check cannot bound the path.
         start, goal = (symbols.found_out(at or "") for at in (action.before.at, action.after.at))
         if start is not None and goal is not None and start != goal:
             message = (
@@ -138,10 +145,13 @@ def unpassable_regions(
                 f"them; MovePose to '{symbols.subjects[goal]}_pose + z_offset' first"
             )
             yield Finding.of(action.path, "unknown-start", message)
-    # A fault at the believed pose is reported already: only rules broken elsewhere in the region count.
+    # A fault at the believed pose is reported already. Only rules that break elsewhere in the
+    # region count.
     known = {(finding.path, finding.rule) for finding in all_findings(case, walk)}
+    # Walk over the plan again with each pose placed along its line, up to the first new fault.
     for name, line in estimated_poses(case).items():
         for place in line.places():
+            # One new fault per pose is enough.
             other = Walk.over(case, reachable, {name: place})
             added = (f for f in all_findings(case, other) if (f.path, f.rule) not in known)
             if (found := next(added, None)) is not None:
@@ -156,10 +166,11 @@ def unpassable_regions(
 
 
 def estimated_poses(case: CheckedPlan) -> dict[str, PoseLine]:
-    """Poses of the plan that a run estimates, with the line on which each may be."""
+    """Return the estimated poses of the plan, each with the line of its possible places."""
     lines: dict[str, PoseLine] = {}
     symbols = case.scene.symbols if case.scene is not None else None
     for primitive in case.form.primitives.values():
+        # Only MovePose goes to an estimated pose.
         if symbols is not None and isinstance(primitive, MovePose):
             name = symbols.found_out(primitive.pose)
             if name is not None:
@@ -168,14 +179,14 @@ def estimated_poses(case: CheckedPlan) -> dict[str, PoseLine]:
 
 
 def all_findings(case: CheckedPlan, walk: Walk) -> list[Finding]:
-    """Findings of a walk, and on what it leaves displaced."""
+    """Return the findings of a walk, including objects that are displaced at its end."""
     displaced = [
         Finding.of(path, "not-restored", m) for path, m in objects_displaced_at_end(case, walk)
     ]
     return [*walk.findings, *displaced]
 
 
-# Check of a plan before it may move anything, whatever its author.
+# The check itself, for plans of any author.
 
 
 __all__ = ["MAX_FINDINGS", "PLAN_RULES", "RULES", "WALK_RULES", "Finding", "check"]
@@ -206,7 +217,7 @@ WALK_RULES: Mapping[str, Callable[[CheckedPlan, Walk], Iterable[Fault]]] = {
 """Rules on the symbolic states of a plan, by id."""
 
 COMPLETE_RULES = ("redundant", "undischarged", "gripper-at-end", "not-restored")
-"""Rules that can be judged only where every action can be read."""
+"""Rules that apply only if every action is readable."""
 
 REJECTION_RULES: Mapping[str, Callable[[CheckedPlan], Iterable[Fault]]] = {
     "no-explanation": static_rules.no_explanation,
@@ -229,29 +240,33 @@ def check(
     words: Vocabulary | None = None,
     repeated: bool = False,
 ) -> tuple[Finding, ...]:
-    """Check a plan; return its findings, empty when it may run.
+    """Check a plan; return its findings, empty if it may run.
 
     Args:
         plan: the plan of any author.
-        scene: the scene that it runs in; without one only the grammar is checked.
-        remeasure: allows quantities that the scene states to be measured.
-        requested: the parameters that the plan must measure, no more and no fewer.
+        scene: the scene of the run; without one only the grammar is checked.
+        remeasure: allows measurement of quantities that the scene states.
+        requested: the exact set of parameters that the plan must measure.
         reachable: replaces the arm's inverse kinematics.
-        words: the vocabulary that the plan may use, by default the installed one.
-        repeated: allows a parameter to be measured several times.
+        words: the permitted vocabulary; the installed one by default.
+        repeated: allows several measurements of one parameter.
     """
     asked = tuple(requested) if requested is not None else None
     case = CheckedPlan(plan, words or vocabulary(), scene, remeasure, asked, repeated)
     found: list[Finding] = []
+    # Test the text of the plan first: this needs no scene.
     for id, rule in (REJECTION_RULES if plan.tree is None else PLAN_RULES).items():
         found += [Finding.of(path, id, message) for path, message in rule(case)]
+    # Without a tree there is nothing to walk over.
     if plan.tree is None:
         return tuple(found)
+    # Walk over the symbolic states, then apply the rules on whole plans.
     if scene is not None:
         walk = Walk.over(case, reachable)
         found += walk.findings
         found += () if walk.full else unpassable_regions(case, walk, reachable)
         for id, judged in WALK_RULES.items() if not walk.full else ():
+            # Rules on complete plans need every action to be readable.
             if not (walk.unread and id in COMPLETE_RULES):
                 found += [Finding.of(path, id, message) for path, message in judged(case, walk)]
     return tuple(dict.fromkeys(found))[:MAX_FINDINGS]

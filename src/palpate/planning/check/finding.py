@@ -1,4 +1,4 @@
-"""Subject and findings of the check."""
+"""Plan under check, and findings of the check."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from palpate.scene.scene import Scene
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A violation with its place in the plan (`tree.children[3]`)."""
+    """Violation with its path in the plan (`tree.children[3]`)."""
 
     path: str
     violation: Violation
 
     @classmethod
     def of(cls, path: str, rule: str, message: str) -> Finding:
-        """Make a finding of a rule of whole plans."""
+        """Make a finding of a rule on whole plans."""
         return cls(path, Violation(rule, message))
 
     @property
@@ -44,12 +44,12 @@ class Finding:
 
 @dataclass(frozen=True, eq=False)
 class Form:
-    """Nodes of a tree by path, each leaf made into its primitive where its arguments fit.
+    """Nodes of a tree by path, with the primitives of its leaves.
 
     Attributes:
         nodes: all nodes, depth first.
-        primitives: the primitives of the leaves.
-        refused: the errors of leaves whose arguments do not fit.
+        primitives: the primitives of leaves with valid arguments.
+        refused: the errors of leaves with invalid arguments.
     """
 
     nodes: Mapping[str, Node]
@@ -58,11 +58,12 @@ class Form:
 
     @classmethod
     def of(cls, tree: Node | None, words: Vocabulary) -> Form:
-        """Read a tree; the form is empty without one."""
+        """Read a tree; without one the form is empty."""
         nodes = dict(tree.walk()) if tree is not None else {}
         primitives: dict[str, Primitive] = {}
         refused: dict[str, ValidationError | TypeError] = {}
         for path, node in nodes.items():
+            # An invalid argument becomes a finding later, so keep its error here.
             if node.type in words.primitives:
                 try:
                     primitives[path] = words.make(node.type, dict(node.args))
@@ -71,9 +72,10 @@ class Form:
         return cls(nodes, primitives, refused)
 
     def owners(self, path: str) -> dict[str, list[str]]:
-        """Paths, relative to `path`, of the leaves below it that move, by claimed resource."""
+        """Return the moving leaves below `path` by claimed resource, as relative paths."""
         found: dict[str, list[str]] = {}
         for where, primitive in self.primitives.items():
+            # Only leaves strictly below the path count.
             if where.startswith(f"{path}."):
                 for resource in sorted(primitive.claims):
                     found.setdefault(resource, []).append(where.removeprefix(f"{path}."))
@@ -82,15 +84,15 @@ class Form:
 
 @dataclass(frozen=True, eq=False)
 class CheckedPlan:
-    """Plan under check, with the scene and the request that it is checked against.
+    """Plan under check, with the scene and the request for comparison.
 
     Attributes:
         plan: the plan.
-        words: the vocabulary that the plan may use.
-        scene: the scene that it runs in; None to check the grammar alone.
-        remeasure: allows quantities that the scene states to be measured.
-        requested: the parameters that the plan must measure, no more and no fewer; None for any.
-        repeated: allows a parameter to be measured several times, for a narrower interval.
+        words: the permitted vocabulary.
+        scene: the scene of the run; None to check the grammar alone.
+        remeasure: allows measurement of quantities that the scene states.
+        requested: the exact set of parameters that the plan must measure; None for any.
+        repeated: allows several measurements of one parameter, for a narrower interval.
     """
 
     plan: Plan
@@ -107,24 +109,27 @@ class CheckedPlan:
 
     @property
     def unclear(self) -> bool:
-        """True if a parameter names an unknown object or quantity: the plan's aim is unknown then."""
+        """True if a parameter names an unknown object or quantity, so the aim of the plan is
+        unknown.
+        """
         return any(not self.exists(parameter) for parameter in self.plan.parameters)
 
     def iter_parameters(self) -> Iterator[tuple[str, Parameter]]:
-        """Parameters of the plan, with their paths."""
+        """Yield the parameters of the plan with their paths."""
         for i, parameter in enumerate(self.plan.parameters):
             yield f"parameters[{i}]", parameter
 
     def exists(self, parameter: Parameter) -> bool:
-        """True if the catalogue has the quantity and the scene the object."""
+        """True if the catalogue has the quantity and the scene has the object."""
         quantity = catalogue().get(parameter.quantity)
         if quantity is None or self.scene is None or not quantity.identifiable:
             return quantity is not None
+        # The gripper is no body of the scene, but has quantities.
         hand = parameter.object == GRIPPER == quantity.subject
         return hand or parameter.object in self.scene.bodies
 
     def is_of_its_kind(self, parameter: Parameter) -> bool:
-        """True if this kind of object carries the quantity; both must exist."""
+        """True if this kind of object has the quantity; both must exist."""
         quantity = catalogue()[parameter.quantity]
         if self.scene is None or parameter.object not in self.scene.bodies:
             return True
@@ -137,16 +142,16 @@ class CheckedPlan:
         return parameter.quantity in self.scene.bodies[parameter.object].known
 
 
-# Findings as lines of text, those with one cause and one remedy together.
+# Findings as lines of text, grouped by cause and remedy.
 
 
 SHOWN = 4
-"""Further places that one line names."""
+"""Maximum number of further paths in one line."""
 _OBSTACLE = re.compile(r" into ('[^']+')")
 
 
 def digest(findings: Iterable[Finding]) -> list[str]:
-    """A line for each cause, with all places where it is found, in the order of the findings."""
+    """Return one line per cause with all its paths, in the order of the findings."""
     groups: dict[Hashable, list[Finding]] = {}
     for finding in findings:
         groups.setdefault(cause(finding), []).append(finding)
@@ -154,8 +159,9 @@ def digest(findings: Iterable[Finding]) -> list[str]:
 
 
 def cause(finding: Finding) -> Hashable:
-    """Key of what mends a finding: the object to be carried away, else its rule and message."""
+    """Return the key of a remedy: the object to be carried away, else rule and message."""
     problem, _, remedy = finding.message.partition("; ")
+    # Collisions with one object have one remedy: carry it away.
     obstacle = _OBSTACLE.search(problem)
     if obstacle is not None and "carry it " in remedy:
         return obstacle[1]
@@ -163,10 +169,11 @@ def cause(finding: Finding) -> Hashable:
 
 
 def line(finding: Finding, paths: Iterable[str]) -> str:
-    """A finding with the other paths at which it is found."""
+    """Format a finding with its further paths."""
     others = [path for path in dict.fromkeys(paths) if path != finding.path]
     text = f"{finding.path}, {finding.rule}: {finding.message}"
     if not others:
         return text
+    # Limit the number of listed paths.
     more = f" and {len(others) - SHOWN} more" if len(others) > SHOWN else ""
     return f"{text} (the same at {', '.join(others[:SHOWN])}{more})"

@@ -16,19 +16,19 @@ from palpate.primitives.registry import acquisition
 from palpate.primitives.rules.clearance import needed_away
 
 SHOWN = 4
-"""Leaves that one message names."""
+"""Maximum number of leaves in one message."""
 SEVERAL = 3
-"""Nodes with the same strange argument that one message tells of."""
+"""Minimum number of nodes with the same undeclared argument for a common message."""
 
 Fault = tuple[str, str]
 """Path in the plan, and message with a remedy."""
 
 
 def unknown_parameter(case: CheckedPlan) -> Iterator[Fault]:
-    """Parameters name objects or surfaces of the scene and quantities of the catalogue."""
+    """Require objects of the scene and quantities of the catalogue."""
     for path, parameter in case.iter_parameters():
         if parameter.quantity not in catalogue():
-            # A word of a request ("weight") is a better guess than a similar spelling.
+            # A synonym in a request ("weight") is a better guess than a similar spelling.
             meant = catalogue().meant(parameter.quantity)
             guess = (
                 f" did you mean '{meant}'?" if meant else perhaps(parameter.quantity, catalogue())
@@ -43,17 +43,19 @@ def unknown_parameter(case: CheckedPlan) -> Iterator[Fault]:
 
 
 def unmeasurable(case: CheckedPlan) -> Iterator[Fault]:
-    """A parameter is a quantity that can be measured of its object."""
+    """Require quantities that can be measured of their object."""
     for path, parameter in case.iter_parameters():
         quantity = catalogue().get(parameter.quantity)
         if quantity is None:
             continue
+        # No primitive measures this quantity for any object.
         if not quantity.identifiable:
             yield (
                 path,
                 f"{parameter} cannot be measured: {quantity.how}; remove it and say so in the "
                 "explanation",
             )
+        # Some primitive measures it, but not for this kind of body.
         elif case.scene is not None and not case.is_of_its_kind(parameter):
             subject, role = (
                 f"an {noun}" if noun[0] in "aeiou" else f"a {noun}"
@@ -67,7 +69,7 @@ def unmeasurable(case: CheckedPlan) -> Iterator[Fault]:
 
 
 def duplicate_parameter(case: CheckedPlan) -> Iterator[Fault]:
-    """A parameter is listed once."""
+    """Require that a parameter is listed once."""
     seen: set[Parameter] = set()
     for path, parameter in case.iter_parameters():
         if parameter in seen:
@@ -76,9 +78,10 @@ def duplicate_parameter(case: CheckedPlan) -> Iterator[Fault]:
 
 
 def check_request(case: CheckedPlan) -> Iterator[Fault]:
-    """The parameters are those requested, no more and no fewer."""
+    """Require exactly the requested parameters."""
     if case.requested is None:
         return
+    # Missing parameters first, then superfluous ones.
     for parameter in case.requested:
         if parameter not in case.plan.parameters:
             yield "parameters", f"{parameter} is requested and missing; measure it too"
@@ -88,10 +91,10 @@ def check_request(case: CheckedPlan) -> Iterator[Fault]:
 
 
 def known_parameter(case: CheckedPlan) -> Iterator[Fault]:
-    """The scene does not state a parameter, unless it is measured again."""
+    """Require that the scene does not state a parameter, unless it is measured again."""
     if case.scene is None or case.remeasure:
         return
-    # Where the author decides what the request asks for, also whether it asks for it again.
+    # An author who interprets the request may also decide on repeated measurements.
     again = "" if case.requested is not None else ', or mark it "again": true if R wants it anew'
     for path, parameter in case.iter_parameters():
         quantity = catalogue().get(parameter.quantity)
@@ -110,7 +113,7 @@ def known_parameter(case: CheckedPlan) -> Iterator[Fault]:
 
 
 def unknown_primitive(case: CheckedPlan) -> Iterator[Fault]:
-    """Every node's type is a primitive or composite of the vocabulary."""
+    """Require a primitive or composite of the vocabulary for every node."""
     names = [*case.words.primitives, *case.words.composites]
     for path, node in case.form.nodes.items():
         if node.type not in names:
@@ -119,7 +122,8 @@ def unknown_primitive(case: CheckedPlan) -> Iterator[Fault]:
 
 
 def bad_argument(case: CheckedPlan) -> Iterator[Fault]:
-    """A leaf's arguments are those its primitive declares, of the declared types; composites have none."""
+    """Require the declared arguments and types of a leaf; composites have no arguments."""
+    # Report an undeclared argument of several nodes once, at the first of them.
     strange = {name: paths for name, paths in strange_arguments(case) if len(paths) >= SEVERAL}
     for name, paths in strange.items():
         shown = ", ".join(paths[:SHOWN]) + (" …" if len(paths) > SHOWN else "")
@@ -127,12 +131,14 @@ def bad_argument(case: CheckedPlan) -> Iterator[Fault]:
             paths[0],
             f"'{name[:40]}' is no argument of the {len(paths)} nodes that have it ({shown}); leave it out",
         )
+    # Report the other invalid arguments node by node.
     for path, node in case.form.nodes.items():
         told = {name for name, paths in strange.items() if path in paths}
         if path in case.form.refused:
             for problem in argument_problems(case, node.type, case.form.refused[path], told):
                 yield path, problem
         elif node.type in case.words.composites:
+            # A composite takes children and a name only.
             given = ", ".join(repr(key[:40]) for key, _ in node.args if key not in told)
             meant = "" if node.children else "; did you mean 'children'?"
             if given:
@@ -140,12 +146,15 @@ def bad_argument(case: CheckedPlan) -> Iterator[Fault]:
 
 
 def strange_arguments(case: CheckedPlan) -> Iterable[tuple[str, list[str]]]:
-    """Arguments that nodes have and do not declare, with the paths of the nodes; those of a node that
-    lacks another are left out, as they may be misspelt."""
+    """Return undeclared arguments with the paths of their nodes.
+
+    Nodes that lack another argument are left out, because the name may be misspelt.
+    """
     found: dict[str, list[str]] = {}
     for path, node in case.form.nodes.items():
         refused = case.form.refused.get(path)
         names: list[str] = []
+        # A leaf: pydantic reports each undeclared argument as `extra_forbidden`.
         if isinstance(refused, ValidationError):
             problems = refused.errors(include_url=False)
             if all(problem["type"] != "missing" for problem in problems):
@@ -161,16 +170,17 @@ def strange_arguments(case: CheckedPlan) -> Iterable[tuple[str, list[str]]]:
 def argument_problems(
     case: CheckedPlan, name: str, error: ValidationError | TypeError, told: Set[str] = frozenset()
 ) -> Iterator[str]:
-    """Describe the first three arguments of a primitive that do not fit, less those `told` before."""
+    """Describe the first three invalid arguments of a primitive, except those in `told`."""
     if isinstance(error, TypeError):
         yield f"the arguments of {name} have no proper names"
         return
+    # List the declared arguments with their descriptions in every message.
     fields = case.words.primitives[name].model_fields
     takes = ", ".join(f"'{field}' ({info.description})" for field, info in fields.items())
     every = error.errors(include_url=False)
     problems = [one for one in every if told.isdisjoint(map(str, one["loc"][:1]))][:3]
     lacking = [str(problem["loc"][0]) for problem in problems if problem["type"] == "missing"]
-    # One argument too many and one missing: most likely it is misspelt.
+    # One undeclared argument and one missing: most likely the name is misspelt.
     misspelt = len(lacking) == 1 and any(one["type"] == "extra_forbidden" for one in problems)
     for problem in problems:
         if misspelt and problem["type"] == "missing":
@@ -182,22 +192,23 @@ def argument_problems(
 
 
 def leaf_children(case: CheckedPlan) -> Iterator[Fault]:
-    """Only composites have children."""
+    """Require that only composites have children."""
     for path, node in case.form.nodes.items():
         if node.type in case.words.primitives and node.children:
             yield path, f"{node.type} takes no children; put them beside it, in a Sequence"
 
 
 def empty_composite(case: CheckedPlan) -> Iterator[Fault]:
-    """A Sequence or Parallel has at least one child."""
+    """Require a child of every Sequence and Parallel."""
     for path, node in case.form.nodes.items():
         if node.type in case.words.composites and not node.children:
             yield path, f"an empty {node.type} does nothing; give it children or remove it"
 
 
 def one_owner(case: CheckedPlan) -> Iterator[Fault]:
-    """At most one leaf below a Parallel moves the arm, and at most one the gripper."""
+    """Require at most one leaf for the arm and one for the gripper below a Parallel."""
     for path, node in case.form.nodes.items():
+        # Leaves below a Parallel run at the same time, so a resource has one owner.
         owned = case.form.owners(path) if node.type == "Parallel" else {}
         for resource, owners in owned.items():
             if len(owners) > 1:
@@ -211,8 +222,8 @@ def one_owner(case: CheckedPlan) -> Iterator[Fault]:
 
 
 def order_of_buffers(case: CheckedPlan) -> Iterator[Fault]:
-    """A conversion comes after the sensing that fills its buffer."""
-    # With a scene, the walk judges this branch by branch of a Parallel.
+    """Require that sensing fills a buffer before its conversion."""
+    # With a scene, the walk tests this branch by branch of a Parallel.
     if case.scene is not None:
         return
     written: set[str | None] = set()
@@ -223,7 +234,7 @@ def order_of_buffers(case: CheckedPlan) -> Iterator[Fault]:
 
 
 def no_explanation(case: CheckedPlan) -> Iterator[Fault]:
-    """A plan without a tree says why."""
+    """Require an explanation of a plan without a tree."""
     if case.plan.tree is None and not case.plan.explanation.strip():
         yield (
             "explanation",
@@ -232,7 +243,7 @@ def no_explanation(case: CheckedPlan) -> Iterator[Fault]:
 
 
 def promised_without_tree(case: CheckedPlan) -> Iterator[Fault]:
-    """A plan without a tree promises no parameters."""
+    """Require that a plan without a tree has no parameters."""
     if case.plan.tree is None and case.plan.parameters:
         promised = ", ".join(str(parameter) for parameter in case.plan.parameters)
         yield (
@@ -242,18 +253,19 @@ def promised_without_tree(case: CheckedPlan) -> Iterator[Fault]:
         )
 
 
-# Rules on a plan as it would run: economy, restored scene, yielded parameters.
+# Rules on the run of a plan: economy, restored scene, measured parameters.
 
 
 def measure_no_stated_value(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
-    """Quantities that the scene states are not measured, unless measuring again is allowed."""
+    """Forbid measurements of stated quantities, unless measuring again is allowed."""
     for action, parameter in walk.conversions():
         if is_stray(parameter, case):
             yield action.path, f"{parameter} is stated by the scene; do not measure it"
 
 
 def redundant(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
-    """Each measurement and recording is made once, and a parameter needs it."""
+    """Require that each measurement and recording is made once and serves a parameter."""
+    # Conversions: each parameter once, and only those of the plan.
     made: set[Parameter] = set()
     for action, parameter in walk.conversions():
         if not is_stray(parameter, case):
@@ -265,6 +277,7 @@ def redundant(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
                     f"this yields {parameter}, which is not among the parameters; remove it",
                 )
         made.add(parameter)
+    # Recordings that serve no parameter. A slide with a finding is skipped: it will change.
     for action in unused_recordings(case, walk):
         if not walk.doubts(action.path):
             _, context = action.after.logged[-1]
@@ -277,26 +290,30 @@ def redundant(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
 
 
 def check_touches(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
-    """Only objects among the parameters are grasped, objects that block them, and tools for measuring
-    them; without parameters, one tool that the explanation names."""
+    """Allow grasps of the parameters' objects, their blockers, and tools for the measurement.
+
+    Without parameters, allow one tool that the explanation names.
+    """
     assert case.scene is not None
     if case.unclear:
         return
+    # Objects of the parameters are always allowed.
     concerned = {parameter.object for parameter in case.plan.parameters}
     grasped = [(action.path, action.grasps) for action in walk.actions if action.grasps]
     if concerned:
-        # A tool is held while a parameter of another object is measured.
+        # A tool is held during the measurement of another object.
         allowed = concerned | {
             action.before.holding
             for action, parameter in walk.conversions()
             if action.before.holding and parameter in case.plan.parameters
         }
     else:
+        # Without parameters, allow a single object that the explanation names.
         objects = {name for _, name in grasped}
         allowed = {name for name in objects if name in case.plan.explanation}
         allowed = allowed if len(objects) == 1 else set[str]()
     strange = [(path, name) for path, name in grasped if name not in allowed]
-    # The objects that block the others are costly to find: only where one is in question.
+    # The search for blockers is slow: run it only if an object is in question.
     away = needed_away(case.scene, concerned) if strange else ()
     for path, name in strange:
         if name not in away:
@@ -308,13 +325,15 @@ def check_touches(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
 
 
 def parameters_not_measured(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
-    """The tree yields every parameter."""
+    """Require that the tree yields every parameter."""
     for path, parameter in case.iter_parameters():
         quantity = catalogue().get(parameter.quantity)
         if quantity is None or not quantity.identifiable or has_measurement(parameter, walk.state):
             continue
+        # Unknown objects and wrong kinds have findings of other rules.
         if not (case.exists(parameter) and case.is_of_its_kind(parameter)):
             continue
+        # Explain the missing measurement: earlier findings, missing recordings, or the method.
         if walk.failed:
             missing = ", which may follow from the findings above"
         elif quantity.derived:
@@ -325,7 +344,7 @@ def parameters_not_measured(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
 
 
 def gripper_at_end(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
-    """At the end the gripper is empty and open."""
+    """Require an empty and open gripper at the end."""
     state = walk.state
     if state.holding:
         yield (
@@ -338,7 +357,7 @@ def gripper_at_end(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
 
 
 def objects_displaced_at_end(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
-    """At the end every object is back in its place."""
+    """Require every object at its initial pose at the end."""
     for name, pose in walk.state.displaced_objects().items():
         if name != walk.state.holding:
             x, y, z = pose.position
@@ -351,26 +370,27 @@ def objects_displaced_at_end(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
 
 
 def is_stray(parameter: Parameter, case: CheckedPlan) -> bool:
-    """True if the scene states a parameter that the plan does not promise."""
+    """True if the scene states a parameter that is not in the plan."""
     asked = case.remeasure or parameter in case.plan.parameters
     return not asked and case.is_known(parameter)
 
 
 def unused_recordings(case: CheckedPlan, walk: Walk) -> Iterator[WalkedAction]:
-    """Sensing leaves that neither a conversion nor a derived parameter needs."""
-    # A conversion reads the latest recording that its branch of the tree knows of.
+    """Yield the sensing leaves that neither a conversion nor a derived parameter needs."""
+    # A conversion reads the latest recording visible in its branch of the tree.
     paths = {id(action.after.logged[-1]): action.path for action in walk.actions if action.records}
     converted: set[str | None] = set()
     for action in walk.actions:
         if action.primitive.measures is not None:
             read = [entry for entry in action.before.logged if entry[0] == action.primitive.reads]
             converted.add(paths.get(id(read[-1])) if read else None)
-    # Evidence that an earlier recording gave already is none.
+    # Evidence that duplicates an earlier recording does not count.
     seen: set[tuple[Parameter, Piece]] = set()
     for action in walk.actions:
         if not action.records:
             continue
         evidence: set[tuple[Parameter, Piece]] = set()
+        # Collect the evidence that this recording gives to any parameter.
         for parameter in case.plan.parameters:
             piece = recorded_piece(parameter, action)
             if piece is not None:
@@ -382,12 +402,15 @@ def unused_recordings(case: CheckedPlan, walk: Walk) -> Iterator[WalkedAction]:
 
 
 def recorded_piece(parameter: Parameter, action: WalkedAction) -> Piece | None:
-    """Piece of evidence that an action records for a derived parameter, or for one whose evidence is
-    several distinct recordings."""
+    """Return the piece of evidence that an action records for a parameter, or None.
+
+    The parameter is derived, or its evidence consists of several distinct recordings.
+    """
     logged = action.after.logged[-1]
     quantity = catalogue().get(parameter.quantity)
     if quantity is None:
         return None
+    # A single recording is judged by its conversion instead.
     piece = quantity.piece(parameter, *logged)
     if piece is None or quantity.derived or quantity.evidence[piece[0]].distinct is not None:
         return piece

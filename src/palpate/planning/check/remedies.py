@@ -1,4 +1,4 @@
-"""Remedies in a finding: another motion to write, where one is found that breaks no rule."""
+"""Remedies in a finding: alternative motions that break no rule."""
 
 from __future__ import annotations
 
@@ -24,19 +24,21 @@ from palpate.scene.symbols import PoseExpression
 COLLIDING = ("blocked", "collision", "self-collision")
 """Rules that another path may satisfy."""
 HIGHER = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0)
-"""Multiples of z_offset by which a pose is tried higher."""
+"""Multiples of z_offset for higher candidate poses."""
 COMFORTABLE = (1.5, 1.1)
-"""Lengths of a proposed slide in `MIN_SLIDE`: well above the minimum, else just above it."""
+"""Multiples of `MIN_SLIDE` for a proposed slide: well above the minimum, else slightly above it."""
 SIDES = (("x_offset", 1), ("x_offset", -1), ("y_offset", 1), ("y_offset", -1))
-"""Directions of a proposed slide: along the object first."""
+"""Directions of a proposed slide; along the object first."""
 
 
 def offer_remedies(
     primitive: Primitive, before: SymbolicState, found: Sequence[Violation]
 ) -> list[Violation]:
-    """Replace the advice of collisions by a path that avoids them, where one is found. The first of
-    them names the path, the others state only what is hit."""
-    # A collision whose message orders something "first", such as opening the fingers, has its remedy.
+    """Replace the advice on collisions by a path that avoids them, if one exists.
+
+    The first collision names the path. The others only state the obstacle.
+    """
+    # A collision message with "first", such as opening the fingers first, already has a remedy.
     colliding = [
         each
         for each in found
@@ -45,6 +47,7 @@ def offer_remedies(
     path = alternative(primitive, before) if colliding else ""
     if not path:
         return list(found)
+    # Keep the statement of each problem and replace its advice.
     changed: list[Violation] = []
     for each in found:
         problem = each.message.partition("; ")[0]
@@ -57,20 +60,21 @@ def offer_remedies(
 
 
 def alternative(primitive: Primitive, before: SymbolicState) -> str:
-    """Another path to the same pose, or a pose above it, in words; empty where none is found."""
+    """Return another path to the same pose, or a higher pose, in words; empty if none exists."""
+    # Joint motions have one alternative: the home configuration.
     if isinstance(primitive, MoveJoints):
         home = MoveJoints(joints=HOME_CONFIG)
         return "" if home.violations(before) else f"write MoveJoints '{HOME_CONFIG}'"
     if not isinstance(primitive, MovePose):
         return ""
     above = raise_expression(primitive.pose, before)
-    # Up from the start and across above the goal, as low as possible; else only across.
+    # Move up from the start and across above the goal, as low as possible; else only across.
     starts = raise_expression(before.at or "", before)
     for number, across in enumerate(above):
         via = [*starts[number : number + 1], across]
         if is_free([*(MovePose(pose=pose) for pose in via), primitive], before):
             return "go over it, first: " + ", ".join(f"MovePose '{pose}'" for pose in via)
-    # Where an object is to be grasped or put down, a higher pose is no substitute.
+    # To grasp or release an object, a higher pose is no substitute.
     if before.holding:
         at_object = before.scene.symbols.subject(primitive.pose) in (before.holding, None)
     else:
@@ -82,7 +86,7 @@ def alternative(primitive: Primitive, before: SymbolicState) -> str:
 
 
 def is_free(motions: Sequence[MovePose], state: SymbolicState) -> bool:
-    """True if all the motions, one after the other, break no rule."""
+    """True if the sequence of motions breaks no rule."""
     for motion in motions:
         if motion.violations(state):
             return False
@@ -91,7 +95,7 @@ def is_free(motions: Sequence[MovePose], state: SymbolicState) -> bool:
 
 
 def raise_expression(expression: str, state: SymbolicState) -> list[str]:
-    """The same pose higher up, lowest first; none for an unknown pose expression."""
+    """Return the same pose at greater heights, lowest first; empty for an unknown pose."""
     try:
         here = state.scene.symbols.parse(expression)
     except InputError:
@@ -100,16 +104,20 @@ def raise_expression(expression: str, state: SymbolicState) -> list[str]:
 
 
 def unfelt_slide(before: SymbolicState, after: SymbolicState) -> Violation | None:
-    """Violation of a motion that drags a held object during a force log: too short, downward, off the
-    support, or across several surfaces. A lift is no slide."""
+    """Return the violation of an invalid drag during a force log, or None.
+
+    The drag is too short, downward, off the support, or across several surfaces. A lift is no
+    slide.
+    """
     start, end = before.pose_world_tcp, after.pose_world_tcp
     if before.holding is None or before.lifted or start is None or end is None:
         return None
+    # Test the slide by its descent, length, support and surfaces, in this order.
     down, travel = float(start.position[2] - end.position[2]), start.distance_to(end)
     if down > LIFTED:
         problem = f"goes {1e3 * down:.0f} mm down, into the support"
     elif slides(before, after) and travel < MIN_SLIDE:
-        # Rounded down: a slide just below the minimum must not read as the minimum.
+        # Round down: a length slightly below the minimum must not read as the minimum.
         problem = f"is {math.floor(1e4 * travel) / 10:.1f} mm long"
     elif dragged_off(before, after):
         problem = "leads off the support"
@@ -126,8 +134,9 @@ def unfelt_slide(before: SymbolicState, after: SymbolicState) -> Violation | Non
 
 
 def alternative_slide(before: SymbolicState) -> str:
-    """A level slide that breaks no rule, in words; empty where none is found."""
+    """Return a level slide that breaks no rule, in words; empty if none exists."""
     for pose in level_poses(before):
+        # The pose must pass the rules of the motion and give a valid slide.
         slide = MovePose(pose=str(pose))
         if slide.violations(before):
             continue
@@ -141,15 +150,16 @@ def alternative_slide(before: SymbolicState) -> str:
 
 
 def level_poses(state: SymbolicState) -> Iterator[PoseExpression]:
-    """Poses beside the present one at the same height, a slide away."""
+    """Yield poses at the same height, one slide length away."""
     symbols = state.scene.symbols
     try:
         here = symbols.parse(state.at or "")
     except InputError:
         return
+    # Comfortable lengths in all directions first, then lengths near the minimum.
     for length in COMFORTABLE:
         for offset, sign in SIDES:
             size = float(np.linalg.norm(symbols.offset(offset, here.name)))
-            # Tenths of an offset, rounded up.
+            # Round up to tenths of an offset.
             factor = math.ceil(10 * length * MIN_SLIDE / max(size, 1e-3)) / 10
             yield here.shift(offset, sign * factor)

@@ -1,4 +1,4 @@
-"""Walk over a tree: the symbolic state folded leaf by leaf, as a run would change it."""
+"""Walk over a tree: update of the symbolic state leaf by leaf, as in a run."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from palpate.trace.samples import FORCES
 Reach = Callable[[Pose], bool]
 
 MAX_FINDINGS = 50
-"""Findings that are reported; what comes after them is not judged."""
+"""Maximum number of reported findings; later actions are not tested."""
 
 CONSEQUENCES = (PRECONDITION, "gripper-state", "unknown-start")
-"""Rules not reported after a motion to an unknown pose: they would follow from it."""
+"""Rules that are not reported after a motion to an unknown pose, because they follow from it."""
 PATH_RULES = ("blocked", "collision", "self-collision")
-"""Rules not reported for a motion from an unreachable pose, or after a grasp that failed."""
+"""Rules that are not reported for a motion from an unreachable pose or after a failed grasp."""
 FAILING = ("buffer-unwritten", "gripper-state", PRECONDITION, "unknown-symbol")
-"""Rules that, when broken, may leave a parameter unmeasured."""
+"""Rules that may leave a parameter unmeasured when broken."""
 INDEPENDENT = ("unknown-symbol", "unreachable")
-"""Rules that an action breaks whatever came before it."""
+"""Rules that an action breaks independently of earlier actions."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WalkedAction:
-    """Leaf with the states before it and after its success."""
+    """Leaf with the states before and after its success."""
 
     path: str
     primitive: Primitive
@@ -42,7 +42,7 @@ class WalkedAction:
 
     @property
     def conversion(self) -> Parameter | None:
-        """Parameter that it converts a recording to, if any."""
+        """Parameter of its conversion, if any."""
         if not isinstance(self.primitive, ConversionPrimitive) or self.primitive.measures is None:
             return None
         subject = self.primitive.subject(self.before)
@@ -56,7 +56,7 @@ class WalkedAction:
 
     @property
     def grasps(self) -> str | None:
-        """Object that it takes into the hand."""
+        """Object that it grasps, if any."""
         held = self.after.holding
         return held if held != self.before.holding else None
 
@@ -68,8 +68,8 @@ class Walk:
     Attributes:
         case: the plan, with its tree read.
         state: the believed state after the part walked so far.
-        actions: the leaves in order, sensing branches of a Parallel before its motion.
-        findings: violations of single actions at their places.
+        actions: the leaves in order; sensing branches of a Parallel before its motion.
+        findings: violations of single actions, with paths.
     """
 
     case: CheckedPlan
@@ -77,15 +77,15 @@ class Walk:
     actions: list[WalkedAction] = field(default_factory=list[WalkedAction])
     findings: list[Finding] = field(default_factory=list[Finding])
     unread: bool = False
-    """An action could not be read: its effect is unknown."""
+    """An action is unreadable, so its effect is unknown."""
     failed: bool = False
-    """An action broke a rule of `FAILING`: missing measurements may follow from that."""
+    """An action broke a rule of `FAILING`; missing measurements may follow from it."""
     _lost: bool = False
-    """The hand was sent to an unknown pose."""
+    """The last target of the hand is an unknown pose."""
     _astray: bool = False
-    """The hand was sent to an unreachable pose."""
+    """The last target of the hand is unreachable."""
     _empty: bool = False
-    """The fingers failed to grasp."""
+    """The last grasp failed."""
 
     @classmethod
     def over(
@@ -94,8 +94,13 @@ class Walk:
         reachable: Reach | None = None,
         bound: Mapping[str, float] | None = None,
     ) -> Walk:
-        """Walk over the whole tree of a plan in its scene; `reachable` replaces the arm's inverse
-        kinematics, `bound` places the poses that a run estimates (`SymbolicState.bound`)."""
+        """Walk over the whole tree of a plan in its scene.
+
+        Args:
+            case: the plan under check.
+            reachable: replaces the arm's inverse kinematics.
+            bound: places the estimated poses (`SymbolicState.bound`).
+        """
         assert case.plan.tree is not None
         assert case.scene is not None
         walk = cls(case, SymbolicState(case.scene, reaches=reachable, bound=bound or {}))
@@ -109,28 +114,30 @@ class Walk:
 
     @property
     def leaves(self) -> Mapping[str, Primitive]:
-        """Primitives of the tree's leaves, by path."""
+        """Primitives of the leaves, by path."""
         return self.case.form.primitives
 
     def conversions(self) -> Iterator[tuple[WalkedAction, Parameter]]:
-        """Actions that convert a recording, with their parameters."""
+        """Yield the actions that convert a recording, with their parameters."""
         for action in self.actions:
             if (parameter := action.conversion) is not None:
                 yield action, parameter
 
     def doubts(self, path: str) -> bool:
-        """True if a leaf logs a slide that has a finding: its recording will be a different one."""
+        """True if a leaf logs a slide that has a finding, so its recording will change."""
         return any(
             found.rule == "short-slide" and path.startswith(f"{found.path}.")
             for found in self.findings
         )
 
     def _walk(self, path: str, node: Node) -> None:
+        # A valid leaf updates the state. Children of a leaf are not executed.
         if path in self.leaves:
             self.state = self._leaf(path, self.state)
             self.unread |= bool(node.children)
         elif not node.children and node.type not in self.case.words.composites:
             self.unread = True
+        # A Parallel with one owner per resource runs its branches together.
         elif node.type == "Parallel" and all(
             len(owners) == 1 for owners in self.case.form.owners(path).values()
         ):
@@ -140,23 +147,26 @@ class Walk:
                 self._walk(f"{path}.children[{i}]", child)
 
     def _below(self, path: str) -> list[str]:
-        """Paths of the leaves below and including `path`."""
+        """Return the paths of the leaves at and below `path`."""
         return [where for where in self.leaves if where == path or where.startswith(f"{path}.")]
 
     def _parallel(self, path: str, node: Node, before: SymbolicState) -> SymbolicState:
-        """Walk a Parallel: one branch may move; the others sense meanwhile."""
+        """Walk a Parallel: one branch may move while the others sense."""
+        # Derive the state during the motion; the sensing branches see this state.
         below = self._below(path)
         moving = [where for where in below if self.leaves[where].claims]
         try:
             meanwhile = during([self.leaves[where] for where in moving], before)
         except InputError:
             meanwhile = before  # the leaf with the unknown pose has a finding of its own
+        # Collect the sensing leaves branch by branch, then judge the moving ones together.
         branches: list[Sequence[str]] = []
         for i, _ in enumerate(node.children):
             branch = self._below(f"{path}.children[{i}]")
             branches.append([where for where in branch if where not in moving])
         self._judge_together(path, moving, before)
         after = parallel(before, meanwhile, moving, branches, self._leaf)
+        # A drag during a force log must be a valid slide.
         if any(self.leaves[where].writes == FORCES for where in below):
             violation = unfelt_slide(before, after)
             if violation is not None:
@@ -166,11 +176,12 @@ class Walk:
 
     def _judge_together(self, path: str, moving: Sequence[str], before: SymbolicState) -> None:
         """Judge leaves that move at the same time."""
-        # They overlap in time, so each is also judged as if all others had ended before it.
+        # The motions overlap in time. Judge each one also in the state after all the others.
         firsts: dict[str, SymbolicState] = {}
         for where in moving:
             primitive = self.leaves[where]
             try:
+                # State after all other motions have ended.
                 first = before
                 for other in moving:
                     if other != where:
@@ -179,7 +190,7 @@ class Walk:
             except InputError:
                 continue
             firsts[where] = first
-            # The fingers neither grasp nor release while the arm moves.
+            # The fingers neither grasp nor release during an arm motion.
             held = {end.holding for end in ends} - {before.holding}
             if len(moving) > 1 and "gripper" in primitive.claims and held:
                 name = before.holding or max(filter(None, held))
@@ -189,17 +200,20 @@ class Walk:
                 )
                 self.findings.append(Finding.of(path, "gripper-state", message))
                 return
+        # Judge each motion after the others as well.
         for where, first in firsts.items():
             self._judge(where, first)
 
     def _leaf(self, path: str, before: SymbolicState) -> SymbolicState:
         primitive = self.leaves[path]
+        # Record which rules failed, to suppress findings that only follow from them.
         broken = self._judge(path, before)
         self.failed |= not broken.isdisjoint(FAILING)
         if "arm" in primitive.claims:
             self._astray = "unreachable" in broken
         if "gripper" in primitive.claims:
             self._empty = "gripper-state" in broken and not before.holding
+        # An unknown pose leaves the hand at an unknown place.
         try:
             after = before.after(primitive)
         except InputError:
@@ -211,7 +225,11 @@ class Walk:
         return after
 
     def _judge(self, path: str, before: SymbolicState) -> set[str]:
-        """Add the findings on a leaf in a state, with remedies; return the ids of all broken rules."""
+        """Add the findings on a leaf in a state, with remedies.
+
+        Returns:
+            The ids of all broken rules, including those not reported.
+        """
         primitive = self.leaves[path]
         if self.full:
             return set()
@@ -219,17 +237,20 @@ class Walk:
             found = primitive.requires(before)  # no path leads from an unreachable pose
         else:
             found = primitive.violations(before)
+        # Suppress findings that only follow from earlier ones.
         reported = [violation for violation in found if not self._follows(primitive, violation)]
         for violation in offer_remedies(primitive, before, reported):
             self.findings.append(Finding(path, violation))
         return {violation.rule for violation in found}
 
     def _follows(self, primitive: Primitive, violation: Violation) -> bool:
-        """True if a violation may follow from an earlier fault: it is reported once that is mended."""
+        """True if a violation may follow from an earlier fault; it is not reported then."""
         if violation.rule in INDEPENDENT:
             return False
+        # The state itself is unknown: any violation may follow from it.
         if self.unread or (self._lost and violation.rule in CONSEQUENCES):
             return True
+        # A conversion without its recording may follow from a failed recording.
         converts = isinstance(primitive, ConversionPrimitive)
         if self.failed and converts and violation.rule == PRECONDITION:
             return True
@@ -238,28 +259,29 @@ class Walk:
 
 
 def evidence_amount(parameter: Parameter, state: SymbolicState) -> int:
-    """Pieces of evidence for `parameter` in a state; all that are needed after its conversion."""
+    """Number of pieces of evidence for `parameter`; the full number after its conversion."""
     quantity = state.scene.catalogue[parameter.quantity]
+    # A conversion uses all the evidence that it needs.
     if parameter in state.converted:
         return max(sum(evidence.count for evidence in quantity.evidence), 1)
     return len(quantity.pieces(parameter, state.logged)) if quantity.derived else 0
 
 
 def useful_evidence(parameter: Parameter, state: SymbolicState) -> int:
-    """Pieces of evidence for `parameter` beyond which more do not improve its estimate."""
+    """Number of pieces of evidence above which the estimate does not improve."""
     quantity = state.scene.catalogue[parameter.quantity]
     return sum(max(evidence.count, evidence.better) for evidence in quantity.evidence)
 
 
 def has_measurement(parameter: Parameter, state: SymbolicState) -> bool:
-    """True if `parameter` is converted, or derived from recordings that are complete."""
+    """True if `parameter` is converted, or derivable from complete recordings."""
     quantity = state.scene.catalogue[parameter.quantity]
     derivable = quantity.derived and quantity.is_evidenced(parameter, state.logged)
     return parameter in state.converted or derivable
 
 
 def lacking(parameter: Parameter, state: SymbolicState) -> list[str]:
-    """Recordings that a derived `parameter` still needs, in words, with the number of each so far."""
+    """Name the recordings that a derived `parameter` still needs, with their counts so far."""
     quantity = state.scene.catalogue[parameter.quantity]
     kinds = Counter(kind for kind, _ in quantity.pieces(parameter, state.logged))
     return [
