@@ -1,4 +1,4 @@
-"""Contact during motions: forces, waiting, guarded spans, lowering and sliding."""
+"""Contact during motions: contact detection, settling, guarded spans, lowering and sliding."""
 
 from __future__ import annotations
 
@@ -20,30 +20,46 @@ from palpate.robots.sheet import Reflex, Reflexes
 
 SETTLED_SPEED = 0.003  # m/s
 CREEPING = 0.01
-"""rad/s: the elbow of an arm with a faster joint still moves, though the TCP rests. Friction turns round with
-it, and where the arm is folded near its base, that changes the sensed force by newtons. At rest an FR3 reports
-up to 0.004 rad/s (a recording at 1 kHz)."""
+"""rad/s. An arm with a faster joint still moves its elbow, although the TCP is at rest.
+
+The joints' friction reverses with that motion. If the arm is folded near its base, the sensed force
+then changes by newtons. At rest an FR3 reports up to 0.004 rad/s (a recording at 1 kHz).
+"""
 DWELL = 0.3
-"""s at rest until a motion counts as settled where the wrench is compared with an earlier one; windows
-at rest also feed the estimators."""
-BRIEF = 0.1  # s, likewise, where nothing is compared
+"""s at rest after which the arm counts as settled, if its wrench is compared with an earlier one.
+
+The estimators also use the samples of this window.
+"""
+BRIEF = 0.1  # s at rest after which the arm counts as settled, if no wrench is compared
 SETTLE_LIMIT = 3.0  # s
-MEDIAN_TIME = 0.06  # s that the ticks of a median wrench take
+MEDIAN_TIME = 0.06  # s, duration of the ticks of a median wrench
 MET = 8.0
-"""N: change of the contact force that is a contact; five times the effect of the joints' friction and
-the sensors' bias as the arm sets out."""
+"""N, change of the contact force that counts as a contact.
+
+It is five times the effect of joint friction and sensor bias at the start of a motion.
+"""
 SETTING_OUT = (0.2, 0.4)
-"""s from the begin of a probe in which it sets out: then the arm no longer swings, and its joints'
-friction has reversed."""
+"""s after the start of a probe: begin and end of its start phase.
+
+The arm no longer swings then, and its joints' friction has reversed.
+"""
 GROWS = 1.0
-"""N by which the reaction force grows meanwhile in contact: at 12 mm/s a rigid body presses by 3.6 N
-more on springs of 3000 N/m, and one of 600 N/m by 0.7 N."""
+"""N, growth of the reaction force during the start phase that counts as contact.
+
+At 12 mm/s and an arm stiffness of 3000 N/m, a rigid body presses by 3.6 N more, and a body of
+600 N/m by 0.7 N.
+"""
 DRIFT = np.array([20.0, 20.0, 20.0, 60.0, 60.0, 60.0])
-"""N/m and N m/m, largest change of the free-air wrench with position: one and a half times that of an
-uncalibrated arm (gains, links, friction; 12 arms, 15 N/m and 40 N m/m)."""
+"""N/m and N m/m, largest gradient of the free-air wrench with position.
+
+It is 1.5 times that of an uncalibrated arm: 15 N/m and 40 N m/m over 12 arms, due to gains,
+links and friction.
+"""
 DRIFT_MOST = np.array([1.5, 1.5, 1.5, 6.0, 6.0, 6.0])
-"""N and N m, its largest change altogether: the same, over 0.1 m. A soft body is pressed by so much more
-than a threshold at most."""
+"""N and N m, largest total change of the free-air wrench: the drift of an uncalibrated arm over 0.1 m.
+
+A soft body is pressed by at most this much more than a threshold.
+"""
 
 
 class WrenchFilter:
@@ -59,13 +75,15 @@ class WrenchFilter:
         self._ticks: deque[Array] = deque(maxlen=SUSTAINED)
 
     def now(self) -> Array:
-        """(6,) median of the last ticks; to be called once a tick. nan in the first ones, which
-        neither exceeds nor falls below any threshold."""
+        """Update and return the median (6,) of the last ticks; to be called once a tick.
+
+        It is nan in the first ticks: nan neither exceeds nor falls below any threshold.
+        """
         self._ticks.append(self._robot.state.contact)
         if len(self._ticks) < SUSTAINED:
             return np.full(6, np.nan)
         a, b, c = self._ticks
-        # The median of three; np.median takes ten times as long.
+        # Median of three: max(min(a, b), min(max(a, b), c)). np.median takes ten times as long.
         wrench = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
         if np.isnan(self.first).any():
             self.first = wrench
@@ -75,8 +93,8 @@ class WrenchFilter:
 class FreeAir:
     """Baseline of a probe's wrench in free air; updated once a tick.
 
-    At first it is the wrench at rest. On the way the joints' friction adds a step, and the wrench
-    drifts with position. A contact comes later than the step, and grows more steeply than the drift.
+    At first it is the wrench at rest. During motion, joint friction adds a step, and the wrench drifts
+    with position. A contact comes later than the step, and grows more steeply than the drift.
 
     Attributes:
         wrench: (6,) in the convention of `palpate.trace`; nan before the first tick.
@@ -91,7 +109,7 @@ class FreeAir:
 
     @property
     def known(self) -> bool:
-        """True once the arm has set out."""
+        """True after the start phase of the motion."""
         return self._under_way is not None
 
     def follow(self, wrench: Array) -> None:
@@ -102,7 +120,7 @@ class FreeAir:
         if since > SETTING_OUT[1]:
             if self._under_way is None:
                 self._under_way = self.wrench = self._start_wrench()
-            # Follow the wrench no faster than free air can drift, and no farther.
+            # Follow the wrench, limited by the gradient and the total drift of free air.
             most = DRIFT * here.distance_to(self._at)
             drifted = self.wrench + np.clip(wrench - self.wrench, -most, most)
             total = np.clip(drifted - self._under_way, -DRIFT_MOST, DRIFT_MOST)
@@ -112,10 +130,11 @@ class FreeAir:
         self._at = here
 
     def _start_wrench(self) -> Array:
-        """(6,) median wrench as the arm set out, unless it grew, as in contact."""
+        """Median wrench (6,) of the start phase; the wrench at rest if it grew as in contact."""
         wrenches = self._setting_out
         if not wrenches:
             return self.wrench
+        # Growth along the motion, between the two halves of the start phase.
         half = len(wrenches) // 2
         grown = np.median(wrenches[half:], axis=0) - np.median(wrenches[: half + 1], axis=0)
         if abs(grown[:3] @ self._direction) > GROWS:
@@ -124,7 +143,7 @@ class FreeAir:
 
 
 def median_wrench(blackboard: Blackboard) -> Generator[float | None, None, Array]:
-    """Wait for some ticks; (6,) the median wrench meanwhile."""
+    """Wait for `SUSTAINED` ticks and return their median wrench (6,)."""
     wrenches: list[Array] = []
     for _ in range(SUSTAINED):
         wrenches.append(blackboard.robot.state.contact)
@@ -133,7 +152,7 @@ def median_wrench(blackboard: Blackboard) -> Generator[float | None, None, Array
 
 
 def settle(blackboard: Blackboard, dwell: float = DWELL) -> Wait:
-    """Wait until the arm, its elbow too, has been at rest for `dwell` s.
+    """Wait until all joints and the TCP have been at rest for `dwell` s.
 
     Raises:
         LeafFailure: it does not come to rest.
@@ -147,8 +166,10 @@ def settle(blackboard: Blackboard, dwell: float = DWELL) -> Wait:
 
 
 def _last_motion_time(blackboard: Blackboard) -> float:
-    """Robot time, s, at which the arm last moved, by its state and the samples since the last tick; -inf where it
-    rested."""
+    """Robot time, s, of the last motion in the state and in the samples since the last tick.
+
+    -inf if the arm was at rest.
+    """
     state, rows = blackboard.robot.state, blackboard.recorder.newest
     if np.linalg.norm(state.twist[:3]) > SETTLED_SPEED or np.abs(state.dq).max() > CREEPING:
         return state.t
@@ -165,15 +186,18 @@ def finish(blackboard: Blackboard) -> Wait:
 
 
 def never() -> bool:
-    """Return False: always near enough to touch something."""
+    """Return False: a contact is always possible."""
     return False
 
 
 def wait_for_contact(
     blackboard: Blackboard, touching: Callable[[], bool], far: Callable[[], bool] = never
 ) -> Generator[float | None, None, bool]:
-    """Wait until the arm's motion is in contact, and hold it there; False when the motion ended
-    first. As long as it is `far` from touching, what the arm feels is soon enough to look."""
+    """Wait until the arm's motion is in contact, and hold it there.
+
+    Returns False if the motion ended first. While it is `far` from a contact, the next tick may wait
+    for an event of the robot.
+    """
     yield
     while not touching():
         if not blackboard.robot.state.moving:
@@ -184,7 +208,7 @@ def wait_for_contact(
 
 
 def in_words(force: Array) -> str:
-    """A force (3,), N, by size and main direction: `12 N downwards`."""
+    """A force (3,), N, as text with size and main direction: `12 N downwards`."""
     size = float(np.linalg.norm(force))
     names = (("+x", "-x"), ("+y", "-y"), ("upwards", "downwards"))
     axis = int(np.abs(force).argmax())
@@ -192,46 +216,61 @@ def in_words(force: Array) -> str:
     return f"{size:.0f} N {direction}"
 
 
-# Contact during a straight motion: guarded spans, lowering onto a support, sliding along it.
+# Contact during straight motions: guarded spans, lowering, sliding.
 
 
 SET_DOWN = 10.0
-"""N that a held object presses on its support, besides its weight, when it counts as set down."""
+"""N in addition to its weight with which a held object presses on its support when set down."""
 DOWN = np.array([0.0, 0.0, -1.0])  # World axes
 LOWERINGS = 3  # Largest number of times that an object without full support is lowered further
 WAVERS = 0.4  # N by which the sensed force of an arm at rest fluctuates
 CREEPS = 1.0
-"""N by which that force changes within 0.1 s while the posture of an arm, folded near its base, creeps on
-after a motion."""
-CREEPINGS = 5  # Largest number of times that its end is waited for
-PRESSES = 1.0  # N above the least measurable force, at first: enough must remain once the arm rests
+"""N, change of that force within 0.1 s which shows that the arm still creeps.
+
+The posture of an arm that is folded near its base creeps on after a motion.
+"""
+CREEPINGS = 5  # Largest number of waits for the end of the creep
+PRESSES = (
+    1.0  # N, first press above the least measurable force: enough remains with the arm at rest
+)
 PEAK = 1.4
-"""Largest normal force on a slide over the pressing force: the arm presses while it sets out and changes
-its speed (21.3 N for 15 N, simulated FR3, friction 1)."""
-CONTACT_SPEED = 0.02  # m/s, wherever contact is present or possible
+"""Largest ratio of the normal force on a slide to the commanded pressing force.
+
+The arm presses harder while it starts and changes its speed (21.3 N for 15 N, simulated FR3,
+friction 1).
+"""
+CONTACT_SPEED = 0.02  # m/s, speed in contact or where contact is possible
 FIRMLY = 0.8
-"""Part of the force that would turn an object between the pads that a slide may take: pads creep."""
-LIGHTLY = 3.0  # N, least pressing force, lest a slide lifts the dragged object
+"""Fraction of the force that would turn an object between the pads which a slide may use.
+
+The margin is needed since pads creep.
+"""
+LIGHTLY = 3.0  # N, least pressing force: with less, a slide could lift the dragged object
 PRESSED = (
     (0.0, LIGHTLY, CONTACT_SPEED),
     (0.5, 15.0, CONTACT_SPEED),
     (1.0, LIGHTLY, 2.0 * CONTACT_SPEED),
 )
-"""Parts of a slide: its end as a share, the pressing force, N, and the largest speed, m/s. The normal
-force is resolved by the torque sensors, and rises and falls, so that the arm's own friction, or a pull
-along the way like a spring's, is not taken for friction; the two speeds likewise for viscous friction."""
+"""Parts of a slide: end as a share of the path, pressing force, N, and largest speed, m/s.
+
+The torque sensors resolve this normal force. It rises and falls, so that the arm's friction, or a
+pull along the path like that of a spring, is not taken for friction of the object. Two speeds
+separate viscous friction.
+"""
 
 
 def span_reflex(of: Reflexes, span: PathSpan, holding: str | None, sets_down: bool) -> Reflex:
-    """Thresholds of the arm's reflex on a span. A held object may press as it is lifted or set
-    down."""
+    """Thresholds of the arm's reflex on a span.
+
+    A held object may press on its support while it is lifted or set down.
+    """
     if span.guarded and (sets_down or leaves(span.start, span.end)):
         return replace(of.probing, load=of.carrying.load)
     return of.carrying if holding else of.free
 
 
 def follow_free(blackboard: Blackboard, span: PathSpan, left: float) -> Wait:
-    """Wait until a motion under way has passed a span with nothing near."""
+    """Wait until the current motion has passed a span with no body near."""
     fastest = blackboard.scene.arm.pace.speed
     yield
     while not _is_past(blackboard, span, left):
@@ -241,24 +280,26 @@ def follow_free(blackboard: Blackboard, span: PathSpan, left: float) -> Wait:
 def wait_guarded_span(
     blackboard: Blackboard, span: PathSpan, left: float, sets_down: bool, goal: str
 ) -> Generator[float | None, None, bool]:
-    """Wait until a motion under way has passed a guarded span, which `left` m follow: True when the
-    held object is set down on its support, which ends the motion.
+    """Wait until the current motion has passed a guarded span, with `left` m of path behind the span.
+
+    Returns True if the held object is set down on its support, which ends the motion.
 
     Raises:
         LeafFailure: any other contact; the arm still presses on it.
     """
     robot, filtered, scene = blackboard.robot, WrenchFilter(blackboard.robot), blackboard.scene
-    # Joints that turn round on the way, in a lift or as the elbow sways, rub the other way: that is no contact.
+    # Joints that reverse, in a lift or as the elbow sways, reverse their friction: that is no contact.
     least = max(MET, mistaken_force(scene.arm, robot.state.q))
     fastest = speed(span, scene)
     yield
     while not _is_past(blackboard, span, left):
         wrench = filtered.now()
         change = wrench - filtered.first
-        # Friction of the joints may keep newtons in either reference; what presses shows in both.
+        # Joint friction may bias either reference by newtons. A press shows in both.
         if sets_down and min(-blackboard.load.borne(wrench), -change[2]) > SET_DOWN:
             robot.hold()
             return True
+        # A contact is the part of the change that the motion does not explain.
         met = change[:3] - _explained_force(blackboard, change, sets_down, span)
         if np.linalg.norm(met) > least:
             before = 1e3 * (left + robot.state.pose_world_tcp.distance_to(span.end))
@@ -277,13 +318,15 @@ def _is_past(blackboard: Blackboard, span: PathSpan, left: float) -> bool:
 
 
 def _soonest(blackboard: Blackboard, span: PathSpan, left: float, fastest: float) -> float:
-    """s after which a motion of at most `fastest` m/s may have passed a span, at the earliest; the end of a motion is
-    noticed anyway."""
+    """Earliest time, s, at which a motion of at most `fastest` m/s may have passed a span.
+
+    inf for the last span: the end of a motion is an event in any case.
+    """
     return _ahead(blackboard, span) / fastest if left > 0.0 else np.inf
 
 
 def _ahead(blackboard: Blackboard, span: PathSpan) -> float:
-    """m of a span that a motion has not passed."""
+    """Length, m, of a span that the commanded target has not passed."""
     gone = blackboard.robot.state.target_world_tcp.distance_to(span.start)
     return span.start.distance_to(span.end) - gone
 
@@ -291,10 +334,11 @@ def _ahead(blackboard: Blackboard, span: PathSpan) -> float:
 def _explained_force(
     blackboard: Blackboard, change: Array, sets_down: bool, span: PathSpan
 ) -> Array:
-    """(3,) N, part of a change of the wrench (6,) that belongs to the motion."""
+    """Part (3,), N, of a change of the wrench (6,) that the motion itself explains."""
     lift = float(change[2])
     if sets_down:
-        # An object that has turned in the pads presses with one end first, and rubs there.
+        # An object that has turned in the pads presses with one end first. Its support resists
+        # there with a sideways force up to the largest friction.
         pressed = max(-lift, 0.0)
         sideways = float(np.linalg.norm(change[:2]))
         rubs = min(1.0, ROUGHEST * pressed / max(sideways, 1e-9))
@@ -302,28 +346,35 @@ def _explained_force(
     if not leaves(span.start, span.end):
         return np.zeros(3)
     if blackboard.state.holding is None:
-        return change[:3]  # the hand pressed on what it leaves
+        return change[:3]  # the hand pressed on the body that it leaves
     heaviest = blackboard.robot.limits.payload * blackboard.robot.gravity
     return np.array([0.0, 0.0, min(max(lift, 0.0), heaviest)])
 
 
 def lower(blackboard: Blackboard, goal: str) -> Wait:
-    """Lower a held object until its support bears it: the arm sags, and fingers that press slip. The
-    arm's last sag before it rests may relieve the support again, or the friction of a folded arm's
-    joints seem to: so repeat, each time with twice the press. That is a contact which is meant to be: friction of
-    joints that turn round beside it may look like more than carrying explains."""
+    """Lower a held object until its support carries its weight.
+
+    The arm sags, and fingers that press slip. The last sag before the arm rests may unload the
+    support again. The joint friction of a folded arm may look like that too. So repeat, each time
+    with twice the press. The contact is intended: `lifted` is false meanwhile, since reversed joint
+    friction may exceed the forces that carrying explains.
+
+    Raises:
+        LeafFailure: no support carries the object within `POSE_ERROR` below.
+    """
     before = blackboard.state
     for lowering in range(LOWERINGS):
         yield from _rest(blackboard)
         if blackboard.load.too_much((yield from median_wrench(blackboard)), WAVERS) is None:
             return
+        # Go down slowly until the support carries the load, pressing twice as hard each time.
         pressed = PRESSES * 2**lowering
         borne = partial(_is_borne, blackboard.load, WrenchFilter(blackboard.robot), pressed)
         blackboard.robot.move_axis(DOWN, GUARDED_SPEED, POSE_ERROR)
         blackboard.state = replace(before, lifted=False)
         try:
             stands = yield from wait_for_contact(blackboard, borne)
-        finally:  # a stop that comes meanwhile has to lower it
+        finally:  # a stop during this motion has to lower the object
             blackboard.state = before
         if not stands:
             raise LeafFailure(
@@ -333,12 +384,13 @@ def lower(blackboard: Blackboard, goal: str) -> Wait:
 
 
 def _rest(blackboard: Blackboard) -> Wait:
-    """Wait until the arm is at rest, and so is the force on it."""
+    """Wait until the arm is at rest, and the force on it constant."""
     for _ in range(CREEPINGS):
         forces: list[float] = []
         for _ in settle(blackboard):
             forces.append(float(blackboard.robot.state.contact[2]))
             yield
+        # Compare the medians of the last two thirds: creep changes the force in between.
         third = max(len(forces) // 3, 1)
         earlier, later = np.median(forces[-2 * third : -third]), np.median(forces[-third:])
         if abs(later - earlier) < CREEPS:
@@ -346,8 +398,10 @@ def _rest(blackboard: Blackboard) -> Wait:
 
 
 def _is_borne(load: FingerLoad, filtered: WrenchFilter, pressed: float) -> bool:
-    """True if a support bears the whole load. A light load is `pressed` on it, N, as its weight alone
-    would not be measurable."""
+    """True if a support carries the whole load.
+
+    A light load is pressed on it with `pressed` N, as its weight alone would not be measurable.
+    """
     wrench = filtered.now()
     if not load.borne(wrench) < 0.0:
         return False
@@ -355,11 +409,13 @@ def _is_borne(load: FingerLoad, filtered: WrenchFilter, pressed: float) -> bool:
 
 
 def slide(blackboard: Blackboard, target: Pose, most: float) -> Wait:
-    """Drag the held object along its support to a pose at `most` m/s, pressed lightly, firmly, and
-    lightly again."""
+    """Drag the held object along its support to a pose, at `most` m/s at most.
+
+    The arm presses lightly, firmly, and lightly again (`PRESSED`).
+    """
     robot = blackboard.robot
     start, weight = robot.state.target_world_tcp, _weight(blackboard)
-    # More force than the roughest support resists with is a collision.
+    # A larger sideways force than the roughest support exerts is a collision.
     normal = PEAK * max(force for _, force, _ in PRESSED) + weight
     sideways = BREAKAWAY * ROUGHEST * normal + MET
     blackboard.set_reflex(replace(robot.limits.reflexes.contact, sideways=sideways))
@@ -367,11 +423,12 @@ def slide(blackboard: Blackboard, target: Pose, most: float) -> Wait:
     safe = max(CONTACT_SPEED, speed(PathSpan(start, target, True), blackboard.scene))
     fastest = min(safe, most)
     for share, force, pace in PRESSED:
-        # Dragged harder, the object would turn between the pads: then press less, down to taking
-        # half of its weight off its support.
+        # A larger drag would turn the object between the pads. Then press less, down to unloading
+        # the support of half the object's weight.
         load = blackboard.load
         bearable = FIRMLY * most_sideways(blackboard.state, way) / load.rough
         pressed = min(force, max(bearable - weight, -0.5 * load.weight))
+        # The target lies below the support by force over stiffness.
         down = pressed / blackboard.scene.arm.stiffness.translation
         here = Pose(start.position + share * way - [0.0, 0.0, down], target.quaternion)
         robot.move_pose(here, min(pace, fastest))
@@ -385,7 +442,7 @@ def slide(blackboard: Blackboard, target: Pose, most: float) -> Wait:
 
 
 def drag(blackboard: Blackboard) -> Generator[float | None, None, Array]:
-    """Wait until the commanded motion has ended; (6,) the wrench right before."""
+    """Wait until the commanded motion has ended, and return the wrench (6,) right before."""
     filtered = WrenchFilter(blackboard.robot)
     yield
     wrench = filtered.now()

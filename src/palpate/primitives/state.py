@@ -20,7 +20,7 @@ from palpate.scene.scene import Scene
 from palpate.trace.recording import Activity, Context
 
 PRECONDITION = "precondition"
-"""Rule of all requirements of a primitive that have no rule of their own."""
+"""Default rule of a primitive's requirements."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,17 +45,19 @@ class Violation:
         return self.message
 
 
-# The symbolic state: beliefs of a plan, or a run, about the cell between two leaves.
+# The symbolic state: beliefs of a plan or a run about the cell between two leaves.
 
 
 T = TypeVar("T")
 
 HOME_CONFIG = "home_config"  # The joint configuration from which every pose is reached safely
 SINKING = 0.05
-"""m above the TCP up to which a top counts as below the hand: the error of believed heights, which a
-contact corrects."""
-RESTORED_POSITION = 0.005  # m from where an object was found up to which it counts as restored
-SAGS = 0.01  # m and rad between an arm's reported pose and that of its joint angles, at most
+"""m. A top up to this height above the TCP counts as below the hand.
+
+It is the error of believed heights, which a contact corrects.
+"""
+RESTORED_POSITION = 0.005  # m, position error at which an object counts as restored
+SAGS = 0.01  # m and rad, largest difference of the reported pose from that of the joint angles
 SAME_POSE = 1e-4  # m and rad up to which two poses are equal
 
 
@@ -77,27 +79,27 @@ class StateChange(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class SymbolicState:
-    """Immutable; `replace` makes the next one.
+    """Immutable symbolic state; `replace` makes the next one.
 
     Attributes:
         scene: the believed cell at rest.
         at: pose expression or joint configuration last reached.
         pose_world_tcp: pose of the TCP; None before the first motion of a plan.
-        joints: (7,) rad, the joint configuration last moved to as such; None at a pose, whose
-            configuration the controller chooses.
+        joints: (7,) rad, target of the last joint motion; None at a pose, whose configuration the
+            controller chooses.
         gripper: state of the fingers.
         holding, grasp: held object, and the pose expression where it was grasped.
         pose_tcp_object: the held object's pose in the TCP frame.
         lifted: the held object is clear of its support.
         contact: surface or object touched by the last guarded motion, until the arm moves on.
         moved: poses of objects away from where the scene has them.
-        activity: activity that a recording started now would have.
+        activity: activity of a recording that starts now.
         buffers: the context in which each buffer was last written.
         logged: every recording so far, `(buffer, context)`.
         converted: parameters that a conversion has measured.
-        reaches: whether the arm reaches a pose of the TCP (world); None for its own inverse
+        reaches: test of the arm's reach for a pose of the TCP (world); None for the scene's inverse
             kinematics.
-        bound: m along its line, of every pose bound in the run (`Symbols.lines`).
+        bound: m along its line, for every pose bound in the run (`Symbols.lines`).
         beliefs: poses that touch has corrected, by body.
     """
 
@@ -138,7 +140,7 @@ class SymbolicState:
         Raises:
             InputError: it goes to an unknown pose.
         """
-        # The primitive is kept with the result, so that its id stays its own.
+        # The primitive is kept with the result, so that no other object gets its id.
         found = self._next.get(id(primitive))
         if found is None:
             found = self._next[id(primitive)] = (primitive, primitive.effects(self))
@@ -152,7 +154,7 @@ class SymbolicState:
         return found[1]
 
     def standing(self, q: Array, pose_world_tcp: Pose) -> SymbolicState:
-        """State with the arm where it reports to be, at `q` (7,), rad, if that was unknown."""
+        """State with the arm at its reported joint angles `q` (7,), rad, if its pose was unknown."""
         if self.pose_world_tcp is not None:
             return self
         return replace(self, pose_world_tcp=pose_world_tcp, joints=q)
@@ -184,14 +186,14 @@ class SymbolicState:
         return self.moved.get(name) or self.scene.body(name).pose_world
 
     def placing(self, name: str, pose: Pose) -> Mapping[str, Pose]:
-        """`moved` with an object at a pose; without it where the scene has it there."""
+        """`moved` with an object at a pose; without the object at its pose in the scene."""
         moved = {**self.moved, name: pose}
         if pose.digits == self.scene.body(name).pose_world.digits:
             del moved[name]
         return moved
 
     def raised(self, surface: str, top: float) -> SymbolicState:
-        """State with the top of a surface at world z `top`, m, and all that stands on it with it."""
+        """State with the top of a surface at world z `top`, m, and the bodies on it raised with it."""
         rises = risen(self.scene, surface, top, self.pose_of)
         moved = {
             name: pose.translate((0.0, 0.0, rises.get(name, 0.0)))
@@ -200,13 +202,13 @@ class SymbolicState:
         return replace(self, scene=raise_surface(self.scene, surface, top), moved=moved)
 
     def learn_parameter(self, parameter: Parameter, value: tuple[float, ...]) -> SymbolicState:
-        """State once a parameter has been measured: see `scene.raised.learned`."""
+        """State after a parameter was measured; a height raises the bodies on its surface."""
         if moves(self.scene, parameter):
             return self.raised(parameter.object, value[0])
         return replace(self, scene=apply_measurement(self.scene, parameter, value))
 
     def belief_of(self, name: str) -> Belief | None:
-        """Belief in the pose of a body, where it is now; None where nothing says how sure its pose is."""
+        """Belief in the current pose of a body; None if its pose has no stated uncertainty."""
         known, covariance = self.beliefs.get(name), self.scene.body(name).covariance
         if known is None and covariance is not None:
             seen = (self.scene.as_given or self.scene).body(name)
@@ -216,8 +218,10 @@ class SymbolicState:
     def touched(
         self, name: str, means: Means, along: Array, point: Array, apart: float, pushed: float = 0.0
     ) -> SymbolicState:
-        """State once a body was touched, see `Belief.touched`: what is not held stands where it is believed now, and
-        with it the poses that belong to it."""
+        """State after a body was touched; see `Belief.touched`.
+
+        A body that is not held gets the corrected pose, and its named poses move with it.
+        """
         before = self.belief_of(name)
         if before is None:
             return self
@@ -225,6 +229,7 @@ class SymbolicState:
         state = replace(self, beliefs={**self.beliefs, name: after})
         if name == self.holding:
             return state
+        # Move the body in the scene by the step from the earlier belief to the later one.
         moved = {one: after.pose if one == name else pose for one, pose in self.moved.items()}
         step = after.placed @ before.placed.inverse()
         scene = correct_body(self.scene, name, step, after.covariance)
@@ -232,7 +237,7 @@ class SymbolicState:
 
     @property
     def tcp(self) -> Pose:
-        """Pose of the TCP where it must be known."""
+        """Pose of the TCP, which must be known."""
         assert self.pose_world_tcp is not None
         return self.pose_world_tcp
 
@@ -241,13 +246,14 @@ class SymbolicState:
         """True after a joint motion, False at a pose."""
         if self.joints is None or self.pose_world_tcp is None:
             return False
+        # The pose agrees with the joint angles up to the arm's sag.
         bent = pose_of_joints(self.scene, self.joints)
         there = self.pose_world_tcp
         return bent.distance_to(there) < SAGS and bent.angle_to(there) < SAGS
 
     @property
     def q(self) -> Array | None:
-        """(7,) rad, joint angles; None before the first motion of a plan, and out of reach."""
+        """(7,) rad, joint angles; None before the first motion of a plan, or out of reach."""
         if self.is_bent or self.pose_world_tcp is None:
             return self.joints
         return solids(self.scene).configuration(self.pose_world_tcp)
@@ -262,7 +268,7 @@ class SymbolicState:
         return tuple(entry for entry in self.placed if entry[0] != name)
 
     def without(self, name: str | None) -> SymbolicState:
-        """State with the object `name` where the scene has it, and nothing in the hand."""
+        """State with the object `name` at its pose in the scene, and an empty hand."""
         moved = {other: pose for other, pose in self.moved.items() if other != name}
         return replace(self, moved=moved, holding=None, pose_tcp_object=None)
 
@@ -280,9 +286,13 @@ class SymbolicState:
         )
 
     def beside(self, start: Array, end: Array, margin: float) -> list[Body]:
-        """Bodies, but the held object, that may be within `margin` m of the line between two points
-        (3,), world, seen from above, in document order: a quick bound, by circles about them."""
+        """Bodies that may be within `margin` m of a line, seen from above, in document order.
 
+        The line goes from `start` to `end` (3,), world. Circles about the bodies bound them, and the
+        held object is left out.
+        """
+
+        # Positions (b, 2) and radii (b,) of all bodies, once for each arrangement.
         def compute() -> tuple[list[Body], Array, Array]:
             still, bodies = self.without(self.holding), list(self.scene.bodies.values())
             spots = np.array([still.pose_of(body.name).position[:2] for body in bodies])
@@ -291,7 +301,7 @@ class SymbolicState:
         key = ("spots", *self.others(self.holding))
         bodies, spots, reaches = solids(self.scene).get_or_compute(key, compute)
         along, apart = (end - start)[:2], spots - start[:2]
-        # The nearest point of the line.
+        # Distance of each body's centre from the nearest point of the line.
         share = np.clip(apart @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
         apart = apart - share[:, None] * along
         near = np.hypot(apart[:, 0], apart[:, 1]) <= reaches + margin
@@ -299,13 +309,16 @@ class SymbolicState:
         return [body for body in found if body.name != self.holding]
 
     def object_at(self, pose_world_tcp: Pose | None) -> Body | None:
-        """Object that closing the fingers at a pose would grasp: the one between the pads nearest
-        to their middle; None for an unknown pose."""
+        """Object that the fingers would grasp at a pose: the one nearest to their middle.
+
+        None if no object is between the pads, or for an unknown pose.
+        """
         if pose_world_tcp is None:
             return None
         pose = pose_world_tcp
 
         def compute() -> Body | None:
+            # Test the contact of the pads only for objects within the fingers' opening.
             near = self.beside(pose.position, pose.position, self.scene.arm.hand.opening)
             names = {self.holding, *(body.name for body in near)}
             grips = [
@@ -313,25 +326,27 @@ class SymbolicState:
                 for body in self.scene.objects.values()
                 if body.name in names
             ]
-            # Of two in one place, which is a fault of a plan, the first of the scene.
+            # Two objects in one place are an error of the plan: take the first one of the scene.
             between = [(round(abs(held.aside), 6), body) for body, held in grips if held]
             return min(between, key=lambda one: one[0], default=(0.0, None))[1]
 
         return solids(self.scene).get_or_compute(("between", pose.digits, *self.placed), compute)
 
     def grip_of(self, body: Body, pose_world_tcp: Pose) -> Grip | None:
-        """Contact of the pads with an object at this pose of the TCP; None where it is not between
-        them."""
+        """Contact of the pads with an object at this pose of the TCP; None if it is not between them."""
         pose_tcp_object = pose_world_tcp.inverse() @ self.pose_of(body.name)
         return grip(solids(self.scene), body.name, pose_tcp_object)
 
     def surface_below(self, pose_world_tcp: Pose | None) -> Body | None:
-        """First believed contact of a guarded descent from a pose, a surface or an object's top; None
-        for an unknown pose."""
+        """Surface or object that a guarded descent from a pose would touch first.
+
+        None for an unknown pose, or with no body below.
+        """
         if pose_world_tcp is None:
             return None
         x, y, z = pose_world_tcp.position.tolist()
         met, highest = None, -np.inf
+        # The highest top below the TCP, with the tolerance `SINKING`.
         for body in self.beside(pose_world_tcp.position, pose_world_tcp.position, 0.0):
             if body.name == self.holding or not body.covers(x, y, self.pose_of(body.name)):
                 continue
@@ -345,7 +360,7 @@ class SymbolicState:
         return body.top_z(self.pose_of(body.name))
 
     def after_drag(self) -> SymbolicState:
-        """State once the held object was dragged: see `Belief.dragged`."""
+        """State after the held object was dragged; see `Belief.after_drag`."""
         belief = None if self.holding is None else self.belief_of(self.holding)
         if self.holding is None or belief is None:
             return self
@@ -353,17 +368,17 @@ class SymbolicState:
 
     @property
     def seen(self) -> dict[str, Belief]:
-        """Belief in the pose of every object of which something says how sure it is."""
+        """Beliefs in the poses of all objects with a stated uncertainty, by name."""
         found = {name: self.belief_of(name) for name in self.scene.objects}
         return {name: belief for name, belief in found.items() if belief is not None}
 
     def elsewhere(self) -> dict[str, Pose]:
-        """Poses of the objects that do not stand where the scene as given has them."""
+        """Poses of the objects that are not at their poses in the scene as given."""
         felt = {name: self.pose_of(name) for name, one in self.beliefs.items() if one.is_moved}
         return felt | self.displaced_objects()
 
     def displaced_objects(self) -> dict[str, Pose]:
-        """Objects away from where the scene has them, with their poses."""
+        """Poses of the objects that the plan moved by more than `RESTORED_POSITION`, by name."""
         return {
             name: pose
             for name, pose in self.moved.items()
@@ -371,7 +386,7 @@ class SymbolicState:
         }
 
     def wrote(self, buffer: str) -> SymbolicState:
-        """State after a sensing leaf filled `buffer` in the present context."""
+        """State after a sensing leaf filled `buffer` in the current context."""
         context = self.context()
         return replace(
             self,
@@ -386,7 +401,7 @@ def pose_of_joints(scene: Scene, joints: Array) -> Pose:
 
 
 def during(moving: Iterable[StateChange], state: SymbolicState) -> SymbolicState:
-    """State while `moving` run, in which a sensing leaf beside them records."""
+    """State while `moving` run: the context of a sensing leaf in the same Parallel."""
     for primitive in moving:
         state = primitive.during(state)
     return state
@@ -404,6 +419,7 @@ def parallel(
     `fold` gives the state after one leaf. The order in which branches end makes no difference: each
     adds its changes.
     """
+    # Fold the leaves that move, then add the changes of each sensing branch.
     now = before
     for leaf in moving:
         now = fold(leaf, now)
@@ -419,6 +435,7 @@ def merge_states(now: SymbolicState, base: SymbolicState, after: SymbolicState) 
     """`now` with the changes from `base` to `after`: leaves in a Parallel overlap in time."""
     if after is base:
         return now
+    # Compare by identity: unchanged fields are the same objects.
     changes: dict[str, Any] = {}
     for name in (one.name for one in fields(SymbolicState) if one.init):
         old, new = getattr(base, name), getattr(after, name)
@@ -428,7 +445,7 @@ def merge_states(now: SymbolicState, base: SymbolicState, after: SymbolicState) 
 
 
 def _join_field(now: Any, old: Any, new: Any) -> Any:
-    # Keep what others added meanwhile to buffers, logs, conversions and moved objects.
+    # Keep entries that other branches added to buffers, logs, conversions and moved objects.
     if isinstance(new, Mapping):
         entries = cast(Mapping[str, object], new)
         added = {key: value for key, value in entries.items() if old.get(key) is not value}

@@ -1,6 +1,6 @@
-"""Arrangement: all that stands still around the arm, with bounding boxes for the broad phase.
+"""Arrangement: all static shapes around the arm, with bounding boxes for the broad phase.
 
-Whatever moves is first compared with these boxes, for a whole motion at once; exact distances are
+Moving shapes are first compared with these boxes, for a whole motion at once. Exact distances are
 measured only where boxes meet.
 """
 
@@ -18,7 +18,7 @@ from palpate.primitives.rules.solids import Solids, solids
 from palpate.primitives.state import SymbolicState
 
 HIGHER = "higher"
-"""Kind of the parts of objects on a surface of unknown height, as high as they may be."""
+"""Kind of the raised copies of objects on a surface of unknown height."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,6 +56,7 @@ class Arrangement:
         """Box the shapes at their poses."""
         turns, geoms = frames.rotations[0], [part.geom for part in parts]
         middles, halves = (boxes[geoms] for boxes in shapes.boxes)
+        # Axis-aligned box of a rotated box: centre R c + p, half extents |R| h.
         middles = frames.positions[0] + np.einsum("kij,kj->ki", turns, middles)
         halves = np.einsum("kij,kj->ki", np.abs(turns), halves)
         return cls(tuple(parts), frames, middles, halves)
@@ -76,6 +77,7 @@ class Arrangement:
 
     def select(self, kept: NDArray[np.intp]) -> Arrangement:
         """Some of the shapes, by number."""
+        # Keep parts, frames and boxes in the same order.
         numbers: list[int] = kept.tolist()
         frames = Frames(self.frames.positions[:, kept], self.frames.rotations[:, kept])
         parts = tuple(self.parts[i] for i in numbers)
@@ -83,6 +85,7 @@ class Arrangement:
 
     def near(self, low: Array, high: Array) -> NDArray[np.bool_]:
         """(m, k) mask of the shapes whose boxes meet each of m boxes from `low` to `high` (m, 3), m."""
+        # Two axis-aligned boxes overlap if their intervals overlap along all three axes.
         lowest, highest = self._ends
         above, below = lowest <= high.T[:, :, None], highest >= low.T[:, :, None]
         return np.asarray((above & below).all(axis=0))
@@ -96,7 +99,11 @@ class Arrangement:
 
 
 def arrangement(state: SymbolicState, higher: Mapping[str, float]) -> Arrangement:
-    """All that is neither part of the arm nor held; objects are also placed `higher` by so many m."""
+    """All static shapes: neither part of the arm, except its base, nor held.
+
+    Each object in `higher` also appears a second time, raised by that many m.
+    """
+    # Cache the whole arrangement, and its selection without the held object.
     shapes, held = solids(state.scene), state.holding
     key = ("arrangement", *state.others(held), *sorted(higher.items()))
     whole = shapes.get_or_compute(key, lambda: _arrangement(shapes, state.without(held), higher))
@@ -106,6 +113,7 @@ def arrangement(state: SymbolicState, higher: Mapping[str, float]) -> Arrangemen
 
 
 def _arrangement(shapes: Solids, state: SymbolicState, higher: Mapping[str, float]) -> Arrangement:
+    # Fixed shapes first, then each object, and its raised copy where it may be higher.
     parts = [ShapePart(geom, "", shapes.owners[geom]) for geom in shapes.fixed.geoms]
     there = [shapes.standing]
     for name in state.scene.objects:

@@ -1,4 +1,4 @@
-"""Clearance of straight motions by boxes, and paths of the arm and hand."""
+"""Clearance of straight motions by oriented boxes, and sampled paths of the arm and hand."""
 
 from __future__ import annotations
 
@@ -27,15 +27,20 @@ Numbers = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Boxes:
-    """Oriented boxes in the world: centres (n, 3), axes (n, 3, 3) as columns, half extents (n, 3),
-    m."""
+    """Oriented boxes in the world.
+
+    Attributes:
+        centres: (n, 3), m.
+        axes: (n, 3, 3), unit axes as columns.
+        halves: (n, 3), half extents, m.
+    """
 
     centres: Array
     axes: Array
     halves: Array
 
     def at(self, positions: Array) -> Boxes:
-        """The boxes of a frame at each of some positions (m, 3) of it."""
+        """Copies of the boxes, their frame moved to each of `positions` (m, 3): m n boxes."""
         count = len(positions)
         centres = (positions[:, None] + self.centres).reshape(-1, 3)
         return Boxes(centres, np.tile(self.axes, (count, 1, 1)), np.tile(self.halves, (count, 1)))
@@ -43,17 +48,18 @@ class Boxes:
     def overlap(self, others: Boxes, margin: float) -> NDArray[np.bool_]:
         """Mask over `others` (m,): boxes nearer than `margin` to any of these.
 
-        Separating axis theorem: two boxes are apart if their projections are on one of 15 axes, the
-        three of each box and the nine cross products.
+        Separating axis theorem: two boxes are disjoint if their projections on one of 15 axes are.
+        The axes are the three of each box and the nine cross products.
         """
         # Bounding spheres rule out most pairs.
         apart = others.centres - self.centres[:, None]
         reach = _radii(self.halves)[:, None] + _radii(others.halves) + max(margin, 0.0)
         i, j = np.nonzero(np.einsum("ijk,ijk->ij", apart, apart) < reach**2)
         found = np.zeros(len(others.centres), dtype=np.bool_)
+        # The six face normals come first: they separate most of the remaining pairs.
         faces = np.concatenate([self.axes[i], others.axes[j]], axis=2)
         i, j = self._overlapping_pairs(others, margin, i, j, faces)
-        if len(i):  # seldom: the normals of faces separate most
+        if len(i):  # rare: the face normals separate most pairs
             edges = np.cross(self.axes[i][:, :, :, None], others.axes[j][:, :, None], axis=1)
             _, j = self._overlapping_pairs(others, margin, i, j, edges.reshape(len(i), 3, 9))
         found[j] = True
@@ -63,6 +69,7 @@ class Boxes:
         self, others: Boxes, margin: float, i: Numbers, j: Numbers, axes: Array
     ) -> tuple[Numbers, Numbers]:
         """Select the pairs `i` and `j` (n,) that none of their axes (n, 3, k) separates."""
+        # Compare the projected half extents with the projected distance of the centres.
         radius = _project_boxes(axes, self.axes[i], self.halves[i] + margin)
         radius += _project_boxes(axes, others.axes[j], others.halves[j])
         distance = np.abs(np.einsum("nik,ni->nk", axes, others.centres[j] - self.centres[i]))
@@ -89,10 +96,12 @@ def is_vertical(start: Pose, end: Pose) -> bool:
 def box_hits(
     state: SymbolicState, start: Pose, end: Pose, ignoring: Collection[str] = (), margin: float = 0
 ) -> list[str]:
-    """Objects that the hand, or the held object, would run into on the TCP's straight motion from
-    `start` to `end` (world), in document order; the hand keeps `margin` m."""
+    """Objects that the hand or the held object would hit on a straight motion, in document order.
+
+    The TCP goes from `start` to `end` (world). The hand keeps `margin` m.
+    """
     ends = (start.digits, end.digits)
-    # There and back is one volume, unless the tool turns on the way.
+    # Both directions sweep the same volume, unless the tool turns on the way.
     ends = tuple(sorted(ends)) if start.angle_to(end) < SAME_TURN else ends
     load = state.pose_tcp_object and state.pose_tcp_object.digits
     key = ("boxes", *ends, frozenset(ignoring), margin, state.holding, load)
@@ -108,6 +117,7 @@ def _box_hits(
     names = [name for name in _nearby(state, start, end) if name not in ignoring]
     if not names:
         return []
+    # Sample the motion at most `SPACING` apart, and test the hand's boxes at all samples.
     travel = float(np.linalg.norm(end.position - start.position))
     samples = max(2, int(np.ceil(travel / SPACING)) + 1)
     positions = np.linspace(start.position, end.position, samples)
@@ -115,6 +125,7 @@ def _box_hits(
     found = _hand(state.scene, end.rotation).at(positions).overlap(there, margin)
     held = state.pose_tcp_object
     if state.holding is not None and held is not None:
+        # The held object is tested by its bounding box in the same way.
         turned = Pose(np.zeros(3), end.quaternion) @ held
         load = _boxes([(state.scene.body(state.holding), turned)]).at(positions)
         found |= load.overlap(there, -TOUCH)
@@ -122,11 +133,12 @@ def _box_hits(
 
 
 def _nearby(state: SymbolicState, start: Pose, end: Pose) -> Iterator[str]:
-    """Objects near enough to a motion to be hit at all, by bounding spheres."""
+    """Objects within reach of a motion, by bounding spheres."""
     held = 2 * state.scene.body(state.holding).reach if state.holding else 0.0
     hand = state.scene.arm.hand
     points_down = end.rotation[2, 2] < -0.99
     depth = hand.depth if points_down else hand.breadth + hand.height
+    # An object below the lowest point of hand and load cannot be hit.
     lowest = min(float(start.position[2]), float(end.position[2])) - held - depth
     for body in state.beside(start.position, end.position, hand.breadth + held):
         top = float(state.pose_of(body.name).position[2]) + body.reach
@@ -156,8 +168,10 @@ def straddled_object(state: SymbolicState, pose_world_tcp: Pose | None) -> str |
 
 
 def blockers(state: SymbolicState, name: str, approach: Pose, work: Pose) -> list[str]:
-    """Objects to clear away before the gripper can go from `approach` down to `work` on `name` and,
-    if that is an object, lift it."""
+    """Objects to clear away before the gripper can go from `approach` down to `work` on `name`.
+
+    For an object, lifting it must be free as well.
+    """
     down = box_hits(state, approach, work, ignoring=(name,), margin=TOUCH)
     if name not in state.scene.objects:
         return down
@@ -166,7 +180,7 @@ def blockers(state: SymbolicState, name: str, approach: Pose, work: Pose) -> lis
 
 
 def needed_away(scene: Scene, names: Iterable[str]) -> set[str]:
-    """Objects that block one of `names`, or another blocker."""
+    """Objects that block one of `names` or another blocker: the transitive closure of `blockers`."""
     state, found, queue = SymbolicState(scene), set[str](), list(names)
     while queue:
         name = queue.pop()
@@ -182,7 +196,7 @@ def needed_away(scene: Scene, names: Iterable[str]) -> set[str]:
     return found
 
 
-# Paths of the arm, the hand and the fingers, sampled at moments.
+# Sampled paths of the arm, the hand and the fingers.
 
 
 STEP = 0.02  # m between two moments of a path
@@ -200,8 +214,8 @@ class ArmPath:
         widths: (n,) m between the fingers.
         q: (n, 7) rad; None where only the hand matters.
         links: poses of the arm's links, where they are computed already.
-        key: of the way, for caches; empty without one.
-        forth: the same path in the other direction, where this is the way back of a path with a key.
+        key: cache key of the path; empty without one.
+        forth: the path of the opposite direction, if this path was made by reversing it.
     """
 
     positions: Array
@@ -220,6 +234,7 @@ class ArmPath:
     def rotations(self) -> Array:
         """(n, 3, 3) of the TCP."""
         out = np.empty((self.count, 9))
+        # Most motions keep the orientation: convert its quaternion once.
         if (self.quaternions == self.quaternions[0]).all():
             mujoco.mju_quat2Mat(out[0], self.quaternions[0])
             out[1:] = out[0]
@@ -256,11 +271,15 @@ class ArmPath:
 
 
 def hand_path(solids: Solids, start: Pose, end: Pose, width: float, step: float = STEP) -> ArmPath:
-    """Straight path of the hand alone."""
+    """Straight path of the hand, without joint angles.
+
+    Moments are at most `step` m and `TURN` rad apart.
+    """
     travel = end.position - start.position
     turn = solids.turn(start, end)
     parts = max(np.linalg.norm(travel) / step, np.linalg.norm(turn) / TURN, 1.0)
     shares = np.linspace(0.0, 1.0, int(np.ceil(parts)) + 1)
+    # Rotate about a fixed axis in proportion to the path: q(s) = q0 exp(s θ).
     quaternions = np.tile(start.quaternion, (len(shares), 1))
     if turn.any():
         for quaternion, share in zip(quaternions, shares, strict=True):
@@ -272,11 +291,14 @@ def hand_path(solids: Solids, start: Pose, end: Pose, width: float, step: float 
 def straight_path(
     solids: Solids, start: Pose, end: Pose, q: tuple[Array, Array], width: float
 ) -> ArmPath:
-    """Straight path of the TCP, the arm going from joint angles `q[0]` to `q[1]` as the controller
-    takes it: interpolated joint angles, corrected onto the line by damped Newton steps."""
+    """Straight path of the TCP, with the arm going from joint angles `q[0]` to `q[1]`.
+
+    The controller's path is approximated by interpolated joint angles, which damped Newton steps
+    correct onto the line.
+    """
     here, there = (start.digits, digits(q[0])), (end.digits, digits(q[1]))
-    # An object is lifted and lowered over one path, which is computed once. (Where the tool turns, it may
-    # turn the other way round on its way back.)
+    # An object is lifted and lowered along one path, which is computed once. A path with a turn is
+    # excluded: the tool may turn in the other sense on its way back.
     if here > there and start.angle_to(end) < SAME_TURN:
         return straight_path(solids, end, start, (q[1], q[0]), width).reverse()
     key = (*here, *there)
@@ -289,8 +311,10 @@ def _straight_path(solids: Solids, start: Pose, end: Pose, q: tuple[Array, Array
 
 
 def arm_path(solids: Solids, hand: ArmPath, q: tuple[Array, Array]) -> ArmPath:
-    """Path of the arm whose hand goes along `hand`, from joint angles `q[0]` to `q[1]`: interpolated
-    joint angles, corrected onto it by damped Newton steps."""
+    """Path of the arm whose hand goes along `hand`, from joint angles `q[0]` to `q[1]`.
+
+    Joint angles are interpolated linearly and corrected onto the path by damped Newton steps.
+    """
     shares = np.linspace(0.0, 1.0, hand.count)[:, None]
     bent = (1 - shares) * q[0] + shares * q[1]
     for _ in range(CORRECTIONS):
@@ -318,11 +342,15 @@ def finger_path(pose: Pose, start: float, end: float) -> ArmPath:
 
 
 def _newton_step(solids: Solids, hand: ArmPath, q: Array) -> Array:
-    """(n, 7) rad, Jᵀ (J Jᵀ + λ I)⁻¹ e with the TCP's error e (n, 6) from the path of the hand."""
+    """Damped least-squares step Jᵀ (J Jᵀ + λ I)⁻¹ e, (n, 7), rad.
+
+    e (n, 6) is the TCP's error from the path of the hand, in m and rad, and λ is `DAMPING`.
+    """
     poses, jacobian = solids.arm.stances(q)
     error = np.empty((len(q), 6))
     error[:, :3] = hand.positions - poses[:, :3]
     for i, (wanted, found) in enumerate(zip(hand.quaternions, poses[:, 3:], strict=True)):
+        # Rotate the orientation error from the tool's axes into those of the Jacobian.
         mujoco.mju_rotVecQuat(error[i, 3:], rotation_vector(found, wanted), found)
     transposed = jacobian.transpose(0, 2, 1)
     square = jacobian @ transposed + DAMPING * np.eye(6)

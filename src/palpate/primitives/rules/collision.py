@@ -1,8 +1,8 @@
 """Collisions of the whole arm, its fingers and the held object on a motion, with a remedy.
 
-Shapes are true and margins small: poses are believed to a few millimetres. An entered object must
-pass between the open fingers; a held one may rest on its carriers; only a probe touches anything
-else, with the fingertips.
+Shapes are exact and margins small, since poses are believed to a few millimetres. An object that
+the hand enters must pass between the open fingers. A held object may rest on its carriers. Only a
+probe touches anything else, with the fingertips.
 """
 
 from __future__ import annotations
@@ -46,14 +46,17 @@ from palpate.scene.load import GUESS
 from palpate.scene.scene import Scene
 
 ENTERED = 0.0015
-"""m between the open fingers and an object between them: `grasp.SPARE` leaves 2 mm each side."""
+"""m, margin between the open fingers and an object between them.
+
+Derived grasps leave 2 mm on each side (`grasp.SPARE`).
+"""
 BESIDE = 0.0015  # m between hand or load and any other object: derived grasps leave 2 mm
 FIXED = 0.003  # m between hand or load and anything static: derived grasps leave `grasp.GROUND`
 ARM = 0.005  # m between the arm's links and everything, each other included
 SHOWS = 0.002  # m of a measured rise from which a message mentions it
 SHOWN = 3  # Largest number of hits reported of one motion
 ANYTHING = ""
-"""Whatever a probe from the side touches: it ends at the first contact, of which no name is kept."""
+"""Name for the body that a probe from the side touches: the probe ends at the first contact of any."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +92,7 @@ class Allowed:
 
 def collisions(before: SymbolicState, after: SymbolicState) -> tuple[Violation, ...]:
     """Collisions of the arm between two states, worst first; the start is known."""
+    # The result depends on both arrangements and on the bodies that may be touched.
     goal = (after.at, after.contact, after.activity)
     came = (before.contact, before.at if before.contact or touched_surfaces(before) else None)
     key = (
@@ -103,8 +107,10 @@ def collisions(before: SymbolicState, after: SymbolicState) -> tuple[Violation, 
 
 
 def finger_collisions(state: SymbolicState, end: float, around: str | None) -> list[Violation]:
-    """Collisions of the fingers on their way to an opening of `end` m; `around` is the object that
-    they open from or close on."""
+    """Collisions of the fingers on their way to an opening of `end` m.
+
+    `around` is the object that they open from or close on.
+    """
     key = ("fingers", *state.arrangement, end, around, state.at)
     return list(
         solids(state.scene).get_or_compute(key, lambda: tuple(_finger_hits(state, end, around)))
@@ -129,7 +135,7 @@ def _finger_hits(state: SymbolicState, end: float, around: str | None) -> Iterat
 def _collisions(before: SymbolicState, after: SymbolicState) -> Iterator[Violation]:
     found = list(_hits(before, after, higher(before, after)))
     yield from found
-    # A collision with heights as believed is enough; else the motion must suit all heights.
+    # A collision at the believed heights is enough. Otherwise the motion must suit all heights.
     for start, end, words in () if found else vary_heights(before, after):
         for hit in _hits(start, end, {}):
             yield replace(hit, message=f"if {words} than guessed, {hit.message}")
@@ -150,6 +156,7 @@ def _hits(
         swept = arm_sweep(before, path, _largest(before), rises)
         hits = sorted(swept.hits(_margins(before, swept, allowed)), key=lambda hit: hit.distance)
         for hit in hits:
+            # Report the deepest hit of each pair of bodies, and at most `SHOWN` pairs.
             pair = (hit.part.owner, hit.other.owner)
             if pair not in reported and len(reported) < SHOWN:
                 reported.add(pair)
@@ -171,8 +178,10 @@ def _goes_back(before: SymbolicState, after: SymbolicState) -> bool:
 
 
 def _path(before: SymbolicState, after: SymbolicState, width: float) -> ArmPath | None:
-    """Path of the arm, joints linear or the TCP straight; None from or to a pose out of the arm's
-    reach, which is another violation."""
+    """Path of the arm, linear in the joints or straight for the TCP.
+
+    None if an end is out of the arm's reach, which is another violation.
+    """
     shapes, start, end = solids(before.scene), before.pose_world_tcp, after.pose_world_tcp
     q, bent = before.q, after.q
     if q is None or bent is None or start is None or end is None:
@@ -197,7 +206,7 @@ def _most_doubt(scene: Scene) -> float:
 
 def _margins(state: SymbolicState, swept: Sweep, allowed: Allowed) -> Array:
     """(p,) m, margin of each pair of parts."""
-    # Most pairs are of the same few kinds of parts, and of the same bodies.
+    # Cache the margins: most pairs share a few kinds of parts and a few bodies.
     known: dict[tuple[str, str, str], float] = {}
     margins = np.empty(len(swept.pairs))
     for pair in range(len(margins)):
@@ -213,8 +222,10 @@ def _margin(state: SymbolicState, part: ShapePart, other: ShapePart, allowed: Al
     name = other.owner
     if name == allowed.left:
         return -np.inf  # the hand was just there
+    # Links never touch anything, each other included.
     if part.kind == LINK or other.kind == LINK:
         return ARM
+    # A probe may touch its body with the fingers, and a load may settle on its carriers.
     if allowed.touched in (name, ANYTHING) and part.kind in SIDES:
         return -np.inf
     if part.kind == LOAD and name in allowed.carriers:
@@ -262,6 +273,7 @@ def _with_remedy(
         return Violation("self-collision", f"{met}; {detour}choose nearer poses")
     if hit.part.kind == LINK:
         return Violation("collision", f"{met}; {detour}choose another pose")
+    # Objects: the margin of entering, or the stated doubt of their pose.
     if name in allowed.between:
         return Violation("collision", f"{met}; {_passing(before, name)}")
     if name in scene.objects:

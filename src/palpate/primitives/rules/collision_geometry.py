@@ -33,30 +33,37 @@ LOAD = "load"
 LINK = "link"
 """Kinds of parts of the arm, besides the two fingers."""
 NEIGHBOURS = 2
-"""Joints between two parts of the arm, up to which the parts cannot, or always nearly, touch."""
+"""Joints between two parts of the arm, up to which the pair is not tested.
+
+Parts so close in the chain either cannot touch, or always nearly do.
+"""
 SPACING = 0.01  # m between two moments of `near_spans`
 
 
 def hand_sweep(state: SymbolicState, path: ArmPath, growth: float) -> Sweep:
-    """Sweep of the hand, its fingers and the load, among everything within `growth` m that is not
-    held."""
+    """Sweep of the hand, its fingers and the load, among everything within `growth` m but the load."""
     return _sweep(state, path, growth, {}, {})
 
 
 def arm_sweep(
     state: SymbolicState, path: ArmPath, growth: float, higher: Mapping[str, float] | None = None
 ) -> Sweep:
-    """Sweep of the whole arm with hand and load along a path with joint angles, among everything
-    within `growth` m that is not held and its own links; objects are also placed `higher` by so many
-    m."""
+    """Sweep of the whole arm with hand and load along a path with joint angles.
+
+    It is tested against everything within `growth` m but the load, and against its own links. Each
+    object in `higher` is tested at a second pose as well, raised by that many m.
+    """
     return _sweep(state, path, growth, higher or {}, solids(state.scene).links)
 
 
 def near_spans(
     state: SymbolicState, start: Pose, end: Pose, growth: float
 ) -> tuple[tuple[float, float], ...]:
-    """Shares (first, last) of the TCP's straight path from `start` to `end` (world) on which the
-    hand, the fingers or the load may come within `growth` m of anything; in order, disjoint."""
+    """Shares (first, last) of a straight path on which anything may be within `growth` m.
+
+    The TCP goes from `start` to `end` (world) with hand, fingers and load. The spans are in order
+    and disjoint.
+    """
     path = hand_path(solids(state.scene), start, end, opening(state), SPACING)
     near = hand_sweep(state, path, growth).near(growth)
     # Edges of a mask: where it changes between False and True.
@@ -79,7 +86,7 @@ class ToolShapes:
 
     Attributes:
         parts, group: the shapes, in the tool frame.
-        sides: per metre of opening, how far each is beside the tool's axis along its y.
+        sides: (k,) displacement of each shape along the tool's y per metre of opening.
     """
 
     parts: tuple[ShapePart, ...]
@@ -88,6 +95,7 @@ class ToolShapes:
 
     def at(self, path: ArmPath) -> Frames:
         """Frames along a path."""
+        # The fingers move along the tool's y axis with half the opening each.
         rotations = path.rotations()
         hand = self.group.at(path.positions, rotations)
         beside = path.widths[:, None, None] * self.sides[:, None] * rotations[:, None, :, 1]
@@ -101,11 +109,15 @@ def _sweep(
     higher: Mapping[str, float],
     joints: Mapping[int, int],
 ) -> Sweep:
-    """`joints`: geom ids of the links to sweep as well, with the number of their joint."""
+    """Cached sweep of a path; a reversed path shares the sweep of its forward path.
+
+    `joints`: geom ids of the links to sweep as well, with the number of their joint.
+    """
     if path.forth is not None:
         return _sweep(state, path.forth, growth, higher, joints).back()
     if not path.key:
         return _new_sweep(state, path, growth, higher, joints)
+    # The key has the path and all poses of objects and of the load.
     load = state.pose_tcp_object and state.pose_tcp_object.digits
     around = (state.holding, load, *state.others(state.holding), *sorted(higher.items()))
     key = ("sweep", *path.key, growth, *around)
@@ -119,9 +131,11 @@ def _new_sweep(
     higher: Mapping[str, float],
     joints: Mapping[int, int],
 ) -> Sweep:
+    # The moving parts are hand, fingers and load, then the links of the arm.
     shapes, still, carried = solids(state.scene), arrangement(state, higher), _carried_load(state)
     links = [ShapePart(geom, LINK, shapes.owners[geom]) for geom in joints]
-    # Number of the joint before each part; none before the base, and any between others and the arm.
+    # Number of the joint before each part: 0 for the base, -inf for bodies that are not of the arm.
+    # A pair is tested if more than NEIGHBOURS joints lie between its parts.
     last = len(state.scene.arm.joints) + 1
     before = np.array([*[last] * len(carried.parts), *joints.values()], dtype=float)
     fixed = np.where(still.owners == state.scene.arm.base, 0.0, -np.inf)
@@ -137,11 +151,13 @@ def _new_sweep(
 
 
 def _carried_load(state: SymbolicState) -> ToolShapes:
+    # The hand with closed fingers is the same in all states: compute it once.
     shapes, held = solids(state.scene), state.pose_tcp_object
     hand = shapes.get_or_compute("hand", lambda: _hand(shapes))
     if state.holding is None or held is None:
         return hand
     load = shapes.objects[state.holding]
+    # The load's shapes, transformed from the object's frame into the tool frame.
     there = load.at(held.position[None], held.rotation[None])
     group = ShapeGroup(
         (*hand.group.geoms, *load.geoms),
@@ -162,16 +178,19 @@ def _hand(shapes: Solids) -> ToolShapes:
     return ToolShapes(tuple(parts), ShapeGroup.of(found), sides)
 
 
-# Reach of the arm, and room for it at `home_config`, where every plan begins.
+# Reach of the arm, and its clearance at `home_config`, where every plan begins.
 
 
 APART = 0.05
-"""rad of any joint between two configurations of a joint motion."""
-NONSENSE = 0.1  # rad beyond the joint limits from which on no way is judged
+"""rad, largest step of any joint between two samples of a joint motion."""
+NONSENSE = 0.1  # rad beyond the joint limits from which on no path is judged
 UNFELT = 12.0
-"""N m: moment on the hand that errors of the joints' torques look like, from which on a contact is not felt."""
+"""N m. Errors of the joint torques can look like a moment on the hand.
+
+From this moment on, a contact is not detected.
+"""
 SHARES = (0.75, 0.5, 0.25, 0.1)
-"""Parts of the offsets of a pose out of reach that are tried as a remedy."""
+"""Factors on the offsets of a pose out of reach that are tried as a remedy."""
 
 
 def out_of_reach(state: SymbolicState, pose_world_tcp: Pose, name: str) -> list[Violation]:
@@ -197,6 +216,7 @@ def _nearer(state: SymbolicState, name: str) -> str:
     symbols = state.scene.symbols
     expression = symbols.parse(name)
     for share in SHARES:
+        # Scale all offsets of the expression by the same factor.
         terms = tuple((round(share * factor, 2), offset) for factor, offset in expression.terms)
         smaller = PoseExpression(expression.name, terms)
         if reaches(state, symbols.resolve(smaller, state.bound)):
@@ -222,25 +242,31 @@ def beyond_joint_limits(state: SymbolicState, joints: Array) -> list[Violation]:
 
 
 def is_a_posture(arm: RobotDescription, joints: Array) -> bool:
-    """True for joint angles (7,), rad, within the joint limits or close to them. A path is sampled in even steps:
-    one from or to angles far beyond would have any number of them."""
+    """True for joint angles (7,), rad, within the joint limits or close to them.
+
+    A path is sampled in even steps. Angles far beyond the limits would need an unbounded number.
+    """
     return within_joint_limits(arm, joints, -NONSENSE)
 
 
 def swings(start: Pose | None, end: Pose) -> bool:
-    """True if the tool's axis turns so far between two poses that a straight way could fold the wrist."""
+    """True if the tool's axis turns so far between two poses that a straight path could fold the wrist."""
     return start is not None and float(start.rotation[:, 2] @ end.rotation[:, 2]) < SWUNG
 
 
 def joints_between(start: Array, end: Array) -> Array:
-    """(n, 7) rad, joint angles on the way of a joint motion, its ends included."""
+    """(n, 7) rad, joint angles of a joint motion, at most `APART` rad apart, both ends included."""
     count = int(np.ceil(float(np.abs(end - start).max()) / APART)) + 1
     return np.linspace(start, end, max(count, 2))
 
 
 def unfelt(state: SymbolicState, joints: Array) -> list[Violation]:
-    """Violation for a joint motion between a level hand and one that points down, through a configuration in which a
-    contact is not felt: with the wrist in line, errors of the torques look like any moment."""
+    """Violation for a joint motion on which a contact would not be detected.
+
+    Between a level hand and one that points down, the wrist may come into line. Errors of the joint
+    torques then look like a large moment on the hand (`mistaken_moment`).
+    """
+    # Only a large turn of the tool's axis can bring the wrist into line.
     arm, start = state.scene.arm, state.q
     pose = pose_of_joints(state.scene, joints)
     if start is None or not swings(state.pose_world_tcp, pose):
@@ -257,14 +283,16 @@ def unfelt(state: SymbolicState, joints: Array) -> list[Violation]:
 
 
 def require_room(scene: Scene) -> None:
-    """Require that nothing overlaps the arm at home: no plan could avoid that.
+    """Require that nothing overlaps the arm at `home_config`; no plan could avoid that.
 
     Raises:
         InputError: something overlaps a link, the hand or a closed finger there.
     """
     home = scene.symbols.joints(HOME_CONFIG)
+    # A path of zero length, with the fingers closed: only overlaps at its start matter.
     still = joint_path(solids(scene), home, home, width=0.0)
     overlaps = arm_sweep(SymbolicState(scene), still, 0.0).overlaps()
+    # Overlaps between links are a matter of the arm's description, not of the scene.
     found = [hit for hit in overlaps if hit.other.kind != LINK]
     if not found:
         return

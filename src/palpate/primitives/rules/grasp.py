@@ -13,21 +13,27 @@ from palpate.primitives.state import SymbolicState, Violation
 from palpate.scene.scene import Scene
 
 PUSHED = 0.010
-"""m from the middle of the fingers beyond which an object is pushed, and a tall one tips, before both
-fingers touch it."""
+"""m, largest offset of an object from the middle of the fingers.
+
+Beyond it, one finger pushes the object before both touch it, and a tall object tips.
+"""
 TORSION = 0.38
 """Mean lever of an evenly pressed square pad over its side: ∫∫ sqrt(x² + y²) dx dy over the unit
 square about its centre. Friction times force times this lever resists turning."""
 
 
 def ungraspable(state: SymbolicState, body: Body) -> list[Violation]:
-    """Violations of closing the fingers on an object at the hand's pose: it does not fit, is known
-    to be too heavy, would twist, or something else is between the fingers."""
+    """Violations of closing the fingers on an object at the hand's pose.
+
+    The object does not fit, is known to be too heavy, would twist, or the fingers would collide.
+    """
+    # The grasp needs an object between the pads at the hand's pose.
     pose = state.pose_world_tcp
     held = None if pose is None else state.grip_of(body, pose)
     if pose is None or held is None:
         return []
     found: list[Violation] = []
+    # By width, by mass, and by the offset from the middle of the fingers.
     left_out = f"leave out what needs '{body.name}' in the hand, and explain"
     if unfit := does_not_fit(state.scene, body.name):
         found.append(Violation("too-wide", f"{unfit}; {left_out}"))
@@ -44,9 +50,12 @@ def ungraspable(state: SymbolicState, body: Body) -> list[Violation]:
 
 
 def _twisting(state: SymbolicState, body: Body, pose_world_tcp: Pose) -> list[Violation]:
-    """Violation of holding an object there: its weight would turn it about the pads, by the known
-    or believed mass and centre of mass."""
+    """Violation of a grasp in which the object's weight would turn it about the pads.
+
+    Mass and centre of mass are the known or believed ones.
+    """
     scene, shapes = state.scene, solids(state.scene)
+    # Lever of the weight: distance of the centre of mass from the pads along the tool's x.
     centre = state.pose_of(body.name).apply(shapes.centre_of_mass(body.name))
     beside = float((centre - pose_world_tcp.position) @ pose_world_tcp.rotation[:, 0])
     weight = shapes.mass(body.name) * scene.gravity
@@ -62,11 +71,15 @@ def _twisting(state: SymbolicState, body: Body, pose_world_tcp: Pose) -> list[Vi
 
 
 def _nearer(state: SymbolicState, beside: float) -> str:
-    """Remedy: the grasp right above a centre of mass that is `beside` m along the tool's x; empty
-    where the present one is no pose expression."""
+    """Remedy: the pose expression of a grasp above the centre of mass.
+
+    The centre of mass is `beside` m off along the tool's x. Empty if the current place is no pose
+    expression.
+    """
     symbols = state.scene.symbols
     try:
         here = symbols.parse(state.at or "")
+        # Number of x offsets that brings the tool over the centre of mass.
         step = float(symbols.offset("x_offset", here.name)[0])
     except InputError:
         return ""
@@ -77,29 +90,36 @@ def _nearer(state: SymbolicState, beside: float) -> str:
 
 
 def most_sideways(state: SymbolicState, way: Array) -> float:
-    """Largest force, N, along a horizontal direction (3,), world, at the bottom of the held object
-    that does not turn it about the pads; along the line between them it cannot turn."""
+    """Largest horizontal force, N, at the bottom of the held object that does not turn it in the pads.
+
+    `way` is the direction (3,) in the world. A force along the line between the pads has no lever.
+    """
     scene, pose = state.scene, state.pose_world_tcp
     if pose is None or state.holding is None:
         return np.inf
     bottom = scene.body(state.holding).bottom_z(state.pose_of(state.holding))
+    # Component of the force across the line between the pads, and its lever below them.
     across = abs(float(way @ pose.rotation[:, 0])) / max(float(np.linalg.norm(way)), 1e-9)
     lever = max(float(pose.position[2]) - bottom, 0.0) * across
     return torsion(scene) / max(lever, 1e-9)
 
 
 def torsion(scene: Scene) -> float:
-    """Largest moment, N m, with which the two pads resist turning about the line between them:
-    friction times force times the mean lever of a pad."""
+    """Largest moment, N m, with which the two pads resist turning about the line between them.
+
+    μ F times the mean lever `TORSION` times the side of a pad.
+    """
     shapes = solids(scene)
     pad = shapes.pads[LEFT].geoms[0]
     size, friction = shapes.model.geom_size[pad], shapes.model.geom_friction[pad, 0]
+    # Side of a square of the pad's area, from the half extents of its box.
     side = 2 * float(np.sqrt(size[0] * size[2]))
     return float(friction) * scene.arm.hand.force * TORSION * side
 
 
 def does_not_fit(scene: Scene, name: str) -> str:
     """Reason why the hand cannot take the object; empty if it can."""
+    # The named grasps state why an object has none.
     reason = scene.symbols.ungraspable.get(name)
     return f"'{name}' cannot be grasped: {reason}" if reason else ""
 

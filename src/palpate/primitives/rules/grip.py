@@ -9,7 +9,7 @@ import numpy as np
 from palpate.common.pose import Frames, Pose
 from palpate.primitives.rules.solids import SIDES, Solids
 
-BITE = 0.004  # m of an object, in height and along it, that the pads must cover: an edge slips out
+BITE = 0.004  # m of an object, in height and length, that the pads must cover; an edge slips out
 MEETS = 0.0002  # m between a pad and an object, up to which they are in contact
 APPROACHES = 40  # Largest number of steps in which a pad closes in on an object
 
@@ -28,8 +28,10 @@ class Grip:
 
 
 def grip(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:
-    """Contact of the pads with an object at a pose in the tool frame; None where the pads would
-    close beside it, above it, or on hardly more than an edge."""
+    """Contact of the pads with an object at a pose in the tool frame.
+
+    None if the pads would miss the object, or cover less than `BITE` of it.
+    """
     like = shapes.alike[name]
     key = ("grip", like, pose_tcp_object.digits)
     return shapes.get_or_compute(key, lambda: _grip(shapes, like, pose_tcp_object))
@@ -37,7 +39,7 @@ def grip(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:
 
 def _grip(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:
     body = shapes.scene.body(name)
-    # A cheap test first: the fingers cannot meet what is farther away than its bounding sphere.
+    # Cheap test first: the fingers cannot meet an object outside its bounding sphere.
     middle = pose_tcp_object.apply(body.centre)
     if np.linalg.norm(middle) > np.linalg.norm(body.size) / 2 + shapes.scene.arm.hand.opening:
         return None
@@ -62,8 +64,7 @@ def _close_pads(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None
 
 
 def _travel(shapes: Solids, side: str, name: str, pose_tcp_object: Pose) -> float | None:
-    """m that a finger's pads travel inwards from open to contact with an object; None without
-    contact."""
+    """Travel, m, of a finger's pads inwards from open to contact with an object; None without contact."""
     pads, parts = shapes.pads[side], shapes.objects[name]
     opening = shapes.scene.arm.hand.opening
     there = parts.at(pose_tcp_object.position[None], pose_tcp_object.rotation[None])

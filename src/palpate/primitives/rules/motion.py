@@ -1,8 +1,7 @@
 """Admissibility of a motion: its effects on the objects around the hand.
 
-The hand, and the held object, keep clear of everything all the way, by true shapes. The search is more
-cautious: an object whose top is above the fingertips stands between them, and they enter and leave it
-along the vertical only:
+The hand and the held object keep clear of everything along the whole path, by exact shapes. The search
+is more cautious. The fingers enter and leave an object between them along the vertical only:
 
         |_____|            |_____|
         |     |            |     |
@@ -22,18 +21,19 @@ from palpate.primitives.rules.collision import collisions
 from palpate.primitives.rules.support import dragged_off, leaning
 from palpate.primitives.state import HOME_CONFIG, SAME_POSE, SymbolicState, Violation
 
-HELD_UPRIGHT = np.radians(10.0)  # rad that a held object may lean against how it stood
+HELD_UPRIGHT = np.radians(10.0)  # rad, largest lean of a held object against its original vertical
 
 
 def violations(
     before: SymbolicState, after: SymbolicState, *, may_tilt: bool = False
 ) -> Iterator[Violation]:
-    """Violations of the arm's motion between two states, by true shapes, the cheapest test first.
+    """Violations of the arm's motion between two states, by exact shapes, the cheapest test first.
 
     `may_tilt`: the held object is tilted on purpose.
     """
     if _same_place(before, after) or after.pose_world_tcp is None:
         return
+    # From an unknown pose, only the joint motion to `home_config` is safe.
     if before.pose_world_tcp is None:
         if after.at != HOME_CONFIG:
             yield unknown_start()
@@ -43,11 +43,14 @@ def violations(
 
 
 def is_cautious(before: SymbolicState, after: SymbolicState) -> bool:
-    """True for a straight motion of a planner that takes no risk, by a quick test with boxes: vertical near
-    any object, and clear of all others."""
+    """True for a straight motion with no risk, by a quick test with boxes.
+
+    The motion is vertical near an object, and clear of all others.
+    """
     start, end = before.pose_world_tcp, after.pose_world_tcp
     if start is None or end is None:
         return False
+    # Objects between the open fingers at either end, which the hand enters or leaves.
     between: list[str] = []
     if before.holding is None:
         between = [name for pose in (start, end) if (name := straddled_object(before, pose))]
@@ -71,6 +74,7 @@ def _same_place(before: SymbolicState, after: SymbolicState) -> bool:
         return start is end
     if start.distance_to(end) > SAME_POSE or start.angle_to(end) > SAME_POSE:
         return False
+    # Equal poses may still differ in joint angles, which a joint motion changes.
     if before.joints is after.joints:
         return True
     if not after.is_bent or before.joints is None or after.joints is None:
@@ -85,6 +89,7 @@ def _judge_carrying(
     held = before.holding
     if held is None:
         return
+    # A tilted object may slip or spill; an object on its support may be dragged off.
     lean = leaning(before, held, after.pose_of(held))
     if lean > HELD_UPRIGHT and not may_tilt:
         yield Violation(

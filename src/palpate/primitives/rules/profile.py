@@ -1,17 +1,17 @@
 """Motion profile of a straight path: speed limits by place.
 
 The impulse of a collision is m (1 + e) v, with the arm's effective mass m in the direction of
-motion and the restitution e. So the arm moves at free speed only where nothing can be, and slowly,
-watching the contact force, near things, by the uncertainty of poses:
+motion and the restitution e. The arm moves at free speed only where no contact is possible. Within
+the uncertainty of poses from any body it moves slowly and monitors the contact force:
 
     speed |   ________________
           |  /                \
-          | /                  \\___________     near things
+          | /                  \\___________     near bodies
           |/                                \
           +------------------------------------> path
 
-Up and down over one object have the same profile, whether the fingers are empty or hold it, because
-weighing compares equal passes over one path.
+Motions up and down over one object have the same profile, with empty fingers or with the object held.
+Weighing compares equal passes over one path.
 """
 
 from __future__ import annotations
@@ -35,15 +35,19 @@ from palpate.scene.scene import Scene
 
 POSE_ERROR = 0.020  # m, largest error of a believed pose that does not state a larger one
 GUARDED_SPEED = 0.018
-"""m/s at which both fingers on a table stay below 65 N (mean over 10 ms) and 45 N (20 ms), also where
-the arm is heaviest (28 kg, close to its base)."""
+"""m/s. Both fingers on a table stay below 65 N (mean over 10 ms) and 45 N (mean over 20 ms).
+
+This holds also where the arm's effective mass is largest (28 kg, close to its base).
+"""
 NEAR_SPEED = 0.05
-"""m/s near things, where the arm is light: it goes 3 mm in the 60 ms until a contact is certain, and
-an object that stands freely may be moved by 5 mm."""
+"""m/s, largest speed near bodies, where the arm's effective mass is small.
+
+The arm goes 3 mm in the 60 ms until a contact is certain. A free object may be moved by 5 mm.
+"""
 LIFT_OFF = 0.010
-"""m that the arm goes slowly as it leaves an object or a surface ..."""
+"""m of slow motion as the arm leaves an object or a surface."""
 RETRACED = 0.10
-"""m, ... and how far up it then goes fast, where the hand just came from."""
+"""m above the start up to which the arm then moves fast, since the hand just came from there."""
 CELL = 0.005  # m of a path: resolution of the profile
 SHORTEST = 0.015  # m: a shorter free stretch is merged into its neighbours
 
@@ -65,8 +69,7 @@ class PathSpan:
 
 
 def spans(state: SymbolicState, start: Pose, end: Pose) -> Iterator[PathSpan]:
-    """Parts of the TCP's straight path from `start` to `end` (world), in order, by what `state`
-    believes."""
+    """Spans of the TCP's straight path from `start` to `end` (world), in order, as `state` believes."""
     near = _near(state, start, end)
     for first, last in pairwise(_edges(near)):
         one = between(state, start, end, first / len(near))
@@ -88,6 +91,7 @@ def speed(span: PathSpan, scene: Scene) -> float:
     """Speed limit of a span, m/s."""
     if not span.guarded:
         return scene.arm.pace.speed  # the robot itself slows down where the arm is heavy
+    # Near a body, the effective mass along the direction of motion limits the speed.
     way = span.end.position - span.start.position
     length = float(np.linalg.norm(way))
     if length < CELL:
@@ -98,7 +102,7 @@ def speed(span: PathSpan, scene: Scene) -> float:
 
 
 def leaves(start: Pose, end: Pose) -> bool:
-    """True for a path straight up: away from what is near its start, where the hand came from."""
+    """True for a path straight up, back along the way that the hand came down."""
     return is_vertical(start, end) and bool(end.position[2] > start.position[2])
 
 
@@ -114,8 +118,9 @@ def between(state: SymbolicState, start: Pose, end: Pose, share: float) -> Pose:
 
 
 def _near(state: SymbolicState, start: Pose, end: Pose) -> Cells:
-    """Mask of the path's cells that are near something."""
+    """Mask of the path's cells within the pose error of some body."""
     near = np.zeros(max(1, int(np.ceil(start.distance_to(end) / CELL))), dtype=np.bool_)
+    # Mark the cells that are near with the state now, or with the state of the way back.
     error = max([POSE_ERROR, *(body.doubt for body in state.scene.bodies.values())])
     for hand in _both_ways(state, start, end):
         for first, last in near_spans(hand, start, end, error):
@@ -126,7 +131,7 @@ def _near(state: SymbolicState, start: Pose, end: Pose) -> Cells:
         left = int(clear[0]) if len(clear) else len(near)
         near[min(left, round(LIFT_OFF / CELL)) : min(left, round(RETRACED / CELL))] = False
     for first, last in pairwise(_edges(near)):
-        # A free stretch too short for a speed of its own is as slow as its neighbours.
+        # A free stretch shorter than `SHORTEST` gets the low speed of its neighbours.
         whole = last - first == len(near)
         if not near[first] and last - first < round(SHORTEST / CELL) and not whole:
             near[first:last] = True
@@ -139,7 +144,7 @@ def _edges(near: Cells) -> list[int]:
 
 
 def _both_ways(state: SymbolicState, start: Pose, end: Pose) -> Iterator[SymbolicState]:
-    """The state, and, on the way to or from an object's place, that of the way back."""
+    """The state and, on the way to or from an object's place, the state on the way back."""
     yield state
     low = min(start, end, key=lambda pose: float(pose.position[2]))
     if state.holding is None:

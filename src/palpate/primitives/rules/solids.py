@@ -36,12 +36,12 @@ from palpate.scene.scene import Scene
 LEFT, RIGHT = "left finger", "right finger"
 SIDES = {LEFT: 1.0, RIGHT: -1.0}  # The fingers, with the sign of the tool's y in which each opens
 NEAR_PAD = 0.002
-"""m inside the open fingers' pads up to which a box of the description counts as part of a finger."""
+"""m. A box of the description counts as part of a finger up to this distance inside the open pads."""
 STEM = "stem:"  # Prefix of the names of the boxes added for fingers
 ORIGIN = Pose.of((0.0, 0.0, 0.0))
 FAR = 10.0  # m: upper bound of every distance asked for
 REACHED = 0.002
-"""m between a pose and the TCP of a configuration, up to which the configuration reaches it."""
+"""m, largest position error of the TCP at which a configuration counts as reaching a pose."""
 CACHED_SCENES = 32
 RECENT_RESULTS = 16  # Largest number of large results that are kept
 CACHED_RESULTS = 20_000  # Largest number of cached results of one scene
@@ -140,15 +140,19 @@ class Solids:
 
     @cached_property
     def standing(self) -> Frames:
-        """Poses of the fixed shapes at a single moment."""
+        """Poses of the fixed shapes, as one moment: positions (1, k, 3)."""
         return self.fixed.at(np.zeros((1, 3)), np.eye(3)[None])
 
     @cached_property
     def alike(self) -> Mapping[str, str]:
-        """The first object with the same shapes, in its frame, of each object."""
+        """Map each object to the first object that has the same shapes in its frame.
+
+        Cached results of one such object hold for the others.
+        """
         model, found, first = self.model, dict[str, str](), dict[object, str]()
         for name, group in self.objects.items():
             geoms = list(group.geoms)
+            # Compare types, meshes, sizes and poses of the shapes, rounded to 1e-9.
             figures = [model.geom_size[geoms], group.positions, group.rotations]
             kinds = (*model.geom_type[geoms].tolist(), *model.geom_dataid[geoms].tolist())
             key = (*kinds, *((np.round(figure, 9) + 0.0).tobytes() for figure in figures))
@@ -167,6 +171,7 @@ class Solids:
 
     def raised(self, scene: Scene) -> Solids:
         """Shapes of the same scene with some surfaces at other heights."""
+        # Only fixed shapes move: poses of objects are stored in the objects' own frames.
         rises = [scene.rises.get(self.owners[geom], 0.0) for geom in self.fixed.geoms]
         fixed = replace(self.fixed, positions=self.fixed.positions + np.outer(rises, (0, 0, 1)))
         return replace(self, scene=scene, fixed=fixed, _results={}, _recent={})
@@ -188,7 +193,7 @@ class Solids:
         return cast("T", self._results[key])
 
     def recent(self, key: object, compute: Callable[[], T]) -> T:
-        """As `cached`, for large results that are asked for again soon."""
+        """Cached large result of a key; only the latest `RECENT_RESULTS` are kept."""
         if key not in self._recent:
             if len(self._recent) >= RECENT_RESULTS:
                 self._recent.pop(next(iter(self._recent)))
@@ -200,6 +205,7 @@ class Solids:
         key = pose_world_tcp.digits
         if key not in self._configurations:
             q = self.arm.reach(pose_world_tcp, self.scene.arm.home)
+            # The controller's solver may end elsewhere. Search by inverse kinematics then.
             missed = self.arm.poses(q[None])[0, :3] - pose_world_tcp.position
             if not np.linalg.norm(missed) < REACHED:
                 q = inverse_kinematics(self.scene.arm, pose_world_tcp, self.scene.pose_world_base)
@@ -207,8 +213,12 @@ class Solids:
         return self._configurations[key]
 
     def turn(self, start: Pose, end: Pose) -> Array:
-        """Turn (3,), rad, in the TCP's frame at `start`, by which the arm goes straight from there to `end`."""
+        """Rotation vector (3,), rad, of the tool on the straight path from `start` to `end`.
+
+        It is in the TCP's frame at `start`. For a large turn, the wrist joint decides the sense.
+        """
         turn = rotation_vector(start.quaternion, end.quaternion)
+        # A turn below 90° has a unique sense. Beyond that, the last joint's angles decide it.
         if turn @ turn < (np.pi / 2) ** 2:
             return turn
         q, bent = self.configuration(start), self.configuration(end)
@@ -217,11 +227,14 @@ class Solids:
         return wrist_turn(start.quaternion, end.quaternion, float(bent[6] - q[6]))
 
     def reaches(self, pose_world_tcp: Pose) -> bool:
-        """True if the arm can bring its TCP to a pose within its joint limits: as the controller takes
-        it there or, if that ends elsewhere, as a search finds it."""
+        """True if the arm can bring its TCP to a pose within its joint limits.
+
+        The controller's own solution is tried first, then a search by inverse kinematics.
+        """
 
         def compute() -> bool:
             arm, base = self.scene.arm, self.scene.pose_world_base
+            # Cheap test first: the wrist may be farther away than the links reach.
             if too_far(arm, base.inverse() @ pose_world_tcp):
                 return False
             q = self.configuration(pose_world_tcp)
@@ -229,6 +242,7 @@ class Solids:
                 return False
             (pose,) = self.arm.poses(q[None])
             there = Pose.of(pose[:3], pose[3:])
+            # The controller's configuration counts if it meets the tolerances and the joint limits.
             near = there.distance_to(pose_world_tcp) < POSITION_TOLERANCE
             near &= there.angle_to(pose_world_tcp) < ANGLE_TOLERANCE
             if near and within_joint_limits(arm, q, LIMIT_MARGIN):
@@ -243,6 +257,7 @@ class Solids:
         positions = np.empty((len(q), len(geoms), 3))
         rotations = np.empty((len(q), len(geoms), 3, 3))
         for i, angles in enumerate(q):
+            # Forward kinematics of MuJoCo, one configuration at a time.
             self._data.qpos[self._joints] = angles
             mujoco.mj_kinematics(self.model, self._data)
             positions[i] = self._data.geom_xpos[geoms]
@@ -252,9 +267,12 @@ class Solids:
     def distance(
         self, first: int, here: Frames, i: int, second: int, there: Frames, j: int
     ) -> float:
-        """Distance, m, between two geoms at the poses of shapes `i` and `j` at the first moment of
-        `here` and of `there`; negative where they overlap."""
+        """Distance between two geoms, m; negative where they overlap.
+
+        The geoms take the poses of shape `i` of `here` and shape `j` of `there`, at the first moment.
+        """
         positions, rotations = self._placed
+        # Write the poses into MuJoCo's state, from which the distance is computed.
         positions[first], positions[second] = here.positions[0, i], there.positions[0, j]
         rotations[first], rotations[second] = here.rotations[0, i], there.rotations[0, j]
         return mujoco.mj_geomDistance(self.model, self._data, first, second, FAR, self._segment)
@@ -283,6 +301,7 @@ def solids(scene: Scene) -> Solids:
     """
     if scene.as_given is not None:
         return solids(scene.as_given).raised(scene)
+    # Compile the scene once and compute the poses of all geoms at zero configuration.
     model = compile_model(scene.spec_with(_solid_arm(scene.arm)))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -301,14 +320,18 @@ def solids(scene: Scene) -> Solids:
 
 
 def _solid_arm(arm: RobotDescription) -> mujoco.MjSpec:
-    """The arm with its base solid, which collides with nothing in a simulation, and with the
-    description's boxes of the fingers, of which the MJCF may have the pads alone."""
+    """Arm for collision queries.
+
+    The base is solid here; in a simulation it collides with nothing. The description's boxes of the
+    fingers are added, since the MJCF may model only the pads.
+    """
     spec = arm.spec()
     base = spec.body(arm.base)
     if not any(geom.contype for geom in base.geoms):
         for geom in base.geoms:
             geom.contype = 1
     hand = spec.body(arm.hand.body)
+    # Add a massless box for each finger box of the description.
     for i, (_, box) in enumerate(_stems(arm)):
         stem = hand.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=box.half, mass=0.0)
         stem.name, stem.contype = f"{STEM}{i}", 1
@@ -340,11 +363,13 @@ class _Compiled:
         return found
 
     def fixed(self) -> ShapeGroup:
+        # Shapes are fixed unless they belong to an object or to the arm beyond its base.
         moving = [PREFIX + self.scene.arm.links[1], *self.scene.objects]
         moved = {geom for name in moving for geom in self.below(self.model.body(name).id)}
         return self.shapes(ORIGIN, [geom for geom in self.solid if geom not in moved])
 
     def hand(self) -> ShapeGroup:
+        # The fingers and their boxes are parts of the hand's subtree, but move separately.
         fingers = {geom for name in self.scene.arm.hand.fingers for geom in self.of_finger(name)}
         geoms = self.below(self.model.body(PREFIX + self.scene.arm.hand.body).id)
         stems = {geom for geom in geoms if self.model.geom(geom).name.startswith(PREFIX + STEM)}
@@ -353,6 +378,7 @@ class _Compiled:
     def fingers(self) -> dict[str, ShapeGroup]:
         tool, found = self.tool(), dict[str, ShapeGroup]()
         for name in self.scene.arm.hand.fingers:
+            # The slide axis of a finger joint shows on which side the finger opens.
             axis = self.data.xaxis[self.model.joint(PREFIX + name).id]
             side = LEFT if axis @ tool.rotation[:, 1] > 0 else RIGHT
             found[side] = self.shapes(tool, self.of_finger(name))
@@ -377,6 +403,7 @@ class _Compiled:
         while body:
             names.append(self.model.body(body).name)
             body = int(self.model.body_parentid[body])
+        # A name of the scene takes precedence over names of the arm's bodies.
         of_scene = [name for name in names if name in self.scene.bodies]
         called = [name.removeprefix(PREFIX) for name in names if name]
         return (*of_scene, *called, "something fixed")[0]

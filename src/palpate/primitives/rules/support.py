@@ -1,8 +1,7 @@
-"""Support of an object: its carriers and support polygon seen from above; hanging free, dragged,
-falling or tipping.
+"""Support of an object: its carriers, its support polygon seen from above, and its stability.
 
-An object stands where its lower face is over tops at its height. The hull of the supported parts of
-the face is its support polygon; the object is stable with its centre of mass over that.
+Upper faces at the height of an object's lower face carry it. The hull of the supported parts of the
+lower face is the support polygon. The object is stable if its centre of mass is over that polygon.
 """
 
 from __future__ import annotations
@@ -23,26 +22,38 @@ from palpate.primitives.rules.solids import Solids, solids
 from palpate.primitives.state import SymbolicState, Violation
 
 SETTLES = 0.005
-"""m between the lowest point of an object and a top, either way, up to which the top carries it."""
+"""m, largest height difference, in either sense, at which an upper face carries an object."""
 FACE = 0.002  # m above an object's lowest point up to which its lower face reaches
 SUNK = 0.02
-"""m of a top above an object's lowest point up to which it counts as below, by the error of belief."""
+"""m. An upper face this far above an object's lowest point still counts as below it.
+
+Believed heights have errors of this size.
+"""
 LIFTED = 0.005  # m between a held object and its support above which it hangs free
 TIPPING = 0.005  # m that a centre of mass must be inside the support polygon
 OFF_CENTRE = 0.1
-"""Part of an object's extent by which an unstated centre of mass may be off the middle, each way: the
-prior of `quantities.com`."""
+"""Fraction of an object's extent by which an unstated centre of mass may be off the middle.
+
+It holds in both senses, and is the prior of `quantities.com`.
+"""
 EDGE = 0.003  # m between an object of unknown centre of mass and the edge of its carriers
-AS_FOUND = 0.003  # m from where an object stood up to which it stands there again
+AS_FOUND = 0.003  # m, position error up to which an object counts as back at its given pose
 UPRIGHT = np.radians(2.0)  # rad that an object may lean
 MIN_SLIDE = 0.03  # m: a shorter slide is not much more than the grip's and the arm's compliance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Top:
-    """Upper face of a shape: its owner, (k, 2) corners counterclockwise, and height, world z, m; `foot`
-    is the world z of the shape's lowest point, `friction` what MuJoCo takes from it for a contact:
-    sliding coefficient, priority and `condim`."""
+    """Upper face of a shape.
+
+    Attributes:
+        owner: name of its body.
+        outline: (k, 2) m, corners, counterclockwise.
+        height: world z of the face, m.
+        foot: world z of the shape's lowest point, m.
+        friction: sliding coefficient, `priority` and `condim` of the geom, which MuJoCo combines in
+            a contact.
+    """
 
     owner: str
     outline: Array
@@ -96,11 +107,13 @@ def footing(state: SymbolicState, name: str, pose_world_object: Pose) -> Footing
 
 def _footing(state: SymbolicState, name: str, pose: Pose) -> Footing:
     shapes, around = solids(state.scene), arrangement(state, {})
+    # The footing at the origin is shared by all objects of the same shapes.
     like = shapes.alike[name]
     key = ("stand", like, digits(pose.quaternion))
     stand = shapes.get_or_compute(key, lambda: _stand(shapes, like, pose.quaternion))
     bottom = stand.bottom + float(pose.position[2])
     outline, face = stand.outline + pose.position[:2], stand.face + pose.position[:2]
+    # Search the column below the outline, down to any depth.
     low, high = np.full((1, 3), -np.inf), np.full((1, 3), bottom + SUNK)
     low[0, :2], high[0, :2] = outline.min(axis=0), outline.max(axis=0)
     tops: list[Top] = []
@@ -108,6 +121,7 @@ def _footing(state: SymbolicState, name: str, pose: Pose) -> Footing:
         if around.parts[i].owner == name:
             continue
         top = _top(shapes, around, i)
+        # Skip shapes that are wholly above the object's bottom.
         if top.height > bottom + SUNK and top.foot > bottom:
             continue
         if len(clip_polygon(outline, top.outline)) > 2:
@@ -116,19 +130,20 @@ def _footing(state: SymbolicState, name: str, pose: Pose) -> Footing:
 
 
 def _stand(shapes: Solids, name: str, quaternion: Array) -> Footing:
-    """Outline and lower face of an object whose frame is at the origin, turned, above nothing."""
+    """Footing of an object whose frame is at the origin with a rotation, without tops below it."""
     pose = Pose(np.zeros(3), quaternion)
     parts: list[Convex] = []
     for geom, position, rotation in shapes.objects[name]:
         parts.append(shapes.convex(geom, pose.apply(position), pose.rotation @ rotation))
     points = np.concatenate([part.points for part in parts])
     bottom = float(points[:, 2].min())
+    # The lower face is the hull of the points up to `FACE` above the lowest one.
     face = hull(np.concatenate([slab(part, bottom, bottom + FACE) for part in parts]))
     return Footing(bottom, hull(rim(points[:, :2])), face, ())
 
 
 def _top(shapes: Solids, around: Arrangement, i: int) -> Top:
-    """Upper face of a shape that stands still."""
+    """Upper face of a static shape: the hull of its points within `FACE` of its highest one."""
     part, there = around.parts[i], around.frames
     position, rotation = there.positions[0, i], there.rotations[0, i]
 
@@ -153,8 +168,11 @@ def clear_of_support(state: SymbolicState, name: str, pose_world_object: Pose) -
 
 
 def met_early(state: SymbolicState, name: str, pose_world_object: Pose) -> float:
-    """m above a pose (world) at which a lifted object that is set down there stands already where it was found:
-    it has slipped in the pads, by `SUNK` at most. 0 where it would not stand there."""
+    """Height, m, above a pose (world) at which a lifted object meets its original support.
+
+    An object that slipped in the pads, by at most `SUNK`, meets its support before the hand is at
+    the pose. 0 if it would not be back at its original pose.
+    """
     early = -footing(state, name, pose_world_object).gap
     if not SETTLES < early <= SUNK:
         return 0.0
@@ -165,10 +183,10 @@ def met_early(state: SymbolicState, name: str, pose_world_object: Pose) -> float
 def stable(state: SymbolicState, name: str, pose_world_object: Pose) -> str | None:
     """Reason why an object released at a pose (world) would not stay there; None if it would.
 
-    It stays where it stood before, on its carriers then. Elsewhere it must be upright, with its
-    centre of mass inside the support polygon by `TIPPING`: the stated one, or the middle with its
-    uncertainty where the file leaves it to the shapes. An unknown one may be anywhere: then the
-    object's whole outline must be over its carriers.
+    Its original pose is stable while its carriers are in place. Elsewhere it must be upright, with
+    its centre of mass inside the support polygon by `TIPPING`. Where the file leaves the centre of
+    mass to the shapes, it is the middle with its uncertainty. An unknown one may be anywhere: the
+    object's whole outline must then be over its carriers.
     """
     if is_as_found(state, name, pose_world_object):
         return None
@@ -182,6 +200,7 @@ def stable(state: SymbolicState, name: str, pose_world_object: Pose) -> str | No
         if there.gap > 0:
             return f"it would fall by {there.gap:.3f} m"
         return f"it would be pressed {-there.gap:.3f} m into what is below it"
+    # Stable for any centre of mass if each corner of the outline is inside some carrier.
     outlines = [top.outline for top in there.carriers]
     inside = (max(depth(outline, corner) for outline in outlines) for corner in there.outline)
     if all(edge >= EDGE for edge in inside) or _is_balanced(state, name, pose_world_object, there):
@@ -197,10 +216,11 @@ def leaning(state: SymbolicState, name: str, pose_world_object: Pose) -> float:
 
 
 def is_as_found(state: SymbolicState, name: str, pose: Pose) -> bool:
-    """True if an object stands where the scene has it, on its carriers there."""
+    """True if an object is at its pose in the scene, and so are all bodies that carry it there."""
     found = state.scene.body(name).pose_world
     if pose.distance_to(found) > AS_FOUND or pose.angle_to(found) > UPRIGHT:
         return False
+    # A carrier in the hand, or moved elsewhere, no longer carries the object.
     for owner in footing(SymbolicState(state.scene), name, found).owners:
         if owner == state.holding:
             return False
@@ -214,9 +234,11 @@ def _is_balanced(state: SymbolicState, name: str, pose: Pose, there: Footing) ->
     body = state.scene.body(name)
     if "com" in body.known:
         return depth(there.support, pose.apply(body.known["com"])[:2]) >= TIPPING
+    # Neither stated nor left to the shapes: the centre of mass is unknown.
     if "com" not in body.assumed:
         return False
     middle = pose.apply(solids(state.scene).centre_of_mass(name))
+    # The middle may be off by a fraction of the largest horizontal extent.
     extent = np.abs(pose.rotation[:2]) @ body.size
     return depth(there.support, middle[:2]) >= TIPPING + float(OFF_CENTRE * extent.max())
 
@@ -230,8 +252,10 @@ def slides(before: SymbolicState, after: SymbolicState) -> bool:
 
 
 def dragged_off(before: SymbolicState, after: SymbolicState) -> str | None:
-    """Reason why a held object on its support would not be stable at the end of a motion that does
-    not lift it; None if it would, or is lifted."""
+    """Reason why a held object on its support would not be stable at the end of a motion.
+
+    None if it would be stable, or if the motion lifts it.
+    """
     held = before.holding
     if held is None or before.lifted or np.linalg.norm(_travel(before, after)) <= LIFTED:
         return None
@@ -245,7 +269,7 @@ def dragged_off(before: SymbolicState, after: SymbolicState) -> str | None:
 
 
 def surfaces_slid_on(before: SymbolicState, after: SymbolicState) -> list[str]:
-    """Surfaces that carry the held object during a slide, as `carriers`."""
+    """Surfaces that carry the held object at the start, middle or end of a slide, as in `carriers`."""
     held = before.holding
     if held is None:
         return []
@@ -255,11 +279,14 @@ def surfaces_slid_on(before: SymbolicState, after: SymbolicState) -> list[str]:
 
 
 def carriers(state: SymbolicState, name: str, poses: Iterable[Pose]) -> list[str]:
-    """Bodies whose tops carry an object at some of the poses (world): a name for each body and each
-    friction of its shapes, so that a single surface has one."""
+    """Bodies that carry an object at some of the poses (world).
+
+    A body appears once for each different friction of its carrying shapes.
+    """
     found: dict[tuple[object, ...], str] = {}
     for pose in poses:
         tops = footing(state, name, pose).carriers
+        # Only the highest of the carrying faces bear load.
         highest = max((top.height for top in tops), default=0.0)
         for top in tops:
             if top.height > highest - SAME_TOP:

@@ -1,10 +1,12 @@
 """Sweep: minimum distances of the arm, the hand and the held object along a path.
 
-A path is sampled at moments. Between two of them no point of a shape travels farther than its
-middle plus its radius times the turn; so two shapes that are farther apart at both moments than what
-they travel do not meet in between. Bounding boxes rule out nearly all pairs, for all moments
-together; the others are measured exactly, and the interval is halved until they are clear or hit
-(conservative advancement), all intervals of a path side by side.
+A path is sampled at moments. Between two moments, a point of a shape travels at most the travel of
+the shape's middle plus its radius times the turn. With relative travel s and distances d0 and d1 at
+both moments, the distance in between is at least (d0 + d1 - s) / 2.
+
+Bounding boxes rule out nearly all pairs, for all moments together. The other pairs are measured
+exactly. Their intervals are halved until the pair is clear or hits (conservative advancement). All
+intervals of a path are halved together.
 """
 
 from __future__ import annotations
@@ -24,9 +26,12 @@ from palpate.primitives.rules.solids import Solids
 
 FINEST = 0.002  # m of travel below which an interval is not halved again
 SLACK = 0.001
-"""m by which a pair that is too near at the start may come nearer: the tracking error of the arm."""
+"""m. A pair that is too near at the start may come nearer by this tracking error of the arm."""
 CURVED = 1.02
-"""Arc length of a shape between two moments over its chord: no joint turns by more than 0.1 rad."""
+"""Upper bound of arc length over chord, for a shape between two moments.
+
+No joint turns by more than 0.1 rad between two moments.
+"""
 Pairs = NDArray[np.intp]
 
 
@@ -88,17 +93,17 @@ class Met(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """A path with all that moves along it, among all that stands still.
+    """Moving shapes along a path, among static shapes.
 
     Attributes:
         solids: the shapes of the scene.
         path: the path.
         moving: the m moving parts.
         place: frames of the moving parts along a path.
-        still: the k parts that stand still.
+        still: the k static parts.
         meets: (m, m + k) mask of the moving parts that could meet each of all parts.
-        growth: m, the largest distance that matters: only pairs that may come as near are looked at.
-        forth: the sweep of the path in the other direction, of which this is the way back.
+        growth: m, the largest distance that matters. Pairs that stay farther apart are left out.
+        forth: the sweep of the opposite direction, whose distances this one reuses.
     """
 
     solids: Solids
@@ -121,14 +126,18 @@ class Sweep:
 
     @property
     def pairs(self) -> Pairs:
-        """(p, 2) numbers of the parts that may come within `growth`, a moving one first; the static
-        ones are numbered after the moving ones. Pairs of two moving parts come last."""
+        """(p, 2) numbers of the parts that may come within `growth`, a moving part first.
+
+        Static parts are numbered after the moving ones. Pairs of two moving parts come last.
+        """
         return self._near[0]
 
     @property
     def bounds(self) -> Array:
-        """(n, p) m, lower bounds of the distances of pairs: from the bounding sphere of the first to
-        the bounding box of the second."""
+        """(n, p) m, lower bounds of the distances of pairs.
+
+        The bound is the distance from the first part's bounding sphere to the second's bounding box.
+        """
         return self._near[1]
 
     @property
@@ -138,28 +147,38 @@ class Sweep:
 
     @cached_property
     def _near(self) -> tuple[Pairs, Array, Array]:
-        """Pairs, bounds and travels, found in two stages: by the boxes of each moving part's whole path,
-        then by what lies between each two moments."""
+        """Pairs (p, 2), bounds (n, p) and travels (n - 1, p).
+
+        The first stage compares boxes around each part's whole path. The second stage bounds the
+        distances in each interval.
+        """
         if self.forth is not None:
             pairs, bounds, travels = self.forth._near
             return pairs, bounds[::-1], travels[::-1]
+        # The way back has the same pairs; bounds and travels are in reverse order.
         positions = self.frames.positions
+        # Axis-aligned boxes around the whole path of each moving part.
         steps = self._travel(self.frames.part(slice(-1)), self.frames.part(slice(1, None)))
         # Between two moments a part is no farther from both than half of its travel.
         reach = (self.growth + self._radii + steps.max(axis=0) / 2)[:, None]
         low, high = positions.min(axis=0) - reach, positions.max(axis=0) + reach
+        # Pairs whose boxes overlap: among the moving parts, and with the static ones.
         own = (low <= high[:, None]).all(axis=2)
         near = np.concatenate([own & own.T, self.still.near(low, high)], axis=1)
         pairs = np.argwhere(near & self.meets)
         pairs = pairs[np.argsort(pairs[:, 1] < len(self.moving), kind="stable")]
+        # Keep the pairs that may come within `growth` in at least one interval.
         bounds, travels = self._bounds(pairs), self._relative(pairs, steps)
         may = self._doubtful(bounds, travels, self.growth).any(axis=0)
         return pairs[may], bounds[:, may], travels[:, may]
 
     @staticmethod
     def _doubtful(bounds: Array, travels: Array, margins: Array | float) -> NDArray[np.bool_]:
-        """(n - 1, p) mask of the intervals in which pairs may come nearer than their margins: the least
-        distance between two moments is at least half of both distances less the travel."""
+        """(n - 1, p) mask of the intervals in which pairs may come nearer than their margins.
+
+        With distances d0 and d1 at both ends and the travel s, the least distance in between is at
+        least (d0 + d1 - s) / 2.
+        """
         return (bounds[:-1] + bounds[1:] - travels) / 2 < margins
 
     def of(self, pair: int) -> tuple[ShapePart, ShapePart]:
@@ -168,11 +187,12 @@ class Sweep:
         return self.moving[i], (self.still.parts if still else self.moving)[j]
 
     def hits(self, margins: Array) -> Iterator[Hit]:
-        """Pairs that come nearer than their margin (p,), m, each where it first does.
+        """Pairs that come nearer than their margin (p,), m, each at the first such moment.
 
         A pair that is too near at the start may stay as near.
         """
         allowed = self._allowed_margins(margins)
+        # Skip the search if the path was already clear with margins as large as these.
         if any((allowed <= kept).all() for kept in self._kept):
             return
         found = self._close_pairs(list(self._intervals(allowed)), allowed)
@@ -205,6 +225,7 @@ class Sweep:
         found = np.zeros(len(doubtful), dtype=np.bool_)
         for i in range(len(doubtful)):
             start, end = self._moment(i), self._moment(i + 1)
+            # Measure the doubtful pairs exactly at both ends of the interval.
             for pair in np.flatnonzero(doubtful[i]).tolist():
                 apart = self._distance(start, pair) + self._distance(end, pair)
                 if (apart - self.travels[i, pair]) / 2 < growth:
@@ -214,6 +235,7 @@ class Sweep:
 
     def _bounds(self, pairs: Pairs) -> Array:
         first, second = pairs.T
+        # Pairs with static parts come first in `pairs`, then pairs of two moving parts.
         static = int((second >= len(self.moving)).sum())
         still, other = second[:static] - len(self.moving), second[static:]
         bounds = self._to_box(first[:static], self.still.frames, still, self.still.geoms[still])
@@ -232,7 +254,7 @@ class Sweep:
 
     @cached_property
     def _numbers(self) -> list[tuple[int, int, int, int, bool]]:
-        """Of each pair: geom and number of the first part, of the second, and if that stands still."""
+        """Geom and number of both parts of each pair, and true if the second part is static."""
         first, second = self.pairs.T
         still = second >= len(self.moving)
         number = second - len(self.moving) * still
@@ -242,7 +264,7 @@ class Sweep:
 
     @cached_property
     def _kept(self) -> list[Array]:
-        """Margins (p,), m, that all pairs keep the whole way, there or back."""
+        """Margins (p,), m, that all pairs keep along the whole path, in either direction."""
         return [] if self.forth is None else self.forth._kept
 
     @cached_property
@@ -258,17 +280,21 @@ class Sweep:
         return self._moments[i]
 
     def _to_box(self, first: Pairs, frames: Frames, second: Pairs, geoms: Pairs) -> Array:
-        """(n, p) m from the centres of moving parts to the bounding boxes of the parts `second` of
-        `frames`, at as many moments or at a single one."""
+        """(n, p) m, distances from the centres of moving parts to bounding boxes.
+
+        The boxes are those of the parts `second` of `frames`, at n moments or at a single one.
+        """
         boxes, (middle, half) = frames.positions[:, second], self.solids.boxes
         apart = self.frames.positions[:, first] - boxes
         # In the axes of the box: R^T d, by its columns.
         beside = np.einsum("nkij,nki->nkj", frames.rotations[:, second], apart)
+        # Distance from a point to a box: the excess over the half extents, axis by axis.
         outside = np.maximum(np.abs(beside - middle[geoms]) - half[geoms], 0.0)
         return np.sqrt(np.einsum("nki,nki->nk", outside, outside))
 
     def _allowed_margins(self, margins: Array) -> Array:
         """(p,) m, margins, less for pairs that are too near at the start."""
+        # A pair that starts too near may keep its distance, less `SLACK`.
         allowed, start = margins.copy(), self._moment(0)
         for pair in np.flatnonzero(self.bounds[0] < allowed).tolist():
             allowed[pair] = min(allowed[pair], self._distance(start, pair) - SLACK)
@@ -283,7 +309,10 @@ class Sweep:
             yield SweepInterval(self._moment(i), self._moment(i + 1), pairs.tolist(), travels)
 
     def _close_pairs(self, level: list[SweepInterval], margins: Array) -> list[Met]:
-        """Pairs that come too near in some intervals, each where it first does, in their order."""
+        """Pairs that come too near in some intervals, each at its first moment, in that order.
+
+        All intervals of one level are halved before the next level.
+        """
         found, halvings = dict[int, Met](), 0
         while level:
             level = self._halve_intervals(self._unclear(level, margins, halvings, found))
@@ -293,11 +322,14 @@ class Sweep:
     def _unclear(
         self, level: list[SweepInterval], margins: Array, halvings: int, found: dict[int, Met]
     ) -> Iterator[tuple[Moment, Moment, list[int]]]:
-        """Intervals with the pairs that may still come too near in between; those that do at an end are
-        added to `found`."""
+        """Intervals with the pairs that may still come too near in between.
+
+        Pairs that are too near at an end are added to `found`.
+        """
         for low, high, pairs, travels in level:
             left: list[int] = []
             for pair, travel in zip(pairs, travels, strict=True):
+                # An earlier contact of the pair is known: later intervals do not matter.
                 if pair in found and found[pair].begins <= low.at:
                     continue
                 before, after = self._distance(low, pair), self._distance(high, pair)
@@ -317,12 +349,14 @@ class Sweep:
         parts = list(open)
         if not parts:
             return []
+        # Place the moving parts at the middles of all intervals in one call.
         at = np.array([(low.at + high.at) / 2 for low, high, _ in parts])
         frames = self.place(self.path.between(at))
         ends: list[tuple[Moment, Moment, list[int]]] = []
         for i, (low, high, pairs) in enumerate(parts):
             middle = Moment(float(at[i]), frames.at(i))
             ends += [(low, middle, pairs), (middle, high, pairs)]
+        # Bound the relative travel of the pairs in each half.
         lows = Frames.concatenate_moments([low.frames for low, _, _ in ends])
         steps = self._travel(lows, Frames.concatenate_moments([high.frames for _, high, _ in ends]))
         travels = self._relative(self.pairs, steps)
@@ -332,8 +366,10 @@ class Sweep:
         ]
 
     def _travel(self, here: Frames, there: Frames) -> Array:
-        """(n, m) m, upper bound of the travel of any point of a shape between n moments and as many
-        next ones."""
+        """(n, m) m, upper bound of the travel of any point of a shape.
+
+        |Δp| + r |ΔR|, times `CURVED`, between n moments `here` and the n next ones `there`.
+        """
         shift = there.positions - here.positions
         moved = np.sqrt(np.einsum("nki,nki->nk", shift, shift))
         # The Frobenius norm of a change of rotation is √2 times the chord of its angle.
@@ -342,7 +378,7 @@ class Sweep:
         return CURVED * (moved + self._radii * turned)
 
     def _relative(self, pairs: Pairs, travels: Array) -> Array:
-        """(n - 1, p) m, travel of both parts of each pair together; static ones do not move."""
+        """(n - 1, p) m, sum of the travels of both parts of each pair; static parts do not move."""
         first, second = pairs.T
         own = second < len(self.moving)
         both = travels[:, first]

@@ -1,8 +1,8 @@
-"""Surfaces of unknown height: how much higher or lower they and the objects on them may be.
+"""Surfaces of unknown height, and the heights that they and the objects on them may have.
 
 Before a surface is touched, the objects on it may be higher than believed. Once a plan has touched
-it, its poses follow the measured height, which is unknown when the plan is checked: the plan must
-hold for all heights.
+it, its poses follow the measured height. That height is unknown when the plan is checked, so the
+plan must hold for all heights.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ def touched_surfaces(state: SymbolicState) -> tuple[str, ...]:
 
 
 def higher(before: SymbolicState, after: SymbolicState) -> dict[str, float]:
-    """m by which objects on untouched surfaces may be higher than believed, on the way to where a
-    surface of unknown height is probed.
+    """Map objects on untouched surfaces to the height, m, by which they may be above their poses.
 
-    Later they are as near as believed: a probe ends on its surface, however high that is.
+    It applies on the way to the place where a surface of unknown height is probed, and is empty
+    otherwise. After the probe the objects are as near as believed: the probe ends on its surface.
     """
     scene = before.scene
     if after.is_bent or after.at is None:
@@ -50,12 +50,14 @@ def higher(before: SymbolicState, after: SymbolicState) -> dict[str, float]:
         goal = scene.symbols.subject(after.at)
     except InputError:  # a third party's primitive may give another description of its place
         return {}
+    # Only the way to a probe of an untouched surface matters.
     known = touched_surfaces(before)
     unknown = {name for name in scene.surfaces if lacks_measurement(before, name)}.difference(known)
     if goal not in unknown:
         return {}
     found: dict[str, float] = {}
     for surface in unknown - {after.contact}:
+        # Raise the surface, and collect the objects that would rise with it.
         top = scene.body(surface).top_z() + GUESS
         rises = risen(scene, surface, top, before.pose_of)
         found |= {name: GUESS for name in rises if name in scene.objects}
@@ -65,8 +67,10 @@ def higher(before: SymbolicState, after: SymbolicState) -> dict[str, float]:
 def vary_heights(
     before: SymbolicState, after: SymbolicState
 ) -> Iterator[tuple[SymbolicState, SymbolicState, str]]:
-    """Both states with the touched surfaces higher and lower by `GUESS`, in all combinations, and
-    the combination in words."""
+    """Both states with the touched surfaces higher or lower by `GUESS`, in all combinations.
+
+    The third element states the combination in words.
+    """
     surfaces = touched_surfaces(before)
     for count in range(len(surfaces) + 1 if surfaces else 0):
         for lower in combinations(surfaces, count):
@@ -82,11 +86,12 @@ def vary_heights(
 
 
 def _shift_state(state: SymbolicState, rises: Mapping[str, float]) -> tuple[SymbolicState, float]:
-    """The state with surfaces and their objects higher, and m by which the hand rises with them."""
+    """The state with raised surfaces and objects, and the rise of the hand with them, m."""
     scene, pose, shift = _raise_surfaces(state.scene, rises), state.pose_world_tcp, 0.0
     with suppress(InputError):
         there = scene.symbols.resolve(state.at or "", state.bound)
         shift = round(float((there.position - state.resolve(state.at or "").position)[2]), 6)
+    # Objects that the plan moved rise with the surface below them.
     moved = {
         name: there.translate((0.0, 0.0, scene.rises.get(name, 0.0)))
         for name, there in state.moved.items()
