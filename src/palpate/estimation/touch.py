@@ -33,8 +33,8 @@ from palpate.trace.recording import NominalHand, Recording
 from palpate.trace.samples import Trace
 
 APART = 0.05
-"""m: three touches so far from one another show how a surface leans; 0.1 mm between two touches is 2 mrad.
-Sensitive: no."""
+"""m: minimum distance between three touches that determine the tilt of a surface. An error of 0.1
+mm between two touches is then 2 mrad. Not sensitive."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,14 +42,17 @@ class Plane:
     """Plane through the touches of a surface.
 
     Attributes:
-        height: m, of its middle among the touches.
-        std: m, without what all touches share.
-        tilt: rad, from level, and its standard deviation; None where the touches do not span a
-            plane.
-        slope: (2,) rise along x and along y, and slope_std; None where they do not.
+        height: m, at the mean position of the touches.
+        std: m, without the errors that all touches share.
+        tilt: rad, angle from level, and its standard deviation; None where the touches do not span
+            a plane.
         misfit: sum of the squared residuals over their variances.
-        freedom: number of touches beyond the unknowns.
-        beside, heights, stds: of the touches: (n, 2) m from their middle, (n,) m, (n,) m.
+        freedom: residual degrees of freedom.
+        slope: (2,) rise along x and along y; None where the touches do not span a plane.
+        slope_std: (2,) its standard deviations; None with `slope`.
+        beside: (n, 2) m, positions of the touches from their mean.
+        heights: (n,) m, of the touches.
+        stds: (n,) m, standard deviations of the heights.
     """
 
     height: float
@@ -70,9 +73,12 @@ class Plane:
         return np.full(len(self.heights), self.height) + rise
 
     def view(self, of_tilt: bool) -> FitView:
-        """Touches against the plane, from the side along its steepest direction; `of_tilt`: of an estimate of its
-        tilt, else of its height."""
-        # Touches too close together for a slope are shown along world x.
+        """Chart the touches and the plane, seen from the side along the steepest direction.
+
+        Args:
+            of_tilt: the chart belongs to an estimate of the tilt, else of the height.
+        """
+        # Without a slope, the chart is along world x.
         slope = np.array([1.0, 0.0]) if self.slope is None else self.slope
         uphill = slope / max(float(np.linalg.norm(slope)), 1e-12)
         heading = float(np.degrees(np.arctan2(uphill[1], uphill[0])))
@@ -93,13 +99,17 @@ class Plane:
 
 
 def fit_plane(spots: Array, heights: Sequence[float], stds: Sequence[float]) -> Plane:
-    """Fit the plane through touches at `spots` (n, 2), m, by weighted least squares; where they do not span
-    one, their weighted mean."""
+    """Fit a plane by weighted least squares to touches at `spots` (n, 2), m.
+
+    Where the touches do not span a plane, fit their weighted mean height.
+    """
+    # Design: height at the mean position, and the two slopes where they are observable.
     z, weight = np.asarray(heights), 1.0 / np.asarray(stds)
     middle = spots.mean(axis=0)
     level = np.ones((len(z), 1))
     leaning = np.hstack([level, spots - middle])
     design = leaning if spans_plane(spots) else level
+    # Solve the normal equations with weights 1/std.
     weighted = design * weight[:, None]
     covariance = np.linalg.inv(weighted.T @ weighted).astype(np.float64)
     solution: Array = covariance @ weighted.T @ (z * weight)
@@ -110,8 +120,7 @@ def fit_plane(spots: Array, heights: Sequence[float], stds: Sequence[float]) -> 
     if design.shape[1] == 3:
         slope, slope_std = solution[1:], np.sqrt(np.diag(covariance)[1:])
         tilt = (float(np.linalg.norm(slope)), float(np.sqrt(np.mean(slope_std**2))))
-        # The height of a tilted surface, one number, is as uncertain as the touches differ along the slope
-        # (root mean square).
+        # A tilted surface has no single height. Add the mean square of its rise among the touches.
         rise: Array = (spots - middle) @ slope
         variance += float(np.mean(rise**2))
     freedom = len(z) - len(solution)
@@ -121,56 +130,59 @@ def fit_plane(spots: Array, heights: Sequence[float], stds: Sequence[float]) -> 
 
 
 def spans_plane(spots: Array) -> bool:
-    """Three of the spots are at least `APART` from one another, and not collinear."""
+    """Return true if three spots are at least `APART` from one another and not collinear."""
     if len(spots) < 3:
         return False
-    # Spread along the shorter main axis: APART / sqrt(6) of an equilateral triangle with sides APART; half of
-    # that is still no line.
+    # Spread along the shorter principal axis. An equilateral triangle with sides APART has APART /
+    # sqrt(6); half of that is still not collinear.
     centred = spots - spots.mean(axis=0)
     variances = np.linalg.eigvalsh(centred.T @ centred / len(spots)).astype(np.float64)
     return float(variances[0]) >= (APART / 2) ** 2 / 6
 
 
-# Touch of a surface by a guarded descent: tip height over pressing force, from the first contact
-# on.
+# Tuning constants of a touch.
 
 
 LATER_FORCE = 0.66
-"""the same below something soft, which may bear as much. Sensitive: cloths of some 400 N/m, foams in layers."""
+"""fraction of the greatest force, as `LATE_FORCE`, below a soft layer, which may carry as much
+force itself. Sensitive for cloths of some 400 N/m and layered foams."""
 LAST_RISE = 6.0
-"""N of rise at most of the last stretch below something soft: a press goes on for 8 N after something rigid stops the
-tips (`vocabulary.contact`). Sensitive: cloths that bear more than 12 N."""
+"""N: largest force rise of the last stretch below a soft layer. A press goes on for 8 N after a
+rigid surface stops the tips (`vocabulary.contact`). Sensitive for cloths that carry more than 12 N.
+"""
 LEAST_RISE = 1.5
-"""N by which the force changes in that stretch at least for its slope to count. Sensitive: no."""
+"""N: smallest force rise of the last stretch from which its slope is used. Not sensitive."""
 STIFF = 2e-5
-"""m/N: below this a contact is stiff, and the correction for its penetration small. A steel or stone table gives way
-by 1 to 10 µm/N. Sensitive: no."""
+"""m/N: a contact below this compliance is stiff, and its penetration correction small. A steel or
+stone table has 1 to 10 µm/N. Not sensitive."""
 RIGID = 6e-5
-"""m/N: what gives way more than this is no rigid surface. A light table does by up to 40 µm/N: a board of 18 mm
-chipboard, 0.6 m wide and 1.2 m long, borne at its ends, 48 E I / L³ with E of 3 GPa. Hard pads and the joints behind
-the encoders add some 20. Sensitive: no."""
+"""m/N: largest compliance of a rigid surface. A light table has up to 40 µm/N: 18 mm chipboard, 0.6
+m wide, 1.2 m long, supported at its ends, 48 E I / L³ with E = 3 GPa. Hard pads and the joints
+behind the encoders add some 20. Not sensitive."""
 SURE = 1.0
-"""standard deviations by which what stopped the tip must be less than that to count as rigid: with the tips of an
-arm that nobody measured (15 µm/N) that tells a table of 20 µm/N from a mat of 80 by 1.6 and 2.3 more. Sensitive: no,
-where tips are known."""
+"""standard deviations between the compliance and `RIGID` for a surface that counts as rigid. With
+uncalibrated tips (15 µm/N), a table of 20 µm/N is accepted with a margin of 1.6 standard
+deviations, and a mat of 80 µm/N rejected with 2.3. Not sensitive with known tips."""
 SOLID = 0.05
-"""part (1 sigma) of the thickness of what is soft that stays however hard it is pressed: relative density of
-flexible foams, 0.02 to 0.1 (Gibson & Ashby, Cellular Solids). Sensitive: height std ×0.6–1.9, only where something
-soft was pressed through."""
+"""fraction (1 sigma) of the thickness of a soft layer that remains under any pressure. It is the
+relative density of flexible foams, 0.02 to 0.1 (Gibson & Ashby, Cellular Solids). Sensitive only
+where a soft layer was pressed through: height std ×0.6–1.9."""
 CORRECTION = 0.25
-"""part (1 sigma) of the correction for penetration: contacts are not quite linear. Sensitive: hardly."""
+"""fraction (1 sigma) of the penetration correction: contacts are not exactly linear. Hardly
+sensitive."""
 YIELDING = 0.5
-"""part (1 sigma) of the correction for penetration where the surface is not stiff. Sensitive: height std ×0.6–1.9,
-only there."""
+"""fraction (1 sigma) of the penetration correction where the surface is not stiff. Sensitive only
+there: height std ×0.6–1.9."""
 LEANS_OVER = 3.3e-3
-"""rad by which a contact makes the hand lean over where one finger alone stands on something. Against a level
-surface an arm that nobody calibrated is out by 1.2 mrad (1 sigma: 1 mrad in each joint that turns it over, and a
-base levelled to 0.5); 30 N on one finger lean it over by 4.2 mrad at 280 N m/rad. Sensitive: no."""
+"""rad: lean of the hand at a contact that shows that one finger alone is in contact. An
+uncalibrated arm has an error of 1.2 mrad (1 sigma) against a level surface: 1 mrad in each joint
+that tilts the hand, and 0.5 mrad in the level of the base. 30 N on one finger cause a lean of 4.2
+mrad at 280 N m/rad. Not sensitive."""
 REACH = 0.5
-"""m from the base to where an arm touches: what leans by an angle is off there by as much in height, and an arm
-whose owner says that its fingertips are off by more leans by more. Sensitive: no."""
+"""m: typical distance of a touch from the base. It converts an angle error into a height error. A
+larger stated error of the fingertips allows a larger lean accordingly. Not sensitive."""
 VIEW_ABOVE = 0.006
-"""m of free air that a chart of a touch shows at least. Sensitive: no."""
+"""m: smallest height of free air in a chart of a touch. Not sensitive."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -179,21 +191,28 @@ class SurfaceTouch:
 
     Attributes:
         recording: of the held pose.
+        descent: the guarded descent before it.
         spot: (2,) m, world x and y of the fingertips.
-        held: m, tip height at the force `full`, N, at rest: of the recording, or before a press through
-            something soft was eased, as the tip may rise into that again.
-        rise: N, of the last stretch, with its standard deviation by joint friction.
-        compliance: m/N, of the last stretch of the loading curve.
-        knee: N, force at the beginning of that stretch; 0 where it began in free air.
-        bottomed: m, tip height at which something soft had been pressed through; None without such.
-        first: m, tip height at which the force began to rise, with its standard deviation.
-        lever: m along the closing direction from the middle of the fingers to the line of the force, with its
-            standard deviation.
-        lean: rad, largest lean of the hand in that direction by the contact.
+        held: m, tip height at the force `full`. It is that of the recording. After a press through
+            a soft layer it is the height before the press was eased, as the tip may rise into the
+            layer again.
+        full: N, pressing force at rest.
+        rise: N, force rise of the last stretch of the loading curve.
+        rise_std: N, its standard deviation by joint friction.
+        compliance: m/N, of the last stretch.
+        knee: N, force at the beginning of that stretch; 0 where it begins in free air.
+        bottomed: m, height of the rigid surface below a soft layer; None without a layer.
+        first: m, tip height at which the force began to rise.
+        first_std: m, its standard deviation.
+        lever: m along the closing direction, from the middle of the fingers to the line of the
+            force.
+        lever_std: m, its standard deviation.
+        lean: rad, largest lean of the hand in that direction caused by the contact.
         opening: m, between the fingers.
-        own: m/N, compliance of the tips themselves, with its standard deviation.
-        out_of_level: rad, uncertainty of the level of the arm against the surface.
-        spring: the surface as a spring, above a stiff support.
+        own: m/N, compliance of the tips themselves.
+        own_std: m/N, its standard deviation.
+        out_of_level: rad, uncertainty of the angle between the arm's base and a level surface.
+        spring: the surface as a spring above a rigid support.
     """
 
     recording: Recording
@@ -219,13 +238,16 @@ class SurfaceTouch:
 
     @property
     def height(self) -> float:
-        """Height of the rigid surface extrapolated to zero force, m; of a compliant one, that of
-        first contact."""
+        """m, of a rigid surface extrapolated to zero force; of a compliant one, of the first
+        contact."""
         return self.first if self.gives_way else self.held + self.penetration
 
     def height_std(self, hand: NominalHand) -> float:
-        """Standard deviation of the height, m, of one touch, without the length of the tips that all touches
-        share."""
+        """Compute the standard deviation, m, of the height of one touch.
+
+        The error of the tip length is left out, as all touches share it.
+        """
+        # Uncertainty of the penetration correction: smaller for stiff contacts.
         compliance = self.penetration / self.full
         stiff = compliance <= STIFF
         correction = CORRECTION if stiff else YIELDING
@@ -241,12 +263,12 @@ class SurfaceTouch:
 
     @property
     def penetration(self) -> float:
-        """Depth of the held tip below the surface, m."""
+        """m, depth of the held tip below the surface."""
         whole = max(self.first - self.held, 0.0)
         if self.gives_way:
             return whole
-        # Along the last stretch, as long as it leads to the first contact: a swing of the arm disturbs it,
-        # and then the whole curve counts.
+        # Use the last stretch where it leads back to the first contact. An oscillation of the arm
+        # disturbs it; the whole curve counts then.
         stretch = self.compliance * max(self.full - self.knee, 0.0)
         if self.knee > 0.0 or abs(whole - stretch) < 2.0 * self.first_std:
             return stretch
@@ -254,42 +276,46 @@ class SurfaceTouch:
 
     @property
     def at_most(self) -> float:
-        """Upper bound of the compliance of the surface alone, m/N, at `SURE` standard deviations: from the
-        spring, or below something soft from the last stretch."""
+        """m/N, upper bound of the surface's compliance at `SURE` standard deviations.
+
+        It follows from the spring fit, or below a soft layer from the last stretch, less the tips'
+        compliance.
+        """
         if self.knee == 0.0:
             return self.spring.at_most(SURE)
         return self._compliance_bound(-SURE) - self.own + SURE * self.own_std
 
     @property
     def at_least(self) -> float:
-        """Lower bound of the compliance, m/N."""
+        """m/N, lower bound of the surface's compliance at 2 standard deviations."""
         if self.knee == 0.0:
             return self.spring.at_least(2.0)
         return self._compliance_bound(2.0) - self.own - 2.0 * self.own_std
 
     def _compliance_bound(self, sigmas: float) -> float:
-        """Compliance of the last stretch, m/N, if the force had risen by so many standard deviations more."""
+        """Compliance of the last stretch, m/N, for a force rise that is larger by `sigmas` standard
+        deviations."""
         risen = max(self.rise + sigmas * self.rise_std, SOFT_FORCE)
         return self.compliance * self.rise / risen
 
     @property
     def pressed_through(self) -> bool:
-        """Something soft was met above what stopped the tip."""
+        """True if a soft layer was met above the surface that stopped the tip."""
         return self.bottomed is not None or self.knee > 0.0
 
     @property
     def gives_way(self) -> bool:
-        """The surface is not known to be rigid."""
+        """True if the surface may exceed the compliance of a rigid one."""
         return self.at_most > RIGID
 
     @property
     def soft(self) -> float:
-        """Thickness of something soft that was pressed through, m; 0 without such."""
+        """m, thickness of a soft layer that was pressed through; 0 without a layer."""
         thickness = self.first - self.height
         return thickness if thickness > SOFT and not self.gives_way else 0.0
 
     def firm(self) -> FitTest:
-        """Test for a rigid surface."""
+        """Test that the surface is rigid."""
         certain = self.at_least > RIGID
         how = "gives way" if certain else "may give way"
         return FitTest(
@@ -302,8 +328,11 @@ class SurfaceTouch:
         )
 
     def sides(self) -> Iterator[FitTest]:
-        """Tests for contact of both fingers, by the lean and the moment: of one finger alone, the force acts
-        nearer to it than to the middle, and the hand leans to the other side."""
+        """Test that both fingers are in contact, by the lean of the hand and by the moment.
+
+        With one finger alone, the force acts nearer to it than to the middle, and the hand leans to
+        the other side.
+        """
         lower = abs(self.lean) * self.opening
         yield FitTest(
             "both fingers stand",
@@ -312,6 +341,8 @@ class SurfaceTouch:
             f"One finger alone stands on something: the hand leans over by {1e3 * abs(self.lean):.1f} "
             f"mrad, and the other finger, {1e3 * lower:.1f} mm lower for it, meets nothing.",
         )
+        # The lever of the force is tested only where it is known to half of the distance that
+        # counts.
         nearer = self.opening / 4
         if 2.0 * self.lever_std >= nearer:
             return
@@ -324,10 +355,10 @@ class SurfaceTouch:
 
 
 def touches_of(trace: Trace, recordings: Iterable[Recording]) -> list[SurfaceTouch]:
-    """Touches of the guarded descents before recorded poses that met a resistance.
+    """Find the touches of the guarded descents before recorded poses; skip those without contact.
 
     Raises:
-        ValueError: as `find_touch`.
+        ValueError: see `find_touch`.
     """
     met = [find_touch(trace, recording) for recording in recordings]
     return [touch for touch in met if touch is not None]
@@ -343,8 +374,12 @@ def plane_of(touches: Sequence[SurfaceTouch], hand: NominalHand) -> Plane:
 def touch_views(
     touches: Sequence[SurfaceTouch], plane: Plane, slopes: Array | None = None
 ) -> tuple[FitView, ...]:
-    """Charts of the touches and of the `plane` through them. `slopes` (p,): change of the height with each
-    component of the estimate; by default it is the height itself."""
+    """Chart the touches and the `plane` through them.
+
+    Args:
+        slopes: (p,) derivative of the height by each component of the estimate; by default the
+            estimate is the height itself.
+    """
     effect = np.ones(1) if slopes is None else slopes
     pairs = zip(touches, plane.fitted.tolist(), strict=True)
     curves = tuple(loading_curve_view(touch, height, effect) for touch, height in pairs)
@@ -354,10 +389,11 @@ def touch_views(
 
 
 def loading_curve_view(touch: SurfaceTouch, height: float, effect: Array) -> FitView:
-    """Loading curve of a touch against the surface at `height`, m: its last stretch, carried back."""
+    """Chart the loading curve of a touch, and its extrapolation to the surface at `height`, m."""
     descent, met = touch.descent, max(height, touch.first)
-    # So much free air above the contact is shown.
+    # Show some free air above the contact.
     rows = descent.z <= met + max(VIEW_ABOVE, 0.4 * (met - float(descent.z.min())))
+    # Fraction of the force rise above the knee, along which the fit is a straight line.
     force = descent.force[rows]
     bearing = np.maximum(force - touch.knee, 0.0) / max(touch.full - touch.knee, SOFT_FORCE)
     note = f"The tips were held at {1e3 * touch.held:.2f} mm, pressing with {touch.full:.1f} N"
@@ -377,7 +413,8 @@ def loading_curve_view(touch: SurfaceTouch, height: float, effect: Array) -> Fit
 
 
 def find_touch(trace: Trace, recording: Recording) -> SurfaceTouch | None:
-    """Touch of the guarded descent before a recorded pose; None without a lasting resistance.
+    """Find the touch of the guarded descent before a recorded pose; None without a lasting contact
+    force.
 
     Raises:
         ValueError: the recording holds no samples, or no guarded descent comes before it.
@@ -386,18 +423,21 @@ def find_touch(trace: Trace, recording: Recording) -> SurfaceTouch | None:
     if descent is None:
         return None
     samples = descent.samples
+    # Last stretch of the loading curve: it begins at a fraction of the greatest force at rest.
     most, deepest = at_most(descent)
     level = LATE_FORCE * most
     late = descent.crossing(level)
     first, first_std = first_contact(descent, late)
     if first - float(descent.z[late]) > SOFT:
-        # Something soft may bear that force.
+        # A soft layer may carry that force: begin later.
         level = max(LATER_FORCE * most, most - LAST_RISE)
         late = descent.last_crossing(level)
     rise, rise_std, compliance = last_stretch(descent, level, late)
+    # Look for a rigid surface below a soft layer, and fit the whole curve as a spring.
     through = contact_height_if_rigid(descent, late, first)
     onset = Onset(first, first_std, through, max(first - deepest, 0.0) / most)
     lever, lever_std = force_lever(descent, trace.hand)
+    # Below a soft layer the values at the greatest force count, else those of the recording.
     below = knee(descent, late, first)
     full, held = (most, deepest) if below else (descent.full, descent.held)
     return SurfaceTouch(
@@ -425,32 +465,38 @@ def find_touch(trace: Trace, recording: Recording) -> SurfaceTouch | None:
 
 
 def last_stretch(descent: Descent, level: float, late: int) -> tuple[float, float, float]:
-    """Rise of the force in the last stretch of the loading curve, N, with its standard deviation by joint friction,
-    and compliance, m/N: from the force `level`, N, at row `late`, on."""
+    """Fit the last stretch of the loading curve from the force `level`, N, at row `late`.
+
+    Returns:
+        Force rise, N; its standard deviation by joint friction, N; and compliance, m/N.
+    """
     z, force = descent.z, descent.smooth
     most, deepest = at_most(descent)
-    # From where the running median has left the impact to where the commanded motion ends.
+    # The rows begin after the running median has left the impact, and end with the commanded
+    # motion.
     stop = int(np.argmin(descent.samples.target_world_tcp[:, 2]))
     rows = np.arange(late + SUSTAINED // 2 + 1, stop + 1)
     rise = float(np.ptp(force[rows])) if len(rows) >= BLOCK_ROWS else 0.0
     if rise >= LEAST_RISE:
-        # Slope of z(F) while the joints hardly move, so that their friction stays; and how far the tip sinks in after
-        # the greatest force, which a rigid surface forbids.
+        # Slope of z(F) while the joints hardly move, so that their friction is constant. Add the
+        # travel of the tip after the greatest force, which a rigid surface forbids.
         slope = float(np.polyfit(force[rows], z[rows], 1)[0])
         sunk = max(float(z[np.argmax(force)]) - deepest, 0.0)
         return rise, float(descent.wander[2]), max(-slope, 0.0) + sunk / rise
-    # To rest, as friction relaxes by an unknown part.
+    # Too small a rise for a slope: difference to rest. Friction relaxes by an unknown part.
     rise = most - level
     sunk = float(np.median(z[late - 2 : late + 3])) - deepest
     return rise, descent.friction, max(sunk, 0.0) / rise
 
 
 def largest_lean(descent: Descent) -> float:
-    """Largest lean for several rows until the greatest force, or that while the pose was recorded, against
-    free air, rad."""
+    """Find the largest lean of the hand against free air, rad.
+
+    It is the largest of the running median until the greatest force, and of the recorded pose.
+    """
     lean = leans(descent.samples)
     lean = lean - np.median(lean[descent.free])
-    # In between, the hand swings.
+    # Leave out the rows between the greatest force and the recording: the hand oscillates there.
     most = max(int(np.argmax(descent.smooth)), descent.onset + 1)
     pressing = running_median(lean[descent.onset : most])
     seen = np.append(pressing, np.median(lean[descent.pressed]))
@@ -458,20 +504,24 @@ def largest_lean(descent: Descent) -> float:
 
 
 def force_lever(descent: Descent, hand: NominalHand) -> tuple[float, float]:
-    """Offset of the held force from the middle of the fingertips along the closing direction, m, and its
-    standard deviation."""
+    """Compute the offset of the contact force from the middle of the fingertips, m, and its
+    standard deviation, m.
+
+    The offset is along the closing direction.
+    """
     samples, pressed = descent.samples, descent.pressed
     wrench = samples.wrench
+    # Contact wrench: the held pose less free air.
     change = np.mean(wrench[pressed], axis=0) - np.median(wrench[descent.free], axis=0)
     closing, tool = mean_pose(samples.where(pressed)).rotation.T[1:]
-    # At a lever p from the tips the force F has the moment p x F; about the TCP the lever r of the tips adds r x F.
+    # A force F at p from the tips has the moment p × F. The tips at r from the TCP add r × F.
     force = change[:3]
     moment = change[3:] - np.cross(hand.tip_offset * tool, force)
     place = np.cross(force, moment) / float(force @ force)
     about = np.cross(tool, closing)
-    # As the arm stops, joint friction relaxes by about as much as it showed when the arm set out, about any
-    # axis; friction that changes with the place may do so on the way through a soft layer as in free air; and
-    # a moment repeats to `TORQUE_LEVER` times the repeatability of a force.
+    # Error of the moment. Joint friction relaxes by about its value at the start, about any axis.
+    # Friction that depends on the posture varies in a soft layer as in free air. A moment repeats
+    # to `TORQUE_LEVER` times the force repeatability.
     friction = float(np.linalg.norm(descent.set_out[3:5]))
     wander = float(np.linalg.norm(descent.wander[3:] * about))
     through = FREE_SLOPE * abs(float(descent.z[descent.onset]) - descent.held)
