@@ -1,5 +1,8 @@
-"""Answer to a question that compares, or adds up: "is the novel heavier than the glass?", "which is the
-lightest?", "is the can heavier than 400 g?", "what do they weigh together?"."""
+"""Answers to questions that compare or add up.
+
+Examples are "is the novel heavier than the glass?", "which is the lightest?", "is the can heavier
+than 400 g?" and "what do they weigh together?".
+"""
 
 from __future__ import annotations
 
@@ -54,7 +57,8 @@ class _Side:
 
     Attributes:
         name: the objects; empty for an amount.
-        estimates: those among the values that were measured; the others are exact.
+        value: sum, in SI units.
+        estimates: the measured values in it; the others are exact.
     """
 
     name: str
@@ -68,10 +72,14 @@ class _Side:
 
 
 def answer(run: Run) -> str | None:
-    """Answer a request that compares or adds up, from estimates that are identified or at a physical bound;
-    None if it does neither with what was measured. Values stated by the scene count as exact."""
+    """Answer a request that compares or adds up; None for other requests.
+
+    The answer uses estimates that are identified or at a physical bound. Values that the scene
+    states count as exact.
+    """
     request = run.settings.request or ""
     names = frozenset(word for name in run.scene.bodies for word in _words(name))
+    # Find the words that ask for a comparison, a sum or a bound.
     text = in_english(request, names, spoken(request))
     asked, compared, numbers = _words(text), english().compared, english().labels["numbers"]
     bound = _BOUND.search(re.sub("[a-z]+", lambda word: numbers.get(word[0], word[0]), text))
@@ -80,6 +88,7 @@ def answer(run: Run) -> str | None:
     together = not TOGETHER.isdisjoint(asked)
     if not (word or bound or together or _ALIKE.search(text)):
         return None
+    # Determine the compared quantity and its estimates.
     measured = {estimate.parameter.quantity for estimate in run.estimates}
     quantity = compared.get(word) or (measured.pop() if len(measured) == 1 else "mass")
     estimates = [each for each in run.estimates if each.parameter.quantity == quantity]
@@ -87,9 +96,11 @@ def answer(run: Run) -> str | None:
         return None
     if unknown := [each.parameter.object for each in estimates if not each.is_evidence]:
         return f"open: the {quantity} of {' and '.join(unknown)} is not identified"
+    # One side for each measured object, and for each object whose value the scene states.
     sides = [_Side(e.parameter.object, float(e), (e,)) for e in estimates if len(e.values) == 1]
     sides += _stated_objects(run, quantity, asked)
     unit = f" {estimates[0].unit}" * (estimates[0].unit != "1")
+    # Add up: a sum alone is the answer, with its interval.
     if together:
         sides = _summed(sides, asked)
         if len(sides) == 1 and bound is None:
@@ -97,6 +108,7 @@ def answer(run: Run) -> str | None:
             ends = interval95(sides[0].value, std)[0].tolist()
             interval = ", ".join(round_to_std(end, std)[0] for end in ends)
             return f"together: {sides[0]}{unit}, 95 % [{interval}]"
+    # Compare each side with the amount in the request.
     if bound is not None:
         number = NUMBERS.get(bound["number"], bound["number"]).replace(",", ".")
         named = bound["unit"].replace(" ", "")
@@ -110,10 +122,11 @@ def answer(run: Run) -> str | None:
         return (
             f"open: no other {quantity} was measured than that of {estimates[0].parameter.object}"
         )
+    # Compare the extreme side with the next one.
     sides.sort(key=lambda each: each.value, reverse=word not in LESS)
     if word:
         return _word_answer(sides[0], sides[1], _subject(sides, asked), unit)
-    # Two values are never known to be alike: they differ, or it stays open.
+    # Equality of two values cannot be shown: they differ, or the question stays open.
     return _word_answer(sides[0], sides[-1], "", unit, tails=2)
 
 
@@ -124,7 +137,7 @@ def _against(side: _Side, amount: _Side, less: bool, asked: Sequence[str], unit:
 
 
 def _summed(sides: Sequence[_Side], asked: Sequence[str]) -> list[_Side]:
-    """Sums of the sides before "than" and behind it."""
+    """Sum the sides before "than" and those after it."""
     than = asked.index("than") if "than" in asked else len(asked)
     sums: dict[bool, _Side] = {}
     for side in sides:
@@ -163,8 +176,10 @@ def _stated_objects(run: Run, quantity: str, asked: Sequence[str]) -> list[_Side
 
 
 def _subject(compared: Sequence[_Side], asked: Sequence[str]) -> str | None:
-    """Object before "than" in a question about two; None in other requests, or if the names do not
-    stand there in full, which leaves the sides uncertain."""
+    """Find the object before "than" in a question about two objects.
+
+    None in other requests, and if the names are incomplete there, which leaves the sides uncertain.
+    """
     places = {each.name: _place(each.name.split(" and ")[0], asked) for each in compared}
     than = asked.index("than") if "than" in asked and asked[0] in ASKING else None
     if than is None or len(compared) > 2:
@@ -188,18 +203,23 @@ def _words(text: str) -> list[str]:
 
 
 def _std(first: _Side, second: _Side | None = None) -> float:
-    """Standard deviation of the first side, or of its difference from the second, in which errors that
-    both share cancel."""
+    """Standard deviation of the first side, or of its difference from the second. Errors that both
+    share cancel.
+    """
     plus, minus = first.estimates, second.estimates if second is not None else ()
     if not (plus or minus):
         return 0.0
+    # All estimates are from one arm, so their shared errors correlate.
     sources = [Source("", "this arm", estimate) for estimate in (*plus, *minus)]
     weights = [1.0] * len(plus) + [-1.0] * len(minus)
     return float(weighted_sum(sources, weights)[1][0])
 
 
 def _chance(first: _Side, second: _Side) -> float:
-    """Probability of the opposite order, p = erfc(d / (σ √2)) / 2 with the difference d and its std σ."""
+    """Probability of the opposite order.
+
+    p = erfc(d / (σ √2)) / 2, with the difference d and its standard deviation σ.
+    """
     apart, std = abs(first.value - second.value), _std(first, second)
     if std == 0.0:
         return 0.0 if apart > 0.0 else 0.5

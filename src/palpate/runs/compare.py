@@ -1,4 +1,4 @@
-"""Comparison of several runs' estimates."""
+"""Comparison of the estimates of several runs."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class ComparedEstimate:
 
     @property
     def z(self) -> Array | None:
-        """Difference in its standard deviations, (n,)."""
+        """Difference in units of its standard deviation, (n,)."""
         if self.difference is None or self.std is None:
             return None
         return self.difference / self.std
@@ -78,6 +78,7 @@ class Comparison(ByParameter[tuple[ComparedEstimate, ...]]):
         found: list[tuple[str, ...]] = []
         for row in (row for rows in self.rows.values() for row in rows):
             if row.estimate is not None:
+                # Row of the table; the first run of a parameter has no difference.
                 name, value, _, verdict = row.estimate.cells()
                 apart = "" if row.z is None else ", ".join(f"{z:+.1f}" for z in row.z.tolist())
                 found.append((name, row.run, value, apart, verdict))
@@ -102,6 +103,7 @@ def compare_runs(runs: Sequence[Run]) -> Comparison:
     if len(runs) < 2:
         raise InputError("give two runs or more to compare")
     names = names_of(runs)
+    # Collect the differences of the scenes; a different scene changes which errors are shared.
     remarks: list[str] = []
     one_scene = True
     for name, run in zip(names[1:], runs[1:], strict=True):
@@ -109,6 +111,7 @@ def compare_runs(runs: Sequence[Run]) -> Comparison:
         if apart:
             remarks.append(f"{names[0]} and {name} are not of one scene: {'; '.join(apart)}")
             one_scene = False
+    # Compare the runs parameter by parameter.
     rows: dict[Parameter, tuple[ComparedEstimate, ...]] = {}
     for parameter in parameters_of(runs):
         rows[parameter] = tuple(_rows(parameter, runs, names, one_scene))
@@ -125,8 +128,10 @@ def _rows(
             yield ComparedEstimate(name, estimate)
             continue
         source = Source(name, arm_of(run), estimate)
+        # Only runs of one scene share the errors of the scene.
         if not one_scene:
             source = _of_its_own_scene(source)
+        # The first run with a value is the reference of all later ones.
         if first is None or len(first.estimate.values) != len(estimate.values):
             first = first or source
             yield ComparedEstimate(name, estimate)

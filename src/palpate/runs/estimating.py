@@ -268,7 +268,12 @@ class Ahead:
     """
 
     def __init__(self, made: Run, beside: Beside[Given] | None) -> None:
-        """Begin without estimates. `beside` is a copy that already runs."""
+        """Begin without estimates.
+
+        Args:
+            made: the run.
+            beside: a copy that already runs.
+        """
         self._made, self._beside = made, beside
         of_objects = (one.object for one in made.plan.parameters)
         self._due = [name for name in dict.fromkeys(of_objects) if name in made.scene.objects]
@@ -293,7 +298,7 @@ class Ahead:
             return
         self._leaves = len(recorder.leaves)
         now = recorder.leaves[-1].end
-        # Start a copy for the first object of which the plan records nothing more.
+        # Start a copy for the first object whose recordings are complete.
         for name in self._due:
             reached = reach(recorder, name)
             if reached is not None and reached[1] < now and self._is_idle():
@@ -309,7 +314,7 @@ class Ahead:
         return {name: one for name, one in found.items() if one is not None}
 
     def _is_idle(self) -> bool:
-        """True if a processor is free besides that of the execution and those of the copies."""
+        """True if a processor is free in addition to those of the execution and of the copies."""
         working = sum(copy.running for copy in (*self._copies.values(), self._beside) if copy)
         return can_copy() and working < len(os.sched_getaffinity(0)) - 1
 
@@ -324,7 +329,10 @@ def ahead_of(made: Run, cell: Cell, beside: Beside[Given] | None) -> Generator[A
     """Yield the estimates made while a simulated arm moves; None with a real one, which needs the
     processor.
 
-    `beside` is a copy that already runs.
+    Args:
+        made: the run.
+        cell: workplace of the robot.
+        beside: a copy that already runs.
     """
     if not cell.simulated:
         yield None

@@ -78,14 +78,17 @@ def growing_folder(path: Path) -> None:
 
 @contextmanager
 def new_folder(path: Path) -> Generator[Path]:
-    """Yield a scratch folder beside `path` that is renamed to `path` after the block, or removed if
-    the block raises.
+    """Yield a scratch folder next to `path`.
+
+    After the block it is renamed to `path`. If the block raises, it is removed.
 
     Raises:
-        InputError: `path` exists or cannot be made; if it was created meanwhile, the run is kept
-            beside it.
+        InputError: `path` exists or cannot be made. If it was created meanwhile, the run is kept
+        next to
+            it.
     """
     _check_free(path)
+    # Make the scratch folder in the same parent, so that the rename is atomic.
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         sweep(path.parent)
@@ -97,6 +100,7 @@ def new_folder(path: Path) -> Generator[Path]:
     except BaseException:
         shutil.rmtree(scratch, ignore_errors=True)
         raise
+    # mkdtemp makes private folders: restore the usual permissions.
     scratch.chmod(0o755)
     try:
         scratch.rename(path)
@@ -111,14 +115,17 @@ def sweep(folder: Path) -> None:
     """Remove scratch folders of killed processes of this machine."""
     for entry in folder.iterdir():
         found = _SCRATCH.fullmatch(entry.name)
+        # Remove folders whose process has ended; other machines may share the disk.
         if found and found[1] == _HOST and not _alive(int(found[2])):
             shutil.rmtree(entry, ignore_errors=True)
 
 
 @contextmanager
 def replacing(path: Path) -> Generator[Path]:
-    """Yield a file beside `path` that replaces it atomically after the block, or is removed if the
-    block raises."""
+    """Yield a temporary file next to `path`.
+
+    After the block it replaces `path` atomically. If the block raises, it is removed.
+    """
     part = path.with_name(f"{path.name}.part")
     try:
         yield part
@@ -156,6 +163,7 @@ def _keep_scratch(scratch: Path, path: Path) -> Path:
 def _alive(process: int) -> bool:
     """Test that a process of this machine still runs."""
     try:
+        # Signal 0 tests for the process without affecting it.
         os.kill(process, 0)
     except ProcessLookupError:
         return False

@@ -1,5 +1,7 @@
-"""Keeper of a growing run: its folder is complete after every stage, and a failed stage costs only its
-own result."""
+"""Keeper of a growing run.
+
+Its folder is complete after every stage. A failed stage costs only its own result.
+"""
 
 from __future__ import annotations
 
@@ -25,17 +27,17 @@ if TYPE_CHECKING:
 Step = Callable[[Run], Iterator[Run]]
 """Stage of a run: yields the grown run once or several times."""
 GROWING = "the trace was not written down while it grew"
-"""Failure of the crash-safe trace; the finished one is written all the same."""
+"""Message of a failed crash-safe trace. The finished trace is written all the same."""
 WRITING = 0.02
-"""Most of the time in which result.json is written while estimates are made."""
+"""Largest share of time spent on writing result.json while estimates are made."""
 
 
 class Keeper:
     """Keeper of a run in `folder`, or in memory if that is None.
 
-    A failed stage, an unwritable file, and a requested value that cannot be measured, or written into
-    the twin, each add a line to the run's `shortfalls`. A signal ends the run after the present stage
-    (`Run.interrupted`).
+    A failed stage and an unwritable file each add a line to the run's `shortfalls`. So does a
+    requested value that cannot be measured, or written into the twin. A signal ends the run after
+    the present stage (`Run.interrupted`).
     """
 
     def __init__(self, folder: Path | None, signals: Interrupts) -> None:
@@ -66,7 +68,7 @@ class Keeper:
         return run
 
     def through(self, stage: Stage, step: Step, run: Run) -> Run:
-        """Carry out a stage; return the run as far as it came."""
+        """Carry out a stage; return the run with everything that it completed."""
         run = self.kept(replace(run, stage=stage))
         try:
             with self._signals.raised():
@@ -84,6 +86,7 @@ class Keeper:
         Raises:
             PalpateError: nothing could be executed; nothing has moved, and the folder is removed.
         """
+        # Signals are deferred: the runner turns them into a controlled stop.
         with self._signals.defer():
             try:
                 for grown in step(run):
@@ -97,6 +100,7 @@ class Keeper:
                 )
             finally:
                 self._close_stream()
+            # A second signal, or one after the end of the motion, interrupts the run.
             pressed = self._signals.pressed()
             stopped = run.execution is not None and run.execution.status == "stopped"
             if pressed > 1 or (pressed and not stopped):
@@ -108,8 +112,12 @@ class Keeper:
         return self.kept(replace(run, stage=None, interrupted=None))
 
     def kept(self, run: Run, seldom: bool = False) -> Run:
-        """Add the shortfalls to the run and write result.json. It grows with every estimate: `seldom` leaves it where
-        it would take more than a share `WRITING` of the time."""
+        """Add the shortfalls to the run and write result.json.
+
+        The file grows with every estimate. With `seldom` it is not written if that would take more
+        than a share `WRITING` of the time.
+        """
+        # Write undisturbed by signals, so that the folder always has a complete file.
         with self._signals.defer():
             run = self._with_shortfalls(run)
             if run.begun is not None:
@@ -123,8 +131,11 @@ class Keeper:
             return self._with_shortfalls(run)
 
     def follow(self, failure: str, step: Callable[[], object]) -> None:
-        """Carry out a step of work during the execution. After an exception `failure` is noted, and its step
-        is not carried out again; the other steps go on."""
+        """Carry out a step of work during the execution.
+
+        After an exception, `failure` is noted and this step is not carried out again. Other steps
+        continue.
+        """
         if failure in self._ended:
             return
         try:
@@ -137,7 +148,7 @@ class Keeper:
         """Append samples to the growing trace.
 
         Raises:
-            OSError: the disk is full, or gone.
+            OSError: the disk is full or missing.
         """
         if self.folder is None:
             return
@@ -173,6 +184,7 @@ class Keeper:
             self._shortfalls.append(line)
 
     def _with_shortfalls(self, run: Run) -> Run:
+        # Unmeasured and unwritten values first, then failures; each line once.
         of_values = [*map(str, run.plan.unmeasured), *run.unwritten]
         lines = dict.fromkeys([*run.shortfalls, *of_values, *self._shortfalls])
         return replace(run, shortfalls=tuple(lines))

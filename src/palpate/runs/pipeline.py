@@ -1,10 +1,10 @@
-"""The pipeline on one page: from a request, or an incomplete scene, to a digital twin.
+"""The pipeline: from a request, or an incomplete scene, to a digital twin.
 
 request + scene + pictures ─► parameters ─► plan ─► (check) ─► tree ─ticks─► trace ─► estimates
 ─► twin + report
 
-The stages are in `palpate.stages`; this module holds their order, and the end of a run that is
-interrupted.
+The stages are in `palpate.stages`. This module defines their order, and the end of an interrupted
+run.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ __all__ = [
 
 
 def run(settings: Settings, callbacks: RunCallbacks = SILENT) -> Run:
-    """From settings to a finished run folder.
+    """Carry out a run from settings to a finished run folder.
 
     Raises:
         InputError: bad input.
@@ -84,6 +84,7 @@ def run(settings: Settings, callbacks: RunCallbacks = SILENT) -> Run:
     folder = folder_for(settings)
     check_writable(folder)
     with before_anything_moves("planning"):
+        # Look, plan and check. A proposed measurement that the user accepts is planned again.
         preflight(settings)
         scene, seen = look(settings, load(settings), callbacks)
         callbacks.progress("planning")
@@ -100,11 +101,11 @@ def carry_out(
     cell: Cell | None = None,
     folder: Path | None = None,
 ) -> Run:
-    """From a plan to a finished run, kept in `folder` while it grows, or in memory alone.
+    """Carry out a plan to a finished run, kept in `folder` while it grows, or only in memory.
 
-    A signal ends it: while executing in a controlled stop, after which what was measured is still
-    made something of; else where it stands. What fails once something has moved is one of the run's
-    `shortfalls`.
+    A signal during the execution causes a controlled stop, and the recorded data are still
+    evaluated. A signal in another stage ends the run at that point. A failure after the first
+    motion becomes one of the run's `shortfalls`.
 
     Raises:
         InputError: bad input, or a folder that cannot be written.
@@ -114,6 +115,7 @@ def carry_out(
     callbacks = callbacks.unfailing()
     if made.begun is None:
         made = replace(made, begun=time.perf_counter())
+    # Rehearse and confirm: an error or a signal here leaves nothing behind.
     with interrupts() as signals:
         with before_anything_moves("rehearsing"):
             made = rehearse(made, callbacks, cell)
@@ -121,6 +123,7 @@ def carry_out(
             if not made.ready:
                 return made if folder is None else save(made, folder)
             cell = cell or _cell_of(made)
+        # Execute. Replay in the given scene, estimates and film are computed meanwhile.
         made = replace(made, world=cell.description, simulated=cell.simulated)
         keeper = Keeper(folder, signals)
         made = keeper.begin(made, request_json(made.settings))
@@ -131,14 +134,15 @@ def carry_out(
         ):
             steps = _Steps(keeper, callbacks, cell, ahead, reel=reel)
             made = keeper.carry_out_execution(steps.execution, made)
+            # Evaluate: estimates, twin and report.
             with darkroom_for(made, reel) as darkroom:
                 return _Steps(keeper, callbacks, cell, ahead, darkroom, given).finished(made)
 
 
 def finish(folder: Path, callbacks: RunCallbacks = SILENT, film: bool = False) -> Run:
-    """Do what a run that was cut off, or was in a hurry, has left to do, with what its folder holds,
-    and write its report anew. What the camera saw is kept nowhere: a `film` made later is the trace,
-    played again.
+    """Finish an interrupted or fast run with the data in its folder, and write its report again.
+
+    Camera footage is not kept: a `film` made later is rendered from the trace.
 
     Raises:
         InputError: there is no such folder, or it is not a run's.
@@ -154,8 +158,10 @@ def finish(folder: Path, callbacks: RunCallbacks = SILENT, film: bool = False) -
 
 
 def measure(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = None) -> Run:
-    """From a checked plan to estimates in memory, in `cell`, else in the one that the settings name.
-    A plan with findings, or without a tree, is rejected: nothing moves.
+    """Execute a checked plan and estimate in memory.
+
+    The run takes place in `cell`, else in the cell that the settings name. A plan with findings, or
+    without a tree, is rejected: nothing moves.
 
     Raises:
         Interrupted: a signal came; the arm has stopped.
@@ -169,16 +175,16 @@ def measure(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = Non
 
 @dataclass(frozen=True, slots=True)
 class _Steps:
-    """The stages once something moves, as a keeper takes them: each yields what the run has grown to.
+    """Stages after the first motion, as steps of a keeper: each yields the grown run.
 
     Attributes:
-        keeper: writes down what they made.
+        keeper: writes the results.
         callbacks: progress and confirmation.
-        cell: where the robot moved; None where it did so in an earlier process.
-        ahead: estimates in the making.
-        darkroom: film and pictures in the making.
-        given: the scene as it was given, being touched.
-        reel: the film, being drawn.
+        cell: of the execution; None if an earlier process executed the plan.
+        ahead: estimates that are computed during the execution.
+        darkroom: film and pictures that are being rendered.
+        given: execution in the scene before the measurement, in progress.
+        reel: film that is being rendered.
     """
 
     keeper: Keeper
@@ -190,7 +196,8 @@ class _Steps:
     reel: Reel | None = None
 
     def finished(self, made: Run) -> Run:
-        """All stages after the execution, from the one that is due; a signal ends them."""
+        """Carry out all stages after the execution, from the one that is due. A signal ends
+        them."""
         steps: dict[Stage, Step] = {
             "estimating": self.estimates,
             "building the twin": self.twin,

@@ -35,7 +35,9 @@ def held_out_json(held: HeldOut | None) -> dict[str, Any] | None:
 
 
 def _combine_motions(motions: Sequence[HeldOutMotion]) -> dict[str, Any]:
-    """All motions as one: the least probable of them counts, and one that disagrees."""
+    """Combine all motions into one entry: the least probable one counts, and any one that
+    disagrees.
+    """
     words: list[str] = []
     findings: list[str] = []
     probable: list[float] = []
@@ -208,7 +210,9 @@ def parameter_json(estimate: Estimate) -> dict[str, Any]:
 
 
 def _limit(estimate: Estimate, sign: int) -> Any:
-    """One-sided 95 % limits of the components at a lower bound (`sign` 1) or an upper one (-1); null for the others."""
+    """One-sided 95 % limits of the components at a lower bound (`sign` 1) or an upper one (-1);
+    null for the others.
+    """
     pairs = zip(estimate.at_bound, estimate.limits, strict=True)
     limits = [limit if bound and bound.sign == sign else None for bound, limit in pairs]
     return _shape_value(limits) if any(limit is not None for limit in limits) else None
@@ -248,7 +252,7 @@ def _shape_value(numbers: list[Any]) -> Any:
 
 
 def has_scene_of_its_own(run: Run) -> bool:
-    """Test for a scene that came from no file: detected in a picture, or given as text."""
+    """True if the scene came from no file: it was detected in a picture, or given as text."""
     from_no_file = run.settings.scene is None and bool(run.scene.bodies)
     return from_no_file or run.seen is not None
 
@@ -295,6 +299,7 @@ def _residual_json(residual: ReplayResidual) -> dict[str, Any]:
 def _files(run: Run, folder: Path | None) -> dict[str, str]:
     if folder is None:
         return {}
+    # Names of the files that such a run has.
     names = {"request": "request.json", "plan": "plan.json", "report": "report.html"}
     if run.plan.tree:
         names["tree"] = "tree.xml"
@@ -310,6 +315,7 @@ def _files(run: Run, folder: Path | None) -> dict[str, str]:
         names["cycles"] = CYCLES
     if run.finished:
         names["twin"] = "twin.xml"
+    # In a saved run, list only files that exist.
     if folder == run.folder:
         names = {kind: name for kind, name in names.items() if (folder / name).exists()}
     return {kind: str((folder / name).absolute()) for kind, name in names.items()}

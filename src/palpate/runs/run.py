@@ -49,11 +49,11 @@ class Ending:
     """Course and end of an execution, as in `result.json`.
 
     Attributes:
-        status: `complete` when the tree succeeded, else `stopped`.
-        stopped_by: why, or None.
+        status: `complete` if the tree succeeded, else `stopped`.
+        stopped_by: reason, or None.
         actions: leaves of the plan that were started.
-        robot_seconds, wall_seconds: how long it took, s.
-        setbacks: reasons of earlier stops after which the run went on.
+        robot_seconds, wall_seconds: duration, s.
+        setbacks: reasons of earlier stops after which the run continued.
         held: object in the fingers at the stop and its whereabouts; None for nothing.
     """
 
@@ -147,13 +147,16 @@ class Run(Estimates):
 
     @property
     def ready(self) -> bool:
-        """The plan has a tree and no findings."""
+        """True if the plan has a tree and no findings."""
         return self.plan.tree is not None and not self.findings
 
     @property
     def status(self) -> Status:
-        """`complete` if every parameter of the plan is identified and written to the twin, or nothing is
-        missing, and touch contradicts no pose; `running` before the last stage."""
+        """Status of the run.
+
+        It is `complete` if every parameter of the plan is identified and written to the twin, or
+        nothing is missing, and touch contradicts no pose. It is `running` before the last stage.
+        """
         if self.interrupted is not None:
             return "aborted"
         if self.stage is not None:
@@ -175,11 +178,14 @@ class Run(Estimates):
 
     def _failures(self) -> Iterator[str]:
         """Reasons why a finished run is not complete."""
+        # Parameters that the plan could not measure, and values that the twin could not take.
         yield from map(str, self.plan.unmeasured)
         yield from self.unwritten
+        # Poses that touch contradicts.
         for name, belief in self.beliefs.items():
             if belief.contradiction:
                 yield f"the pose of {name} is contradicted: {belief.contradiction}"
+        # Estimates that are missing, uncertain or too wide.
         found = {estimate.parameter: estimate for estimate in self.estimates}
         for parameter in self.plan.parameters:
             estimate = found.get(parameter)
@@ -195,6 +201,7 @@ class Run(Estimates):
         """Notes of the twin on requested values that were measured and could not be written."""
         if self.finished is None:
             return ()
+        # Compare under the names that the file uses.
         stated = {stated_parameter(parameter, catalogue()) for parameter in self.plan.parameters}
         begun = [f"{one} is not in the twin" for one in self.finished.unwritten if one in stated]
         notes = self.finished.notes
@@ -202,19 +209,21 @@ class Run(Estimates):
 
     @property
     def is_recorded(self) -> bool:
-        """Another program recorded it: nothing was planned, and no robot asked."""
+        """True if another program recorded the run: nothing was planned, and no robot was used."""
         return self.plan.planner == RECORDING
 
     @property
     def drawn(self) -> bool:
-        """The truth was drawn from priors in a simulation."""
+        """True if the truth was drawn from priors in a simulation."""
         from palpate.execution.simulated_cell import DRAWN
 
         return self.simulated and self.world == DRAWN
 
     def suffices(self, estimate: Estimate) -> bool:
-        """Test that an estimate is identified, in all axes where its quantity promises them, and as
-        narrow as requested or as possible."""
+        """True if an estimate is identified and as narrow as requested or as possible.
+
+        All axes must be identified where the quantity promises them.
+        """
         precision = self.settings.within.precision(estimate)
         narrow = precision is None or precision.outcome != "rounds used up"
         quantity = catalogue().get(estimate.parameter.quantity)
@@ -244,7 +253,7 @@ class Run(Estimates):
         return self.finished
 
     def _why_not(self) -> str:
-        """Reason for what a run does not have."""
+        """Explain why the run lacks a result."""
         if self.plan.satisfied:
             return f"nothing was to be measured ({self.plan.explanation})"
         if self.plan.tree is None:
@@ -264,6 +273,7 @@ class Run(Estimates):
         """
         if self.recorded is not None or self.folder is None:
             return self.recorded
+        # Before the first motion the folder has no trace.
         nothing_moved = self.execution is None and self.stage is None
         if nothing_moved or not (self.folder / TRACE).exists():
             return None
@@ -282,7 +292,7 @@ class Run(Estimates):
 
 
 def _brief(estimate: Estimate) -> str:
-    """An estimate in a few characters."""
+    """Abbreviate an estimate to a few characters."""
     if not estimate.has_value:
         return f"{estimate.parameter} unknown"
     if any(estimate.at_bound):

@@ -27,27 +27,30 @@ if TYPE_CHECKING:
 
 
 def folder_for(settings: Settings) -> Path:
-    """The folder that the settings name, else a new one under `runs`."""
+    """Return the folder that the settings name, else a new one under `runs`."""
     if settings.out is not None:
         return settings.out
     title, scene = "", settings.scene
     if scene is not None:
-        # A file called `scene.xml` is named by its folder.
+        # Name a file called `scene.xml` by its folder.
         title = scene.resolve().parent.name if scene.stem == "scene" else scene.stem
     return default_folder(title)
 
 
 @contextmanager
 def film_while_moving(made: Run, cell: Cell, given: Beside[Given] | None) -> Generator[Reel | None]:
-    """Test for OpenGL while the arm moves, if a film of the execution will be made, and yield what draws it
-    meanwhile, once the execution in the scene as `given` has shown what is in view; None without one."""
+    """Render the film of the execution while the arm moves.
+
+    Yield None if there is no film. The availability of OpenGL is tested meanwhile. Rendering begins
+    when the execution in the scene as `given` has determined the view.
+    """
     if made.folder is None or not made.simulated or made.settings.fast:
         yield None
         return
     from palpate.perception.film import Reel
     from palpate.perception.renderer import look_ahead
 
-    # A run without pictures is complete, too.
+    # A run without pictures is complete as well.
     with suppress(OSError):
         look_ahead()
     if given is None:
@@ -64,8 +67,11 @@ def film_while_moving(made: Run, cell: Cell, given: Beside[Given] | None) -> Gen
 
 @contextmanager
 def darkroom_for(made: Run, reel: Reel | None = None) -> Generator[Darkroom | None]:
-    """Render the film of the execution, and later the pictures, in processes of their own; `reel` has drawn a part
-    of it. Yield None for a run that is not saved, was not filmed, or is in a hurry (`fast`)."""
+    """Render the film of the execution, and later the pictures, in separate processes.
+
+    Yield None for a run that is not saved, was not filmed, or is `fast`. `reel` has rendered a part
+    of the film.
+    """
     if made.folder is None or made.footage is None or made.settings.fast:
         yield None
         return
@@ -123,7 +129,7 @@ def save_proof(made: Run, folder: Path, proof: Proof) -> Run:
 
 
 def reopen(folder: Path) -> Run:
-    """Read the run that `save` wrote into `folder`; its trace is read on first access.
+    """Read the run that `save` wrote into `folder`. Its trace is read on first access.
 
     Raises:
         InputError: there is no such folder, or it is not a run's.

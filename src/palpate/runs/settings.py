@@ -1,5 +1,7 @@
-"""Settings of a run: one immutable model, from which `request.json`, the command line's options and
-their help derive."""
+"""Settings of a run: one immutable model.
+
+`request.json`, the command line's options and their help derive from it.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +25,8 @@ if TYPE_CHECKING:
     from palpate.execution.recovery import OnFailure
     from palpate.robots.description import RobotDescription
 else:
-    # Checked when settings are made: a command's help, which is derived from this page, loads neither
-    # numpy nor pydantic.
+    # The types are checked when settings are made: a command's help, which derives from this page,
+    # loads neither numpy nor pydantic.
     OnFailure, Within = str, Any
 
 
@@ -42,7 +44,7 @@ def _names(given: Any) -> Any:
 
 
 WORLD_CAMERA = "world:"
-"""Beginning of a `camera` that is one of the simulated world."""
+"""Prefix of a `camera` that belongs to the simulated world."""
 
 FORMS: Mapping[str, Callable[[Any], Any]] = {
     "within": _widths,
@@ -51,7 +53,7 @@ FORMS: Mapping[str, Callable[[Any], Any]] = {
     "arm": str,
     "camera": lambda given: str(given) if isinstance(given, int) else given,
 }
-"""Conversion of the forms in which users give a field, before its type is checked."""
+"""Conversions of the forms in which users give a field, before its type is checked."""
 
 
 @dataclass(frozen=True)
@@ -201,6 +203,7 @@ class Settings:
         """
         from pydantic import ValidationError
 
+        # Convert each field by its own adapter; the object is frozen.
         for name, adapter in _adapters().items():
             given = FORMS.get(name, _as_given)(getattr(self, name))
             try:
@@ -229,6 +232,7 @@ class Settings:
         from palpate.robots.owner import own_arm
         from palpate.robots.simulated.noise.models import noise_models
 
+        # Something to do: a request, a scene, or a stored plan.
         replayed = self.planner.startswith("replay:")
         if self.request is None and self.scene is None and not at_hand and not replayed:
             raise InputError(
@@ -240,12 +244,14 @@ class Settings:
             raise InputError(
                 f"'{self.root}' is no folder: give root= the one the scene's files lie in"
             )
+        # Each value against its own domain.
         self._check_camera(at_hand)
         noise_models().load(self.noise)
         own_arm(self.arm, self.cautious, self.robot_config)
         self.model_settings.check_values()
         if self.on_failure not in get_args(OnFailure):
             raise unknown_name("policy for failures", self.on_failure, get_args(OnFailure))
+        # Values that exclude each other, and files that would be overwritten.
         if self.world is not None and self.robot is not None:
             raise InputError("world= and robot= exclude each other: a run is simulated or real")
         if self.seed < 0:
@@ -272,8 +278,10 @@ class Settings:
             )
 
     def described_arm(self) -> RobotDescription:
-        """Return the arm as its owner knows it: its description, with the stiffness of a real one, or
-        the datasheet of the embedded one's noise model, and its calibration.
+        """Load the arm as its owner knows it, with its calibration.
+
+        A real arm has its description and stiffness, the embedded one the datasheet of its noise
+        model.
 
         Raises:
             InputError: no such arm or noise model, or its robot.yaml cannot be used.
@@ -304,7 +312,7 @@ def settings_of(**given: Any) -> Settings:
 
 @cache
 def _adapters() -> Mapping[str, TypeAdapter[Any]]:
-    """Pydantic's check of each field."""
+    """Make pydantic's check of each field."""
     from pydantic import TypeAdapter
 
     hints = get_type_hints(Settings, include_extras=True)
@@ -330,13 +338,15 @@ def _check_request(request: str) -> None:
 
 
 PATHS = ("scene", "root", "poses", "images", "intrinsics", "world", "robot_config", "twin")
-"""Fields that `request.json` holds as absolute paths: the run folder may be read from elsewhere."""
+"""Fields that `request.json` states as absolute paths: the run folder may be read from
+elsewhere."""
 
 
 def request_json(settings: Settings) -> dict[str, Any]:
-    """Return the content of `request.json`: what was asked, enough to run it again."""
+    """Make the content of `request.json`, which suffices to repeat the run."""
     from pydantic import TypeAdapter
 
+    # Make all paths absolute.
     absolute: dict[str, Any] = {"noise": noise_source(settings.noise)}
     if settings.camera is not None and Path(settings.camera).is_file():
         absolute["camera"] = str(Path(settings.camera).absolute())
@@ -346,6 +356,7 @@ def request_json(settings: Settings) -> dict[str, Any]:
             absolute[name] = value.absolute()
         elif value:
             absolute[name] = tuple(path.absolute() for path in value)
+    # Dump the fields that define the run; `out` is only its place.
     stated = replace(settings, **absolute)
     document = TypeAdapter(Settings).dump_python(stated, mode="json", exclude={"out", "within"})
     document["within"] = dict(settings.within)
@@ -356,7 +367,7 @@ def request_json(settings: Settings) -> dict[str, Any]:
 
 
 def settings_from(document: Mapping[str, Any]) -> Settings:
-    """Return the settings that `request_json` wrote; what the document leaves out has its default.
+    """Make the settings from a document of `request_json`. Absent fields have their defaults.
 
     Raises:
         InputError: it is not such a document.
@@ -367,7 +378,7 @@ def settings_from(document: Mapping[str, Any]) -> Settings:
 
 
 def noise_source(noise: str) -> str:
-    """Return a noise model's name, or the absolute path of its file."""
+    """Return the name of a noise model, or the absolute path of its file."""
     from palpate.robots.simulated.noise.models import means_file
 
     return str(Path(noise).absolute()) if means_file(noise) else noise

@@ -251,7 +251,7 @@ def seen_from(
     from palpate.perception.hand_eye import HAND, believed_camera, with_camera
     from palpate.perception.rendered import SimulatedCamera
 
-    # Render the picture in the simulated world: by one of its own cameras, or by one on the hand.
+    # Render the picture in the simulated world, by one of its cameras or by one on the hand.
     cell = simulated_cell(scene, world, noise=noise, seed=seed)
     name = source.removeprefix(WORLD_CAMERA)
     if name != HAND:

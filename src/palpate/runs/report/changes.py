@@ -19,9 +19,9 @@ from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, Trace
 
 MAX_LINES = 4000
-"""Most lines of a diff that are shown."""
+"""Largest count of lines of a diff that is shown."""
 SEEN = 12
-"""Of 255: a pixel that differs by more in any colour has changed."""
+"""Threshold of a changed pixel, of 255, in any colour."""
 LEAST = 5e-5
 """Least share of changed pixels that counts as visible."""
 MARK = (13, 148, 136)
@@ -30,7 +30,7 @@ MARK = (13, 148, 136)
 
 @dataclass(frozen=True, slots=True)
 class DiffLine:
-    """A line of the diff: `add`, `del`, `hunk` or `same`; `middle` is what changed within it."""
+    """A line of the diff: `add`, `del`, `hunk` or `same`. `middle` is the changed part."""
 
     kind: str
     before: str
@@ -43,14 +43,18 @@ class DiffLine:
 
 
 def diff_lines(diff: str) -> list[DiffLine]:
-    """Rows of a unified diff, without the file names; where as many lines replace others, the changed
-    part of each is its `middle`."""
+    """Make the rows of a unified diff, without the file names.
+
+    Where a block replaces another of the same length, each line's changed part is its `middle`.
+    """
+    # Group the lines by kind.
     lines = [line for line in diff.splitlines() if not line.startswith(("---", "+++"))]
     kinds = {"+": "add", "-": "del", "@": "hunk"}
     blocks: list[list[DiffLine]] = []
     for kind, group in groupby(lines[:MAX_LINES], key=lambda line: kinds.get(line[:1], "same")):
-        # All but the head of a hunk begin with a sign.
+        # All lines except the head of a hunk begin with a sign.
         blocks.append([DiffLine(kind, line if kind == "hunk" else line[1:]) for line in group])
+    # Adjacent blocks of equal length replace each other line by line.
     for i, (old, new) in enumerate(pairwise(blocks)):
         if (old[0].kind, new[0].kind, len(old)) == ("del", "add", len(new)):
             blocks[i], blocks[i + 1] = with_middles(old, new), with_middles(new, old)
@@ -58,7 +62,8 @@ def diff_lines(diff: str) -> list[DiffLine]:
 
 
 def with_middles(block: Sequence[DiffLine], other: Sequence[DiffLine]) -> list[DiffLine]:
-    """Set off each line's middle from the beginning and end that it shares with its counterpart."""
+    """Separate each line's middle from the beginning and end that it shares with its
+    counterpart."""
     found: list[DiffLine] = []
     for line, counterpart in zip(block, other, strict=True):
         mine, theirs = line.text, counterpart.text
@@ -70,7 +75,7 @@ def with_middles(block: Sequence[DiffLine], other: Sequence[DiffLine]) -> list[D
 
 
 def common_prefix_length(one: str, other: str) -> int:
-    """Length of the common prefix."""
+    """Length of the common prefix of two texts."""
     pairs = enumerate(zip(one, other, strict=False))
     return next((i for i, (a, b) in pairs if a != b), min(len(one), len(other)))
 
@@ -92,6 +97,7 @@ def change(before: bytes | None, after: bytes | None) -> Change | None:
     """Compare two pictures of one camera; None if one is missing, unreadable or of another size."""
     from PIL import Image
 
+    # Read both pictures; a missing or unreadable one gives no comparison.
     pictures: list[NDArray[np.uint8]] = []
     for content in (before, after):
         if not content:
@@ -104,12 +110,12 @@ def change(before: bytes | None, after: bytes | None) -> Change | None:
     one, other = pictures
     if one.shape != other.shape:
         return None
-    # int16, because differences of uint8 wrap around.
+    # Use int16: differences of uint8 wrap around.
     apart = np.abs(one.astype(np.int16) - other.astype(np.int16)).max(axis=2) > SEEN
     share = float(apart.mean())
     if share < LEAST:
         return Change(share, None)
-    # The second picture in pale grey, and the changed pixels in the accent's colour.
+    # Show the second picture in pale grey, and the changed pixels in the accent's colour.
     grey = other.mean(axis=2, keepdims=True)
     pale = (0.45 * grey + 0.55 * 255).astype(np.uint8)
     shown = np.repeat(pale, 3, axis=2)
@@ -117,8 +123,7 @@ def change(before: bytes | None, after: bytes | None) -> Change | None:
     return Change(share, png(shown))
 
 
-# Measured windows: the parameters that each recording is evidence of, its situation and its
-# reading.
+# Measured windows: parameters, situation and reading of each recording.
 
 
 FINEST = 1e-5
@@ -140,8 +145,9 @@ def quantity_label(id: str) -> str:
 
 
 def windows(trace: Trace, estimates: Sequence[Estimate]) -> dict[Recording, str]:
-    """Name of each recording: the parameters whose estimates or conversions use it, else its
-    situation."""
+    """Name each recording by the parameters whose estimates or conversions use it, else by its
+    situation.
+    """
     names: dict[Recording, list[str]] = {recording: [] for recording in trace.recordings}
 
     def claim(recording: Recording, parameter: Parameter) -> None:
@@ -149,11 +155,13 @@ def windows(trace: Trace, estimates: Sequence[Estimate]) -> dict[Recording, str]
         if recording in names and name not in names[recording]:
             names[recording].append(name)
 
+    # Estimates and conversions claim their recordings.
     for estimate in estimates:
         for recording in estimate.evidence:
             claim(recording, estimate.parameter)
     for conversion in trace.conversions:
         claim(conversion.recording, Parameter(conversion.object, conversion.quantity))
+    # Name the others by activity and object.
     for recording, claimed in names.items():
         if not claimed:
             context = recording.context
@@ -179,6 +187,7 @@ def evidence(recording: Recording, trace: Trace) -> RecordingEntry:
 def reading_text(recording: Recording, trace: Trace) -> str:
     """Mean ± standard deviation of the recording's main signal, and the number of samples."""
     samples = trace.of(recording)
+    # Choose the main signal: a stated reading, the vertical force, or the height of the fingertips.
     if recording.reading:
         name, unit, values = "reading", "", np.array(recording.reading)
     elif recording.buffer == FORCES:

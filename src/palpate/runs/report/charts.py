@@ -1,4 +1,4 @@
-"""Charts of fits, and numbers as text."""
+"""Charts of fits, and numbers formatted as text."""
 
 from __future__ import annotations
 
@@ -41,19 +41,21 @@ class Axis:
 
 
 def plain(values: Iterable[float]) -> str:
-    """Exactly known values, separated by spaces."""
+    """Format exactly known values, separated by spaces."""
     return " ".join(f"{value:.6g}" for value in values)
 
 
 def with_unit(text: str, unit: str) -> str:
-    """`text` with its unit; a pure number, of unit 1, has none."""
+    """Append the unit to `text`; a pure number, of unit 1, has none."""
     if unit in ("", "1"):
         return text
     return f"{text} {unit}"
 
 
 def with_spread(value: float, std: float, unit: str) -> str:
-    """`0.262 ± 0.020 kg`; in the smaller unit below a hundredth of the unit."""
+    """Format value and deviation, as `0.262 ± 0.020 kg`. Values below a hundredth of the unit get a
+    smaller unit.
+    """
     factor = 1.0
     if abs(value) < 1e-2:
         unit, factor = SMALL.get(unit, (unit, 1.0))
@@ -62,7 +64,9 @@ def with_spread(value: float, std: float, unit: str) -> str:
 
 
 def error_text(value: float, truth: float, unit: str, relative: bool) -> str:
-    """Error of `value` against the truth, in the smaller unit; with the `relative` error if asked."""
+    """Format the error of `value` against the truth, in the smaller unit; with the `relative` error
+    if requested.
+    """
     unit, factor = SMALL.get(unit, (unit, 1.0))
     text = with_unit(f"{factor * (value - truth):+.2g}", unit)
     if relative and truth:
@@ -71,15 +75,15 @@ def error_text(value: float, truth: float, unit: str, relative: bool) -> str:
 
 
 # Charts of the fits behind an estimate: measured values with error bars, predictions with their
-# band.
+# bands.
 
 
 TRUTH = "#c2710c"
 COLOURS = (MARK, TRUTH, "#3b82f6")
-"""Points of the first, second and third group."""
+"""Colours of the points of the first, second and third group."""
 BAND = "rgba(13, 148, 136, .2)"
 MANY = 60
-"""Number of points of one group above which they are drawn as a line."""
+"""Count of points above which a group is drawn as a line."""
 WIDE = 4.0
 """Multiple of the median standard deviation above which error bars do not stretch the axis."""
 BARELY_SEEN = 40.0
@@ -113,14 +117,18 @@ def charts(measured: EstimateWithTruth) -> tuple[Chart, ...]:
 
 
 def fit_figure(view: FitView, measured: EstimateWithTruth) -> Figure:
-    """Figure of `view`: predictions with the estimate's interval, the truth where it is known, and the measured
-    values; below, their residuals, where error bars are too small to be seen."""
+    """Make the figure of `view`.
+
+    It shows the predictions with the estimate's interval, the truth if it is known, and the
+    measured values. Where error bars are too small to be seen, residuals are shown below.
+    """
+    # Residuals get their own axis if the predictions span many standard deviations.
     std = np.broadcast_to(np.asarray(view.std, float), view.x.shape)
     stated = float(np.median(std))
     residuals = stated > 0.0 and float(np.nanmax(view.predicted) - np.nanmin(view.predicted)) > (
         BARELY_SEEN * stated
     )
-    # Values that the vertical axis must hold.
+    # Collect the values that the vertical axis must include; very uncertain ones may exceed it.
     shown = [view.measured, view.predicted]
     certain = std <= WIDE * stated
     shown += [(view.measured + sign * std)[certain] for sign in (-1.0, 1.0)]
@@ -177,6 +185,7 @@ def prediction_traces(
     """Predicted curve; with its 95 % interval and the truth if the view has slopes, ∂prediction/∂value. Values
     that the axis must include are added to `shown`."""
     estimate, name = measured.estimate, "the fit"
+    # Sort by x for a line; rows without x cannot be drawn.
     order = np.argsort(view.x, kind="stable")
     order = order[np.isfinite(view.x[order])]
     # 400 points suffice for a smooth curve.
@@ -188,7 +197,7 @@ def prediction_traces(
             # The text of the card: one value has one text.
             (figure,) = figures(estimate)
             name = with_unit(f"the fit, {figure.value} ± {figure.std}", estimate.unit)
-            # The interval of one component may be skewed, e.g. that of a stiffness.
+            # The interval of a single component may be skewed, e.g. that of a stiffness.
             low, high = (estimate.intervals[0] - estimate.values[0]).tolist()
             ends = predicted + low * slopes[:, 0], predicted + high * slopes[:, 0]
         else:
@@ -201,6 +210,7 @@ def prediction_traces(
         yield _curve("", x, ends[0], showlegend=False, **edge)
         yield _curve("its 95 % interval", x, ends[1], fill="tonexty", fillcolor=BAND, **edge)
     yield _curve(name, x, predicted, line={"color": MARK, "width": 2.4})
+    # Linearize: the true curve is the prediction plus slope times the error of the estimate.
     if measured.truth and view.slopes is not None:
         truth = predicted + view.slopes[order] @ (np.array(measured.truth) - estimate.values)
         shown.append(truth)
@@ -210,6 +220,7 @@ def prediction_traces(
 def measured_traces(view: FitView, std: Array, values: Array, axis: str) -> Iterator[Figure]:
     """Measured values, or their residuals, group by group: points with error bars, or a curve."""
     used = np.ones(len(view.x), dtype=bool) if view.used is None else view.used
+    # Draw each group in its colour. Dense rows without deviations become a line, all others points.
     groups = [view.groups] * len(view.x) if isinstance(view.groups, str) else view.groups
     for colour, group in zip(COLOURS, dict.fromkeys(groups), strict=False):
         rows = np.array([one == group for one in groups])

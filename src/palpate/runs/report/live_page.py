@@ -1,8 +1,12 @@
-"""The live page, a run in the browser: the cell in 3-D, the tree with statuses, forces, a stop button,
-and, before a real robot moves, the plan and a question. A finished run can be played again.
+"""Live page: a run in the browser, with the cell in 3-D, the tree with statuses, forces, and a stop
+button.
 
-The page is served by viser, on this machine alone, at a secret address (`live.access`). Text from
-elsewhere (a plan's explanation, names, messages) is escaped: viser's markdown would render HTML in it.
+Before a real robot moves, the page shows the plan and asks for confirmation. A finished run can be
+played again.
+
+viser serves the page, on this machine only, at a secret address (`live.access`). Text from
+elsewhere (a plan's explanation, names, messages) is escaped: viser's markdown would render HTML in
+it.
 """
 
 from __future__ import annotations
@@ -34,13 +38,13 @@ HOST = "127.0.0.1"
 REFRESH_PERIOD = 1 / 15
 """s of wall time between two pictures."""
 HISTORY = 1500
-"""Ticks of force that the plot shows: half a minute."""
+"""Ticks of force in the plot: half a minute."""
 NARROW = 0.8
-"""Width over height of a view below which the screen is a phone's."""
+"""Ratio of width to height of a view below which the screen is a phone's."""
 ASK_PERIOD = 0.2
-"""s between two looks for a signal while a person is asked."""
+"""s between two polls for a signal while a person is asked."""
 STEP = 0.05
-"""s of the slider."""
+"""s: step of the slider."""
 FRAME = 1 / 20
 """s of wall time between two pictures of a playback."""
 SPEEDS = ("1x", "4x", "16x")
@@ -60,6 +64,7 @@ class LivePage:
     """
 
     def __init__(self, port: int = 8080) -> None:
+        # Serve the page; without the access controls it is stopped at once.
         self._access = Access()
         try:
             with redirect_stdout(StringIO()), self._access.controls():  # viser prints a greeting
@@ -69,13 +74,14 @@ class LivePage:
         if not self._access.applied:
             self._server.stop()
             raise Unavailable(f"the live page cannot be guarded with viser {viser.__version__}")
-        # Sharing would put a page that lets a robot move on the internet.
+        # Disable sharing: it would put a page that lets a robot move on the internet.
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
         self._server.gui.main_panel.dock_right()
         self._server.on_client_connect(_fit_phone)
         self._server.scene.set_up_direction("+z")
         self._server.initial_camera.position = (1.6, -1.4, 1.2)
         self._server.initial_camera.look_at = (0.4, 0.0, 0.3)
+        # Elements of the page: stage, stop button, force plot, tree.
         self._stage = self._server.gui.add_html(note("waiting"))
         self._stop = self._server.gui.add_button("Stop", color="red", visible=False)
         self._stop.on_click(lambda _: os.kill(os.getpid(), signal.SIGINT))
@@ -107,12 +113,12 @@ class LivePage:
         return f"http://{HOST}:{self._server.get_port()}{self._access.path}"
 
     def progress(self, stage: str) -> None:
-        """Name the present stage of the work."""
+        """Show the name of the present stage."""
         self._stop.visible = False
         self._say(f"{stage} …")
 
     def planned(self, run: Run) -> None:
-        """Show the plan, to be read while it is rehearsed."""
+        """Show the plan while it is rehearsed."""
         self._show_scene(run.scene)
         self._say("This is the plan; it is being rehearsed …", run.plan.explanation)
         self._tree.content = to_html(str(run.plan.tree))
@@ -120,6 +126,7 @@ class LivePage:
     def confirm(self, run: Run) -> bool:
         """Ask the person at the page whether the robot may move."""
         self._say("May the robot move?", str(run.rehearsal or ""), run.plan.explanation)
+        # Two buttons set the answer from the server's thread.
         answered = threading.Event()
         allowed = self._server.gui.add_button("Let it move", color="teal", order=0.5)
         refused = self._server.gui.add_button("Do not", order=0.6)
@@ -149,7 +156,7 @@ class LivePage:
         self._paint(snapshot)
 
     def finished(self, run: Run) -> None:
-        """Let the run be played again."""
+        """Offer the run for playback."""
         self._stop.visible = False
         self._say(run.status, *(repr(estimate).strip("<>") for estimate in run.estimates))
 
@@ -166,17 +173,20 @@ class LivePage:
     def _paint(self, snapshot: Snapshot) -> None:
         state, blackboard = snapshot.robot, steps_of(snapshot)[0].blackboard
         step, steps = step_of(snapshot)
+        # Headline: step, time and force.
         headline = [
             f"step {step} of {steps}",
             f"{snapshot.elapsed:.1f} s · F_z {float(state.wrench[2]):.1f} N",
         ]
         if snapshot.stopping:
             headline.append(f"stopping: {snapshot.stopping}")
+        # Tree: one line a node, with the messages of the leaves.
         messages = {leaf.node: leaf.message for leaf in snapshot.leaves}
         lines: list[TreeLine] = []
         for node, depth in walk(snapshot.root):
             message = messages.get(node.node, "") if isinstance(node, PrimitiveLeaf) else ""
             lines.append(TreeLine(node.name, depth, node.status.value, message))
+        # Change all elements in one message, so that the page never mixes two ticks.
         with self._server.atomic():
             cell, drawn = self._show_scene(blackboard.scene)
             cell.show(state.q, state.width, state.pose_world_tcp, blackboard.state.holding)
@@ -187,7 +197,7 @@ class LivePage:
             self._say(*headline)
 
     def _show_scene(self, scene: Scene) -> tuple[PosedCell, DrawnBodies]:
-        """The cell and its bodies in the view, which are made at the first call."""
+        """Return the cell and its bodies in the view; the first call makes them."""
         if self._shown is None:
             cell, arm = PosedCell(scene), scene.arm
             drawn = DrawnBodies(self._server.scene, cell.model)
@@ -205,14 +215,16 @@ class LivePage:
 
 
 def _fit_phone(client: viser.ClientHandle) -> None:
-    """On a narrow screen the panel covers the lower part: move the cell into the upper one."""
+    """Adapt the view to a narrow screen: the panel covers the lower part, so the cell moves into
+    the upper one.
+    """
     if client.camera.aspect < NARROW:
         client.camera.position = (2.0, -1.7, 1.1)
         client.camera.look_at = (0.35, 0.0, -0.35)
 
 
 class _Player:
-    """Playback of a finished run: a slider over its time, and a button that moves it."""
+    """Playback of a finished run: a slider over its time, and a button that plays it."""
 
     def __init__(
         self,
@@ -234,7 +246,7 @@ class _Player:
         self._show(self._last)
 
     def _show(self, seconds: float) -> None:
-        """Pose everything at a time after the beginning, s."""
+        """Show cell and tree at a time after the beginning, s."""
         t = float(self._trace.t[0]) + seconds
         self._replay.show(t)
         self._drawn.move(self._cell.data)
@@ -254,7 +266,7 @@ class _Player:
         threading.Thread(target=self._play, name="playback", daemon=True).start()
 
     def _play(self) -> None:
-        """Move the slider from its place, or from the beginning, to the end."""
+        """Move the slider from its position to the end; at the end, begin again."""
         self._button.label = "Pause"
         if self._slider.value >= self._last - STEP:
             self._slider.value = 0.0

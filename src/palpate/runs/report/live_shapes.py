@@ -82,7 +82,8 @@ class Access:
             websocket_server.serve = serve  # type: ignore[misc]
 
     def _check_requests(self, answer: Answer) -> Answer:
-        """`answer` for requests that are not refused, with the page's own headers and script."""
+        """Wrap `answer`: refuse requests, and add the page's own headers and script to the
+        others."""
 
         def check(connection: ServerConnection, request: Request) -> Response | None:
             reason = self.refusal(request)
@@ -105,9 +106,11 @@ class Access:
 
     def refusal(self, request: Request) -> str | None:
         """Reason to refuse a request; None for one that may be answered."""
+        # Refuse other hosts: a DNS name that resolves to this machine must not reach the page.
         host = request.headers.get("Host", "")
         if host.rpartition(":")[0] not in LOOPBACK and host not in LOOPBACK:
             return f"this page is served to {', '.join(LOOPBACK)} alone"
+        # Refuse websockets that another page opens.
         if "Upgrade" in request.headers:
             origin = urlsplit(request.headers.get("Origin", ""))
             if origin.scheme not in ("http", "https") or origin.netloc != host:
@@ -119,7 +122,7 @@ class Access:
         return None
 
 
-# Visual geometry of a MuJoCo model in the page's 3-D view; only poses change later.
+# Visual geometry of a MuJoCo model in the page's 3-D view. Only poses change later.
 
 
 # trimesh is typed in part.
@@ -127,9 +130,11 @@ class Access:
 
 
 SEEN_GROUPS = 3
-"""Groups 0 to 2 are shown by MuJoCo's own viewer at first; collision shapes are in the others."""
+"""Count of visible groups. MuJoCo's own viewer shows groups 0 to 2 at first; collision shapes are
+in the others.
+"""
 PLANE = 2.0
-"""Half the side of an infinite plane, m."""
+"""m: half the side of the plate that represents an infinite plane."""
 
 Type = mujoco.mjtGeom
 Surface = tuple[NDArray[np.float32], NDArray[np.int32]]
@@ -142,12 +147,15 @@ class DrawnBodies:
     def __init__(self, view: SceneApi, model: mujoco.MjModel) -> None:
         self._frames: dict[int, FrameHandle] = {}
         for geom in range(model.ngeom):
+            # Skip hidden and transparent geoms.
             *colour, opacity = (float(value) for value in geom_rgba(model, geom))
             if model.geom_group[geom] >= SEEN_GROUPS or opacity <= 0:
                 continue
+            # Give each body one frame, to which its geoms are fixed.
             body = int(model.geom_bodyid[geom])
             if body not in self._frames:
                 self._frames[body] = view.add_frame(f"/bodies/{body}", show_axes=False)
+            # Add the geom's surface in its colour.
             surface = _surface(model, geom)
             if surface is None:
                 continue
@@ -171,7 +179,7 @@ class DrawnBodies:
 
 
 def _surface(model: mujoco.MjModel, geom: int) -> Surface | None:
-    """A geom's surface in its own frame; None for height fields and signed distance fields."""
+    """Make a geom's surface in its own frame; None for height fields and signed distance fields."""
     x, y, z = (float(value) for value in model.geom_size[geom])
     match Type(int(model.geom_type[geom])):
         case Type.mjGEOM_MESH:

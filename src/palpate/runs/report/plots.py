@@ -23,7 +23,7 @@ from palpate.trace.samples import Samples, Trace
 Figure = dict[str, Any]
 
 MAX_POINTS = 1500
-"""Most points of a series: about the pixels of a wide screen."""
+"""Largest count of points in a series: about the pixels of a wide screen."""
 
 X, Y, Z, NORM, FAINT, MARK = "#e5484d", "#30a46c", "#3b82f6", "#8b8d98", "#a1a5b0", "#0d9488"
 """Axes in the colours of robot viewers (x red, y green, z blue); MARK is the page's accent, for
@@ -44,6 +44,7 @@ def timeline(trace: Trace, windows: Mapping[Recording, str], groups: Mapping[str
 
     `windows` names the recordings to shade; `groups` maps each primitive to its group.
     """
+    # Range of robot time that contains all leaves and samples.
     times = [leaf.start for leaf in trace.leaves] + [leaf.end for leaf in trace.leaves]
     if len(trace.samples):
         times += trace.samples.t[[0, -1]].tolist()
@@ -97,11 +98,12 @@ def figure_page(figure: Figure, name: str) -> str:
 
 
 def decimate(t: Array, y: Array, limit: int = MAX_POINTS) -> tuple[Array, Array]:
-    """Reduce a signal to `limit` points, with all peaks: minimum and maximum of each of `limit` / 2
-    blocks."""
+    """Reduce a signal to `limit` points without losing peaks: minimum and maximum of each of
+    `limit` / 2 blocks.
+    """
     if len(t) <= limit:
         return t, y
-    # Plain subsampling would lose contacts that last a few milliseconds.
+    # Subsampling alone would lose contacts that last a few milliseconds.
     edges = np.linspace(0, len(t), limit // 2 + 1).astype(int)
     kept: list[int] = []
     for start, stop in pairwise(edges):
@@ -154,10 +156,11 @@ def height_traces(trace: Trace) -> list[Figure]:
 
 
 def contact_traces(trace: Trace) -> list[Figure]:
-    """Contacts of guarded motions."""
+    """Marks of the contacts of guarded motions."""
     touches = trace.leaf_runs("MoveUntilContact")
     if not touches or not len(trace.samples):
         return []
+    # A contact ends its motion: draw it at the height of the fingertips then.
     times = np.array([leaf.end for leaf in touches])
     heights = np.interp(times, trace.samples.t, tip_height(trace.samples, trace.hand))
     return [
@@ -174,7 +177,7 @@ def contact_traces(trace: Trace) -> list[Figure]:
 
 
 def leaf_bars(leaves: Sequence[LeafRun], groups: Mapping[str, str]) -> Figure:
-    """A bar per leaf, from its first tick to its last."""
+    """Make a bar for each leaf, from its first tick to its last."""
     colours: list[str] = []
     lanes: list[int] = []
     busy_until: list[float] = []
@@ -214,7 +217,7 @@ def first_free_lane(busy_until: Sequence[float], time: float) -> int:
 
 
 def background_shapes(leaves: Sequence[LeafRun], windows: Iterable[Recording]) -> list[Figure]:
-    """A dotted line at the start of each leaf, and a shaded box for each recording."""
+    """Make a dotted line at the start of each leaf, and a shaded box for each recording."""
     dotted = {"line": {"color": FAINT, "width": 0.6, "dash": "dot"}}
     shaded = {"fillcolor": MARK, "opacity": 0.16, "line": {"color": MARK, "width": 1}}
     starts = sorted({leaf.start for leaf in leaves})
@@ -223,14 +226,15 @@ def background_shapes(leaves: Sequence[LeafRun], windows: Iterable[Recording]) -
 
 
 def _shape(kind: str, start: float, end: float, bottom: float, **style: Any) -> Figure:
-    """A shape behind the curves, from `start` to `end` (s) and from `bottom` (share of the figure's
-    height) to the top."""
+    """Make a shape behind the curves, from `start` to `end` (s) and from `bottom` (share of the
+    figure's height) to the top.
+    """
     place = {"x0": start, "x1": end, "y0": bottom, "y1": 1}
     return {"type": kind, "xref": "x", "yref": "paper", "layer": "below", **place, **style}
 
 
 def window_names(windows: Mapping[Recording, str], span: float) -> list[Figure]:
-    """A name above each window, on the first of three lines where it does not overlap another."""
+    """Place a name above each window, on the first of three lines where it overlaps no other."""
     taken_until = [-np.inf] * 3
     out: list[Figure] = []
     for recording, name in sorted(windows.items(), key=lambda item: item[0].start):
