@@ -56,15 +56,18 @@ from palpate.trace.recording import ArmLog, Recording
 from palpate.trace.samples import Trace, once
 
 CARRIED_PRIOR = (30.0, 10.0, 1.0)
-"""kg, kg m and kg m² (1 sigma) of a load: nothing is known of it. Sensitive: no."""
+"""kg, kg m and kg m² (1 sigma): wide prior of mass, first moment and inertia of a load, about which
+nothing is known. Not sensitive."""
 HAND_PRIOR = (3.0, 0.5, 0.05)
-"""the same of an unknown end effector. Sensitive: no."""
+"""kg, kg m and kg m² (1 sigma): the same prior for an unknown end effector. Not sensitive."""
 CARRIED_SHORTEST = 0.5
-"""s: shorter stretches with or without a load are left out. Sensitive: no."""
+"""s: shorter stretches with or without a load are left out. Not sensitive."""
 RESTARTED = 5.0
-"""s without a row after which the sensors may have been zeroed anew: another recording ... Sensitive: no."""
+"""s: gap between rows after which the recording may have been restarted, with new sensor zeros. Not
+sensitive."""
 LIKELY_RESTART = (0.7, 0.3)
-"""... and how likely they were not, and were. Chosen, without a source. Sensitive: no at 0.9."""
+"""prior probabilities that such a gap is not, and is, a restart. Chosen, without a source. Not
+sensitive at 0.9."""
 
 LOAD, HAND = "load", "hand"
 """Names of causes."""
@@ -72,14 +75,16 @@ LOAD, HAND = "load", "hand"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CarriedLoad:
-    """Load of a recording.
+    """Fitted load of a recording.
 
     Attributes:
-        value: (10,) kg, kg m and kg m², in the tool's axes, the inertia about the TCP.
-        covariance: (10, 10) of it.
-        motions: stretches of the recording, each loaded or empty throughout.
-        hanging: (s,) stretches in which it was carried.
-        torques: (s,) of each, (n, 7, 10) joint torques of a unit of each parameter, carried or not.
+        value: (10,) kg, kg m and kg m²: mass, first moment and inertia about the TCP, in the tool's
+            axes.
+        covariance: (10, 10) of `value`.
+        motions: s stretches of the recording, each loaded or empty throughout.
+        hanging: (s,) stretches in which the load was carried.
+        torques: s arrays (n, 7, 10), joint torques of a unit of each parameter in each stretch,
+            carried or not.
         posterior: of the fit.
         explained: test that the described arm explains the recording.
     """
@@ -94,17 +99,21 @@ class CarriedLoad:
 
     @property
     def compared(self) -> bool:
-        """The empty hand is in the recording, too."""
+        """True if the recording also holds motion of the empty hand."""
         return not self.hanging.all()
 
     def seconds(self, hanging: bool) -> float:
-        """Time with or without the load."""
+        """Duration of the stretches with (`hanging`) or without the load, s."""
         pairs = zip(self.motions, self.hanging, strict=True)
         return sum(float(np.ptp(motion.t)) for motion, hung in pairs if hung == hanging)
 
     def part(self, start: float, end: float, hanging: bool = True) -> Array:
-        """(7 k,) rows of a load of one kilogram of these proportions, carried from `start` to `end` alone, in
-        stretches in which it was `hanging`, or in the others."""
+        """Compute the regression rows (7 k,) of the load, scaled to 1 kg, present from `start` to
+        `end` s only.
+
+        Args:
+            hanging: use the stretches with the load, else those of the empty hand.
+        """
         share = self.value / max(float(self.value[0]), 1e-3)
         rows: list[Array] = []
         for motion, hung, torque in zip(self.motions, self.hanging, self.torques, strict=True):
@@ -115,24 +124,31 @@ class CarriedLoad:
 
 @once
 def fit_carried_load(trace: Trace, name: str) -> CarriedLoad | None:
-    """Fit the load `name` to all the time in which it was carried, and the hand was empty; None where the arm's
-    links are unknown, or it never was. A recording that stands for the mass of the hand has that fitted, too."""
+    """Fit the load `name` to all time in which it was carried or the hand was empty.
+
+    In a recording that stands for the mass of the hand, the hand is fitted as well. None where the
+    arm's links are unknown or the load was never carried.
+    """
     observed, rows = observe(trace), load_rows(trace, name)
     chain = observed.chain
     if chain is None or not chain.links or not rows.loaded.any():
         return None
+    # Cut the recording into stretches with the load and with the empty hand.
     samples, gravity = trace.samples, -trace.gravity * observed.turn[2]
     log = ArmLog(samples.t, samples.q, samples.dq, observed.signals, None, "")
     found = [(motion, True) for motion in _stretches(log, rows.loaded)]
     if not found:
         return None
     found += [(motion, False) for motion in _stretches(log, rows.empty)]
+    # Claim that the described arm explains these rows; it is tested after the fit.
     used = rows.loaded | rows.empty
     claim = Claim.of(log, trace.hand, gravity, rows.loaded, used, held=True)
     motions, hanging = [motion for motion, _ in found], np.array([hung for _, hung in found])
+    # Regressors: joint torques of each parameter of the load, and those of the arm's own errors.
     torques = [load_torques(chain, one.q, one.dq, one.ddq, gravity) for one in motions]
     bodies = Bodies.of(chain, LINK_MASS, LINK_CENTRE, 0.0)
     seen = SpectrumRows.of(motions, Setup(chain, bodies, samples.q[0], gravity, held=True))
+    # Causes to fit: the load, new sensor zeros after gaps, and sensor gains.
     loads = list(_loads(trace, motions, hanging, torques))
     begun = list(_restarts(seen, log, motions))
     alike = PriorScale(tuple(one.name for one in begun), (0.0, 1.0), LIKELY_RESTART)
@@ -148,7 +164,8 @@ def fit_carried_load(trace: Trace, name: str) -> CarriedLoad | None:
 def _loads(
     trace: Trace, motions: Sequence[JointMotion], hanging: Mask, torques: Sequence[Array]
 ) -> Iterator[Cause]:
-    """The load in the stretches in which it hung, and in a recording that stands for its mass the hand in all."""
+    """Yield the load in its stretches; the hand in all stretches where its mass is requested."""
+    # Torques as rows of the fit, set to zero where the load was not carried.
     parts = [
         transform_signal(torque, one.step) for torque, one in zip(torques, motions, strict=True)
     ]
@@ -161,11 +178,13 @@ def _loads(
 
 
 def _prior(sizes: tuple[float, float, float]) -> Array:
+    """Repeat the deviations of mass, first moment and inertia to (10,)."""
     return np.repeat(sizes, (1, 3, 6))
 
 
 def _restarts(seen: SpectrumRows, log: ArmLog, motions: Sequence[JointMotion]) -> Iterator[Cause]:
-    """Zeros of the sensors, and friction at the start, that are others after each long gap."""
+    """Yield new sensor zeros and friction states after each long gap in the recording."""
+    # Start time of the stretch of each row: a restart changes only the later stretches.
     later = np.concatenate(
         [np.full(count_coefficients(len(one), one.step), one.t[0]) for one in motions]
     )
@@ -177,8 +196,9 @@ def _restarts(seen: SpectrumRows, log: ArmLog, motions: Sequence[JointMotion]) -
 
 
 def _stretches(log: ArmLog, rows: Mask) -> Iterator[JointMotion]:
-    """Stretches of a recording in `rows` (n,)."""
+    """Cut a recording into uniformly sampled stretches within `rows` (n,)."""
     for motion in uniform_runs(log):
+        # Split each uniform run where the nearest logged row enters or leaves `rows`.
         nearest = np.searchsorted(log.t, motion.t).clip(0, len(log.t) - 1)
         used = rows[nearest]
         edges = np.flatnonzero(np.diff(used)) + 1
@@ -187,28 +207,28 @@ def _stretches(log: ArmLog, rows: Mask) -> Iterator[JointMotion]:
                 yield from cut(motion, int(part[0]), int(part[-1]) + 1, CARRIED_SHORTEST)
 
 
-# Mass, centre of mass and inertia of a load that was carried through a recording of free motion, in
-# the object's axes where its pose in the hand is known, else in those of the tool, from the TCP.
+# Mass, centre of mass and inertia of a carried load. The axes are those of the object where its
+# pose in the hand is known, else those of the tool at the TCP.
 
 
 CARRIED_HALF = 1.0
-"""s at least of each half of a window whose masses are compared. Sensitive: no."""
+"""s: shortest half of a window whose mass is compared with the others. Not sensitive."""
 COM_BELIEVED = 0.05
-"""m (1 sigma): a load's centre of mass is believed to be that near to the fingertips. Sensitive: no."""
+"""m (1 sigma): prior distance of a load's centre of mass from the fingertips. Not sensitive."""
 RADIUS_BELIEVED = 0.1
-"""m: radius of gyration that a load is believed to have at most. Sensitive: no."""
+"""m: largest plausible radius of gyration of a load. Not sensitive."""
 CARRIED_APART = 0.03
-"""part of the mass (1 sigma) by which halves of a window may differ: more is a load that came or went.
-Sensitive: no."""
+"""fraction of the mass (1 sigma): tolerated difference between the halves of a window. A larger one
+shows that the load was taken or left in between. Not sensitive."""
 CARRIED_LEAST = 0.005
-"""kg (1 sigma), likewise. Sensitive: no."""
+"""kg (1 sigma): tolerated difference, as the lower bound of `CARRIED_APART`. Not sensitive."""
 THINNEST = 2e-3
-"""m: radius of gyration along any axis that every load has. Sensitive: no."""
+"""m: smallest radius of gyration of a load along any axis. Not sensitive."""
 
 EMPTY_PARTS = 6
-"""Parts of the empty hand's time that are compared."""
+"""Number of parts of the empty hand's time that are compared."""
 CARRIED_PARTS = 24
-"""Parts of a recording in a chart, at most."""
+"""Largest number of parts of a recording in a chart."""
 ALONE = (
     "the recording holds no motion of the empty hand, so that errors of the arm's model count as load: give one "
     "(empty=LOG)"
@@ -216,7 +236,7 @@ ALONE = (
 
 
 def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """Mass of the load, or of the hand itself, by its weight and its resistance to acceleration."""
+    """Estimate the mass of the load, or of the hand itself, from its weight and its inertial force."""
     found = _fit_load(trace)
     if found is None:
         return _nothing(parameter, "kg", trace)
@@ -246,7 +266,7 @@ def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
 
 
 def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """Centre of mass of the load: its first moment over its mass."""
+    """Estimate the centre of mass of the load, m: its first moment over its mass."""
     found = _fit_load(trace)
     if found is None or not _is_felt(trace, found):
         return _nothing(parameter, "m", trace)
@@ -255,6 +275,7 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
     def centre(value: Array) -> Array:
         return to_body.apply(value[1:4] / value[0])
 
+    # Propagate the covariance, and mark the axes that the motion did not excite.
     slopes = _slopes(centre, found.value)
     stds = np.sqrt(np.diag(slopes @ found.covariance @ slopes.T))
     unseen = tuple(np.flatnonzero(stds > COM_BELIEVED).tolist())
@@ -278,26 +299,33 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
 
 
 def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """Inertia of the load about its centre of mass: that of the physically consistent body nearest to the fit."""
+    """Estimate the inertia of the load about its centre of mass, kg m².
+
+    The value is that of the physically consistent body nearest to the fit.
+    """
     found = _fit_load(trace)
     if found is None or not _is_felt(trace, found):
         return _nothing(parameter, "kg·m²", trace)
     pose, theta, statistic = _in_hand(trace), *consistent(found.value, found.covariance)
 
     def central(value: Array) -> Array:
+        """Inertia about the centre of mass (parallel axis theorem), in the object's axes."""
         c = value[1:4] / value[0]
         steiner = value[0] * (float(c @ c) * np.eye(3) - np.outer(c, c))
         tensor = tensor_of(value[4:].tolist()) - steiner
         return np.array(components(pose.rotation.T @ tensor @ pose.rotation))
 
+    # Propagate the covariance of the fit to the six components.
     slopes = _slopes(central, found.value)
     stds = np.sqrt(np.diag(slopes @ found.covariance @ slopes.T))
     pseudo = pseudo_inertia(theta)
-    # The nearest body may be a sheet or a rod without thickness, which MuJoCo takes for none.
+    # The nearest body may be a sheet or a rod without thickness. MuJoCo would read that as no
+    # inertia.
     pseudo[:3, :3] += pseudo[3, 3] * THINNEST**2 * np.eye(3)
     value = central(linear(pseudo))
-    # Moments are seen where they stand out of their errors, products where these are small beside the moments; both
-    # where a load with the largest radius of gyration that is believed would. A product without moments says nothing.
+    # A component is observed if its error is small against the reference size. The reference is the
+    # moment itself, for a product the mean moment, and at most that of the largest plausible load.
+    # Products without any observed moment do not count.
     believed = float(found.value[0]) * RADIUS_BELIEVED**2
     sizes = np.minimum([*value[:3], *[value[:3].mean()] * 3], believed)
     hardly = stds > 0.5 * sizes
@@ -327,9 +355,14 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
 
 
 def consistent(value: Array, covariance: Array) -> tuple[Array, float]:
-    """Log-Cholesky numbers (10,) of the rigid body nearest to ten fitted parameters, and its squared distance in
-    standard deviations (P. Wensing, S. Kim and J.-J. Slotine, Linear matrix inequalities for physically consistent
-    inertial parameter identification, IEEE RA-L 3, 2018)."""
+    """Find the physically consistent body nearest to ten fitted parameters, in standard deviations.
+
+    Source: P. Wensing, S. Kim and J.-J. Slotine, Linear matrix inequalities for physically
+    consistent inertial parameter identification, IEEE RA-L 3, 2018.
+
+    Returns:
+        Its log-Cholesky parameters (10,), and its squared Mahalanobis distance.
+    """
     from scipy.optimize import least_squares  # takes longer to import than most plans to make
 
     root = np.linalg.cholesky(covariance)
@@ -338,6 +371,7 @@ def consistent(value: Array, covariance: Array) -> tuple[Array, float]:
         left: Array = np.linalg.solve(root, linear(pseudo_inertia(theta)) - value).astype(float)
         return left
 
+    # Start from a box of the fitted mass and centre of mass.
     mass = max(float(value[0]), 1e-3)
     start = of_box(mass, value[1:4] / mass, np.full(3, 2.0 * RADIUS_BELIEVED))
     solved: Any = least_squares(residuals, start)
@@ -345,33 +379,38 @@ def consistent(value: Array, covariance: Array) -> tuple[Array, float]:
 
 
 def _fit_load(trace: Trace) -> CarriedLoad | None:
+    """Fit the first load that the recordings name; None without one."""
     names = [one.context.holding for one in trace.recordings if one.context.holding]
     return fit_carried_load(trace, names[0]) if names else None
 
 
 def _recordings(trace: Trace) -> tuple[Recording, ...]:
+    """Select the recordings with a load."""
     return tuple(one for one in trace.recordings if one.context.holding)
 
 
 def _in_hand(trace: Trace) -> Pose:
-    """Pose of the object in the hand, which the grasp of a recording states; identity where it does not."""
+    """Pose of the object in the hand, as stated by the grasp of a recording; identity without one."""
     stated = _recordings(trace)[0].context.grasp
     numbers = [float(word) for word in stated.split()] if stated else [0.0] * 3
     return Pose.of(numbers[:3], numbers[3:] or (1.0, 0.0, 0.0, 0.0))
 
 
 def _axes(trace: Trace) -> str:
+    """Name the axes of the result."""
     stated = _recordings(trace)[0].context.grasp
     return "the object's frame" if stated else "the axes of the tool, from the TCP"
 
 
 def _is_felt(trace: Trace, found: CarriedLoad) -> bool:
-    """There is a load that a quotient by its mass says something of."""
+    """Return true if the mass differs from zero and its tests pass, so that quotients by it are
+    defined."""
     mass, std = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
     return mass > Z95 * std and all(test.passed for test in _sound(trace, found, LOAD))
 
 
 def _nothing(parameter: Parameter, unit: str, trace: Trace) -> Estimate:
+    """Report a load that is contradicted or was not detected."""
     found = _fit_load(trace)
     if found is not None and not all(test.passed for test in _sound(trace, found, LOAD)):
         return not_identified(parameter, unit, "The mass is contradicted: see there.")
@@ -381,7 +420,7 @@ def _nothing(parameter: Parameter, unit: str, trace: Trace) -> Estimate:
 
 
 def _sound(trace: Trace, found: CarriedLoad, name: str) -> tuple[FitTest, ...]:
-    """Tests that the described arm explains the recording; and if it does, that a mass is one that it can carry."""
+    """Test that the described arm explains the recording, and then that the arm can carry the mass."""
     if not found.explained.passed:
         return (found.explained,)
     mean, covariance = found.posterior[name]
@@ -407,24 +446,26 @@ def _sound(trace: Trace, found: CarriedLoad, name: str) -> tuple[FitTest, ...]:
 
 
 def _slopes(of: Callable[[Array], Array], value: Array) -> Array:
-    """(k, 10) Jacobian of a function of the parameters, by central differences."""
+    """Compute the (k, 10) Jacobian of a function of the parameters by central differences."""
     steps = 1e-6 * np.eye(len(value))
     return np.column_stack([(of(value + step) - of(value - step)) / 2e-6 for step in steps])
 
 
 def _shared_errors(found: CarriedLoad, slopes: Array, name: str = LOAD) -> tuple[Shared, ...]:
-    """Errors in common with other runs of the arm."""
+    """List the errors that other runs of the same arm share, mapped to the estimate by `slopes` (k,
+    10)."""
     each = found.posterior.shared(name)
     return tuple(replace(one, effect=tuple(slopes @ np.array(one.effect))) for one in each)
 
 
 def _seconds(found: CarriedLoad) -> str:
+    """Phrase for the durations with the load and with the empty hand."""
     hung, empty = found.seconds(True), found.seconds(False)
     return f"{hung:.1f} s of motion, against {empty:.1f} s of the empty hand"
 
 
 def _halves(trace: Trace) -> list[tuple[float, float]]:
-    """Start and end of both halves of each window."""
+    """Start and end of both halves of each window, s; a short window stays whole."""
     found: list[tuple[float, float]] = []
     for one in _recordings(trace):
         middle = (one.start + one.end) / 2.0
@@ -436,9 +477,9 @@ def _halves(trace: Trace) -> list[tuple[float, float]]:
 
 
 def _same_in_all_parts(trace: Trace, found: CarriedLoad) -> tuple[FitTest, ...]:
-    """Test for other masses in parts of the recording."""
+    """Test that the mass is the same in all parts of the recording."""
     parts = [found.part(start, end) for start, end in _halves(trace)][1:]
-    # The empty hand, too, is as empty in all parts as in its first.
+    # Split the time of the empty hand as well: it must be as empty in each part as in the first.
     if found.seconds(False) > 2.0 * CARRIED_HALF:
         pairs = zip(found.motions, found.hanging, strict=True)
         empty = np.concatenate([motion.t for motion, hung in pairs if not hung])
@@ -446,6 +487,7 @@ def _same_in_all_parts(trace: Trace, found: CarriedLoad) -> tuple[FitTest, ...]:
         parts += [found.part(*edge, hanging=False) for edge in pairwise(edges)][1:]
     if not parts:
         return ()
+    # Test an extra mass in each part but the first.
     cause = Cause("mass in all parts", np.column_stack(parts), np.full(len(parts), 1.0))
     finding = (
         "The mass differs between parts of the recording: the load was not carried in all of its windows, was carried "
@@ -456,7 +498,8 @@ def _same_in_all_parts(trace: Trace, found: CarriedLoad) -> tuple[FitTest, ...]:
 
 
 def _mass_view(trace: Trace, found: CarriedLoad) -> FitView:
-    """Mass by parts of the windows."""
+    """Chart the mass by parts of the windows."""
+    # Split the windows into parts of at least 0.5 s, and fit an extra mass to each part alone.
     edges: list[tuple[float, float]] = []
     share = max(1, CARRIED_PARTS // len(_recordings(trace)))
     for one in _recordings(trace):

@@ -43,25 +43,33 @@ from palpate.estimation.wrench_observation import (
 from palpate.trace.recording import NominalHand
 
 PULL_SMALL = 0.05
-"""N/m (1 sigma): tolerated growth of a force with the height. Sensitive: no."""
+"""N/m (1 sigma): tolerated growth of a force with the height. Not sensitive."""
 PULL_SHARE = 0.03
-"""1/m (1 sigma), part of the load: likewise; levers of joints are not known better along a lift, and loads in a
-perfect world read up to 5 % a metre off. Sensitive: no."""
+"""1/m (1 sigma): tolerated growth with the height, as a fraction of the load. Joint lever arms are
+not known better along a lift; loads in a perfect world read up to 5 % a metre off. Not sensitive.
+"""
 RUB_SHARE = 0.002
-"""part of the load (1 sigma), likewise: friction in a joint grows with what it bears by about so much. Sensitive:
-no."""
+"""fraction of the load (1 sigma): tolerated force difference. Friction in a joint grows with its
+load by about this much. Not sensitive."""
 RUB_SMALL = 0.005
-"""N (1 sigma): tolerated difference of a load between directions, between rest and pass and between weighings: a
-tenth of the force that such arms resolve. Sensitive: no."""
+"""N (1 sigma): tolerated force difference between directions, between rest and pass and between
+weighings. It is a tenth of the force resolution of such arms. Not sensitive."""
 TELLING = 0.1
-"""part of `LOAD_PRIOR`: a term with a larger std cannot be separated from the load. Sensitive: no."""
+"""fraction of `LOAD_PRIOR`: a term with a larger std cannot be separated from the load. Not
+sensitive."""
 
 
 def tests_of(
     rows: Sequence[WeighingRows], grasps: Sequence[float], found: Posterior, left: float
 ) -> tuple[FitTest, ...]:
-    """Test each extended model, for a load with `left` N (1 sigma) of residual stiction."""
-    # Tolerated: the uncertainty of kinematics and friction, in proportion to the load.
+    """Test each extended model of a load.
+
+    Args:
+        grasps: s, times of the grasps.
+        found: posterior of the load.
+        left: N (1 sigma), residual stiction.
+    """
+    # Tolerated forces: errors of kinematics and friction, with a part in proportion to the load.
     force = float(found.mean[0])
     rub = float(np.hypot(RUB_SMALL, RUB_SHARE * force))
     pull = float(np.hypot(PULL_SMALL, PULL_SHARE * force))
@@ -74,9 +82,18 @@ def tests_of(
 def vertical_tests(
     rows: Sequence[WeighingRows], posterior: Posterior, rub: float, pull: float, left: float
 ) -> list[FitTest]:
-    """Test for vertical forces, one at a time: in proportion to the height, changing sign with the direction,
-    at rest only, and a step. `rub` N, `pull` N/m and `left` N (1 sigma) are tolerated."""
+    """Test for further vertical forces, each added to the model alone.
+
+    They are a force in proportion to the height, one that changes sign with the direction, one at
+    rest only, and a step in time.
+
+    Args:
+        rub: N (1 sigma), tolerated.
+        pull: N/m (1 sigma), tolerated.
+        left: N (1 sigma), tolerated in addition to `rub` at rest and for steps.
+    """
     stuck = float(np.hypot(rub, left))
+    # One column for each kind of force, and one for each possible start of a step.
     since = each_its_own([row.since for row in rows])
     columns: list[Array] = []
     for row, later in zip(rows, since, strict=True):
@@ -87,23 +104,26 @@ def vertical_tests(
         ("along the lift", pull),
         ("up against down", rub),
         ("rest against pass", stuck),
-        # One for each possible onset of a step; the worst counts.
+        # The step with the largest statistic counts.
         *[("before against after", stuck)] * since[0].shape[1],
     ]
     found: dict[str, FitTest] = {}
     for kind, force, variance in zip(kinds, forces.tolist(), variances.tolist(), strict=True):
         name, small = kind
+        # Squared force over its variance, the tolerated force included.
         statistic = force**2 / (variance + small**2)
-        # A force that cannot be separated from the load is not tested.
+        # Skip a force that cannot be separated from the load.
         separable = variance < (TELLING * LOAD_PRIOR) ** 2
         if separable and (name not in found or statistic > found[name].statistic):
-            # The tolerated part is known exactly (Welch and Satterthwaite; GUM, annex G.4).
+            # The tolerated variance is known exactly, which adds degrees of freedom (Welch and
+            # Satterthwaite; GUM, annex G.4).
             freedom = posterior.freedom * (1.0 + small**2 / variance) ** 2
             found[name] = chi_squared(name, statistic, 1, _finding(name, force), freedom)
     return list(found.values())
 
 
 def _finding(name: str, force: float) -> str:
+    """Describe a failed test of a vertical force of `force` N or N/m."""
     size, positive = abs(force), force > 0
     if name == "along the lift":
         return (
@@ -126,8 +146,11 @@ def _finding(name: str, force: float) -> str:
 def sideways_test(
     rows: Sequence[WeighingRows], grasps: Sequence[float], posterior: Posterior, small: float
 ) -> FitTest:
-    """Test for a sideways force, or a moment about the vertical, in any grasp; `small` N (1 sigma)
-    is tolerated."""
+    """Test for a horizontal force, or a moment about the vertical, in any grasp.
+
+    Args:
+        small: N (1 sigma), tolerated.
+    """
     count = len(SIDEWAYS) * len(grasps)
 
     def finding(mean: Array) -> str:
@@ -147,7 +170,7 @@ def sideways_test(
 def weighings_test(
     rows: Sequence[WeighingRows], grasps: Sequence[float], posterior: Posterior, small: float
 ) -> FitTest:
-    """Test for the same force in every grasp."""
+    """Test that the force is the same in every grasp; `small` N (1 sigma) is tolerated."""
     count = len(grasps) - 1
 
     def finding(mean: Array) -> str:
@@ -159,20 +182,22 @@ def weighings_test(
     return posterior.test(cause, np.full(count, small), finding)
 
 
-# Generalised least squares for the load on the hand.
+# Generalised least squares for the load on the hand: tuning constants, fit and model.
 
 
 KINDS_APART = (1.0, 1.0 / 8.0, 1.0 / 64.0)
-"""parts (1 sigma) of `KIND_BIAS`, `BIN_BIAS` and `REST_FRICTION` that each kind of segment has of its own: from all
-of it, unless the evidence against that is very strong, to next to nothing. Sensitive: mass 0.3 σ, std ×0.9–1.0 where
-joints hardly rub."""
+"""fractions (1 sigma) of `KIND_BIAS`, `BIN_BIAS` and `REST_FRICTION` that differ between kinds of
+segment. The first is full independence; smaller ones need very strong evidence. Sensitive: mass 0.3
+σ, std ×0.9–1.0 where joint friction is small."""
 VERY_STRONG = 5.0
-"""logarithm of a Bayes factor from which evidence is very strong (Kass and Raftery, Journal of the American
-Statistical Association 90, 1995, section 3.2: 150). Sensitive: no."""
+"""logarithm of a Bayes factor from which evidence is very strong (Kass and Raftery, Journal of the
+American Statistical Association 90, 1995, section 3.2: 150). Not sensitive."""
 LOAD_ITERATIONS = 3
-"""solutions after the first: effects of gains and tilts are in proportion to the load. Sensitive: no."""
+"""number of solutions after the first. They are needed as the effects of gains and tilt are in
+proportion to the load. Not sensitive."""
 FORESEEN_DRAWS = 2
-"""draws of noise for the prediction of planned passes. Sensitive: no, it decides on work alone."""
+"""number of noise draws for the prediction of planned passes. Not sensitive; only the planned
+effort depends on it."""
 
 AT_HAND, OFFSETS = ("rests", "passes", "rests and passes"), "offsets"
 """Names of causes: residual stiction."""
@@ -185,14 +210,17 @@ class LoadEstimate:
     """Estimate of one load over n grasps.
 
     Attributes:
-        grasps: s, when.
+        grasps: s, times of the grasps.
         value: (1 + 2n,) F in N, then M_x and M_y about the TCP in each grasp in N m, world axes.
-        covariance: (1 + 2n, 1 + 2n) of it, with all that the grasps have in common.
-        tests: of what else might act on it.
-        gains: (1 + 2n, signals) what one standard deviation of each signal's gain does to `value`; of
-            gains that were measured together, of as many causes that are independent.
-        crosstalk: (1 + 2n, signals) what one standard deviation of each signal's cross-talk does to it.
-        weighings, rows, posterior: what was fitted.
+        covariance: (1 + 2n, 1 + 2n) of `value`, with the errors that all grasps share.
+        tests: for other forces on the load.
+        gains: (1 + 2n, signals) effect on `value` of one standard deviation of each signal's gain.
+            Gains that were calibrated together are given as as many independent causes.
+        crosstalk: (1 + 2n, signals) effect on `value` of one standard deviation of each signal's
+            cross-talk.
+        weighings: the segments that were fitted.
+        rows: their equations.
+        posterior: of all unknowns.
     """
 
     grasps: tuple[float, ...]
@@ -212,34 +240,35 @@ class LoadEstimate:
 
     @property
     def agrees(self) -> bool:
-        """All tests passed."""
+        """True if all tests passed."""
         return all(test.passed for test in self.tests)
 
     @property
     def force(self) -> float:
-        """N."""
+        """N, vertical force F of the load."""
         return float(self.value[0])
 
     @property
     def force_std(self) -> float:
-        """N."""
+        """N, standard deviation of F."""
         return float(np.sqrt(self.covariance[0, 0]))
 
 
 def fit_load(weighings: Sequence[Weighing], gravity: float, hand: NominalHand) -> LoadEstimate:
     """Fit the load on the hand in all `weighings`, at g = `gravity` m/s².
 
-    Where they disagree, weighings that contradict themselves are left out of the value, and their failed
-    tests are kept.
+    Where weighings disagree, those that contradict themselves are left out of the value. Their
+    failed tests are kept.
 
     Raises:
-        ValueError: there is a weighing without a loaded segment.
+        ValueError: a weighing has no loaded segment.
     """
     if not all(weighing.grasps for weighing in weighings):
         raise ValueError("no recording with the load on the hand")
     together = _fit(weighings, gravity, hand)
     if together.agrees or len(weighings) == 1:
         return together
+    # Fit each weighing alone, and keep those that pass their own tests.
     alone = {id(weighing): _fit([weighing], gravity, hand) for weighing in weighings}
     sound = [weighing for weighing in weighings if alone[id(weighing)].agrees]
     if not sound or len(sound) == len(weighings):
@@ -250,11 +279,15 @@ def fit_load(weighings: Sequence[Weighing], gravity: float, hand: NominalHand) -
 
 
 def foreseen(weighing: Weighing, weight: float, gravity: float, hand: NominalHand) -> float:
-    """Predict the variance of F, N², for a load of `weight` N from planned rests and passes, whose signals are
-    not used: the agreement of the passes follows from typical draws of the noise."""
+    """Predict the variance of F, N², for a load of `weight` N from planned rests and passes.
+
+    Their signals are not used. The variance depends on the signals only through the scales of the
+    priors, which follow from random draws of the noise.
+    """
     rows, about = [equations(weighing, gravity)], np.zeros(1 + 2 * len(weighing.grasps))
     about[0] = weight
     model = whitened_model(*load_model(rows, tuple(weighing.grasps), about, hand))
+    # Average the variance over draws of whitened noise.
     random, found = np.random.default_rng(0), 0.0
     for _ in range(FORESEEN_DRAWS):
         typical = replace(model, y=random.standard_normal(len(model.y)))
@@ -265,12 +298,13 @@ def foreseen(weighing: Weighing, weight: float, gravity: float, hand: NominalHan
 def fit_load_without_tests(
     weighings: Sequence[Weighing], gravity: float, hand: NominalHand
 ) -> tuple[float, float]:
-    """F and its standard deviation, N, as in `fit_load`, without the tests of misspecification."""
+    """Fit as `fit_load`, without tests of misspecification; return F and its standard deviation, N."""
     _, found = _solve_equations(weighings, gravity, hand)
     return float(found.mean[0]), float(np.sqrt(found.covariance[0, 0]))
 
 
 def _fit(weighings: Sequence[Weighing], gravity: float, hand: NominalHand) -> LoadEstimate:
+    """Fit the load and test it."""
     rows, found = _solve_equations(weighings, gravity, hand)
     grasps = _grasps(weighings)
     tests = tests_of(rows, grasps, found, hand.force_repeatability)
@@ -283,13 +317,15 @@ def _fit(weighings: Sequence[Weighing], gravity: float, hand: NominalHand) -> Lo
 def _solve_equations(
     weighings: Sequence[Weighing], gravity: float, hand: NominalHand
 ) -> tuple[Sequence[WeighingRows], Posterior]:
-    """Equations, and their posterior, linearised at the solution."""
+    """Set up the equations and solve for their posterior, linearised at the solution."""
     grasps = _grasps(weighings)
     count = 1 + 2 * len(grasps)
+    # Equations for each share of the biases that the kinds of segment have of their own.
     ways = [
         [equations(weighing, gravity, apart) for weighing in weighings] for apart in KINDS_APART
     ]
-    # Effects of gains and tilts are in proportion to the load, which is unknown at first.
+    # Gains and tilt act in proportion to the load. Start from no load, choose the equations, and
+    # iterate.
     about = fit(*load_model(ways[0], grasps, np.zeros(count), hand), 1).mean[:count]
     rows, found = likeliest(ways, grasps, about, hand)
     for _ in range(LOAD_ITERATIONS):
@@ -301,12 +337,16 @@ def _solve_equations(
 def likeliest(
     ways: Sequence[Sequence[WeighingRows]], grasps: Sequence[float], about: Array, hand: NominalHand
 ) -> tuple[Sequence[WeighingRows], Posterior]:
-    """Of equations with the biases of the kinds of segments from as far `KINDS_APART` as they may be to alike, the
-    first, or those for which the evidence is very strong and by which the load is known better; with the posterior."""
+    """Choose among equations that differ in `KINDS_APART`; return them and their posterior.
+
+    The first equations allow the most. Others are chosen only if their evidence is very strong and
+    they reduce the variance of the load.
+    """
     found = [fit(*load_model(rows, grasps, about, hand), 1) for rows in ways]
     evidence = [each.evidence for each in found]
     best = int(np.argmax(evidence))
-    # A bias that changes sign with the direction could pass for residual stiction of each approach.
+    # Keep the first without both conditions: a bias that changes sign with the direction could pass
+    # for residual stiction of each approach.
     apart, alike = (found[i].covariance[0, 0] for i in (0, best))
     if evidence[best] <= evidence[0] + VERY_STRONG or alike >= apart:
         best = 0
@@ -314,28 +354,38 @@ def likeliest(
 
 
 def _grasps(weighings: Sequence[Weighing]) -> tuple[float, ...]:
-    """Times (s) of the grasps, each once, on however many paths the load was weighed."""
+    """List the times of the grasps, s, once each."""
     return tuple(dict.fromkeys(time for weighing in weighings for time in weighing.grasps))
 
 
 def load_model(
     rows: Sequence[WeighingRows], grasps: Sequence[float], about: Array, hand: NominalHand
 ) -> LoadModel:
-    """Causes, noise, signals and prior scales of weighings, for `regression.fit`: F and the moments in each grasp,
-    tilt of gravity, residual stiction of rests and passes, friction of the joints, gains, and cross-talk; linearised at
-    `about` (F, then the moments)."""
+    """Set up causes, noise, signals and prior scales of weighings for `regression.fit`.
+
+    The causes are F and the moments in each grasp, tilt of gravity, residual stiction of rests and
+    passes, joint friction, gains and cross-talk.
+
+    Args:
+        about: F, N, and the moments, N m, at which the model is linearised.
+    """
     signals = int(rows[0].signal.max()) + 1
     gains = gain_root(hand, signals)
+    # Load: the vertical force, and two horizontal moments in each grasp.
     vertical = [
         np.column_stack([row.wrench[:, FORCE_Z], in_each(row, grasps, (TORQUE_X, TORQUE_Y))])
         for row in rows
     ]
+    # Tilt of gravity, in proportion to the weight.
     tilted = [tilted_weight(row, grasps, about) for row in rows]
     tilt = TILT * abs(float(about[0])) + FLOOR
+    # Gains and cross-talk act on the torques of the load.
     pairs = zip(rows, vertical, strict=True)
     torques = [(row.signal, columns @ about) for row, columns in pairs]
     borne = [torque[:, None] * gains[signal] for signal, torque in torques]
     crossed = [_crosstalk_of_load(hand, signal, torque, signals) for signal, torque in torques]
+    # Joint friction is a sum of independent elements; residual stiction has the force
+    # repeatability.
     friction, left = (
         JOINT_LEVEL / len(SLIP_ANGLES) ** 0.5,
         hand.force_repeatability + FLOOR,
@@ -351,13 +401,15 @@ def load_model(
         (GAIN, borne, 1.0),
         (CROSSTALK, crossed, 1.0),
     ]
+    # Stack the weighings of each cause.
     causes: list[Cause] = []
     for name, blocks, prior in parts:
         columns = np.concatenate(blocks)
         causes.append(Cause(name, columns, np.full(int(columns.shape[1]), prior)))
     shares = LEFT_SHARES
     even = [1.0 / len(shares)] * len(shares)
-    # Shares of the datasheet's figure: left by this arm at all; of that, left in motion.
+    # Learned scales of stiction: the share of the datasheet's figure that this arm shows, and the
+    # share of it that remains in motion.
     scales = [
         PriorScale((*AT_HAND, OFFSETS), shares, even),
         PriorScale(AT_HAND, stiction_scales(rows), even),
@@ -371,30 +423,35 @@ def load_model(
 def _crosstalk_of_load(
     hand: NominalHand, signal: NDArray[np.intp], torque: Array, signals: int
 ) -> Array:
-    """(n, signals) cross-talk in rows of each `signal` (n,), of the load's `torque` (n,)."""
+    """Compute the cross-talk (n, signals) of the load's `torque` (n,) in rows of each `signal`
+    (n,)."""
     read = crosstalk(hand, torque.reshape(signals, -1).T)
     return read.T.ravel()[:, None] * np.eye(signals)[signal]
 
 
 def stiction_scales(rows: Sequence[WeighingRows]) -> Sequence[Array]:
-    """Scales of the stiction forces at rests, in passes, and common to a rest and its pass, for each of
-    `LEFT_SHARES`."""
+    """List the scales of the stiction forces at rests, in passes, and common to a rest and its
+    pass, for each of `LEFT_SHARES`."""
+    # Columns of rests and of passes that belong to a pair of both.
     paired = [np.split(row.stiction.paired, [row.stiction.stuck.shape[1]]) for row in rows]
     rests, passes = (np.concatenate([pair[i] for pair in paired]) for i in (0, 1))
     both = sum(row.stiction.carried.shape[1] for row in rows)
     found: list[Array] = []
+    # The pass keeps a share of the force, independent of the rest.
     for share in LEFT_SHARES[:-1]:
         parts = [np.ones(len(rests)), np.full(len(passes), share), np.zeros(both)]
         found.append(np.concatenate(parts))
-    # A pass that keeps all of it has the force of the rest before it.
+    # With a share of 1 the pass has the same force as the rest before it.
     found.append(np.concatenate([~rests, ~passes, np.ones(both)]).astype(np.float64))
     return found
 
 
 def tilted_weight(row: WeighingRows, grasps: Sequence[float], about: Array) -> Array:
-    """(n, 2) signals per newton of horizontal weight along world x and y, where gravity is tilted."""
+    """Compute the signals (n, 2) per newton of horizontal weight along world x and y, as a tilt of
+    gravity causes."""
     leaning = row.wrench[:, LEANING].copy()
-    # The weight acts at r = (-M_y, M_x) / F beside the TCP, so that it also turns the hand about the vertical.
+    # The weight acts at r = (-M_y, M_x) / F from the TCP: its horizontal part has a moment about
+    # the vertical.
     moments = about[1:].reshape(-1, 2) / max(abs(float(about[0])), FLOOR)
     for grasp, moment in zip(grasps, moments, strict=True):
         turning = row.wrench[:, TORQUE_Z] * (row.grasp == grasp)

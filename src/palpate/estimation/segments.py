@@ -1,11 +1,13 @@
 """Segmentation of a trace into rests, passes and turns, with and without the load.
 
-The sensed wrench is load + bias, and the bias depends on the configuration of the arm, on the direction
-in which its joints slide, on how it came to rest, and on time. All of that is the same with and without
-the object on the same path in the same direction. So a trace is cut into *rests* at the pose where the
-object was measured and *passes* along the straight line on which it was lifted, each loaded or empty, and
-each of a *kind*; segments of one kind are comparable. A *turn* of the hand where the object was measured
-is a pass, too: along it the moment of the load turns with the hand, and the bias of the sensors does not.
+The sensed wrench is load + bias. The bias depends on the arm's configuration, on the direction in
+which its joints slide, on how it came to rest, and on time. It is the same with and without the
+object, on the same path in the same direction.
+
+A trace is therefore cut into segments, each loaded or empty and each of a *kind*. Segments of one
+kind are comparable. A *rest* is at the pose where the object was measured. A *pass* is along the
+straight line on which it was lifted. A *turn* of the hand at the measured pose is a pass, too: the
+moment of the load turns with the hand, the bias of the sensors does not.
 """
 
 from __future__ import annotations
@@ -48,40 +50,48 @@ from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, Samples, Trace, once
 
 TURN_BINS = 8
-"""parts of a turn, to a tilt or about the vertical, of which the first and the last are left out. Sensitive: no."""
+"""number of bins of a turn, to a tilt or about the vertical; the first and the last are left out.
+Not sensitive."""
 TURN_STEADY = 0.5
-"""rad/s², up to which the hand turns evenly: 3 mN m of a load of 0.006 kg m². Sensitive: no."""
+"""rad/s²: largest angular acceleration of an even turn, 3 mN m for a load of 0.006 kg m². Not
+sensitive."""
 NEAR = 0.012
-"""m off the measured pose that a rest may be and still count as the same pose (a loaded arm sags by m g / k).
-Sensitive: no."""
+"""m: distance from the measured pose up to which a rest counts as the same pose (a loaded arm sags
+by m g / k). Not sensitive."""
 CORRIDOR = 0.02
-"""m beside the line from the grasp to the measured pose that a pass may run. Sensitive: mass 0.7 σ, std ×1.0–1.3."""
+"""m: distance of a pass from the line between the grasp and the measured pose. Sensitive: mass 0.7
+σ, std ×1.0–1.3."""
 SHORT_LIFT = 0.4
-"""part of the path left out instead where the lift is short. Sensitive: no."""
+"""fraction of the path left out near the support, where the lift is short. Not sensitive."""
 COVERED = 0.4
-"""part of the lift that a pass must cover, so that all passes have bins in common. Sensitive: mass 1.5 σ, std
-×1.0–1.5."""
+"""fraction of the lift that a pass must cover, so that all passes have bins in common. Sensitive:
+mass 1.5 σ, std ×1.0–1.5."""
 LIFT_MIN = 0.02
-"""m: a lift shorter than this is no path to compare passes on. Sensitive: no."""
+"""m: shortest lift along which passes are compared. Not sensitive."""
 REST_ROWS = 5
-"""rows at least that make a rest, so that their mean has a scatter. Sensitive: mass 0.08 σ."""
+"""rows: shortest rest, so that its mean has a scatter. Sensitive: mass 0.08 σ."""
 ARRIVAL = 0.02
-"""m: last stretch before a rest, whose direction determines the friction in the joints. Sensitive: no."""
+"""m: last stretch before a rest. Its direction determines the friction in the joints. Not
+sensitive."""
 ALONG = 0.7
-"""cosine between that stretch and the path from which the rest was reached along the path. Sensitive: mass 0.2 σ,
-std ×0.9–1.0."""
+"""cosine between that stretch and the path from which the rest was reached along the path.
+Sensitive: mass 0.2 σ, std ×0.9–1.0."""
 PASS_SPEED = 0.01
-"""m/s along the path from which the joints certainly slide. Sensitive: mass 0.2 σ, std ×0.9–1.1; com 0.1 σ, std
-×1.0–1.1."""
+"""m/s along the path above which the joints certainly slide. Sensitive: mass 0.2 σ, std ×0.9–1.1;
+com 0.1 σ, std ×1.0–1.1."""
 ALIKE_SPEED = 0.5
-"""part of the speed of the slowest pass, from which noise in motion counts as that of the passes. Chosen: it keeps the
-ramps of passes, and leaves out descents of a tenth of their speed. Sensitive: mass std ×1.0–1.3 at 0.3, no at 0.8."""
+"""fraction of the speed of the slowest pass above which noise in motion counts as that of the
+passes. Chosen: it keeps the ramps of passes and leaves out descents of a tenth of their speed.
+Sensitive: mass std ×1.0–1.3 at 0.3, none at 0.8."""
 SAME_MOTION = 0.25
-"""m/s², root mean square along the path: passes whose accelerations differ by more are not compared. Sensitive: no."""
+"""m/s², root mean square along the path: passes whose accelerations differ by more are not
+compared. Not sensitive."""
 BINS = 10
-"""bins along the path, so that all passes are compared at the same configurations. Sensitive: mass 0.3 σ."""
+"""number of bins along the path, so that passes are compared at the same configurations. Sensitive:
+mass 0.3 σ."""
 PAUSE = 0.5
-"""s between two stretches of one pass, at most: a motion changes its speed near things. Sensitive: no."""
+"""s: longest gap between two stretches of one pass. A motion changes its speed near objects. Not
+sensitive."""
 
 TURN = "turn"
 """Prefix of the kinds of turns."""
@@ -91,11 +101,11 @@ LEVER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LiftPath:
-    """Straight line of a lift, from the grasp to the pose of the measurement.
+    """Straight line of a lift, from the grasp to the measured pose.
 
     Attributes:
-        origin: (3,) world, the grasp.
-        axis: (3,) unit.
+        origin: (3,) m, world, the grasp.
+        axis: (3,) unit vector.
         length: m.
         pose: of the measurement.
     """
@@ -106,12 +116,13 @@ class LiftPath:
     pose: Pose
 
     def progress(self, samples: Samples) -> Array:
-        """(n,) m along the line from its origin."""
+        """Project the TCP onto the line: (n,) m from its origin."""
         return (samples.pose_world_tcp[:, :3] - self.origin) @ self.axis
 
     def inside(self, samples: Samples) -> Mask:
-        """Rows on the line, clear of the support, in the measured orientation."""
+        """Return the rows on the line, clear of the support and in the measured orientation."""
         relative = samples.pose_world_tcp[:, :3] - self.origin
+        # Position along the line, and distance from it.
         along = relative @ self.axis
         beside = np.linalg.norm(relative - along[:, None] * self.axis, axis=1)
         clearance = min(CLEARANCE, SHORT_LIFT * self.length)
@@ -120,7 +131,8 @@ class LiftPath:
 
 
 def lift_path(trace: Trace, recording: Recording, load: LoadRows) -> LiftPath | None:
-    """Path of the lift before `recording`; None where the grasp is not in the trace, or at the same place."""
+    """Find the path of the lift before `recording`; None where the grasp is not in the trace or at
+    the same place."""
     before = [time for time in load.grasps if time <= recording.start]
     window = trace.of(recording)
     if not before or not len(window):
@@ -135,8 +147,14 @@ def lift_path(trace: Trace, recording: Recording, load: LoadRows) -> LiftPath | 
 
 
 def turn_bins(trace: Trace, recording: Recording) -> dict[tuple[int, int], slice]:
-    """Rows of each turn in a recording by its number and the number of a bin; bins are at the same share of
-    the turn in every recording. Only bins in which the hand turns at a constant rate."""
+    """Cut each turn in a recording into bins of rotation.
+
+    Bins are at the same shares of the turn in every recording. Bins with a changing rate of
+    rotation are left out.
+
+    Returns:
+        Rows by the number of the turn and the number of the bin.
+    """
     samples, t = trace.samples, trace.samples.t
     inside = (t >= recording.start) & (t <= recording.end)
     edges = np.linspace(0.0, 1.0, TURN_BINS + 1)[1:-1]
@@ -144,6 +162,7 @@ def turn_bins(trace: Trace, recording: Recording) -> dict[tuple[int, int], slice
     for i, turn in enumerate(runs(commanded_rows(samples) & inside)):
         if turn.stop - turn.start <= TURN_BINS * REST_ROWS:
             continue
+        # Angle from the start of the turn, made monotonic, and the rows at the bin edges.
         quaternions = samples.pose_world_tcp[turn, 3:]
         angle = 2.0 * np.arccos(np.minimum(np.abs(quaternions @ quaternions[0]), 1.0))
         progress: Array = np.maximum.accumulate(angle)
@@ -153,7 +172,8 @@ def turn_bins(trace: Trace, recording: Recording) -> dict[tuple[int, int], slice
         for k, (first, last) in enumerate(pairwise((cuts + turn.start).tolist())):
             if last - first < REST_ROWS:
                 continue
-            # While the rate is constant, no inertial moment adds to that of the weight.
+            # At a constant rate no inertial moment adds to that of the weight: fit its linear
+            # trend.
             since = t[first:last] - t[first:last].mean()
             trend = since @ samples.twist[first:last, 3:] / float(since @ since)
             if float(np.linalg.norm(trend)) < TURN_STEADY:
@@ -166,23 +186,25 @@ class Segment:
     """Rest, or pass in k bins along the path.
 
     Attributes:
-        kind: `up`, `down` (passes), `rest ...` with how the arm came to rest, or `turn ...` with its number.
+        kind: `up`, `down` (passes), `rest ...` with the direction of arrival, or `turn ...` with
+            its number.
         loaded: with the object in the hand.
-        grasp: s, last time at which the hand took or left something.
+        grasp: s, last time at which the hand took or left an object.
         start, end: s.
         t: (k,) mean time, s.
         path: (k,) m along the path.
         acceleration: (k,) vertical, m/s².
         speed2: (k,) m²/s², squared speed.
-        maps: (k, m, 6) m signals per unit wrench (`estimation.load.observation`).
-        observed, variance: (k, m) means of the signals, and the variance of white noise in them.
-        motion: (k, m) N m that moved the arm's own links, already subtracted from `observed`; (k, 0) where
-            the links are not known.
-        dahl: (k, m, 2 e) Dahl states of the joints (`estimation.joint_friction.slip_states`); (k, 0, 0) where
+        maps: (k, m, 6) m signals per unit wrench (`WrenchObservation.maps`).
+        observed: (k, m) means of the signals.
+        variance: (k, m) variance of white noise in them.
+        motion: (k, m) N m that moved the arm's own links, already subtracted from `observed`; (k,
+            0) where the links are unknown.
+        dahl: (k, m, 2 e) Dahl states of the joints (`joint_friction.slip_states`); (k, 0, 0) where
             the signals are not joint torques.
-        turned: (k,) rad, rotation of the hand about the vertical since the load was measured; the load and
-            the moments in `maps` turn with it.
-        spans: stretches of motion of which the bins are means.
+        turned: (k,) rad, rotation of the hand about the vertical since the load was measured; the
+            load and the moments in `maps` turn with it.
+        spans: stretches of motion that the bins average.
     """
 
     kind: str
@@ -204,10 +226,12 @@ class Segment:
 
     @property
     def at_rest(self) -> bool:
+        """True for a rest."""
         return self.kind.startswith("rest")
 
     @property
     def turns(self) -> bool:
+        """True for a turn."""
         return self.kind.startswith(TURN)
 
 
@@ -225,10 +249,11 @@ class Weighing:
     """Segments of a trace with and without a load, along one path.
 
     Attributes:
-        segments: rests and passes with the load and without.
+        segments: rests and passes with and without the load.
         noise: of the signals.
-        scale: (m,) of the signals, see `estimation.load.observation`.
-        left: what the model of the arm leaves with an empty hand, as far as it was recorded and learned.
+        scale: (m,) of the signals, see `WrenchObservation`.
+        left: residual of the arm's model with an empty hand; None where it was not recorded or not
+            learned.
     """
 
     segments: Sequence[Segment]
@@ -243,9 +268,10 @@ class Weighing:
 
     @property
     def freedom(self) -> float:
-        """Degrees of freedom of the noise, with what the model of the arm leaves."""
+        """Degrees of freedom of the noise, the residual of the arm's model included."""
         if self.left is None:
             return self.noise.freedom
+        # Mean variance of the sensor noise: white noise, and 1/f noise at zero lag.
         white = np.concatenate([segment.variance for segment in self.segments]).mean(axis=0)
         slow = self.noise.flicker * float(flicker(np.zeros(1))[0])
         return self.left.freedom_beside(white + slow, self.noise.freedom, self.spans)
@@ -256,21 +282,26 @@ class Weighing:
         return sorted({segment.grasp for segment in self.segments if segment.loaded})
 
     def select(self, at_rest: bool) -> Weighing:
-        """Rests alone, or passes alone."""
+        """Keep the rests or the passes only."""
         kept = [segment for segment in self.segments if segment.at_rest == at_rest]
         return replace(self, segments=kept)
 
 
 @once
 def weighing(trace: Trace, recording: Recording, learned: bool = True) -> Weighing:
-    """Find the rests and passes that weigh the load of `recording`, with and without it; and `learned` from the empty
-    hand's motion what the model of the arm leaves."""
+    """Find the rests and passes that weigh the load of `recording`, with and without it.
+
+    Args:
+        learned: learn the residual of the arm's model from motion of the empty hand.
+    """
     load = load_rows(trace, recording.context.holding)
     path = lift_path(trace, recording, load)
+    # Cut the trace into rests, passes and turns.
     rests = list(_rests(trace, recording, load, path))
     passes = [] if path is None else _passes(trace.samples, load, path)
     turned = list(_turns(trace, recording))
     signals = _Signals.of(trace, load, path, [*rests, *passes, *(cut for cut, _ in turned)])
+    # Average them: rests without a commanded motion, and passes that have a comparable one.
     moving = commanded_rows(trace.samples)
     found = [signals.segment(cut, [cut.rows]) for cut in rests if not moving[cut.rows].any()]
     binned = _bin_passes(signals, passes)
@@ -278,22 +309,24 @@ def weighing(trace: Trace, recording: Recording, learned: bool = True) -> Weighi
     here = mean_pose(trace.of(recording))
     found += [_turn_segment(signals, *one, here, trace.gravity) for one in turned]
     if not any(segment.loaded for segment in found):
-        # The object was recorded in motion only.
+        # The object was recorded in motion only: keep all rests.
         found = [signals.segment(cut, [cut.rows]) for cut in rests]
     left = of_empty_hand(trace, recording.context.holding or "") if learned else None
     return Weighing(found, signals.noise, signals.observed.scale, left)
 
 
 def weigh_cuts(trace: Trace, name: str, cuts: Sequence[SegmentCut]) -> Weighing:
-    """Weighing of the load `name` from given cuts at one place, compared within each kind."""
+    """Weigh the load `name` from given cuts at one place; cuts are compared within each kind."""
     signals = _Signals.of(trace, load_rows(trace, name), None, cuts)
     found = [signals.segment(cut, [cut.rows]) for cut in cuts]
     return Weighing(found, signals.noise, signals.observed.scale, of_empty_hand(trace, name))
 
 
 def weighings(trace: Trace, recording: Recording, learned: bool = True) -> Sequence[Weighing]:
-    """All weighings of the object held during `recording`, as `weighing`, one per path on which it was lifted and
-    held still."""
+    """List the weighings of the object held during `recording`, see `weighing`.
+
+    There is one per path on which the object was lifted and held still.
+    """
     measured = [recording]
     for other in trace.recordings:
         still = other.buffer == FORCES and other.context.activity == "still"
@@ -304,7 +337,7 @@ def weighings(trace: Trace, recording: Recording, learned: bool = True) -> Seque
 
 
 def _same_place(trace: Trace, one: Recording, other: Recording) -> bool:
-    """Two recordings belong to one lift, or to lifts along the same path."""
+    """Return true if two recordings belong to one lift, or to lifts along the same path."""
     if one is other:
         return True
     load = load_rows(trace, one.context.holding)
@@ -316,14 +349,14 @@ def _same_place(trace: Trace, one: Recording, other: Recording) -> bool:
 
 
 def has_reference(found: Iterable[Segment]) -> bool:
-    """At least one kind of segment was recorded both with and without the load."""
+    """Return true if at least one kind of segment was recorded with and without the load."""
     kinds = {(segment.kind, segment.loaded) for segment in found}
     return any((kind, not loaded) in kinds for kind, loaded in kinds)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Signals:
-    """Signals of a trace, with all that its segments are means of, row by row."""
+    """Signals of a trace, row by row, that segments average."""
 
     samples: Samples
     observed: WrenchObservation
@@ -341,19 +374,21 @@ class _Signals:
     def of(
         cls, trace: Trace, load: LoadRows, path: LiftPath | None, cuts: Iterable[SegmentCut]
     ) -> _Signals:
-        """Signals of a trace; the torques that move the arm's links only in the rows of `cuts`."""
+        """Prepare the signals of a trace; the torques that move the arm's links only in the rows of
+        `cuts`."""
         samples, t = trace.samples, trace.samples.t
         observed, rising = observe(trace), acceleration(samples, FOLLOWED)[:, 2]
         used, cuts = np.zeros(len(samples), dtype=bool), tuple(cuts)
         for cut in cuts:
             used[cut.rows] = True
+        # Torque that moves the arm's links, in the rows of the cuts.
         motion = observed.own_motion(samples, used, FOLLOWED)
-        # Averaged like the motion, so that faster changes do not show as a difference.
+        # Average the signals like the motion, so that fast changes do not show as a difference.
         net = smoothed_with_rate(observed.signals, t, FOLLOWED)[0]
         if motion.shape[1]:
             net = net - motion
-        # Ripple of the gears is as slow as their motion: in a guarded descent it passes for 1/f noise, which the passes
-        # would then be said to have.
+        # Rows that show the sensor noise: rests, and steady motion about as fast as the passes. In
+        # a slow guarded descent gear ripple would pass for 1/f noise of the passes.
         speed = np.linalg.norm(samples.twist[:, :3], axis=1)
         passes = [float(speed[cut.rows].mean()) for cut in cuts if cut.kind in ("up", "down")]
         moves = speed > max(PASS_SPEED, ALIKE_SPEED * min(passes, default=0.0))
@@ -376,7 +411,7 @@ class _Signals:
         )
 
     def segment(self, cut: SegmentCut, bins: Sequence[Rows]) -> Segment:
-        """Means of a cut over `bins`."""
+        """Average a cut over `bins`."""
         samples, t = self.samples, self.samples.t[cut.rows]
 
         def means(signal: Array) -> Array:
@@ -403,10 +438,13 @@ class _Signals:
 
 
 def comparable_passes(one: Segment, other: Segment) -> bool:
-    """Two passes, one with the load and one without, have the same motion, so that the inertia of the arm,
-    far larger than that of the load, cancels."""
+    """Return true if two passes, one loaded and one empty, have the same motion.
+
+    The inertial force of the arm, far larger than that of the load, then cancels.
+    """
     if one.kind != other.kind or one.loaded == other.loaded:
         return False
+    # Root mean square difference of the accelerations at the same places.
     apart = one.acceleration - np.interp(one.path, other.path, other.acceleration)
     return float(np.sqrt(np.mean(apart**2))) < SAME_MOTION
 
@@ -414,10 +452,11 @@ def comparable_passes(one: Segment, other: Segment) -> bool:
 def _rests(
     trace: Trace, recording: Recording, load: LoadRows, path: LiftPath | None
 ) -> Iterator[SegmentCut]:
-    """Rests at the pose of `recording`, and `recording` itself, however much the arm swung."""
+    """Yield the rests at the pose of `recording`, and `recording` itself even if the arm
+    oscillated."""
     samples, pose = trace.samples, mean_pose(trace.of(recording))
     measured = (samples.t >= recording.start) & (samples.t <= recording.end)
-    # A loaded arm sags a little.
+    # Rows near the measured pose, with a margin as a loaded arm sags.
     away = np.linalg.norm(samples.pose_world_tcp[:, :3] - pose.position, axis=1)
     near = (away < NEAR) & aligned_rows(samples, pose)
     here = (at_rest(samples) & near) | measured
@@ -428,9 +467,10 @@ def _rests(
 
 
 def arrival(samples: Samples, row: int, path: LiftPath | None) -> str:
-    """Direction of the arm's arrival at the rest at `row`: `up` or `down` the path, or `beside` it."""
+    """Classify the arm's arrival at the rest at `row`: `up` or `down` the path, or `beside` it."""
     if path is None:
         return "beside"
+    # Commanded motion over the last `ARRIVAL` metres before the rest.
     moved = samples.target_world_tcp[row, :3] - samples.target_world_tcp[: row + 1, :3]
     far = np.flatnonzero(np.linalg.norm(moved, axis=1) > ARRIVAL)
     if not len(far):
@@ -442,8 +482,11 @@ def arrival(samples: Samples, row: int, path: LiftPath | None) -> str:
 
 
 def _passes(samples: Samples, load: LoadRows, path: LiftPath) -> list[SegmentCut]:
-    """Motions along the path that cover enough of it, up and down: where the arm has a constant speed, if
-    that is enough of the path both with the load and without, else at any speed."""
+    """Find the motions along the path that cover enough of it, up and down.
+
+    Only rows of constant speed are used if they cover enough of the path both with and without the
+    load, else rows of any speed.
+    """
     progress, inside = path.progress(samples), path.inside(samples)
     speed = np.gradient(progress, samples.t)
 
@@ -453,6 +496,7 @@ def _passes(samples: Samples, load: LoadRows, path: LiftPath) -> list[SegmentCut
                 if np.ptp(progress[rows]) > COVERED * path.length:
                     yield SegmentCut(kind, loaded, rows)
 
+    # Prefer steady rows for each direction.
     ways = {"up": speed > PASS_SPEED, "down": speed < -PASS_SPEED}
     found: list[SegmentCut] = []
     for kind, moving in ways.items():
@@ -463,7 +507,7 @@ def _passes(samples: Samples, load: LoadRows, path: LiftPath) -> list[SegmentCut
 
 
 def _join_passes(moving: Mask, t: Array) -> list[NDArray[np.intp]]:
-    """Rows of each pass; stretches with a pause between them, where the arm changes its speed, are one."""
+    """List the rows of each pass; join stretches with a short gap, where the arm changes its speed."""
     found: list[NDArray[np.intp]] = []
     for stretch in runs(moving):
         rows: NDArray[np.intp] = np.arange(stretch.start, stretch.stop, dtype=np.intp)
@@ -475,15 +519,17 @@ def _join_passes(moving: Mask, t: Array) -> list[NDArray[np.intp]]:
 
 
 def _bin_passes(signals: _Signals, passes: Sequence[SegmentCut]) -> list[Segment]:
-    """Passes in bins along the stretch of the path that all of them cover."""
+    """Average the passes in bins along the stretch of the path that all of them cover."""
     if not passes:
         return []
     progress = signals.progress
+    # Common stretch of all passes, in equal bins.
     low = max(float(progress[cut.rows].min()) for cut in passes)
     high = min(float(progress[cut.rows].max()) for cut in passes)
     bins = np.digitize(progress, np.linspace(low, high, BINS + 1)) - 1
     found: list[Segment] = []
     for cut in passes:
+        # Average the bins that hold rows of this pass.
         rows = np.arange(len(progress))[cut.rows]
         filled = [k for k in range(BINS) if np.any(bins[rows] == k)]
         found.append(signals.segment(cut, [rows[bins[rows] == k] for k in filled]))
@@ -491,9 +537,11 @@ def _bin_passes(signals: _Signals, passes: Sequence[SegmentCut]) -> list[Segment
 
 
 def _turns(trace: Trace, recording: Recording) -> Iterator[tuple[SegmentCut, Sequence[slice]]]:
-    """Each turn where the object was measured, with it and without, in bins that all of them have."""
+    """Yield each turn at the measured pose, with and without the object, in bins that all of them
+    have."""
     context, here = recording.context, mean_pose(trace.of(recording))
     found: list[tuple[bool, dict[tuple[int, int], slice]]] = []
+    # Turns of the empty hand or of the same object that begin at the measured pose.
     for one in trace.recordings:
         holding = one.context.holding
         if one.context.activity == "turning" and holding in (None, context.holding):
@@ -502,6 +550,7 @@ def _turns(trace: Trace, recording: Recording) -> Iterator[tuple[SegmentCut, Seq
                 found.append((holding is not None, turn_bins(trace, one)))
     if {loaded for loaded, _ in found} != {True, False}:
         return
+    # Keep the bins that all recordings have in common.
     (_, first), *others = found
     common = [place for place in sorted(first) if all(place in bits for _, bits in others)]
     for loaded, bits in found:
@@ -515,15 +564,20 @@ def _turns(trace: Trace, recording: Recording) -> Iterator[tuple[SegmentCut, Seq
 def _turn_segment(
     signals: _Signals, cut: SegmentCut, bins: Sequence[slice], here: Pose, gravity: float
 ) -> Segment:
-    """Segment of a turn, its moments in axes that turn with the hand from `here`, with the centripetal force
-    of the load."""
+    """Average a turn, with its moments in axes that turn with the hand from `here`.
+
+    The centripetal force of the load is included.
+    """
     segment, samples = signals.segment(cut, bins), signals.samples
     angles: list[float] = []
     maps = segment.maps.copy()
     for i, rows in enumerate(bins):
+        # Rotation of the hand since the measured pose, and its rate about the vertical.
         now = mean_pose(samples.where(rows)).rotation @ here.rotation.T
         rate = float(samples.twist[rows, 5].mean())
         angles.append(float(np.arctan2(now[1, 0], now[0, 0])))
+        # Moments in the turned axes, and the centripetal force m ω² r of the lever that belongs to
+        # them.
         inward = -(rate**2) / gravity * now @ LEVER
         maps[i, :, 3:] = maps[i, :, 3:] @ now + maps[i, :, :3] @ inward
     return replace(segment, maps=maps, turned=np.array(angles))
