@@ -18,42 +18,43 @@ from palpate.trace.recording import NominalHand, Recording
 from palpate.trace.samples import Trace
 
 GRASP_SHIFT = 2e-4
-"""m (1 sigma): slip of an object along the fingers as it is put down, without its droop and the repeatability of the
-arm; a hammer and a bar, put down six times in the simulation, came to lie within 0.2 mm of the place predicted by
-these. Sensitive: com std ×0.9–1.2."""
+"""m (1 sigma). Slip of an object along the fingers at a put-down, without droop and repeatability of the arm. In the
+simulation, a hammer and a bar put down six times lay within 0.2 mm of the predicted place. Sensitive: com std
+×0.9–1.2."""
 PLACE_ACCURACY = 5e-4
-"""m (1 sigma): error of the place of an object in a scene whose poses were measured. Sensitive: com std ×0.9–1.2."""
+"""m (1 sigma). Error of an object's position in a scene with measured poses. Sensitive: com std ×0.9–1.2."""
 GRIP_SLIDE = 1e-3
-"""m per rad (1 sigma): slip of a load along either axis of the pads as the hand tilts. No published figure of a
-hand. In the simulation a hammer of 0.34 kg slid by 0.4 mm a radian along the fingers' plane and a bar of 0.4 kg by
-1.2, while the hand turned and hardly while it rested. Sensitive: com std ×0.8–1.5 where it was tilted."""
+"""m per rad (1 sigma). Slip of a load along either axis of the pads as the hand tilts. No published figure of a
+hand. In the simulation a hammer of 0.34 kg slid by 0.4 mm per radian along the fingers' plane, a bar of 0.4 kg by
+1.2. They slid while the hand turned and hardly while it rested. Sensitive: com std ×0.8–1.5 where it was tilted."""
 ARM_WEIGHT = 100.0
-"""N m per m: apparent moment at the hand by the arm's own weight, per error of its pose. Sensitive: no."""
+"""N m per m. Apparent moment at the hand by the arm's own weight, per error of its pose. Sensitive: no."""
 SEEN = 0.05
-"""part of a coordinate that gravity must show at some grasp for it to be seen. Sensitive: no."""
+"""Relative singular value below which gravity does not show a coordinate in any grasp. Sensitive: no."""
 COM_PRIOR = 0.25
-"""part of the object's extent that is the 1 sigma of a coordinate of the centre of mass before measuring. Sensitive:
-com std ×0.5–2.0."""
+"""Prior 1 sigma of a coordinate of the centre of mass, as a fraction of the object's extent. Sensitive: com std
+×0.5–2.0."""
 VIEW_LEVEL = 0.0175
-"""rad: a hand that leans by less counts as level in a chart. Sensitive: no."""
+"""rad. Tilt of the hand below which a chart counts it as level. Sensitive: no."""
 VIEW_SAME_WAY = 0.9
-"""cosine between two leans of the hand that a chart shows as one tilt. Sensitive: no."""
+"""Cosine between two tilt directions of the hand above which a chart shows them as one tilt. Sensitive: no."""
 
 BELIEVED = "what was believed before"
-"""Cause shared by all runs of a scene, so that its prior counts once."""
+"""Prefix of the prior's shared cause: all runs of a scene share the prior, so that it counts once."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Grasps:
-    """Linear equations rows c = right of all holds for the centre of mass c in the body frame, two per hold.
+    """Linear equations `rows` c = `right` for the centre of mass c in the body frame, two per hold.
 
     Attributes:
-        recordings: one a hold.
-        rows: (2n, 3) and right: (2n,), m.
-        covariance: (2n, 2n) m² of `right`.
-        loose: m, further std of each by the pose error of the arm, by which its own weight adds a moment.
+        recordings: one per hold.
+        rows: (2n, 3) coefficients.
+        right: (2n,) m.
+        covariance: (2n, 2n) m², of `right`.
+        loose: m, additional std of each equation: the arm's own weight adds a moment when its pose is wrong.
         freedom: degrees of freedom of the noise.
-        shared: causes that other runs share, with their effects on `right`.
+        shared: causes shared with other runs, with their effects (2n,) on `right`.
     """
 
     recordings: Sequence[Recording]
@@ -68,15 +69,16 @@ class Grasps:
 def grasps_of(trace: Trace, held: ObjectHolds, body: Body, about: Array) -> Grasps:
     """Set up the equations for the centre of mass c in the body frame, near `about` (3,).
 
-    Seen from above, the load is at r = (-M_y, M_x) / F from the TCP, as its moment about the TCP is
-    M = r x (0, 0, F). That point is p + R c in the world, with the position p and the rotation R of the
-    object in the hand: two rows of R c = TCP + r - p. A tilt of the hand turns R, so that the component
-    along gravity shows, too.
+    The moment about the TCP is M = r x (0, 0, F), so that seen from above the load is at r = (-M_y, M_x) / F
+    from the TCP. That point is p + R c in the world, with the position p and the rotation R of the object in the
+    hand. It gives two rows of R c = TCP + r - p. A tilt of the hand rotates R, so that the component along gravity
+    becomes observable.
     """
     load = held.load
     recordings: list[Recording] = []
     rows: list[Array] = []
     right: list[Array] = []
+    # Two equations per hold, with the pose of the object after its droop.
     for i, hold in enumerate(held.holds):
         moment = load.value[1 + 2 * i : 3 + 2 * i]
         offset = np.array([-moment[1], moment[0]]) / load.force
@@ -84,6 +86,7 @@ def grasps_of(trace: Trace, held: ObjectHolds, body: Body, about: Array) -> Gras
         recordings.append(hold.recording)
         rows.append(pose_world_body.rotation[:2])
         right.append(hold.pose_world_tcp.position[:2] + offset - pose_world_body.position[:2])
+    # Covariance of the right side: load fit, grasps, placement in the scene, softness of the pads, slip.
     slopes, places = place_slopes(load), place_errors(held, body, trace.hand)
     covariance = slopes @ load.covariance @ slopes.T
     covariance += grasp_covariance(held, body, trace.hand.pose_repeatability)
@@ -91,6 +94,7 @@ def grasps_of(trace: Trace, held: ObjectHolds, body: Body, about: Array) -> Gras
         covariance += np.outer(place.effect, place.effect)
     for effect in (droop_effects(held, about) * SPREAD, slip_effects(held) * GRIP_SLIDE):
         covariance += effect @ effect.T
+    # Causes shared with other runs, with their effects on the right side.
     links = {name: slopes @ effect for name, effect in held.links.items()}
     sensors = shared_sensors(slopes @ load.gains, slopes @ load.crosstalk)
     shared = (*sensors, *shared_links(links), *places)
@@ -101,12 +105,13 @@ def grasps_of(trace: Trace, held: ObjectHolds, body: Body, about: Array) -> Gras
 
 
 def balance(grasps: Grasps, body: Body) -> tuple[Array, Array, FitTest, tuple[Shared, ...]]:
-    """Estimate the centre of mass by generalised least squares around a prior at the geometric centre.
+    """Estimate the centre of mass by generalised least squares with a prior at the geometric centre.
 
     Returns:
-        the centre (3,) m, its covariance, inflated where the grasps disagree (Birge ratio), the test of their
-        agreement, and the errors shared with other runs.
+        The centre (3,) m; its covariance, inflated by the Birge ratio where the grasps disagree; the test of
+        their agreement; and the errors shared with other runs.
     """
+    # Bayesian normal equations.
     weight = np.linalg.inv(grasps.covariance)
     spread = COM_PRIOR * np.maximum(body.size, 1e-3)
     prior: Array = np.diag(spread**-2.0).astype(np.float64)
@@ -114,15 +119,17 @@ def balance(grasps: Grasps, body: Body) -> tuple[Array, Array, FitTest, tuple[Sh
     covariance: Array = np.linalg.inv(information).astype(np.float64)
     carried = covariance @ grasps.rows.T @ weight
     centre = carried @ grasps.right + covariance @ prior @ body.centre
+    # Birge ratio: chi-squared of the residuals per degree of freedom.
     left = grasps.right - grasps.rows @ centre
     freedom = max(1, len(left) - int(np.linalg.matrix_rank(grasps.rows, tol=SEEN)))
     inflated: Array = covariance * max(1.0, float(left @ weight @ left) / freedom)
+    # Propagate each shared cause and the prior to the estimate.
     shared: list[Shared] = []
     for one in grasps.shared:
         shared.append(replace(one, effect=tuple((carried @ np.array(one.effect)).tolist())))
     for axis, column in zip("xyz", (covariance / spread).T, strict=True):
         shared.append(Shared(f"{BELIEVED} of {axis}", "scene", tuple(column.tolist())))
-    # The grasps agree within the datasheet accuracy of the arm.
+    # Test the agreement of the grasps within the datasheet accuracy of the arm.
     allowed = grasps.covariance + grasps.loose**2 * np.eye(len(left))
     agreement = chi_squared(
         "grasps agree",
@@ -136,21 +143,24 @@ def balance(grasps: Grasps, body: Body) -> tuple[Array, Array, FitTest, tuple[Sh
 
 
 def balance_views(grasps: Grasps, held: ObjectHolds, centre: Array) -> Iterator[FitView]:
-    """Place at which each hold has the centre of mass, against the fitted one, along world x and y; and
-    for each tilt of the hand, how far it moves aside."""
+    """Yield the views of the report: the centre of mass of each hold against the fit along world x and y.
+
+    For each tilt of the hand, a further view shows its horizontal displacement over the tilt.
+    """
     fitted = (grasps.rows @ centre).reshape(-1, 2)
     measured = grasps.right.reshape(-1, 2)
     tools = np.array([hold.pose_world_tcp.rotation[:, 2] for hold in held.holds])
     fingers = np.array([hold.pose_world_tcp.position[:2] for hold in held.holds])
     bodies = [(hold.pose_world_tcp @ drooped_pose(hold)).position[:2] for hold in held.holds]
-    # Horizontal place of the weight's line of action, from the fingers, (n, 2) m.
+    # Horizontal lever of the weight's line of action from the fingers, (n, 2) m.
     levers, expected = (each + bodies - fingers for each in (measured, fitted))
-    # Error bars are of what one hold does not share with the others.
+    # Error bars show only the error that a hold does not share with the others.
     common = [np.array(one.effect) for one in grasps.shared]
     own = grasps.covariance - sum((np.outer(one, one) for one in common), np.zeros(()))
     times = np.array([(one.start + one.end) / 2.0 for one in grasps.recordings])
     leans = np.linalg.norm(tools[:, :2], axis=1)
     level = np.flatnonzero(leans < VIEW_LEVEL)
+    # Level grasps: absolute place along each axis.
     for i, axis in enumerate("xy"):
         place = (fingers + expected)[level, i]
         yield FitView(
@@ -167,7 +177,7 @@ def balance_views(grasps: Grasps, held: ObjectHolds, centre: Array) -> Iterator[
         )
     left = [int(i) for i in np.argsort(-leans) if leans[i] >= VIEW_LEVEL]
     while left:
-        # All bits of tilts of one grasp about the axis of the steepest of them.
+        # Group all steps of tilts of one grasp about the axis of the steepest of them.
         first = left[0]
         aside = tools[first, :2] / leans[first]
         tilt = [
@@ -196,12 +206,15 @@ def balance_views(grasps: Grasps, held: ObjectHolds, centre: Array) -> Iterator[
 
 
 def grasp_covariance(held: ObjectHolds, body: Body, repeatability: float) -> Array:
-    """(2n, 2n) m², covariance of the place of the object in the hand: by the repeatability of the arm in each
-    grasp and each put-down, and by slip along the fingers as it is put down. They add up, as it is gripped
-    where it was put down."""
+    """Covariance (2n, 2n), m², of the object's position in the hand.
+
+    The arm's repeatability in each grasp and put-down and slip along the fingers at each put-down cause it. Errors
+    of put-downs accumulate, as the object is gripped where it was put down.
+    """
     grasps = np.array([hold.grasp for hold in held.holds])
     same = np.repeat(np.repeat(grasps[:, None] == grasps, 2, axis=0), 2, axis=1)
     axes = np.vstack([hold.pose_world_tcp.rotation[:2] for hold in held.holds])
+    # Each grasp has its own error. Put-downs add up: two grasps share those before the earlier one.
     gripped = repeatability**2 * (axes @ axes.T) * same
     put: list[float] = []
     for grasp in grasps:
@@ -213,8 +226,10 @@ def grasp_covariance(held: ObjectHolds, body: Body, repeatability: float) -> Arr
 
 
 def droop_effects(held: ObjectHolds, about: Array) -> Array:
-    """(2n, 2) m, horizontal displacement of the centre of mass per unit of the softness of the pads, which is
-    the same in all grasps."""
+    """Horizontal displacement (2n, 2), m, of the centre of mass `about` per unit of pad softness.
+
+    The softness is the same in all grasps.
+    """
     effects: list[Array] = []
     for hold in held.holds:
         closing = hold.pose_world_tcp.rotation[:, 1]
@@ -229,7 +244,7 @@ def drooped_pose(hold: Hold) -> Pose:
 
 
 def slip_effects(held: ObjectHolds) -> Array:
-    """(2n, 2) m, horizontal displacement per metre of slip along the tool's x and z and radian of tilt."""
+    """Horizontal displacement (2n, 2), m, per unit of slip (m/rad) along the tool's x and z as the hand tilts."""
     effects: list[Array] = []
     for hold in held.holds:
         effect = slid(hold.pose_tcp_body, hold.swept)
@@ -240,16 +255,20 @@ def slip_effects(held: ObjectHolds) -> Array:
 
 
 def accuracy(body: Body, along: Array | None = None) -> float:
-    """Standard deviation, m, of the place of an object in the scene along a direction (3,), world; by default the
-    largest level one."""
+    """Standard deviation, m, of an object's position in the scene along a direction (3,), world.
+
+    The default is the largest horizontal one.
+    """
     std = body.accuracy if along is None else body.std(along)
     return PLACE_ACCURACY if std is None else std
 
 
 def place_errors(held: ObjectHolds, body: Body, hand: NominalHand) -> list[Shared]:
-    """Shared causes: disagreement of scene and arm on the object's place, the same in all grasps, with its
-    effect on the place in the hand, (2n,) m."""
-    # The fingers centre the object along y as they close; along x and z no measurement shows its error.
+    """Shared errors of position: scene against arm, and the fingertips, with effects (2n,), m, on `right`.
+
+    They are the same in all grasps.
+    """
+    # The closing fingers centre the object along y. Along x and z no measurement shows its error.
     seen = np.vstack([hold.pose_world_tcp.rotation[:2] for hold in held.holds])
     placed = {"x": accuracy(body, held.holds[0].along), "z": PLACE_ACCURACY}
     found: list[Shared] = []
@@ -264,7 +283,7 @@ def place_errors(held: ObjectHolds, body: Body, hand: NominalHand) -> list[Share
 
 
 def place_slopes(load: LoadEstimate) -> Array:
-    """(2n, 1 + 2n) derivative of the places r = (-M_y, M_x) / F by F and the moments."""
+    """Derivatives (2n, 1 + 2n) of the places r = (-M_y, M_x) / F by F and the moments."""
     moments = load.value[1:]
     slopes = np.zeros((len(moments), 1 + len(moments)))
     for x in range(0, len(moments), 2):

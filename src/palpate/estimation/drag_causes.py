@@ -1,18 +1,18 @@
 """Design matrix of the sliding force: friction and all other unknowns, one column each.
 
-A row of a drag in direction w (a unit vector), at the place r of the hand and the speed v, follows
+A row of a drag in direction w (a unit vector), at the position r of the hand and the speed v, follows
 
     f_t = mu N                                  friction, the unknown of interest; N is the normal force
         + N (w·θ)                               tilt θ of the support
         + N (a cos 2φ + a' sin 2φ)              anisotropic friction; φ is the angle of w
-        + N (z·r) + N c log2 v                  friction that changes with the place or the speed
-        + A                                     a force independent of the pressure, such as adhesion
-        + w·(b + K r + ∇E3(r))                  a bias, and forces that change with the place: springs, cables
-        + Σ_j l_j s_j t_j + h_i                 friction in the arm's joints, with a part of each drag
-        + Σ_j l_j τ_j g_j                       the gains of the joints' sensors
+        + N (z·r) + N c log2 v                  friction that changes with position or speed
+        + A                                     a force independent of the normal force, such as adhesion
+        + w·(b + K r + ∇E3(r))                  a bias, and forces that change with position: springs, cables
+        + Σ_j l_j s_j t_j + h_i                 friction in the arm's joints, with an own part h_i of drag i
+        + Σ_j l_j τ_j g_j                       gains of the joints' sensors
 
-with the force l_j that a torque in a joint adds to f_t - mu N, the direction s_j of the last motion of the
-joint, and its measured torque τ_j.
+The lever l_j is the force that a torque in joint j adds to f_t - mu N. The sign s_j is the direction of the
+joint's last motion, t_j its friction torque, and τ_j its measured torque.
 """
 
 from __future__ import annotations
@@ -29,38 +29,38 @@ from palpate.estimation.wrench_observation import WrenchObservation, gain_root
 from palpate.trace.recording import NominalHand
 
 FRICTION_PRIOR = 10.0
-"""1 sigma of a coefficient: nothing is known of it. Sensitive: no."""
+"""1 sigma of a friction coefficient: an uninformative prior. Sensitive: no."""
 PULL = 20.0
-"""N/m (1 sigma): what pulls with the place, a cable or a leash; a normal force that rises and falls shows it.
-Sensitive: friction 0.1 σ."""
+"""N/m (1 sigma). Stiffness of a position-dependent force, such as a cable or a leash. A varying normal force reveals
+it. Sensitive: friction 0.1 σ."""
 BIAS_CURVATURE_STD = 0.02
-"""N (1 sigma) at `HALF_WAY`: curvature of the arm's bias along a slide. Sensitive: friction 0.2 σ, std ×0.9–1.1."""
+"""N (1 sigma) at `HALF_WAY`. Curvature of the arm's bias along a slide. Sensitive: friction 0.2 σ, std ×0.9–1.1."""
 HALF_WAY = 0.03
-"""m: half of the shortest slide that a plan makes for a friction. Sensitive: friction 0.3 σ, std ×0.9–1.1."""
+"""m. Half of the shortest slide planned for a friction. Sensitive: friction 0.3 σ, std ×0.9–1.1."""
 SAME_LINE = 0.95
-"""cosine between the ways of two drags on one line. Sensitive: no."""
+"""Cosine between the directions of two drags above which they share one line. Sensitive: no."""
 ANOTHER = 0.2
-"""part (1 sigma) of a joint's friction that is another where things are dragged. Sensitive: friction 0.1 σ, std
+"""Fraction (1 sigma) by which a joint's friction differs at the place of the drags. Sensitive: friction 0.1 σ, std
 ×0.9–1.1."""
 ANOTHER_DRAG = 0.1
-"""part (1 sigma) of it that is another in every drag. Sensitive: friction 0.1 σ, std ×0.9–1.1."""
+"""Fraction (1 sigma) by which a joint's friction differs in each drag. Sensitive: friction 0.1 σ, std ×0.9–1.1."""
 DRAG_BIAS = 0.01
-"""N (1 sigma) of a drag's own. Sensitive: hardly."""
+"""N (1 sigma). Bias of a single drag. Sensitive: hardly."""
 HELD_FORCE_STD = 0.1
-"""N (1 sigma) that hold an object, however hard it is pressed. Sensitive: friction 0.2 σ."""
+"""N (1 sigma). Force that holds an object independently of the normal force. Sensitive: friction 0.2 σ."""
 SUPPORT_LEAN_STD = 0.005
-"""rad (1 sigma): how far a support is out of level; floors may be by 3 mm/m (DIN 18202, quoted from memory), and
-tables stand on them. Sensitive: friction 0.3 σ, std ×0.8–1.2."""
+"""rad (1 sigma). Tilt of a support. Floors may deviate by 3 mm/m (DIN 18202, quoted from memory), and tables rest on
+floors. Sensitive: friction 0.3 σ, std ×0.8–1.2."""
 REFERRED = 0.2
-"""N (1 sigma): bias of a force on the support that is referred to one some cm above: what the model of the arm's
-links leaves, half a per cent of some 40 N m at levers of half a metre, changes by a fifth or so. Sensitive: friction
-0.1 σ, std ×0.9–1.2."""
+"""N (1 sigma). Bias of a force on the support relative to a reference some cm above. The link model is wrong by half
+a per cent of some 40 N m at levers of half a metre. Between the two heights this error changes by about a fifth.
+Sensitive: friction 0.1 σ, std ×0.9–1.2."""
 KIND_BIAS = 0.3
-"""N (1 sigma): deviation of the bias of one kind of segment from the common one, and its slope and curvature along
-the path (friction hysteresis). Sensitive: mass 0.08 σ; com 0.1 σ."""
+"""N (1 sigma). Deviation of one segment kind's bias from the common one, with its slope and curvature along the path
+(friction hysteresis). Sensitive: mass 0.08 σ; com 0.1 σ."""
 GAIN_RATIO = 0.8
-"""error (1 sigma) of a quotient of two forces, in half widths of a gain: different joints bear them, sqrt(2) times a
-uniform error, 1/sqrt(3). Sensitive: friction std ×0.6–1.9."""
+"""Error (1 sigma) of a quotient of two forces, in half widths of a gain. Different joints carry the two forces, so the
+error is sqrt(2) times a uniform one, 1/sqrt(3). Sensitive: friction std ×0.6–1.9."""
 
 Origin = Literal["arm", "scene"]
 
@@ -68,21 +68,21 @@ MU = 0
 WAYS, AXES, PLACES, SPEED = slice(1, 3), slice(3, 5), slice(5, 7), slice(7, 8)
 HELD, BIAS, SPRING, CURVE = slice(8, 9), slice(9, 11), slice(11, 14), slice(14, 18)
 FIRST = 18
-"""Columns of the arm begin here."""
+"""First column of the arm."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Columns:
-    """Linear unknowns of several drags.
+    """Design matrix of the linear unknowns of several drags.
 
     Attributes:
-        of: for each drag (n, p), one row for each of its own.
-        levers: for each drag (m,), effect of a newton metre in each joint, or a newton in the wrench, on the
-            force, N.
+        of: for each drag (n, p), one row for each row of the drag.
+        levers: for each drag (m,), force in N by a unit of each signal: 1 N m in a joint, or 1 N in the wrench.
         expected: (p,) prior means.
         fixed: (p,) prior standard deviations.
-        uneven: (p,) further prior standard deviations per share of uneven friction.
-        joints, gains: places of the joints' friction and of their gains.
+        uneven: (p,) additional prior standard deviations per share of uneven friction.
+        joints: columns of the joints' friction.
+        gains: columns of the joints' gains.
     """
 
     of: tuple[Array, ...]
@@ -94,12 +94,14 @@ class Columns:
     gains: slice
 
     def prior(self, share: float) -> Array:
-        """(p,) prior standard deviations for a `share` of uneven friction."""
+        """Prior standard deviations (p,) for a `share` of uneven friction."""
         return self.fixed + share * self.uneven
 
     def shared(self, errors: Array) -> Iterator[tuple[str, Origin, float]]:
-        """Yield causes shared with other runs, their origin, and their effect, of the `errors` (p,) of an unknown by
-        one prior deviation of each."""
+        """Yield each cause shared with other runs: its name, its origin, and its effect.
+
+        `errors` (p,) are the errors of an unknown by one prior deviation of each cause.
+        """
         kinds: tuple[tuple[str, Origin, slice], ...] = (
             ("gain of joint", "arm", self.gains),
             ("friction of joint", "arm", self.joints),
@@ -116,7 +118,8 @@ class Columns:
 def columns(
     drags: Sequence[Drag], observed: WrenchObservation, hand: NominalHand, mu: float
 ) -> Columns:
-    """Columns of all unknowns; those of the arm are linearised at `mu`."""
+    """Build the columns of all unknowns; those of the arm are linearised at `mu`."""
+    # Design matrix of each drag: support, joint friction, an indicator of the drag, gains.
     middle, usual = middle_of(drags), usual_speed(drags)
     whole: list[Array] = []
     dahl: list[Array] = []
@@ -126,12 +129,13 @@ def columns(
         whole.append(np.hstack([of_support(drag, middle, usual), dahl_states, own, gains]))
         dahl.append(dahl_states[drag.steady].mean(axis=0))
 
-    # After the columns of the support: friction of the joints, one for each drag, gains.
+    # Places of the columns after those of the support.
     hanging, count = drags[0].hanging, len(dahl[0])
     friction, unsure = hanging.friction, hanging.unsure
     if observed.chain is None:
-        # Unknown joints: N on each line, instead of N m in each joint.
+        # Unknown joints: friction in N on each line of motion, instead of N m in each joint.
         friction, unsure = np.zeros(count), np.full(count, KIND_BIAS)
+    # The columns: joint friction, one a drag, gains. Each has a prior mean and standard deviation.
     joints = slice(FIRST, FIRST + len(friction))
     each = slice(joints.stop, joints.stop + len(drags))
     gains = slice(each.stop, whole[0].shape[1])
@@ -140,6 +144,7 @@ def columns(
     fixed[BIAS], fixed[SPRING], fixed[CURVE] = REFERRED, PULL, BIAS_CURVATURE_STD
     uneven[AXES] = uneven[PLACES] = uneven[SPEED] = mu
     expected[joints], fixed[joints] = friction, np.hypot(unsure, ANOTHER * friction)
+    # A joint's friction differs from that in free air, and by a further part in each drag.
     fixed[each] = np.hypot(DRAG_BIAS, ANOTHER_DRAG * (np.array(dahl) @ friction))
     fixed[gains] = 1.0
     levers = tuple(signal_levers(drag.q, drag, observed, mu) for drag in drags)
@@ -147,25 +152,27 @@ def columns(
 
 
 def middle_of(drags: Sequence[Drag]) -> Array:
-    """(2,) m, middle of all places of steady sliding."""
+    """Middle (2,), m, of the bounding box of all positions of steady sliding."""
     places = np.vstack([drag.place[drag.steady] for drag in drags])
     middle: Array = (places.max(axis=0) + places.min(axis=0)) / 2
     return middle
 
 
 def usual_speed(drags: Sequence[Drag]) -> float:
-    """Geometric mean of the commanded speeds, m/s."""
+    """Geometric mean of the commanded speeds in steady sliding, m/s."""
     speeds = np.concatenate([np.log2(drag.speed[drag.steady]) for drag in drags])
     return float(np.exp2(speeds.mean()))
 
 
 def of_support(drag: Drag, middle: Array, usual: float) -> Array:
-    """(n, FIRST) columns of the support, with places from `middle` (2,), m, and a `usual` speed, m/s."""
+    """Columns (n, FIRST) of the support; positions relative to `middle` (2,), m, speeds to `usual`, m/s."""
+    # Position in units of half a slide, and the factors of direction: tilt, anisotropy, speed.
     x, y = ((drag.place - middle) / HALF_WAY).T
     wx, wy = drag.way
     normal, ones = drag.pressing[0], np.ones(len(drag.t))
     axes = [wx**2 - wy**2, 2.0 * wx * wy]
     speed = np.log2(drag.speed / usual)
+    # Gradients of a quadratic and a cubic potential, projected on the drag: springs, and curvature of the bias.
     spring = [wx * x, wy * y, wx * y + wy * x]
     curve = [wx * x**2, wx * x * y + wy * x**2 / 2, wy * x * y + wx * y**2 / 2, wy * y**2]
     return np.column_stack(
@@ -183,9 +190,9 @@ def of_support(drag: Drag, middle: Array, usual: float) -> Array:
 def of_arm(
     drag: Drag, drags: Sequence[Drag], observed: WrenchObservation, hand: NominalHand, mu: float
 ) -> tuple[Array, Array]:
-    """(n, k) N per N m of the joints' friction, and (n, m) N per standard deviation of their gains."""
+    """Columns of the arm: joint friction (n, k), N per N m, and gains (n, m), N per standard deviation."""
     if observed.chain is None:
-        # Unknown joints: friction on each line of motion, either way, and one gain of both forces.
+        # Unknown joints: one friction for each line of motion, and one common gain of both forces.
         lines: list[Array] = []
         for other in drags:
             if not any(same_line(line, other.way) for line in lines):
@@ -193,6 +200,7 @@ def of_arm(
         own = np.array([same_line(line, drag.way) for line in lines], dtype=float)
         gain = GAIN_RATIO * hand.torque_gain * mu * drag.normal
         return np.ones((len(drag.t), 1)) * own, gain[:, None]
+    # A drag is referred to the object hanging in air, so that joint friction counts by its change.
     there, hanging = (
         signal_levers(drag.q, drag, observed, mu),
         signal_levers(drag.hanging.q[None], drag, observed, mu),
@@ -202,8 +210,8 @@ def of_arm(
 
 
 def signal_levers(q: Array, drag: Drag, observed: WrenchObservation, mu: float) -> Array:
-    """(m,) effect of a unit of each signal on f_t - mu N of a drag, at the mean of the angles `q` (n, 7)."""
-    # w = (J^T)^+ tau
+    """Effect (m,) of a unit of each signal on f_t - mu N of a drag, at the mean of the angles `q` (n, 7)."""
+    # The wrench of joint torques is w = (J^T)^+ tau.
     middle: Array = q.mean(axis=0, keepdims=True)
     wrenches = observed.wrenches(middle)[0]
     return drag.way @ wrenches[:2] + mu * wrenches[2]

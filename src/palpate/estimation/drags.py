@@ -1,8 +1,8 @@
 """Drags of a held object along its support, row by row.
 
-While the hand drags the object, the sensed wrench contains the tangential force and the normal force, by
-which the support relieves the hand: N = (f_z with the object in the air) - f_z. The object sticks, breaks
-away, and slides; `friction.fit` fits all drags together.
+While the hand drags the object, the sensed wrench contains the tangential and the normal force. The support
+relieves the hand of the normal force: N = (f_z with the object in the air) - f_z. The object sticks, breaks
+away, and slides. `friction_fit` fits all drags together.
 """
 
 from __future__ import annotations
@@ -35,66 +35,68 @@ from palpate.estimation.wrench_observation import WrenchObservation
 from palpate.trace.samples import Samples, Trace
 
 BLOCK = 0.1
-"""s: samples of a drag are averaged over blocks of this length before their scatter is taken, so correlation counts.
-Sensitive: friction 0.07 σ, std ×1.0–1.1."""
+"""s. Samples of a drag are averaged over blocks of this length before their scatter is computed, so that correlated
+noise is counted. Sensitive: friction 0.07 σ, std ×1.0–1.1."""
 DRAG_SPEED = 0.002
-"""m/s, commanded and horizontal, from which a row belongs to a drag. Sensitive: no."""
+"""m/s, commanded horizontal speed above which a row belongs to a drag. Sensitive: no."""
 SETS_OUT = 0.0005
-"""m/s, commanded and horizontal, from which a hand at rest sets out. Sensitive: no."""
+"""m/s, commanded horizontal speed above which a resting hand starts to move. Sensitive: no."""
 DRAG_SLOPE = 0.3
-"""vertical over horizontal commanded speed up to which a motion is a drag. Sensitive: friction 0.7 σ, std ×0.6–1.0."""
+"""Largest ratio of vertical to horizontal speed in a drag. Sensitive: friction 0.7 σ, std ×0.6–1.0."""
 DRAG_ROWS = 20
-"""rows that a drag must exceed, so that it has a beginning and a later half. Sensitive: no."""
+"""Rows. A drag must have more, so that it has a beginning and a later half. Sensitive: no."""
 STEADY_ROWS = 10
-"""rows of steady sliding from which a drag counts. Sensitive: no."""
+"""Rows. Smallest count of steady sliding in an accepted drag. Sensitive: no."""
 CRUISE = 0.95
-"""part of the usual commanded speed from which the motion is at its full speed. Sensitive: friction 1.5 σ, std
+"""Fraction of the median commanded speed above which the motion has its full speed. Sensitive: friction 1.5 σ, std
 ×1.0–2.0."""
 SLOWING = 0.02
-"""s before a motion slows down by that: jerk-limited, it has begun to. Sensitive: friction 0.2 σ."""
+"""s. The motion must stay at full speed this long: jerk-limited deceleration begins before the speed shows it.
+Sensitive: friction 0.2 σ."""
 LATE = 0.5
-"""part of a drag after which its quotient of forces is the usual one. Sensitive: friction 1.7 σ, std ×0.9–1.0."""
+"""Fraction of a drag after which its force quotient is taken as the sliding level. Sensitive: friction 1.7 σ, std
+×0.9–1.0."""
 SLIDING = 0.85
-"""part of the usual quotient of forces from which the object may be sliding: before, it turns in the fingers' grip.
-Sensitive: friction 0.8 σ, std ×1.0–1.9; `static` 2.6 σ."""
+"""Fraction of the sliding force quotient above which the object may slide. Below it, the object turns in the fingers'
+grip. Sensitive: friction 0.8 σ, std ×1.0–1.9; `static` 2.6 σ."""
 FOLLOWING = 0.7
-"""part of the commanded speed at which the hand follows; slower, the object may have stuck again. Sensitive: no."""
+"""Fraction of the commanded speed above which the hand follows. A slower object may have stuck again. Sensitive: no."""
 PEAK_WITHIN = 0.3
-"""s after that in which the breakaway lies. Sensitive: friction 1.7 σ, std ×0.9–1.7."""
+"""s. The breakaway is sought this long after the quotient reaches `SLIDING`. Sensitive: friction 1.7 σ, std
+×0.9–1.7."""
 TRANSIENT = 0.25
-"""s after breakaway in which the spring between arm and object still swings. Sensitive: friction 2.7 σ, std
+"""s after breakaway during which the elastic coupling of arm and object oscillates. Sensitive: friction 2.7 σ, std
 ×0.8–1.3."""
 PARTED = 0.05
-"""s after breakaway from which all joints together tell friction from what moves the arm's links, steadily or not.
-Sensitive: 0.02 to 0.25 s change a friction by 0.2 σ, its std by ×1.0–1.05."""
+"""s after breakaway from which the fit to all joints uses the rows, steady or not: it separates friction from the
+inertia of the arm's links. Sensitive: 0.02 to 0.25 s change a friction by 0.2 σ, its std by ×1.0–1.05."""
 DOWN = 0.006
-"""m above the grasp that the hand may be while the object is on its support. Sensitive: no."""
+"""m. Largest height of the hand above the grasp while the object is on its support. Sensitive: no."""
 HANGING = 0.02
-"""m above the grasp from which the object hangs free. Sensitive: no."""
+"""m. Smallest height of the hand above the grasp at which the object hangs free. Sensitive: no."""
 HORIZONTAL_MASS = 6.0
-"""kg, of a 7-axis arm at its TCP, horizontally: what its acceleration at breakaway takes of the force. Sensitive:
-friction 0.6 σ; `static` 1.5 σ."""
+"""kg. Horizontal apparent mass of a 7-axis arm at its TCP. It gives the inertial part of the force at breakaway.
+Sensitive: friction 0.6 σ; `static` 1.5 σ."""
 NORMAL_MIN = 0.5
-"""N: below this the quotient of forces says nothing. Sensitive: no."""
+"""N. Normal force below which the force quotient carries no information. Sensitive: no."""
 HORIZONTAL_SPREAD = 4.0
-"""kg (1 sigma) of `HORIZONTAL_MASS`: towards the base and away from it an arm seems to have twice the mass that it
-has to the side. Sensitive: `static` hardly."""
+"""kg (1 sigma) of `HORIZONTAL_MASS`. Towards and away from its base, an arm seems to have twice its sideways mass.
+Sensitive: `static` hardly."""
 STILL_SLIDING = 0.4
-"""part of its speed to which a hand has slowed down while the object is sure to slide. Sensitive: `static` hardly."""
+"""Fraction of the usual speed above which a decelerating object certainly slides. Sensitive: `static` hardly."""
 STRAINING = 0.1
-"""s before a hand is told to set out, from which a drag is looked at: what was strained before breaks away at once.
-Sensitive: no."""
+"""s. A drag includes the rows this long before the motion: a preloaded grip breaks away at once. Sensitive: no."""
 ROUGH = 10.0
-"""times the noise that is expected of a drag, from which it is chatter. Sensitive: no."""
+"""Ratio of the sliding noise to its expected value from which a drag counts as chatter. Sensitive: no."""
 NEARLY_ROUGH = 2.5
-"""likewise, from which a drag counts only where it is steady: few of them do, but for chatter. Sensitive: friction
-no from 1.5 to 3; without it, one that nearly chattered read 0.08 too little, 5 standard deviations; with it 0.20,
-where 0.21 is stated."""
+"""Ratio of the sliding noise to its expected value above which only steady rows of a drag count. Few drags without
+chatter exceed it. Sensitive: friction no from 1.5 to 3. Without it, a drag that nearly chattered gave a friction 0.08
+(5 standard deviations) too low. With it, the result was 0.20, against a stated 0.21."""
 SMOOTH_NOISE = 0.03
-"""N², of a row: noise that moving adds to that at rest, of ripples in gears and encoders: 0.04 N in means of 0.1 s.
+"""N² per row. Ripple of gears and encoders in motion adds this noise to that at rest: 0.04 N in means of 0.1 s.
 Sensitive: no."""
 SLOW = 0.08
-"""m/s below which the arm's own motion leaves little in its torques. Sensitive: friction 0.3 σ, std ×0.9–1.2."""
+"""m/s. Below this speed the arm's own motion adds little to its torques. Sensitive: friction 0.3 σ, std ×0.9–1.2."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,11 +106,11 @@ class Hanging:
     Attributes:
         force: (3,) N.
         q: (7,) rad.
-        turned: (7,) direction of the last motion of each joint.
+        turned: (7,) mean direction (-1 to 1) of the last motion of each joint.
         friction: (7,) N m in each joint, from free motions.
-        unsure: its standard deviation.
-        noise: of each signal, at rest or in slow motion through free air.
-        left: what the model of the arm leaves with an empty hand, as far as it was recorded.
+        unsure: (7,) N m, standard deviation of `friction`.
+        noise: noise of each signal, at rest or in slow motion through free air.
+        left: residual of the arm model with an empty hand; None where none was recorded.
     """
 
     force: Array
@@ -122,29 +124,28 @@ class Hanging:
 
 @dataclass(frozen=True, eq=False)
 class Drag:
-    """Drag of the object along its support, row by row.
+    """Time series of one drag of the object along its support, with n rows.
 
-    Attributes:
-        t: s.
-        way: (2,) its direction, world.
-        place: (n, 2) m, of the hand, world.
-        tangential, normal: N, along the drag and on the support, without the inertial forces of the arm's
-            links and the object.
-        inertial: N, inertial part that was subtracted from the tangential force.
-        acceleration: m/s², along the drag.
-        speed: m/s, commanded.
-        q: (n, 7) rad.
-        torque: (n, 7) N m, without the gravity of the arm.
-        turned: (n, 7) direction of the last motion of each joint: -1 to 1, between them as it reverses.
-        path: (n, 7) rad that each joint has turned.
-        cruising: the motion is commanded at its full speed.
-        moving: the hand follows it.
-        begins: row of the command to set out; before, the object rests on its support.
-        mass: kg, of the object.
-        unsure_mass: kg (1 sigma), apparent mass of the arm beyond the subtracted one.
-        quiet: N², `noise` of the force in this direction, and of the vertical force, while the object hangs at
-            rest.
-        hanging: reference state.
+    t: (n,) s.
+    way: (2,) unit vector along the drag, world.
+    place: (n, 2) m, position of the hand, world.
+    tangential, normal: (n,) N, along the drag and on the support, without the inertial forces of the arm's
+        links and the object.
+    inertial: (n,) N, inertial part that was subtracted from the tangential force.
+    acceleration: (n,) m/s², along the drag.
+    speed: (n,) m/s, commanded.
+    q: (n, 7) rad.
+    torque: (n, 7) N m, without the gravity of the arm.
+    turned: (n, 7) direction of the last motion of each joint, -1 or 1; between them during a reversal.
+    path: (n, 7) rad, travel of each joint.
+    cruising: (n,) the motion is commanded at its full speed.
+    moving: (n,) the hand follows the command.
+    begins: row at which the command starts to move; before it, the object rests on its support.
+    mass: kg, of the object.
+    unsure_mass: kg (1 sigma), error of the apparent mass of the arm that was subtracted.
+    quiet: N², `noise` of the force along the drag, and of the vertical force, while the object hangs at
+        rest.
+    hanging: reference state.
     """
 
     t: Array
@@ -174,12 +175,12 @@ class Drag:
 
     @property
     def _smooth(self) -> int:
-        """Rows over which forces are averaged."""
+        """Number of rows over which forces are averaged."""
         return max(1, round(SMOOTH / self.period))
 
     @cached_property
     def quotient(self) -> Array:
-        """(n,) tangential over normal force, smoothed."""
+        """(n,) tangential over normal force, smoothed; 0 where the normal force is below `NORMAL_MIN`."""
         tangential = smooth_rows(self.tangential, self._smooth)
         normal = smooth_rows(self.normal, self._smooth)
         pressed = normal > NORMAL_MIN
@@ -187,17 +188,19 @@ class Drag:
 
     @cached_property
     def breakaway(self) -> int | None:
-        """Row at which the object begins to slide; None when it never does."""
+        """Row at which the object begins to slide; None if it never does."""
+        # Sliding level: the median quotient in the later part of the drag at full speed.
         start, end = self.t[self.begins], self.t[-1]
         late = self.cruising & (self.t > start + LATE * (end - start))
         if not late.any():
             return None
+        # First row near that level: the breakaway lies at most `PEAK_WITHIN` later.
         enough = SLIDING * np.median(self.quotient[late])
         strained = np.flatnonzero(self.quotient[self.begins :] >= enough)
         if not len(strained):
             return None
-        # The quotient rises while the object sticks and falls to the level of sliding as it breaks away: the
-        # row of the steepest fall, as joint friction drifts along the way.
+        # The quotient rises while the object sticks and falls to the sliding level at breakaway. The steepest
+        # fall marks it; the largest value does not, as joint friction drifts along the path.
         start = self.t[self.begins + int(strained[0])]
         window = (self.t >= start) & (self.t <= start + PEAK_WITHIN)
         later = np.minimum(np.arange(len(self.t)) + self._smooth, len(self.t) - 1)
@@ -206,17 +209,17 @@ class Drag:
 
     @cached_property
     def swung_out(self) -> Mask:
-        """Rows after breakaway that are commanded at full speed, now and for a while longer."""
+        """Rows after the transient of the breakaway that are at full commanded speed, now and `SLOWING` later."""
         if self.breakaway is None:
             return np.zeros(len(self.t), dtype=bool)
-        # Deceleration shows in the force before it shows in the speed.
+        # Deceleration appears in the force before it appears in the speed.
         ahead = np.searchsorted(self.t, self.t + SLOWING, side="right") - 1
         on = self.cruising & self.cruising[ahead] & (ahead > np.arange(len(self.t)))
         return on & (self.t > self.t[self.breakaway] + TRANSIENT)
 
     @cached_property
     def steady(self) -> Mask:
-        """Rows of steady sliding."""
+        """Rows of steady sliding under sufficient normal force."""
         return self.swung_out & self.moving & (self.normal > NORMAL_MIN)
 
     @property
@@ -226,35 +229,38 @@ class Drag:
 
     @property
     def slid(self) -> list[NDArray[np.intp]]:
-        """Rows of each block of sliding, at full speed or not."""
+        """Rows of each block of sliding, also below full speed."""
         if self.breakaway is None or self.roughness > NEARLY_ROUGH:
-            # An object that nearly chatters may stick before it slides steadily.
+            # A drag close to chatter may stick again before it slides steadily.
             return self.blocks
+        # All rows shortly after breakaway in which the hand follows, and the steady rows.
         parted = self.t > self.t[self.breakaway] + PARTED
         parted &= self.moving & (np.arange(len(self.t)) >= self.follows)
         return self._split(self.steady | (parted & (self.normal > NORMAL_MIN)))
 
     def _split(self, rows: Mask) -> list[NDArray[np.intp]]:
-        """Split rows in parts of about `BLOCK` s."""
+        """Split rows into parts of about `BLOCK` s."""
         found, size = np.flatnonzero(rows), max(1, round(BLOCK / self.period))
         return np.array_split(found, max(1, len(found) // size))
 
     @cached_property
     def pressing(self) -> tuple[Array, float]:
-        """Shrunken normal force (n,) N, and its remaining variance in a block, N².
+        """Normal force shrunk towards its trend (n,), N, and its remaining variance in a block, N².
 
-        Noise in the abscissa would bias the friction low (regression calibration: Carroll, Ruppert, Stefanski,
-        Crainiceanu, Measurement Error in Nonlinear Models, 2006, chapter 4).
+        Noise in the regressor would bias the friction low. The remedy is regression calibration: Carroll,
+        Ruppert, Stefanski, Crainiceanu, Measurement Error in Nonlinear Models, 2006, chapter 4.
         """
+        # Deviation of each block mean from a straight line through all blocks of the drag.
         blocks = self.blocks
         if len(blocks) <= 2:
             return self.normal, 0.0
         means = np.array([self.normal[block].mean() for block in blocks])
         off = remove_trend(means)
-        # Scatter about a line is noise as far as sensors at rest have it, and neighbouring rows differ.
+        # Noise of a block mean: the sensor noise at rest, at most the white noise between neighbouring rows.
         white = float(np.diff(self.normal[self.steady]).var()) / 2.0
         noise = min(self.quiet[1], white) * len(blocks) / sum(map(len, blocks))
         scatter = float(off @ off) / (len(blocks) - 2)
+        # Reliability ratio: fraction of the scatter that noise does not explain. Deviations shrink to it.
         real = max(0.0, 1.0 - noise / max(scatter, FLOOR**2))
         normal = self.normal.copy()
         for block, stray in zip(blocks, off.tolist(), strict=True):
@@ -263,41 +269,48 @@ class Drag:
 
     @property
     def slowing(self) -> slice:
-        """Rows after steady sliding in which the hand slows down and the object certainly still slides."""
+        """Rows after steady sliding in which the hand decelerates and the object certainly still slides."""
+        # Speed after the last steady row, integrated from the acceleration.
         first = int(np.flatnonzero(self.steady)[-1]) + 1
         usual = float(np.median(self.speed[self.steady]))
         speed = usual + np.cumsum(self.acceleration[first:]) * self.period
         slides = (speed > STILL_SLIDING * usual) & (self.normal[first:] > NORMAL_MIN)
-        # Up to the first row in which it may have stuck.
+        # End at the first row in which the object may have stuck.
         return slice(first, first + int(np.argmin(np.append(slides, False))))
 
     @property
     def follows(self) -> int:
-        """First row from which the hand follows for a while, so that the object slides."""
+        """First row from which the hand follows over a whole smoothing window, so that the object slides."""
         ahead = np.lib.stride_tricks.sliding_window_view(self.moving[self.begins :], self._smooth)
         on = np.flatnonzero(ahead.all(axis=1))
         return self.begins + int(on[0]) if len(on) else len(self.t)
 
     def row_variance(self) -> float:
-        """Variance of the tangential force in a row of steady sliding, N²: half of that between rows."""
+        """Variance of the tangential force in a row of steady sliding, N².
+
+        It is half the variance of the differences of neighbouring rows."""
         return float(np.diff(self.tangential[self.steady]).var()) / 2.0
 
     @cached_property
     def noise(self) -> float:
-        """Variance of the mean of n steady rows times n, N²."""
+        """Noise density of steady sliding: n times the variance of the mean of n rows, N²."""
         return noise_density([self.tangential[self.steady]], self.period)
 
     @property
     def roughness(self) -> float:
-        """Ratio of the noise of steady sliding to that of hanging at rest; stick-slip raises it."""
+        """Ratio of the noise of steady sliding to that of hanging at rest. Stick-slip raises it."""
         return self.noise / (self.quiet[0] + SMOOTH_NOISE)
 
 
 def noise_density(forces: Iterable[Array], period: float) -> float:
-    """Variance of the mean of n rows times n, N²: from the scatter of short means about a line through each
-    block, so that slower changes do not count."""
+    """Noise density of forces (n,), one array a stretch: n times the variance of the mean of n rows, N².
+
+    The scatter of short means about a line through each block gives it, so that slow changes do not count.
+    Returns `UNKNOWN_NOISE` where no stretch is long enough; `period` in s.
+    """
     size = max(1, round(SMOOTH / period))
     count = max(4, round(BLOCK / period / size))
+    # Pool the squared residuals and the degrees of freedom (two lost to each line) over all blocks.
     pooled, freedom = 0.0, 0
     for force in forces:
         for start in range(0, len(force) - size * count + 1, size * count):
@@ -314,28 +327,30 @@ def remove_trend(y: Array) -> Array:
 
 
 def steady_drags(trace: Trace, name: str, observed: WrenchObservation) -> list[Drag]:
-    """Drags of the object `name` with enough steady sliding; those with chatter only where all chatter."""
+    """Drags of the object `name` with enough steady sliding; drags with chatter only if all have chatter."""
     drags = _drags(trace, name, observed)
     found = [drag for drag in drags if drag.steady.sum() >= STEADY_ROWS]
     return [drag for drag in found if drag.roughness < ROUGH] or found
 
 
 def _drags(trace: Trace, name: str, observed: WrenchObservation) -> Iterator[Drag]:
-    """Drags of the loaded hand, commanded horizontally at the height of the grasp."""
+    """Yield the drags of the loaded hand, commanded horizontally at the height of the grasp."""
     samples, load = trace.samples, load_rows(trace, name)
     if not load.grasps:
         return
+    # Reference: the object at rest in the air, well above the lowest grasp.
     height = samples.pose_world_tcp[:, 2]
     floor = min(float(height[row_at(samples, time)]) for time in load.grasps)
     high = height > floor + HANGING
     hanging = at_rest(samples) & load.loaded & high
     if not hanging.any():
         return
-    # Noise of each signal, at rest or in slow motion through free air.
+    # Noise of each signal in free air, at rest or in slow steady motion.
     gaining = acceleration(samples, SPEED_SMOOTH)
     slow = np.linalg.norm(samples.twist[:, :3], axis=1) < SLOW
     calm = high & steady(samples) & slow & (load.loaded | load.empty) & rows_in_free_air(trace)
     noise = block_noise(observed.signals, samples.t, gaining[:, 2], list(runs(calm)))
+    # Joint friction and its direction, from motions of the empty hand in free air.
     ways = joint_ways(samples, load.empty, floor + HANGING)
     free = Hanging(
         samples.wrench[hanging, :3].mean(axis=0),
@@ -345,24 +360,27 @@ def _drags(trace: Trace, name: str, observed: WrenchObservation) -> Iterator[Dra
         noise,
         of_empty_hand(trace, name),
     )
+    # Commanded horizontal velocity: it selects the drags.
     step = np.gradient(samples.target_world_tcp[:, :3], samples.t, axis=0)
     horizontal = np.linalg.norm(step[:, :2], axis=1)
-    # The command on soft springs goes down steeply to press, so the measured motion decides how level it is.
+    # Compliant control commands a steep descent to press, so the measured climb decides whether a motion is level.
     size = max(1, round(BLOCK / float(np.median(np.diff(samples.t)))))
     climbing = np.gradient(smooth_rows(samples.pose_world_tcp[:, 2], size), samples.t)
     level = np.abs(climbing) < DRAG_SLOPE * horizontal
     low = height < floor + DOWN
+    # Mass of the hanging object: the hand accelerates it along the drag.
     mass = max(0.0, float(free.force[2]) / trace.gravity)
     ended = 0
     for dragged in runs(load.loaded & low & (horizontal > DRAG_SPEED) & level):
         if dragged.stop - dragged.start > DRAG_ROWS:
-            # From some time earlier, to show the rise of the force before breakaway, but after the last drag.
+            # Include the rows before the motion, in which the force rises, but none of the previous drag.
             early = samples.t > samples.t[dragged.start] - STRAINING
             early &= load.loaded & low & (np.arange(len(samples)) >= ended)
             rows = slice(int(np.flatnonzero(early[: dragged.start + 1])[0]), dragged.stop)
+            # Subtract the inertial forces of the links and the object.
             moved = inertial_force(samples, rows, observed, mass)
             drag = _drag(samples, rows, step[:, :2], moved, hanging, ways, free)
-            # Rows before in which the command already moves.
+            # Count the preceding rows in which the command already moves slowly.
             slowly = horizontal[rows.start : dragged.start] > SETS_OUT
             leading = (
                 len(slowly) if slowly.all() else len(slowly) - 1 - int(np.flatnonzero(~slowly)[-1])
@@ -377,10 +395,10 @@ def _drags(trace: Trace, name: str, observed: WrenchObservation) -> Iterator[Dra
 
 
 def central_rate(values: Array, t: Array, rows: slice) -> Array:
-    """(k, n) rate of change per second of values (m, n) in each of `rows`.
+    """Rate of change per second (k, n) of values (m, n) in each of `rows`, by central differences.
 
-    A row is the mean over a log period: a difference belongs to the boundary between two rows, and a row has
-    the mean of both its boundaries.
+    A row is the mean over a log period. A difference therefore belongs to the boundary of two rows, and a row
+    takes the mean of its two boundaries.
     """
     period = float(np.median(np.diff(t)))
     steps = np.diff(values, axis=0, prepend=values[:1], append=values[-1:]) / period
@@ -391,11 +409,16 @@ def central_rate(values: Array, t: Array, rows: slice) -> Array:
 def inertial_force(
     samples: Samples, rows: slice, observed: WrenchObservation, mass: float
 ) -> Array:
-    """(k, 3) N, world axes, inertial force of the arm's own links and a held `mass`, kg, in `rows`: an arm on
-    soft springs sways for a second after a breakaway. Unknown links count as `HORIZONTAL_MASS` at the TCP."""
+    """Inertial force (k, 3), N, world axes, of the arm's links and a held `mass`, kg, in `rows`.
+
+    A compliant arm oscillates for a second after a breakaway. Unknown links count as `HORIZONTAL_MASS` at the
+    TCP.
+    """
+    # Without a link model, a point mass moves horizontally with the TCP.
     rising = central_rate(samples.twist[:, :3], samples.t, rows)
     if not observed.knows_links:
         return rising * [HORIZONTAL_MASS, HORIZONTAL_MASS, 0.0]
+    # With it, inverse dynamics give the joint torques, mapped to a wrench at the TCP.
     q, dq = samples.q[rows], samples.dq[rows]
     torques = observed.links_motion(q, dq, central_rate(samples.dq, samples.t, rows))
     wrenches = observed.wrenches(q) @ torques[:, :, None]
@@ -411,13 +434,23 @@ def _drag(
     ways: Array,
     free: Hanging,
 ) -> Drag:
-    """Drag in `rows`; `step`: commanded horizontal velocity; `moved` (k, 3): inertial force; `hanging`: rows of
-    the reference without support; `ways`: direction of the last motion of each joint."""
+    """Build the drag in `rows`, k of them.
+
+    Args:
+        samples: of the whole trace.
+        rows: of the drag.
+        step: (m, 2) m/s, commanded horizontal velocity.
+        moved: (k, 3) N, inertial force.
+        hanging: rows of the reference without support.
+        ways: (m, 7) direction of the last motion of each joint.
+        free: reference state.
+    """
+    # Direction of the drag, and the support's force: the change against free air without inertia.
     velocity = step[rows]
     way = velocity.sum(axis=0) / np.linalg.norm(velocity.sum(axis=0))
     force = samples.wrench[rows, :3] - free.force - moved
     commanded = velocity @ way
-    # Stretches at rest, across short gaps in which noisy encoders seem to move.
+    # Stretches at rest for the noise, joined across short gaps in which noisy encoders seem to move.
     found = np.flatnonzero(hanging)
     breaks = np.flatnonzero(np.diff(samples.t[found]) > PAUSE) + 1
     still = [samples.wrench[part, :3] for part in np.split(found, breaks)]

@@ -1,14 +1,14 @@
 """Sliding friction from drags of a held object along its support.
 
-All drags follow one linear model (`columns`), whose unknowns have normal priors, apart from the friction
-itself (Bayesian linear regression, e.g. Bishop, Pattern Recognition and Machine Learning, section 3.3). A
-normal force that rises and falls along the way separates friction from all other unknowns; where it is
-constant, their priors are part of the standard deviation.
+All drags follow one linear model (`drag_causes`), whose unknowns have normal priors, except the friction
+itself (Bayesian linear regression: Bishop, Pattern Recognition and Machine Learning, section 3.3). A normal
+force that varies along the path separates friction from all other unknowns. Where it is constant, their priors
+add to the standard deviation.
 
-The variation of the object's friction between axes, places and speeds is learned from the drags: a few values
-are averaged by their evidence (ibid., sections 3.4 and 14.1). The noise follows from the scatter within short
-stretches, never from the residuals, which would let the priors outweigh the recordings; the misfit is added
-to the standard deviation at the end.
+The fit learns how the object's friction varies with direction, position and speed: a few values of the prior
+scale are averaged by their evidence (ibid., sections 3.4 and 14.1). The noise follows from the scatter within
+short blocks. Noise from the residuals would let the priors outweigh the recordings. The misfit is added to the
+standard deviation at the end.
 """
 
 from __future__ import annotations
@@ -30,17 +30,16 @@ from palpate.estimation.wrench_observation import WrenchObservation
 from palpate.trace.recording import NominalHand
 
 UNEVEN_SHARES = (0.0, 0.03, 0.1, 0.3)
-"""parts (1 sigma) by which friction may differ between axes, places or speeds ... Sensitive: friction 0.07 σ, std
+"""Fractions (1 sigma) by which friction may vary with direction, position or speed. Sensitive: friction 0.07 σ, std
 ×0.7–1.2."""
 LIKELY_UNEVEN = (0.91, 0.03, 0.03, 0.03)
-"""... and how likely that is before it is felt. Sensitive: friction 0.1 σ, std ×0.8–1.2."""
+"""Prior probabilities of `UNEVEN_SHARES`. Sensitive: friction 0.1 σ, std ×0.8–1.2."""
 FRICTION_ITERATIONS = 2
-"""solutions: what gains and joints do depends on the coefficient. Sensitive: no."""
+"""Number of solutions: the effect of gains and joint friction depends on the coefficient. Sensitive: no."""
 CORRELATED_BLOCKS = 3.0
-"""blocks: what the model of a drag leaves out is the same in about so many neighbouring ones. Sensitive: friction
-std ×0.8–1.3."""
+"""Number of neighbouring blocks that share one model error of a drag. Sensitive: friction std ×0.8–1.3."""
 SLIDING_NOISE = 1e-3
-"""N: noise of a block that is always assumed. Sensitive: no."""
+"""N. Smallest noise of a block. Sensitive: no."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,8 +47,9 @@ class FrictionPosterior:
     """Normal posterior of all unknowns.
 
     Attributes:
-        mean, covariance: (p,), (p, p).
-        errors: (p,) effects on the estimated friction of one prior deviation of each unknown.
+        mean: (p,) posterior mean.
+        covariance: (p, p).
+        errors: (p,) error of the estimated friction by one prior deviation of each unknown.
         evidence: log evidence of the forces.
     """
 
@@ -61,11 +61,11 @@ class FrictionPosterior:
 
 @dataclass(frozen=True, eq=False)
 class TangentialForces:
-    """Tangential forces in blocks of steady sliding.
+    """Tangential forces in m blocks of steady sliding.
 
     Attributes:
         force: (m,) N, tangential.
-        design: (m, p), a column for each unknown.
+        design: (m, p), one column for each unknown.
         noise: (m,) N², variance within a block.
         root: (m, m) N, Cholesky factor of the covariance of all noise.
     """
@@ -77,23 +77,25 @@ class TangentialForces:
 
     @cached_property
     def white(self) -> tuple[Array, Array]:
-        """Force (m,) and design (m, p) with independent noise of unit variance."""
+        """Whitened force (m,) and design (m, p), with independent noise of unit variance."""
         both = np.column_stack([self.force, self.design])
         solved = np.linalg.solve(self.root, both).astype(np.float64)
         return solved[:, 0], solved[:, 1:]
 
     def given(self, expected: Array, prior: Array) -> FrictionPosterior:
-        """Posterior for prior means and standard deviations (p,)."""
+        """Posterior for prior means and standard deviations (p,), by QR decomposition."""
         force, design = self.white
-        # In units of the prior deviations, which are further rows; by QR, as perfect sensors make the normal
-        # equations singular.
+        # Scale the unknowns by their prior deviations and append the priors as rows. QR is used, as noise-free
+        # sensors make the normal equations singular.
         rows = np.vstack([design * prior, np.eye(len(prior))])
         beyond = np.concatenate([force - design @ expected, np.zeros(len(prior))])
         turned, triangle = np.linalg.qr(rows)
         inverse = np.linalg.inv(triangle).astype(np.float64)
+        # Solution and log evidence; the triangle has the square root of the determinant.
         found = inverse @ (turned.T @ beyond)
         misfit = float(np.sum((beyond - rows @ found) ** 2))
         size = 2.0 * float(np.log(np.abs(np.diag(triangle))).sum())
+        # Covariance in original units, and the error of the friction that each unit prior deviation causes.
         spread = prior[:, None] * inverse
         mean, errors = expected + prior * found, -spread[MU] @ inverse.T
         return FrictionPosterior(mean, spread @ spread.T, errors, -0.5 * (misfit + size))
@@ -101,8 +103,10 @@ class TangentialForces:
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """Wald test of some unknowns: their size, the statistic (χ² without them), and its degrees of
-    freedom."""
+    """Wald test of a group of unknowns.
+
+    `size` is their norm. `statistic` is χ² distributed with `freedom` degrees of freedom if they are zero.
+    """
 
     size: float
     statistic: float
@@ -111,15 +115,16 @@ class Difference:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sliding:
-    """Fit of all drags.
+    """Fit of steady sliding to all drags.
 
     Attributes:
-        columns: of the unknowns.
-        forces: in blocks of steady sliding.
-        found: posterior of the unknowns, averaged over their priors.
-        uneven: variation (1 sigma) of the friction between axes, places and speeds.
+        columns: columns of the unknowns.
+        forces: forces in blocks of steady sliding.
+        found: posterior of the unknowns, averaged over the prior scales.
+        uneven: variation (1 sigma) of the friction with direction, position and speed.
         misfit: N, root mean square of the residuals beyond the noise.
-        disagreement, freedom: of a chi-squared test of the residuals.
+        disagreement: chi-squared statistic of the residuals.
+        freedom: its degrees of freedom.
     """
 
     columns: Columns
@@ -132,19 +137,20 @@ class Sliding:
 
     @property
     def shared(self) -> tuple[Shared, ...]:
-        """Errors of mu_d shared by measurements with that arm or of that object."""
+        """Errors of mu_d that are shared with measurements by the same arm or of the same object."""
         effects = self.columns.shared(self.found.errors)
         causes = [Shared(cause, of, (effect,)) for cause, of, effect in effects]
         return *causes, Shared("unevenness of the friction", "scene", (self.uneven,))
 
     @property
     def friction(self) -> tuple[float, float]:
-        """mu_d and its standard deviation, with its variation."""
+        """mu_d and its standard deviation, which includes the variation `uneven`."""
         std = float(np.hypot(np.sqrt(self.found.covariance[MU, MU]), self.uneven))
         return float(self.found.mean[MU]), std
 
     def knowing(self, friction: float, std: float) -> Sliding:
-        """Condition on a friction that is known better from elsewhere."""
+        """Condition the posterior on a friction known better from another source."""
+        # Gaussian conditioning: regress all unknowns on the friction, then insert its better value.
         own = self.found.covariance[MU, MU]
         follows = self.found.covariance[MU] / own
         mean = self.found.mean + follows * (friction - self.found.mean[MU])
@@ -152,7 +158,8 @@ class Sliding:
         return replace(self, found=replace(self.found, mean=mean, covariance=covariance))
 
     def views(self, drags: Sequence[Drag], static: tuple[float, float] | None) -> Iterator[FitView]:
-        """Tangential over normal force in each block of steady sliding; and their quotient over time."""
+        """Yield the views of the report: tangential over normal force, and the force quotient over time."""
+        # Subtract all causes but friction: the slope of the remainder is the coefficient.
         normal, mu = self.forces.design[:, MU], float(self.found.mean[MU])
         others = self.forces.design @ self.found.mean - normal * mu
         yield FitView(
@@ -173,6 +180,7 @@ class Sliding:
         )
         if static is not None:
             note += f" Static, of the breakaways: {' ± '.join(round_to_std(*static))}."
+        # Time series of the quotient, with a marker at each breakaway.
         begun = [(drag, drag.breakaway) for drag in drags if drag.breakaway is not None]
         # NaN separates the drags, so that no line leads from one to the next.
         t = np.concatenate(
@@ -193,29 +201,32 @@ class Sliding:
         )
 
     def aside(self, drag: int, rows: slice) -> tuple[float, float]:
-        """Mean force over rows of a drag by other causes than friction of the object, N, and its standard
+        """Mean force, N, of causes other than the object's friction in rows of a drag, and its standard
         deviation."""
         row = self.columns.of[drag][rows].mean(axis=0)
         row[MU] = 0.0
         return float(row @ self.found.mean), float(np.sqrt(row @ self.found.covariance @ row))
 
     def other_causes(self, drag: int) -> Array:
-        """(n,) N, force by other causes than friction of the object in each row of a drag."""
+        """Force (n,), N, of causes other than the object's friction in each row of a drag."""
         others = self.found.mean.copy()
         others[MU] = 0.0
         return self.columns.of[drag] @ others
 
     def turning(self, drag: int, rows: slice, steady: Mask) -> float:
-        """Root sum of squares over joints of the mean friction in rows of a drag against that in steady rows,
-        in which the joints have reversed, N."""
+        """Change of joint friction between rows of a drag and its steady rows, N: a root sum of squares over joints.
+
+        The joints have reversed by the steady rows."""
         joints = self.columns.joints
         own = self.columns.of[drag][:, joints]
         less = own[rows].mean(axis=0) - own[steady].mean(axis=0)
         return float(np.linalg.norm(less * self.found.mean[joints]))
 
     def apart(self, shares: Sequence[tuple[int, slice, float]]) -> float:
-        """Standard deviation of a weighted sum over drags (number, rows, weight) of the mean force by other
-        causes than friction of the object."""
+        """Standard deviation of a weighted sum of mean forces by causes other than the object's friction.
+
+        `shares` holds a drag's number, its rows and its weight.
+        """
         row = np.zeros(len(self.found.mean))
         for drag, rows, share in shares:
             row += share * self.columns.of[drag][rows].mean(axis=0)
@@ -223,11 +234,14 @@ class Sliding:
         return float(np.sqrt(row @ self.found.covariance @ row))
 
     def difference(self, what: slice, likely: float, small: float) -> Difference:
-        """Test the unknowns `what`, of prior size `likely`, against tolerated values `small` (1 sigma each); all
-        other friction is even."""
+        """Test whether the unknowns `what`, of prior size `likely`, exceed the tolerance `small` (1 sigma each).
+
+        All other friction is assumed uniform in this test.
+        """
         fixed, even = self.columns.fixed.copy(), np.zeros_like(self.columns.uneven)
         fixed[what] = likely
         found, _ = average_over_shares(self.forces, replace(self.columns, fixed=fixed, uneven=even))
+        # Wald statistic; the tolerance widens the posterior.
         mean = found.mean[what]
         spread = found.covariance[what, what] + small**2 * np.eye(len(mean))
         statistic = float(mean @ np.linalg.solve(spread, mean))
@@ -235,24 +249,25 @@ class Sliding:
 
 
 def fit_sliding(drags: Sequence[Drag], observed: WrenchObservation, hand: NominalHand) -> Sliding:
-    """Fit the friction of steady sliding."""
-    # Initial value: mean tangential over mean normal force.
+    """Fit the friction of steady sliding to all drags by Gauss-Newton iterations."""
+    # Initial value: total tangential over total normal force.
     tangential = sum(float(drag.tangential[drag.steady].sum()) for drag in drags)
     mu = max(0.0, tangential / sum(float(drag.normal[drag.steady].sum()) for drag in drags))
     for _ in range(FRICTION_ITERATIONS - 1):
         mu = max(float(_fit_drags(drags, observed, hand, mu)[2].mean[MU]), 0.0)
     unknowns, forces, found, uneven = _fit_drags(drags, observed, hand, mu)
+    # Whitened residual variance beyond 1: the misfit of the model.
     force, design = forces.white
     excess = max(0.0, float(np.mean((force - design @ found.mean) ** 2)) - 1.0)
     squares = (forces.force - forces.design @ found.mean) ** 2
-    # Allowed within one drag: half of the repeatability of an approach, and half of the change of joint friction.
+    # Deviations allowed within one drag: half of the force repeatability, and half of the change of joint friction.
     each = slice(unknowns.joints.stop, unknowns.gains.start)
     dahl = forces.design[:, each] @ unknowns.fixed[each]
     allowed = forces.noise + (hand.force_repeatability / 2) ** 2 + (dahl / 2) ** 2
-    # The weights did not include a white variance of the misfit in every block.
+    # Add a white variance of the misfit in every block, which the weights did not include.
     gain = found.covariance @ design.T
     wider = found.covariance + CORRELATED_BLOCKS * excess * (gain @ gain.T)
-    # Blocks that err alike count as one: the square of the trace of their covariance over the trace of its square.
+    # Effective number of independent blocks: squared trace of their covariance over the trace of its square.
     alike = forces.root @ forces.root.T / np.sqrt(np.outer(allowed, allowed))
     independent = float(np.trace(alike) ** 2 / np.sum(alike**2))
     freedom = max(1, round(min(independent, len(squares) / CORRELATED_BLOCKS)))
@@ -279,13 +294,17 @@ def _fit_drags(
 def average_over_shares(
     forces: TangentialForces, unknowns: Columns
 ) -> tuple[FrictionPosterior, float]:
-    """Posterior and variation of the friction (1 sigma), averaged over the shares of uneven friction by their
-    evidence."""
+    """Posterior and variation of the friction (1 sigma), averaged over `UNEVEN_SHARES` by their evidence.
+
+    This is Bayesian model averaging.
+    """
     each = [forces.given(unknowns.expected, unknowns.prior(share)) for share in UNEVEN_SHARES]
     uneven = [share * float(unknowns.uneven.max()) for share in UNEVEN_SHARES]
+    # Posterior probability of each share; the largest exponent is subtracted against underflow.
     evidence = np.array([one.evidence for one in each]) + np.log(LIKELY_UNEVEN)
     weights = np.exp(evidence - evidence.max())
     weights /= weights.sum()
+    # Moments of the mixture: its covariance includes the scatter of the means.
     mean = sum(w * one.mean for w, one in zip(weights, each, strict=True))
     errors = sum(w * one.errors for w, one in zip(weights, each, strict=True))
     covariance = np.zeros_like(each[0].covariance)
@@ -301,6 +320,7 @@ def _forces(drags: Sequence[Drag], unknowns: Columns, mu: float) -> TangentialFo
     noise: list[float] = []
     levers: list[Array] = []
     spans: list[Spans] = []
+    # Block means of the force and the design, with the white noise of each block.
     for drag, own, lever in zip(drags, unknowns.of, unknowns.levers, strict=True):
         pressed = mu**2 * drag.pressing[1]
         for block in drag.blocks:
@@ -309,11 +329,12 @@ def _forces(drags: Sequence[Drag], unknowns: Columns, mu: float) -> TangentialFo
             noise.append(drag.noise / len(block) + pressed + SLIDING_NOISE**2)
             levers.append(lever)
         spans.append(Spans.of(drag.t, drag.path, drag.blocks))
+    # Correlated noise: flicker of the sensors, over the time between two blocks.
     every, each, hanging = Spans.concatenate(spans), np.array(levers), drags[0].hanging
     slow = (each * hanging.noise.flicker) @ each.T * flicker(np.abs(every.t[:, None] - every.t))
     left = np.zeros_like(slow)
     if hanging.left is not None:
-        # What the model of the arm leaves in each joint, in each block and in the reference.
+        # Residual of the arm model in each joint, correlated over blocks, and its part in the reference.
         for joint, there in enumerate(each.T):
             own = hanging.left.covariance(every, joint) + hanging.left.total[joint]
             left += np.outer(there, there) * own

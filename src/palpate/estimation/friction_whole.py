@@ -1,13 +1,13 @@
 """Sliding friction from all motion around the drags, joint by joint.
 
-Referred to a rest in the air, the force of a drag contains the change of the arm's biases from there to
-here, and only the growth of the force with the pressure separates friction from it. But the same links,
-zeros, gains and friction of the joints show in all free motion around the drags (`estimation.load.causes`).
-Fitted together, the whole sliding force counts. In each block of a drag the other forces of the support are
-unknown: the normal force with its friction, a sideways force, and moments.
+The fit of drags alone refers each force to a rest in the air. That force also contains the change of the arm's
+biases between the two places. Only its growth with the normal force then separates friction from bias. But the
+same link errors, zeros, gains and joint friction act in all free motion around the drags (`load_causes`). A
+joint fit to all of it makes the whole sliding force usable. In each block of a drag the other support forces
+are unknown: the normal force with its friction, a lateral force, and moments.
 
-The result depends on the model of the arm. What that leaves is a coloured residual, learned from the recording
-(`estimation.coloured`).
+The result depends on the model of the arm. Its remaining error is a coloured residual, learned from the
+recording (`coloured_residual`).
 """
 
 from __future__ import annotations
@@ -55,27 +55,26 @@ from palpate.estimation.wrench_observation import WrenchObservation
 from palpate.trace.samples import Trace
 
 HOLDING_MORE = (0.0, 1.0, 10.0)
-"""times `HELD_FORCE_STD` that it may be, where the arm's own forces are known. Sensitive: friction 0.5 σ, std
-×0.5–1.1."""
+"""Factors on `HELD_FORCE_STD`, where the arm's own forces are known. Sensitive: friction 0.5 σ, std ×0.5–1.1."""
 LIKELY_HOLDING = (0.9, 0.08, 0.02)
-"""... and how likely each is before it is felt. Dry friction is in proportion to pressure (Amontons); one thing in
-ten is taken to cling. Chosen, without a source. Sensitive: friction 0.5 σ, std ×0.9–1.9."""
+"""Prior probabilities of `HOLDING_MORE`. Dry friction is proportional to the normal force (Amontons); one object in
+ten is assumed to adhere. Chosen, without a source. Sensitive: friction 0.5 σ, std ×0.9–1.9."""
 LIKELY_PULL = (0.9, 0.1)
-"""how likely nothing pulls with the place, and something does, where the arm's own forces are known. Chosen, without
-a source, as `LIKELY_HOLDING`. Sensitive: no at 0.95 (`lab`)."""
+"""Prior probabilities that no force depends on position, and that one does, where the arm's own forces are known.
+Chosen, without a source, as `LIKELY_HOLDING`. Sensitive: no at 0.95 (`lab`)."""
 LEANING = (0.2, 1.0)
-"""times `SUPPORT_LEAN_STD` that a support may be out of level ... Sensitive: friction std ×0.85 or so without it."""
+"""Factors on `SUPPORT_LEAN_STD`. Sensitive: friction std ×0.85 or so without it."""
 LIKELY_LEANING = (0.7, 0.3)
-"""... and how likely each is before it is felt: arms stand on what was levelled with a spirit level, to 1 mm/m, or
-on what stands on a floor. Chosen, without a source. Sensitive: hardly."""
+"""Prior probabilities of `LEANING`. Arms are mounted on a base levelled to 1 mm/m with a spirit level, or on a floor.
+Chosen, without a source. Sensitive: hardly."""
 ZERO_STEP_STD = 0.1
-"""N m (1 sigma) that a sensor's zero may be another after the drags where it jumped, and from which a model without
-a jump does not hold: a jump of 1 N at the hand is 0.2 to 0.24, of all joints. Sensitive: no."""
+"""N m (1 sigma). Change of a sensor's zero after the drags if it jumped. A model without a jump is rejected from this
+value. A jump of 1 N at the hand is 0.2 to 0.24 N m over all joints. Sensitive: no."""
 LIKELY_STEP = (0.9, 0.1)
-"""how likely none has, and some have. Chosen, without a source. Sensitive: no."""
+"""Prior probabilities that no zero changed, and that some did. Chosen, without a source. Sensitive: no."""
 WHOLE_ITERATIONS = 3
-"""solutions of the fit to all motion: the first is up to two deviations from the last where the coefficient that it
-begins with is 15 % off. Sensitive: no from 3 on (0.1 σ)."""
+"""Iterations of the fit to all motion. The first is up to two deviations from the last if the initial coefficient is
+15 % off. Sensitive: no from 3 on (0.1 σ)."""
 
 UNEVEN, HOLDS, LEAN, PULLS, STEP = (
     "unevenness",
@@ -84,16 +83,17 @@ UNEVEN, HOLDS, LEAN, PULLS, STEP = (
     "what pulls",
     "step",
 )
-"""Prefixes of the names of the scene's causes."""
+"""Prefixes of the names of the causes in the scene."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WholeFriction:
-    """A friction from a whole stretch of a trace.
+    """Friction coefficient from a whole section of a trace.
 
     Attributes:
-        friction, std: the coefficient, and its standard deviation.
-        shared: errors in common with measurements with that arm, or of that object.
+        friction: the coefficient.
+        std: its standard deviation.
+        shared: errors shared with measurements by the same arm, or of the same object.
         stepped: N m, change of the sensors' zeros after the drags, root mean square.
     """
 
@@ -104,37 +104,44 @@ class WholeFriction:
 
     @property
     def explains(self) -> bool:
-        """Zeros of the sensors are the same before and after the drags."""
+        """True if the sensors' zeros are the same before and after the drags."""
         return self.stepped < ZERO_STEP_STD
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Pressed:
-    """Support forces in the blocks: first those of free motion, then those of the drags; `way` (k, 3): direction
-    of the drag, 0 in free motion; `support` (k, FIRST) as `columns.of_support`."""
+    """Support forces in k blocks: first those of free motion, then those of the drags.
+
+    Attributes:
+        way: (k, 3) unit vector along the drag, 0 in free motion.
+        support: (k, FIRST) columns of `drag_causes.of_support`.
+    """
 
     way: Array
     support: Array
 
     @property
     def normal(self) -> Array:
-        """(k,) N."""
+        """(k,) N, normal force."""
         return self.support[:, MU]
 
     @property
     def slides(self) -> Array:
-        """(k,) 1 in drags."""
+        """(k,) 1 in drags, 0 in free motion."""
         return np.linalg.norm(self.way, axis=1).round()
 
 
 def fit_whole(
     trace: Trace, name: str, drags: Sequence[Drag], observed: WrenchObservation, about: float
 ) -> WholeFriction | None:
-    """Fit the coefficient with which `name` slid in all drags, near `about`; None where the arm's links are
-    unknown, or it never hung free."""
+    """Fit the coefficient with which `name` slid in all drags, near `about`.
+
+    Returns None if the arm's links are unknown, or if the object never hung free.
+    """
     free = free_rows(trace, name) if observed.knows_links else []
     if not free:
         return None
+    # Row numbers of the sliding blocks in the whole trace.
     slid: list[Rows] = []
     for drag in drags:
         first = row_at(trace.samples, float(drag.t[0]))
@@ -142,7 +149,7 @@ def fit_whole(
     seen = blocks(trace, observed, name, [*free, *slid])
     pressed = _support_forces(drags, len(free))
     found: WholeFriction | None = None
-    # Gauss-Newton: the measured normal force, with all its errors, counts times the step of the coefficient.
+    # Gauss-Newton: the measured normal force, with all its errors, multiplies the step of the coefficient.
     for _ in range(WHOLE_ITERATIONS):
         found = _fitted(trace, drags, observed, seen, pressed, about)
         about = max(found.friction, 0.0)
@@ -160,13 +167,15 @@ def _fitted(
     """Fit the coefficient, linearised at `about`."""
     force = drags[0].mass * trace.gravity
     slides = pressed.slides[:, None]
-    # In a drag hand and support bear its weight together, and the hand accelerates it.
+    # In a drag, hand and support together carry the weight, and the hand accelerates it.
     along = seen.acceleration * [1.0, 1.0, 0.0] / trace.gravity
     pull = seen.pull + slides * (UP + along)
     load = list(of_load(seen, pull))
+    # Force of the support on the hand at `about`, as torques; the gains act on the measured sum.
     rubs = pressed.normal[:, None] * (about * pressed.way - slides * UP)
     borne = force * load[0].columns[:, 0] + by_signal(seen.torques(rubs))
     free = int(np.sum(pressed.slides == 0.0))
+    # Causes of the torques: scene, load, and arm.
     scene = [*of_scene(seen, pressed, about), of_steps(seen, free)]
     causes = [
         *scene,
@@ -174,13 +183,15 @@ def _fitted(
         of_turning(seen),
         *of_arm(trace, observed, seen, force * pull[:, 2], borne),
     ]
-    # Forces of the support have no prior.
+    # Forces of the support have no prior, so they are projected out.
     support = np.column_stack([by_signal(one) for one in _of_support(seen, pressed, about)])
     sensors, y = free_noise(seen, drags[0].hanging.noise), by_signal(seen.observed)
     pressing = Cause("support", support, np.full(int(support.shape[1]), np.inf))
+    # Noise: the sensors' and the coloured residual of the arm model.
     left = learn_residual([*causes, pressing], sensors, y, seen.spans)
     noise = Projected.of(with_residual(sensors, left, seen.spans), support)
     found = fit(causes, noise, y, [*scales(causes), *_SCALES])
+    # The posterior step of the coefficient, and the variation of friction that the fit leaves possible.
     (more,), ((variance,),) = found["friction"]
     steps, _ = found[STEP]
     uneven, doubt = found[UNEVEN]
@@ -197,7 +208,7 @@ def _fitted(
 
 
 def _support_forces(drags: Sequence[Drag], free: int) -> _Pressed:
-    """Support forces in so many blocks of free motion, and in those of the drags."""
+    """Support forces in `free` blocks of free motion, and in the blocks of the drags."""
     middle, usual = middle_of(drags), usual_speed(drags)
     way: list[Array] = [np.zeros((free, 3))]
     support: list[Array] = [np.zeros((free, FIRST))]
@@ -209,7 +220,7 @@ def _support_forces(drags: Sequence[Drag], free: int) -> _Pressed:
 
 
 def of_scene(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Cause]:
-    """Causes along a drag: first friction beyond `about`; its variation, in parts of `about`; other forces."""
+    """Yield the causes along a drag: friction beyond `about`, its variation relative to `about`, other forces."""
     assert AXES.stop == PLACES.start
     assert PLACES.stop == SPEED.start
     for name, which, prior, of in (
@@ -219,6 +230,7 @@ def of_scene(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Cause]:
         (HOLDS, HELD, HELD_FORCE_STD, "scene"),
         (PULLS, SPRING, PULL, "scene"),
     ):
+        # Each column is a force along the drag, as joint torques.
         unit = about if name == UNEVEN else 1.0
         along = unit * pressed.support[:, which].T
         columns = [seen.torques(one[:, None] * pressed.way) for one in along]
@@ -226,7 +238,7 @@ def of_scene(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Cause]:
 
 
 def of_steps(seen: Blocks, free: int) -> Cause:
-    """Changes of the sensors' zeros after the drags."""
+    """Change of each sensor's zero after the mean time of the drags."""
     after = (seen.t > seen.t[free:].mean())[:, None]
     return cause(STEP, [after * joint for joint in np.eye(seen.observed.shape[1])], ZERO_STEP_STD)
 
@@ -238,13 +250,14 @@ _SCALES = (
     PriorScale((PULLS,), (0.0, 1.0), LIKELY_PULL),
     PriorScale((STEP,), (0.0, 1.0), LIKELY_STEP),
 )
-"""Prior scales of the scene's causes that are learned from the recording."""
+"""Prior scales of the scene's causes; the fit learns them from the recording."""
 
 
 def _of_support(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Array]:
-    """(k, m) N m of each unit force of the support, in one block of a drag."""
+    """Yield joint torques (k, m), N m, of each unit support force; each force acts in one block of a drag only."""
     for block in np.flatnonzero(pressed.slides).tolist():
         maps, way = seen.maps[block], pressed.way[block]
+        # Normal force with its friction, lateral force, and three moments.
         sideways = np.cross(UP, way)
         forces = maps[:, :3] @ np.column_stack([UP - about * way, sideways])
         for torque in (*forces.T, *maps[:, 3:].T):

@@ -1,23 +1,24 @@
 """Inertia tensor from sinusoidal excitation: swings with the load against swings without.
 
-As the hand turns to and fro about its TCP, every joint torque oscillates by the weight and inertia of the
-arm itself, and by the wrench of the load: about the TCP,
+As the hand rotates to and fro about its TCP, every joint torque oscillates. The weight and inertia of the arm
+and the wrench of the load cause it. About the TCP, the load exerts
 
     f = m (a + g) + alpha x h + w x (w x h)        n = h x (a + g) + I alpha + w x I w
 
-with the acceleration a of the TCP, the rate w and angular acceleration alpha of the hand, gravity g (upward,
-as the force that holds the load), the first moment h = m c of the load and its inertia I about the TCP: linear
-in all ten parameters. Each signal is fitted by a constant, a trend and a sine at the frequency of the swing (a
-lock-in), which rejects constants, drift and noise at other frequencies; friction is a quarter of a period out
-of phase. Signals of unit parameters and of the arm's own links are computed sample by sample and pass the
-same lock-in, because springs that still ring as a swing begins are no pure sine: -w² times the displacement
-would be 1 to 2 % off. The error of the links' nominal inertias cancels against the swing of the empty hand, in
-proportion to the angle.
+Here a is the acceleration of the TCP, w and alpha the angular rate and acceleration of the hand. g is gravity
+(upward, as the force that holds the load), h = m c the first moment, I the inertia about the TCP. The wrench is
+linear in all ten parameters.
 
-What the gears add in phase with the angle does not cancel. A swing of some mrad is a part of one wave of their
-ripple, which passes for a spring, and at another phase where the load has bent the arm. Friction is a spring, too, in
-a joint that hardly turns: Dahl's state is in phase with the angle. Each is an unknown of its joint, the same in all
-swings, as large as the swings show.
+Each signal is fitted by a constant, a trend and a sine at the swing's frequency (a lock-in). This rejects
+constants, drift and noise at other frequencies; friction lags by a quarter of a period. Signals of unit
+parameters and of the arm's links are computed sample by sample and pass the same lock-in. A compliant arm still
+oscillates as a swing begins, so -w² times the displacement would be wrong by 1 to 2 %. The error of the nominal
+link inertias cancels against the swing of the empty hand, in proportion to the angle.
+
+Gear torques in phase with the angle do not cancel. A swing of some mrad covers a part of one period of the gear
+ripple. That part acts like a spring, at another phase when the load has bent the arm. Friction in a joint that
+hardly turns acts like a spring as well: Dahl's state is in phase with the angle. Each is an unknown of its joint,
+common to all swings. Its size is taken from the swings.
 """
 
 from __future__ import annotations
@@ -39,54 +40,54 @@ from palpate.trace.recording import Recording
 from palpate.trace.samples import Samples, Trace
 
 ARM_SWING = 3e-4
-"""part (1 sigma) of the torques of the empty swing that changes with a load for no known reason: the linearity of a
-sensor is no better than a thousandth of its torque. Sensitive: hardly."""
+"""Fraction (1 sigma) of the torques of the empty swing that changes with a load for unknown reasons: sensors are
+linear to a thousandth of their torque at best. Sensitive: hardly."""
 ARM_BENT = 0.05
-"""part (1 sigma) of the change of the links' inertial torques with a load that is unknown: nominal inertias are some
-per cent off. Sensitive: inertia std ×0.9–1.2."""
+"""Relative error (1 sigma) of the predicted change of the links' inertial torques with a load: nominal inertias are
+wrong by some per cent. Sensitive: inertia std ×0.9–1.2."""
 ARM_RUBS = 0.03
-"""part (1 sigma) of the friction in the empty swing by which its part in phase with the angle changes with a load for
-no known reason. Chosen on six hammers at `measured`: their two large components are 0.76 (rms) of their deviations off,
-with half of it 0.88, without it 1.08. Sensitive: inertia std ×0.7 without it at `measured`, ×0.9 at `lab`."""
+"""Fraction (1 sigma) of the friction of the empty swing whose part in phase with the angle changes with a load.
+Chosen on six hammers at `measured`: the errors of their two large components are 0.76 (rms) of the stated deviations,
+0.88 with half of it, 1.08 without it. Sensitive: inertia std ×0.7 without it at `measured`, ×0.9 at `lab`."""
 ARM_STICKS = 0.01
-"""part (1 sigma) of a joint's dry friction, likewise, in swings in which it hardly turns.
-Chosen on the same six: without it two of them are contradicted. Sensitive: inertia std ×0.8–1.4 without it."""
+"""Fraction (1 sigma) of a joint's dry friction that changes with a load, in swings in which the joint hardly turns.
+Chosen on the same six: without it, two are contradicted. Sensitive: inertia std ×0.8–1.4 without it."""
 SAME_AXIS = 0.98
-"""cosine between the axes of two swings that compare. Sensitive: no."""
+"""Cosine between the axes of two swings above which they are comparable. Sensitive: no."""
 SAME_RATE = 0.02
-"""part by which their rates may differ. Sensitive: no."""
+"""Relative difference of their rates below which two swings are comparable. Sensitive: no."""
 TURNING_POINT = 0.04
-"""s in which a commanded swing may seem to stand still. Sensitive: no."""
+"""s. Longest apparent rest of the command at a turning point of a swing. Sensitive: no."""
 SHORTEST_SWING = 0.8
-"""s: a shorter turn of the hand is no swing. Sensitive: no."""
+"""s. Shortest rotation of the hand that counts as a swing. Sensitive: no."""
 RATE_SEARCH = (0.05, 0.005, 0.0005)
-"""parts of a rate within which it is looked for, one after the other. Sensitive: no."""
+"""Relative widths of the successive searches for a rate. Sensitive: no."""
 RATE_STEPS = 21
-"""rates that are tried each time. Sensitive: no."""
+"""Number of rates tried in each search. Sensitive: no."""
 
 Complex = NDArray[np.complex128]
 
 INERTIA = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-"""Rows and columns of xx yy zz xy xz yz."""
+"""Row and column of the components xx yy zz xy xz yz."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SwingResponse:
-    """Swing about one axis, in phase with the angle of the hand.
+    """Response to a swing about one axis, in phase with the angle of the hand.
 
     Attributes:
-        time: s, its middle.
-        pose: where the hand turned.
+        time: s, middle of the swing.
+        pose: mean pose of the hand.
         axis: (3,) unit, world.
         angle: rad, amplitude.
-        rate: rad/s.
+        rate: rad/s, angular frequency.
         observed: (m,) amplitudes of the signals, N m.
-        variance: (m,) of the amplitudes, by the noise of the sensors.
-        rubbing: (m,) amplitudes a quarter of a period later, of friction.
-        own: (m,) part of the arm's own links, by their nominal inertias; 0 where unknown.
+        variance: (m,) N² m², of the amplitudes, by sensor noise.
+        rubbing: (m,) N m, amplitudes in quadrature, by friction.
+        own: (m,) N m, part of the arm's links by their nominal inertias; 0 where unknown.
         load: (m, 10) amplitudes per unit mass, first moment and inertia (about the TCP, tool axes).
-        gears: (m, 5) amplitudes per N m of each wave of the gears (`contact.ripple.gear_waves`), and of Dahl's
-            state; 0 where the signals are no joints'.
+        gears: (m, 5) amplitudes per N m of each gear wave (`descent.gear_waves`) and of Dahl's state; 0 where
+            the signals are not joint torques.
         rippled: (m,) N² m², mean square of the signals that the waves explain.
     """
 
@@ -105,7 +106,7 @@ class SwingResponse:
 
 
 def swings(trace: Trace, recording: Recording, noise: SignalLevels) -> Sequence[SwingResponse]:
-    """All swings in a recording, in order."""
+    """Responses to all swings of a recording, in order; `noise` is that of each signal."""
     samples, observed = trace.of(recording), observe(trace)
     first, last = np.searchsorted(trace.samples.t, [recording.start, recording.end + 1e-9])
     signals = observed.signals[int(first) : int(last)]
@@ -120,18 +121,21 @@ def swings(trace: Trace, recording: Recording, noise: SignalLevels) -> Sequence[
 def contrast(
     loaded: Sequence[SwingResponse], empty: Sequence[SwingResponse]
 ) -> Iterator[tuple[SwingResponse, Array, Array, Array]]:
-    """Each loaded swing that has an empty counterpart, with the signals of the load alone (m,), their variance (m,),
-    and what one deviation of each unknown of the gears does to them (m, k)."""
+    """Subtract from each loaded swing its empty counterpart; loaded swings without one are skipped.
+
+    Yields the loaded swing, the signals of the load alone (m,), their variance (m,), and the effect of one
+    deviation of each gear unknown on them (m, k).
+    """
     every = [*loaded, *empty]
     if not every:
         return
-    # The mean square of two harmonics, each a sine and a cosine of amplitudes alike.
+    # Amplitude of the gear waves: two harmonics, each a sine and a cosine of equal amplitude.
     wave = np.sqrt(np.max([swing.rippled for swing in every], axis=0) / 2.0)
-    # The first harmonic of a square wave is 4 / pi of its size.
+    # Dry friction: the first harmonic of a square wave is 4 / pi of its amplitude.
     dry = np.pi / 4.0 * np.abs([swing.rubbing for swing in every]).max(axis=0)
     size = np.column_stack([wave, wave, wave, wave, dry])
     for swing in loaded:
-        # The swing of the empty hand about the same axis at the same pose and frequency.
+        # Find the swing of the empty hand about the same axis at the same pose and frequency.
         alike = [
             own
             for own in empty
@@ -143,7 +147,7 @@ def contrast(
             continue
         own = alike[0]
         ratio = swing.angle / own.angle
-        # The load bends the arm a little, so that the joints share the swing differently.
+        # The load bends the arm slightly, so the joints share the swing differently.
         bent = swing.own - ratio * own.own
         inexact = (
             ARM_SWING * own.observed,
@@ -157,11 +161,12 @@ def contrast(
 
 
 def rows_of_swings(samples: Samples) -> Iterator[slice]:
-    """Rows of each swing: the commanded pose turns, apart from short pauses at its turning points."""
+    """Yield the rows of each swing: the commanded pose rotates, except in short pauses at its turning points."""
     moving = commanded_rows(samples)
     turning = moving.copy()
     period = float(np.median(np.diff(samples.t))) if len(samples) > 1 else 1.0
     gap = max(1, round(TURNING_POINT / period))
+    # Close the short pauses at turning points.
     for rows in runs(~moving):
         inside = rows.start > 0 and rows.stop < len(moving)
         if inside and rows.stop - rows.start < gap:
@@ -179,15 +184,16 @@ def swing_of(
     gravity: float,
     cycles: Sequence[float],
 ) -> SwingResponse:
-    """Amplitudes of the `signals` (n, m) of a swing, of m joints whose gears ripple `cycles` (m,) times a turn."""
+    """Lock-in amplitudes of the `signals` (n, m) of a swing; gears of joint i ripple `cycles[i]` times a turn."""
     rate = commanded_rate(samples)
     period = 2.0 * np.pi / rate
-    # The amplitude grows in the first period and fades in the last.
+    # The amplitude grows in the first period and decays in the last: use the periods between.
     steady = (samples.t > samples.t[0] + period) & (samples.t < samples.t[-1] - period)
     motion = _Changes.of(samples).where(steady)
     angles = np.zeros(signals.shape) if observed.chain is None else samples.q
     states, angles = dahl_states(angles)[steady, :, TURNED], angles[steady]
     samples, signals = samples.where(steady), signals[steady]
+    # Axis and phase of the rotation: the principal direction of its complex amplitude.
     pose = mean_pose(samples)
     turned = rotation_vectors(samples.pose_world_tcp[:, 3:], pose)
     lock = _Lock.of(samples.t, rate)
@@ -198,14 +204,15 @@ def swing_of(
     unit = phase / angle
 
     def in_phase(values: Array) -> Array:
-        """(…,) of (n, …): its amplitude in phase with the angle."""
+        """Amplitude (…,) of values (n, …) in phase with the angle."""
         flat = lock.of_signal(values.reshape(len(values), -1)) / unit
         return flat.real.reshape(values.shape[1:])
 
+    # Torques of the links alone, waves of the gears, and the noise of an amplitude.
     t = samples.t
     links = observed.links_motion(samples.q, samples.dq, motion.joints)
     waves = [gear_waves(*joint) for joint in zip(angles.T, cycles, strict=False)]
-    # Density of the noise at the frequency of the swing over the duration: 2 s² dt of white noise, h²/f of 1/f noise.
+    # Noise at the frequency of the swing over its duration: 2 s² dt for white noise, h²/f for 1/f noise.
     slow = 2.0 * np.pi * noise.flicker / (rate * float(t[-1] - t[0]))
     return SwingResponse(
         time=float(t.mean()),
@@ -237,7 +244,7 @@ class _Changes:
 
     @classmethod
     def of(cls, samples: Samples) -> _Changes:
-        """Derivatives of splines through the speeds, without lag or attenuation at the frequencies of swings."""
+        """Differentiate cubic splines through the speeds, without lag or attenuation at swing frequencies."""
         from scipy.interpolate import CubicSpline
 
         speeds = np.hstack([samples.dq, samples.twist])
@@ -245,20 +252,25 @@ class _Changes:
         return cls(*np.split(changes, [samples.dq.shape[1]], axis=1))
 
     def where(self, rows: Mask) -> _Changes:
-        """Derivatives in some rows."""
+        """Derivatives in the rows of a mask."""
         return _Changes(self.joints[rows], self.hand[rows])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Lock:
-    """A fit of a constant, a trend and a sine."""
+    """Least-squares fit of a constant, a trend and a sine (lock-in).
+
+    Attributes:
+        design: (n, 4) cosine, sine, constant and trend.
+        inverse: (4, n) its pseudoinverse.
+    """
 
     design: Array
     inverse: Array
 
     @classmethod
     def of(cls, t: Array, rate: float) -> _Lock:
-        """At times `t` (n,), s, and `rate`, rad/s."""
+        """Lock-in at times `t` (n,), s, and angular frequency `rate`, rad/s."""
         since = t - t.mean()
         design = np.column_stack(
             [np.cos(rate * since), np.sin(rate * since), np.ones_like(since), since]
@@ -266,26 +278,30 @@ class _Lock:
         return cls(design, np.linalg.pinv(design))
 
     def of_signal(self, values: Array) -> Complex:
-        """(k,) complex amplitudes of signals (n, k)."""
+        """Complex amplitudes (k,) of signals (n, k)."""
         cosine, sine = (self.inverse @ values)[:2]
         return cosine - 1j * sine
 
     def explained(self, signal: Array, waves: Array) -> float:
-        """Mean square of a signal (n,) that `waves` (n, k) explain beyond the fit."""
+        """Mean square of a signal (n,) that `waves` (n, k) explain beyond the lock-in."""
         left, beside = (x - self.design @ (self.inverse @ x) for x in (signal, waves))
         found = np.linalg.lstsq(beside, left, rcond=None)[0]
         return float(np.mean((beside @ found) ** 2))
 
 
 def commanded_rate(samples: Samples) -> float:
-    """Rate of the commanded swing, rad/s: that of the sine with the least residuals, to a hundredth of a period
-    over the whole length."""
+    """Angular frequency of the commanded swing, rad/s: the sine with the largest amplitude.
+
+    It is exact to a hundredth of a period over the whole length.
+    """
+    # Command along its principal axis, and a first rate from its zero crossings.
     middle = Pose(np.zeros(3), samples.target_world_tcp[0, 3:])
     turned = rotation_vectors(samples.target_world_tcp[:, 3:], middle)
     along = turned @ np.linalg.svd(turned, full_matrices=False)[2][0]
     crossings = np.flatnonzero(np.diff(np.signbit(along)))
     inner = samples.t[crossings[1:-1]]
     rate = np.pi * (len(inner) - 1) / max(float(inner[-1] - inner[0]), 1e-9)
+    # Refine the rate in nested searches for the largest lock-in amplitude.
     for finer in RATE_SEARCH:
         rates = rate * np.linspace(1.0 - finer, 1.0 + finer, RATE_STEPS)
         rate = max(
@@ -296,7 +312,8 @@ def commanded_rate(samples: Samples) -> float:
 
 
 def rotation_vectors(quaternions: Array, about: Pose) -> Array:
-    """(n, 3) rad, world axes: small rotations of poses from `about`."""
+    """Rotation vectors (n, 3), rad, world axes, of poses with `quaternions` (n, 4) relative to `about`."""
+    # Axis times sine from the skew part of the relative rotation, then scaled to axis times angle.
     relative = rotations(quaternions) @ about.rotation.T
     skew = relative - relative.transpose(0, 2, 1)
     vectors = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1) / 2.0
@@ -305,16 +322,19 @@ def rotation_vectors(quaternions: Array, about: Pose) -> Array:
 
 
 def unit_load_wrenches(samples: Samples, changes: _Changes, gravity: float) -> Array:
-    """(n, 6, 10) wrenches about the TCP, world axes, of unit mass, first moment and inertia in tool axes."""
+    """Wrenches (n, 6, 10) about the TCP, world axes, of unit mass, first moment and inertia in tool axes."""
     tools = rotations(samples.pose_world_tcp[:, 3:])
     rate, turned = samples.twist[:, 3:], changes.hand[:, 3:]
     carried = changes.hand[:, :3] + np.array([0.0, 0.0, gravity])
+    # Mass: weight and inertia at the TCP.
     found = np.zeros((len(tools), 6, 10))
     found[:, :3, 0] = carried
+    # First moment along each tool axis: its centripetal and tangential force, and its moment.
     for k in range(3):
         axis = tools[:, :, k]
         found[:, :3, 1 + k] = np.cross(turned, axis) + np.cross(rate, np.cross(rate, axis))
         found[:, 3:, 1 + k] = np.cross(axis, carried)
+    # Inertia: the moment I alpha + w x I w of each unit tensor.
     for k, (i, j) in enumerate(INERTIA):
         unit = np.zeros((3, 3))
         unit[i, j] = unit[j, i] = 1.0
