@@ -1,4 +1,4 @@
-"""Detection of tags in a picture, to a fraction of a pixel."""
+"""Subpixel detection of tags in a picture."""
 
 from __future__ import annotations
 
@@ -14,26 +14,28 @@ from palpate.common.pose import Array, Pose
 from palpate.perception.lens import Lens
 
 TAGS = 587
-"""AprilTags of the family tag36h11, which are printed and looked for."""
+"""Number of AprilTags of the family tag36h11."""
 MODULES = 8
-"""Modules along a tag's black square."""
+"""Modules along the black square of a tag."""
 CELL = 8
-"""Pixels of a side of a module as it is read: with 4, OpenCV's default, a tenth fewer small ones are."""
+"""px. Resolution of a module for decoding. With OpenCV's default of 4, a tenth fewer small tags are
+read.
+"""
 QUIET = 1
-"""Modules of white around it."""
+"""Modules. Width of the white margin."""
 CORNERS = np.array([[-1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, -1.0, 0.0]])
-"""(4, 3) corners of a tag in its own frame, half sides, in the order in which they are detected."""
+"""(4, 3) corners of a tag in its own frame, in half sides, in detection order."""
 WARM_UP = 5
-"""Frames that a camera's exposure takes to settle."""
+"""Frames skipped until the exposure of a camera settles."""
 
 Grey = NDArray[np.uint8]
 
 
 def opencv() -> ModuleType:
-    """OpenCV.
+    """Import OpenCV.
 
     Raises:
-        Unavailable: not installed.
+        Unavailable: it is not installed.
     """
     try:
         import cv2
@@ -43,7 +45,7 @@ def opencv() -> ModuleType:
 
 
 def tag_pixels(number: int) -> Grey:
-    """(8, 8) modules of a tag, 0 black or 255 white, as printed."""
+    """Modules (8, 8) of a tag as printed, 0 for black and 255 for white."""
     cv2: Any = opencv()
     return np.asarray(
         cv2.aruco.generateImageMarker(_dictionary(cv2), number, MODULES, borderBits=1)
@@ -51,7 +53,11 @@ def tag_pixels(number: int) -> Grey:
 
 
 def squares(grey: Grey) -> list[tuple[int, Array]]:
-    """Tags in a picture: number and corners (4, 2), to a pixel, clockwise from the upper left as printed."""
+    """Detect tags to pixel accuracy.
+
+    Returns:
+        Number and corners (4, 2) of each tag, pixels, clockwise from the upper left as printed.
+    """
     cv2: Any = opencv()
     how = cv2.aruco.DetectorParameters()
     how.perspectiveRemovePixelPerCell = CELL
@@ -63,8 +69,11 @@ def squares(grey: Grey) -> list[tuple[int, Array]]:
 
 
 def square_poses(lens: Lens, corners: Array, half: float) -> list[Pose]:
-    """The two poses of a square, `half` a side in m, in OpenCV's camera frame that explain its corners
-    (4, 2), the better first (IPPE)."""
+    """Return the two poses of a square that explain its corners (4, 2), the better first.
+
+    The poses are in OpenCV's camera frame; `half` is half a side, m. The method is IPPE (Collins
+    and Bartoli, 2014), as in OpenCV.
+    """
     cv2: Any = opencv()
     answer: Any = cv2.solvePnPGeneric(
         half * CORNERS, corners, lens.matrix, lens.distortion, flags=cv2.SOLVEPNP_IPPE_SQUARE
@@ -78,7 +87,7 @@ def square_poses(lens: Lens, corners: Array, half: float) -> list[Pose]:
 
 
 def undistort(lens: Lens, pixels: Array) -> Array:
-    """(n, 2) where pixels (n, 2) would be through the same lens without distortion."""
+    """Positions (n, 2) of pixels (n, 2) in a picture without distortion."""
     cv2: Any = opencv()
     there = cv2.undistortPoints(
         pixels.reshape(-1, 1, 2), lens.matrix, lens.distortion, P=lens.matrix
@@ -87,7 +96,7 @@ def undistort(lens: Lens, pixels: Array) -> Array:
 
 
 def remap(pixels: NDArray[np.uint8], source: Array) -> NDArray[np.uint8]:
-    """The picture whose pixel (row, column) is taken at `source` (rows, columns, 2), x and y, of another."""
+    """Resample a picture at the positions `source` (rows, columns, 2), x and y in pixels."""
     cv2: Any = opencv()
     where = source.astype(np.float32)
     how, border = cv2.INTER_CUBIC, cv2.BORDER_REPLICATE
@@ -95,13 +104,13 @@ def remap(pixels: NDArray[np.uint8], source: Array) -> NDArray[np.uint8]:
 
 
 def blur_picture(pixels: NDArray[np.uint8], sigma: float) -> NDArray[np.uint8]:
-    """A picture out of focus by `sigma` pixels."""
+    """Blur a picture by a Gaussian of `sigma` pixels."""
     cv2: Any = opencv()
     return np.asarray(cv2.GaussianBlur(pixels, (0, 0), sigma))
 
 
 def sharpness(picture: NDArray[np.uint8]) -> float:
-    """Variance of a picture's Laplacian, which a motion or a lens out of focus makes small."""
+    """Variance of a picture's Laplacian; motion blur and defocus reduce it."""
     cv2: Any = opencv()
     return float(np.var(cv2.Laplacian(picture, cv2.CV_64F)))
 
@@ -117,6 +126,7 @@ def frames(source: int | str) -> Iterator[NDArray[np.uint8]]:
     try:
         if not capture.isOpened():
             raise Unavailable(f"OpenCV cannot open the camera or video '{source}'")
+        # Skip the first frames of a camera until its exposure settles.
         for _ in range(WARM_UP if isinstance(source, int) else 0):
             capture.read()
         while True:
@@ -132,35 +142,45 @@ def _dictionary(cv2: Any) -> Any:
     return cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
 
 
-# Tags in a picture. A corner is where two sides meet: lines through their edges, each point of
-# which is found to a fraction of a pixel across the side, in the picture without the lens's
-# distortion, where sides are straight.
+# Subpixel corners: intersections of lines through the edges of a tag. Edge points are located
+# across each side, to a fraction of a pixel, in the undistorted picture where sides are straight.
 
 
 ALONG = np.linspace(0.12, 0.88, 32)
-"""Places along a side, as shares of it: at its ends the next side is near."""
+"""Shares of a side at which its edge is sampled. Near the ends the next side interferes."""
 ACROSS = np.arange(-2.5, 2.6, 0.25)
-"""Pixels out of the square at which a picture is read. An edge out of focus by a pixel is within them."""
+"""px. Sample positions across a side. The range contains an edge blurred by a pixel."""
 NEXT = 0.6
-"""Of a module, to either side of an edge: beyond are the next ones."""
+"""Modules. Maximum sample distance to either side of an edge, before the next module."""
 FAINT = 1e-6
-"""Weight of a place without an edge: there a side is where it was."""
+"""Minimum weight of an edge sample. Without an edge, the side stays in place."""
 ROUNDS, DONE = 6, 0.03
-"""Searches of the edges, each along sides that are nearer to where they should be, until none moves a corner by
-more than these pixels: two, but where a corner was taken for one of the paper."""
+"""Searches and pixels. Each search starts at the last sides and ends when no corner moves by more
+than `DONE`. Two suffice, unless a corner of the paper was detected instead.
+"""
 STRAIGHT = 0.3
-"""Pixels, rms, of a side's edge from its line. It is below 0.1, and above 0.4 where a part is another thing's."""
+"""px. Maximum rms deviation of a side from its line. It is below 0.1 for a tag and above 0.4 for
+partly occluded sides.
+"""
 FARTHEST = 1.5
-"""Modules from where a corner was found roughly: at the paper's corner, at most."""
+"""Modules. Maximum distance from the coarse corner, which is at most at the corner of the paper."""
 
 
 def detect(grey: Grey, lens: Lens) -> list[tuple[int, Array]]:
-    """Tags in a picture through a lens: number and corners (4, 2), pixels, clockwise from the upper left as printed."""
+    """Detect tags with subpixel corners through a lens.
+
+    Returns:
+        Number and corners (4, 2) of each tag, pixels, clockwise from the upper left as printed.
+    """
     return [(number, _fine(grey, rough, lens)) for number, rough in squares(grey)]
 
 
 def _fine(grey: Grey, rough: Array, lens: Lens) -> Array:
-    """Corners (4, 2) by the edges near rough ones, which stay where these are not straight, or lead elsewhere."""
+    """Refine coarse corners (4, 2) by the edges next to them.
+
+    The coarse corners stay where an edge is not straight or the refinement moves too far.
+    """
+    # Repeat the search until the corners converge.
     fine, bent = rough, 0.0
     for _ in range(ROUNDS):
         before = fine
@@ -172,47 +192,62 @@ def _fine(grey: Grey, rough: Array, lens: Lens) -> Array:
 
 
 def _module(corners: Array) -> float:
-    """Pixels of a module along the shortest side."""
+    """Size of a module on the shortest side, pixels."""
     sides = np.roll(corners, -1, axis=0) - corners
     return float(np.linalg.norm(sides, axis=1).min()) / MODULES
 
 
 def _refine_corners(grey: Grey, corners: Array, lens: Lens) -> tuple[Array, float]:
-    """Corners (4, 2) of a square by its edges near where they are believed to be, and pixels by which the least
-    straight one is not."""
+    """Refine the corners (4, 2) of a square once.
+
+    Returns:
+        The corners, and the largest rms deviation of edge points from their line, pixels.
+    """
     sides = np.roll(corners, -1, axis=0) - corners
+    # Outward unit normals of the four sides.
     outward = np.stack([sides[:, 1], -sides[:, 0]], axis=1)
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+    # Sample the picture along each normal, within the adjacent modules.
     near = ACROSS[np.abs(ACROSS) <= max(1.0, NEXT * _module(corners))]
     places = corners[:, None] + ALONG[:, None] * sides[:, None]
     read = places[:, :, None] + near[:, None] * outward[:, None, None]
     light = remap(grey, read.reshape(-1, len(near), 2)).reshape(*read.shape[:3]).astype(float)
-    # Black within, white without: the edge is the middle of the rise, weighted by its square.
+    # The edge is the centroid of the squared brightness gradient from black to white.
     rise = np.maximum(np.diff(light), 0.0) ** 2
     weight = rise.sum(axis=2)
     middle = (rise @ ((near[1:] + near[:-1]) / 2)) / np.maximum(weight, FAINT)
     points = places + middle[..., None] * outward[:, None]
+    # Fit lines in the undistorted picture and distort their intersections.
     straight = undistort(lens, points.reshape(-1, 2)).reshape(points.shape)
     meetings, bent = _meetings(straight, np.sqrt(weight) + FAINT)
     return _distort(lens, meetings), bent
 
 
 def _meetings(points: Array, weights: Array) -> tuple[Array, float]:
-    """(4, 2) where each line meets the one before it, total least squares through points (4, n, 2), and the largest
-    deviation of points from a line, rms."""
+    """Fit a line to each side by total least squares and intersect adjacent lines.
+
+    Args:
+        points: (4, n, 2) edge points, pixels.
+        weights: (4, n) their weights.
+
+    Returns:
+        The intersections (4, 2), and the largest rms deviation of points from a line.
+    """
+    # Weighted centroid of each side.
     weights = weights / weights.sum(axis=1, keepdims=True)
     centres = np.einsum("ij,ijk->ik", weights, points)
     off = points - centres[:, None]
-    # The normal is the direction of least spread.
+    # The normal of a line is the eigenvector of the smallest eigenvalue of the scatter matrix.
     spread, axes = np.linalg.eigh(np.einsum("ij,ijk,ijl->ikl", weights, off, off))
     normals = axes[..., 0]
     offsets = np.einsum("ij,ij->i", normals, centres)
+    # Each corner solves the equations n·x = d of two adjacent lines.
     lines = np.stack([np.roll(normals, 1, axis=0), normals], axis=1)
     right = np.stack([np.roll(offsets, 1), offsets], axis=1)[..., None]
     return np.linalg.solve(lines, right)[..., 0], float(np.sqrt(spread[:, 0].max(initial=0.0)))
 
 
 def _distort(lens: Lens, pixels: Array) -> Array:
-    """(n, 2) where pixels (n, 2) of the lens without distortion are seen through it."""
+    """Distort pixels (n, 2) of an ideal pinhole by the lens."""
     rays = np.column_stack([pixels, np.ones(len(pixels))]) @ np.linalg.inv(lens.matrix).T
     return lens.project(rays)

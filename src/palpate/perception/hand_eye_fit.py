@@ -1,4 +1,4 @@
-"""Hand-eye calibration by least squares, with the errors of the arm as unknowns."""
+"""Hand-eye calibration by least squares, with the kinematic errors of the arm as unknowns."""
 
 from __future__ import annotations
 
@@ -20,25 +20,36 @@ from palpate.robots.nominal import NominalArm
 from palpate.trace.samples import STANDARD_GRAVITY
 
 ZEROS = 1e-3
-"""rad (1 sigma), of the encoders' zeros: uncalibrated Pandas are off by up to the order of 10 mm, calibrated
-ones by 0.2 mm (Franzese, Spahn, Kober, Della Santina, 2025, arXiv:2503.12584)."""
+"""rad. Standard deviation of the encoder zeros. Uncalibrated Panda arms have errors of up to about
+10 mm, calibrated ones 0.2 mm (Franzese, Spahn, Kober, Della Santina, 2025, arXiv:2503.12584).
+"""
 GIVES = 2e-5
-"""rad per N m (1 sigma), by which a joint gives way beyond its encoder under the arm's weight: joints of 7000 N m/rad
-(franka_description), of which the arm's own computation of its angles leaves a seventh."""
+"""rad/(N m). Standard deviation of the joint compliance that the encoder does not measure. The
+joint stiffness is 7000 N m/rad (franka_description). The arm's own angle computation leaves a
+seventh of its deflection.
+"""
 LINKS = 3e-4
-"""m (1 sigma): by which the place of a link in the one before is off, along each axis."""
+"""m. Standard deviation of a link's position in its parent, along each axis."""
 BENT = 1e-4
-"""m (1 sigma), what nothing else of the arm explains, such as links that bend."""
+"""m. Standard deviation of errors outside this model, such as link bending."""
 LEVER = 0.5
-"""m: an arm that is off by its repeatability at the hand is turned by this part of it."""
+"""m. Ratio of the position error at the hand to its rotation error."""
 STDS = np.repeat([ZEROS, GIVES, LINKS], [7, 7, 21])
-"""(35,) of the errors: rad, rad per N m, m."""
+"""(35,) standard deviations of the kinematic errors: rad, rad/(N m), m."""
 
 
 def stances(arm: RobotDescription, q: Array) -> tuple[list[Pose], Array]:
-    """Poses of the TCP in the base's frame at configurations (n, 7), and Jacobians (n, 6, 35) by the errors, along
-    the base's axes."""
+    """Forward kinematics with Jacobians by the kinematic errors.
+
+    Args:
+        arm: the arm.
+        q: (n, 7) configurations, rad.
+
+    Returns:
+        The TCP poses in the base frame, and Jacobians (n, 6, 35) along the axes of the base.
+    """
     nominal = NominalArm(arm, Pose.of([0, 0, 0]), np.array([0.0, 0.0, -STANDARD_GRAVITY]))
+    # A compliance error of a joint acts like an encoder error, in proportion to the gravity torque.
     at = nominal.kinematics(q)
     gives = at.jacobian * at.gravity_torque[:, None]
     offsets = np.pad(nominal.offsets(q), ((0, 0), (0, 3), (0, 0)))
@@ -47,7 +58,10 @@ def stances(arm: RobotDescription, q: Array) -> tuple[list[Pose], Array]:
 
 
 def twist_jacobian(point: Array) -> Array:
-    """(6, 6) step of a pose at a point (3,), m and rad, by a twist about the origin."""
+    """Jacobian (6, 6) of the pose step at a point (3,) by a twist about the origin (m, rad).
+
+    δp = v + ω × p and δφ = ω for the twist (v, ω).
+    """
     x, y, z = point
     found = np.eye(6)
     found[:3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
@@ -55,61 +69,71 @@ def twist_jacobian(point: Array) -> Array:
 
 
 def residual_std(repeatability: float) -> Array:
-    """(6,) standard deviations, m and rad, of what is left of an error of the hand that differs at every pose."""
+    """Standard deviations (6,) of the random pose error of the hand, m and rad.
+
+    This error is independent at every pose: repeatability and unmodelled bending.
+    """
     place = math.hypot(repeatability, BENT)
     return np.repeat([place, place / LEVER], 3)
 
 
 def uncertainty(arm: RobotDescription, q: Array, lever: Array) -> Array:
-    """(6, 6) covariance of the pose, along the base's axes, of what the hand carries at `lever` (3,), m from
-    the TCP, along the same, in configuration `q` (7,)."""
+    """Covariance (6, 6) of the pose of a point on the hand, along the axes of the base.
+
+    Args:
+        arm: the arm.
+        q: (7,) configuration, rad.
+        lever: (3,) vector from the TCP to the point, m, along the axes of the base.
+    """
+    # Sum of the systematic kinematic errors and the random pose error, both moved to the point.
     way = twist_jacobian(lever)
     moves = way @ stances(arm, q[None])[1][0] * STDS
     rest = way * residual_std(arm.nominal.pose_repeatability)
     return moves @ moves.T + rest @ rest.T
 
 
-# Hand-eye calibration: pose of a camera, from pictures of one tag in many poses of the arm, by one
-# least-squares fit, and the poses that make it surest.
+# Hand-eye calibration: camera pose from pictures of one tag at many arm poses, and the selection of
+# the most informative poses.
 
 
 FEWEST = 6
-"""Pictures: with fewer, one that is odd is not found."""
+"""Minimum number of pictures. With fewer, a single outlier is not identifiable."""
 MOST_REFUSED = 0.4
-"""Share of the pictures that may not fit."""
+"""Maximum share of rejected pictures."""
 ODD = 30.0
-"""χ² of 8 residuals above which a picture does not fit: one in 5000 by chance."""
+"""χ² of 8 residuals above which a picture is rejected; probability 1 in 5000 without a fault."""
 LOUD = 5.0
-"""Pixels: more noise than pictures of a tag can have."""
+"""px. Maximum plausible noise of tag corners."""
 ROUNDS = 3
-"""Fits, each with the noise that the last one shows."""
+"""Number of fits, each with the noise estimated by the last one."""
 ARM = 14
-"""Unknowns before the arm's: camera 6, tag 6, logarithms of focal length and of the tag's size."""
+"""Number of unknowns before those of the arm: camera 6, tag 6, log focal length, log tag size."""
 ZOOM, SIZE = 12, 13
 MEASURED = 5e-4
-"""Relative: least standard deviation of a tag's size. Black is seen 0.01 pixel too wide to either side in rendered
-pictures, of 40."""
+"""Relative. Lower bound of the standard deviation of a tag's size. In rendered pictures, a black
+square of 40 px appears 0.01 px too wide on either side.
+"""
 CAMERA = [*range(6), ZOOM]
-"""Indices of the unknowns of the camera with its lens."""
+"""Indices of the unknowns of camera and lens."""
 STEP = 1e-6
-"""m or rad: of derivatives."""
+"""m or rad. Step of finite differences."""
 
 
 @dataclass(frozen=True, eq=False)
 class CalibrationViews:
-    """Poses of the arm from which a tag is seen.
+    """Arm poses of the pictures of one tag.
 
     Attributes:
-        hands: pose of the hand in the base's frame, of each.
-        jacobians: (n, 6, k) of the hand, along the base's axes, by zeros of encoders, rad, then, if any, by
-            how joints give way, rad per N m, and by places of links, m.
-        frame: (6, k), A: twist about the base's origin, m and rad, per unit of these.
-        half: half a side of the tag's black square, m.
-        size_std: its relative standard deviation.
-        lens: as its owner has it.
-        mount: where the camera is believed to be, in the base's frame, or, `on_hand`, in the hand's.
-        on_hand: the camera is on the hand and the tag stands still; else the other way round.
-        repeatability: m, 1 sigma, of the hand's place along each axis.
+        hands: pose of the hand in the base frame, for each picture.
+        jacobians: (n, 6, k) of the hand pose, along the base axes, by encoder zeros (rad).
+            Optionally also by joint compliances (rad/(N m)) and link positions (m).
+        frame: (6, k) matrix A: twist about the base origin (m, rad) per unit of these.
+        half: half the side of the tag's black square, m.
+        size_std: relative standard deviation of the tag's size.
+        lens: the lens as specified by its owner.
+        mount: prior of the camera pose, in the base frame, or in the hand frame if `on_hand`.
+        on_hand: the camera is on the hand and the tag is static; otherwise the reverse.
+        repeatability: standard deviation of the hand position along each axis, m.
     """
 
     hands: Sequence[Pose]
@@ -124,22 +148,28 @@ class CalibrationViews:
 
     @property
     def unknowns(self) -> int:
-        """Number of unknowns of the fit."""
+        """Number u of unknowns of the fit."""
         return ARM + self.jacobians.shape[2]
 
     @property
     def camera(self) -> Pose:
-        """Believed pose of the camera, OpenCV's frame."""
+        """Prior pose of the camera in OpenCV's frame."""
         return self.mount.pose_world_camera @ FACING
 
     def some(self, indices: Sequence[int]) -> CalibrationViews:
-        """Some of the views."""
+        """Select views by index."""
         hands = [self.hands[i] for i in indices]
         return replace(self, hands=hands, jacobians=self.jacobians[indices])
 
     def at(self, tag: Pose, step: Array, error: Array | None = None) -> Array:
-        """(n, 4, 2) corners in each picture, pixels, with the unknowns a `step` from where camera and
-        `tag` are believed to be; `error` (6,) of the hand's poses, m and rad along the base's axes."""
+        """Project the corners (n, 4, 2) of the tag into each picture, pixels.
+
+        Args:
+            tag: prior pose of the tag.
+            step: (u,) unknowns, relative to the priors of camera and tag.
+            error: (6,) additional error of the hand poses, m and rad along the base axes.
+        """
+        # Apply the steps of camera and tag, and the kinematic errors of the arm.
         camera, tag = move_pose(self.camera, step[:6]), move_pose(tag, step[6:12])
         off = self.jacobians @ step[ARM:] + (np.zeros(6) if error is None else error)
         local = self.local(camera, tag, math.exp(step[SIZE]), off)
@@ -149,11 +179,20 @@ class CalibrationViews:
     def local(
         self, camera: Pose, tag: Pose, larger: float = 1.0, off: Array | None = None
     ) -> Array:
-        """(n, 4, 3) corners in OpenCV's camera frame, m; the hand is `off` (n, 6)."""
+        """Corners (n, 4, 3) in OpenCV's camera frame, m.
+
+        Args:
+            camera: pose of the camera.
+            tag: pose of the tag.
+            larger: factor of the tag's size.
+            off: (n, 6) pose errors of the hands.
+        """
+        # Corners in the frame of the tag's side of the kinematic chain.
         x = tag.position + (larger * self.half * CORNERS) @ tag.rotation.T
         turn, place = self._arrays
         if off is not None:
             place = place + off[:, :3]
+        # Transform to the frame of the camera's side: into the hand frame, or from it to the base.
         if self.on_hand:
             rows = _rotate_points(x - place[:, None], None if off is None else -off[:, 3:]) @ turn
         else:
@@ -163,12 +202,14 @@ class CalibrationViews:
 
     @cached_property
     def _arrays(self) -> tuple[Array, Array]:
-        """Rotations (n, 3, 3) and places (n, 3), m, of the hands."""
+        """Rotations (n, 3, 3) and positions (n, 3) of the hands, m."""
         turn = np.array([hand.rotation for hand in self.hands])
         return turn, np.array([hand.position for hand in self.hands])
 
     def scatter(self, tag: Pose, step: Array) -> Array:
-        """(n, 8, 8) covariance of a picture's corners by the arm's error, pixels²."""
+        """Covariance (n, 8, 8) of the corners of each picture due to the random arm error, pixels²."""
+        # Finite differences of the corners by each component of the hand pose, scaled by its
+        # standard deviation.
         base, columns = self.at(tag, step), list[Array]()
         for i, size in enumerate(residual_std(self.repeatability)):
             off = self.at(tag, step, STEP * np.eye(6)[i]) - base
@@ -177,8 +218,9 @@ class CalibrationViews:
         return b @ b.transpose(0, 2, 1)
 
     def prior(self) -> Array:
-        """(u, u) information about the u unknowns before any picture."""
+        """Prior information matrix (u, u) of the unknowns."""
         found = np.zeros((self.unknowns, self.unknowns))
+        # Camera, focal length, tag size and kinematic errors have priors; the tag pose has none.
         found[:6, :6] = np.linalg.inv(self.mount.covariance[:6, :6])
         found[ZOOM, ZOOM] = self.lens.focal_std**-2
         found[SIZE, SIZE] = max(self.size_std, MEASURED) ** -2
@@ -186,26 +228,35 @@ class CalibrationViews:
         return found
 
     def wanted(self) -> Array:
-        """(7, u) from a step of the u unknowns to one of the camera in the frame of the poses reported, and of
-        the focal length."""
+        """Matrix (7, u) from the unknowns to the step of the reported camera pose and log focal
+        length.
+
+        The reported pose is relative to the nominal base. For a static camera, the mean arm error
+        is therefore subtracted.
+        """
         found = np.eye(self.unknowns)[CAMERA]
         if not self.on_hand:
             found[:6, ARM:] = -twist_jacobian(self.camera.position) @ self.frame
         return found
 
     def information(self, tag: Pose) -> Array:
-        """(n, u, u) information about the u unknowns that each picture would give."""
+        """Fisher information (n, u, u) about the unknowns in each picture.
+
+        I = Jᵀ C⁻¹ J with the corner Jacobian J and the corner covariance C.
+        """
         here = np.zeros(self.unknowns)
+        # Jacobian of the corners by finite differences.
         base, columns = self.at(tag, here), list[Array]()
         for step in STEP * np.eye(self.unknowns):
             columns.append((self.at(tag, step) - base).reshape(-1, 8) / STEP)
         jacobian = np.stack(columns, axis=2)
+        # Corner covariance: random arm error and detection noise.
         noise = self.scatter(tag, here) + NOISE**2 * np.eye(8)
         return jacobian.transpose(0, 2, 1) @ np.linalg.solve(noise, jacobian)
 
 
 def _rotate_points(points: Array, vectors: Array | None) -> Array:
-    """(n, m, 3) points turned about the origin by small rotation vectors (n, 3), to second order."""
+    """Rotate points (n, m, 3) by small rotation vectors (n, 3), to second order."""
     if vectors is None:
         return points
     once = np.cross(vectors[:, None], points)
@@ -213,20 +264,30 @@ def _rotate_points(points: Array, vectors: Array | None) -> Array:
 
 
 def frame_of(hands: Sequence[Pose], jacobians: Array) -> Array:
-    """(6, 7), A: the twist about the origin nearest to how joints (7,) move the hand in n poses, least squares
-    over its places."""
+    """Least-squares twist (6, 7) of the base per joint error, matrix A.
+
+    The twist about the origin best reproduces the hand translations by the joints (7,) in n poses.
+    """
+    # Solve for the rigid motion of the whole base that explains the hand translations.
     rigid = np.concatenate([twist_jacobian(hand.position)[:3] for hand in hands])
     found = np.linalg.lstsq(rigid, jacobians[:, :3].reshape(3 * len(hands), -1))[0]
     return np.asarray(found, dtype=float)
 
 
 def surest(views: CalibrationViews, tag: Pose, count: int) -> list[int]:
-    """Indices of `count` views of a tag believed at `tag`, each the one that makes the camera's place surest
-    beside those before (A-optimal, greedily)."""
+    """Select `count` views by greedy A-optimal design.
+
+    Each view minimises the trace of the camera position covariance, given the views before it.
+
+    Returns:
+        The indices of the views in order of selection.
+    """
+    # Prior: camera, lens and arm, and the tag pose to 0.1 m and 0.1 rad.
     information, known, wanted = views.information(tag), views.prior(), views.wanted()[:3]
     known[6:12, 6:12] += 100.0 * np.eye(
         6
     )  # the tag is where it is believed to be, to 0.1 m and rad
+    # Add the view with the smallest expected trace, one by one.
     left, chosen = list(range(len(views.hands))), list[int]()
     for _ in range(min(count, len(left))):
         after = wanted @ np.linalg.inv(known + information[left]) @ wanted.T
@@ -239,16 +300,17 @@ def surest(views: CalibrationViews, tag: Pose, count: int) -> list[int]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HandEye:
-    """A calibrated camera.
+    """Result of a camera calibration.
 
     Attributes:
-        mount: pose in the base's frame, or in the hand's, with the (7, 7) covariance of position, m,
-            rotation, rad, and the logarithm of the focal length.
-        lens: with its focal length as calibrated.
+        mount: camera pose in the base or hand frame, with the (7, 7) covariance of position (m),
+            rotation (rad) and log focal length.
+        lens: the lens with its calibrated focal length.
         tag: pose of the tag in the other frame.
-        corners, residuals: (n, 4, 2) pixels, of the pictures that fit.
-        noise: pixels, 1 sigma of a corner's coordinate.
-        refused: indices of the pictures that do not fit.
+        corners: (n, 4, 2) measured corners of the accepted pictures, pixels.
+        residuals: (n, 4, 2) residuals of these corners, pixels.
+        noise: estimated standard deviation of a corner coordinate, pixels.
+        refused: indices of the rejected pictures.
     """
 
     mount: Mount
@@ -261,11 +323,12 @@ class HandEye:
 
 
 def hand_eye(views: CalibrationViews, corners: Sequence[Array]) -> HandEye:
-    """Calibrate a camera by the `corners` (4, 2) of a tag in each picture, pixels.
+    """Calibrate a camera from the tag corners (4, 2) in each picture, pixels.
 
     Raises:
-        InputError: too few pictures, or too many that do not fit.
+        InputError: too few pictures, or too many rejected ones.
     """
+    # Reject the picture with the largest χ² and fit again, until all remaining ones are consistent.
     kept = list(range(len(corners)))
     while len(kept) >= max(FEWEST, math.ceil((1 - MOST_REFUSED) * len(corners))):
         fit = _HandEyeFit(views.some(kept), np.array([corners[i] for i in kept]))
@@ -284,11 +347,13 @@ class _HandEyeFit:
 
     def __init__(self, views: CalibrationViews, seen: Array) -> None:
         self.views, self.seen, self.noise = views, seen, NOISE
+        # Whitening of the priors: square root of their information matrix.
         self.known = [*CAMERA, *range(SIZE, views.unknowns)]
         self.root = np.linalg.cholesky(views.prior()[np.ix_(self.known, self.known)]).T
-        # A square is seen equally well in two poses.
+        # A square has two IPPE poses: fit from both and keep the better one.
         fits = [self._from(tag, np.zeros(views.unknowns)) for tag in self._starts()]
         self.tag, found = min(fits, key=lambda fit: float(fit[1].cost))
+        # Alternate between noise estimate and fit.
         for _ in range(ROUNDS):
             self._learn(found)
             _, found = self._from(self.tag, found.x)
@@ -296,7 +361,7 @@ class _HandEyeFit:
         self.covariance: Array = np.asarray(np.linalg.inv(found.jac.T @ found.jac), dtype=float)
 
     def _starts(self) -> list[Pose]:
-        """Poses of the tag that its largest picture allows."""
+        """Return the initial tag poses from the picture with the largest tag."""
         views = self.views
         largest = int(np.ptp(self.seen, axis=1).prod(axis=1).argmax())
         hand = views.hands[largest]
@@ -304,6 +369,7 @@ class _HandEyeFit:
         return [(hand if views.on_hand else hand.inverse()) @ views.camera @ pose for pose in poses]
 
     def _from(self, tag: Pose, at: Array) -> tuple[Pose, Any]:
+        """Fit from an initial tag pose, with corner residuals whitened at that start."""
         from scipy.optimize import least_squares
 
         self.tag = tag
@@ -313,25 +379,30 @@ class _HandEyeFit:
         return tag, found
 
     def _learn(self, found: Any) -> None:
-        """Scale the noise by what the residuals show; the fit has followed a part of it."""
+        """Scale the noise to the residuals: σ² = (n₀ σ₀² + Σ r²) / (n₀ + ν), in units of the
+        current noise.
+
+        The degrees of freedom ν are the residuals minus the unknowns.
+        """
         squares = float(np.sum(self.residuals(found.x)[: self.seen.size] ** 2))
         left = max(1, self.seen.size - self.views.unknowns)
         scale = (BELIEVED * (NOISE / self.noise) ** 2 + squares) / (BELIEVED + left)
         self.noise = max(FLOOR, self.noise * math.sqrt(scale))
 
     def residuals(self, at: Array) -> Array:
-        """All residuals, in standard deviations: 8 of each picture, then the priors'."""
+        """All residuals in standard deviations: 8 per picture, then those of the priors."""
         off = self.off(at).reshape(-1, 8)
         return np.concatenate(
             [np.einsum("nij,nj->ni", self.white, off).ravel(), self.root @ at[self.known]]
         )
 
     def off(self, at: Array) -> Array:
-        """(n, 4, 2) pixels between the corners as seen and as fitted."""
+        """Residuals (n, 4, 2) of the fitted corners, pixels."""
         return self.views.at(self.tag, at) - self.seen
 
     def result(self, refused: tuple[int, ...]) -> HandEye:
-        """Result at the minimum."""
+        """Return the calibration at the minimum."""
+        # Transform the step and the covariance of the unknowns to the reported camera pose.
         wanted = self.views.wanted()
         camera = move_pose(self.views.camera, (wanted @ self.at)[:6])
         tag = move_pose(self.tag, self.at[6:12])

@@ -1,14 +1,15 @@
-"""A camera's lens: pinhole with OpenCV's distortion, and the file that states it.
+"""Lens of a camera: pinhole with OpenCV's distortion, and its intrinsics file.
 
     {fx: 915.2, fy: 914.8, cx: 639.1, cy: 361.7, size: [1280, 720],   # pixels
      distortion: [k1, k2, p1, p2, k3], focal_std: 0.002,              # focal length's relative error
      pose: {pos: [...], quat: [...], covariance: [[...], ...]}}       # in the world, where it is known
 
-A camera on the hand has `on_hand: true` in its `pose`, which is then in the TCP's frame, and, where it does not
-look from home, the `joints` at which its pictures are taken, rad.
+A camera on the hand has `on_hand: true` in its `pose`, which is then in the TCP's frame. It may
+state the `joints` of its pictures, rad, if these are not taken from home.
 
 The calibration file of ROS's camera_calibration (`camera_matrix`, `distortion_coefficients`,
-`image_width`, `image_height`) is read as well. Pixels are OpenCV's: the first one's middle is (0, 0).
+`image_width`, `image_height`) is supported too. Pixel coordinates are OpenCV's: the centre of the
+first pixel is (0, 0).
 """
 
 from __future__ import annotations
@@ -27,22 +28,25 @@ from palpate.scene.camera import Camera
 from palpate.scene.poses import Covariance, Quaternion, Vector
 
 MAX_BYTES = 100_000
-"""Largest file of a lens."""
+"""Maximum size of an intrinsics file, bytes."""
 FOCAL_STD = 0.002
-"""Relative error of a focal length, 1 sigma, where the file does not say: about what a calibration with
-a board repeats to."""
+"""Relative. Default standard deviation of a focal length: about the repeatability of a calibration
+with a board.
+"""
 FACING = Pose.of((0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0))
-"""OpenCV's camera frame (z along the view, y down) in MuJoCo's (view along -z, y up), and back."""
+"""Rotation between OpenCV's camera frame (z along the view, y down) and MuJoCo's (view along -z, y
+up).
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lens:
-    """A lens.
+    """Intrinsics of a camera.
 
     Attributes:
-        matrix: (3, 3) of the pinhole, pixels.
+        matrix: (3, 3) pinhole matrix, pixels.
         size: width and height, pixels.
-        distortion: (5,) k1, k2, p1, p2, k3 of OpenCV.
+        distortion: (5,) coefficients k1, k2, p1, p2, k3 of OpenCV.
         focal_std: relative standard deviation of the focal length.
     """
 
@@ -53,37 +57,44 @@ class Lens:
 
     @classmethod
     def of(cls, camera: Camera) -> Lens:
-        """Lens of a pinhole camera as MuJoCo has it."""
+        """Lens of a MuJoCo pinhole camera."""
         middle = (camera.width - 1) / 2, (camera.height - 1) / 2
         return cls(pinhole(camera.focal, *middle), (camera.width, camera.height))
 
     def zoom_lens(self, zoom: float) -> Lens:
-        """The lens with the focal length times `zoom`."""
+        """Return the lens with the focal length times `zoom`."""
         factors = np.array([[zoom, 1, 1], [1, zoom, 1], [1, 1, 1]])
         return replace(self, matrix=self.matrix * factors)
 
     def project(self, points: Array, zoom: float = 1.0) -> Array:
-        """Pixels (n, 2) of points (n, 3) m in OpenCV's camera frame, with the focal length times `zoom`."""
+        """Project points (n, 3), m, in OpenCV's camera frame to pixels (n, 2).
+
+        The focal length is multiplied by `zoom`. The distortion is the Brown-Conrady model of
+        OpenCV.
+        """
+        # Normalised image coordinates.
         x, y = points[:, 0] / points[:, 2], points[:, 1] / points[:, 2]
         k1, k2, p1, p2, k3 = self.distortion
+        # Radial distortion 1 + k1 r² + k2 r⁴ + k3 r⁶, then tangential distortion by p1 and p2.
         r2 = x * x + y * y
         radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
         u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
         v = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+        # Pinhole projection to pixels.
         (fx, _, cx), (_, fy, cy), _ = self.matrix
         return np.column_stack([zoom * fx * u + cx, zoom * fy * v + cy])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mount:
-    """Believed pose of a camera.
+    """Prior of a camera pose.
 
     Attributes:
-        pose_world_camera: MuJoCo's camera frame; of a camera on the hand in the TCP's frame.
-        covariance: (6, 6) of position, m, and rotation, rad, along the axes of that frame; (7, 7) of one that was
-            calibrated with its lens: also of the logarithm of the focal length.
-        on_hand: it is on the hand.
-        joints: (7,) rad, at which a camera on the hand takes its pictures; None at home.
+        pose_world_camera: in MuJoCo's camera frame; for a camera on the hand, in the TCP's frame.
+        covariance: (6, 6) of position (m) and rotation (rad) along the axes of that frame. (7, 7)
+            with the log focal length, if the camera was calibrated with its lens.
+        on_hand: the camera is on the hand.
+        joints: (7,) rad, configuration of the pictures of a camera on the hand; None for home.
     """
 
     pose_world_camera: Pose
@@ -92,14 +103,14 @@ class Mount:
     joints: Array | None = None
 
     def within(self, frame: Pose) -> Mount:
-        """The same of a frame with this pose."""
+        """Transform the mount from a frame at this pose to its parent frame."""
         turn = np.eye(len(self.covariance))
         turn[:3, :3] = turn[3:6, 3:6] = frame.rotation
         return Mount(frame @ self.pose_world_camera, turn @ self.covariance @ turn.T)
 
 
 def pinhole(focal: float, cx: float, cy: float) -> Array:
-    """(3, 3) matrix of a pinhole with square pixels."""
+    """Matrix (3, 3) of a pinhole with square pixels."""
     return np.array([[focal, 0.0, cx], [0.0, focal, cy], [0.0, 0.0, 1.0]])
 
 
@@ -139,7 +150,7 @@ class _Lens(Section):
     @model_validator(mode="before")
     @classmethod
     def _of_ros(cls, content: Any) -> Any:
-        """Translate the file of ROS's camera_calibration."""
+        """Translate a file of ROS's camera_calibration."""
         if not isinstance(content, dict) or "camera_matrix" not in content:
             return cast("Any", content)
         content = cast("dict[str, Any]", content)
@@ -159,16 +170,17 @@ class _Lens(Section):
 
 
 def read_lens(path: Path) -> tuple[Lens, Mount | None]:
-    """Read a lens, and where its camera is if the file says it.
+    """Read a lens and, if stated, the pose of its camera.
 
     Raises:
-        InputError: unreadable, or not of this form.
+        InputError: the file is unreadable or not of this form.
     """
     content = plain_yaml(read_text(path, MAX_BYTES, "a camera's intrinsics"), str(path))
     try:
         read = _Lens.model_validate(content)
     except ValidationError as error:
         raise InputError(f"{path}: {describe_error(error, _Lens)}") from None
+    # Missing distortion coefficients are zero.
     matrix = np.array([[read.fx, 0.0, read.cx], [0.0, read.fy, read.cy], [0.0, 0.0, 1.0]])
     distortion = np.array([*read.distortion, *[0.0] * (5 - len(read.distortion))])
     lens = Lens(matrix, read.size, distortion, read.focal_std)

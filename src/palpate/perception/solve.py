@@ -1,4 +1,4 @@
-"""Least-squares fit of camera and objects to all corners of tags (bundle adjustment)."""
+"""Bundle adjustment: least-squares fit of camera and object poses to all tag corners."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from palpate.robots.trajectory import rotation_vector
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnknownBody:
-    """A body whose pose, or height, is an unknown of the fit.
+    """Body with an unknown pose or height in the fit.
 
     Attributes:
-        name: of its body.
-        pose_world: where the scene has it.
-        support: the surface that it stands on in the scene, if any.
-        is_surface: its height alone is open.
+        name: name of the body.
+        pose_world: its pose in the scene.
+        support: the surface under it in the scene, if any.
+        is_surface: only its height is unknown.
     """
 
     name: str
@@ -35,11 +35,11 @@ class UnknownBody:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimated:
-    """Pose of a thing by an estimator.
+    """Pose of a body by an external estimator.
 
     Attributes:
         pose_camera: in OpenCV's camera frame.
-        covariance: (6, 6) of position, m, and rotation, rad, along the camera's axes.
+        covariance: (6, 6) of position (m) and rotation (rad) along the axes of the camera.
     """
 
     pose_camera: Pose
@@ -48,13 +48,15 @@ class Estimated:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """Corners in the picture, and what is known of lens, tags, things and camera.
+    """Measured corners, with the prior knowledge of lens, tags, bodies and camera.
 
     Attributes:
-        seen: corners (4, 2) of each tag in the picture, pixels.
-        tags: that the scene states.
-        things: by name; what is not in it stands where the scene has it.
-        estimates: of objects, by name.
+        lens: the lens.
+        seen: measured corners (4, 2) of each tag, pixels.
+        tags: tags of the scene by number.
+        things: bodies with unknown poses by name; all others stay at their scene poses.
+        mount: prior of the camera pose, if any.
+        estimates: external pose estimates of objects by name.
     """
 
     lens: Lens
@@ -65,20 +67,26 @@ class Problem:
     estimates: Mapping[str, Estimated] = field(default_factory=dict[str, Estimated])
 
     def without(self, odd: Outliers) -> Problem:
-        """The problem without some tags and estimates, and with things that stand on nothing known."""
+        """Return the problem without the outlying tags and estimates.
+
+        Leaning bodies lose the prior of their support.
+        """
         seen = {number: where for number, where in self.seen.items() if number not in odd.tags}
         loose = {name: replace(self.things[name], support=None) for name in odd.leaning}
         kept = {name: one for name, one in self.estimates.items() if name not in odd.estimates}
         return replace(self, seen=seen, things={**self.things, **loose}, estimates=kept)
 
     def place(self, tag: SceneTag, pose: Pose | None) -> Pose:
-        """Pose of a tag in the world if its thing has this pose."""
+        """Pose of a tag in the world for a given pose of its body."""
         if pose is None:
             return tag.pose_world
         return pose @ self.things[tag.body].pose_world.inverse() @ tag.pose_world
 
     def pixels(self, camera: Pose, points: Array, zoom: float = 1.0) -> Array:
-        """(n, 2) pixels of points (n, 3) in the world; what is behind the camera is far away."""
+        """Project points (n, 3) in the world to pixels (n, 2).
+
+        Points behind the camera are projected from a depth of 1 mm, far outside the picture.
+        """
         local = (points - camera.position) @ camera.rotation
         local[:, 2] = np.maximum(local[:, 2], 1e-3)
         return self.lens.project(local, zoom)
@@ -86,8 +94,13 @@ class Problem:
 
 @dataclass(frozen=True, slots=True)
 class Outliers:
-    """Outliers: tags, things that do not stand as the scene has them, and things whose estimate
-    their tags contradict."""
+    """Data that contradict the fit.
+
+    Attributes:
+        tags: numbers of outlying tags.
+        leaning: bodies that violate the prior of their support.
+        estimates: bodies whose external estimate contradicts their tags.
+    """
 
     tags: tuple[int, ...] = ()
     leaning: tuple[str, ...] = ()
@@ -104,41 +117,46 @@ class Outliers:
         )
 
 
-# Poses of camera and things by one least-squares fit of all tags' corners (bundle adjustment).
+# Joint least-squares fit of camera and bodies to all tag corners (bundle adjustment).
 
 
 NOISE, BELIEVED = 0.15, 4.0
-"""Pixels, 1 sigma of a corner's coordinate before any is seen, and the residuals that this counts for;
-corners of rendered tags are off by 0.07, and in photographs two ways to find them differ by 0.15."""
+"""px and residuals. Prior standard deviation of a corner coordinate, and the number of residuals
+that this prior counts for. Corners of rendered tags have errors of 0.07 px. In photographs, two
+detection methods differ by 0.15 px.
+"""
 FLOOR = 0.05
-"""Pixels: least noise that residuals may show."""
+"""px. Lower bound of the estimated noise."""
 GLUED = 3e-4
-"""m: error of a tag's place on a thing, along its sides, 1 sigma; a ruler has no better."""
+"""m. Standard deviation of a tag's position on a body, along each side. A ruler is no more
+accurate.
+"""
 UPRIGHT, LEVEL = np.radians(0.5), 0.001
-"""rad and m: tilt and height of a thing that stands on a surface, against the scene's, 1 sigma."""
+"""rad and m. Standard deviations of the tilt and height of a supported body, relative to the scene.
+"""
 OPEN = 0.3
-"""m: height of a surface that the scene leaves open, 1 sigma about what is believed."""
+"""m. Standard deviation of an unknown surface height about its believed value."""
 LOOSE = np.radians(10.0)
-"""rad: tilt, 1 sigma, that decides between the two poses that a single square allows."""
+"""rad. Standard deviation of the tilt that selects one of the two poses of a single square."""
 MOST_REFUSED = 4
-"""Tags and things, one after the other, that a look gives up."""
+"""Maximum number of outlier rejections per picture."""
 OUTLIER = 4.5
-"""Standard deviations at which a thing does not stand as the scene has it, or a tag does not fit."""
+"""Standard deviations. Threshold for an outlying tag, estimate or support."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """Poses and covariances by the fit, and what did not fit.
+    """Poses and covariances of the fit, with the rejected data.
 
     Attributes:
-        poses: pose of each thing in the world.
-        covariances: (6, 6) of position, m, and rotation, rad, along the world's axes.
+        poses: pose of each body in the world.
+        covariances: (6, 6) of position (m) and rotation (rad) along the axes of the world.
         pose_world_camera: in OpenCV's frame.
-        zoom: focal length over the lens's own.
-        noise: pixels, 1 sigma of a corner's coordinate.
-        refused: tags that do not fit.
-        tilted: things that do not stand as the scene has them.
-        doubted: things whose estimate their tags contradict.
+        zoom: ratio of the fitted focal length to that of the lens.
+        noise: estimated standard deviation of a corner coordinate, pixels.
+        refused: outlying tags.
+        tilted: bodies that violate the prior of their support.
+        doubted: bodies whose external estimate contradicts their tags.
     """
 
     poses: Mapping[str, Pose]
@@ -152,11 +170,12 @@ class Solution:
 
 
 def solve(problem: Problem) -> Solution:
-    """Fit a picture.
+    """Fit a picture, with stepwise rejection of outliers.
 
     Raises:
-        InputError: nothing says where the camera is.
+        InputError: the camera pose is unknown.
     """
+    # Remove the worst outlier and fit again, because an outlier also shifts the other residuals.
     given_up = Outliers()
     fit = _best(problem)
     for _ in range(MOST_REFUSED):
@@ -170,20 +189,24 @@ def solve(problem: Problem) -> Solution:
 
 
 def _best(problem: Problem) -> _LookFit:
-    """The fit of the start that explains most, again with the noise that it shows."""
+    """Return the fit from the start with the lowest loss, repeated with its estimated noise."""
     fit = min((_LookFit(problem, start) for start in _starts(problem)), key=lambda fit: fit.cost)
     fit.run()
     return fit
 
 
 class _LookFit:
-    """Least-squares fit from one starting point."""
+    """Least-squares fit from one starting point.
+
+    Unknowns: camera step (6), log focal length (1), per body a pose step (6) or height (1), and per
+    tag its offset (2) on the body. The loss is soft L1.
+    """
 
     def __init__(self, problem: Problem, start: tuple[Pose, Mapping[str, Pose]]) -> None:
         self.problem, (self.camera, self.start) = problem, start
         self.numbers = list(problem.seen)
         self.pixels = np.array(list(problem.seen.values())).reshape(-1, 2)
-        # Camera 6, focal length 1, a thing 6 or its height, a tag 2.
+        # Layout of the unknowns: camera 6, log focal length 1, each body 6 or 1, each tag 2.
         self.slices: dict[str, slice] = {}
         size = 7
         for name in self.start:
@@ -193,13 +216,18 @@ class _LookFit:
         self.glue = slice(size, size + 2 * len(self.numbers))
         self.noise = NOISE
         self.at: Array = np.zeros(size + 2 * len(self.numbers))
-        # With the same noise as every other start's.
+        # The costs of all starts use the same prior noise, so they are comparable.
         self.cost = self.run()
 
     def run(self) -> float:
-        """Fit, then estimate the noise; return the loss, with the noise before."""
+        """Fit and then estimate the noise; return the loss with the previous noise.
+
+        Noise: σ² = (n₀ σ₀² + Σ r²) / (n₀ + ν), with the prior σ₀ = `NOISE` of weight n₀ =
+        `BELIEVED`, the pixel residuals r, and their degrees of freedom ν.
+        """
         from scipy.optimize import least_squares
 
+        # Minimise the robust loss; the covariance is the inverse of JᵀJ.
         found = least_squares(
             self.residuals, self.at, loss="soft_l1", f_scale=3.0, x_scale="jac", max_nfev=100
         )
@@ -207,19 +235,23 @@ class _LookFit:
         self.covariance: Array = np.asarray(
             np.linalg.pinv(jacobian.T @ jacobian, hermitian=True), dtype=float
         )
-        # Each corner leaves as much of its noise in the residuals as the fit has not followed.
+        # Residual degrees of freedom ν: number of corner residuals minus the trace of their hat
+        # matrix.
         rows = jacobian[: 2 * len(self.pixels)]
         left = len(rows) - float(np.einsum("ij,jk,ik->", rows, self.covariance, rows))
+        # Residuals are in standard deviations: scale them to pixels.
         pixels = self.noise * found.fun[: len(rows)]
         squares = float(np.sum(pixels**2))
-        # Half of the residuals are no larger than 0.67 of a normal deviation, whatever the largest are.
+        # Robust noise from the median absolute deviation (factor 1.4826 for a normal distribution),
+        # insensitive to outliers.
         middle = float(np.median(np.abs(pixels))) if len(pixels) else 0.0
         self.typical = max(FLOOR, 1.4826 * middle * math.sqrt(len(rows) / max(left, 1.0)))
+        # Posterior noise with the prior as additional residuals.
         self.noise = max(FLOOR, math.sqrt((BELIEVED * NOISE**2 + squares) / (BELIEVED + left)))
         return float(found.cost)
 
     def pose(self, name: str, at: Array) -> Pose:
-        """Pose of a thing in the world."""
+        """Pose of a body in the world at the unknowns `at`."""
         if name not in self.slices:
             thing = self.problem.things.get(name)
             return Pose.of(np.zeros(3)) if thing is None else thing.pose_world
@@ -229,21 +261,24 @@ class _LookFit:
         )
 
     def residuals(self, at: Array) -> Array:
-        """All residuals, in standard deviations: 2 of each corner, then the priors'."""
+        """All residuals in standard deviations: 8 per tag, then those of the priors."""
         problem, camera = self.problem, move_pose(self.camera, at[:6])
         offsets = at[self.glue].reshape(-1, 2)
+        # Corners of each tag in the world, including its offset on the body.
         points: list[Array] = []
         for number, offset in zip(self.numbers, offsets, strict=True):
             tag = problem.tags[number]
             stands = self.pose(tag.body, at) if tag.body in self.slices else None
             place = problem.place(tag, stands)
             points.append(corners(tag.half, place) + place.rotation[:, :2] @ offset)
+        # Reprojection errors of all corners.
         where = np.array(points).reshape(-1, 3)
         off = (problem.pixels(camera, where, float(np.exp(at[6]))) - self.pixels) / self.noise
+        # Priors: tag offsets, camera, focal length, supports and external estimates.
         priors = [at[self.glue] / GLUED]
         if problem.mount is not None:
             priors.append(_camera_residuals(problem.mount, camera, at[6:7]))
-        # The lens of a calibrated camera is known together with its place.
+        # A covariance of 7 × 7 already contains the focal length of a calibrated camera.
         if problem.mount is None or len(problem.mount.covariance) == 6:
             priors.append(at[6:7] / problem.lens.focal_std)
         for name in self.slices:
@@ -253,13 +288,16 @@ class _LookFit:
         return np.concatenate([off.ravel(), *priors])
 
     def standing(self, name: str, at: Array) -> Array:
-        """Residuals of how a thing stands: tilt and height against the scene's; of an open surface its
-        height."""
+        """Residuals of a support: tilt and height relative to the scene.
+
+        An unknown surface has the residual of its height. A body without support has none.
+        """
         thing = self.problem.things[name]
         if thing.is_surface:
             return at[self.slices[name]] / OPEN
         if thing.support is None:
             return np.zeros(0)
+        # The surface below may move itself: compare the height relative to it.
         pose, below = self.pose(name, at), 0.0
         if thing.support in self.slices:
             surface = self.problem.things[thing.support].pose_world
@@ -268,13 +306,17 @@ class _LookFit:
         return np.array([*_tilt(pose, thing.pose_world) / UPRIGHT, higher / LEVEL])
 
     def outliers(self) -> Outliers:
-        """The worst outlier: a tag; else estimates of things with tags; else things that do not stand as the
-        scene has them."""
+        """Return the worst outliers of one kind.
+
+        The order is: one tag, then external estimates of tagged bodies, then supports.
+        """
         problem, camera = self.problem, move_pose(self.camera, self.at[:6])
+        # Largest residual of each tag, in units of the robust noise if this is smaller.
         residuals = self.residuals(self.at)[: 2 * len(self.pixels)].reshape(-1, 8)
         worst = np.abs(residuals).max(axis=1) * max(1.0, self.noise / self.typical)
         if len(worst) > 1 and worst.max() > OUTLIER:
             return Outliers(tags=(self.numbers[int(worst.argmax())],))
+        # An estimate is only rejected if tags of the same body contradict it.
         tagged = {problem.tags[number].body for number in self.numbers}
         doubted = [
             name
@@ -284,6 +326,7 @@ class _LookFit:
         ]
         if doubted:
             return Outliers(estimates=tuple(doubted))
+        # Bodies with a large tilt or height residual.
         leaning = [
             name
             for name, thing in problem.things.items()
@@ -294,8 +337,9 @@ class _LookFit:
         return Outliers(leaning=tuple(leaning))
 
     def solution(self, given_up: Outliers) -> Solution:
-        """Poses, covariances and noise at the minimum."""
+        """Return poses, covariances and noise at the minimum."""
         poses = {name: self.pose(name, self.at) for name in self.slices}
+        # Marginal covariance of each body; a surface has a variance of z alone.
         covariances: dict[str, Array] = {}
         for name, part in self.slices.items():
             block = self.covariance[part, part]
@@ -314,49 +358,50 @@ class _LookFit:
 
 
 def move_pose(pose: Pose, step: Array) -> Pose:
-    """A pose after a small motion (6,): m along, and rad about, the world's axes."""
+    """Apply a small motion (6,) to a pose: translation (m) and rotation (rad) along the world axes."""
     return Pose(pose.position + step[:3], (Pose.turn(step[3:]) @ pose).quaternion)
 
 
 def pose_difference(pose: Pose, other: Pose) -> Array:
-    """(6,) the small motion to one pose from another, as `move_pose` takes it."""
+    """Small motion (6,) from `other` to `pose`, the inverse of `move_pose`."""
     turn = other.rotation @ rotation_vector(other.quaternion, pose.quaternion)
     return np.concatenate([pose.position - other.position, turn])
 
 
 def _camera_residuals(mount: Mount, camera: Pose, zoom: Array) -> Array:
-    """(6,) or (7,) residuals of the camera's pose, and its focal length, against what is believed."""
+    """Whitened residuals (6,) or (7,) of camera pose and log focal length relative to their prior."""
     off = np.concatenate([pose_difference(camera, mount.pose_world_camera @ FACING), zoom])
     return _whiten(mount.covariance, off[: len(mount.covariance)])
 
 
 def _differs(estimate: Estimated, camera: Pose, pose: Pose) -> Array:
-    """(6,) residuals of a thing's pose in the world against its estimate."""
+    """Whitened residuals (6,) of a body's pose relative to its external estimate."""
     return _whiten(
         estimate.covariance, pose_difference(camera.inverse() @ pose, estimate.pose_camera)
     )
 
 
 def _whiten(covariance: Array, off: Array) -> Array:
-    """Deviations (n,) as independent standard deviations."""
+    """Whiten deviations (n,): L⁻¹ d with the Cholesky factor L of the covariance."""
     return np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), off), dtype=float)
 
 
 def _tilt(pose: Pose, reference: Pose) -> Array:
-    """(2,) rad by which a thing leans against how it stands in the scene."""
+    """Tilt (2,) of a body relative to the scene, rad: horizontal components of its vertical axis."""
     return np.asarray(reference.rotation @ pose.rotation[2])[:2]
 
 
 def _starts(problem: Problem) -> Iterator[tuple[Pose, Mapping[str, Pose]]]:
-    """Yield poses of camera and things to begin with.
+    """Yield initial poses of camera and bodies.
 
     Raises:
-        InputError: nothing says where the camera is.
+        InputError: the camera pose is unknown.
     """
 
     def area(number: int) -> float:
         return float(np.ptp(problem.seen[number], axis=0).prod())
 
+    # Initial camera: the prior, else both IPPE poses of the largest tag on a static body.
     loose = {name for name, thing in problem.things.items() if not thing.is_surface}
     fixed = [number for number in problem.seen if problem.tags[number].body not in loose]
     cameras: list[Pose] = []
@@ -372,6 +417,7 @@ def _starts(problem: Problem) -> Iterator[tuple[Pose, Mapping[str, Pose]]]:
             'State one, e.g. <site name="tag_0" pos="x y z" size="0.03"/> in the table\'s body, or the '
             "camera's pose and covariance in its intrinsics file"
         )
+    # Initial body poses: the candidate of its tags and estimate with the smallest misfit.
     for camera in cameras:
         found: dict[str, Pose] = {}
         for name, thing in problem.things.items():
@@ -389,6 +435,7 @@ def _starts(problem: Problem) -> Iterator[tuple[Pose, Mapping[str, Pose]]]:
 
 
 def _iter_poses(problem: Problem, camera: Pose, thing: UnknownBody, number: int) -> Iterator[Pose]:
+    """Yield the body poses of the two IPPE solutions of a tag."""
     tag = problem.tags[number]
     on = tag.pose_world.inverse() @ thing.pose_world
     for view in square_poses(problem.lens, problem.seen[number], tag.half):
@@ -398,9 +445,10 @@ def _iter_poses(problem: Problem, camera: Pose, thing: UnknownBody, number: int)
 def _misfit(
     problem: Problem, camera: Pose, thing: UnknownBody, numbers: Sequence[int]
 ) -> Callable[[Pose], float]:
-    """Function for how badly a pose of a thing explains its tags, with its tilt."""
+    """Return a function of the misfit of a body pose: squared tilt and corner residuals."""
 
     def of(pose: Pose) -> float:
+        # Penalise tilt, and strongly a pose upside down.
         total = float(np.sum((_tilt(pose, thing.pose_world) / LOOSE) ** 2))
         total += 100.0 * (pose.rotation[2] @ thing.pose_world.rotation[2] < 0)
         for number in numbers:
