@@ -1,13 +1,13 @@
-"""Way of a fixture along its joint, with the hand on its handle: how far it can go, or why not.
+"""Travel of a fixture along its joint, with the hand on its handle, or the reasons against it.
 
-The hand keeps its place on the handle, the fixture moves as a whole:
+The hand keeps its pose relative to the handle, and the fixture moves as a whole:
 
         +-----------+--+                +-----------+--+
         |  cabinet  |==|o   hand  ->    |  cabinet      |==|o   hand
         +-----------+--+                +-----------+--+
 
-Within the joint's limits, it goes as far as the arm reaches, nothing is near the hand, and no object is
-near what moves: one that is, stands in it, on it, or in its way.
+The travel ends within the joint's limits and the arm's reach. Nothing comes near the hand, and no
+object comes near the fixture: such an object is in it, on it, or in its way.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from palpate.primitives.rules.solids import ShapeGroup, Solids, solids
 from palpate.primitives.state import SymbolicState, Violation
 from palpate.robots.kinematics import LIMIT_MARGIN, within_joint_limits
 
-FARTHEST = 0.15  # m that a handle goes: passes of some seconds, at speeds of a hand
-NOT_SURE = 0.06  # m that it goes where the limit is only believed
-SEARCHED = 0.35  # m that it goes at most to find a limit
-BEYOND = 0.05  # m beyond a limit as stated or believed that it is looked for
-SHARES = (1.0, 0.75, 0.5, 0.35, 0.25)  # Parts of that which are tried
-LEAST = 0.025  # m of a pass that shows how friction depends on speed
-SPARE = 0.01  # m before a limit: the arm does not run into it
-STEP = 0.01  # m between two moments of a way
+FARTHEST = 0.15  # m, largest travel of a handle: passes take some seconds at hand speeds
+NOT_SURE = 0.06  # m, largest travel where the limit is only believed
+SEARCHED = 0.35  # m, largest travel in search of a limit
+BEYOND = 0.05  # m, search distance beyond a stated or believed limit
+SHARES = (1.0, 0.75, 0.5, 0.35, 0.25)  # Fractions of the largest travel that are tried in order
+LEAST = 0.025  # m, least length of a pass that shows how friction depends on speed
+SPARE = 0.01  # m of clearance to a limit, so that the arm does not run into it
+STEP = 0.01  # m between two samples of the path
 FOLDED = (
     0.4  # rad of a joint between two moments of a way: more, and the elbow or the wrist is another
 )
-CLEAR = 0.005  # m between what moves and an object: by less it is on it, in it, or in the way
+CLEAR = 0.005  # m between fixture and object: with less, the object is on it, in it, or in its way
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,7 +47,7 @@ class Way:
     Attributes:
         start: pose of the TCP (world) on, or above, the handle.
         travel: of the joint, m or rad; signed.
-        is_unsure: its limit is only believed to be beyond.
+        is_unsure: its limit is only believed to be farther away.
     """
 
     joint: Joint
@@ -61,7 +61,7 @@ class Way:
 
     @property
     def length(self) -> float:
-        """m that the TCP travels."""
+        """Length of the TCP's path, m."""
         return abs(self.travel) * self.joint.lever(self.start.position)
 
     def short_of(self, position: Array) -> Way:
@@ -77,8 +77,11 @@ class Way:
 
 
 def way_of(state: SymbolicState, name: str) -> Way | list[Violation]:
-    """The longest way of a fixture from the hand's pose that stays clear of its limits, towards the farther
-    one (a closed drawer opens); or what forbids even the shortest."""
+    """The longest way of a fixture from the hand's pose that stays clear of its limits.
+
+    It goes towards the farther limit: a closed drawer opens. If even the shortest way is inadmissible,
+    its violations are returned.
+    """
     joint = state.scene.body(name).joint
     assert joint is not None
     sign = 1.0 if joint.room(1.0) >= joint.room(-1.0) else -1.0
@@ -92,8 +95,10 @@ def way_of(state: SymbolicState, name: str) -> Way | list[Violation]:
 
 
 def way_to_limit(state: SymbolicState, name: str, sign: float) -> Way | list[Violation]:
-    """The longest way of a fixture towards its upper (1) or lower limit (-1), and beyond where that is believed
-    to be; or what forbids even the shortest."""
+    """The longest way of a fixture towards its upper (1) or lower limit (-1), and beyond it.
+
+    If even the shortest way is inadmissible, its violations are returned.
+    """
     joint = state.scene.body(name).joint
     assert joint is not None
     most = joint.room(sign) * joint.lever(state.tcp.position) + BEYOND
@@ -113,6 +118,7 @@ def _way_of(
 ) -> Way | list[Violation]:
     pose = state.tcp
     lever = max(joint.lever(pose.position), 1e-6)
+    # Shorter passes do not show how friction depends on speed.
     if farthest < LEAST:
         problem = (
             f"'{name}' can move by {1e3 * max(farthest, 0.0):.0f} mm at its handle, and "
@@ -139,7 +145,8 @@ def _violations(state: SymbolicState, name: str, way: Way) -> Iterator[Violation
 
 
 def _bends_along(state: SymbolicState, poses: list[Pose]) -> bool:
-    """True if the arm goes through some poses without being folded anew, within its joint limits."""
+    """True if the arm passes all poses within its joint limits and on one branch of its kinematics."""
+    # Test the end and the middle first: most ways out of reach fail there.
     if not (reaches(state, poses[-1]) and reaches(state, poses[len(poses) // 2])):
         return False
     bent = [solids(state.scene).configuration(pose) for pose in poses]
@@ -150,7 +157,7 @@ def _bends_along(state: SymbolicState, poses: list[Pose]) -> bool:
 
 
 def _hand_hits(state: SymbolicState, name: str, poses: list[Pose]) -> Iterator[Violation]:
-    """Violation: the arm would meet something else than the fixture itself."""
+    """Violation for a way on which the arm would meet a body other than the fixture itself."""
     shapes = solids(state.scene)
     ends = shapes.configuration(poses[0]), shapes.configuration(poses[-1])
     if ends[0] is None or ends[1] is None:
@@ -203,9 +210,10 @@ def _objects_met(state: SymbolicState, name: str, way: Way) -> Iterator[Violatio
 def _near(
     shapes: Solids, some: Sequence[int], others: Sequence[int], here: Frames, there: Frames
 ) -> bool:
-    """True if any of some geoms, `here`, comes within `CLEAR` of any of the others, `there`."""
+    """True if a geom of `some`, at `here`, is within `CLEAR` of a geom of `others`, at `there`."""
     for i, geom in enumerate(some):
         for j, other in enumerate(others):
+            # Bounding spheres rule out most pairs; the others are measured exactly.
             apart = np.linalg.norm(here.positions[0, i] - there.positions[0, j])
             if apart - shapes.radii[geom] - shapes.radii[other] > CLEAR:
                 continue

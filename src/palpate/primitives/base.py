@@ -1,11 +1,15 @@
 """The base of every primitive.
 
-A primitive is one frozen pydantic class. Its docstring and field descriptions are the prompt
-(the lean prompt has the docstring's first paragraph: what it does, without its purpose); its fields the
-JSON schema and the BT.CPP ports; `groundings` the arguments that a planner tries;
-`requires` and `effects` its symbolic meaning, which the planner chains, the check folds and the run
-applies; `run` its behaviour on a robot; `unsafe` the predicate that is evaluated every tick while
-it runs. There is no second declaration of a primitive.
+A primitive is one frozen pydantic class, and has no second declaration:
+
+- Its docstring and field descriptions are the prompt. The lean prompt has only the docstring's first
+  paragraph: the action without its purpose.
+- Its fields are the JSON schema and the BT.CPP ports.
+- `groundings` are the arguments that a planner tries.
+- `requires` and `effects` are its symbolic meaning. The planner chains them, the check folds them, and
+  the run applies them.
+- `run` is its behaviour on a robot.
+- `unsafe` is the safety predicate, evaluated every tick while it runs.
 """
 
 from __future__ import annotations
@@ -33,9 +37,10 @@ from palpate.trace.recording import Conversion, LeafRun, Recording
 from palpate.trace.samples import FORCES, POSE, Samples, Trace
 
 Steps = Generator[float | None, None, str]
-"""A run: yields once a tick while RUNNING, returns its message on SUCCESS, raises `LeafFailure`. It may
-yield the s of robot time for which it needs no look at the robot, unless something happens: the next
-tick may then come so late."""
+"""A run: yields once a tick while RUNNING, returns its message on SUCCESS, raises `LeafFailure`.
+
+It may yield a duration in s of robot time: the next tick may be that late, unless an event happens.
+"""
 Wait = Generator[float | None]
 """Part of a run that only waits."""
 
@@ -50,7 +55,7 @@ WRITERS = {FORCES: "MeasureForces", POSE: "MeasureGripperPose"}
 
 
 HAND = 0.1
-"""m from the TCP within which the empty hand touches things: fingertips, and the palm with its sides."""
+"""m, radius about the TCP within which the empty hand makes contact: fingertips, palm and sides."""
 
 
 class LeafFailure(Exception):
@@ -109,7 +114,7 @@ class Recorder:
 
 
 def keep_state(_: str, blackboard: Blackboard) -> SymbolicState:
-    """Return the state as it is: nothing is known of where things end."""
+    """Return the state unchanged: no pose after the motion is observed."""
     return blackboard.state
 
 
@@ -124,18 +129,18 @@ class Blackboard:
         motions: number of running motion leaves.
         owner: leaf that claims each resource; another leaf with the same claim fails.
         load: measured load on the fingers.
-        pressed: (3,) N on the hand, world axes, as the running motion set out from a contact; zeros from
-            free air.
-        mistaken: N, of a force on the hand that errors of the joints' torques look like, at an end of the running
-            motion; no more than may be exceeded with an object in the fingers.
-        unrepeated: N m, change of the moment about the closing direction by turning the empty hand
-            in place and back: joint friction.
+        pressed: (3,) N on the hand, world axes, at the start of the running motion from a contact;
+            zeros from free air.
+        mistaken: N, largest force on the hand that errors of the joint torques can imitate at either
+            end of the running motion; limited by the carrying reflex.
+        unrepeated: N m, change of the moment about the closing direction when the empty hand turns in
+            place and back, due to joint friction.
         failed: a leaf has failed, and no other may move.
-        bound: place and source, in words, of every pose bound in this run and not reported yet.
+        bound: place and source, as text, of every pose bound in this run and not reported yet.
         choice: names of the conversions' estimators by quantity; others are the defaults.
-        waits: s for which each leaf that was ticked needs no look at the robot.
-        settled: returns the state after the motion of the leaf at a path, corrected by where things really
-            end, and fails the leaf where they did not.
+        waits: s until the next tick that each ticked leaf needs.
+        settled: hook that returns the state after the motion of the leaf at a path, corrected by the
+            real final poses. It fails the leaf if they differ too much.
     """
 
     robot: Robot
@@ -159,14 +164,17 @@ class Blackboard:
         return self.state.scene
 
     def wait(self, longest: float) -> float:
-        """Take the s, up to `longest`, for which no leaf of the last tick needs a look at the robot."""
+        """Take the time, s, until any leaf of the last tick needs the next one, at most `longest`."""
         waits, self.waits = self.waits, []
         return min(*waits, longest) if waits else 0.0
 
     @property
     def links(self) -> Links:
-        """Torques of the joints beyond which something has met a link of the arm: a force on the hand,
-        or on what it holds, acts no farther from the TCP than that reaches."""
+        """Limits of the joint torques that reveal a contact with a link of the arm.
+
+        A force on the hand or the held object acts within the lever about the TCP that they reach. A
+        torque that no such force explains comes from a link.
+        """
         lever, state = HAND, self.state
         if state.holding is not None and state.pose_tcp_object is not None:
             body = state.scene.body(state.holding)
@@ -175,20 +183,28 @@ class Blackboard:
         return Links(unexplained_torque(self.scene.arm), lever)
 
     def set_out(self) -> None:
-        """Note what a hand in contact presses with, before a motion that leaves it."""
+        """Record the force of a hand in contact, before a motion that leaves the contact."""
         x, y, z = self.robot.state.contact[:3].tolist()
         self.pressed = (x, y, z) if self.state.activity == "contact" else (0.0, 0.0, 0.0)
 
     def press_on(self, way: Array) -> None:
-        """Expect nothing to linger of a contact that a motion along `way` (3,), m, presses on: within 60° of it."""
+        """Clear `pressed` if the motion along `way` (3,), m, presses on: within 60° of the force.
+
+        No force remains of such a contact as the motion goes on.
+        """
         pressed = np.array(self.pressed)
+        # cos 60° = 0.5.
         if way @ pressed > 0.5 * np.linalg.norm(way) * np.linalg.norm(pressed):
             self.pressed = (0.0, 0.0, 0.0)
 
     def set_reflex(self, thresholds: Reflex, *way: Array) -> None:
-        """Set the thresholds at which the robot stops itself, those of its links' contacts with them, for a motion
-        by joint angles of `way` (7,), rad. What errors of the joints' torques look like is no contact."""
+        """Set the reflex thresholds of the robot, for a motion through joint angles `way` (7,), rad.
+
+        Force and torque thresholds are at least what errors of the joint torques can imitate along the
+        way. The limits of contacts with the links are set as well.
+        """
         arm, reflexes = self.scene.arm, self.robot.limits.reflexes
+        # Largest force and moment that torque errors imitate at the start and along the way.
         places = (self.robot.state.q, *way)
         mistaken = max(mistaken_force(arm, q) for q in places)
         self.mistaken = min(mistaken, reflexes.carrying.force)
@@ -234,21 +250,25 @@ class Primitive(BaseModel):
         return () if needs_arguments else (cls(),)
 
     def transferred(self, old: str, new: str) -> Primitive:
-        """The instance for object or surface `new` that corresponds to this one for `old`: a planner
-        tries it before a full search."""
+        """The instance for body `new` that corresponds to this one for `old`.
+
+        A planner tries it before a full search.
+        """
         return self
 
     def violations(self, state: SymbolicState) -> list[Violation]:
-        """All violations of running it in `state`: by its preconditions, and by its motion among the
-        objects around the hand."""
+        """All violations of running it in `state`: by its preconditions and by its motion."""
+        # An empty buffer comes first: other requirements depend on its content.
         if self.reads and self.reads not in state.buffers:
             return [self.unwritten()]
         found = state.unmet(self)
+        # A primitive that does not move the arm still needs a known pose for the fingers.
         if "arm" not in self.claims:
             unknown = self.claims and state.pose_world_tcp is None
             return [*found, motion.unknown_start()] if unknown else found
         if any(violation.rule == "unreachable" for violation in found):
             return found
+        # The motion is judged only for a reachable and known goal.
         try:
             after = state.after(self)
         except InputError:
@@ -256,8 +276,10 @@ class Primitive(BaseModel):
         return [*found, *motion.violations(state, after, may_tilt=self.tilts)]
 
     def requires(self, state: SymbolicState) -> list[Violation]:
-        """Violations of its preconditions, worded so that a model or a person can repair the
-        plan. Rules that primitives share are in `admissible`."""
+        """Violations of its preconditions, with remedies for a model or a person.
+
+        Rules that primitives share are in `primitives.rules`.
+        """
         return []
 
     @classmethod
@@ -277,7 +299,7 @@ class Primitive(BaseModel):
         """Bind arguments that are known only in a run; called first, before any motion."""
 
     def during(self, state: SymbolicState) -> SymbolicState:
-        """Symbolic state while this runs, in which a sensing leaf beside it in a Parallel records."""
+        """Symbolic state while this runs: the context of a sensing leaf in the same Parallel."""
         return state
 
     def effects(self, state: SymbolicState) -> SymbolicState:
@@ -285,20 +307,23 @@ class Primitive(BaseModel):
         return state
 
     def observed(self, after: SymbolicState, robot: RobotState) -> SymbolicState:
-        """State after SUCCESS at run time, corrected by the robot's."""
+        """State after SUCCESS at run time, corrected by the robot's measured state."""
         return after
 
     def expectation(self, state: SymbolicState) -> Expectation:
-        """Expected forces while this runs; any others violate the safety predicate. By default those of a hand that
-        goes on holding and touching what it does."""
+        """Expected forces while this runs; any others violate the safety predicate.
+
+        By default the hand keeps its grasp and its contact.
+        """
         held = state.holding is not None
         works = state.activity in ("working", "limit")
         touching = works or state.activity in ("contact", "sliding")
-        # Who works a handle takes hold of it meanwhile, and sees to its slipping.
+        # Primitives that move a handle grasp it meanwhile, and check for slip themselves.
         return Expectation(holding=held, grasped=held and not works, contact=touching)
 
     def unsafe(self, blackboard: Blackboard) -> str | None:
         """Safety predicate, evaluated every tick: the reason of its violation, or None."""
+        # Complete the expectation with the forces measured at the start of the motion.
         expected = replace(
             self.expectation(blackboard.state),
             pressed=blackboard.pressed,

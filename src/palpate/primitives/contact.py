@@ -1,4 +1,4 @@
-"""The guarded motion: the arm moves until it touches something."""
+"""Guarded motion: the arm moves until it makes contact."""
 
 from __future__ import annotations
 
@@ -44,47 +44,68 @@ from palpate.robots.safety import Expectation
 from palpate.scene.load import is_open
 
 PROBE_SPEED = 0.012
-"""m/s where contact is expected: a rigid surface is met with less than 45 N (mean over 10 ms), also
-where the arm is heaviest."""
+"""m/s where contact is expected.
+
+The force on a rigid surface stays below 45 N (mean over 10 ms), also where the arm's effective mass is
+largest.
+"""
 APPROACH_SPEED = 0.020
-"""m/s where contact is possible but not expected yet. Less than twice the speed of the contact, by
-which the loading curve is fitted."""
+"""m/s where contact is possible but not expected yet.
+
+It is less than twice the speed of the contact, by which the loading curve is fitted.
+"""
 EXPECTED_WITHIN = 0.03
-"""m above the known top in which contact is expected; above one of unknown height it is everywhere."""
-CONTACT_FORCE = 8.0  # N: the threshold tau_c of the paper, against the force in free air on the way
+"""m above a known top in which contact is expected; with an unknown height it is expected everywhere."""
+CONTACT_FORCE = (
+    8.0  # N, threshold tau_c of the paper, relative to the force of the motion in free air
+)
 FIRM_FORCE = 30.0
-"""N: the threshold of a firm press: through something soft, and where the hand tilts at contact, as one finger
-alone may be supported, or the arm may be out of level by so little that the other one follows."""
+"""N, threshold of a firm press.
+
+It is used on a soft body, and if the hand tilts at contact. Then one finger alone may be supported,
+or the arm is slightly out of level and the other finger follows.
+"""
 EASED = 10.0
-"""N to which the pressing force is reduced again: below the limit of a hand in contact, and above the
-error by the joints' friction, which reverses with the arm."""
+"""N to which the pressing force is reduced again.
+
+It is below the limit of a hand in contact. It is above the error by joint friction, which reverses
+with the arm.
+"""
 REPEATABLE = 0.5
-"""N below the limit of a hand in contact that it must hold: three times the repeatability of a force. A
-rigid body below a soft layer is met with more than the threshold."""
-RELIEF = 4.0  # N by which the arm's springs are relieved in one easing, at least
+"""N, margin to the limit of a hand in contact: three times the repeatability of a force.
+
+A rigid body below a soft layer is met with more than the threshold.
+"""
+RELIEF = 4.0  # N, least unloading of the arm's springs in one easing step
 EASINGS = math.ceil(FIRM_FORCE / RELIEF)
-"""Number of easings after which nothing of `FIRM_FORCE` is left on those springs."""
+"""Number of easing steps after which the springs are free of `FIRM_FORCE`."""
 EASING_SPEED = 0.006
-"""m/s: half of the probing speed, so that the arm's dampers do not lift it off as it sets out."""
-ASKEW = 3e-4  # rad of tilt at contact: a third of the effect of `CONTACT_FORCE` on one finger
+"""m/s, half of the probing speed, so that the arm's dampers do not lift it off at the start."""
+ASKEW = 3e-4  # rad, tilt at contact: a third of the effect of `CONTACT_FORCE` on one finger
 SOFT_DEPTH = 5e-4
-"""m of travel between half of `CONTACT_FORCE` and all of it on a soft body, 8 kN/m or less. A rigid body below it
-stops the tips within as much for all of that force: 60 µm/N, the tips included."""
+"""m, least travel between half of `CONTACT_FORCE` and all of it on a soft body (8 kN/m or less).
+
+A rigid body below it stops the tips within this travel for the whole force: 60 µm/N, tips included.
+"""
 PRESS_SPEED = 0.006
-"""m/s through something soft, from rest: on springs of 3000 N/m the force on a rigid body grows by 18 N/s, so that
-`CONTACT_FORCE` takes 90 samples."""
+"""m/s, speed of pressing into a soft body, from rest.
+
+With an arm stiffness of 3000 N/m, the force on a rigid body grows by 18 N/s. `CONTACT_FORCE` then takes
+90 samples.
+"""
 THICKEST = 0.03
-"""m: a cover that is pressed through is not thicker. The tips go no deeper into what is soft, unless `CONTACT_FORCE`
-alone presses them."""
+"""m, largest thickness of a cover that is pressed through.
+
+The tips go no deeper into a soft body, unless `CONTACT_FORCE` alone presses them.
+"""
 SIDE_FORCE = 2.0
-"""N: the threshold where a free object may be met sideways: the least that is certainly not the joints'
-friction."""
-CONTACT_TORQUE = 3.0  # N m, likewise
-PROBE_TRAVEL = 0.30  # m
+"""N, threshold where a free object may be met sideways: the least force that exceeds joint friction."""
+CONTACT_TORQUE = 3.0  # N m, threshold of the moment: the least that exceeds joint friction
+PROBE_TRAVEL = 0.30  # m, largest travel of a probe
 
 SEARCHED = 3.0 * FINEST
-"""m from where a probe is believed to end, a little before the contact, in which that is found exactly."""
-TOUCHES = 0.0003  # m of distance up to which parts are in contact
+"""m, search distance for the exact contact, from the believed end of a probe just before it."""
+TOUCHES = 0.0003  # m, largest distance of two parts in contact
 
 AXES: dict[str, tuple[float, float, float]] = {
     "+x": (1, 0, 0),
@@ -169,7 +190,7 @@ class MoveUntilContact(Primitive):
         return replace(state, pose_world_tcp=pose, joints=None, contact=known, activity="contact")
 
     def observed(self, after: SymbolicState, robot: RobotState) -> SymbolicState:
-        # The contact is where the arm is, not where it was believed to be.
+        # The contact is at the measured pose of the arm, not at the believed one.
         there = replace(after, pose_world_tcp=robot.pose_world_tcp)
         if after.contact is None or not is_open(after.scene, after.contact):
             return self._correct_belief(after, there)
@@ -177,13 +198,16 @@ class MoveUntilContact(Primitive):
         return there.raised(after.contact, top)
 
     def _correct_belief(self, believed: SymbolicState, there: SymbolicState) -> SymbolicState:
-        """State `there`, with what was `believed` to be met where it was met. One of unsure size is left: its faces
-        tell that."""
+        """State `there`, with the pose of the touched body corrected by the contact.
+
+        A body of uncertain size is left unchanged: its faces are measured to find the size.
+        """
         first = touch(believed, self.direction, SEARCHED)
         body = None if first is None else there.scene.bodies.get(first[0].other.owner)
         if first is None or body is None or body.seen or "size" in body.missing:
             return there
         hit, _ = first
+        # Distance along the probe between the measured and the believed contact.
         left = hit.share * SEARCHED + hit.distance
         apart = float(self.direction @ (there.tcp.position - believed.tcp.position)) - left
         return there.touched(body.name, "probe", self.direction, np.array(hit.where), apart)
@@ -194,6 +218,7 @@ class MoveUntilContact(Primitive):
     def run(self, blackboard: Blackboard) -> Steps:
         robot, state = blackboard.robot, blackboard.state
         start, upright = robot.state.pose_world_tcp, _tilt(robot.state)
+        # A light threshold where a free object may be pushed sideways.
         threshold = SIDE_FORCE if self._objects_ahead(state) else CONTACT_FORCE
         contact = _Contact(robot, self.direction)
         far = contact.far if threshold >= CONTACT_FORCE else never
@@ -202,6 +227,7 @@ class MoveUntilContact(Primitive):
             robot.move_axis(self.direction, speed, travel)
             if (yield from wait_for_contact(blackboard, lambda: contact.exceeds(threshold), far)):
                 travelled = robot.state.pose_world_tcp.distance_to(start)
+                # A soft cover hides the height of a surface: press through it.
                 soft = contact.depth() >= SOFT_DEPTH
                 if soft and self._is_open(state):
                     yield from self._press_through(blackboard, contact)
@@ -223,8 +249,8 @@ class MoveUntilContact(Primitive):
         )
 
     def _press_through(self, blackboard: Blackboard, contact: _Contact) -> Wait:
-        """Press on slowly, until something rigid stops the tips, or they have gone through the thickest cover."""
-        # Under an even spring, half of the force is reached at half of the depth.
+        """Press slowly until a rigid body stops the tips, or they are as deep as the thickest cover."""
+        # With a linear spring, half of the force is reached at half of the depth.
         left = THICKEST - 2.0 * contact.depth()
         yield from finish(blackboard)
         yield from settle(blackboard, BRIEF)
@@ -235,13 +261,14 @@ class MoveUntilContact(Primitive):
         )
 
     def _ease(self, blackboard: Blackboard, contact: _Contact) -> Wait:
-        """Retreat until the hand presses lightly."""
+        """Retreat in steps until the hand presses with less than `EASED`."""
         robot = blackboard.robot
         for easing in range(EASINGS):
             force = contact.at_rest((yield from median_wrench(blackboard)))
             if force < EASED:
                 break
-            # Something soft follows the tips, and relieves the arm's springs by less than the retreat.
+            # A soft body follows the tips, and unloads the arm's springs by less than the retreat.
+            # So double the retreat each time.
             excess = 2.0**easing * (force - EASED)
             relief = max(excess, RELIEF) / blackboard.scene.arm.stiffness.translation
             robot.move_axis(-self.direction, EASING_SPEED, relief)
@@ -255,7 +282,10 @@ class MoveUntilContact(Primitive):
         return self.axis == "-z" and below is not None and is_open(state.scene, below.name)
 
     def _stages(self, state: SymbolicState, z: float) -> list[tuple[float, float]]:
-        """Speed, m/s, and travel, m, of the parts of the motion in order; `z` of the start, m."""
+        """Speed, m/s, and travel, m, of the parts of the motion in order.
+
+        `z` is the height of the start, m. Far above a known height the arm moves faster.
+        """
         below = state.surface_below(state.pose_world_tcp)
         if self.axis != "-z" or below is None:
             return [(PROBE_SPEED, PROBE_TRAVEL)]
@@ -266,7 +296,7 @@ class MoveUntilContact(Primitive):
 
 
 def starts(state: SymbolicState) -> str:
-    """Remedy: a start of the probe above the surface below, if there is one."""
+    """Remedy: start the probe above the surface below, or above any surface."""
     below = None if state.pose_world_tcp is None else state.surface_below(state.pose_world_tcp)
     names = [below.name] if below is not None and below.role == "surface" else state.scene.surfaces
     places = [f"'{name}_approach'" for name in names]
@@ -276,14 +306,18 @@ def starts(state: SymbolicState) -> str:
 
 
 def touch(state: SymbolicState, direction: Array, travel: float) -> tuple[Hit, Pose] | None:
-    """First believed contact of the hand within `travel` m along a direction (3,), and the pose of
-    the TCP (world) just before it; None without contact, or from an unknown pose."""
+    """First believed contact of the hand within `travel` m along a direction (3,).
+
+    The pose of the TCP (world) is just before the contact. None without contact, or from an unknown
+    pose.
+    """
     start = state.pose_world_tcp
     if start is None:
         return None
 
     def compute() -> tuple[Hit, Pose] | None:
         end = start.translate(travel * direction)
+        # Sweep the hand along the probe and take the first pair within contact distance.
         path = hand_path(solids(state.scene), start, end, opening(state), FINEST)
         swept = hand_sweep(state, path, TOUCHES)
         first = swept.first(np.full(len(swept.pairs), TOUCHES))
@@ -334,22 +368,25 @@ class _Contact:
         if np.isnan(wrench).any():
             return False
         self._free_air.follow(wrench)
+        # Reaction force and moment: difference from the baseline in free air.
         met = wrench - self._free_air.wrench
         along, turning = float(met[:3] @ self._direction), met[3:]
         self.course.append((along, self._robot.state.pose_world_tcp))
         if along < CONTACT_FORCE / 2:
-            self._met = None  # the joints' friction on the way
+            self._met = None  # joint friction during the motion
         elif self._met is None:
             self._met = self._robot.state.pose_world_tcp
         return along > threshold or float(np.linalg.norm(turning)) > CONTACT_TORQUE
 
     def far(self) -> bool:
-        """True if nothing is felt, and the arm has set out."""
+        """True without any reaction force, after the start phase of the motion."""
         return self._met is None and self._free_air.known
 
     def is_stopped(self, left: float) -> bool:
-        """True if over the course the travel exceeds `left`, m, or over its last `SOFT_DEPTH` the force grew by
-        `CONTACT_FORCE`."""
+        """True if a rigid body stops the tips, or the travel exceeds `left`, m.
+
+        A rigid body makes the force grow by `CONTACT_FORCE` over the last `SOFT_DEPTH` of travel.
+        """
         if not self.course:
             return False
         force, here = self.course[-1]
@@ -358,7 +395,7 @@ class _Contact:
         return rise > CONTACT_FORCE or here.distance_to(self.course[0][1]) > left
 
     def depth(self) -> float:
-        """m of travel since the reaction force exceeded half of `CONTACT_FORCE`."""
+        """Travel, m, since the reaction force exceeded half of `CONTACT_FORCE`."""
         here = self._robot.state.pose_world_tcp
         return 0.0 if self._met is None else here.distance_to(self._met)
 

@@ -28,18 +28,24 @@ from palpate.robots.robot import RobotState
 from palpate.robots.safety import Expectation
 
 TOP = "_top"  # Suffix of the name of the pose above an object's top
-GRIP_SETTLE = 0.1  # s: fingers at rest on an object before the grasp counts
+GRIP_SETTLE = 0.1  # s, rest of the fingers on an object before the grasp counts
 GENTLE = 10.0
-"""N of both fingers until the object is recognised: one that stands freely withstands it sideways."""
+"""N of both fingers until the object is recognised; a free object withstands it sideways."""
 NARROWER = 0.0015
-"""m that the fingers may come nearer each other than believed: the error of believed shapes; pads and
-objects deform by less at `GENTLE`."""
+"""m by which the opening may be smaller than believed, due to the error of believed shapes.
+
+Pads and objects deform by less at `GENTLE`.
+"""
 YIELDS = 0.005
-"""m that they may come nearer at the full grasp force: light and soft things deform by half of that,
-and an object squeezed out between them yields by all of its width."""
+"""m by which the opening may shrink further at the full grasp force.
+
+Light and soft objects deform by half of that. An object that is squeezed out yields by its whole width.
+"""
 WIDER = 0.003
-"""m that they may stay farther apart: an object that one finger pushes to the other, from 10 mm beside
-the middle, tilts that much between the pads."""
+"""m by which the opening may be larger than believed.
+
+An object 10 mm off the middle, which one finger pushes to the other, tilts this much between the pads.
+"""
 
 
 def finish_fingers(blackboard: Blackboard, least: float = -math.inf) -> Wait:
@@ -55,16 +61,17 @@ def grip(
     """Close the fingers with a force, N, or the full one, and wait until they have settled.
 
     Returns:
-        m between the fingers, at rest, or on their way as soon as it is less than `least`.
+        m between the fingers at rest, or during the motion as soon as it is less than `least`.
 
     Raises:
-        LeafFailure: they met no resistance; `missing` says what is not there.
+        LeafFailure: they met no resistance; `missing` is the cause in the message.
     """
     robot = blackboard.robot
     robot.close_gripper(force)
     yield from finish_fingers(blackboard, least)
     if robot.state.width < least:
         return robot.state.width
+    # Let the fingers settle on the object before the grasp is judged.
     start = robot.state.t
     while (now := robot.state.t) - start < GRIP_SETTLE:
         yield GRIP_SETTLE - (now - start)
@@ -95,7 +102,7 @@ class OpenGripper(Primitive):
         ]
 
     def effects(self, state: SymbolicState) -> SymbolicState:
-        # A surface touched through the held object is touched no longer.
+        # The contact of a held object with its support ends with the grasp.
         touched_through_it = state.activity == "contact" and state.contact is None
         activity = "still" if touched_through_it else state.activity
         return replace(
@@ -114,6 +121,7 @@ class OpenGripper(Primitive):
     def run(self, blackboard: Blackboard) -> Steps:
         name = blackboard.state.holding
         if name is not None:
+            # Open only if the support carries the object.
             wrench = yield from median_wrench(blackboard)
             if reason := blackboard.load.too_much(wrench):
                 raise LeafFailure(
@@ -158,7 +166,7 @@ class CloseGripper(Primitive):
         )
 
     def observed(self, after: SymbolicState, robot: RobotState) -> SymbolicState:
-        """Fingers that have closed on a thing have its middle between them."""
+        """State with the pose of the grasped object corrected: its middle is between the fingers."""
         name, tool = after.holding, after.pose_world_tcp
         if name is None or tool is None or after.pose_tcp_object is None:
             return after
@@ -166,6 +174,7 @@ class CloseGripper(Primitive):
         held = None if after.belief_of(name) is None else after.grip_of(body, tool)
         if held is None:
             return after
+        # The pads centre the object along the closing direction, and may have pushed it.
         aside = np.array([0.0, held.aside, 0.0])
         middle, along = tool.apply(aside), tool.rotation[:, 1]
         apart = float(along @ (robot.pose_world_tcp.position - middle))
@@ -180,7 +189,7 @@ class CloseGripper(Primitive):
         robot = blackboard.robot
         blackboard.load = FingerLoad((yield from median_wrench(blackboard)))
         blackboard.set_reflex(robot.limits.reflexes.contact)
-        # Gently first, to compare the width with the believed one before the object can be moved.
+        # Close gently first, to compare the width with the believed one before the object moves.
         met = yield from self._close(blackboard, GENTLE)
         believed, doubt = _believed_width(blackboard.state)
         if met < believed - NARROWER - doubt or met > believed + WIDER + doubt:
@@ -191,6 +200,7 @@ class CloseGripper(Primitive):
                 f"believed, {100 * share:+.0f} %: the object is not where it is believed, look again"
                 f"{_picture_advice(blackboard.state)}"
             )
+        # At the full force, a large further travel shows that the object escapes.
         width = yield from self._close(blackboard, None, met - YIELDS)
         if met - width > YIELDS:
             yield from _open(blackboard)
@@ -205,13 +215,13 @@ class CloseGripper(Primitive):
     def _close(
         self, blackboard: Blackboard, force: float | None, least: float = -math.inf
     ) -> Generator[float | None, None, float]:
-        """`grip` with a force, N, or the full one; m between the fingers."""
+        """`grip` with a force, N, or the full one; returns the opening, m."""
         missing = f"nothing is between them{_picture_advice(blackboard.state)}"
         return (yield from grip(blackboard, missing, force, least))
 
 
 def _picture_advice(state: SymbolicState) -> str:
-    """Advice where the object at the fingers was seen in a picture or by a camera; else empty."""
+    """Advice for an object that was seen in a picture or by a camera; else empty."""
     body = state.object_at(state.pose_world_tcp)
     if body is not None and body.covariance is not None and not body.seen:
         x, y, _ = state.pose_of(body.name).position
@@ -265,7 +275,7 @@ class FoldFingers(Primitive):
 
 
 def _would_push(state: SymbolicState) -> Iterator[Violation]:
-    """Violation: folded fingers press on something, which opening would push aside."""
+    """Violation of opening folded fingers that press on a body, which they would push aside."""
     if state.contact is None or state.holding is not None or state.gripper != "closed":
         return
     yield Violation(
@@ -276,7 +286,7 @@ def _would_push(state: SymbolicState) -> Iterator[Violation]:
 
 
 def _nearest(state: SymbolicState) -> str:
-    """The grasp pose of the object nearest to the hand, in words."""
+    """Name of the grasp pose of the object nearest to the hand, as text."""
     here = state.pose_world_tcp
     if here is None or not state.scene.objects:
         return "`<object>_pose`"
@@ -285,12 +295,14 @@ def _nearest(state: SymbolicState) -> str:
 
 
 def _believed_width(state: SymbolicState) -> tuple[float, float]:
-    """Believed opening of the fingers closed on the object between them, m, and its doubt, m; not a
-    number, which no width exceeds or falls below, where there is none, or its size is unknown."""
+    """Believed opening, m, of the fingers closed on the object between them, and its doubt, m.
+
+    The opening is nan without an object, or for an unknown size: no width exceeds or falls below nan.
+    """
     pose, body = state.pose_world_tcp, state.object_at(state.pose_world_tcp)
     if pose is None or body is None:
         return math.nan, 0.0
     held = state.grip_of(body, pose)
     width = math.nan if held is None or "size" in body.missing else held.width
-    # A shape seen in a picture is as uncertain as its position: two standard deviations.
+    # The size of a shape seen in a picture is as uncertain as its position: 2 σ.
     return width, 2.0 * (body.accuracy or 0.0) if body.seen else 0.0

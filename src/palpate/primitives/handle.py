@@ -31,16 +31,16 @@ from palpate.primitives.state import SymbolicState, Violation
 from palpate.robots.safety import Expectation
 from palpate.trace.recording import Activity
 
-AT_HANDLE = 0.005  # m between the TCP and the grasp pose of a handle, up to which it is at it
+AT_HANDLE = 0.005  # m, largest distance of the TCP from a handle's grasp pose at which it is there
 SPEEDS = (0.02, 0.05, 0.1)
-"""m/s of the handle in passes: dry friction is the same at all of them, viscous friction grows."""
+"""m/s, speeds of the handle in passes: dry friction is constant, viscous friction grows."""
 MOST = 40.0
-"""N along the way at which a fixture counts as stuck: a door closer holds with 20 to 30."""
+"""N along the way at which a fixture counts as stuck; a door closer resists with 20 to 30 N."""
 PRESSED = 30.0
 """N along the way at which a limit counts as met: friction is less."""
-RUN_UP = 0.03  # m from where a fixture was found, the other way, before it is moved against a limit
-BACK = 0.0005  # m from where it was found up to which a fixture is back
-CORRECTIONS = 4  # Largest number of times that the hand pushes on to get there
+RUN_UP = 0.03  # m in the opposite direction before a fixture is moved against a limit
+BACK = 0.0005  # m from its original place at which a fixture counts as back
+CORRECTIONS = 4  # Largest number of corrections on the way back
 
 
 class _Working(Primitive):
@@ -83,7 +83,7 @@ class _Working(Primitive):
         return replace(state, activity=self.activity, holding=name, grasp=state.at)
 
     def effects(self, state: SymbolicState) -> SymbolicState:
-        # It is let go of where it was found.
+        # The hand releases the fixture at its original place.
         return replace(state, activity="still", contact=None)
 
     def expectation(self, state: SymbolicState) -> Expectation:
@@ -107,9 +107,11 @@ class MoveHandle(_Working):
         way = way_of(state, name)
         assert isinstance(way, Way)
         held = blackboard.state.holding == name
+        # Grasp the handle; a limit that is only believed is approached slowly first.
         yield from _take_hold(blackboard, name, held)
         if held and way.is_unsure:
             way = yield from _short_of_limit(blackboard, way, name)
+        # Passes at several speeds separate dry from viscous friction.
         for speed in SPEEDS:
             for share in (1.0, 0.0) * self.passes:
                 yield from _pass(blackboard, way, share, speed, held)
@@ -143,6 +145,7 @@ class FindLimits(_Working):
         yield from _take_hold(blackboard, name, held=True)
         met: list[str] = []
         for way in ways:
+            # Push against each limit from a run-up, then return to the start.
             yield from _run_up(blackboard, way)
             if not (yield from _pass(blackboard, way, 1.0, PROBE_SPEED, True, to_limit=True)):
                 raise LeafFailure(
@@ -158,7 +161,10 @@ class FindLimits(_Working):
 
 
 def _sides(state: SymbolicState, name: str) -> list[float]:
-    """Limits to look for, 1 the upper and -1 the lower, the farther first: the open ones, else both."""
+    """Signs of the limits to search, 1 for the upper and -1 for the lower, the farther one first.
+
+    They are the open limits, or both if none is open.
+    """
     joint = state.scene.body(name).joint
     assert joint is not None
     sides = [sign for sign, is_open in zip((-1.0, 1.0), joint.open, strict=True) if is_open]
@@ -166,7 +172,7 @@ def _sides(state: SymbolicState, name: str) -> list[float]:
 
 
 def before(blackboard: Blackboard) -> tuple[SymbolicState, str]:
-    """State before a running primitive took hold, and the fixture at the hand."""
+    """State before a running primitive grasped, and the name of the fixture at the hand."""
     state = replace(blackboard.state, holding=None, activity="still")
     name = fixture_at(state)
     assert name is not None
@@ -187,8 +193,10 @@ def at_handle(state: SymbolicState, name: str) -> bool:
 
 
 def _take_hold(blackboard: Blackboard, name: str, held: bool) -> Wait:
-    """Close the fingers on a handle, or, with nothing to hold, only set the reflex. The load is measured from
-    the empty hand's wrench before."""
+    """Close the fingers on a handle; if it is not `held`, only set the reflex.
+
+    The wrench of the empty hand before is the reference of the load.
+    """
     robot = blackboard.robot
     blackboard.load = FingerLoad((yield from median_wrench(blackboard)))
     blackboard.set_reflex(robot.limits.reflexes.contact)
@@ -199,7 +207,10 @@ def _take_hold(blackboard: Blackboard, name: str, held: bool) -> Wait:
 
 
 def _run_up(blackboard: Blackboard, way: Way) -> Wait:
-    """Go some way off, where there is room, so that the force of moving shows before that of the limit."""
+    """Move away from the limit first, as far as there is room.
+
+    The force of the motion then shows before the force of the limit.
+    """
     room = way.joint.room(-np.copysign(1.0, way.travel)) / abs(way.travel)
     back = min(RUN_UP / way.length, room)
     if back * way.length > BACK:
@@ -209,8 +220,11 @@ def _run_up(blackboard: Blackboard, way: Way) -> Wait:
 def _short_of_limit(
     blackboard: Blackboard, way: Way, name: str
 ) -> Generator[float | None, None, Way]:
-    """Go once slowly to where a limit is only believed to be beyond, and back; the way that ends before one that was
-    met."""
+    """Move slowly along the way and back; if a limit is met, return the way that ends before it.
+
+    Raises:
+        LeafFailure: the limit leaves no way of at least `LEAST`.
+    """
     shorter = way
     if (yield from _pass(blackboard, way, 1.0, PROBE_SPEED, True, to_limit=True)):
         shorter = way.short_of(blackboard.robot.state.pose_world_tcp.position)
@@ -241,12 +255,17 @@ def _pass(
     held: bool,
     to_limit: bool = False,
 ) -> Generator[float | None, None, bool]:
-    """Move to a share of the way, and rest; True when it met a limit before, `to_limit`."""
+    """Move to a share of the way, and rest; True if a limit stopped it (`to_limit`).
+
+    Raises:
+        LeafFailure: the fixture is stuck, or slips out of the fingers.
+    """
     robot, joint = blackboard.robot, way.joint
     filtered, met = WrenchFilter(robot), False
     _start_motion(blackboard, way, share, speed)
     yield
     while robot.state.moving:
+        # Force along the joint's direction against the empty hand.
         wrench, here = filtered.now(), robot.state.pose_world_tcp.position
         force = float((wrench - blackboard.load.empty)[:3] @ joint.direction(here))
         if to_limit and abs(force) > PRESSED:
@@ -265,7 +284,7 @@ def _pass(
 
 
 def _start_motion(blackboard: Blackboard, way: Way, share: float, speed: float) -> None:
-    """Start for a share of the way, from the other one: straight, or on an arc."""
+    """Start the motion to a share of the way: straight for a slide, an arc for a hinge."""
     robot, joint = blackboard.robot, way.joint
     target = way.at(share)
     if joint.is_slide:
@@ -276,7 +295,10 @@ def _start_motion(blackboard: Blackboard, way: Way, share: float, speed: float) 
 
 
 def _bring_back(blackboard: Blackboard, way: Way) -> Wait:
-    """Push on until the fixture is where it was found: the arm lags behind by friction over stiffness."""
+    """Push until the fixture is at its original place.
+
+    The arm lags behind its target by friction over stiffness.
+    """
     robot, start = blackboard.robot, way.start
     target = start
     for _ in range(CORRECTIONS):
@@ -284,6 +306,7 @@ def _bring_back(blackboard: Blackboard, way: Way) -> Wait:
         along = way.joint.direction(start.position)
         if abs(float(error @ along)) < BACK:
             return
+        # Shift the target by the remaining error along the joint's direction.
         target = Pose(target.position + (error @ along) * along, target.quaternion)
         robot.move_pose(target, SPEEDS[0])
         while True:

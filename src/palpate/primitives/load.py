@@ -1,7 +1,7 @@
-"""Load on the fingers, and the share that its support bears.
+"""Load on the fingers, and the share that its support carries.
 
-Both are differences from the wrench with empty fingers right before they closed, as the sensed force of
-a real arm is never zero.
+Both are differences from the wrench with empty fingers right before they closed. The sensed force of a
+real arm is never zero.
 """
 
 from __future__ import annotations
@@ -15,21 +15,28 @@ from palpate.common.pose import Array, Pose
 from palpate.robots.pace import Doubt
 
 BORNE = 0.3
-"""Part of an object's weight that the fingers may still bear when they open: the rest of the arm's sag,
-which relaxes meanwhile."""
+"""Largest fraction of an object's weight on the fingers when they open.
+
+It is the rest of the arm's sag, which relaxes meanwhile.
+"""
 CLOSING = 0.002
-"""m by which fingers close when the object slides or turns out of them; the pads' compliance is less."""
+"""m, closing of the fingers that shows slip: the object slides or turns out of them.
+
+The pads' compliance is smaller.
+"""
 SURE = 3.0
-"""Standard deviations that a change of the moment must exceed to be a turn, and that a weight may exceed its
-estimate."""
-TURNED = 0.15  # N m that it must exceed in addition: the pads are compliant
+"""Number of standard deviations for a significant change of the moment, and for the largest weight."""
+TURNED = 0.15  # N m in addition, since the pads are compliant
 UNFELT = 1.5
-"""N, largest weight that may be taken for none: Franka states 0.8 N relative accuracy, and joints stick."""
+"""N, largest weight that cannot be distinguished from zero.
+
+Franka states a relative accuracy of 0.8 N, and joints stick.
+"""
 ROUGHEST = 1.0
 """Largest plausible friction between an object and its support: rubber on dry concrete."""
 PRESSED = 8.0
 """N, least normal force for a friction coefficient: ten times Franka's relative accuracy."""
-BREAKAWAY = 1.3  # Static over dynamic friction, at most
+BREAKAWAY = 1.3  # Largest ratio of static to dynamic friction
 
 SURELY = Doubt(np.zeros(7), 0.0)  # No doubt about a measured load
 
@@ -45,8 +52,8 @@ class FingerLoad:
         moment: N m about the closing direction then.
         doubt: standard deviations of the moment.
         rough: upper bound of the support's friction, by slides so far.
-        heaviest: N, upper bound of the weight by an estimate of the mass: where the arm is folded, the
-            friction of its joints looks like newtons, and `hanging` is another weight.
+        heaviest: N, upper bound of the weight by an estimate of the mass. With a folded arm, joint
+            friction biases the weight in `hanging` by newtons.
     """
 
     empty: Array
@@ -58,10 +65,11 @@ class FingerLoad:
     heaviest: float = math.inf
 
     def after_drag(self, wrench: Array) -> FingerLoad:
-        """Update by the wrench (6,) while the object is dragged along its support."""
+        """Update the friction bound by the wrench (6,) while the object is dragged along its support."""
         normal = self.support_load(wrench)
         if self.hanging is None or not normal > PRESSED:
             return self
+        # Coulomb friction: sideways force over normal force, with a margin for breakaway.
         sideways = float(np.linalg.norm(wrench[:2] - self.hanging[:2]))
         return replace(self, rough=min(ROUGHEST, BREAKAWAY * sideways / normal))
 
@@ -72,13 +80,15 @@ class FingerLoad:
     def turned(
         self, wrench: Array, tool: Pose, doubt: Doubt = SURELY, unrepeated: float = 0.0
     ) -> str | None:
-        """Reason why the object has turned between the pads; None if it has not. Its centre of mass
-        would come below the pads, and the moment vanish. `unrepeated`, N m, is the change of the
-        moment by such a motion alone."""
+        """Reason why the object has turned between the pads; None if it has not.
+
+        A turn brings the centre of mass below the pads, and the moment vanishes. `unrepeated`, N m, is
+        the change of the moment by the same motion with the empty hand.
+        """
         if self.moment is None:
             return None
         change = abs(_moment(wrench, tool) - self.moment)
-        # The sign of the joints' friction at rest is random: twice its effect.
+        # The sign of joint friction at rest is random, so allow twice its effect.
         if change <= TURNED + SURE * doubt.of_change(self.doubt) + 2.0 * unrepeated:
             return None
         return f"it turns in the fingers: its moment about them changed by {change:.2f} N m"
@@ -105,8 +115,11 @@ class FingerLoad:
         return float(wrench[2] - self.empty[2])
 
     def too_much(self, wrench: Array, spare: float = 0.0) -> str | None:
-        """Reason against opening the fingers at `wrench` (6,): they would drop their load. With
-        `spare`, N, they may not open even if the measured load is that much smaller later."""
+        """Reason against opening the fingers at `wrench` (6,): they would drop their load.
+
+        None if they may open. `spare`, N, is an additional margin for a later change of the wrench.
+        """
+        # An object that never hung free: compare with the wrench of the empty fingers.
         if self.hanging is None:
             bears = self.borne(wrench)
             return None if bears <= UNFELT - spare else f"the fingers still bear {bears:.1f} N"
@@ -118,13 +131,15 @@ class FingerLoad:
         )
 
     def support_load(self, wrench: Array) -> float:
-        """Load, N, that the support takes off the fingers at `wrench` (6,); 0 if the object never
-        hung free."""
+        """Load, N, that the support takes off the fingers at `wrench` (6,).
+
+        0 if the object never hung free.
+        """
         return 0.0 if self.hanging is None else float(self.hanging[2] - wrench[2])
 
 
 def _moment(wrench: Array, tool: Pose) -> float:
-    """N m of a wrench (6,) about the closing direction."""
+    """Moment of a wrench (6,) about the closing direction, N m."""
     return float(wrench[3:] @ tool.rotation[:, 1])
 
 

@@ -60,11 +60,14 @@ from palpate.scene.load import untouchable_reason
 from palpate.trace.recording import pose_name
 
 POSITION_TOLERANCE = 0.010
-"""m: an impedance-controlled arm with 1.5 kg on it sags by several millimetres. Soft springs may sag
-by more, as far as the load explains."""
-ANGLE_TOLERANCE = np.radians(3.0)  # rad, likewise
-UNDER_WAY = 90.0  # s that one motion may take: half a metre at the least speed of a cautious arm
-LEAST_SPEED = 0.01  # m/s that a plan may ask for: more slowly some joints of an arm stick and slip
+"""m, largest position error at the end of a motion.
+
+An impedance-controlled arm with a load of 1.5 kg sags by several millimetres. Soft springs may sag by
+more, as far as the load explains.
+"""
+ANGLE_TOLERANCE = np.radians(3.0)  # rad, largest angle error at the end of a motion
+UNDER_WAY = 90.0  # s, timeout of one motion: half a metre at the least speed of a cautious arm
+LEAST_SPEED = 0.01  # m/s, least speed in a plan: below it, some joints stick and slip
 
 
 class MovePose(Primitive):
@@ -120,6 +123,7 @@ class MovePose(Primitive):
             return [Violation("unknown-symbol", str(error))]
         found = out_of_reach(state, target, self.pose)
         name = state.scene.symbols.subject(self.pose)
+        # A large turn of the tool's axis must go through the level configuration.
         front = f"{name}_front"
         if front in state.scene.symbols.configurations and swings(state.pose_world_tcp, target):
             problem = f"the hand is not level; MoveJoints '{name}_level', then '{front}' first"
@@ -132,7 +136,7 @@ class MovePose(Primitive):
 
     def bind(self, blackboard: Blackboard) -> None:
         state, name = blackboard.state, blackboard.scene.symbols.found_out(self.pose)
-        # Bound once: the hand puts an object down where it took it.
+        # Bound once, so that the hand puts an object down where it took it.
         if name is not None and name not in state.bound:
             along, why = _balance_point(blackboard, name)
             blackboard.state = replace(state, bound={**state.bound, name: along})
@@ -177,6 +181,7 @@ class MovePose(Primitive):
         lifted = self.effects(state).lifted
         sets_down = state.holding is not None and not lifted
         dwell = DWELL
+        # One commanded motion with a speed limit for each span.
         way = list(spans(state, robot.state.target_world_tcp, target))
         left = sum(span.start.distance_to(span.end) for span in way)
         fastest = min(scene.arm.pace.speed, self.speed or np.inf)
@@ -189,12 +194,13 @@ class MovePose(Primitive):
                 span_reflex(robot.limits.reflexes, span, state.holding, sets_down),
                 configuration(scene.arm, scene.pose_world_base.inverse() @ span.end),
             )
+            # Only guarded spans are monitored for contact tick by tick.
             if not span.guarded:
                 yield from follow_free(blackboard, span, left)
             elif (yield from wait_guarded_span(blackboard, span, left, sets_down, self.pose)):
                 return self._set_down(blackboard, target)
             dwell = BRIEF if span.guarded else DWELL
-        # The ticks in which the load is weighed count as standing still, too.
+        # The ticks of the weighing also count towards the time at rest.
         yield from settle(blackboard, dwell - MEDIAN_TIME if lifted else dwell)
         if lifted:
             yield from _weigh(blackboard)
@@ -210,7 +216,7 @@ class MovePose(Primitive):
         return f"set down {1e3 * early:.1f} mm early"
 
     def _distance_clause(self, blackboard: Blackboard, target: Pose) -> str:
-        """Distance of the arm from its target, in words.
+        """Distance of the arm from its target, as text.
 
         Raises:
             LeafFailure: too far.
@@ -221,6 +227,7 @@ class MovePose(Primitive):
             # Soft springs sag by the load over their stiffness.
             sag = blackboard.load.weight / blackboard.scene.arm.stiffness.translation
             distance = measured.distance_to(target.translate((0.0, 0.0, -sag)))
+        # Any larger error has another cause: an obstacle, or the edge of the workspace.
         if distance > POSITION_TOLERANCE or angle > ANGLE_TOLERANCE:
             raise LeafFailure(
                 f"stopped {1e3 * distance:.1f} mm and {np.degrees(angle):.1f}° from '{self.pose}', "
@@ -265,7 +272,7 @@ class MoveJoints(Primitive):
     @classmethod
     def groundings(cls, around: Surroundings) -> Iterator[MoveJoints]:
         yield cls(joints=HOME_CONFIG)
-        # On the way home, from before any handle.
+        # Configurations in front of a handle, from which the arm goes home.
         before = (around.subject,) if around.subject else tuple(around.state.scene.fixtures)
         for name in (f"{one}_{place}" for one in before for place in ("level", "front")):
             if name in around.state.scene.symbols.configurations:
@@ -303,7 +310,7 @@ class MoveJoints(Primitive):
 
 
 def _early(state: SymbolicState, target: Pose) -> float:
-    """m above `target` at which the guarded motion straight down ends, as what it sets down stands."""
+    """Height, m, above `target` at which a motion straight down ends, since its object is set down."""
     start, name, held = state.pose_world_tcp, state.holding, state.pose_tcp_object
     if start is None or name is None or held is None or not state.lifted:
         return 0.0
@@ -317,6 +324,7 @@ def _at_rest(state: SymbolicState, at: str | None, target: Pose) -> SymbolicStat
     )
     if state.holding is None or state.pose_tcp_object is None:
         return there
+    # The held object moves with the hand; its clearance decides if it is lifted.
     pose_world_object = target @ state.pose_tcp_object
     lifted = clear_of_support(state, state.holding, pose_world_object)
     return replace(
@@ -328,11 +336,16 @@ def _at_rest(state: SymbolicState, at: str | None, target: Pose) -> SymbolicStat
 
 
 def _weigh(blackboard: Blackboard) -> Wait:
-    """Measure the load that hangs free: unturned since its grasp, and within the payload."""
+    """Measure the load that hangs free.
+
+    Raises:
+        LeafFailure: it turned in the fingers since its grasp, or exceeds the payload.
+    """
     robot, scene, name = blackboard.robot, blackboard.scene, blackboard.state.holding
     wrench = yield from median_wrench(blackboard)
     here = robot.state
     tool = here.pose_world_tcp
+    # Uncertainty of the moment about the closing direction, in this posture.
     closing = scene.pose_world_base.rotation.T @ tool.rotation[:, 1]
     unsure = doubt(scene.arm, here.q, here.tau, closing)
     if reason := blackboard.load.turned(wrench, tool, unsure):
@@ -346,15 +359,18 @@ def _weigh(blackboard: Blackboard) -> Wait:
 
 
 def _balance_point(blackboard: Blackboard, name: str) -> tuple[float, str]:
-    """Place along the line of a balance pose, m, nearest to the object's centre of mass as measured
-    so far, and its source in words."""
+    """Place along the line of a balance pose, m, and its source as text.
+
+    It is the place nearest to the measured centre of mass, or the believed place if the measurement
+    does not differ from it significantly.
+    """
     scene, trace = blackboard.scene, blackboard.recorder.snapshot()
     subject, line = scene.symbols.subjects[name], scene.symbols.lines[name]
     (found,) = estimate_all([Parameter(subject, CentreOfMass.id)], trace, scene.bodies)
     if found.verdict != "identified":
         return line.believed, f"as believed: {found.verdict} so far"
     body = scene.body(subject)
-    # Standard deviation along the line, at most.
+    # Upper bound of the standard deviation along the line.
     std = float(np.abs(body.pose_world.rotation.T @ line.along) @ found.stds)
     along = line.nearest(body.pose_at_rest.apply(found.values))
     apart = along - line.believed

@@ -89,8 +89,9 @@ class Vocabulary:
         return self.primitive(type)(**self.arguments(type, args))
 
     def arguments(self, type: str, args: Mapping[str, Any]) -> dict[str, Any]:
-        """The arguments without the primitive's own buffer, which may be named as the paper names
-        it: `Force2Mass(gripper_forces)`.
+        """The arguments without the primitive's own buffer.
+
+        A plan may name that buffer as the paper does: `Force2Mass(gripper_forces)`.
 
         Raises:
             InputError: unknown primitive.
@@ -116,6 +117,7 @@ def load_vocabulary(third_parties: Iterable[ModuleType] = ()) -> Vocabulary:
     Every public concrete `Primitive` of a module is found under its class name. Palpate's own names
     cannot be taken.
     """
+    # Palpate's own names take precedence over those of third parties.
     own: dict[str, type[Primitive]] = {}
     for module in CORE:
         own |= {cls.__name__: cls for cls in _public(module) if cls.__module__ == module.__name__}
@@ -143,8 +145,10 @@ def vocabulary() -> Vocabulary:
         InputError: an entry point's module cannot be loaded, or a conversion measures a quantity
             that the catalogue lacks; the message names it.
     """
+    # Load the modules of all entry points.
     found = load_vocabulary(extensions(GROUP))
     for cls in found.primitives.values():
+        # A conversion needs its quantity in the catalogue, or its estimate has no name.
         if cls.measures is not None and cls.measures.id not in catalogue():
             raise InputError(
                 f"{cls.__name__} measures '{cls.measures.id}', which is no quantity of the "
@@ -158,6 +162,7 @@ def acquisition(quantity: Quantity, words: Vocabulary | None = None) -> str:
     """Description of a quantity's acquisition: its evidence, and its conversion if there is one."""
     if quantity.derived:
         return f"{quantity.how}; derived"
+    # The first primitive that converts to the quantity names the last step.
     for cls in (words or vocabulary()).converters(quantity.id):
         return f"{quantity.how}, then {cls.__name__}"
     return quantity.how
@@ -166,6 +171,7 @@ def acquisition(quantity: Quantity, words: Vocabulary | None = None) -> str:
 def leaf_schema(cls: type[Primitive]) -> dict[str, Any]:
     """JSON schema of one primitive's node."""
     schema = cls.model_json_schema()
+    # Every node states its type; a name is optional, and so is the buffer.
     properties: dict[str, Any] = {"type": {"const": cls.__name__}, "name": {"type": "string"}}
     buffer = cls.reads or cls.writes
     if buffer:
@@ -173,6 +179,7 @@ def leaf_schema(cls: type[Primitive]) -> dict[str, Any]:
             "const": buffer,
             "description": "the buffer, which may be named as the paper names it",
         }
+    # The fields of the pydantic class complete the node.
     properties |= schema.get("properties", {})
     return {
         "type": "object",
@@ -200,6 +207,7 @@ def composite_schema(composite: Composite) -> dict[str, Any]:
 
 def plan_schema(vocabulary: Vocabulary) -> dict[str, Any]:
     """JSON schema (2020-12) of a whole plan; the tree is recursive through `$defs/node`."""
+    # One definition for each primitive and composite; a node is any of them.
     leaves = {name: leaf_schema(cls) for name, cls in vocabulary.primitives.items()}
     composites = {name: composite_schema(c) for name, c in vocabulary.composites.items()}
     node = {"oneOf": [{"$ref": f"#/$defs/{name}"} for name in (*leaves, *composites)]}

@@ -21,13 +21,13 @@ from palpate.primitives.state import PRECONDITION, SymbolicState, Violation
 from palpate.trace.recording import Conversion, Recording
 from palpate.trace.samples import FORCES, POSE
 
-FORCE_WINDOW = 1.0  # s: 1000 torque samples bring the white noise of a force below 10 mN
-POSE_WINDOW = 0.3  # s
+FORCE_WINDOW = 1.0  # s: the mean of 1000 torque samples has a white noise below 10 mN in force
+POSE_WINDOW = 0.3  # s, window of a pose measurement
 
 
 class _Sensing(Primitive):
     group: ClassVar = "sensing"
-    timeout: ClassVar[float] = 300.0  # Longer than any motion beside it
+    timeout: ClassVar[float] = 300.0  # Longer than any motion in the same Parallel
     window: ClassVar[float]
 
     def effects(self, state: SymbolicState) -> SymbolicState:
@@ -35,6 +35,7 @@ class _Sensing(Primitive):
 
     def run(self, blackboard: Blackboard) -> Steps:
         robot, context = blackboard.robot, blackboard.state.context()
+        # Record until the motion in the same Parallel ends, or for a fixed window.
         start, beside_motion = robot.state.t, blackboard.motions > 0
         while blackboard.motions > 0 if beside_motion else robot.state.t - start < self.window:
             yield np.inf if beside_motion else start + self.window - robot.state.t
@@ -65,6 +66,7 @@ class _Conversion(ConversionPrimitive):
         context = state.buffers.get(self.reads or "")
         if context is None or self.measures is None:
             return None
+        # The context of the buffer names the subject of the first evidence that fits.
         evidence = [one for one in self.measures.evidence if one.buffer == self.reads]
         subjects = (one.about(context) for one in evidence)
         return next((subject for subject in subjects if subject is not None), None)
@@ -97,6 +99,7 @@ class _Conversion(ConversionPrimitive):
         assert quantity is not None
         yield
         recorder, parameter = blackboard.recorder, Parameter(subject, quantity.id)
+        # Estimate from the trace so far, with the latest recording of the buffer.
         recording = next(r for r in reversed(recorder.recordings) if r.buffer == self.reads)
         conversion = Conversion(
             type(self).__name__, subject, quantity.id, recording, blackboard.robot.state.t
@@ -108,7 +111,7 @@ class _Conversion(ConversionPrimitive):
             raise LeafFailure(f"{parameter} is not identified: {found.method}")
         recorder.conversions.append(conversion)
         values = tuple(found.values.tolist())
-        # The rest of the run goes by the value: what stands on a measured surface moves with it.
+        # The rest of the run uses the value: bodies on a measured surface move with it.
         blackboard.state = blackboard.state.learn_parameter(parameter, values)
         if parameter == Parameter(blackboard.state.holding or "", Mass.id):
             mass, gravity = found.physical, blackboard.robot.gravity

@@ -1,8 +1,9 @@
 """Primitives that turn the hand in place, loaded or empty, and back.
 
-Gravity shows along which line a load hangs; tilted, where on that line; turned about the vertical, how
-much of that is the sensors' own error. Inertia shows as the load is swung. Each is a difference from the
-same motion with the empty hand at the same pose, as the arm's own effects are far larger.
+At rest, gravity shows the vertical line of a load's centre of mass. A tilt shows the height on that
+line. A turn about the vertical separates the sensors' own error. A swing shows the inertia. Each result
+is a difference from the same motion with the empty hand at the same pose, since the arm's own effects
+are far larger.
 """
 
 from __future__ import annotations
@@ -39,26 +40,37 @@ from palpate.robots.sheet import MotionLimits
 from palpate.robots.trajectory import SWING_PEAK, rotate_quaternion
 from palpate.trace.recording import Activity
 
-HOLD = 1.0  # s that a tilt is held: as long as a weight is measured
+HOLD = 1.0  # s, rest at each tilt: as long as a weight measurement
 AXES = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0])}  # Axes of the tool
 SWINGS = ((2.0, 8), (4.0, 12))
-"""Frequencies, Hz, with periods at full amplitude. Two frequencies, as the compliance between pads and
-object grows with the square of the frequency; below half of the bandwidth of the springs at the TCP; in
-some seconds the white noise of a joint's torque averages to some mN m."""
-PRETENDED = 0.5  # Part of the reflex threshold of the moment that the joints' friction may take up
+"""Frequencies, Hz, and numbers of periods at full amplitude.
+
+Two frequencies are needed since the effect of the compliance between pads and object grows with the
+square of the frequency. Both are below half of the bandwidth of the springs at the TCP. In some
+seconds the white noise of a joint torque averages to some mN m.
+"""
+PRETENDED = 0.5  # Largest fraction of the moment's reflex threshold that joint friction may imitate
 STEP = math.radians(12.0)
-"""rad between the tilts that are checked: the wrist is badly placed 19° to either side of straight."""
-SLACK = 0.9  # Part of the turning speed that a swing uses
+"""rad between the tilts that are checked: the wrist is ill-conditioned within 19° of straight."""
+SLACK = 0.9  # Fraction of the turning speed that a swing uses
 TURNS = (90.0, -90.0, 60.0, -60.0)
-"""Degrees of a turn about the vertical that a planner tries. A quarter turn moves a lever from the first
-and last joints to those that sense it best; less of it shows less."""
+"""Degrees, turns about the vertical that a planner tries.
+
+A quarter turn moves a lever from the first and last joints to the joints that sense it best. A
+smaller turn gives less evidence.
+"""
 BENT = math.radians(10.0)
-"""rad by which a joint may turn farther than the hand: farther means another branch of the inverse
-kinematics."""
+"""rad, largest turn of a joint beyond that of the hand.
+
+A larger turn means another branch of the inverse kinematics.
+"""
 
 
 def swing_angle(pace: MotionLimits, frequency: float) -> float:
-    """Amplitude, rad, of a swing at `frequency`, Hz, within the pace's speed and acceleration."""
+    """Amplitude, rad, of a swing at `frequency`, Hz, within the pace's speed and acceleration.
+
+    A = min(v / ω, a / ω²) with ω = 2 π f.
+    """
     rate = 2.0 * math.pi * frequency
     acceleration = (pace.swinging_acceleration or 0.0) / SWING_PEAK
     return min(SLACK * pace.turning_speed / rate, acceleration / rate**2)
@@ -103,6 +115,7 @@ class _Turning(Primitive):
         here, held = state.pose_world_tcp, state.pose_tcp_object
         if found or here is None:
             return found
+        # Each extreme rotation must be reachable and free of collisions.
         for pose in self._ends(state):
             if not solids(state.scene).reaches(pose):
                 problem = f"the arm cannot turn the hand as far at '{state.at}'"
@@ -111,7 +124,7 @@ class _Turning(Primitive):
             if state.holding is not None and held is not None:
                 there = replace(there, moved=state.placing(state.holding, pose @ held))
             found += motion.violations(state, there, may_tilt=True)
-            # Turning is no guarded motion: it keeps the error of believed poses from everything.
+            # A turn is not a guarded motion: it stays clear by the error of believed poses.
             if near_spans(state, here, pose, POSE_ERROR):
                 problem = (
                     f"turned at '{state.at}' the hand, or what it holds, would come within "
@@ -142,7 +155,7 @@ class _Turning(Primitive):
         blackboard.set_reflex(reflexes.carrying if held else reflexes.free)
 
     def _turn(self, blackboard: Blackboard, hold: float, dwell: float) -> Wait:
-        """Turn to each extreme rotation, and rest for `hold` s, then back, and rest for `dwell` s."""
+        """Turn to each extreme rotation and rest for `hold` s, then turn back and rest for `dwell` s."""
         here = blackboard.state.tcp
         for pose in (*self._ends(blackboard.state), here):
             blackboard.robot.move_pose(pose, blackboard.scene.arm.pace.speed)
@@ -150,8 +163,9 @@ class _Turning(Primitive):
             yield from settle(blackboard, dwell if pose is here else hold)
 
     def _require_same_hang(self, blackboard: Blackboard, before: Array) -> Wait:
-        """Require that the held object hangs as it did at the wrench `before` (6,). The same turn
-        with the empty hand shows how much joint friction alone changes the moment.
+        """Require that the held object hangs as at the wrench `before` (6,).
+
+        The same turn with the empty hand measures the change of the moment by joint friction alone.
 
         Raises:
             LeafFailure: it slid or turned in the fingers.
@@ -192,11 +206,14 @@ class Tilt(_Turning):
         return super().requires(state) or [*self._straightening(state)]
 
     def _straightening(self, state: SymbolicState) -> Iterator[Violation]:
-        """Violation: the wrist would come so near to straight that joint friction is taken for a
-        collision."""
+        """Violation for a tilt that brings the wrist near to straight.
+
+        Joint friction would then be taken for a collision.
+        """
         scene, here = state.scene, state.tcp
         most = PRETENDED * scene.arm.limits.reflexes.free.torque
         for turn in self.turns(state):
+            # Check the effect of joint friction at tilts at most `STEP` apart.
             steps = math.ceil(float(np.linalg.norm(turn)) / STEP)
             shares = np.linspace(0.0, 1.0, steps + 1)[1:, None]
             for quaternion in rotate_quaternion(here.quaternion, shares * turn):
@@ -240,7 +257,7 @@ class Turn(_Turning):
         return super().requires(state) or [*self._bending(state)]
 
     def _bending(self, state: SymbolicState) -> Iterator[Violation]:
-        """Violation: a joint would have to turn round to its other limit."""
+        """Violation for a turn in which a joint would have to change to another branch."""
         now = state.q
         most = math.radians(abs(self.degrees)) + BENT
         for pose in self._ends(state):
@@ -253,7 +270,7 @@ class Turn(_Turning):
                 )
 
     def run(self, blackboard: Blackboard) -> Steps:
-        # About the vertical no weight turns in the fingers: nothing to compare at the end.
+        # A turn about the vertical does not change the load's moment: no comparison at the end.
         self._start(blackboard)
         yield from self._turn(blackboard, hold=BRIEF, dwell=BRIEF)
         return f"turned by {self.degrees:g}° and back"
@@ -281,7 +298,7 @@ class Swing(_Turning):
         return [*self._too_fast(state), *self._twisting(state)]
 
     def _too_fast(self, state: SymbolicState) -> Iterator[Violation]:
-        """Violation: a joint would exceed its speed."""
+        """Violation for a swing in which a joint would exceed its speed limit."""
         scene, here = state.scene, state.tcp
         shapes = solids(scene)
         q = shapes.configuration(here)
@@ -298,15 +315,17 @@ class Swing(_Turning):
             )
 
     def _twisting(self, state: SymbolicState) -> Iterator[Violation]:
-        """Violation: the held object would turn in the grip by its known or believed weight and
-        inertia."""
+        """Violation for a swing in which the held object would turn in the grip.
+
+        The moment is m g l + I α, with the known or believed mass and centre of mass.
+        """
         if state.holding is None or state.pose_tcp_object is None:
             return
         scene, shapes = state.scene, solids(state.scene)
         body, mass = scene.body(state.holding), shapes.mass(state.holding)
         centre = state.pose_tcp_object.apply(shapes.centre_of_mass(state.holding))
         lever = float(np.hypot(centre[0], centre[2]))
-        # A box about its centre, (a² + b² + c²) / 12 at most, and the parallel axis theorem.
+        # I <= m ((a² + b² + c²) / 12 + l²): a box about its centre, and the parallel axis theorem.
         inertia = mass * (float(body.size @ body.size) / 12.0 + lever**2)
         moment = mass * scene.gravity * lever
         moment += inertia * (scene.arm.pace.swinging_acceleration or 0.0)
@@ -323,6 +342,7 @@ class Swing(_Turning):
         self._start(blackboard)
         before = yield from median_wrench(blackboard)
         for axis in np.eye(3):
+            # Swing about each axis of the tool, slowly and fast.
             for frequency, cycles in SWINGS:
                 robot.swing(axis, swing_angle(pace, frequency), frequency, cycles)
                 yield from finish(blackboard)
