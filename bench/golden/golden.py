@@ -152,8 +152,8 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     given = parser.parse_args()
     if given.action == "compare":
-        return compare(given.quick, given.select, given.jobs)
-    table = run(list(rows(given.quick, given.select)), given.jobs)
+        return compare(given.quick, given.only, given.jobs)
+    table = run(list(rows(given.quick, given.only)), given.jobs)
     TABLE.write_text(json.dumps(table, indent=1) + "\n", "utf-8")
     return 0
 
