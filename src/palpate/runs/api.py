@@ -50,11 +50,11 @@ if TYPE_CHECKING:
 class Plan(InnerPlan):
     """A plan: parameters, explanation and behavior tree.
 
-    `Scene.plan` returns a checked one, which can be run. A planner of one's own may construct one.
+    `Scene.plan` returns a checked plan, which can be run. A user's own planner may construct one.
     """
 
     begun: InnerRun | None = field(default=None, kw_only=True, compare=False)
-    """The run so far: settings, scene, this plan and its findings; None before the check."""
+    """The run so far: settings, scene, this plan and its findings. None before the check."""
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -97,22 +97,23 @@ class Plan(InnerPlan):
             world: MJCF of the hidden simulated world (a file, its text, or a scene); None simulates
                 the plan's scene with its unknowns drawn from priors.
             robot: URL of a real robot.
-            noise: how the simulated robot differs from its model, a name or a FILE.yaml.
+            noise: noise model of the simulated robot, a name or a FILE.yaml.
             seed: of everything random in it.
-            on_failure: `stop`, `skip` or `replan`: what to do when an action fails.
-            rehearse: execute in simulation first; None means before a real robot moves, and for plans
+            on_failure: reaction to a failed action: `stop`, `skip` or `replan`.
+            rehearse: execute in simulation first; None means before a real robot moves, and for
+            plans
                 of models, files and own planners. False is for the embedded arm only.
-            within: half widths of 95 % intervals to reach; None keeps those that were planned for.
+            within: half widths of 95 % intervals to reach; None keeps those of the plan.
             fast: leave out film and replay in the twin, which take longest and measure nothing.
-            confirm: shown the run before a real robot moves; whether it may.
+            confirm: called with the run before a real robot moves; True allows the motion.
             observer: watches every tick.
             progress: called with the name of each stage, e.g. `print`.
             out: folder to write the run to, while it grows; must not exist.
 
         Returns:
-            The finished run. Where the plan has no tree, or findings, nothing moves and its status
-            is `rejected`. What failed once something had moved, and where a Ctrl-C ended it, it
-            says itself (`shortfalls`, `interrupted`).
+            The finished run. If the plan has no tree, or findings, nothing moves and the status is
+            `rejected`. Failures after the first motion are in `shortfalls`. A Ctrl-C is in
+            `interrupted`.
 
         Raises:
             InputError: bad input.
@@ -126,6 +127,7 @@ class Plan(InnerPlan):
 
             cell = simulated_cell(begun.scene, world, noise=noise, seed=seed)
             world = world.path
+        # Complete the settings of the plan with those of the execution.
         settings = begun.settings.having(
             world=world,
             robot=robot,
@@ -153,7 +155,7 @@ class Plan(InnerPlan):
 def hidden_world(
     world: str | Path | InnerScene | None, settings: Settings
 ) -> Path | InnerScene | None:
-    """A simulated world as it was given, MJCF text read."""
+    """Return the simulated world as given; parse MJCF text."""
     if is_text(world):
         return parse_scene(str(world), arm=own_arm(settings.arm, settings.cautious, None))
     return Path(world) if isinstance(world, str) else world
@@ -165,10 +167,10 @@ def plan_of(
     planner: str | Planner,
     seen: Seen | None = None,
 ) -> Plan:
-    """Ask the planner that the settings name, or one at hand, and check its plan.
+    """Ask a planner, by name or as an object, and check its plan.
 
     Raises:
-        InputError: it touches what was not among the `seen`, where a camera looked.
+        InputError: the plan touches objects that the camera did not see.
     """
     made = pipeline.plan(asked, scene, None if isinstance(planner, str) else planner)
     made = pipeline.require_seen(made, seen)
@@ -180,10 +182,10 @@ def plan_of(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scene(InnerScene):
-    """An incomplete simulation description, as `load` reads it.
+    """An incomplete simulation description, read by `load`.
 
     Attributes:
-        given: what `load` was given: the file, its poses, the arm.
+        given: arguments of `load`: the file, its poses, the arm.
 
     The other attributes are those of `palpate.scene.scene.Scene`.
     """
@@ -202,22 +204,24 @@ class Scene(InnerScene):
         within: Widths | None = None,
         model_settings: ModelSettings | None = None,
     ) -> Plan:
-        """Plan how to measure what the request asks and the scene does not state; check the plan.
+        """Plan the measurement of everything that the request asks and the scene does not state;
+        check the plan.
 
         Args:
-            request: what you want to simulate, in your words; None asks for all that is missing.
+            request: what you want to simulate, in your words; None asks for everything missing.
             measure: parameters by name, `"bottle.mass"`, `"bottle.*"` or `"missing"`, instead of a
-                request; no language is involved. With a request, which must not ask for others, it
-                decides.
+                request; no language is involved. A request in addition must not ask for others.
             planner: `symbolic`, `exhaustive`, `replay:FILE`, `PROVIDER:MODEL`, or a planner.
             images: pictures of the workspace, for a model.
-            remeasure: measure what is asked even if the scene states it.
-            within: half widths of 95 % intervals to reach, `{"mass": "1g", "bottle.height": 0.001}`.
-            model_settings: how a model is asked, where the planner is one.
+            remeasure: measure requested quantities even if the scene states them.
+            within: half widths of 95 % intervals to reach, `{"mass": "1g", "bottle.height":
+            0.001}`.
+            model_settings: settings of the requests, if the planner is a model.
 
         Returns:
-            A plan. One without a tree is a rejection, and its explanation says why; what such a
-            request may mean is its `proposal`: `scene.plan(measure=plan.proposal)` accepts it.
+            A plan. A plan without a tree is a rejection, and its explanation gives the reason. Its
+            `proposal` is a possible meaning of the request: `scene.plan(measure=plan.proposal)`
+            accepts it.
 
         Raises:
             InputError: a request or a planner that cannot be used.
@@ -262,15 +266,15 @@ def load(
 
     Args:
         source: a file, or MJCF text (which then begins with `<`).
-        poses: `poses.yaml`: where objects and named places are.
-        arm: the arm that is to touch it: a name, or the folder of a description.
-        cautious: the arm is to move slowly everywhere, for what no scene shows.
-        robot_config: `robot.yaml`: what was measured of this very arm.
-        root: the folder outside of which none of the scene's files is read; by default the
-            nearest common folder of the scene and all that it refers to, where that is no whole home,
-            folder of the system or file system's root.
-        robot_body: the body that the scene's own robot begins with, or several, or `none`; by
-            default what actuators drive, or ends in a hand. The arm takes its place.
+        poses: `poses.yaml`: poses of objects and named places.
+        arm: the arm that touches the scene: a name, or the folder of a description.
+        cautious: the arm moves slowly everywhere, because of obstacles that the scene lacks.
+        robot_config: `robot.yaml`: calibration of this very arm.
+        root: folder of all files of the scene; no file outside it is read. By default it is the
+            nearest common folder of the scene and the files that it refers to. A home, a system
+            folder and the file system's root are never taken by default.
+        robot_body: root bodies of the scene's own robot, or `none`. By default these are bodies
+            that actuators drive or that end in a hand. The arm replaces them.
 
     Raises:
         InputError: malformed XML, missing files, names that do not match.
@@ -304,11 +308,11 @@ def load_settings(given: Settings, text: str | None = None) -> Scene:
     return Scene(**contents_of(found, InnerScene), given=given)
 
 
-# Run of all stages in one call, from a scene or from settings.
+# A run of all stages in one call, from a scene or from settings.
 
 
 class Options(TypedDict, total=False):
-    """The arguments of `load`, `Scene.plan` and `Plan.run` together."""
+    """All arguments of `load`, `Scene.plan` and `Plan.run`."""
 
     poses: str | Path | None
     camera: str | int | None

@@ -1,4 +1,4 @@
-"""Callbacks of a run: progress and confirmation, passed on from stage to stage."""
+"""Callbacks of a run: progress and confirmation."""
 
 from __future__ import annotations
 
@@ -17,33 +17,33 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 Progress = Callable[[str], None]
-"""Told which stage begins."""
+"""Called with the name of the stage that begins."""
 Confirm = Callable[["Run"], bool]
-"""Shown a plan before a real robot moves; whether it may."""
+"""Called with a plan before a real robot moves; True allows the motion."""
 Shown = Callable[["Run"], None]
-"""Shown what the run has grown to."""
+"""Called with the grown run."""
 
 
 def quiet(_: str) -> None:
-    """Tell nobody which stage begins."""
+    """Ignore the progress."""
 
 
 def allow_motion(_: Run) -> bool:
-    """Let the robot move without asking anybody."""
+    """Allow every motion."""
     return True
 
 
 def refuse_proposal(_: Run) -> bool:
-    """Confirm no proposal."""
+    """Refuse every proposal."""
     return False
 
 
 def unheard(_: Run) -> None:
-    """Show the run to nobody before all is done."""
+    """Ignore the run until it is finished."""
 
 
 def accept_look(_: Seen) -> bool:
-    """Use what a camera saw without asking anybody."""
+    """Accept every look."""
     return True
 
 
@@ -54,11 +54,13 @@ class RunCallbacks:
     Attributes:
         observer: called at every tick of the execution.
         progress: called with the name of the stage that begins.
-        looked: called with what a camera saw, before anything is planned with it; True uses it.
-        planned: called with the run before its plan for a real robot is rehearsed, to be read meanwhile.
-        may_move: called with the run before a real robot moves; True lets it move.
-        may_measure: called with a run whose plan is a proposal; True measures what it proposes.
-        may_resume: called with the reason why a real robot stopped; True lets it go on.
+        looked: called with the result of a look before the plan; True uses it.
+        planned: called with the run before its plan for a real robot is rehearsed, to be read
+        meanwhile.
+        may_move: called with the run before a real robot moves; True allows the motion.
+        may_measure: called with a run whose plan is a proposal; True measures the proposed
+        parameters.
+        may_resume: called with the reason why a real robot stopped; True lets it continue.
         measured: called with the run as soon as its values are final, before twin, film and report.
     """
 
@@ -72,7 +74,9 @@ class RunCallbacks:
     looked: Callable[[Seen], bool] = accept_look
 
     def unfailing(self) -> RunCallbacks:
-        """The same, with failures of what only shows ignored, e.g. on a closed terminal."""
+        """Return the same callbacks; those that only show ignore failures, e.g. of a closed
+        terminal.
+        """
         return replace(
             self,
             progress=_unfailing(self.progress),
@@ -82,7 +86,7 @@ class RunCallbacks:
 
 
 SILENT = RunCallbacks()
-"""Callbacks that show and ask nothing."""
+"""Callbacks that show nothing and ask nothing."""
 
 
 def _unfailing(tell: Callable[[T], None]) -> Callable[[T], None]:

@@ -19,13 +19,13 @@ from palpate.twin.export import Export, export_twin, require_format
 
 
 def export_run(run: Run, to: str, folder: Path | None = None) -> Export:
-    """Write the run's twin into a new folder, by default `export-FORMAT` in the run's own.
+    """Write the run's twin into a new folder, by default `export-FORMAT` in the run's own folder.
 
     Raises:
         InputError: the run has no twin, there is no such format, or the folder exists or cannot be
             made.
-        Unavailable: what writes the format is not installed.
-        PalpateError: what was written does not say what the twin says.
+        Unavailable: the library that writes the format is not installed.
+        PalpateError: the written file differs from the twin.
     """
     chosen = require_format(to)
     if run.finished is None:
@@ -54,13 +54,13 @@ def export_json(run: Run, export: Export) -> dict[str, Any]:
 
 
 def _rows(run: Run, export: Export) -> Iterator[dict[str, Any]]:
-    """Every estimate, and whether it was read back from the export."""
+    """List every estimate; `read_back` is true if the export contains its value."""
     for estimate in run.estimates:
         row = parameter_json(estimate)
         yield {**row, "read_back": estimate.parameter in export.held}
 
 
-# Proof of a run's twin: made, and kept as `proof.json` in the run folder.
+# Proof of a run's twin, kept as `proof.json` in the run folder.
 
 
 PROOF = "proof.json"
@@ -71,7 +71,7 @@ def prove_run(run: Run) -> Proof:
     """Plan tasks with the run's prior and twin, and carry them out in its truth, else in draws.
 
     Raises:
-        InputError: the run has no twin, its scene's file is gone, or nothing was measured.
+        InputError: the run has no twin, its scene's file is missing, or nothing was measured.
     """
     if run.finished is None:
         raise InputError("this run has no twin to prove: nothing was measured")
@@ -81,7 +81,7 @@ def prove_run(run: Run) -> Proof:
 
 
 def proof_json(proof: Proof) -> dict[str, Any]:
-    """Content of `proof.json`; null stands for an object that tips over or falls."""
+    """Content of `proof.json`; null means an object that tips over or falls."""
     rows: list[dict[str, Any]] = []
     for row in proof.rows:
         errors = {"prior": row.prior, "twin": row.twin, "drawn": row.drawn}
@@ -93,7 +93,7 @@ def proof_json(proof: Proof) -> dict[str, Any]:
 
 
 def read_proof(folder: Path) -> Proof | None:
-    """The proof that a run folder holds, if any.
+    """Read the proof in a run folder, if any.
 
     Raises:
         InputError: the file is not a proof.

@@ -1,4 +1,4 @@
-"""Estimates as text: value and error with as many digits as the error carries."""
+"""Estimates as text: value and error with the digits that the error justifies."""
 
 from __future__ import annotations
 
@@ -10,8 +10,15 @@ from palpate.estimation.estimate import Estimate, Verdict, axes_of, round_to_std
 
 @dataclass(frozen=True, slots=True)
 class ComponentText:
-    """Component of an estimate: its name, empty for a scalar, and its numbers as text, all with the
-    same digits after the point. `limit`: its one-sided limit, `at most 0.007`, where a bound acts."""
+    """Component of an estimate as text; all numbers have the same digits after the point.
+
+    Attributes:
+        axis: its name, empty for a scalar.
+        value, std: estimate and standard deviation.
+        low, high: ends of the interval.
+        verdict: of the component.
+        limit: its one-sided limit, `at most 0.007`, at a bound.
+    """
 
     axis: str
     value: str
@@ -27,6 +34,7 @@ def figures(estimate: Estimate) -> tuple[ComponentText, ...]:
     axes = axes_of(len(estimate.values))
     found: list[ComponentText] = []
     for i, axis in enumerate(axes):
+        # Round all numbers to the digits of the standard deviation.
         std = float(estimate.stds[i])
         value, spread = round_to_std(float(estimate.values[i]), std)
         limit = estimate.limit_in_words(i)
@@ -36,7 +44,8 @@ def figures(estimate: Estimate) -> tuple[ComponentText, ...]:
 
 
 def in_a_line(estimate: Estimate) -> str:
-    """Format the values alone, with names of components and without a unit: `x 0.0647, y −0.0005`."""
+    """Format only the values, with names of components and without a unit: `x 0.0647, y
+    −0.0005`."""
     return ", ".join(
         f"{figure.axis} {figure.limit or figure.value}".strip() for figure in figures(estimate)
     )

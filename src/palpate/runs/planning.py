@@ -1,4 +1,4 @@
-"""The stages before anything moves: load the scene, plan, check, rehearse in simulation, confirm."""
+"""Stages before any motion: load the scene, plan, check, rehearse in simulation, confirm."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 def preflight(settings: Settings) -> None:
-    """Require an answer of the robot that the settings name, before anything is planned for it.
+    """Require that the robot of the settings answers, before a plan is made for it.
 
     Raises:
         InputError: no such URL.
@@ -46,7 +46,8 @@ def preflight(settings: Settings) -> None:
 
 
 def load(settings: Settings) -> Scene | None:
-    """Load the scene with its poses, None if the settings name none; check that images are readable.
+    """Load the scene with its poses; None if the settings name none. Check that images are
+    readable.
 
     Raises:
         InputError: a file that cannot be used.
@@ -65,9 +66,10 @@ def load(settings: Settings) -> Scene | None:
 
 
 def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None) -> Run:
-    """Ask the planner (by default the one that the settings name) and check its answer. A plan
-    without a tree is a rejection. Without a scene file, the scene is built from what a model
-    detected in the picture.
+    """Ask the planner (by default the one that the settings name) and check its answer.
+
+    A plan without a tree is a rejection. Without a scene file, the scene is built from the objects
+    that a model detected in the picture.
 
     Raises:
         InputError: bad input, or a scene without room for the arm.
@@ -77,12 +79,13 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
         settings.within.check(scene.bodies)
         require_room(scene)
 
+    # Resolve the parameters to measure, and add them to the request.
     measure = _resolve_measure(settings, scene)
     request = settings.request
     if measure is not None:
         request = " ".join(filter(None, (request, in_words(measure))))
 
-    # Poses are stated relative to the arm that saw them: transform them for the one that will move.
+    # Transform the poses from the arm that saw them to the arm that will move.
     base = Pose.of((0.0, 0.0, 0.0)) if scene is None else scene.pose_world_base
     arm = settings.described_arm() if scene is None else scene.arm
     poses = seen_by(read_poses(settings.poses) if settings.poses else Poses(), arm, base)
@@ -98,6 +101,7 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
         )
         planner = planners().make(settings.planner, asked)
 
+    # Ask the planner; a rejection becomes a plan without a tree.
     pictures, blind = _pictures(planner, settings, scene, poses)
     with _image_files(settings.images, pictures) as images:
         try:
@@ -107,6 +111,7 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
             answer = Plan(
                 (), None, str(rejection), settings.planner, proposal=found, not_used=unused
             )
+    # Complete the answer: the detected scene, notes, and parameters that the plan omits.
     seen, conversation = None, None
     if isinstance(planner, Observant):
         seen, conversation = planner.seen, planner.conversation
@@ -117,7 +122,7 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
     answer = replace(answer, notes=(*answer.notes, *blind))
 
     findings: tuple[Finding, ...] = ()
-    # Each answer of a model was checked during its conversation; other planners do not check theirs.
+    # Answers of a model were checked during its conversation. Check those of other planners here.
     if conversation is None and answer.tree is not None:
         remeasure = settings.remeasure or settings.planner == "exhaustive"
         wanted = None if measure is None else requested_parameters(None, scene, remeasure, measure)
@@ -134,17 +139,19 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
 
 
 def _rehearsal_finding(plan: Plan, scene: Scene) -> Finding | None:
-    """Finding of a rehearsal, for a planner that corrects its plan."""
+    """Rehearse a plan and return its finding, for a planner that corrects its plan."""
     from palpate.execution.rehearsal import rehearse as rehearse_plan
 
     return rehearse_plan(plan, scene).finding
 
 
 def rehearse(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = None) -> Run:
-    """Execute the plan in physics before anything moves: a plan of a model, a file or a user's own
-    planner always, palpate's own plans before a real robot moves. Harm and failures become findings,
-    and a plan with findings is not executed. A plan in a run folder that keeps its rehearsal is not rehearsed
-    again for the embedded arm, unless `rehearse` is True.
+    """Execute the plan in simulation before any motion.
+
+    Plans of a model, a file or a user's own planner are always rehearsed. palpate's own plans are
+    rehearsed before a real robot moves. Harm and failures become findings, and a plan with findings
+    is not executed. If the run folder of the plan keeps its rehearsal, the embedded arm needs no
+    other one, unless `rehearse` is True.
 
     Raises:
         InputError: a real robot moves, that of `cell` or of the settings, and `rehearse` is False.
@@ -160,6 +167,7 @@ def rehearse(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = No
         return made
     from palpate.execution.rehearsal import rehearse as rehearse_plan
 
+    # A person may read the plan during the rehearsal.
     if real:
         callbacks.planned(made)
     rehearsal = None if real or made.settings.rehearse else _rehearsed_before(made)
@@ -173,7 +181,7 @@ def rehearse(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = No
 
 
 def _rehearsed_before(made: Run) -> Rehearsal | None:
-    """The rehearsal that the run folder of a replayed plan keeps; None without one."""
+    """Read the rehearsal in the run folder of a replayed plan; None without one."""
     name, _, path = made.settings.planner.partition(":")
     if name != "replay":
         return None
@@ -184,12 +192,12 @@ def _rehearsed_before(made: Run) -> Rehearsal | None:
 
 
 def _is_real(made: Run, cell: Cell | None) -> bool:
-    """Test if a real robot will move, that of `cell` or of the settings."""
+    """True if a real robot will move: that of `cell` or of the settings."""
     return made.settings.robot is not None or (cell is not None and not cell.simulated)
 
 
 def confirm(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = None) -> None:
-    """Ask before a real robot moves, that of `cell` or of the settings; a simulation needs no
+    """Ask before a real robot moves: that of `cell` or of the settings. A simulation needs no
     confirmation.
 
     Raises:
@@ -212,6 +220,7 @@ def _resolve_measure(settings: Settings, scene: Scene | None) -> tuple[Parameter
     if settings.planner == "exhaustive":
         raise InputError("the exhaustive planner measures everything: leave out measure=")
     measure = named_parameters(settings.measure, scene)
+    # Compare with the parameters that the request asks for; a contradiction is an error.
     read = None
     if settings.request is not None:
         read = requested_parameters(settings.request, scene, settings.remeasure)
@@ -229,8 +238,11 @@ def _resolve_measure(settings: Settings, scene: Scene | None) -> tuple[Parameter
 def _pictures(
     planner: Planner, settings: Settings, scene: Scene | None, poses: Poses
 ) -> tuple[tuple[bytes, ...], tuple[str, ...]]:
-    """Take pictures of the workspace (PNG) for a planner that looks at them, if none were given; with
-    notes on those that cannot be made."""
+    """Take pictures of the workspace (PNG) for a planner that uses them, if none were given.
+
+    Returns:
+        The pictures, and notes on those that failed.
+    """
     looks = scene is None or (isinstance(planner, Observant) and planner.looks)
     if settings.images or not looks or "image" in settings.model_settings.without:
         return (), ()
@@ -239,7 +251,7 @@ def _pictures(
 
 @contextmanager
 def _image_files(given: tuple[Path, ...], taken: Sequence[bytes]) -> Generator[tuple[Path, ...]]:
-    """Yield the images that were given, else the pictures taken of the workspace as temporary files."""
+    """Yield the given images, else the pictures of the workspace as temporary files."""
     if given or not taken:
         yield given
         return
@@ -263,7 +275,7 @@ def _detected_scene(answer: Plan, seen: DetectedScene | None) -> Scene:
 
 
 def _with_left_out(answer: Plan, wanted: Sequence[Parameter]) -> Plan:
-    """Note the wanted parameters that a plan, of a model or a file, omits without a reason."""
+    """Note the requested parameters that a plan of a model or a file omits without a reason."""
     explained = {parameter for one in answer.unmeasured for parameter in one.parameters}
     left_out = [one for one in wanted if one not in explained | set(answer.parameters)]
     if answer.tree is None or not left_out:
@@ -273,8 +285,12 @@ def _with_left_out(answer: Plan, wanted: Sequence[Parameter]) -> Plan:
 
 
 def _with_reading_note(settings: Settings, answer: Plan, scene: Scene) -> Plan:
-    """Add a note to a plan of a model or a file whose parameters differ from those that the symbolic
-    planner reads from the request. The plan stays: its author decides what the request asks for."""
+    """Add a note if the parameters of a plan differ from those that the symbolic planner reads from
+    the request.
+
+    The plan is one of a model or a file. It stays unchanged: its author decides the meaning of the
+    request.
+    """
     if (
         settings.planner in OWN
         or settings.request is None

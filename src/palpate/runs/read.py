@@ -41,13 +41,13 @@ if TYPE_CHECKING:
 
 
 NOTHING = "<mujoco><worldbody/></mujoco>"
-"""Scene of a run whose file was removed, or that had none."""
+"""Scene of a run without a scene file."""
 
 
 def read_run(folder: Path, settings: Settings) -> Run:
-    """Read the run in `folder`, made with `settings`; its trace is read at first use.
+    """Read the run in `folder`, made with `settings`. Its trace is read at first use.
 
-    The symbolic state and the camera's footage are not kept in a folder. The scene is empty if its
+    A folder keeps neither the symbolic state nor the camera's footage. The scene is empty if its
     file was removed.
 
     Raises:
@@ -64,7 +64,7 @@ def read_run(folder: Path, settings: Settings) -> Run:
 
 
 def require_own_version(folder: Path) -> None:
-    """Check that this version of palpate recorded the run: formats may differ between versions.
+    """Require that this version of palpate recorded the run: formats may differ between versions.
 
     Raises:
         InputError: another version recorded it.
@@ -78,7 +78,7 @@ def require_own_version(folder: Path) -> None:
 
 
 class StoredScene(NamedTuple):
-    """Scene of a run, and the objects that a model detected, if it was built from them."""
+    """Scene of a run, and the objects that a model detected, if the scene was built from them."""
 
     scene: Scene
     seen: DetectedScene | None = None
@@ -88,6 +88,7 @@ def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
     proposal = load_proposal(folder / "plan.json")
     found = _find_scene(folder, settings, proposal.scene)
     estimates = tuple(estimate_from(row) for row in result["parameters"])
+    # A complete run without execution had nothing to measure.
     plan = proposal.plan
     if plan.tree is None and result["status"] == "complete" and not result["execution"]:
         plan = replace(plan, declared="nothing_missing")
@@ -116,7 +117,7 @@ def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
 
 
 def _find_scene(folder: Path, settings: Settings, objects: tuple[SceneObject, ...]) -> StoredScene:
-    """Read the scene from the folder, else from its own file, else return an empty one."""
+    """Find the scene: in the folder, else in its own file; else return an empty one."""
     own, arm, poses = (
         folder / "scene.xml",
         load_description(settings.arm, settings.cautious),
@@ -124,6 +125,7 @@ def _find_scene(folder: Path, settings: Settings, objects: tuple[SceneObject, ..
     )
     if settings.poses is not None and settings.poses.exists():
         poses = read_poses(settings.poses)
+    # A scene from a picture keeps the detected objects in the plan.
     if own.exists() and objects:
         seen = DetectedScene(SceneBuilder(poses, arm), objects)
         text = read_text(own)
@@ -208,6 +210,7 @@ def estimate_from(row: Mapping[str, Any]) -> Estimate:
 def belief_from(row: Mapping[str, Any]) -> Belief:
     """Read the output of `belief_json`."""
     sight, both, stood = row["sight"], row["both"], row["stood"]
+    # Rebuild the touches, then the belief before and after them.
     touches: list[BeliefTouch] = []
     for touch in row["touch"]:
         numbers = (touch[name] for name in ("apart", "std", "believed_std"))
@@ -224,7 +227,7 @@ def belief_from(row: Mapping[str, Any]) -> Belief:
 
 
 def _truth(rows: Sequence[Mapping[str, Any]]) -> dict[Parameter, tuple[float, ...]]:
-    """True values of a simulated world, if the run holds them."""
+    """Read the true values of a simulated world, if the run holds them."""
     found: dict[Parameter, tuple[float, ...]] = {}
     for row in rows:
         true = _numbers(row.get("true_value")).reshape(-1).tolist()
@@ -245,7 +248,9 @@ def _recording(document: Mapping[str, Any]) -> Recording:
 
 
 def _unseen(row: Mapping[str, Any]) -> tuple[int, ...]:
-    """Indices of the components whose verdict differs from that of the whole: unseen ones in earlier versions."""
+    """Indices of the unseen components in folders of earlier versions: their verdict differs from
+    that of the whole.
+    """
     verdicts = enumerate(row.get("verdicts") or ())
     return tuple(place for place, verdict in verdicts if verdict != row["verdict"])
 
@@ -255,12 +260,15 @@ def _read_shared_error(document: Mapping[str, Any]) -> Shared:
 
 
 def _limitless(number: float | None) -> float:
-    """Null stands for infinity."""
+    """Convert null to infinity."""
     return math.inf if number is None else number
 
 
 def _bounds(document: Any) -> Any:
-    """Physical bounds, of all components or of each. Null stands for infinity; earlier versions have none."""
+    """Read physical bounds, common to all components or one pair each.
+
+    Null means infinity. Earlier versions have none.
+    """
     ends = np.array([None, None] if document is None else document, dtype=float)  # null: NaN
     return np.where(np.isnan(ends), UNBOUNDED, ends).tolist()
 

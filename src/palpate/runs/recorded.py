@@ -1,4 +1,6 @@
-"""From a recording that another program made to estimates and a twin: nothing is planned, nothing moves."""
+"""Estimates and a twin from a recording that another program made. Nothing is planned, and nothing
+moves.
+"""
 
 from __future__ import annotations
 
@@ -26,14 +28,14 @@ from palpate.runs.settings import Settings
 from palpate.scene.load import load_scene, parse_scene
 
 FARTHEST = 2.0
-"""m from the hand to the frame of the object in it."""
+"""m: largest distance from the hand to the frame of the object in it."""
 LOAD = "load"
-"""Name of a load that is no object of a scene."""
+"""Name of a load that is not an object of a scene."""
 
 
 @dataclass(frozen=True, slots=True)
 class LogRequest:
-    """A recording and what is known of it.
+    """A recording with its context.
 
     Attributes:
         log: file or folder of the recording.
@@ -54,13 +56,17 @@ def estimate_recording(
     """Estimate the load of a recording; with a scene, build its twin.
 
     Args:
-        settings: of which scene, poses, root, arm and robot.yaml count.
+        settings: only scene, poses, root, arm and robot.yaml are used.
+        recorded: the recording.
+        callbacks: progress.
 
     Raises:
-        InputError: a file that cannot be used, an unknown object, or a window that the recording does not have.
+        InputError: a file that cannot be used, an unknown object, or a window that the recording
+        does not have.
         Unavailable: the library for the recording's format is not installed.
     """
     began, carrying = time.perf_counter(), recorded.carrying
+    # Load the arm and the scene that contains the load.
     arm = own_arm(settings.arm, settings.cautious, settings.robot_config, real=True)
     if settings.scene is None:
         scene = parse_scene(NOTHING, arm=arm)
@@ -71,10 +77,12 @@ def estimate_recording(
             raise unknown_name(
                 "object", carrying.name, objects, "The load is one of them: object=NAME."
             )
+    # Read the recordings, and require that they are possible for the arm.
     callbacks.progress("reading the recording")
     logs = [read_log(one, recorded.columns) for one in (recorded.log, recorded.empty) if one]
     for log in logs:
         require_within_limits(log, arm)
+    # Centre of mass and inertia need the object's pose in the hand, or no scene.
     quantities = ["mass"]
     notes = [f"{log.source}: {note}." for log in logs for note in log.notes]
     if settings.scene is None or carrying.in_hand is not None:
@@ -89,6 +97,7 @@ def estimate_recording(
             for id in quantities
             if id in known
         ]
+    # Convert the recordings to a trace, and estimate.
     parameters = [Parameter(carrying.name, quantity) for quantity in quantities]
     if carrying.hand == "found":
         parameters.append(Parameter(HAND, "mass"))
@@ -103,7 +112,7 @@ def estimate_recording(
     )
     callbacks.progress("estimating")
     bodies = scene.bodies
-    # Whoever weighs something gets the rest with it, as far as the motion tells.
+    # Request only the masses: the other quantities are by-products, if the motion excites them.
     asked = tuple(one for one in parameters if one.quantity == "mass")
     plan = Plan(asked, None, _explain_reading(recorded, len(logs[0])), RECORDING, tuple(notes))
     made = Run(
@@ -123,7 +132,7 @@ def estimate_recording(
 
 
 def _explain_reading(recorded: LogRequest, rows: int) -> str:
-    """Explanation of what was read from where."""
+    """Explain the reading: file, windows and hand."""
     carrying = recorded.carrying
     windows = ", ".join(f"{start:g} to {end:g} s" for start, end in carrying.windows)
     text = f"{recorded.log.name}, {rows} samples; {carrying.name} was carried "
@@ -135,7 +144,8 @@ def _explain_reading(recorded: LogRequest, rows: int) -> str:
 
 
 def pose_text(pose: str) -> str:
-    """Check a pose in the hand, `X Y Z [QW QX QY QZ]` with blanks or commas, and return its seven numbers.
+    """Check a pose in the hand, `X Y Z [QW QX QY QZ]` with blanks or commas, and return its seven
+    numbers as text.
 
     Raises:
         InputError: not such numbers.

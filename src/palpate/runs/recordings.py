@@ -1,4 +1,5 @@
-"""Recordings in one call: estimate a load, dynamics and noise of an arm, poses from a camera."""
+"""Recordings in one call: estimate a load, dynamics and noise of an arm, and poses from a
+camera."""
 
 from __future__ import annotations
 
@@ -33,7 +34,7 @@ from palpate.scene.scene import Scene
 from palpate.trace.recording import ArmLog
 
 HEAVIEST_HAND = 50.0
-"""kg; more on a flange is a mistake of the unit."""
+"""kg: largest mass on a flange. A larger number is an error of the unit."""
 
 
 @known_keywords
@@ -51,23 +52,28 @@ def estimate(
     columns: str | Path | None = None,
     progress: Progress = quiet,
 ) -> Run:
-    """Estimate mass, centre of mass and inertia of what an arm carried, from anybody's recording.
+    """Estimate mass, centre of mass and inertia of a load from a recording of any arm.
 
     Args:
-        log: CSV, NPZ, MCAP, rosbag2, a ROS bag or Parquet, with joint positions and sensed joint torques.
-        loaded: one window `(start, stop)`, or several, in s since its first row, in which the load hung free
+        log: CSV, NPZ, MCAP, rosbag2, a ROS bag or Parquet, with joint positions and sensed joint
+        torques.
+        loaded: one window `(start, stop)`, or several, in s since its first row, in which the load
+        hung free
             on the hand; none: all of it. At other times the hand is empty, and touches nothing.
         empty: another recording, of the empty hand.
-        hand: mass of what is mounted on the flange, kg, or `found`, to weigh it from the recording; by default that
-            of the arm's description.
+        hand: mass of everything mounted on the flange, kg, or `found`, to estimate it from the
+        recording;
+            by default that of the arm's description.
         scene: MJCF whose `object` the load is; its twin is built.
         object: name of the load.
-        in_hand: pose of the object in the hand: three or seven numbers, m and quaternion wxyz. Without it centre of
-            mass and inertia are in the axes of the tool, from the TCP, and a scene's twin has the mass alone.
+        in_hand: pose of the object in the hand: three or seven numbers, m and quaternion wxyz.
+        Without it centre of
+            mass and inertia are in the axes of the tool, from the TCP, and a scene's twin has only
+            the mass.
         arm: a name, or the folder of a description.
-        robot_config: `robot.yaml`: what was measured of this very arm.
-        columns: YAML that says which columns of the recording are what.
-        progress: told of the present stage.
+        robot_config: `robot.yaml`: calibration of this very arm.
+        columns: YAML that maps the recording's columns to signals.
+        progress: called with the name of the present stage.
 
     Returns:
         A run without a plan's tree, which `save` writes.
@@ -76,6 +82,7 @@ def estimate(
         InputError: a file that cannot be used; the message lists the columns that it has.
         Unavailable: the library for its format is not installed.
     """
+    # Check the arguments before any file is read.
     if scene is not None and object is None:
         raise InputError("a scene needs object=, the name of the body that was carried")
     is_mass = isinstance(hand, float | int) and not isinstance(hand, bool)
@@ -99,7 +106,7 @@ def estimate(
         return run_of(estimate_recording(settings, recorded, RunCallbacks(progress=progress)))
 
 
-# Dynamics of an arm from a recording of it, in one call.
+# Dynamics of an arm, from a recording of it.
 
 
 class ArmDynamics(InnerDynamics):
@@ -130,13 +137,15 @@ def dynamics(
     """Identify the dynamics of an arm from a recording of its free motion.
 
     Args:
-        log: CSV, NPZ, MCAP, rosbag2 or Parquet with time, joint positions and torques; or a recording at hand.
+        log: CSV, NPZ, MCAP, rosbag2 or Parquet with time, joint positions and torques; or an
+        `ArmLog`.
         arm: name of the arm, or folder of its description.
-        hand: kg of all that is mounted on the flange; 0 is a bare flange; None: to be found.
+        hand: kg of everything mounted on the flange; 0 is a bare flange; None estimates it.
         columns: YAML that maps the log's columns to signals.
 
     Raises:
-        InputError: a file that cannot be read, no such arm, too short a recording, or no joint moves.
+        InputError: a file that cannot be read, no such arm, too short a recording, or no joint
+        moves.
     """
     from palpate.estimation.logs.reading import log_of
 
@@ -145,7 +154,7 @@ def dynamics(
     return ArmDynamics(**contents_of(found, InnerDynamics))
 
 
-# Noise of an arm from a recording of it, in one call.
+# Noise of an arm, from a recording of it.
 
 
 BESIDE = ("measured", "hardware", "datasheet", "lab")
@@ -153,13 +162,14 @@ BESIDE = ("measured", "hardware", "datasheet", "lab")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmNoise:
-    """Errors of an arm's joint signals, as a recording of free motion shows them.
+    """Errors of an arm's joint signals in a recording of free motion.
 
     Attributes:
         source: name of the recording.
         seconds: its length.
         found: figures of each joint.
-        notes: what was repaired when it was read.
+        arm: description of the arm.
+        notes: repairs at reading.
     """
 
     source: str
@@ -175,14 +185,15 @@ class ArmNoise:
 
     @property
     def models(self) -> dict[str, dict[str, list[float]]]:
-        """Figures that palpate's own noise models state, by the model's name."""
+        """Figures in palpate's own noise models, by the model's name."""
         return {
             name: {key: values.tolist() for key, values in stated_figures(name, self.arm).items()}
             for name in BESIDE
         }
 
     def record(self) -> dict[str, Any]:
-        """Return all figures and those of the models beside them, for JSON."""
+        """Return all figures, and those of the noise models for comparison, as JSON."""
+        # JSON has no NaN: convert it to null.
         figures = {
             name: {
                 part: [None if x != x else x for x in getattr(figure, part).tolist()]
@@ -212,7 +223,8 @@ def noise(
     """Measure the errors of an arm's joint signals in a recording of its free motion.
 
     Args:
-        log: CSV, NPZ, MCAP, rosbag2 or Parquet with time, joint positions and torques; or a recording at hand.
+        log: CSV, NPZ, MCAP, rosbag2 or Parquet with time, joint positions and torques; or an
+        `ArmLog`.
         arm: name of the arm, or folder of its description.
         columns: YAML that maps the log's columns to signals.
 
@@ -227,7 +239,7 @@ def noise(
     return ArmNoise(log.source, float(log.t[-1] - log.t[0]), found, described, log.notes)
 
 
-# A look at the workspace, in one call.
+# A look at the workspace.
 
 
 @known_keywords
@@ -244,19 +256,21 @@ def see(
     pose_estimator: str | None = None,
     robot_config: str | Path | None = None,
 ) -> Seen:
-    """Find a scene's objects in one look of a camera: by the tags on them, by a pose estimator, or both.
+    """Find a scene's objects in one look of a camera: by their tags, by a pose estimator, or both.
 
     Args:
-        scene: a file, MJCF text, or a scene at hand, with a site `tag_12` for every tag.
-        camera: a picture or a video, the number of a camera, or `world:NAME`, a camera of the simulated world.
-        intrinsics: YAML with the camera's lens, where it is no simulated one.
+        scene: a file, MJCF text, or a `Scene`, with a site `tag_12` for every tag.
+        camera: a picture or a video, the number of a camera, or `world:NAME`, a camera of the
+        simulated world.
+        intrinsics: YAML with the lens of a real camera.
         world: MJCF of the simulated world; the scene itself without one.
-        poses, arm, root, robot_config: as `load` takes them, where the scene is read here.
+        poses, arm, root, robot_config: as for `load`, if the scene is read here.
         seed: of the simulated camera's errors.
-        pose_estimator: a command, or `http://HOST:PORT/PATH`, that is asked for the poses of the objects.
+        pose_estimator: a command, or `http://HOST:PORT/PATH`, that returns the poses of the
+        objects.
 
     Returns:
-        The poses that were seen, with a covariance each; `save` writes them to a poses.yaml.
+        The seen poses with their covariances; `save` writes them to a poses.yaml.
 
     Raises:
         InputError: no such camera, nothing to see by, or a file or an answer that cannot be used.

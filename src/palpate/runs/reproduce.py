@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 
 BUNDLED = Path(__file__).parents[1] / "studies" / "scenarios"
-"""Folder of the bundled scenarios, which have names."""
+"""Folder of the bundled scenarios, which are called by name."""
 POSES = "poses.yaml"
-"""File in a run folder of the poses that a camera saw."""
+"""File in a run folder with the poses that a camera saw."""
 SCENE = ("images", "poses", "root", "robot_body", "arm")
 MOTION = ("world", "robot", "robot_config", "cautious", "noise", "seed", "rehearse", "on_failure")
 PLANNING = ("planner", "remeasure", "within", "model_settings")
@@ -27,7 +27,7 @@ ALWAYS = ("noise", "seed")
 
 
 def with_seen_poses(settings: Settings, folder: Path) -> Settings:
-    """The settings of a run in `folder`, with the poses that its camera saw, which are kept there."""
+    """Replace the poses by those that the camera saw, which the run folder keeps."""
     return settings if settings.camera is None else replace(settings, poses=folder / POSES)
 
 
@@ -69,7 +69,7 @@ def reproducing(settings: Settings, start: Path | None = None) -> list[str]:
 
 
 def scenario_of(settings: Settings) -> str | None:
-    """The bundled scenario whose scene it is, or whose picture."""
+    """Name the bundled scenario to which the scene or a picture belongs; None for other runs."""
     for file in (settings.scene, settings.poses, *settings.images):
         if file is not None and file.is_relative_to(BUNDLED):
             return file.parent.relative_to(BUNDLED).as_posix()
@@ -77,7 +77,7 @@ def scenario_of(settings: Settings) -> str | None:
 
 
 def _add_seed(command: list[str], settings: Settings) -> list[str]:
-    """Add noise and seed of a simulated run, also default values."""
+    """Add noise and seed of a simulated run, even with default values."""
     if settings.robot is not None:
         return command
     for name in ALWAYS:
@@ -87,7 +87,7 @@ def _add_seed(command: list[str], settings: Settings) -> list[str]:
 
 
 def _options(settings: Settings, names: tuple[str, ...], start: Path | None) -> Iterator[str]:
-    """Options whose values are not the defaults; of a model all but its budget."""
+    """Yield the options with values other than the defaults; for a model, all except its budget."""
     default = type(settings)()
     for one in iter_options(type(settings)):
         value = attrgetter(one.name)(settings)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def held_out_json(held: HeldOut | None) -> dict[str, Any] | None:
-    """All motions together, and one by one."""
+    """Held-out motions as JSON: all together, and one by one."""
     if held is None:
         return None
     together = _combine_motions(held.motions)
@@ -46,6 +46,7 @@ def _combine_motions(motions: Sequence[HeldOutMotion]) -> dict[str, Any]:
         probable.append(motion.p)
         if motion.disagreement:
             findings.append(motion.disagreement)
+    # Join the misfits of all motions.
     return {
         "motion": "; ".join(words) or None,
         "chi2": sum(motion.chi2 for motion in motions),
@@ -71,7 +72,7 @@ def held_out_from(document: Mapping[str, Any] | None) -> HeldOut | None:
 
 
 def fit_test(document: Mapping[str, Any]) -> FitTest:
-    """A test as `result.json` has it; null stands for what is no number."""
+    """Read a test from `result.json`; null means a statistic that is not a number."""
     statistic = math.nan if document["statistic"] is None else document["statistic"]
     return FitTest(document["name"], statistic, document["limit"], document["finding"])
 
@@ -89,7 +90,7 @@ def _curve(document: Mapping[str, Any]) -> Curve:
     return Curve(tuple(document["signals"]), tuple(document["t"]), **rows)
 
 
-# `result.json`: the contract with scripts.
+# The document `result.json`: the contract with scripts.
 
 
 CYCLES = "cycles.npz"

@@ -151,8 +151,9 @@ def with_footage(made: Run) -> Run:
 
 
 def taken_up(folder: Path) -> Run:
-    """Read an unfinished run from `folder`, ready for its remaining stages: not `fast`, with no
-    interruption and no shortfalls.
+    """Read an unfinished run from `folder`, ready for its remaining stages.
+
+    The result is not `fast`, and has no interruption and no shortfalls.
 
     Raises:
         InputError: there is no such folder, or it is not a run's.
@@ -160,7 +161,7 @@ def taken_up(folder: Path) -> Run:
     made = reopen(folder)
     hurried, unhurried = made.settings.fast, replace(made.settings, fast=False)
     made = replace(made, settings=unhurried, interrupted=None, shortfalls=())
-    # A run made with `fast` has skipped the validation of its twin, the pictures and the film.
+    # A `fast` run has skipped the validation of its twin, the pictures and the film.
     if hurried and made.stage is None and made.finished is not None:
         return replace(made, stage="building the twin")
     if made.stage == "executing" and made.execution is None:

@@ -2,10 +2,11 @@
 
 | topic | message | content |
 |---|---|---|
-| `/robot_description` | String | URDF of the cell: the arm, and everything in D, as links by their names |
+| `/robot_description` | String | URDF of the cell: arm and all bodies of D, as links by their names
+|
 | `/cell/tf` | TFMessage | links that move, each from its parent, ten times a second |
-| `/camera/image` | CompressedImage | the picture that the planner was shown, as JPEG |
-| `/camera/camera_info` | CameraInfo | its intrinsics, where poses.yaml says where the camera is |
+| `/camera/image` | CompressedImage | the picture given to the planner, as JPEG |
+| `/camera/camera_info` | CameraInfo | its intrinsics, if poses.yaml states the camera's pose |
 | `/tf_static` | TFMessage | `world` → `camera` (z into the picture, x right, y down) |
 """
 
@@ -32,14 +33,14 @@ if TYPE_CHECKING:
 
 
 PERIOD = 0.1
-"""Interval of the poses of the cell, s; viewers interpolate."""
+"""s: interval of the poses of the cell. Viewers interpolate."""
 CAMERA = "camera"
 LONGEST_SIDE = 640
-"""Pixels of the picture in the trace."""
+"""Pixels: longest side of the picture in the trace."""
 QUALITY = 85
-"""Quality of the JPEG."""
+"""Quality of the JPEG, per cent."""
 OPTICAL = Pose.of((0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0))
-"""Rotation from a MuJoCo camera (looks along −z) to an optical frame (looks along z)."""
+"""Rotation from a MuJoCo camera (looks along −z) to an optical frame (looks along +z)."""
 
 log = logging.getLogger(__name__)
 
@@ -64,6 +65,7 @@ def _cell(run: Run, trace: Trace) -> Iterator[Message]:
 
     cell = PosedCell(run.scene)
     yield text(float(trace.t[0]), "/robot_description", urdf_to_look_at(cell.model))
+    # Sample the trace at the interval, and pose the whole cell at each sample.
     times = trace.t[np.searchsorted(trace.t, np.arange(trace.t[0], trace.t[-1], PERIOD))]
     replay = Replay(cell, trace)
     poses = np.empty((len(times), cell.model.nbody, 7))
@@ -74,17 +76,20 @@ def _cell(run: Run, trace: Trace) -> Iterator[Message]:
 
 
 def _transforms(model: mujoco.MjModel, times: Array, poses: Array) -> Iterator[Message]:
-    """Transforms of the moving links from their parents, of world poses (n, bodies, 7)."""
+    """Yield the transforms of the moving links from their parents, for world poses (n, bodies,
+    7)."""
     from palpate.twin.export_facts import body_name
 
     layout = Layout()
     signals: dict[str, NDArray[Any]] = {"stamp": stamps(times)}
     moving: list[tuple[str, str, Array]] = []
+    # Keep only links that move relative to their parents.
     for body in range(1, model.nbody):
         parent = int(model.body_parentid[body])
         relative = _from(poses[:, parent], poses[:, body])
         if np.ptp(relative, axis=0).max() > 0.0:
             moving.append((body_name(model, parent), body_name(model, body), relative))
+    # Layout of one message: the count of transforms, then each with stamp, names and pose.
     layout.uint32(len(moving))
     for parent, child, relative in moving:
         layout.time("stamp").text(parent, child)
@@ -96,10 +101,14 @@ def _transforms(model: mujoco.MjModel, times: Array, poses: Array) -> Iterator[M
 
 
 def _from(parent: Array, child: Array) -> Array:
-    """Relative pose parent⁻¹ · child (n, 7) of two world poses, in single precision for a small file."""
+    """Relative pose parent⁻¹ · child (n, 7) of two world poses, rounded to single precision for a
+    small file.
+    """
+    # Rotate the offset into the parent's frame by the conjugate quaternion: q* p q.
     back = parent[:, 3:] * (1.0, -1.0, -1.0, -1.0)
     way = np.column_stack([np.zeros(len(child)), child[:, :3] - parent[:, :3]])
     at = _product(_product(back, way), parent[:, 3:])[:, 1:]
+    # Relative rotation, with the sign that makes the scalar part positive.
     turned = _product(back, child[:, 3:])
     turned *= np.where(turned[:, :1] < 0.0, -1.0, 1.0)
     return np.column_stack([at, turned]).astype(np.float32).astype(np.float64)
@@ -123,6 +132,7 @@ def _camera(run: Run, trace: Trace) -> Iterator[Message]:
     jpeg = BytesIO()
     picture.save(jpeg, "JPEG", quality=QUALITY)
     image = header(CAMERA).text("jpeg").octets(jpeg.getvalue())
+    # The picture needs no camera pose; intrinsics and transform do.
     yield _once(start, "/camera/image", "sensor_msgs/CompressedImage", image)
     poses = run.settings.poses
     entry = read_poses(poses).camera if poses is not None else None
@@ -148,7 +158,7 @@ def _picture(run: Run) -> Image | None:
 
 
 def _info(camera: Camera, picture: Image) -> tuple[Layout, dict[str, Array]]:
-    """CameraInfo of a pinhole without distortion, scaled to the picture."""
+    """CameraInfo of a pinhole camera without distortion, scaled to the picture."""
     width, height = picture.size
     focal = camera.focal * height / camera.height
     k = np.array([[focal, 0.0, width / 2], [0.0, focal, height / 2], [0.0, 0.0, 1.0]])

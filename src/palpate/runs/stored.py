@@ -31,13 +31,16 @@ if TYPE_CHECKING:
 P = ParamSpec("P")
 R = TypeVar("R")
 Widths = Mapping[str, str | float] | str | Sequence[str]
-"""Half widths of intervals, by quantity or by parameter: `{"mass": "1g"}`, or SI numbers; or `"mass=1g, com=2mm"`."""
+"""Half widths of intervals, by quantity or by parameter: `{"mass": "1g"}`, SI numbers, or
+`"mass=1g, com=2mm"`.
+"""
 
 
 def known_keywords(verb: Callable[P, R], more: Iterable[str] = ()) -> Callable[P, R]:
-    """Decorate a function so that an unknown keyword is a TypeError that names the nearest known one.
+    """Decorate a function: an unknown keyword raises a TypeError that names the nearest known one.
 
     Args:
+        verb: the function.
         more: keywords that it takes as `**options`.
     """
     known = [name for name in signature(verb).parameters if name not in ("self", "options")]
@@ -55,12 +58,12 @@ def known_keywords(verb: Callable[P, R], more: Iterable[str] = ()) -> Callable[P
 
 
 def is_text(source: object) -> bool:
-    """Test for MJCF text, in contrast to a file name."""
+    """True for MJCF text, in contrast to a file name."""
     return isinstance(source, str) and source.lstrip().startswith("<")
 
 
 def is_file(source: object) -> bool:
-    """Test for the name of a file."""
+    """True for the name of a file."""
     return isinstance(source, str | Path) and not is_text(source)
 
 
@@ -71,11 +74,12 @@ def planner_name(planner: str | Planner) -> str:
 
 
 def contents_of(thing: Any, kind: type) -> dict[str, Any]:
-    """Values of the fields of the dataclass `kind` in an instance of it, to construct a subclass."""
+    """Values of the fields of the dataclass `kind` in an instance of it, to construct a
+    subclass."""
     return {part.name: getattr(thing, part.name) for part in fields(kind) if part.init}
 
 
-# Finished runs: save, estimate again, export, prove, fuse, compare.
+# Public class of runs, and functions over several runs.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -87,7 +91,7 @@ class Run(InnerRun):
         """Write the run folder: request, plan, tree, trace, result, twin, report and images.
 
         Returns:
-            This run, which now knows its folder.
+            This run with its folder.
 
         Raises:
             InputError: the folder exists or cannot be made.
@@ -96,11 +100,15 @@ class Run(InnerRun):
 
     @known_keywords
     def estimate(self, estimators: Mapping[str, str] | None = None) -> Run:
-        """Estimate again from the trace; return the run with the new estimates, without a twin.
+        """Estimate again from the trace.
+
         Nothing moves, and the folder is not changed.
 
         Args:
             estimators: names by quantity, `{"mass": "single-shot"}`; else the defaults.
+
+        Returns:
+            The run with the new estimates, without a twin.
 
         Raises:
             InputError: it has no trace, another version recorded it, or there is no such estimator.
@@ -113,26 +121,28 @@ class Run(InnerRun):
         """Write the twin for another simulator into a new folder, and read it back.
 
         Args:
-            to: `mjcf` (with every file that it needs), `urdf`, `usd`, or `randomisation` (ranges for
+            to: `mjcf` (with every file that it needs), `urdf`, `usd`, or `randomisation` (ranges
+            for
                 training).
             folder: by default `export-FORMAT` in the run's own.
 
         Raises:
             InputError: it has no twin, there is no such format, or the folder exists or cannot be
                 made.
-            Unavailable: what writes the format is not installed.
-            PalpateError: what was written does not say what the twin says.
+            Unavailable: the library that writes the format is not installed.
+            PalpateError: the written file differs from the twin.
         """
         from palpate.runs.export import export_run
 
         return export_run(self, to, None if folder is None else Path(folder))
 
     def prove(self) -> Proof:
-        """Plan a push, a topple and a throw of each measured object, and an opening of each drawer or door, with the
-        prior and with the twin, and tell how far from their goals they end with the true values, else with values
-        drawn from the twin's intervals.
+        """Prove the twin by tasks: a push, a topple and a throw of each measured object, an opening
+        of each drawer or door.
 
-        A saved run keeps it in `proof.json` and shows it in its report.
+        Each task is planned with the prior and with the twin. The result is its distance from the
+        goal with the true values, or else with values drawn from the twin's intervals. A saved run
+        keeps the proof in `proof.json` and shows it in its report.
 
         Raises:
             InputError: it has no twin, or no object was measured.
@@ -146,7 +156,7 @@ class Run(InnerRun):
 
     @property
     def answer(self) -> str | None:
-        """Answer to a request that compares or adds up; None to others."""
+        """Answer to a request that compares or adds up; None for other requests."""
         return answer(self)
 
     def _repr_html_(self) -> str:
@@ -177,10 +187,10 @@ class Fusion(InnerFusion):
 
 @known_keywords
 def open(folder: str | Path) -> Run:
-    """The run in a folder that `Run.save` or the command line wrote.
+    """Read the run in a folder that `Run.save` or the command line wrote.
 
-    Its trace is read when first asked for. A folder does not keep the camera's
-    footage; where the scene's file has gone since, the scene is empty.
+    The trace is read at first use. A folder does not keep the camera's footage. If the scene's file
+    was removed, the scene is empty.
 
     Raises:
         InputError: there is no such folder, or it is not a run's.
@@ -192,15 +202,16 @@ def open(folder: str | Path) -> Run:
 def fuse(runs: Sequence[str | Path | InnerRun]) -> Fusion:
     """Fuse the estimates of several runs of one scene.
 
-    Each parameter gets the mean of least variance of the estimates that are identified; what runs of
-    one arm, or of one scene, have in common (gains, fingertips, poses) is not averaged away. Runs
-    that disagree make it *contradicted*.
+    Each parameter gets the minimum-variance mean of its identified estimates. Errors that runs of
+    one arm, or of one scene, share (gains, fingertips, poses) are not averaged away. Runs that
+    disagree make the parameter *contradicted*.
 
     Args:
-        runs: folders, or runs at hand.
+        runs: folders or `Run` objects.
 
     Raises:
-        InputError: fewer than two runs, runs that are not of one scene, or the same recordings twice.
+        InputError: fewer than two runs, runs that are not of one scene, or the same recordings
+        twice.
     """
     opened = [one if isinstance(one, InnerRun) else open(one) for one in runs]
     with single_threaded_blas():

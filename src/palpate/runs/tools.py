@@ -1,5 +1,7 @@
-"""Functions of the command line without a run: check of a plan, prompt for a model, teaching of poses,
-vocabulary of plans, and a motion to record.
+"""Functions of the command line without a run.
+
+They check a plan, compose a prompt for a model, teach poses, list the vocabulary of plans, and
+write a motion to record.
 """
 
 from __future__ import annotations
@@ -59,6 +61,7 @@ def examine_real_robot(
     asked: Settings, may_hold: Callable[[], bool]
 ) -> Iterator[tuple[bool, str, str]]:
     """Examine the real robot that the settings name; yield (passed, subject, finding or remedy).
+
     `may_hold` asks for permission to let the arm hold itself for some seconds.
 
     Raises:
@@ -75,8 +78,10 @@ def examine_real_robot(
 def examined_planner(
     planner: str, base_url: str | None, seconds: float
 ) -> Iterator[tuple[bool, str, str]]:
-    """Examine a planner, with the results of `examine_real_robot`: a model's server is asked for its models, the
-    model for a word and for the colour of a picture, at most `seconds` each.
+    """Examine a planner, with results as of `examine_real_robot`.
+
+    A model's server is asked for its models, the model for a word and for the colour of a picture.
+    Each may take `seconds`.
 
     Raises:
         InputError: no such planner or address.
@@ -128,10 +133,10 @@ def write_poses(path: Path, taught: Lesson) -> None:
 
 
 def tag_sheet(path: Path, numbers: str, side: float) -> int:
-    """Write a PDF of tags, `0-11` or `3,7,9`, of a `side` in m to print; return its pages.
+    """Write a PDF of tags, `0-11` or `3,7,9`, to print with a `side` in m; return its page count.
 
     Raises:
-        InputError: no such tags, a side that cannot be, or the file exists or cannot be written.
+        InputError: no such tags, an impossible side, or the file exists or cannot be written.
     """
     from palpate.perception.tags import write_sheet
 
@@ -145,7 +150,8 @@ def tag_sheet(path: Path, numbers: str, side: float) -> int:
 
 
 def write_excitation(arm: str, path: Path) -> list[str]:
-    """Write a motion of an arm that excites a load into a new file, and return what to record with it.
+    """Write a motion of an arm that excites a load into a new file; return the instructions for its
+    recording.
 
     Raises:
         InputError: no such arm, or the file exists or cannot be written.
@@ -194,6 +200,7 @@ def prompt(settings: Settings) -> Prompt:
     """
     settings = settings.check_values()
     scene = pipeline.load(settings)
+    # Without a scene, the prompt has the names of the workplace only.
     symbols = arm = None
     if scene is None:
         poses, arm = (
@@ -231,7 +238,8 @@ def replay_planner_name(plan: Path) -> str:
 
 
 def paper_notation(node: Node, depth: int = 0) -> Iterator[str]:
-    """Format a tree in the paper's notation, a line per node: {-} Sequence, /_/ Parallel, → action."""
+    """Format a tree in the paper's notation, one line a node: {-} Sequence, /_/ Parallel, →
+    action."""
     indent = "    " * depth
     if node.type in COMPOSITES:
         yield f"{indent}{COMPOSITES[node.type].symbol} {node.type}"
@@ -269,10 +277,12 @@ def pictures() -> tuple[bool, str]:
 
 
 def scene_from_picture(settings: Settings, folder: Path) -> Scaffold:
-    """Write the scene that a model detects in a picture, with its poses; the model's plan is not used.
+    """Write the scene that a model detects in a picture, with its poses. The model's plan is not
+    used.
 
     Raises:
-        InputError: no picture, no camera, a planner that is no model, nothing seen, or a folder
+        InputError: no picture, no camera, a planner that is not a model, nothing detected, or a
+        folder
             that cannot be written.
         Unavailable: the model's server.
     """

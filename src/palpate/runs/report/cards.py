@@ -1,4 +1,5 @@
-"""Estimates and parameters as the page shows them: a card each, a table of many, the scene's values."""
+"""Estimates and parameters on the page: a card for each, a table of many, and the scene's
+values."""
 
 from __future__ import annotations
 
@@ -24,14 +25,15 @@ from palpate.runs.report.data import EstimateWithTruth, ParameterRow, stated_as
 from palpate.trace.samples import Trace
 
 MARGIN = 1.35
-"""Half widths of the interval from the middle of a bar to its end."""
+"""Distance from the middle of a bar to its end, in half widths of the interval."""
 TRUTH_MARGIN = 1.2
-"""Distances of the truth from the middle of a bar to its end."""
+"""Distance from the middle of a bar to its end, in distances of the truth."""
 OFF_SCALE = 5.0
-"""Interval half widths beyond which a truth is drawn at the end of the bar, so that the interval
-stays visible."""
+"""Half widths of the interval. A truth farther away is drawn at the end of the bar, so that the
+interval stays visible.
+"""
 FEW = 4
-"""Most cards without a table above them."""
+"""Largest count of cards without a table above them."""
 AIR = 0.04
 """Share of a common scale that stays free at each end."""
 UNSTATED = {"known": "–", "missing": "?", "assumed": "as of uniform density"}
@@ -51,8 +53,9 @@ class TruthMark:
 
 @dataclass(frozen=True, slots=True)
 class IntervalBar:
-    """Component of an estimate; the interval's `left` and `width` in per cent of the bar, with the
-    value in the middle."""
+    """Component of an estimate as a bar. `left` and `width` of the interval are in per cent of the
+    bar; the value is in the middle.
+    """
 
     axis: str
     value: str
@@ -70,7 +73,7 @@ class IntervalBar:
 
 @dataclass(frozen=True, slots=True)
 class EstimateCard:
-    """An estimate as it is printed."""
+    """An estimate as printed on the page."""
 
     object: str
     quantity: str
@@ -127,6 +130,7 @@ def component_intervals(measured: EstimateWithTruth) -> Iterable[IntervalBar]:
     if len(truths) != len(estimate.values):
         truths = (None,) * len(estimate.values)
     for i, (figure, truth) in enumerate(zip(figures(estimate), truths, strict=True)):
+        # Scale the bar to the interval, and to the truth if it is near.
         value = float(estimate.values[i])
         low, high = estimate.intervals[i].tolist()
         half = max((high - low) / 2, 1e-12)  # an exact value has an interval of no width
@@ -135,6 +139,7 @@ def component_intervals(measured: EstimateWithTruth) -> Iterable[IntervalBar]:
             reach = max(reach, min(TRUTH_MARGIN * abs(truth - value), OFF_SCALE * half))
         bar = Axis(value - reach, value + reach)
         left, right = clipped_percent(bar, low), clipped_percent(bar, high)
+        # Mark the truth of a simulated world.
         revealed = None
         if truth is not None:
             error = error_text(value, truth, estimate.unit, relative=not figure.axis)
@@ -162,7 +167,7 @@ def clipped_percent(bar: Axis, value: float) -> float:
 
 
 def in_words(measured: Sequence[EstimateWithTruth]) -> tuple[str, str]:
-    """Captions of the pictures: names of the estimated quantities, and names with values."""
+    """Captions of the pictures: the names of the estimated quantities, and names with values."""
     unknown: list[str] = []
     known: list[str] = []
     for card in cards(measured, None):
@@ -177,7 +182,7 @@ def in_words(measured: Sequence[EstimateWithTruth]) -> tuple[str, str]:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """Component of an estimate; places in per cent of the scale."""
+    """Component of an estimate. Positions are in per cent of the scale."""
 
     name: str
     anchor: str
@@ -192,7 +197,7 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class QuantityScale:
-    """All estimates of one quantity, the largest first; its ends as text."""
+    """All estimates of one quantity, the largest first, with the ends of the scale as text."""
 
     quantity: str
     unit: str
@@ -213,9 +218,10 @@ def forest(cards: Sequence[EstimateCard]) -> list[QuantityScale]:
 
 
 def quantity_scale(quantity: str, unit: str, cards: Sequence[EstimateCard]) -> QuantityScale:
-    # Components of a vector are rows of their own, on the scale of their quantity.
+    # Each component of a vector is a row, on the scale of its quantity.
     rows = [(card, interval) for card in cards for interval in card.intervals]
     rows.sort(key=lambda row: row[1].number, reverse=True)
+    # The common axis includes all intervals and truths.
     ends: list[float] = []
     for _, interval in rows:
         ends += interval.bounds
@@ -246,7 +252,7 @@ def quantity_scale(quantity: str, unit: str, cards: Sequence[EstimateCard]) -> Q
 
 @dataclass(frozen=True, slots=True)
 class ParameterText:
-    """A parameter in words, with its value before and after as text."""
+    """A parameter as text, with its value before and after."""
 
     quantity: str
     state: str
@@ -258,6 +264,7 @@ def parameter_groups(
     rows: Sequence[ParameterRow], measured: Sequence[EstimateWithTruth]
 ) -> dict[str, list[ParameterText]]:
     """Rows of the scene's parameters, by object."""
+    # Use measured values that the twin holds.
     found: dict[Parameter, EstimateWithTruth] = {}
     for m in measured:
         if m.estimate.verdict in ("identified", "prior-dominated"):
@@ -272,7 +279,7 @@ def parameter_groups(
 
 
 def value_text(row: ParameterRow, found: Mapping[Parameter, EstimateWithTruth]) -> str:
-    """The scene's value, followed by an arrow and the measured one."""
+    """Format the scene's value, followed by an arrow and the measured one."""
     unit = catalogue()[row.quantity].unit if row.quantity in catalogue() else ""
     before = plain(row.value) if row.value else UNSTATED[row.state]
     now = found.get(Parameter(row.object, row.quantity))

@@ -12,18 +12,20 @@ from rich.segment import Segment
 from palpate.common.display import visible
 
 LIVE_LOGGER = "palpate.told"
-"""Name of the logger of what the live view shows."""
+"""Name of the logger for the content of the live view."""
 
 
 class SafeConsole(Console):
-    """Rich's console, on which no text is a command: names and explanations may come from a model.
+    """Rich's console without interpretation of text: names and explanations may come from a model.
 
-    Every piece of text is made safe on its way to the terminal, be it in a table, a tree or a line.
+    Every piece of text is made safe on its way to the terminal, in tables, trees and lines.
     """
 
     def prose(self, *markup: str) -> None:
-        """Print a sentence: on a terminal its lines break between words, elsewhere it is one line. Print
-        what is copied (a command, a path, an address) with `soft_wrap` instead."""
+        """Print a sentence. On a terminal its lines break between words, elsewhere it is one line.
+
+        Print text to copy (a command, a path, an address) with `soft_wrap` instead.
+        """
         self.print(*markup, soft_wrap=not self.is_terminal)
 
     def render(
@@ -78,7 +80,7 @@ def outline(lines: Iterable[TreeLine]) -> str:
     rows = ""
     for line in lines:
         mark, colour = MARKS[line.status]
-        # A hanging indent: wrapped text stands below the name, not below the mark.
+        # Use a hanging indent: wrapped text begins below the name, not below the mark.
         indent = f"padding-left: {1.2 * line.depth + 1.4:.1f}em; text-indent: -1.4em"
         weight = "font-weight: 600" if line.status == "RUNNING" else ""
         said = f' <span style="color: #858b92">{_text(line.message)}</span>' if line.message else ""

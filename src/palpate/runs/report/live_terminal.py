@@ -23,11 +23,11 @@ from palpate.runs.report.console import LIVE_LOGGER, SafeConsole
 from palpate.trace.recording import LeafRun
 
 FEWEST = 3
-"""Least number of finished steps for an estimate of the remaining time."""
+"""Least count of finished steps for an estimate of the remaining time."""
 
 
 def walk(node: Behaviour, depth: int = 0) -> Iterator[tuple[Behaviour, int]]:
-    """This node and its descendants, depth first, each with its depth."""
+    """Yield this node and its descendants, depth first, each with its depth."""
     yield node, depth
     for child in node.children:
         yield from walk(child, depth + 1)
@@ -39,27 +39,32 @@ def steps_of(snapshot: Snapshot) -> list[PrimitiveLeaf]:
 
 
 def step_of(snapshot: Snapshot) -> tuple[int, int]:
-    """Number of the running step, and of all steps."""
+    """Number of the running step, and the count of all steps."""
     steps = len(steps_of(snapshot))
     return min(len(snapshot.leaves) + 1, steps), steps
 
 
 class Remaining:
-    """Estimate of a run's remaining time: each step to come takes the mean time of its primitive so
-    far, and robot time passes as fast as so far."""
+    """Estimate of a run's remaining time.
+
+    Each remaining step takes the mean time of its primitive so far. The ratio of wall time to robot
+    time stays the same.
+    """
 
     def __init__(self) -> None:
         self._began = time.monotonic()
 
     def seconds(self, snapshot: Snapshot) -> float | None:
-        """s of wall time; None after few steps, or while the run is being stopped."""
+        """Remaining wall time, s; None after few steps, or while the run is being stopped."""
         if len(snapshot.leaves) < FEWEST or snapshot.stopping is not None or not snapshot.elapsed:
             return None
+        # Mean duration of each primitive, and of all steps for new primitives.
         took: dict[str, list[float]] = defaultdict(list)
         for leaf in snapshot.leaves:
             took[leaf.primitive].append(leaf.end - leaf.start)
         usual = fmean(leaf.end - leaf.start for leaf in snapshot.leaves)
         ended = {leaf.node for leaf in snapshot.leaves}
+        # Sum the expected durations of the remaining steps, and convert robot time to wall time.
         robot_time = 0.0
         for step in steps_of(snapshot):
             if step.node not in ended:
@@ -102,8 +107,10 @@ class SeveralViews(Observers):
 
 
 class RealTime:
-    """Holds robot time to wall time, so that a person can follow. An `Observer` of simulated arms alone:
-    a real one must not be delayed."""
+    """Observer that slows robot time down to wall time, so that a person can follow.
+
+    It is only for simulated arms: a real arm must not be delayed.
+    """
 
     def __init__(self) -> None:
         self._root: object = None
@@ -113,7 +120,7 @@ class RealTime:
         """Do nothing: only motions are paced."""
 
     def on_tick(self, snapshot: Snapshot) -> None:
-        """Sleep until as much time has passed as on the robot's clock."""
+        """Sleep until the wall clock reaches the robot's clock."""
         if snapshot.root is not self._root:
             self._root, self._began = snapshot.root, time.monotonic() - snapshot.elapsed
         early = snapshot.elapsed - (time.monotonic() - self._began)
@@ -121,13 +128,13 @@ class RealTime:
             time.sleep(early)
 
 
-# The terminal's view of a run: the tree with statuses, robot time and force; elsewhere plain lines.
+# Terminal view of a run: the tree with statuses, robot time and force; elsewhere plain lines.
 
 
 log = logging.getLogger(LIVE_LOGGER)
 
 REFRESH_PERIOD = 0.125
-"""s of wall time: a person reads no faster."""
+"""s of wall time between two drawings: a person reads no faster."""
 ICONS = {
     Status.SUCCESS: ("✓", "green"),
     Status.FAILURE: ("✗", "bold red"),
@@ -137,14 +144,15 @@ ICONS = {
 STOPPED = ("–", "magenta")
 WORDS = {"SUCCESS": "ok", "FAILURE": "FAILED", "INVALID": "stopped"}
 BAR, BAR_FORCE = 5, 20.0
-"""Characters to either side of a bar's middle, and the vertical force, N, that fills them: a kilogram
-and a contact are both visible."""
+"""Characters on each side of a bar's middle, and the vertical force, N, of a full bar. A kilogram
+and a contact are both visible.
+"""
 
 
 class LiveTree:
     """Draws a run on a console, by default on stderr. A context manager and an `Observer`.
 
-    On a terminal the tree is redrawn in place; elsewhere every leaf that ends gives one line.
+    On a terminal the tree is redrawn in place. Elsewhere every finished leaf gives one line.
     """
 
     def __init__(self, console: Console | None = None) -> None:
@@ -163,13 +171,13 @@ class LiveTree:
         self.finish()
 
     def progress(self, stage: str) -> None:
-        """Name the present stage of the work."""
+        """Show the name of the present stage."""
         self.finish()
         log.info("%s", _clean(stage))
         self._console.print(Text(f"{_clean(stage)} …", "dim"))
 
     def on_tick(self, snapshot: Snapshot) -> None:
-        """Take note of a tick; draws at most every 125 ms."""
+        """Record a tick; draw at most every 125 ms."""
         self._latest = snapshot
         self._print_finished_leaves(snapshot)
         if self._in_place and time.monotonic() - self._drawn >= REFRESH_PERIOD:
@@ -194,7 +202,7 @@ class LiveTree:
         self._drawn = time.monotonic()
 
     def _print_finished_leaves(self, snapshot: Snapshot) -> None:
-        """Log the leaves that have ended since the last tick, and print them where no tree is drawn."""
+        """Log the leaves that have ended since the last tick. Print them where no tree is drawn."""
         ended = snapshot.leaves[self._printed :]
         steps = len(steps_of(snapshot)) if ended else 0
         for step, leaf in enumerate(ended, self._printed + 1):
@@ -210,8 +218,12 @@ class LiveTree:
 
 
 def render(snapshot: Snapshot, room: int, left: float | None = None) -> Group:
-    """The snapshot with a header, at most `room` lines of tree, and the stop, if there is one. Of a
-    taller tree the lines around the active leaf are drawn. `left`: remaining time, s, if known."""
+    """Render a snapshot: header, at most `room` lines of the tree, and the stop, if any.
+
+    A taller tree is cut to the lines around the active leaf. `left` is the remaining time, s, if
+    known.
+    """
+    # Header: robot time, step, remaining time, force and running leaves.
     step, steps = step_of(snapshot)
     figures = f"{snapshot.elapsed:7.1f} s robot time   step {step}/{steps}"
     if left is not None:
@@ -222,6 +234,7 @@ def render(snapshot: Snapshot, room: int, left: float | None = None) -> Group:
     running = [leaf.name for leaf in steps_of(snapshot) if leaf.status is Status.RUNNING]
     header.append(f"   {_clean(', '.join(running))}", "yellow")
 
+    # Tree: centre the visible lines on the last active node.
     ended = {leaf.node: leaf for leaf in snapshot.leaves}
     lines: list[Text] = []
     active = 0

@@ -36,10 +36,10 @@ if TYPE_CHECKING:
 
 
 MAX_IMAGE = 400_000
-"""Bytes above which pictures are scaled down to `IMAGE_WIDTH` and stored as JPEG."""
+"""Bytes: larger pictures are scaled down to `IMAGE_WIDTH` and stored as JPEG."""
 IMAGE_WIDTH = 1280
 PACKING = 4
-"""Compression level of plotly.js, 0 to 9; level 6 saves 4 % and takes twice as long."""
+"""Compression level of plotly.js, 0 to 9. Level 6 saves 4 % and takes twice as long."""
 
 
 @cache
@@ -87,15 +87,16 @@ def template(package: str, name: str) -> Template:
 
 
 def mark_code(text: str) -> Markup:
-    """Escape a text, and set its parts in backticks as code."""
+    """Escape a text, and mark its parts in backticks as code."""
     from markupsafe import Markup, escape
 
     return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))
 
 
 def escaped_controls(value: Any) -> Any:
-    """Text and markup with control characters made visible, such as those that reverse the direction
-    of writing."""
+    """Make control characters in text and markup visible, such as those that reverse the direction
+    of writing.
+    """
     if isinstance(value, int | float):
         return value
     text = visible(str(value))
@@ -103,8 +104,8 @@ def escaped_controls(value: Any) -> Any:
 
 
 def policy() -> str:
-    """Content security policy: only the page's own scripts run, and nothing is ever fetched."""
-    # The hashes allow exactly these two scripts; a page may quote text from files and models.
+    """Content security policy: only the page's own scripts run, and the page fetches nothing."""
+    # The hashes allow exactly these two scripts: a page may quote text from files and models.
     own, plots = sha256_source(script().encode()), plotly()[1]
     return (
         "default-src 'none'; img-src data: blob:; media-src data:; "
@@ -117,18 +118,19 @@ def sha256_source(content: bytes) -> str:
 
 
 def video_uri(mp4: bytes | None) -> str | None:
-    """A film as a data URI."""
+    """Encode a film as a data URI."""
     return data_uri("video/mp4", mp4) if mp4 else None
 
 
 def picture_uri(picture: bytes | None) -> str | None:
-    """A picture as a data URI; None when there is none or it cannot be read."""
+    """Encode a picture as a data URI; None if there is none or it cannot be read."""
     from PIL import Image
 
     if not picture:
         return None
     try:
         with Image.open(io.BytesIO(picture), formats=("PNG", "JPEG")) as image:
+            # Keep small pictures; scale large ones down.
             if len(picture) <= MAX_IMAGE:
                 return data_uri(f"image/{(image.format or 'png').lower()}", picture)
             scaled, buffer = image.convert("RGB"), io.BytesIO()
@@ -143,7 +145,7 @@ def data_uri(mime: str, content: bytes) -> str:
     return f"data:{mime};base64,{base64.b64encode(content).decode()}"
 
 
-# The report: one self-contained HTML page, which loads nothing from the network.
+# The report page, which loads nothing from the network.
 
 
 VERDICTS = {
@@ -155,7 +157,7 @@ VERDICTS = {
 }
 
 SAFE_PATH = re.compile(r"[\w.-]+(/[\w.-]+)*")
-"""Link targets: files beside the page, nothing with a scheme."""
+"""Link targets: files in the page's folder, without a scheme."""
 
 ADVICE = {
     "motion": "See what the hand met or what is in its way. Correct the position and size of that thing in the "
@@ -167,7 +169,7 @@ ADVICE = {
     "conversion": "See that nothing but the plan's objects touched the arm or what it held: what was recorded "
     "does not suffice for a value.",
 }
-"""Advice after a failure, by the group of the primitive that failed."""
+"""Advice after a failure, by the group of the failed primitive."""
 
 
 def write_report(path: Path, data: ReportData) -> None:
@@ -176,12 +178,12 @@ def write_report(path: Path, data: ReportData) -> None:
 
 
 def render_report(data: ReportData) -> str:
-    """The page's HTML."""
+    """Render the page's HTML."""
     made = cards(data.measured, data.trace)
     tree = branches(data.plan, data.trace)
     failure = first_failure(tree)
     nodes = data.plan.tree.walk() if data.plan.tree is not None else ()
-    # Leaves of a controlled stop lie outside of the tree: their paths begin with another word.
+    # Leaves of a controlled stop are outside of the tree: their paths have another prefix.
     begun: int | None = None
     if data.status == "aborted" and data.trace is not None:
         begun = sum(leaf.node.startswith("tree") for leaf in data.trace.leaves)
@@ -216,7 +218,7 @@ def render_report(data: ReportData) -> str:
 
 
 def verdict_title(data: ReportData) -> str:
-    """The headline."""
+    """Headline of the page."""
     if data.status == "aborted" and data.held is not None and data.held.became != "put down":
         how = "still holds" if data.held.became == "held" else "lost"
         return f"Stopped: the hand {how} {data.held.name}"
@@ -224,13 +226,14 @@ def verdict_title(data: ReportData) -> str:
 
 
 def verdict_sentence(data: ReportData) -> str:
-    """The run in one sentence."""
+    """Summary of the run in one sentence."""
     if data.status == "rejected":
         return "The arm did not move."
     if data.plan.satisfied:
         return "Nothing is missing: the arm did not move."
     if data.status == "aborted":
         return data.stopped_by or "The robot stopped before the plan was finished."
+    # Count the identified estimates, and name axes and objects that are doubtful.
     found = sum(m.estimate.identified for m in data.measured)
     wanted = max(len(data.plan.parameters), len(data.measured))
     unknowns = "unknown" if wanted == 1 else "unknowns"
@@ -259,7 +262,7 @@ def picture_uris(data: ReportData) -> dict[str, Any]:
 
 
 def timeline_figure(data: ReportData) -> dict[str, Any]:
-    """The timeline, and plotly.js to draw it, if anything was executed."""
+    """Timeline, and plotly.js to draw it, if anything was executed."""
     figure: Figure | None = None
     library = ""
     if data.trace is not None and len(data.trace.samples):
@@ -270,9 +273,10 @@ def timeline_figure(data: ReportData) -> dict[str, Any]:
 
 
 def next_steps(data: ReportData, failure: Branch | None) -> Iterator[str]:
-    """Advice to the user, in order, after a run that stopped early."""
+    """Yield advice to the user, in order, after a run that stopped early."""
     if data.status != "aborted":
         return
+    # First the object in the hand, then the failure, then the next run.
     if data.held is not None:
         name = data.held.name
         advice = {

@@ -21,16 +21,16 @@ from palpate.trace.recording import LeafRun
 from palpate.trace.samples import Trace
 
 SHOWN = 3
-"""Panels of a motion: the signals that the object acts on most."""
+"""Count of panels for a motion: the signals with the largest effect of the object."""
 GAP = 0.4
-"""s between two bins of a signal from which no line joins them."""
+"""s: longest interval between two bins that a line joins."""
 WIDTH, HEIGHT, EDGE = 300.0, 130.0, 8.0
-"""Size of a panel, and its margin."""
+"""Pixels: size of a panel, and its margin."""
 
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A measured mean, and one standard deviation to either side, in the panel."""
+    """A measured mean, with one standard deviation on each side, in the panel."""
 
     x: float
     y: float
@@ -40,8 +40,9 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """Signal: `low` to `high` in `unit` from bottom to top, from `start` to `end` in s; lines as
-    SVG points."""
+    """Panel of a signal. The range `low` to `high` in `unit` is from bottom to top, `start` to
+    `end` in s from left to right. Lines are SVG points.
+    """
 
     name: str
     unit: str
@@ -56,7 +57,7 @@ class Panel:
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """A motion in words, with its panels."""
+    """A motion with its panels."""
 
     title: str
     agrees: bool
@@ -66,7 +67,7 @@ class Prediction:
 
 
 def predictions(held: HeldOut | None) -> list[Prediction]:
-    """Panels of predictions, one per motion."""
+    """Make the panels of the predictions, one entry for each motion."""
     found: list[Prediction] = []
     for motion in held.motions if held is not None else ():
         title = motion.motion[:1].upper() + motion.motion[1:]
@@ -90,16 +91,18 @@ def prediction_text(motion: HeldOutMotion) -> str:
 
 
 def signal_panels(curve: Curve) -> Iterator[Panel]:
-    """Panels of the signals with the largest predicted values, in the curve's order."""
+    """Make panels of the signals with the largest predicted values, in the curve's order."""
     t = np.array(curve.t)
     peaks = np.abs(np.array(curve.twin)).max(axis=1)
-    # Joints on which the object has no lever show noise alone.
+    # Select the largest: joints on which the object has no lever show only noise.
     largest: list[int] = np.argsort(-peaks, kind="stable").tolist()
+    # Break the lines where the motion has gaps.
     breaks: list[int] = (np.flatnonzero(np.diff(t) > GAP) + 1).tolist()
     parts = [slice(first, last) for first, last in pairwise([0, *breaks, len(t)])]
     for i in sorted(largest[:SHOWN]):
         twin, guess = np.array(curve.twin[i]), np.array(curve.template[i])
         measured, std = np.array(curve.measured[i]), np.array(curve.std[i])
+        # Scale both axes to the data with their deviations.
         spread = np.concatenate([twin, guess, measured - std, measured + std])
         low, high = float(spread.min()), float(spread.max())
         x = scaled_to_pixels(t, (float(t[0]), float(t[-1])), (EDGE, WIDTH - EDGE))
@@ -136,23 +139,23 @@ def polyline(x: Array, y: Array) -> str:
     return " ".join(f"{a:g},{b:g}" for a, b in points)
 
 
-# Proof of the twin on the page: for each task a line through the goal, with prior, twin and promise
-# on it.
+# Proof of the twin: a line through the goal for each task, with prior, twin and promise.
 
 
 MARGIN = 0.1
-"""Share of the half line that stays free at its ends."""
+"""Share of half the line that stays free at its end."""
 
 
 @dataclass(frozen=True, slots=True)
 class TaskDrawing:
-    """A task as a drawing: positions in per cent of a line whose middle is the goal; None for what cannot
-    be drawn, as a fall.
+    """A task as a drawing. Positions are in per cent of a line whose middle is the goal; None for
+    results without a position, as a fall.
 
     Attributes:
+        title, says: name and description of the task.
         prior, twin: positions.
         band: start and width of the twin's promise.
-        said: what came of prior and twin, in words.
+        said: results of prior and twin, and the promise, as text.
     """
 
     title: str
@@ -164,13 +167,14 @@ class TaskDrawing:
 
 
 def lines(proof: Proof | None) -> list[TaskDrawing]:
-    """Drawings of the tasks on which what was measured has an effect."""
+    """Draw the tasks on which a measured value has an effect."""
     if proof is None:
         return []
     return [_line(row) for row in proof.rows if row.depends]
 
 
 def _line(row: Proved) -> TaskDrawing:
+    # Scale the line to the largest finite error.
     prior, twin = (typical(errors) for errors in (row.prior, row.twin))
     low, high = row.promise
     reach = max(abs(error) for error in (prior, twin, low, high, 1e-9) if np.isfinite(error))
@@ -188,12 +192,12 @@ def _line(row: Proved) -> TaskDrawing:
 
 
 def _place(share: float) -> float | None:
-    """Per cent of the line, for a share of its half."""
+    """Convert a share of half the line to per cent of the line."""
     return round(50 + 50 * (1 - MARGIN) * share, 1) if np.isfinite(share) else None
 
 
 def indifferent(proof: Proof | None) -> Iterator[str]:
-    """Tasks without a line, in words."""
+    """List the tasks without a line."""
     if proof is None:
         return
     for row in proof.rows:
@@ -202,12 +206,12 @@ def indifferent(proof: Proof | None) -> Iterator[str]:
     yield from proof.left_out
 
 
-# Poses of objects on the page: by sight, by touch, and by both.
+# Poses of objects: by sight, by touch, and by both.
 
 
 @dataclass(frozen=True, slots=True)
 class PoseRow:
-    """Pose of an object, in words; `both` is empty where nothing touched it."""
+    """Pose of an object as text; `both` is empty if nothing touched it."""
 
     object: str
     sight: str
@@ -217,7 +221,7 @@ class PoseRow:
 
 
 def pose_rows(beliefs: Mapping[str, Belief]) -> Iterator[PoseRow]:
-    """Poses of objects that were seen."""
+    """List the poses of objects that were seen."""
     for name, belief in beliefs.items():
         touches = tuple(f"{touch.means}: {touch.said}" for touch in belief.touches)
         both = _in_words(belief.pose, belief.covariance) if touches else ""
@@ -226,7 +230,7 @@ def pose_rows(beliefs: Mapping[str, Belief]) -> Iterator[PoseRow]:
 
 
 def _in_words(pose: Pose, covariance: Array) -> str:
-    """Position to a tenth of a millimetre, each with its standard deviation."""
+    """Format a position to a tenth of a millimetre, with standard deviations."""
     stds = np.sqrt(np.diag(covariance)[:3])
     parts = zip("xyz", (1e3 * pose.position).tolist(), (1e3 * stds).tolist(), strict=True)
     return ", ".join(f"{axis} {value:.1f} ± {std:.1f}" for axis, value, std in parts)

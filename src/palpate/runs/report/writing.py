@@ -1,4 +1,4 @@
-"""Write pictures, film and page of a run; a failure of one does not prevent the others."""
+"""Write pictures, film and page of a run. A failure of one does not prevent the others."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 
 
 IMAGES, STILLS = "images", ("workspace.png", "before.png", "after.png", "seen.png")
-"""A run's pictures: their folder, and their names in it."""
+"""Folder of a run's pictures, and their names in it."""
 FILMS = {False: "execution.mp4", True: "played-again.mp4"}
-"""Names of films: seen by a camera, or rendered from the trace."""
+"""Names of films: seen by a camera (False), or rendered from the trace (True)."""
 
 
 def pictures_in(folder: Path, run: Run) -> Pictures:
-    """Read the pictures that the folder of a run holds already."""
+    """Read the pictures that the folder of a run already holds."""
 
     def content(name: str) -> bytes | None:
         file = folder / IMAGES / name
@@ -39,7 +39,7 @@ def pictures_in(folder: Path, run: Run) -> Pictures:
 
     workspace, before, after, seen = (content(name) for name in STILLS)
     stills = Pictures(workspace, before, after, seen)
-    # A film by a camera takes precedence over one rendered from the trace.
+    # Prefer a film by a camera to one rendered from the trace.
     for believed, name in FILMS.items():
         video = content(name)
         if video is not None and run.execution is not None:
@@ -49,8 +49,9 @@ def pictures_in(folder: Path, run: Run) -> Pictures:
 
 
 def take_stills(run: Run, taken: Pictures) -> Pictures:
-    """Add pictures of the workspace, and of the scene before and after, to `taken`; without OpenGL,
-    only pictures that exist already.
+    """Add pictures of the workspace, and of the scene before and after, to `taken`.
+
+    Without OpenGL, only existing pictures are used.
 
     Raises:
         RuntimeError: OpenGL failed.
@@ -67,7 +68,7 @@ def take_stills(run: Run, taken: Pictures) -> Pictures:
         return replace(taken, workspace=workspace or render_scene(before, names))
     footage, looks = run.footage, None
     if footage is not None and footage.spec is not None:
-        # Draw the believed scene with the materials of the world that the camera saw.
+        # Use the materials of the world that the camera saw.
         looks = looks_in(footage.spec)
     pair = render_before_after(before, run.finished.scene.spec(), names, looks=looks)
     if workspace is None and footage is not None:
@@ -76,7 +77,7 @@ def take_stills(run: Run, taken: Pictures) -> Pictures:
 
 
 def take_film(run: Run) -> Film | None:
-    """Make the film, if the cell's camera has footage; None without OpenGL.
+    """Make the film from the footage of the cell's camera; None without footage or OpenGL.
 
     Raises:
         RuntimeError: OpenGL failed.
@@ -102,15 +103,15 @@ def write_images(pictures: Pictures, folder: Path) -> None:
 
 
 class Darkroom:
-    """Film and pictures of a run, made by copies of this process while other stages run. A context
-    manager; what is not finished on leaving is given up.
+    """Film and pictures of a run, rendered by copies of this process while other stages run.
 
-    A process that has drawn is not copied: the driver's threads are not in the copy.
+    Use as a context manager: results that are not finished at its end are discarded. A process that
+    has rendered is not copied, because a copy lacks the driver's threads.
     """
 
     def __init__(self, run: Run, reel: Reel | None = None) -> None:
-        """Begin with the film, of which `reel` has drawn a part."""
-        # The trial of the backends is this process's child, so it is awaited here.
+        """Start with the film. `reel` has rendered a part of it."""
+        # Wait here for the trial of the backends: it is a child of this process.
         self._copied = gl_available()[0] and not Painter.used
         film = None
         if reel is not None and run.footage is not None:
@@ -119,7 +120,7 @@ class Darkroom:
         self._stills: Beside[Pictures] | None = None
 
     def begin_stills(self, run: Run) -> None:
-        """Begin the pictures of a run whose twin is built."""
+        """Start the pictures of a run whose twin is built."""
         self._stills = Beside(lambda: take_stills(run, Pictures()), self._copied)
 
     def stills(self, run: Run, taken: Pictures) -> Pictures:
@@ -153,6 +154,7 @@ def write_all(
     Returns:
         Shortfalls, one line for each part that could not be made.
     """
+    # Each part runs in its own block: a failure is noted, and the next part begins.
     missing: list[str] = []
     pictures = Pictures()
     with collecting_shortfalls("the pictures were not read again", missing):
@@ -174,7 +176,7 @@ def write_all(
 
 @contextmanager
 def collecting_shortfalls(failure: str, shortfalls: list[str]) -> Generator[None]:
-    """Turn an exception of the block into a line of `shortfalls`."""
+    """Convert an exception of the block to a line of `shortfalls`."""
     try:
         yield
     except Exception as error:
