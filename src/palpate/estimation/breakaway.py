@@ -23,7 +23,8 @@ from palpate.estimation.load_causes import INERTIA_SHARE
 
 MASS_ERROR = 0.5
 """kg (1 sigma). Smallest error of the arm's apparent mass from the end of a drag: the arm decelerates at other joint
-angles than it started with. Chosen, without a source: a tenth of `HORIZONTAL_MASS`, rounded. Sensitive: `static` std."""
+angles than it started with. Chosen, without a source: a tenth of `HORIZONTAL_MASS`, rounded. Sensitive:
+`static` std."""
 HOLDING = 6
 """Rows (30 ms). Longest creep at the static coefficient before breakaway. Sensitive: `static` hardly."""
 PARTING_ROWS = 7
@@ -258,7 +259,7 @@ def log_normal_density(off: Array, noise: Array) -> Array:
 
 
 def apparent_mass(number: int, drag: Drag, sliding: Sliding) -> tuple[float, float]:
-    """Apparent mass, kg, of an arm with unknown links along a drag beyond `HORIZONTAL_MASS`, and its standard deviation.
+    """Apparent mass beyond `HORIZONTAL_MASS`, kg, of an arm with unknown links along a drag, and its std.
 
     It is the change of force over the change of speed as the hand decelerates.
     """

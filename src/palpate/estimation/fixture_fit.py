@@ -19,39 +19,38 @@ from palpate.trace.recording import NominalHand, Recording
 from palpate.trace.samples import Trace, once
 
 HANDLE_BLOCK = 0.2
-"""s over whose mean the force along a joint is fitted: two of them fit into the ramps of a pass.
-Sensitive: dry friction and damping 1.8 σ at half of it, 2.7 σ at twice; two blocks have to fit into the shortest
-ramp."""
+"""s. Length of the blocks over which the force along a joint is averaged. Two blocks have to fit into the shortest ramp
+of a pass. Sensitive: dry friction and damping 1.8 σ at half of it, 2.7 σ at twice."""
 HANDLE_MOVES = 0.004
-"""m/s of the handle below which it counts as standing still: pads and springs give way before dry friction is full.
-Sensitive: 0.5 σ; slower blocks carry less than the full dry friction."""
+"""m/s of the handle below which it counts as at rest: pads and springs deform before dry friction is complete.
+Sensitive: 0.5 σ; slower blocks have less than the full dry friction."""
 HANDLE_SETS_OUT = 0.003
-"""m from where a pass began, in which the friction of joints, pads and rails turns round and no block counts.
-Sensitive: dry friction 1.4 σ, damping 2.2 σ; shorter, and friction that still turns round counts as dry friction."""
+"""m from the start of a pass in which no block counts, as the friction of joints, pads and rails reverses. Sensitive:
+dry friction 1.4 σ, damping 2.2 σ. If shorter, reversing friction counts as dry friction."""
 HANDLE_RATE = 0.05
-"""s over which speeds, torques and the motion of the arm's links are averaged, all alike: averaged otherwise, their
-differences in ramps are taken for inertia and damping. Sensitive: at twice it dry friction 0.3 σ, damping 0.3 σ."""
+"""s. Common smoothing window of speeds, torques and link motion. Different windows would turn ramps into apparent
+inertia and damping. Sensitive: at twice it dry friction 0.3 σ, damping 0.3 σ."""
 
 SETTING_OUT = 20  # rows, 0.1 s, at the start of a recording, in which the hand rests
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Passes:
-    """Means of k blocks of passes with the handle in the hand, and of passes with the empty hand.
+    """Block means of k blocks, from passes with the handle in the hand and with the empty hand.
 
-    Forces are those along the joint: N of a slide, N m about a hinge.
+    Forces act along the joint: N for a slide, N m for a hinge. The arm has m joints.
 
     Attributes:
         t: (k,) s.
         held: (k,) 1 with the handle in the hand, else 0.
         recording: (k,) number of the recording.
-        travel: (k,) m or rad, from where the recording began.
-        rate, acceleration: (k,) per s, per s².
-        force: (k,) that the hand exerts, by the torques of the arm's joints.
+        travel: (k,) m or rad, from the start of the recording.
+        rate, acceleration: (k,) travel per s, per s².
+        force: (k,) force of the hand, from the torques of the arm's joints.
         white: (k,) variance of `force` by white noise.
-        rubbing: (k, m) force per N m of friction in each joint of the arm, by the way that it turned last.
-        viscous: (k, m) force per N m s/rad of friction in each joint.
-        moved: (k, m) force by the torque that moves the arm's links, joint by joint; (k, 0) unknown.
+        rubbing: (k, m) force per N m of friction in each joint, signed by its last motion.
+        viscous: (k, m) force per N m s/rad of viscous friction in each joint.
+        moved: (k, m) force by the inertial torque of the links, joint by joint; (k, 0) if unknown.
         shown: (k, m) force per relative error of each torque sensor, for a unit force along the joint.
     """
 
@@ -70,7 +69,7 @@ class Passes:
 
 
 def passes_of(trace: Trace, recordings: list[Recording], joint: Joint) -> Passes | None:
-    """Blocks of all passes in some recordings of one fixture; None where nothing moved."""
+    """Blocks of all passes in recordings of one fixture; None if nothing moved."""
     observed = observe(trace)
     parts = [
         block
@@ -85,10 +84,11 @@ def passes_of(trace: Trace, recordings: list[Recording], joint: Joint) -> Passes
 def _blocks(
     trace: Trace, recording: Recording, number: int, joint: Joint, observed: WrenchObservation
 ) -> Iterator[tuple[Array | float, ...]]:
-    """Yield the fields of each block of a recording."""
+    """Yield the fields of `Passes` for each block of a recording."""
     samples = trace.of(recording)
     if len(samples) <= SETTING_OUT:
         return
+    # Travel and rate of the handle along its joint, from the pose of the hand.
     first, last = np.searchsorted(trace.samples.t, [recording.start, recording.end + 1e-9])
     signals = observed.signals[int(first) : int(last)]
     moving = commanded_rows(samples)
@@ -103,15 +103,17 @@ def _blocks(
     # Force along the joint per signal: its row of (J^T)^+.
     along = joint.along(positions)
     weights = np.einsum("ni,nij->nj", along, np.linalg.pinv(maps))
+    # Torque that the arm's own links need, and Dahl's state of joint friction.
     states = dahl_states(samples.q)[:, :, TURNED]
     own = observed.own_motion(samples, np.ones(len(samples), dtype=bool), HANDLE_RATE)
     known_links = own.shape == weights.shape
-    # Averaged as the rates are, so that both are of the same moments where the speed changes.
+    # Use the window of the rates, so that force and rate belong to the same time where the speed changes.
     felt, _ = smoothed_with_rate(signals, samples.t, HANDLE_RATE)
     force = np.einsum("nj,nj->n", weights, felt - own if known_links else felt)
-    # A force along the joint alone, in the signals: J^T of the unit wrench.
+    # Joint torques of a unit force along the joint: J^T of the unit wrench.
     unit = np.einsum("nij,nj->ni", maps, along) / (along**2).sum(axis=1)[:, None]
     joints = states.shape == weights.shape
+    # Arm columns: joint friction, viscous friction, link inertia, sensor gains.
     none = np.zeros((len(samples), 0))
     columns = (
         weights * states if joints else none,
@@ -119,6 +121,7 @@ def _blocks(
         weights * own if known_links else none,
         weights * unit,
     )
+    # Average every column over the blocks in which the handle moves fast enough.
     lever = joint.lever(start.position)
     white = float(np.var(np.diff(force))) / 2.0 if len(force) > 2 else 0.0
     held = float(recording.context.holding is not None)
@@ -136,8 +139,10 @@ def _blocks(
 
 
 def blocks_of(t: Array, moving: Mask, way: Array) -> Iterator[slice]:
-    """Equal parts, of about `HANDLE_BLOCK` s, of each motion, from where the handle at `way` (n,), m, has set
-    out."""
+    """Yield equal blocks of about `HANDLE_BLOCK` s of each motion.
+
+    `way` (n,), m, is the travel of the handle. Its first `HANDLE_SETS_OUT` of each motion is skipped.
+    """
     for whole in runs(moving):
         gone = np.abs(way[whole] - way[whole.start])
         rows = slice(whole.start + int(np.argmax(gone > HANDLE_SETS_OUT)), whole.stop)
@@ -150,46 +155,43 @@ def blocks_of(t: Array, moving: Mask, way: Array) -> Iterator[slice]:
             yield slice(rows.start + i * length // count, rows.start + (i + 1) * length // count)
 
 
-# Friction, damping and spring of a joint: linear regression of the force at its handle.
+# Friction, damping and spring of a joint: linear regression of the force at its handle
 
 
 HANDLE_ONSET = (0.004, 0.015, 0.019, 0.023, 0.028, 0.034, 0.041, 0.05)
-"""m/s of the handle from which dry friction is full: MuJoCo's is from about 0.001 m/s times its size over the moving
-mass (N/kg) on, and grease does the same. Sensitive: with the first alone, the friction of a door of 0.6 kg came out
-40 % low, contradicted."""
+"""m/s of the handle from which dry friction is complete. In MuJoCo this speed is about 0.001 m/s times friction over
+moving mass (N/kg); grease has the same effect. Sensitive: with the first alone, the friction of a door of 0.6 kg was
+40 % too low, contradicted."""
 HANDLE_FORCE = 50.0
-"""N (1 sigma): prior of forces at a handle: dry friction, the pull of gravity or of a spring. Says nothing.
-Sensitive: no, it is wider than any handle's force."""
+"""N (1 sigma). Uninformative prior of forces at a handle: dry friction, gravity or a spring. Sensitive: no, it is wider
+than any handle's force."""
 HANDLE_VISCOUS = 200.0
-"""N s/m (1 sigma): prior of a damping at the handle. Says nothing.
-Sensitive: no, it is wider than any rail's."""
+"""N s/m (1 sigma). Uninformative prior of a damping at the handle. Sensitive: no, it is wider than any rail's."""
 HANDLE_STIFFNESS = 500.0
-"""N/m (1 sigma): prior of a stiffness at the handle. Says nothing.
-Sensitive: no, it is wider than any door closer's."""
+"""N/m (1 sigma). Uninformative prior of a stiffness at the handle. Sensitive: no, it is wider than any door closer's."""
 HANDLE_MASS = 20.0
-"""kg (1 sigma): prior of the mass that is felt at the handle. Says nothing.
-Sensitive: no, it is heavier than what an arm moves."""
+"""kg (1 sigma). Uninformative prior of the apparent mass at the handle. Sensitive: no, it is heavier than an arm can
+move."""
 HANDLE_DRIFT = 20.0
-"""N per m (1 sigma): by which the force of the arm alone changes along a way beyond what its joints' friction makes,
-as `vocabulary.touch.DRIFT`.
+"""N per m (1 sigma). Change of the arm's own force along a path beyond the effect of joint friction, as `touch.DRIFT`.
 Sensitive: no, friction and damping do not move."""
 HANDLE_ELSEWHERE = 0.2
-"""part of that (1 sigma) by which it differs between the handle and above it. Sensitive: it is most of a spring's std,
-which is that of the whole drift where it is 1."""
+"""Fraction of `HANDLE_DRIFT` (1 sigma) by which it differs between the handle and above it. Sensitive: it dominates a
+spring's std, which at 1 is that of the whole drift."""
 HANDLE_LOADED = (0.1, 0.07)
-"""parts (1 sigma) of the friction of the arm's joints by which it may be another with the handle in the hand than at
-the empty hand's pose: at any speed, and more or less of it at the highest. Chosen: in 32 drawers at `measured` the
-damping is 0.96 (rms) of its deviation off, with 0.05 for the second 1.11; in 60 doors at three noise levels
-less. Sensitive: std of dry friction ×0.6–1.0 at half of both, of damping ×0.6–0.8; values move by less than 0.1 σ."""
+"""Fractions (1 sigma) of joint friction by which it differs between the held handle and the empty hand: at any speed,
+and in proportion to speed at the highest. Chosen: in 32 drawers at `measured` the error of the damping is 0.96 (rms)
+of its stated deviation, with 0.05 for the second 1.11; in 60 doors at three noise levels it is less. Sensitive: std of
+dry friction ×0.6–1.0 at half of both, of damping ×0.6–0.8; values move by less than 0.1 σ."""
 HANDLE_EVEN = 0.1
-"""N at the handle by which friction may differ along the way, or at higher speed, as a test tolerates.
-Sensitive: it decides the test of even friction alone."""
+"""N at the handle. Tolerated variation of friction along the path, or at higher speed. Sensitive: it affects only the
+test of uniform friction."""
 HANDLE_UNEVEN = 0.05
-"""part of the whole friction, likewise.
-Sensitive: it decides the test of even friction alone."""
+"""Tolerated variation of friction, as a fraction of the whole. Sensitive: it affects only the test of uniform
+friction."""
 HANDLE_LEVEL = 0.02
-"""Cosine between the vertical and the way of a slide, or the horizontal and the axis of a hinge, below which
-gravity does not depend on the position. Sensitive: no, 0.02 of a weight is less than friction's deviation."""
+"""Cosine between the vertical and a slide's direction, or the horizontal and a hinge's axis. Below it gravity does not
+depend on the position. Sensitive: no, 0.02 of a weight is less than the deviation of friction."""
 
 DRY, DAMPING, SPRING, INERTIA, PULL, GAIN = (
     "dry friction",
@@ -210,12 +212,12 @@ class JointFit:
     """Fit of all passes of one fixture.
 
     Attributes:
-        joint: the fixture's.
+        joint: joint of the fixture.
         lever: m that the handle moves per unit of the joint's position.
-        recordings: with the handle in the hand, and with the empty hand.
-        passes: blocks.
-        posterior: of all causes.
-        tests: of the model.
+        recordings: recordings with the handle in the hand, and with the empty hand.
+        passes: block means.
+        posterior: posterior of all causes.
+        tests: tests of the model.
     """
 
     joint: Joint
@@ -226,28 +228,28 @@ class JointFit:
     tests: tuple[FitTest, ...]
 
     def of(self, name: str) -> tuple[float, float]:
-        """Value and standard deviation of a cause with one unknown."""
+        """Value and standard deviation of a cause `name` with one unknown."""
         (value,), ((variance,),) = self.posterior[name]
         return float(value), float(np.sqrt(variance))
 
     @property
     def speeds(self) -> tuple[float, float]:
-        """Least and largest mean speed of the handle's blocks, m/s or rad/s."""
+        """Smallest and largest mean speed of the handle's blocks, m/s or rad/s."""
         speeds = np.abs(self.passes.rate[self.passes.held > 0.0])
         return float(speeds.min()), float(speeds.max())
 
     def own(self) -> Array:
-        """(k,) force of the blocks without what the arm itself feels."""
+        """(k,) force of the blocks without the causes in the arm itself."""
         causes = self.posterior.causes
         return self.passes.force - sum_of(self.posterior, [c.name for c in causes[len(OF_JOINT) :]])
 
     def predicted(self) -> Array:
-        """(k,) the same by the fit."""
+        """(k,) force of the joint as fitted."""
         return sum_of(self.posterior, OF_JOINT)
 
 
 def sum_of(found: Posterior, names: Sequence[str]) -> Array:
-    """(k,) force by some causes of a fit."""
+    """Force (k,) by the causes `names` of a fit."""
     causes = [cause for cause in found.causes if cause.name in names]
     parts = [cause.columns @ found[cause.name][0] for cause in causes]
     return np.sum(parts, axis=0) if parts else np.zeros(len(found.model.y))
@@ -255,7 +257,8 @@ def sum_of(found: Posterior, names: Sequence[str]) -> Array:
 
 @once
 def fit_joint(trace: Trace, name: str, joint: Joint) -> JointFit | None:
-    """Fit the passes of fixture `name`; None where no recording shows its handle move."""
+    """Fit the passes of fixture `name`; None if no recording shows its handle move."""
+    # Passes with the handle, and the same passes with the empty hand.
     worked = [r for r in trace.recordings if r.context.activity == "working"]
     held = [r for r in worked if r.context.holding == name]
     empty = [r for r in worked if r.context.holding is None and r.context.place_of == name]
@@ -265,7 +268,7 @@ def fit_joint(trace: Trace, name: str, joint: Joint) -> JointFit | None:
     lever = joint.lever(trace.of(held[0]).pose_world_tcp[0, :3])
     first = _likeliest(passes, joint, lever)
     causes, noise = list(first.causes), first.noise
-    # The errors of the sensors' gains are in proportion to the force that is felt.
+    # Gain errors are proportional to the measured force, so they need a first fit.
     causes.append(_gains(passes, sum_of(first, OF_JOINT), trace.hand))
     causes.append(_load_friction_cause(passes, first))
     scales = [PriorScale((GAIN,), *GAINS_OFF)]
@@ -275,14 +278,15 @@ def fit_joint(trace: Trace, name: str, joint: Joint) -> JointFit | None:
 
 
 def _likeliest(passes: Passes, joint: Joint, lever: float) -> Posterior:
-    """Fit with the speed of full dry friction that makes the forces likeliest, and with its doubt."""
+    """Fit with the onset speed of dry friction of largest evidence, and with the uncertainty of that speed."""
     found: list[Posterior] = []
     noise: SignalNoise | None = None
     for number in range(len(HANDLE_ONSET)):
         causes = [*_of_joint(passes, joint, lever, number), *_of_arm(passes, lever)]
-        # The residual of the first is that of all, so that their evidence can be compared.
+        # All candidates share the residual of the first, so that their evidence is comparable.
         noise = noise or _noise(passes, causes)
         found.append(fit(causes, noise, passes.force))
+    # Linearise the dependence on the onset speed about the best candidate.
     best = int(np.argmax([one.evidence for one in found]))
     causes = list(found[best].causes)
     causes.insert(len(OF_JOINT) - 1, _onset(passes, lever, best, float(found[best][DRY][0][0])))
@@ -290,20 +294,24 @@ def _likeliest(passes: Passes, joint: Joint, lever: float) -> Posterior:
 
 
 def _onset(passes: Passes, lever: float, number: int, dry: float) -> Cause:
-    """Other onset of the dry friction than that of `number`, to first order: half way to its neighbours."""
+    """Cause of another onset speed of dry friction than candidate `number`: half way to its neighbours.
+
+    The dependence is linearised; `dry` is the dry friction.
+    """
     last = len(HANDLE_ONSET) - 1
     near = [_come_in(passes, lever, min(max(number + i, 0), last)) for i in (-1, 1)]
     return Cause(ONSET, (dry * passes.held * (near[1] - near[0]))[:, None], np.array([0.25]))
 
 
 def _come_in(passes: Passes, lever: float, number: int) -> Array:
-    """(k,) share of the full dry friction in each block, signed as the rate."""
+    """(k,) fraction of the full dry friction in each block, signed as the rate."""
     full = HANDLE_ONSET[number] / lever
     return passes.rate / np.maximum(np.abs(passes.rate), full)
 
 
 def _of_joint(passes: Passes, joint: Joint, lever: float, number: int) -> Iterator[Cause]:
-    """Causes of the force along the joint; the handle moves by `lever` m per unit of it."""
+    """Yield causes of the force along the joint; the handle moves by `lever` m per unit of its position."""
+    # Dry friction, damping, spring and inertia, with priors in units of the joint.
     held = passes.held
     position = joint.position + passes.travel
     columns = (
@@ -314,18 +322,19 @@ def _of_joint(passes: Passes, joint: Joint, lever: float, number: int) -> Iterat
     )
     for name, column, size in columns:
         yield Cause(name, (held * column)[:, None], np.array([size]))
+    # Gravity: a constant for a slide or an upright hinge.
     pulls = [np.ones_like(position)]
     if not joint.is_slide and abs(joint.axis[2]) < 1.0 - HANDLE_LEVEL**2 / 2:
-        # What turns about a tilted axis leans, so that its weight's moment is a sine of the position.
+        # About a tilted axis the moment of the weight is a sinusoid of the position.
         pulls += [np.sin(passes.travel), np.cos(passes.travel) - 1.0]
     prior: Array = np.full(len(pulls), HANDLE_FORCE * lever)
     yield Cause(PULL, held[:, None] * np.column_stack(pulls), prior)
 
 
 def _of_arm(passes: Passes, lever: float) -> Iterator[Cause]:
-    """Causes of the force that the arm itself feels."""
+    """Yield causes of force in the arm itself: drift, zeros, joint friction and inertia of the links."""
     drift = HANDLE_DRIFT * lever**2
-    # Above the handle the arm is nearly in the same poses: most of its drift along the way is that of both.
+    # With and without the handle the arm has nearly the same poses, so most of its drift is common to both.
     yield Cause("drift", passes.travel[:, None], np.array([drift]))
     for number in np.unique(passes.recording).tolist():
         here = (passes.recording == number).astype(float)
@@ -344,7 +353,7 @@ def _of_arm(passes: Passes, lever: float) -> Iterator[Cause]:
 
 
 def _load_friction_cause(passes: Passes, first: Posterior) -> Cause:
-    """Change of the friction of the arm's joints by the load: none can be told from the fixture's own."""
+    """Change of joint friction by the load; it cannot be separated from the fixture's own friction."""
     felt = sum_of(first, [RUBBING])
     size = float(np.sqrt(np.mean(felt**2)))
     way, fastest = passes.held * np.sign(passes.rate), float(np.abs(passes.rate).max())
@@ -354,7 +363,7 @@ def _load_friction_cause(passes: Passes, first: Posterior) -> Cause:
 
 
 def _gains(passes: Passes, felt: Array, hand: NominalHand) -> Cause:
-    """Relative errors of the torque sensors, for the force (k,) that is `felt`."""
+    """Relative errors of the torque sensors, for the measured force `felt` (k,)."""
     count = int(passes.shown.shape[1])
     columns = (felt[:, None] * passes.shown) @ gain_root(hand, count)
     labels = tuple(f"gain of joint {i + 1}" for i in range(count))
@@ -376,12 +385,14 @@ def _noise(passes: Passes, causes: Sequence[Cause]) -> SignalNoise:
 
 
 def _tests(found: Posterior, passes: Passes, lever: float) -> Iterator[FitTest]:
-    """Tests of one dry and one viscous friction: others, of which a few per cent do not matter."""
+    """Yield tests of uniform dry and viscous friction; a deviation of a few per cent is tolerated."""
+    # Scale of the tolerated deviation: dry friction plus viscous friction at the highest speed.
     way, held = np.sign(passes.rate), passes.held
     (dry,), _ = found[DRY]
     (damping,), _ = found[DAMPING]
     fastest = float(np.abs(passes.rate).max())
     size = abs(dry) + abs(damping) * fastest
+    # Deviations that are tested: friction linear in the position, and quadratic in the speed.
     middle, half = passes.travel.mean(), max(float(np.ptp(passes.travel)) / 2, 1e-9)
     along = held * way * (passes.travel - middle) / half
     speed = (np.abs(passes.rate) / fastest) ** 2

@@ -1,4 +1,4 @@
-"""Holds of an object still in free air, level and tilted, and their load."""
+"""Holds of an object at rest in free air, level and tilted, and their load."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ from palpate.trace.samples import FORCES, Trace
 AT_GRASP = 0.05
 """s before and after the hand closed, over which its pose is averaged. Sensitive: no."""
 TILT_HELD = 0.5
-"""s that a tilt is held at least. Sensitive: no."""
+"""s. Shortest rest that counts as a held tilt. Sensitive: no."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hold:
-    """An object held still.
+    """Hold of an object at rest.
 
     Attributes:
-        recording: of it.
-        grasp: s, when the hand had closed on it.
-        pose_world_tcp: of the hand meanwhile.
-        pose_tcp_body: of the object in the hand: its pose in the scene, seen from the measured hand as it
+        recording: recording of the hold.
+        grasp: s, time at which the hand had closed on the object.
+        pose_world_tcp: mean pose of the hand during the hold.
+        pose_tcp_body: pose of the object in the hand: its pose in the scene relative to the measured hand as it
             closed.
-        droop: rotation in the grip since.
-        swept: rad by which tilts have turned the hand with it since.
+        droop: rotation in the grip since the grasp.
+        swept: rad, total angle by which tilts have turned the hand since the grasp.
     """
 
     recording: Recording
@@ -55,19 +55,20 @@ class Hold:
 
     @property
     def along(self) -> Array:
-        """(3,) direction, world, along the fingers, in which they do not centre the object as they close."""
+        """Direction (3,), world, along the fingers; closing fingers do not centre the object along it."""
         return self.pose_world_tcp.rotation[:, 0]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ObjectHolds:
-    """All holds of one object.
+    """All holds of one object, n of them.
 
     Attributes:
-        load: on the hand; each of its `grasps` is one of the holds.
-        links: (1 + 2n,) effect of each error of the arm's links on its value, by name, where known.
-        weighings: of which the load is the fit.
-        put_down: ends of the grasps in which it was held still.
+        load: load on the hand; each of its `grasps` is one of the holds.
+        links: (1 + 2n,) effect of each error of the arm's links on the load's value, by name, where known.
+        holds: the holds, in the order of the load's grasps.
+        weighings: segments to which the load was fitted.
+        put_down: ends of the grasps in which the object was held at rest.
     """
 
     load: LoadEstimate
@@ -78,7 +79,7 @@ class ObjectHolds:
 
     @property
     def turned(self) -> bool:
-        """A turn about the vertical is part of the evidence."""
+        """True if the evidence includes a rotation about the vertical."""
         return any(segment.turns for weighing in self.weighings for segment in weighing.segments)
 
     def droop(self, grasp: float, time: float) -> Droop:
@@ -88,14 +89,15 @@ class ObjectHolds:
 
 
 def find_holds(trace: Trace, body: Body) -> ObjectHolds | None:
-    """All holds of `body`; None where it was never held still in the air."""
+    """Find all holds of `body`; None if it was never held at rest in the air."""
     still = _recordings(trace, body.name, "still")
     if not still:
         return None
     # After a tilt or a swing the object may have rotated in the fingers.
     turned = [*_recordings(trace, body.name, "tilting"), *_recordings(trace, body.name, "swinging")]
-    # Where it is in the hand is known of the grasps in which it was recorded still.
+    # The pose in the hand is known for the grasps with a recording at rest.
     shown = {grasp_time(trace, one, body): one for one in reversed(still)}
+    # Keep the loaded segments of those grasps that precede any tilt or swing of the same grasp.
     level: list[Weighing] = []
     for weighed in weighings(trace, still[0]):
         kept: list[Segment] = []
@@ -104,18 +106,20 @@ def find_holds(trace: Trace, body: Body) -> ObjectHolds | None:
             if not segment.loaded or (segment.grasp in shown and not since):
                 kept.append(segment)
         level.append(replace(weighed, segments=kept))
+    # Fit one load to the level and tilted holds.
     recordings = [shown[grasp] for one in level for grasp in one.grasps]
     tilted = list(tilted_holds(trace, body.name))
     found = [*level, *(weighed for _, weighed in tilted)]
     load = fit_load(found, trace.gravity, trace.hand)
     keys = [grasp for one in found for grasp in one.grasps]
     by_key = dict(zip(keys, [*recordings, *(one for one, _ in tilted)], strict=True))
+    # Pair each moment of the fit with its hold, and estimate the droop in the grip.
     holds: list[Hold] = []
     moments: dict[float, float] = {}
     for grasp, moment in zip(load.grasps, load.value[1:].reshape(-1, 2), strict=True):
         recording = by_key[grasp]
         here, time = mean_pose(trace.of(recording)), grasp_time(trace, recording, body)
-        # Each grasp is held level before it is tilted.
+        # Each grasp is held level before it is tilted, so that its first moment is the level one.
         closing = moments.setdefault(time, float(here.rotation[:2, 1] @ moment))
         middle = (recording.start + recording.end) / 2.0
         holds.append(
@@ -128,6 +132,7 @@ def find_holds(trace: Trace, body: Body) -> ObjectHolds | None:
                 swept=swept_angle(trace, body.name, time, middle),
             )
         )
+    # Without tilts, all motion around the weighings may give a more precise load.
     put_down = tuple(_put_down(trace, body.name, holds))
     better = None if tilted else _of_whole(trace, still[0], found, load, holds)
     if better is not None:
@@ -142,8 +147,10 @@ def _of_whole(
     load: LoadEstimate,
     holds: Sequence[Hold],
 ) -> tuple[LoadEstimate, Mapping[str, Array]] | None:
-    """Load of level holds, and `Held.links`, from all motion around their weighings, where that is more
-    precise and agrees with them in force and moments; else None."""
+    """Load and `ObjectHolds.links` of level holds from all motion around their weighings.
+
+    Returns None unless the result is more precise and agrees with the weighings in force and moments.
+    """
     whole = whole_of(trace, recording, found, load)
     if whole is None:
         return None
@@ -151,6 +158,7 @@ def _of_whole(
     turned = whole.at([hold.grasp for hold in holds], tools)
     if turned is None:
         return None
+    # Refer the load to the holds, and compare it with the weighings.
     value, covariance = turned @ whole.value, turned @ whole.covariance @ turned.T
     apart = np.abs(value - load.value) / np.sqrt(np.diag(load.covariance))
     if apart.max() > WHOLE_APART:
@@ -173,7 +181,7 @@ def _put_down(trace: Trace, name: str, holds: Sequence[Hold]) -> Iterator[PutDow
 
 
 def swept_angle(trace: Trace, name: str, since: float, until: float) -> float:
-    """Angle, rad, by which tilts turned the hand with an object between two times, s, to and fro alike."""
+    """Total angle, rad, by which tilts turned the hand with an object between two times, s, in either direction."""
     samples = trace.samples
     t, moving = samples.t, commanded_rows(samples)
     swept = 0.0
@@ -194,8 +202,10 @@ def _recordings(trace: Trace, name: str, activity: str) -> list[Recording]:
 
 
 def tilted_holds(trace: Trace, name: str) -> Iterator[tuple[Recording, Weighing]]:
-    """Each part of a turn to a tilt, and each rest there, as a recording, with its weighing against the same
-    part of the turn of the empty hand."""
+    """Yield each part of a rotation to a tilt, and each rest there, as a recording with its weighing.
+
+    The weighing compares it with the same part of the empty hand's rotation.
+    """
     empty = [
         one
         for one in trace.recordings
@@ -221,7 +231,7 @@ def tilt_parts(
     context = replace(loaded.context, activity="still")
     for kind, rows in mine.items():
         start, end = float(t[rows.start]), float(t[rows.stop - 1])
-        # In a tilted hand the moment differs, as of a load that was grasped at its start.
+        # A tilted hand has another moment, so each part counts as a grasp from its start.
         segments = [
             replace(segment, grasp=start) if segment.loaded else segment
             for segment in together.segments
@@ -232,7 +242,7 @@ def tilt_parts(
 
 
 def _parts(trace: Trace, recording: Recording) -> dict[str, slice]:
-    """Rows of a tilting: each turn in bins, and each rest."""
+    """Rows of a tilt recording by name: bins of each rotation, and each rest."""
     t = trace.samples.t
     inside = (t >= recording.start) & (t <= recording.end)
     parts = {f"tilt {i} {k}": rows for (i, k), rows in turn_bins(trace, recording).items()}
@@ -245,7 +255,7 @@ def _parts(trace: Trace, recording: Recording) -> dict[str, slice]:
 
 
 def pose_in_hand(trace: Trace, recording: Recording, body: Body) -> Pose:
-    """Pose of the object in the hand: its pose at rest in the scene, seen from the measured hand as it closed."""
+    """Pose of the object in the hand: its rest pose in the scene relative to the measured hand as it closed."""
     time = grasp_time(trace, recording, body)
     if not np.isfinite(time):
         return mean_pose(trace.of(recording)).inverse() @ body.pose_at_rest
@@ -254,6 +264,6 @@ def pose_in_hand(trace: Trace, recording: Recording, body: Body) -> Pose:
 
 
 def grasp_time(trace: Trace, recording: Recording, body: Body) -> float:
-    """Time at which the hand closed on the object held in a recording, s; -inf if unknown."""
+    """Time, s, at which the hand closed on the object held in a recording; -inf if unknown."""
     grasps = load_rows(trace, body.name).grasps
     return max((time for time in grasps if time <= recording.start), default=-np.inf)

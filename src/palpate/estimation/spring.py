@@ -1,4 +1,9 @@
-"""Compliant surface as a spring, fitted to the loading curve; its coefficient of restitution."""
+"""Compliant surface as a spring and damper, fitted to the loading curve; its coefficient of restitution.
+
+The force of a press follows f = f0 + k (z0 - z)+ - m z'' - d z' + s r, with the tip height z and the height z0
+of first contact. f0 is a bias, k the stiffness, m the apparent mass of the arm, d the damping. s is the joint
+friction that acts as the arm comes to rest (r from 0 to 1).
+"""
 
 from __future__ import annotations
 
@@ -17,103 +22,105 @@ from palpate.estimation.motion import Mask
 from palpate.trace.recording import NominalHand
 
 FALLING_MASS = 1.0
-"""kg of the body whose rebound is stated. Sensitive: no, by definition."""
+"""kg. Mass of the body for which the restitution is stated. Sensitive: no, by definition."""
 
 
 def restitution(zeta: float) -> float:
-    """Speed after over speed before the contact, at a damping ratio `zeta`. Below zero, where only errors lead, it is
-    continued by its tangent, 1 - pi zeta."""
+    """Coefficient of restitution at a damping ratio `zeta`: speed after contact over speed before.
+
+    A negative `zeta`, by measurement errors, continues the curve by its tangent 1 - pi zeta.
+    """
     if zeta < 0.0:
         return 1.0 - float(np.pi) * zeta
     if zeta < 1.0:
         root = float(np.sqrt(1.0 - zeta**2))
-        # The time of contact times omega; of both branches of the arc tangent the one in (0, pi).
+        # Underdamped: contact time multiplied by omega, from the branch of the arc tangent in (0, pi).
         contact = float(np.arctan2(2.0 * zeta * root, 2.0 * zeta**2 - 1.0)) / root
         return float(np.exp(-zeta * contact))
+    # Overdamped, with the limit at critical damping kept finite.
     root = float(np.sqrt(max(zeta**2 - 1.0, 1e-12)))
     contact = float(np.log((zeta + root) / (zeta - root))) / root
     return float(np.exp(-zeta * contact))
 
 
 def damping_ratio(stiffness: float, damping: float, mass: float = FALLING_MASS) -> float:
-    """Damping ratio of `mass`, kg, on a spring, N/m, and a damper, N s/m."""
+    """Damping ratio of a `mass`, kg, on a spring, N/m, with a damper, N s/m."""
     return damping / (2.0 * float(np.sqrt(stiffness * mass)))
 
 
-# Compliant surface as a spring, fitted to the whole loading curve of a guarded descent.
+# Compliant surface: fit to the whole loading curve of a guarded descent
 
 
 FREE_SLOPE_STD = 0.5
-"""N/m (1 sigma): how well the change of the force on the way down is known to go on. Sensitive: stiffness below 200
+"""N/m (1 sigma). Error of the force trend of free air, extrapolated into the contact. Sensitive: stiffness below 200
 N/m, std ×0.7–1.6."""
 POSTURE = 0.2
-"""m of descent over which what the joints' friction makes of a force, beyond what a force repeats to, becomes
-another (1 sigma of all of it): levers are some tenths of a metre. Sensitive: stiffness below 500 N/m, std of arms
-whose joints rub."""
+"""m of descent over which the force of joint friction, beyond the force repeatability, changes by its full size
+(1 sigma): levers are some tenths of a metre. Sensitive: stiffness below 500 N/m, std of arms with joint friction."""
 RUBBED = 0.3
-"""part (1 sigma) of that where it is foreseen, joint by joint: friction changes by some tenth with the place, the
-load and from one motion to another, and gravity that a model leaves with the posture. Sensitive: stiffness below 500
-N/m, std of arms whose joints rub."""
+"""Relative error (1 sigma) of the predicted force of joint friction. Friction changes by some tenth with place, load
+and motion, and unmodelled gravity with the posture. Sensitive: stiffness below 500 N/m, std of arms with joint
+friction."""
 CONTRADICTS = 3.0
-"""standard deviations by which the depth of the held tip must exceed what the loading curve says of it, to count
-against it: friction that wanders in free air passes for an early first contact. Sensitive: of 52 rigid tables at
-`measured` two were taken for compliant ones at 1, one at 3."""
+"""Standard deviations by which the depth at rest must exceed the loading curve's to contradict it. Friction that varies
+in free air resembles an early first contact. Sensitive: of 52 rigid tables at `measured`, two counted as compliant at
+1, one at 3."""
 ALIKE = 3.0
-"""rows of a descent per independent one: the torque sensors' signal wanders, and the model leaves the arm's swing
-out. Sensitive: stiffness std ×0.8–1.3."""
+"""Rows of a descent per independent row: the torque signal is correlated, and the model omits the arm's oscillation.
+Sensitive: stiffness std ×0.8–1.3."""
 APART_IN_TIME = 2.6e-3
-"""s (1 sigma) by which force and motion of a sample are apart: a cycle of 1 ms, and a filter of 100 Hz, 1.6 ms. A
-spring's force that comes late is damping. Sensitive: damping std above 3 kN/m."""
+"""s (1 sigma). Delay between force and motion of a sample: a cycle of 1 ms and a filter of 100 Hz, 1.6 ms. A delayed
+spring force resembles damping. Sensitive: damping std above 3 kN/m."""
 FRICTION_SLOWS = 0.15
-"""part (1 sigma) of the friction that joints show as the arm sets out, by which it is another as they slow down in a
-press: static over dynamic friction is 1.1, and friction changes with the place by 0.1 to 0.25 (noise models `hardware`,
-`measured`). Sensitive: damping std ×1.1–2.0 of arms whose joints rub."""
+"""Relative change (1 sigma) of joint friction between the start of a motion and its end in a press. Static over
+dynamic friction is 1.1, and friction changes with place by 0.1 to 0.25 (noise models `hardware`, `measured`).
+Sensitive: damping std ×1.1–2.0 of arms with joint friction."""
 ENCODER_WAVE = 0.4
-"""part of a pose's repeatability by which encoders ripple within a press (1 sigma): a spring's force that is as much
-off. Sensitive: damping std above 2 kN/m ×1.2–2.0."""
+"""Encoder ripple (1 sigma) within a press, as a fraction of the pose repeatability. It adds an error to the spring
+force. Sensitive: damping std above 2 kN/m ×1.2–2.0."""
 DAMPED = 0.1
-"""part (1 sigma) of a damping: pads and their contact give way in series with the surface, and a pyramidal cone gives
-up to a quarter less. Sensitive: damping std ×1.0–1.3."""
+"""Relative error (1 sigma) of a damping. Pads and their contact act in series with the surface, and a pyramidal
+friction cone yields up to a quarter less. Sensitive: damping std ×1.0–1.3."""
 WILD = 6.0
-"""standard deviations of the noise off its running median from which a sample is left out. Sensitive: no."""
+"""Standard deviations from the running median beyond which a sample is rejected. Sensitive: no."""
 RESTING_SPEED = 0.002
-"""m/s below which the joints' friction begins to let go. Sensitive: stiffness hardly."""
+"""m/s. Speed below which joint friction begins to relax. Sensitive: stiffness hardly."""
 ARM_MASS = (6.0, 3.0)
-"""kg, mean and 1 sigma: apparent vertical mass at the TCP, wide enough for any seven-axis arm. Sensitive: stiffness
+"""kg, mean and 1 sigma. Apparent vertical mass at the TCP, wide enough for any seven-axis arm. Sensitive: stiffness
 hardly."""
 DISSIPATING_MASS = 1.0
-"""kg, whose critical damping on the surface is the 1 sigma of what it dissipates. Sensitive: stiffness hardly."""
+"""kg. The critical damping of this mass on the surface is the 1 sigma of the damping. Sensitive: stiffness hardly."""
 STIFFEST = 1e9
-"""N/m (1 sigma) of a surface: nothing is known of it. Sensitive: no."""
+"""N/m (1 sigma) of a surface: an uninformative prior. Sensitive: no."""
 WEAKEST = 1.0
-"""N/m: a surface that 8 N press 8 m down is none; it keeps a compliance finite. Sensitive: no."""
+"""N/m. Smallest stiffness: 8 N would press such a surface 8 m deep. It keeps the compliance finite. Sensitive: no."""
 SEARCHES = (25, 25, 25, 25)
-"""places of the first contact that are tried in each of several rounds, the next one about the best of the last: to
-a thousandth of a millimetre within 20 mm. Sensitive: no."""
+"""Number of heights of first contact tried in each round. Each round surrounds the best of the last, to a thousandth
+of a millimetre within 20 mm. Sensitive: no."""
 HARDENS = 1.0 / 3.0
-"""part by which a spring's stiffness may change on the way and still be one number. Sensitive: no."""
+"""Relative change of stiffness over the depth up to which one number describes a spring. Sensitive: no."""
 BEYOND_DOUBT = 4.0
-"""standard deviations of what is certain of a spring: that it hardens somewhere, wherever that is looked for, or
-flows. Sensitive: no."""
+"""Standard deviations beyond which a surface certainly hardens at some depth, or flows. Sensitive: no."""
 LOOKED_FOR = 3.0
-"""standard deviations by which the largest of so many hardenings is off by chance. Sensitive: no."""
+"""Standard deviations by which the largest of many tried hardenings is off by chance. Sensitive: no."""
 HINGES = 17
-"""depths, every twentieth of the greatest, from which on a surface may be stiffer. Sensitive: no."""
+"""Number of depths, each a twentieth of the greatest apart, at which hardening is tested. Sensitive: no."""
 VIEW_FREE_AIR = 0.25
-"""part of the depth: so much free air a chart of a press shows. Sensitive: no."""
+"""Fraction of the depth that the chart of a press shows as free air. Sensitive: no."""
 
 STIFFNESS, DAMPING = 1, 3
-"""Places of k and d among the unknowns."""
+"""Indices of k and d among the unknowns."""
 
 
 @dataclass(frozen=True, slots=True)
 class Onset:
-    """Onset of contact as the loading curve shows it, without a model.
+    """Model-free onset of contact in the loading curve.
 
     Attributes:
-        first: m, tip height at which the force began to rise, with its standard deviation.
-        bottomed: m, tip height at which something soft had been pressed through; None without such.
-        secant: m/N, of the whole loading curve.
+        first: m, tip height at which the force began to rise.
+        first_std: m, its standard deviation.
+        bottomed: m, tip height at which a soft layer reached a stiff support; None without such a support.
+        secant: m/N, compliance of the whole loading curve.
     """
 
     first: float
@@ -124,19 +131,21 @@ class Onset:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spring:
-    """A surface as a spring.
+    """Spring and damper model of a surface, from one press.
 
     Attributes:
-        compliance: m/N, of the surface alone, with its standard deviation.
-        held, held_std: m/N, the same at rest: depth of the held tip below the onset of the force, over the
-            force.
-        damping: N s/m, of the surface; below zero by noise alone.
+        compliance: m/N, of the surface alone.
+        compliance_std: its standard deviation.
+        held, held_std: m/N, compliance at rest: depth of the resting tip below contact onset, over the force.
+        damping: N s/m, of the surface; negative only by noise.
         damping_std: its standard deviation.
-        first: m, tip height of the first contact.
-        depth, bearing: (n,) m below `first` and N in each row used; of the force, the spring's part, without
-            what inertia, friction and damping make of it.
-        sinking, drag: (n,) m/s at which the tip sinks in, and N of the force in each row used that comes with it.
-        hardening: largest relative growth of the stiffness from some depth on, with its standard deviation.
+        first: m, tip height of first contact.
+        depth: (n,) m below `first` in each row used.
+        bearing: (n,) N, force of the spring, without inertia, friction and damping.
+        sinking: (n,) m/s, downward speed of the tip.
+        drag: (n,) N, force of the damping.
+        hardening: largest relative growth of the stiffness beyond some depth.
+        hardening_std: its standard deviation.
     """
 
     compliance: float
@@ -155,46 +164,47 @@ class Spring:
 
     @property
     def deepest(self) -> float:
-        """m of depth, of all that presses, up to which the spring was fitted."""
+        """m, greatest fitted depth of the tips below first contact, surface and fingertips together."""
         return float(self.depth.max())
 
     @property
     def unevenness(self) -> float:
-        """Statistic of a test of one spring: above 1 it certainly hardens or softens by too much."""
+        """Test statistic of a constant stiffness: above 1, hardening or softening is certain and too large."""
         size = abs(self.hardening)
         return min(size / HARDENS, size / self.hardening_std / BEYOND_DOUBT)
 
     @property
     def flow(self) -> float:
-        """Standard deviations by which the tip is held deeper at rest than a spring allows."""
+        """Excess of the depth at rest over that of a spring, in standard deviations."""
         doubt = float(np.hypot(self.held_std, self.compliance_std))
         return (self.held - self.compliance) / doubt
 
     def at_most(self, sigmas: float) -> float:
         """Upper bound of the compliance, m/N, at the given number of standard deviations."""
-        # From the whole curve, unless the held force contradicts it: a surface that flows is held deeper.
+        # The whole curve decides, unless the depth at rest contradicts it: a flowing surface sinks deeper.
         curve = self.compliance + sigmas * self.compliance_std
         deeper = self.held - CONTRADICTS * self.held_std
         return min(max(curve, deeper), self.held + sigmas * self.held_std)
 
     def at_least(self, sigmas: float) -> float:
-        """Lower bound of the compliance, m/N, likewise."""
+        """Lower bound of the compliance, m/N, at the given number of standard deviations."""
         curve = self.compliance - sigmas * self.compliance_std
         return max(curve, self.held - CONTRADICTS * self.held_std)
 
 
 @dataclass(frozen=True, eq=False)
 class _Curve:
-    """A descent, with the columns of the model that do not depend on z0.
+    """Loading curve of a descent, with the terms of the model that do not depend on z0.
 
-    Acceleration is noisy, so every row is a mean over `CURVE_ROWS`, on both sides of the equation: the jump of force
-    and acceleration as a surface that dissipates is met is one still.
+    Acceleration is noisy, so every row is a mean over `CURVE_ROWS` on both sides of the equation. This keeps the
+    simultaneous jump of force and acceleration at the contact with a dissipating surface.
 
     Attributes:
-        z, force: (n,) m, N.
-        speed, acceleration: (n,) m/s, m/s².
-        resting: (n,) 0 to 1.
-        rows: (n,) rows of the descent that count.
+        z: (n,) m, tip height.
+        force: (n,) N, without predicted joint friction.
+        speed, acceleration: (n,) m/s, m/s², vertical.
+        resting: (n,) 0 to 1, degree of rest.
+        rows: (n,) mask of the m rows used.
         noise: N, of a row.
         prior: (5,) prior standard deviations of f0, k, m, d, s.
         believed: (5,) prior means.
@@ -212,39 +222,42 @@ class _Curve:
 
     @cached_property
     def felt(self) -> Array:
-        """(m,) N, the rows of `force` that count."""
+        """(m,) N, smoothed `force` in the rows used."""
         return self.mean(self.force)
 
     def design(self, first: float) -> Array:
-        """(m, 5) force per unit of f0, k, m, d and s."""
+        """Design matrix (m, 5): force per unit of f0, k, m, d and s."""
         depth = np.maximum(first - self.z, 0.0)
         drag = -self.speed * (depth > 0.0)
         columns = (depth, -self.acceleration, drag, self.resting)
         return np.column_stack([np.ones(int(self.rows.sum())), *map(self.mean, columns)])
 
     def mean(self, column: Array) -> Array:
-        """(m,) means over neighbours of a column (n,), where the rows count."""
+        """Moving averages (m,) of a column (n,), in the rows used."""
+        # Repeat the end values, so that the average keeps its length.
         half = CURVE_ROWS // 2
         ends = np.concatenate([np.repeat(column[0], half), column, np.repeat(column[-1], half)])
         window = np.full(CURVE_ROWS, 1.0 / CURVE_ROWS)
         return np.convolve(ends, window, mode="valid")[self.rows]
 
     def solve(self, first: float) -> tuple[Array, float]:
-        """Solve for the other unknowns (5,) at a height of the first contact; returns the sum of squares, too."""
+        """Solve for the unknowns (5,) at a height `first` of first contact, m; also return the sum of squares."""
         design = self.design(first)
         found, squares = self._least_squares(design)
         if found[DAMPING] >= 0.0:
             return found, squares
+        # A surface dissipates and cannot drive the hand: solve again without damping.
         design[:, DAMPING] = 0.0  # a surface dissipates, it does not drive the hand
         return self._least_squares(design)
 
     def part(self, one: int, found: Array, first: float) -> Array:
-        """(m,) N of the force that one of the unknowns `found` (5,) makes, with what the model leaves."""
+        """Force (m,), N, of one of the unknowns `found` (5,), plus the residual of the fit."""
         others = found.copy()
         others[one] = 0.0
         return self.felt - self.design(first) @ others
 
     def _least_squares(self, design: Array) -> tuple[Array, float]:
+        # Normal equations with normal priors.
         precision = np.diag(self.prior**-2.0)
         normal = design.T @ design / self.noise**2 + precision
         right = design.T @ self.felt / self.noise**2 + precision @ self.believed
@@ -254,8 +267,9 @@ class _Curve:
         return found, float(misfit @ misfit + off @ off)
 
     def variances(self, found: Array, first: float) -> Array:
-        """(6,) variances of f0, k, m, d, s and z0."""
+        """Variances (6,) of f0, k, m, d, s and z0."""
         design = self.design(first)
+        # Derivative of the force by z0: the stiffness in the rows in contact.
         edge = found[STIFFNESS] * (design[:, STIFFNESS] > 0.0)
         full = np.column_stack([design, edge]) / self.noise
         precision = np.diag([*self.prior**-2.0, 0.0])
@@ -264,7 +278,7 @@ class _Curve:
         return np.diag(np.linalg.inv(normal)).astype(np.float64)
 
     def damping(self, first: float) -> float:
-        """Damping d without regard to its sign, N s/m."""
+        """Damping d of either sign, N s/m."""
         found, _ = self._least_squares(self.design(first))
         return float(found[DAMPING])
 
@@ -272,10 +286,10 @@ class _Curve:
 def fit_spring(descent: Descent, onset: Onset, hand: NominalHand) -> Spring:
     """Fit the spring that a descent pressed on, above a stiffer support below it if there is one.
 
-    The standard deviation contains that of the fit with the friction of the joints as the arm stops, gains of
-    the sensors, change and wander of the force with the place, certain changes of the stiffness with the
-    depth, and the uncertainty of the pads.
+    The standard deviation combines the fit with joint friction at the stop, sensor gains, and the change of force
+    with place. It also contains the certain change of stiffness with depth, and the error of the pads.
     """
+    # Nonlinear in z0 alone: search z0, with a linear fit of the other unknowns at each.
     curve = _curve(descent, onset, hand)
     first = _first(descent, onset, curve)
     found, _ = curve.solve(first)
@@ -284,25 +298,26 @@ def fit_spring(descent: Descent, onset: Onset, hand: NominalHand) -> Spring:
     relative = np.sqrt(variances[STIFFNESS]) / stiffness
     gain = GAIN_RATIO * hand.torque_gain
     total = 1.0 / stiffness
-    # The trend of free air may differ on the way through, and joint friction is another force in another
-    # posture, whether predicted or not.
+    # Slope errors of the force, N/m: the trend of free air may change on the way down, and joint friction changes
+    # with the posture, predicted or not.
     rubs = max(abs(float(descent.set_out[2])) - 2.0 * hand.force_repeatability, 0.0)
     if descent.joint_friction.any():
         rubs *= RUBBED
     slopes = (FREE_SLOPE_STD, descent.slope / 2, rubs / POSTURE)
     slope = np.linalg.norm(slopes) / stiffness
+    # Errors of the friction reversal, and test of a stiffness that grows with depth.
     reversing = RUBBED * float(np.std(descent.joint_friction[descent.onset :]))
     hardening, hardening_std = _hardening(
         curve, found, first, np.hypot(descent.wander[2], reversing)
     )
-    # A change of the stiffness is half of it off the mean; with a larger change it is no spring.
+    # A change of the stiffness shifts the mean by half of it. A larger change contradicts a spring.
     certain = max(abs(hardening) - LOOKED_FOR * hardening_std, 0.0)
     uneven = min(certain, HARDENS) / 2
-    # Of the force of the spring alone: a stiff support below bears the rest.
+    # Relative to the force of the spring alone: a stiff support below carries the rest.
     wander = descent.wander[2] / (stiffness * float(curve.design(first)[:, STIFFNESS].max()))
     shares = total * np.array([relative, gain, slope, wander, uneven])
     std = np.linalg.norm([*shares, hand.tip_compliance_std])
-    # What the force in free air wanders by as the tip sinks in is taken for damping.
+    # Damping: drift of the free-air force, delay, friction and ripple while the tip sinks all resemble it.
     sinking = max(float(-np.median(curve.speed[curve.z > first])), RESTING_SPEED)
     damping = curve.damping(first)
     drags = (
@@ -314,6 +329,7 @@ def fit_spring(descent: Descent, onset: Onset, hand: NominalHand) -> Spring:
         ENCODER_WAVE * hand.pose_repeatability * stiffness / sinking,
         np.hypot(DAMPED, GAIN_RATIO * hand.torque_gain) * damping,
     )
+    # Error of the compliance at rest: the onset height and the friction at the stop, over the whole force.
     at_rest = np.array([onset.first_std, descent.friction * onset.secant]) / descent.full
     return Spring(
         total - hand.tip_compliance,
@@ -333,11 +349,13 @@ def fit_spring(descent: Descent, onset: Onset, hand: NominalHand) -> Spring:
 
 
 def spring_view(spring: Spring, compliance: float, tips: float, start: float) -> FitView:
-    """Press that began at `start`, s, against the estimated `compliance` of the surface and that of the
-    fingertips, m/N."""
+    """View of a press that began at `start`, s: the spring force over depth.
+
+    `compliance` is that estimated for the surface, `tips` that of the fingertips, both in m/N.
+    """
     shown = spring.depth > -VIEW_FREE_AIR * spring.depth.max()
     depth = spring.depth[shown]
-    # Surface and fingertips in series: k = 1 / (c + c_tips); by the surface's 1 / c it grows with (k c)².
+    # Surface and fingertips in series: k = 1 / (c + c_tips). Its derivative by the surface's 1 / c is (k c)².
     stiffness = 1.0 / (compliance + tips)
     pressed = 1e3 * np.maximum(depth, 0.0)
     most = float(pressed.max())
@@ -357,8 +375,10 @@ def spring_view(spring: Spring, compliance: float, tips: float, start: float) ->
 
 
 def damping_view(spring: Spring, damping: float, start: float, slope: float = 1.0) -> FitView:
-    """Press that began at `start`, s, against the estimated `damping` of the surface, N s/m; `slope`: change of
-    that with the component of the estimate."""
+    """View of a press that began at `start`, s: the damping force over speed.
+
+    `damping` is the estimate for the surface, N s/m; `slope` its derivative by the component of the estimate.
+    """
     pressing = spring.depth > 0.0
     sinking = spring.sinking[pressing]
     return FitView(
@@ -375,23 +395,25 @@ def damping_view(spring: Spring, damping: float, start: float, slope: float = 1.
 
 
 def _hardening(curve: _Curve, found: Array, first: float, wander: float) -> tuple[float, float]:
-    """Relative growth of the stiffness from the depth at which it explains most of the residuals, and its
-    standard deviation: an F-test of one more slope (Hudson 1966), in means over some rows.
+    """Relative growth of the stiffness from the depth that explains most of the residuals, and its std.
 
-    The noise is that of the residuals of the two slopes, at least that in free air `wander`, so that a curve
-    which is rough all over, by delays and wild samples, does not count as hardening.
+    This is an F-test of one additional slope at an unknown depth (Hudson 1966), in block means. The noise is that
+    of the residuals of the two-slope fit, at least the `wander` in free air, N. A curve that is rough everywhere,
+    by delays and outliers, then does not count as hardening.
     """
     design = curve.design(first)
+    # Columns of the fitted model, linearised in z0, and the smallest noise of a block mean.
     depth = design[:, STIFFNESS]
     edge = found[STIFFNESS] * (depth > 0.0)
     chance = float(np.hypot(curve.noise * np.sqrt(ALIKE / BLOCK_ROWS), wander))
-    # Priors count as further rows.
+    # Append the priors as rows, and remove the model from the residuals.
     beliefs = np.diag(np.append(chance / curve.prior, 0.0))
     known = np.vstack([block_means(np.column_stack([design, edge])), beliefs])
     nothing = np.zeros(len(beliefs))
     left = orthogonal_part(known, np.append(block_means(curve.felt - design @ found), nothing))
     pressing = block_means(depth) > 0.0
     best, most = (0.0, np.inf), 0.0
+    # Try a hinge at each depth: regress the residuals on the additional slope, orthogonal to the model.
     for share in np.linspace(0.1, 0.9, HINGES):
         further = np.maximum(depth - share * depth.max(), 0.0)
         steeper = orthogonal_part(known, np.append(block_means(further), nothing))
@@ -401,6 +423,7 @@ def _hardening(curve: _Curve, found: Array, first: float, wander: float) -> tupl
         grows = float(steeper @ left) / size
         if grows**2 * size <= most:
             continue
+        # Noise of the pressing blocks after the additional slope gives the standard deviation.
         most, noise = grows**2 * size, (left - grows * steeper)[: len(pressing)][pressing]
         spread = max(float(np.sqrt(noise @ noise / max(len(noise) - 4, 1))), chance)
         best = (grows / found[STIFFNESS], spread / np.sqrt(size) / found[STIFFNESS])
@@ -408,18 +431,20 @@ def _hardening(curve: _Curve, found: Array, first: float, wander: float) -> tupl
 
 
 def orthogonal_part(known: Array, column: Array) -> Array:
-    """Component of a column (n,) orthogonal to the columns `known` (n, m)."""
+    """Component of a column (n,) orthogonal to the columns of `known` (n, m), by least squares."""
     share = np.linalg.lstsq(known, column, rcond=None)[0].astype(np.float64)
     return column - known @ share
 
 
 def _curve(descent: Descent, onset: Onset, hand: NominalHand) -> _Curve:
+    # Noise, vertical motion, and the degree of rest in contact.
     noise = float(np.hypot(descent.noise, hand.force_resolution))
     samples, rows = descent.samples, _rows(descent, onset, noise)
     speed = samples.twist[:, 2]
     acceleration = np.gradient(speed, samples.t)
     contact = np.arange(len(samples)) > descent.onset
     resting = contact * np.clip(1.0 - np.abs(speed) / RESTING_SPEED, 0.0, 1.0)
+    # Priors: apparent mass of the arm, friction at the stop, critical damping of a reference mass.
     apparent, spread = ARM_MASS
     stick = float(np.hypot(hand.force_repeatability, descent.set_out[2]))
     dissipated = 2.0 * (DISSIPATING_MASS / max(onset.secant, UNSEEN)) ** 0.5
@@ -437,8 +462,11 @@ def _curve(descent: Descent, onset: Onset, hand: NominalHand) -> _Curve:
 
 
 def _rows(descent: Descent, onset: Onset, noise: float) -> Mask:
-    """Rows from the start of the motion to the end, without wild samples, without a stiff support below
-    something soft, and until the greatest force of a probe that was eased, as joint friction reverses there."""
+    """Rows of the loading curve, from the start of the motion.
+
+    Outliers and the rows on a stiff support below a soft layer are excluded. A probe that was eased ends at its
+    greatest force, as joint friction reverses there.
+    """
     samples = descent.samples
     rows = samples.t > descent.leaf.start + SWING
     rows &= np.abs(descent.force - descent.smooth) < WILD * noise
@@ -451,7 +479,7 @@ def _rows(descent: Descent, onset: Onset, noise: float) -> Mask:
 
 
 def _first(descent: Descent, onset: Onset, curve: _Curve) -> float:
-    """Height of the first contact, m, with the least residuals."""
+    """Height of first contact, m, with the least sum of squares, by a nested grid search."""
     held = descent.held
     depth = max(onset.first - held, UNSEEN)
     low, high = held, min(onset.first + max(depth / 2, SOFT), float(descent.z.max()))
