@@ -1,4 +1,4 @@
-"""Cameras: RealSense, OpenCV, and files with their intrinsics."""
+"""Sources of pictures: RealSense cameras, OpenCV cameras, and files with intrinsics."""
 
 from __future__ import annotations
 
@@ -18,27 +18,28 @@ from palpate.perception.lens import Lens, Mount, read_lens
 from palpate.scene.camera import load_image
 
 WIDTH, HEIGHT, RATE = 1280, 720, 30
-"""Of the colour stream, and the depth's, pixels and Hz: all of the D400 family have them."""
+"""px and Hz. Size and rate of the colour and depth streams, available on all D400 cameras."""
 REALSENSE_TIMEOUT = 5000
-"""ms for a frame."""
+"""ms. Maximum wait for a frame."""
 WARM_UP = 15
-"""Frames that its exposure takes to settle."""
+"""Frames skipped until the exposure settles."""
 
 
 class RealSense:
-    """A running camera.
+    """Running RealSense camera.
 
     Attributes:
-        lens: as the device states it.
-        depth: (height, width) mm along the view, 0 for none, of the newest picture, if it was started `deep`.
+        lens: the lens as stated by the device.
+        depth: (height, width) distances of the newest picture along the view, mm, 0 for none. None
+            if the camera was started without `deep`.
     """
 
     def __init__(self, serial: str | None = None, deep: bool = False) -> None:
         """Start the camera with this serial number, or the only one.
 
         Raises:
-            InputError: its lens is of a kind that OpenCV's model does not describe.
-            Unavailable: no pyrealsense2, or no such camera.
+            InputError: its distortion model is not supported.
+            Unavailable: pyrealsense2 or the camera is missing.
         """
         try:
             import pyrealsense2  # pyright: ignore[reportMissingImports]
@@ -47,6 +48,7 @@ class RealSense:
                 "a RealSense camera needs pyrealsense2: pip install 'palpate[realsense]'"
             ) from None
         rs: Any = pyrealsense2
+        # Request the colour stream, and the depth stream aligned with it.
         self._pipeline = rs.pipeline()
         wanted = rs.config()
         if serial is not None:
@@ -61,6 +63,7 @@ class RealSense:
             profile = self._pipeline.start(wanted)
         except RuntimeError as error:
             raise Unavailable(f"the RealSense camera does not start: {error}") from None
+        # Only the Brown-Conrady model equals that of OpenCV.
         stated = profile.get_stream(rs.stream.color).as_video_stream_profile().get_intrinsics()
         distortion = np.array(stated.coeffs, dtype=float)
         if distortion.any() and stated.model != rs.distortion.brown_conrady:
@@ -78,7 +81,7 @@ class RealSense:
         """Yield pictures (height, width, 3), RGB, until closed.
 
         Raises:
-            Unavailable: it gives none.
+            Unavailable: the camera stopped.
         """
         try:
             for count in range(10**9):
@@ -89,6 +92,7 @@ class RealSense:
                 frame = frames.get_color_frame()
                 if frame and count >= WARM_UP:
                     if self._align is not None:
+                        # Depth aligned to the colour pixels, in mm.
                         far = self._align.process(frames).get_depth_frame()
                         told = np.array(far.get_data()) * self._millimetres
                         self.depth = told.round().astype(np.uint16)
@@ -101,37 +105,36 @@ class RealSense:
         self._pipeline.stop()
 
 
-# Sources of pictures: a file with its intrinsics, a camera or a video by OpenCV, a RealSense
-# camera.
+# Sources of pictures: a file with intrinsics, a camera or video by OpenCV, a RealSense camera.
 
 
 PICTURES = (".png", ".jpg", ".jpeg")
 VIDEOS = (".mp4", ".avi", ".mkv", ".mov", ".webm")
 FRAMES = 10
-"""Frames of a camera or a video that a look takes."""
+"""Number of frames per look from a camera or video."""
 LARGEST = 8192
-"""Pixels: longest side of a picture."""
+"""px. Maximum side of a picture."""
 LIVE = "a camera's number, opencv:0, realsense or realsense:SERIAL"
 FORMS = f"FILE.png or .jpg, a video FILE.mp4, {LIVE}, or world:NAME of a simulated world"
 REALSENSE = "realsense"
 STALE = 1.0
-"""s: a camera whose newest picture is older has stopped."""
+"""s. Maximum age of the newest picture of a running camera."""
 CAMERA_TIMEOUT = 10.0
-"""s for a camera's first picture."""
+"""s. Maximum wait for the first picture of a camera."""
 
 Frames = Iterator[NDArray[np.uint8]]
 Depth = NDArray[np.uint16] | None
-"""(height, width) mm along the view, 0 for none, of a picture's pixels; None of a camera that has none."""
+"""(height, width) distances along the view, mm, 0 for none; None for a camera without depth."""
 
 
 def pictures(
     source: str, intrinsics: Path | None, deep: bool = False
 ) -> tuple[list[NDArray[np.uint8]], Lens, Mount | None, Depth]:
-    """Pictures of a source, its lens, where its camera is if its file says so, and, if `deep`, depth.
+    """Return pictures of a source, its lens, its camera pose if stated, and depth if `deep`.
 
     Raises:
         InputError: no such source, or no intrinsics.
-        Unavailable: a camera that does not answer.
+        Unavailable: the camera does not answer.
     """
     stated = None if intrinsics is None else read_lens(intrinsics)
     if Path(source).suffix.lower() in PICTURES:
@@ -145,16 +148,16 @@ def pictures(
 
 
 class Stream:
-    """A camera that runs, and its newest picture.
+    """Running camera with its newest picture.
 
     Attributes:
-        lens: of its intrinsics file, or as the device states it.
-        mount: where it is, if its file says so.
-        depth: gives the newest depth, of a camera that was started `deep` and has one.
+        lens: the lens of its intrinsics file, or as stated by the device.
+        mount: its pose, if stated in the file.
+        depth: returns the newest depth of a camera that was started `deep` and has one.
     """
 
     def __init__(self, source: str, intrinsics: Path | None, deep: bool = False) -> None:
-        """Start it.
+        """Start the camera.
 
         Raises:
             InputError: no such camera, or no intrinsics.
@@ -170,7 +173,7 @@ class Stream:
         self._newest: tuple[float, NDArray[np.uint8]] | None = None
         self._failed: PalpateError | None = None
         self._first = threading.Event()
-        # A camera's driver queues pictures: whoever does not read them all sees old ones.
+        # Read all pictures in a thread, because the driver queues them and would return old ones.
         threading.Thread(target=self._follow, args=(coming,), daemon=True).start()
 
     def _follow(self, coming: Frames) -> None:
@@ -183,7 +186,7 @@ class Stream:
         self._first.set()
 
     def latest(self) -> NDArray[np.uint8]:
-        """The newest picture.
+        """Return the newest picture.
 
         Raises:
             Unavailable: the camera has stopped.
@@ -199,13 +202,14 @@ class Stream:
 def _open_source(
     source: str, stated: tuple[Lens, Mount | None] | None, deep: bool
 ) -> tuple[Frames, Lens, Mount | None, Callable[[], Depth]]:
-    """Pictures that come from a camera or a video, its lens, where it is, and its newest depth."""
+    """Open a camera or video; return its pictures, lens, pose, and newest depth."""
     kind, _, rest = source.partition(":")
     if kind == REALSENSE:
         camera = RealSense(rest or None, deep)
         lens, mount = stated or (camera.lens, None)
         return camera.frames(), lens, mount, lambda: camera.depth
     lens, mount = _require_lens(stated)
+    # An OpenCV camera is given by its number.
     number = source.removeprefix("opencv:")
     if number.isdecimal() and len(number) < 4:
         return frames(int(number)), lens, mount, lambda: None

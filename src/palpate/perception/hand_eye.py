@@ -1,4 +1,4 @@
-"""Calibrated poses of cameras, the simulated bench for a calibration, and pictures of residuals."""
+"""Calibrated camera poses, the simulated bench for a calibration, and plots of residuals."""
 
 from __future__ import annotations
 
@@ -23,21 +23,26 @@ from palpate.robots.nominal import NominalArm
 from palpate.scene.scene import Scene
 
 SAME = 5.0
-"""Standard deviations of the focal length by which a camera is another one."""
+"""Standard deviations. Maximum difference in focal length of the same camera."""
 
 Hand = Callable[[], Pose]
-"""Pose of the TCP in the world, now."""
+"""Returns the current pose of the TCP in the world."""
 
 
 def calibrated_camera(
     scene: Scene, lens: Lens, mount: Mount | None, hand: Hand | None = None
 ) -> tuple[Lens, Mount | None]:
-    """A camera's lens, and its place in the world: as calibrated against the scene's arm, else as believed. One on the
-    hand is where that is: as `hand` says, else at the mount's joints, else at home."""
+    """Return the lens and world pose of a camera, as calibrated with the scene's arm.
+
+    Without a calibration, both stay as given. A camera on the hand moves with the hand: at `hand`,
+    else at the joints of the mount, else at home. Its covariance includes the pose error of the
+    hand.
+    """
     lens, mount = _calibrated_place(scene, lens, mount)
     if mount is None or not mount.on_hand:
         return lens, mount
     base = scene.arm.stands(scene.pose_world_base)
+    # Pose of the hand: measured, else by forward kinematics.
     nominal = NominalArm(scene.arm, base, np.zeros(3))
     q = scene.arm.home if mount.joints is None else mount.joints
     if hand is None:
@@ -46,7 +51,9 @@ def calibrated_camera(
     else:
         pose = hand()
         q = nominal.reach(pose, q)  # about: how the elbow stands hardly matters
+    # Transform the mount to the world.
     seen = mount.within(pose)
+    # Add the pose error of the arm at the camera, rotated from the base to the world.
     lever = base.rotation.T @ (seen.pose_world_camera.position - pose.position)
     turn = np.kron(np.eye(2), base.rotation)
     covariance = seen.covariance.copy()
@@ -55,11 +62,16 @@ def calibrated_camera(
 
 
 def _calibrated_place(scene: Scene, lens: Lens, mount: Mount | None) -> tuple[Lens, Mount | None]:
-    """Lens and place as calibrated; as they are where robot.yaml has no calibrated camera, or another one."""
+    """Return the calibrated lens and pose of a camera.
+
+    Both stay as given if robot.yaml has no calibrated camera, or a camera of another size or focal
+    length.
+    """
     config = scene.arm.config
     camera = None if config is None else config.camera
     if camera is None or camera.covariance is None or tuple(camera.size) != lens.size:
         return lens, mount
+    # Compare the focal lengths: f = h / (2 tan(fovy / 2)).
     focal = lens.size[1] / 2 / math.tan(math.radians(camera.fovy) / 2)
     zoom = focal / float(lens.matrix[1, 1])
     if abs(math.log(zoom)) > SAME * lens.focal_std:
@@ -70,27 +82,34 @@ def _calibrated_place(scene: Scene, lens: Lens, mount: Mount | None) -> tuple[Le
     return lens.zoom_lens(zoom), found if camera.on_hand else found.within(base)
 
 
-# Fixtures of the embedded arm and its bench for calibrating a camera: a tag on the hand, or a
-# camera on it and a tag on the bench; each a little off and askew, as a person puts it there.
+# Simulated calibration bench: a tag on the hand, or a camera on the hand and a tag on the bench.
+# Each has a small placement error, as by a person.
 
 
 HAND = "hand"
-"""Name of the camera on the embedded arm's hand, `world:hand`."""
+"""Name of the camera on the hand of the embedded arm, `world:hand`."""
 HELD = Pose.of((0.07, 0.0, -0.07), (0.0, 1.0, 0.0, 0.0))
-"""It beside the broad side of the hand that looks away from the base at home, looking along the tool, in the TCP's
-frame."""
+"""Pose of this camera in the TCP's frame. It is mounted at the broad side of the hand that faces
+away from the base at home. It looks along the tool.
+"""
 FOVY = 45.0
-"""Its vertical field of view, degrees."""
+"""degrees. Vertical field of view of this camera."""
 STICKER = Pose.of((0.055, 0.0, -0.045), (0.5, -0.5, 0.5, -0.5))
-"""A tag on that side of the hand, upright at home, in the TCP's frame; it is believed to be there to some cm."""
+"""Nominal pose of a tag on that side of the hand, upright at home, in the TCP's frame. The prior
+has an error of some cm.
+"""
 LYING = Pose.of((0.5, 0.0, 0.0))
-"""A tag on the plane on which the arm stands, in the base's frame; likewise."""
+"""Nominal pose of a tag on the base plane of the arm, in the base frame. The prior has an error of
+some cm.
+"""
 OFF, ASKEW = 0.005, 0.05
-"""m, uniform half width, and rad, 1 sigma, of a tag that somebody stuck there."""
+"""m and rad. Placement error of a tag: uniform half width in position, standard deviation in
+rotation.
+"""
 
 
 def believed_camera(seed: int) -> tuple[Lens, Mount]:
-    """The lens and the place on the hand of the embedded arm's camera, as its owner has them."""
+    """Return the lens and mount of the embedded arm's hand camera, as specified by its owner."""
     alone = mujoco.MjSpec()
     camera: Any = alone.worldbody.add_camera(name=HAND, fovy=FOVY)
     camera.pos, camera.quat = HELD.position, HELD.quaternion
@@ -100,7 +119,7 @@ def believed_camera(seed: int) -> tuple[Lens, Mount]:
 
 
 def with_camera(world: mujoco.MjSpec, arm: RobotDescription) -> mujoco.MjSpec:
-    """The world with a camera on the arm's hand."""
+    """Return the world with a camera on the hand of the arm."""
     spec = world.copy()
     where = _in_hand(spec, arm, HELD)
     camera: Any = spec.body(PREFIX + arm.hand.body).add_camera(name=HAND, fovy=FOVY)
@@ -116,8 +135,18 @@ def with_tag(
     seed: int,
     on: Pose | None,
 ) -> mujoco.MjSpec:
-    """The world with a tag, `side` m, on the hand, or about where `on` is in the world."""
+    """Return the world with a tag on the hand or on the bench, with a random placement error.
+
+    Args:
+        world: the world.
+        arm: the arm.
+        number: number of the tag.
+        side: side of its black square, m.
+        seed: seed of the placement error.
+        on: nominal pose in the world; None for a tag on the hand.
+    """
     spec, random = world.copy(), np.random.default_rng([seed, *b"sticker"])
+    # Placement error; a tag on the bench lies flat.
     off, turn = random.uniform(-OFF, OFF, 3), random.normal(0, ASKEW, 3)
     if on is not None:  # it lies flat
         off, turn = off * [1, 1, 0], turn * [0, 0, 1]
@@ -132,32 +161,32 @@ def with_tag(
 
 
 def _in_hand(spec: mujoco.MjSpec, arm: RobotDescription, place: Pose) -> Pose:
-    """A pose in the TCP's frame in that of the hand's body, whose axes are the same."""
+    """Transform a pose from the TCP's frame to that of the hand's body, with parallel axes."""
     sites: list[Any] = list(spec.sites)
     tcp = next(site for site in sites if site.name == PREFIX + arm.tcp)
     return Pose(np.array(tcp.pos) + place.position, place.quaternion)
 
 
-# Picture of what a calibration of a camera leaves: every corner where it was seen, with a line,
-# many times as long, from there to where the fit has it.
+# Plot of calibration residuals: every measured corner with a magnified line to its fitted position.
 
 
 LONGER = 100
-"""Factor of a residual as drawn."""
+"""Magnification of residuals."""
 INK, PALE, RED = (30, 30, 30), (190, 190, 190), (200, 60, 40)
 MARGIN = 12
-"""Pixels: between writing and the picture's edge."""
+"""px. Margin around text."""
 
 
 def draw_residuals(found: HandEye, path: Path) -> None:
-    """Write a PNG of a calibration's residuals.
+    """Write a PNG with the residuals of a calibration.
 
     Raises:
-        InputError: it exists, or cannot be written.
+        InputError: the file exists or cannot be written.
     """
     picture = Image.new("RGB", found.lens.size, (255, 255, 255))
     draw, font = ImageDraw.Draw(picture), ImageFont.load_default(16)
     for corners, residuals in zip(found.corners, found.residuals, strict=True):
+        # Measured square in grey, residuals in red.
         draw.polygon([(x, y) for x, y in corners.tolist()], outline=PALE)
         for (x, y), (u, v) in zip(corners.tolist(), residuals.tolist(), strict=True):
             draw.ellipse((x - 2, y - 2, x + 2, y + 2), fill=INK)

@@ -1,4 +1,4 @@
-"""Poses of objects from one look of a camera, and the picture with their outlines."""
+"""Object poses from pictures of one camera, and the picture with their outlines."""
 
 from __future__ import annotations
 
@@ -37,33 +37,35 @@ COLOURS = (
 )
 HALO = (255, 255, 255)
 LINE, LETTERS = 3, 26
-"""Width of a line and height of letters, pixels, of a picture `USUAL` pixels wide."""
+"""px. Line width and letter height in a picture of width `USUAL`."""
 USUAL = 1280
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outlines:
-    """A picture and outlines in it.
+    """Picture with outlines.
 
     Attributes:
         pixels: (height, width, 3) RGB.
-        shapes: polygons (n, 2), pixels, of each object's geoms.
+        shapes: polygons (n, 2) of each object's geoms, pixels.
     """
 
     pixels: NDArray[np.uint8]
     shapes: Mapping[str, tuple[Array, ...]]
 
     def png(self) -> bytes:
-        """The picture with the outlines and names in it."""
+        """Draw the outlines and names into the picture and encode it as PNG."""
         image = Image.fromarray(self.pixels)
         draw, scale = ImageDraw.Draw(image), max(image.width / USUAL, 0.5)
         font = ImageFont.load_default(size=round(LETTERS * scale))
         for number, (name, polygons) in enumerate(self.shapes.items()):
             colour, width = COLOURS[number % len(COLOURS)], round(LINE * scale)
             for polygon in polygons:
+                # Close the polygon; the light halo keeps the line visible on any background.
                 way = [(float(x), float(y)) for x, y in [*polygon, *polygon[:2]]]
                 draw.line(way, fill=HALO, width=width + 2, joint="curve")
                 draw.line(way, fill=colour, width=width, joint="curve")
+            # Write the name above the highest point of the outline.
             points = np.concatenate(polygons)
             top = points[points[:, 1].argmin()]
             at = (float(top[0]), float(top[1]) - LETTERS * scale)
@@ -81,13 +83,25 @@ def outlines(
     zoom: float,
     poses: Mapping[str, Pose],
 ) -> Outlines:
-    """Outlines of a scene's objects at fitted poses, in the picture of a camera, in OpenCV's frame, with the focal
-    length times `zoom`. What is behind it is left out."""
+    """Outlines of a scene's objects at fitted poses.
+
+    Geoms behind the camera are left out.
+
+    Args:
+        pixels: the picture.
+        scene: the scene.
+        problem: the fitted problem, for the projection.
+        camera: pose of the camera in OpenCV's frame.
+        zoom: factor of the focal length.
+        poses: fitted poses of the objects.
+    """
     shapes: dict[str, tuple[Array, ...]] = {}
     description = scene.resolved.description
     for name, pose in poses.items():
         body = description.bodies[name]
         step = pose @ scene.body(name).pose_world.inverse()
+        # Move the collision shapes to the fitted pose; the outline is the convex hull of each
+        # projection.
         found: list[Array] = []
         for geom in body.elements.colliding:
             points = scene.resolved.shapes.points(geom) @ step.rotation.T + step.position
@@ -98,30 +112,31 @@ def outlines(
     return Outlines(pixels, shapes)
 
 
-# Poses of objects from one look of a camera, each with its covariance.
+# Object poses from pictures of one camera, with covariances.
 
 
 LUMA = np.array([0.299, 0.587, 0.114])
-"""Shares of red, green and blue in grey (ITU-R BT.601)."""
+"""Weights of red, green and blue in grey (ITU-R BT.601)."""
 DIGITS = 6
-"""Decimals of m and of quaternions in poses.yaml."""
+"""Decimals of positions (m) and quaternions in poses.yaml."""
 TOLD = 0.05
-"""m (1 sigma): a height of a surface that is less sure is none; a guess has as much."""
+"""m. Maximum standard deviation of a measured surface height; a guess has as much."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Seen:
-    """Poses of the objects that a camera saw.
+    """Object poses measured by a camera.
 
     Attributes:
-        poses: of the objects' frames in the world.
-        covariances: (6, 6) of position, m, and rotation, rad, along the world's axes.
+        poses: pose of each object's frame in the world.
+        covariances: (6, 6) of position (m) and rotation (rad) along the axes of the world.
         unseen: objects of the scene that were not found.
-        notes: what did not fit, in words.
-        noise: pixels, 1 sigma of a corner's coordinate.
-        outlines: of the objects, in the picture.
-        surfaces: poses of the surfaces whose height the scene leaves open and the picture tells, by a tag on them or on
-            what stands on them; their covariance is of z alone.
+        notes: messages on rejected data.
+        noise: estimated standard deviation of a corner coordinate, pixels.
+        outlines: outlines of the objects in the picture.
+        surfaces: poses of surfaces with an unknown height in the scene and a measured one in the
+            picture. A tag on the surface or on an object on it gives the height. Their covariance
+            is of z alone.
     """
 
     poses: dict[str, Pose]
@@ -136,8 +151,11 @@ class Seen:
         return f"<Seen: {', '.join(self.poses) or 'nothing'}; noise {self.noise:.2f} px>"
 
     def std(self, name: str) -> tuple[float, float]:
-        """Standard deviations of an object's place, the largest along a level axis, m, and of its turn
-        about the vertical, rad."""
+        """Return the standard deviations of an object's position and rotation.
+
+        The position value is the largest along a horizontal axis, m. The rotation is about the
+        vertical, rad.
+        """
         covariance = self.covariances[name]
         level = np.linalg.eigvalsh(covariance[:2, :2])[-1]
         return float(np.sqrt(level)), float(np.sqrt(covariance[5, 5]))
@@ -157,7 +175,7 @@ class Seen:
         """Write a poses.yaml.
 
         Raises:
-            InputError: it exists, or cannot be written.
+            InputError: the file exists or cannot be written.
         """
         path = Path(path)
         text = yaml_text(self.content)
@@ -191,14 +209,24 @@ def look(
     hand: Hand | None = None,
     depth: NDArray[np.uint16] | None = None,
 ) -> Seen:
-    """Find the objects of a scene in pictures (height, width, 3) of one camera, which stands still: by
-    their tags, and by an `estimator` of poses, a command or a URL, which is given the `depth` (height, width) of their
-    pixels, mm along the view, too, if there is one. A camera that is calibrated in the robot.yaml of
-    the scene's arm is where that says; one on the hand by where the `hand` is, else by its joints.
+    """Locate the objects of a scene in pictures of one static camera.
+
+    The objects are found by their tags and by an optional pose estimator. A camera calibrated in
+    the robot.yaml of the scene's arm has the pose stated there. A camera on the hand moves with the
+    hand: at `hand`, else at its stated joints, else at home.
+
+    Args:
+        scene: the scene.
+        pictures: (height, width, 3) RGB pictures.
+        lens: intrinsics of the camera.
+        mount: prior of the camera pose.
+        estimator: pose estimator, a command or a URL.
+        hand: gives the current pose of the TCP.
+        depth: (height, width) distances along the view for the estimator, mm.
 
     Raises:
-        InputError: no tags in scene or picture, a picture of another size, nothing says where the camera
-            is, or the estimator's answer is none.
+        InputError: no tags in scene or picture, a picture of another size, an unknown camera pose,
+            or an invalid answer of the estimator.
         Unavailable: OpenCV is not installed, or the estimator does not answer.
     """
     lens, mount = calibrated_camera(scene, lens, mount, hand)
@@ -207,6 +235,7 @@ def look(
         raise InputError(
             'the scene states no tags: a tag is a site of its body, <site name="tag_12" pos="…" size="0.02"/>'
         )
+    # Detect the tags and keep those of the scene.
     notes: list[str] = []
     corners = _corners(pictures, lens, notes)
     strange = sorted(number for number in corners if number not in tags)
@@ -218,9 +247,11 @@ def look(
             "none of the scene's tags is in the picture; the scene has "
             f"{', '.join(f'tag {number}' for number in sorted(tags))}"
         )
+    # The estimator receives the sharpest picture.
     estimates: dict[str, Estimated] = {}
     if estimator is not None:
         estimates = estimate_poses(estimator, scene, max(pictures, key=sharpness), lens, depth)
+    # Fit camera and bodies jointly, then report the objects and the surfaces with measured heights.
     problem = Problem(lens, seen, tags, things_of(scene), mount, estimates)
     found = solve(problem)
     notes += _said(found, tags)
@@ -239,7 +270,10 @@ def look(
 
 
 def _heights(scene: Scene, found: Solution) -> Iterator[tuple[str, Pose]]:
-    """Surfaces of open height that the picture tells; none below what was not seen, which stays where it is stated."""
+    """Yield surfaces with an unknown height in the scene and a measured one in the picture.
+
+    All objects on the surface must be found, because the others stay at their stated poses.
+    """
     for name, surface in scene.surfaces.items():
         told = name in found.poses and found.covariances[name][2, 2] < TOLD**2
         if told and all(one in found.poses for one in surface.carries):
@@ -247,7 +281,10 @@ def _heights(scene: Scene, found: Solution) -> Iterator[tuple[str, Pose]]:
 
 
 def _corners(pictures: list[NDArray[np.uint8]], lens: Lens, notes: list[str]) -> dict[int, Array]:
-    """Corners (4, 2) of each tag, pixels: the median over the pictures that show it once."""
+    """Corners (4, 2) of each tag, pixels: the median over all pictures.
+
+    A tag that occurs twice in a picture is left out.
+    """
     found: dict[int, list[Array]] = {}
     twice: set[int] = set()
     for picture in pictures:
@@ -257,6 +294,7 @@ def _corners(pictures: list[NDArray[np.uint8]], lens: Lens, notes: list[str]) ->
                 f"the picture has {width} × {height} pixels and the lens {lens.size[0]} × {lens.size[1]}: give "
                 "the intrinsics of this camera, at this size"
             )
+        # Detect in grey, and count each number to find duplicates.
         detected = detect((picture @ LUMA).astype(np.uint8), lens)
         counted = Counter(number for number, _ in detected)
         twice |= {number for number, count in counted.items() if count > 1}
@@ -272,7 +310,7 @@ def _corners(pictures: list[NDArray[np.uint8]], lens: Lens, notes: list[str]) ->
 
 
 def things_of(scene: Scene) -> dict[str, UnknownBody]:
-    """Objects, and the surfaces whose height is open."""
+    """Return the bodies with unknown poses: objects, and surfaces of unknown height."""
     supports = {
         name: surface.name for surface in scene.surfaces.values() for name in surface.carries
     }
@@ -287,6 +325,7 @@ def things_of(scene: Scene) -> dict[str, UnknownBody]:
 
 
 def _said(found: Solution, tags: Mapping[int, SceneTag]) -> list[str]:
+    """Messages on the rejected data of a fit."""
     said = [
         f"tag {number} on '{tags[number].body}' does not fit the others" for number in found.refused
     ]

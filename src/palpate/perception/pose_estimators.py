@@ -1,4 +1,4 @@
-"""Pose estimators of other projects: one JSON document in, one out."""
+"""External pose estimators: one JSON document in, one out."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ from palpate.scene.poses import Covariance, Quaternion, Vector
 from palpate.scene.scene import Scene
 
 PATIENCE = 120.0
-"""s: time to answer; a network that is loaded first takes half a minute."""
+"""s. Maximum response time; loading a network takes half a minute."""
 MAX_ANSWER = 1_000_000
-"""Bytes: largest answer; poses of a thousand objects have half of them."""
+"""bytes. Maximum size of an answer; poses of a thousand objects take half of it."""
 MAX_WORDS = 300
-"""Characters of a command's last words that are shown."""
+"""Characters of a command's error output in a message."""
 
 
 def exchange_document(source: str, document: bytes, patience: float | None = None) -> bytes:
-    """The answer of a command line, or of a server by its `http://` or `https://` URL.
+    """Send a document to a command line or an `http(s)://` server and return the answer.
 
     Raises:
-        InputError: no such command, or a URL that is none.
-        Unavailable: it cannot be reached, fails, or its answer is too late or too large.
+        InputError: no such command, or an invalid URL.
+        Unavailable: it is unreachable or fails, or its answer is too late or too large.
     """
     seconds = PATIENCE if patience is None else patience
     url = urlsplit(source)
@@ -64,12 +64,14 @@ _WHO = "the pose estimator"
 
 
 def _run(source: str, document: bytes, seconds: float) -> bytes:
+    """Run a command with the document as its input; return its output."""
     try:
         words = shlex.split(source)
     except ValueError as error:
         raise InputError(f"pose_estimator= is no command: {error}") from None
     if not words:
         raise InputError("pose_estimator= is empty: give a command, or a URL http://…")
+    # Temporary files for input and errors cannot block, unlike pipes.
     with tempfile.TemporaryFile() as given, tempfile.TemporaryFile() as said:
         given.write(document)
         given.seek(0)
@@ -82,12 +84,13 @@ def _run(source: str, document: bytes, seconds: float) -> bytes:
         try:
             answer, ended = _output(process, time.monotonic() + seconds)
         finally:
-            # With whatever it started.
+            # Kill the process group, including all child processes.
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
         if not ended:
             raise Unavailable(f"{_WHO} does not answer within {seconds:g} s")
+        # Quote the last line of the error output.
         if process.returncode != 0 and len(answer) <= MAX_ANSWER:
             said.seek(max(0, said.seek(0, os.SEEK_END) - MAX_WORDS))
             last = said.read().decode(errors="replace").strip().rpartition("\n")[2]
@@ -98,7 +101,11 @@ def _run(source: str, document: bytes, seconds: float) -> bytes:
 
 
 def _output(process: subprocess.Popen[bytes], until: float) -> tuple[bytes, bool]:
-    """Output of a process, up to a little more than an answer may have, and False if time runs out."""
+    """Read the output of a process until it ends, grows too large, or time runs out.
+
+    Returns:
+        The output, up to slightly above the limit, and False after a timeout.
+    """
     assert process.stdout is not None
     answer = bytearray()
     with process.stdout, selectors.DefaultSelector() as waiting:
@@ -111,7 +118,7 @@ def _output(process: subprocess.Popen[bytes], until: float) -> tuple[bytes, bool
                 break
             answer += part
     try:
-        # One that writes too much is not waited for.
+        # Do not wait for a process with too much output.
         if len(answer) <= MAX_ANSWER:
             process.wait(max(0.0, until - time.monotonic()))
     except subprocess.TimeoutExpired:
@@ -120,6 +127,7 @@ def _output(process: subprocess.Popen[bytes], until: float) -> tuple[bytes, bool
 
 
 def _post(url: SplitResult, document: bytes, seconds: float) -> bytes:
+    """Post the document to a server; return the answer."""
     try:
         port = url.port
     except ValueError:
@@ -128,6 +136,7 @@ def _post(url: SplitResult, document: bytes, seconds: float) -> bytes:
         raise InputError(
             "pose_estimator= is no URL of the form http://HOST:PORT/PATH, without a user name"
         )
+    # The timeout of a socket applies to each read. A timer bounds the whole exchange.
     kind = HTTPSConnection if url.scheme == "https" else HTTPConnection
     connection = kind(url.hostname, port, timeout=seconds)
     where = f"{url.hostname}:{connection.port}"
@@ -161,7 +170,7 @@ def _post(url: SplitResult, document: bytes, seconds: float) -> bytes:
 
 @contextmanager
 def _closed_after(sock: socket.socket, seconds: float) -> Generator[threading.Event]:
-    """Close a connection after a time, however slowly its other end goes on; the event is set then."""
+    """Close a connection after a total time, even if it still receives data; then set the event."""
     late = threading.Event()
 
     def close() -> None:
@@ -178,14 +187,14 @@ def _closed_after(sock: socket.socket, seconds: float) -> Generator[threading.Ev
         timer.cancel()
 
 
-# Pose estimators of others (FoundationPose, MegaPose, …), which take one JSON document and give one
-# back.
+# Protocol of external pose estimators (FoundationPose, MegaPose, …): one JSON document in each
+# direction.
 
 
 LEAST_STD = 1e-6
-"""m or rad: smallest standard deviation that is believed."""
+"""m or rad. Minimum accepted standard deviation."""
 SHOWN = 2
-"""The last group of geoms that is shown, as in MuJoCo's viewer."""
+"""Last visible geom group, as in MuJoCo's viewer."""
 
 
 def estimate_poses(
@@ -195,11 +204,18 @@ def estimate_poses(
     lens: Lens,
     depth: NDArray[np.uint16] | None = None,
 ) -> dict[str, Estimated]:
-    """Ask an estimator, a command or a URL, for the poses of a scene's objects in a picture, with `depth` in mm.
+    """Estimate the poses of a scene's objects in a picture by a command or URL.
+
+    Args:
+        source: the command or URL.
+        scene: the scene.
+        picture: (height, width, 3) RGB.
+        lens: intrinsics of the camera.
+        depth: (height, width) distances along the view, mm.
 
     Raises:
-        InputError: it answers something else.
-        Unavailable: it does not answer, or fails.
+        InputError: invalid answer.
+        Unavailable: no answer, or a failure.
     """
     answer = exchange_document(source, request(scene, picture, lens, depth))
     return parse_answer(answer, scene.objects)
@@ -211,7 +227,7 @@ def request(
     lens: Lens,
     depth: NDArray[np.uint16] | None = None,
 ) -> bytes:
-    """The document that an estimator is given, JSON."""
+    """Return the JSON document for an estimator."""
     (fx, _, cx), (_, fy, cy), _ = lens.matrix.tolist()
     content = {
         "palpate_estimator": 1,
@@ -226,7 +242,7 @@ def request(
 
 
 def _png(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> str:
-    """PNG in base64: RGB, or grey of 16 bits."""
+    """Encode pixels as PNG in base64: RGB or 16-bit grey."""
     from PIL import Image
 
     png = io.BytesIO()
@@ -235,10 +251,10 @@ def _png(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> str:
 
 
 def parse_answer(answer: bytes, names: Mapping[str, Any]) -> dict[str, Estimated]:
-    """Poses of an estimator's answer, which are believed no further than they make sense.
+    """Parse and validate the poses in an estimator's answer.
 
     Raises:
-        InputError: not of this form, or an object that was not asked for.
+        InputError: the answer has another form, or an unknown object.
     """
     try:
         read = _Answer.model_validate_json(answer)
@@ -254,7 +270,8 @@ def parse_answer(answer: bytes, names: Mapping[str, Any]) -> dict[str, Estimated
 
 
 def mesh_of(scene: Scene, name: str) -> str:
-    """Wavefront OBJ of an object as its geoms are shown, in its own frame, m; a round shape has corners."""
+    """Wavefront OBJ of an object's visible geoms in its own frame, m; round shapes are polyhedra."""
+    # Visible geoms, or all if none is visible.
     known = scene.resolved.description.bodies[name]
     shapes, pose = scene.resolved.shapes, known.pose_world
     ids = [shapes.geom_ids[geom] for geom in known.elements.geoms]
@@ -262,6 +279,7 @@ def mesh_of(scene: Scene, name: str) -> str:
     lines: list[str] = []
     count = 0
     for i in shown:
+        # Transform to the object's frame and merge equal vertices; OBJ indices start at 1.
         triangles = (_triangles(shapes, i) - pose.position) @ pose.rotation
         points, where = np.unique(triangles.reshape(-1, 3).round(7), axis=0, return_inverse=True)
         lines += [f"v {x:.7g} {y:.7g} {z:.7g}" for x, y, z in points.tolist()]
@@ -272,16 +290,18 @@ def mesh_of(scene: Scene, name: str) -> str:
 
 
 def _triangles(shapes: Shapes, geom: int) -> NDArray[np.float64]:
-    """(n, 3, 3) corners of the triangles of a geom in the world, m; counter-clockwise from outside."""
+    """Triangles (n, 3, 3) of a geom in the world, m; counter-clockwise from outside."""
     from scipy.spatial import ConvexHull
 
     model, data = shapes.model, shapes.data
+    # A mesh has triangles. Other shapes use their convex hull.
     if model.geom_dataid[geom] >= 0:
         corners = mesh_corners(model, int(model.geom_dataid[geom]))
     else:
         points = hull_points(model, geom)
         hull: Any = ConvexHull(points)
         corners = points[np.asarray(hull.simplices)]
+        # Flip triangles whose normal points inwards.
         a, b, c = np.moveaxis(corners, 1, 0)
         inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0
         corners[inward] = corners[inward][:, ::-1]

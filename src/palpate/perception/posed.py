@@ -1,6 +1,6 @@
-"""The workplace posed as believed: the scene with the nominal arm, at measured joint angles.
+"""Workplace at its believed poses: the scene with the nominal arm at measured joint angles.
 
-It is a picture for people: deviations of the hidden world, or of a real workplace, are not in it.
+It is a visualisation. It contains no deviations of the hidden world or of a real workplace.
 """
 
 from __future__ import annotations
@@ -16,15 +16,16 @@ from palpate.scene.scene import Scene
 from palpate.trace.samples import Trace
 
 FRAME_PERIOD = 1.0 / 30.0
-"""s between two frames of a replay, as of the simulated camera."""
+"""s. Period of replay frames, as of the simulated camera."""
 
 
 class PosedCell:
-    """The scene and the arm, with every object where it was last put down.
+    """Scene and arm, with every object at its last release pose.
 
     Attributes:
         spec: source of the model.
-        model, data: of MuJoCo; `data` has the poses of all bodies after `show`.
+        model: the compiled model.
+        data: state of the model, with all body poses after `show`.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -32,7 +33,7 @@ class PosedCell:
         self.model = model = compile_model(self.spec)
         self.data = mujoco.MjData(model)
         arm = scene.arm
-        # Addresses in qpos, of the arm's joints and of the objects with a free joint.
+        # qpos addresses of the arm's joints, the fingers, and the objects with a free joint.
         self._arm = [int(model.joint(PREFIX + name).qposadr[0]) for name in arm.joints]
         self._fingers = [int(model.joint(PREFIX + name).qposadr[0]) for name in arm.hand.fingers]
         self._bodies: dict[str, int] = {}
@@ -45,18 +46,18 @@ class PosedCell:
         self.put_back()
 
     def put_back(self) -> None:
-        """Put everything where the scene has it; the hand is empty."""
+        """Return all objects to their scene poses, with an empty hand."""
         self._poses = dict(self._initial)
         self._held: tuple[str, Pose] | None = None
 
     def show(self, q: Array, width: float, pose_world_tcp: Pose, holding: str | None) -> None:
-        """Pose everything.
+        """Set the poses of arm, fingers and objects.
 
         Args:
-            q: (7,) rad.
-            width: m between the fingers.
+            q: (7,) joint angles, rad.
+            width: distance between the fingers, m.
             pose_world_tcp: pose of the TCP.
-            holding: the object between the fingers, which moves along with them.
+            holding: the object between the fingers, which moves with them.
         """
         self.carry(pose_world_tcp, holding)
         self.data.qpos[self._arm] = q
@@ -66,17 +67,18 @@ class PosedCell:
         mujoco.mj_kinematics(self.model, self.data)
 
     def carry(self, pose_world_tcp: Pose, holding: str | None) -> None:
-        """Move the hand: a held object keeps its pose in it, a released one its pose in the world."""
+        """Move the hand: a held object keeps its pose in the hand, a released one its world pose."""
         if holding not in self._poses:
             self._held = None
             return
+        # A new grasp: store the pose of the object in the hand.
         if self._held is None or self._held[0] != holding:
             self._held = (holding, pose_world_tcp.inverse() @ self._poses[holding])
         self._poses[holding] = pose_world_tcp @ self._held[1]
 
 
 class Replay:
-    """Replay of a trace in a posed cell; going back in time starts from the beginning again."""
+    """Replay of a trace in a posed cell; a step back in time restarts from the beginning."""
 
     def __init__(self, cell: PosedCell, trace: Trace) -> None:
         self._cell, self._trace = cell, trace
@@ -88,16 +90,17 @@ class Replay:
         self._cell.put_back()
 
     def show(self, t: float) -> None:
-        """Pose everything as at robot time `t`, s."""
+        """Set all poses to those at robot time `t`, s."""
         if t < self._now:
             self._begin()
         self._now = t
+        # Apply all leaves that ended since the last call; grasps change at the end of a leaf.
         leaves = self._trace.leaves
         while self._ended < len(leaves) and leaves[self._ended].end <= t:
             leaf = leaves[self._ended]
             self._ended += 1
             if leaf.context is not None and leaf.context.holding != self._holding:
-                # Grasped or released here: with the old object up to this pose, with the new one after.
+                # A grasp or release: carry the old object to this pose, and the new one from it.
                 for holding in (self._holding, leaf.context.holding):
                     self._cell.carry(self._tcp(leaf.end), holding)
                 self._holding = leaf.context.holding
@@ -113,7 +116,7 @@ class Replay:
 
 
 def played_again(scene: Scene, trace: Trace) -> Footage:
-    """Replay of a trace for a camera: everything at its believed pose."""
+    """Replay a trace as camera footage, with everything at its believed pose."""
     cell = PosedCell(scene)
     replay = Replay(cell, trace)
     frames: list[tuple[float, Array]] = []

@@ -1,5 +1,7 @@
-"""The camera of a simulated world: its picture through a lens that distorts, is a little out of focus, and
-has a sensor with noise. What it tells of itself is a little wrong, as far as its own figures say."""
+"""Simulated camera: a rendered picture with lens distortion, defocus and sensor noise.
+
+The stated intrinsics and pose have errors according to their own standard deviations.
+"""
 
 from __future__ import annotations
 
@@ -20,31 +22,35 @@ from palpate.perception.tags import SITE
 from palpate.scene.camera import Camera
 
 SIZE = (1280, 720)
-"""Width and height, pixels, of a usual depth camera's colour picture."""
+"""px. Width and height of a typical depth camera's colour picture."""
 MARGIN = 1.3
-"""Size of the picture that is drawn, to have what a lens bends into view."""
+"""Ratio. Size of the rendered picture relative to the final one, for the pixels that distortion
+moves into view.
+"""
 PAPER = 2e-4
-"""m: half the thickness of a printed tag."""
+"""m. Half the thickness of a printed tag."""
 DEEPEST = 10.0
-"""m that a depth camera tells."""
+"""m. Maximum distance of the depth camera."""
 NEAREST = 0.1
-"""m: what is nearer to the camera is not drawn."""
+"""m. Minimum rendered distance."""
 FINE = 8
-"""Texture pixels along a tag's module."""
+"""Texture pixels along a tag module."""
 
 
 @dataclass(frozen=True, slots=True)
 class Imperfections:
-    """Imperfections of a simulated camera.
+    """Imperfections of a simulated camera. Values are standard deviations unless stated otherwise.
 
     Attributes:
-        distortion: k1, k2, p1, p2, k3, which are known.
-        blur: pixels, 1 sigma.
-        grain: grey levels of 255, 1 sigma.
-        focal: relative error of the focal length, 1 sigma.
-        place, turn: error of the camera's pose, m and rad about each axis, 1 sigma.
-        depth: of the distance along the view, m at 1 m, 1 sigma; it grows with the square: matches to 0.08 pixels by
-            two lenses 50 mm apart (Intel, tuning of D400 cameras).
+        distortion: k1, k2, p1, p2, k3, which are known exactly.
+        blur: standard deviation of the blur, pixels.
+        grain: sensor noise, grey levels of 255.
+        focal: relative error of the focal length.
+        place: error of the camera position along each axis, m.
+        turn: error of the camera rotation about each axis, rad.
+        depth: error of the distance along the view at 1 m, m; it grows with the square of the
+            distance. The default is a stereo matching error of 0.08 px with a baseline of 50 mm
+            (Intel, tuning of D400 cameras).
     """
 
     distortion: tuple[float, ...] = (-0.08, 0.03, 5e-4, -3e-4, 0.0)
@@ -58,12 +64,12 @@ class Imperfections:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Taken:
-    """A picture and what its camera tells.
+    """Picture with the stated properties of its camera.
 
     Attributes:
         pixels: (height, width, 3) RGB.
-        lens: as its owner has it.
-        mount: None where nobody knows where it is.
+        lens: the lens as specified by its owner.
+        mount: stated pose of the camera; None if unknown.
     """
 
     pixels: NDArray[np.uint8]
@@ -72,11 +78,11 @@ class Taken:
 
 
 class SimulatedCamera:
-    """A camera of a world, whose sites `tag_12` become printed tags.
+    """Camera of a world, with printed tags at the sites named `tag_12`.
 
     Attributes:
-        lens: as its owner has it.
-        mount: where its owner believes it to be.
+        lens: the lens as specified by its owner.
+        mount: the pose of the camera as believed by its owner.
     """
 
     def __init__(
@@ -88,7 +94,7 @@ class SimulatedCamera:
         seed: int = 0,
         imperfections: Imperfections | None = None,
     ) -> None:
-        """Draw the camera's errors; they are the same ones for the same seed.
+        """Draw the errors of the camera from a seeded generator.
 
         Raises:
             InputError: no such camera.
@@ -107,6 +113,7 @@ class SimulatedCamera:
         self._name, self._flaws, self._random = name, flaws, np.random.default_rng(seed)
         self._model = build_stage(_with_tags(world), soft=False)
         self._data = forward_data(self._model)
+        # True pose and lens of the camera in the world.
         index = self._model.camera(name).id
         quaternion = np.empty(4)
         mujoco.mju_mat2Quat(quaternion, self._data.cam_xmat[index])
@@ -114,29 +121,34 @@ class SimulatedCamera:
         self._camera = Camera(stands, float(np.deg2rad(self._model.cam_fovy[index])), *size)
         pinhole = Lens.of(self._camera)
         self._true = Lens(pinhole.matrix, size, np.array(flaws.distortion))
-        # What the owner believes of the camera: its figures with an error each.
+        # Stated intrinsics and pose: the true values with random errors.
         zoom = 1 + flaws.focal * self._random.standard_normal()
         told = Lens(pinhole.matrix, size, self._true.distortion, max(flaws.focal, 1e-6))
         self.lens = told.zoom_lens(zoom)
         self.mount = _misplace_mount(stands, flaws, self._random)
 
     def shoot(self, qpos: Array | None = None) -> NDArray[np.uint8]:
-        """Take a picture (height, width, 3), RGB, of the world in a configuration; by default its own."""
+        """Take a picture (height, width, 3), RGB, at configuration `qpos`; the initial one by
+        default.
+        """
         self._pose(qpos)
         with self._painter() as painter:
             drawn = np.array(painter.paint(self._data, self._name))
+        # Apply distortion, defocus and sensor noise to the ideal picture, in this order.
         pixels = remap(drawn, _through(drawn, self._true))
         pixels = blur_picture(pixels, self._flaws.blur) if self._flaws.blur else pixels
         noisy = pixels + self._flaws.grain * self._random.standard_normal(pixels.shape)
         return np.clip(noisy, 0, 255).astype(np.uint8)
 
     def depth(self, qpos: Array | None = None) -> NDArray[np.uint16]:
-        """Distances along the view (height, width), mm, of the pixels of a picture; 0 beyond `DEEPEST`."""
+        """Distances along the view (height, width), mm; 0 beyond `DEEPEST`."""
         self._pose(qpos)
         with self._painter() as painter:
             drawn = painter.distances(self._data, self._name)
+        # Nearest neighbour lookup: interpolation across edges would invent distances.
         column, row = np.moveaxis(_through(drawn, self._true).round().astype(int), -1, 0)
         far = drawn[row.clip(0, len(drawn) - 1), column.clip(0, drawn.shape[1] - 1)]
+        # Stereo noise grows with the square of the distance.
         far = far + self._flaws.depth * far**2 * self._random.standard_normal(far.shape)
         return np.where(far < DEEPEST, 1e3 * far, 0.0).round().astype(np.uint16)
 
@@ -146,10 +158,11 @@ class SimulatedCamera:
             mujoco.mj_forward(self._model, self._data)
 
     def _painter(self) -> Painter:
-        """Painter of the pinhole's picture, larger by `MARGIN` on all sides."""
+        """Return a painter of the ideal pinhole picture, enlarged by `MARGIN`."""
         model, camera = self._model, self._camera
-        # A depth buffer reaches from near to far: what is nearer than paper is thin is the same to it.
+        # The near plane sets the depth resolution, which must separate a paper tag from its body.
         model.vis.map.znear = NEAREST / model.stat.extent
+        # Enlarge the field of view at the same focal length: fovy = 2 atan(h / 2f).
         width, height = (2 * round(MARGIN * side / 2) for side in (camera.width, camera.height))
         fovy = np.degrees(2 * np.arctan(height / 2 / camera.focal))
         model.camera(self._name).fovy[:] = fovy
@@ -164,12 +177,13 @@ def take(
     seed: int = 0,
     imperfections: Imperfections | None = None,
 ) -> Taken:
-    """Take a picture by a `SimulatedCamera`; arguments as its."""
+    """Take a picture by a `SimulatedCamera` with the same arguments."""
     camera = SimulatedCamera(world, name, size=size, seed=seed, imperfections=imperfections)
     return Taken(camera.shoot(), camera.lens, camera.mount)
 
 
 def _misplace_mount(stands: Pose, flaws: Imperfections, random: np.random.Generator) -> Mount:
+    """Return the mount of a camera with a random pose error and its covariance."""
     place, turn = flaws.place * random.standard_normal(3), flaws.turn * random.standard_normal(3)
     believed = Pose(stands.position + place, (Pose.turn(turn) @ stands).quaternion)
     floor = 1e-12
@@ -178,8 +192,9 @@ def _misplace_mount(stands: Pose, flaws: Imperfections, random: np.random.Genera
 
 
 def _through(drawn: NDArray[Any], lens: Lens) -> Array:
-    """(height, width, 2) where the pixels of a lens that distorts are in a pinhole's picture with the same focal
-    length."""
+    """Positions (height, width, 2) of the distorted pixels in the pinhole picture of the same focal
+    length.
+    """
     (width, height), (rows, columns, *_) = lens.size, drawn.shape
     grid = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(float)
     there = undistort(lens, grid.reshape(-1, 2)).reshape(height, width, 2)
@@ -187,7 +202,7 @@ def _through(drawn: NDArray[Any], lens: Lens) -> Array:
 
 
 def _with_tags(world: mujoco.MjSpec) -> mujoco.MjSpec:
-    """The world with a printed tag at each site named for one."""
+    """Return the world with a printed tag at each tag site."""
     spec = world.copy()
     model = spec.compile()
     sites: list[mujoco.MjsSite] = list(spec.sites)
@@ -200,7 +215,9 @@ def _with_tags(world: mujoco.MjSpec) -> mujoco.MjSpec:
 
 
 def _print(spec: mujoco.MjSpec, site: mujoco.MjsSite, number: int, frame: Pose) -> None:
+    """Add a printed tag to the body of a site."""
     name = f"palpate_{site.name}"
+    # Texture: the modules with a white margin, enlarged for sharp edges.
     modules = np.pad(tag_pixels(number), QUIET, constant_values=255)
     fine = np.kron(modules, np.ones((FINE, FINE), dtype=np.uint8))
     texture = spec.add_texture(
@@ -214,7 +231,7 @@ def _print(spec: mujoco.MjSpec, site: mujoco.MjsSite, number: int, frame: Pose) 
     material = spec.add_material(name=name, specular=0.0, shininess=0.0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
     half = float(site.size[0]) * (MODULES + 2 * QUIET) / MODULES
-    # A body of its own: a look takes the place of its body's geoms.
+    # A separate body, because a look replaces the geoms of its body.
     paper = site.parent.add_body(pos=frame.position, quat=frame.quaternion)
     paper.add_geom(
         name=name,

@@ -1,4 +1,4 @@
-"""Tags of a scene, and a sheet of tags to print."""
+"""Tags of a scene, and a printable sheet of tags."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from palpate.perception.detection import CORNERS, MODULES, QUIET, TAGS, tag_pixe
 from palpate.scene.scene import Scene
 
 SITE = re.compile(r"tag_(\d{1,3})")
-"""Name of a tag's site."""
+"""Name pattern of a tag's site."""
 SMALLEST, LARGEST = 0.002, 0.5
-"""m: half sides of tags that are taken for ones; MJCF's default is 5 mm."""
+"""m. Range of valid half sides of tags; the default of an MJCF site is 5 mm."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneTag:
-    """A tag on a body.
+    """Tag on a body.
 
     Attributes:
-        number: of the family.
-        half: half a side of its black square, m.
-        body: name of the scene's body that it is on; "" for what stands still and is no surface.
-        pose_world: where the scene has it.
+        number: number in the family.
+        half: half the side of its black square, m.
+        body: name of the scene's body under it; "" for a static part that is no surface.
+        pose_world: its pose in the scene.
     """
 
     number: int
@@ -40,10 +40,10 @@ class SceneTag:
 
 
 def tags_of(scene: Scene) -> dict[int, SceneTag]:
-    """Tags that a scene states, by number.
+    """Return the tags of a scene by number.
 
     Raises:
-        InputError: a number beyond the family's, a size that is none, or a tag on a drawer or door.
+        InputError: a number outside the family, an invalid size, or a tag on a drawer or door.
     """
     shapes = scene.resolved.shapes
     model, data = shapes.model, shapes.data
@@ -53,6 +53,7 @@ def tags_of(scene: Scene) -> dict[int, SceneTag]:
         match = SITE.fullmatch(name)
         if match is None:
             continue
+        # The site's name gives the number, its size half the side.
         number, half = int(match[1]), float(model.site_size[i, 0])
         if number >= TAGS:
             raise InputError(f"site '{name}': the family tag36h11 has tags 0 to {TAGS - 1}")
@@ -72,35 +73,39 @@ def tags_of(scene: Scene) -> dict[int, SceneTag]:
 
 
 def corners(half: float, pose: Pose) -> Array:
-    """(4, 3) corners of a tag whose site has this pose, m."""
+    """Corners (4, 3) of a tag at this site pose, m."""
     return pose.position + (half * CORNERS) @ pose.rotation.T
 
 
 def _body(scene: Scene, model: mujoco.MjModel, index: int) -> str:
-    """The scene's body that a compiled one is, or is a part of."""
+    """Return the scene body that contains a compiled body, or ""."""
     while index > 0 and model.body(index).name not in scene.bodies:
         index = int(model.body_parentid[index])
     return model.body(index).name if index > 0 else ""
 
 
-# A sheet of tags to print: a PDF at its exact size, with numbers and a scale bar.
+# Printable sheet of tags: a PDF at exact scale, with numbers and a scale bar.
 
 
 DPI = 600
 PAPER = (0.210, 0.297)
-"""m: ISO A4, upright."""
+"""m. ISO A4, portrait."""
 EDGE, GAP, LINE = 0.012, 0.006, 0.004
-"""m: margin of the sheet, space between tags, height of a line of writing."""
+"""m. Margin of the sheet, gap between tags, and height of a text line."""
 BAR = 0.1
-"""m: length of the scale bar."""
+"""m. Length of the scale bar."""
 
 
 def write_sheet(path: Path, numbers: Sequence[int], side: float) -> int:
-    """Write a PDF of tags whose black square has a `side` in m; return its pages.
+    """Write a PDF of tags with a black square of `side` m.
+
+    Returns:
+        The number of pages.
 
     Raises:
-        InputError: a number or a side that cannot be, or the file exists or cannot be written.
+        InputError: an invalid number or side, or the file exists or cannot be written.
     """
+    # A tag with its white margin must fit into the sheet.
     widest = min(PAPER) - 2 * EDGE
     cell = side * (MODULES + 2 * QUIET) / MODULES
     if not (side >= 0.005 and cell <= widest):
@@ -111,6 +116,7 @@ def write_sheet(path: Path, numbers: Sequence[int], side: float) -> int:
         raise InputError(f"tags are numbered 0 to {TAGS - 1}; give some of them")
     if path.exists():
         raise InputError(f"'{path}' exists already: choose another file")
+    # Fill each page with as many tags as fit, below them one line of text each.
     columns = int((widest + GAP) / (cell + GAP))
     rows = int((PAPER[1] - 2 * EDGE - 3 * LINE + GAP) / (cell + GAP + LINE))
     each = columns * rows
@@ -125,6 +131,7 @@ def write_sheet(path: Path, numbers: Sequence[int], side: float) -> int:
 def _page(numbers: Sequence[int], side: float, columns: int) -> Image.Image:
     sheet = Image.new("L", (_dots(PAPER[0]), _dots(PAPER[1])), 255)
     draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(_dots(0.7 * LINE))
+    # A tag, its white margin, and its number with the size attribute of its site.
     module = side / MODULES
     cell = side + 2 * QUIET * module
     for i, number in enumerate(numbers):
@@ -135,7 +142,7 @@ def _page(numbers: Sequence[int], side: float, columns: int) -> Image.Image:
         sheet.paste(tag.resize((_dots(side), _dots(side)), Image.Resampling.NEAREST), inner)
         words = f'tag_{number}  size="{side / 2:g}"'
         draw.text((_dots(x + QUIET * module), _dots(y + cell)), words, fill=0, font=font)
-    # A printer that scales is found out with a ruler.
+    # The scale bar reveals a printer that scales the page.
     x, y = _dots(EDGE), _dots(PAPER[1] - EDGE)
     draw.line((x, y, x + _dots(BAR), y), fill=0, width=_dots(3e-4))
     for end in (x, x + _dots(BAR)):
