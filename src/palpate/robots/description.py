@@ -40,14 +40,15 @@ if TYPE_CHECKING:
 
 
 LINK_DAMPING = 0.003
-"""N m s/rad: friction of a joint behind the sensors. Damping and friction of a file are the gears',
-before the sensors."""
+"""N m s/rad: joint damping behind the sensors. Damping and friction of a file belong to the gears, before the
+sensors.
+"""
 PAD_FRICTION = (1.0, 0.01, 0.0001)  # of rubber: sliding, torsional (m) and rolling (m)
-AXES = 7  # joints of an arm: with fewer, a pose fixes the elbow, and there is no null space
+AXES = 7  # joints of an arm: with fewer, a pose fixes the elbow, and no null space exists
 WORLD, OWN = 1, 1 << 20  # contact bits: the default one, and a rare one for the arm's own shapes
 OVERLAPPING = 2  # joints between bodies whose shapes may overlap
 LEVEL = 0.999  # cosine of the largest inclination of the tool at home
-PREFIX = "robot/"  # of the arm's names in a world
+PREFIX = "robot/"  # prefix of the arm's names in a world
 TCP = "palpate_tcp"  # site of a TCP that a description gives as a position
 
 
@@ -94,10 +95,12 @@ def links_of(
     """Yield the links that the hinges move, in the current configuration."""
     mujoco.mj_comPos(model, data)
     for body in range(1, model.nbody):
+        # A link belongs to the last hinge that moves it; massless bodies are left out.
         moved_by = [i for i, hinge in enumerate(hinges) if carries(model, hinge, body)]
         if moved_by and model.body_mass[body] > 0.0:
             here: Any = data.body(body)
             mass = float(model.body_mass[body])
+            # Inertia about the centre of mass, rotated from principal axes to the world: R diag(I) R^T.
             axes = np.asarray(here.ximat, dtype=np.float64).reshape(3, 3)
             moments = np.asarray(model.body_inertia[body], dtype=np.float64)
             xx, yy, zz, xy, xz, yz = components((axes * moments) @ axes.T)
@@ -124,6 +127,7 @@ def require_arm(where: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
     Raises:
         InputError: another kind of robot; the message names the reason.
     """
+    # The arm has seven named axes; every named part exists.
     if len(sheet.joints) != AXES:
         raise InputError(
             f"{where}: 'joints' names {len(sheet.joints)}; the arm must have {AXES} axes with "
@@ -140,6 +144,7 @@ def require_arm(where: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
         raise unknown_name("body", sheet.hand.body, bodies, f"It is named in {where}.")
     if isinstance(sheet.hand.tcp, str) and sheet.hand.tcp not in sites:
         raise unknown_name("site", sheet.hand.tcp, sites, f"It is named in {where}.")
+    # No other joints exist, and joints have the right types.
     moving = (*sheet.joints, *sheet.hand.fingers)
     others = [name for name in joints if name not in moving]
     if others:
@@ -155,8 +160,9 @@ def require_arm(where: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
 
 
 def require_hand(where: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
-    """Require that the tool points down at home, and that the fingers move along its y, towards each
-    other."""
+    """Require that the tool points down at home, and that the fingers move along its y axis, towards each
+    other.
+    """
     data = at_home(model, sheet.joints, sheet.home)
     mujoco.mj_kinematics(model, data)
     tool = tool_pose(model, data, sheet.hand).rotation
@@ -182,8 +188,10 @@ def at_home(model: mujoco.MjModel, joints: Sequence[str], home: Array) -> mujoco
 
 
 def prepare_spec(arm: RobotDescription) -> mujoco.MjSpec:
-    """Return an editable copy of the arm: base at the origin, no actuators, no surroundings; its
-    shapes collide with the world's, and with each other except for `neighbours`."""
+    """Return an editable copy of the arm: base at the origin, no actuators, no surroundings.
+
+    Its shapes collide with the world's, and with each other except for `neighbours`.
+    """
     return _prepare_spec(arm).copy()
 
 
@@ -194,12 +202,15 @@ def _prepare_spec(arm: RobotDescription) -> mujoco.MjSpec:
     option.timestep, option.impratio = 0.001, 20.0  # a grasped object does not creep with these
     option.integrator = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
     option.cone = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
+    # Remove the surroundings, and give all bodies explicit inertias.
     strip(spec, arm.base)
     set_explicit_inertia(spec, arm.mjcf)
+    # The controller drives the joints: only their damping and torque limits stay.
     for name, limit in zip(arm.joints, arm.limits.tau_max.tolist(), strict=True):
         joint = spec.joint(name)
         joint.damping[:], joint.frictionloss = (LINK_DAMPING, 0.0, 0.0), 0.0
         joint.actfrcrange = (-limit, limit)
+    # Shapes collide with the world by the default bit, with each other by the arm's own.
     for geom in spec.geoms:
         if geom.contype or geom.conaffinity:
             geom.contype, geom.conaffinity = WORLD | OWN, OWN
@@ -212,12 +223,16 @@ def _prepare_spec(arm: RobotDescription) -> mujoco.MjSpec:
 
 
 def neighbours(spec: mujoco.MjSpec, arm: RobotDescription) -> set[frozenset[str]]:
-    """Find the pairs of the arm's bodies whose shapes may touch: those up to `OVERLAPPING` joints
-    apart, as simple solids overlap there, and those that touch at home. The bodies that the last
-    joint moves count as one."""
+    """Find the pairs of the arm's bodies whose shapes may touch.
+
+    They are pairs up to `OVERLAPPING` joints apart, whose simple solids overlap, and pairs that touch at
+    home. All bodies that the last joint moves count as one.
+    """
+    # Number of joints between the base and each body.
     last = len(arm.links) - 1
     place = {body.name: last for body in spec.bodies if body.name not in ("", "world")}
     place |= {name: i for i, name in enumerate(arm.links)}
+    # Pairs that touch at home.
     model = spec.compile()
     data = at_home(model, arm.joints, arm.home)
     mujoco.mj_forward(model, data)
@@ -230,7 +245,7 @@ def neighbours(spec: mujoco.MjSpec, arm: RobotDescription) -> set[frozenset[str]
 
 
 def strip(spec: mujoco.MjSpec, base: str) -> None:
-    """Delete everything but the arm, and put it at the origin."""
+    """Delete all elements except the arm, and move it to the origin."""
     driven = (*spec.actuators, *spec.sensors, *spec.equalities, *spec.tendons, *spec.keys)
     for element in (*driven, *spec.excludes, *spec.pairs):
         spec.delete(element)
@@ -242,7 +257,7 @@ def strip(spec: mujoco.MjSpec, base: str) -> None:
 
 
 def set_explicit_inertia(spec: mujoco.MjSpec, mjcf: Path) -> None:
-    """Set masses that a file leaves to its shapes: the nominal arm is computed without shapes."""
+    """Set masses that a file derives from its shapes: the nominal arm is computed without shapes."""
     open_bodies = [body for body in spec.bodies if body.name and not body.explicitinertial]
     if not open_bodies:
         return
@@ -256,7 +271,7 @@ def set_explicit_inertia(spec: mujoco.MjSpec, mjcf: Path) -> None:
 
 
 def set_pad(finger: mujoco.MjsBody, centre: Array, half: Array) -> None:
-    """Replace a finger's colliding shapes by one box: with several, a grasped object creeps."""
+    """Replace a finger's colliding shapes by one box: with several shapes, a grasped object creeps."""
     for geom in finger.geoms:
         geom.contype = geom.conaffinity = 0
     pad = finger.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, pos=centre, size=half, group=3, mass=0.0)
@@ -265,7 +280,7 @@ def set_pad(finger: mujoco.MjsBody, centre: Array, half: Array) -> None:
     pad.solref[:2], pad.solimp[:3] = (0.004, 1.0), (0.95, 0.99, 0.001)
 
 
-# Description of an arm with its hand, read from one folder: the only place of an arm's numbers.
+# Description of an arm with its hand, read from one folder: the only source of an arm's numbers.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -297,27 +312,29 @@ class RobotDescription:
     label: str  # title
     mjcf: Path  # the arm's file
     joints: tuple[str, ...]  # its hinges, from the base on
-    base: str  # the body at the arm's place
-    links: tuple[str, ...]  # bodies from it to the flange
+    base: str  # the body at the position of the arm
+    links: tuple[str, ...]  # bodies from the base to the flange
     home: Array  # (7,) rad, tool down
     limits: Limits
     hand: ParallelHand
     nominal: NominalHand  # data for the estimators, as the arm's owner knows them
-    accuracy: Accuracy  # the manufacturer's
+    accuracy: Accuracy  # stated by the manufacturer
     reach: Reach
     stiffness: ControllerStiffness  # default of the controller
     pace: MotionLimits  # default of commanded motions
     sensors: SensorErrors
     postures: tuple[Array, ...]  # seeds of the inverse kinematics
-    hardware: Hardware | None = None  # of a real arm, where it differs
-    rest_torque: float = 0.0  # N m that friction and ripple leave in each joint at rest, if told
+    hardware: Hardware | None = None  # values of a real arm, where they differ
+    rest_torque: float = 0.0  # N m that friction and ripple leave in each joint at rest, if stated
     end_effector: EndEffector | None = None  # weighed load of the last joint
     config: RobotConfig | None = None  # figures of robot.yaml, applied in the other attributes
-    described: RobotDescription | None = None  # the arm without them; None without a robot.yaml
+    described: RobotDescription | None = (
+        None  # the arm without the figures of robot.yaml; None without one
+    )
 
     @property
     def tip(self) -> float:
-        """m from the TCP to the end of the fingertips, where the pads end in the MJCF."""
+        """Distance, m, from the TCP to the end of the fingertips, where the pads end in the MJCF."""
         return self.nominal.tip_offset
 
     def __repr__(self) -> str:
@@ -331,12 +348,12 @@ class RobotDescription:
 
     @property
     def gravity(self) -> float | None:
-        """m/s^2 at the arm's place, if measured."""
+        """Measured gravity at the arm's place, m/s^2; None if not measured."""
         measured = self.config.gravity if self.config is not None else None
         return measured.value if measured is not None else None
 
     def stands(self, pose_world_base: Pose) -> Pose:
-        """Return the base's pose, stated by a scene, with the measured tilt."""
+        """Return the base's pose with the measured tilt, for the pose that a scene states."""
         lean = self.config.base_lean if self.config is not None else None
         if lean is None:
             return pose_world_base
@@ -349,8 +366,10 @@ class RobotDescription:
         return replace(self, pace=self.pace.model_copy(update=dict(self.pace.cautious)))
 
     def real(self) -> RobotDescription:
-        """Return the real arm: with its springs, and its deviation from the drawings without
-        calibration; settings and measurements of its owner stay."""
+        """Return the real arm: with its springs, and its deviation from the drawings before calibration.
+
+        Settings and measurements of its owner stay.
+        """
         hardware, config = self.hardware, self.config
         if hardware is None:
             return self
@@ -374,7 +393,7 @@ class RobotDescription:
 
 
 def read_description(folder: Path, name: str, known: Mapping[str, Path]) -> RobotDescription:
-    """Read the arm that a folder describes; `known`: folders of the arms that it may be `like`.
+    """Read the arm that a folder describes; `known` has the folders of the arms that it may be `like`.
 
     Raises:
         InputError: the folder has no valid description, or its MJCF is not such an arm.
@@ -428,7 +447,7 @@ def limits_of(where: Path, sheet: Sheet, model: mujoco.MjModel) -> Limits:
             "actuatorfrcrange: give the seven joint torque limits, N m"
         )
     safety = sheet.safety
-    # A joint without limits turns one revolution either way.
+    # A joint without limits turns one revolution in either direction.
     limited = model.jnt_limited[ids].astype(bool)
     return Limits(
         q_min=np.where(limited, model.jnt_range[ids, 0], -2.0 * np.pi),
@@ -450,14 +469,18 @@ def limits_of(where: Path, sheet: Sheet, model: mujoco.MjModel) -> Limits:
 
 
 def set_hand_mass(spec: mujoco.MjSpec, arm: RobotDescription, end: EndEffector) -> None:
-    """Set mass and centre of the hand so that it and its fingers are `end` together; its inertia
-    about its own centre stays."""
+    """Set mass and centre of the hand so that hand and fingers together equal `end`.
+
+    The inertia of the hand about its own centre stays.
+    """
+    # Positions of the fingers, half open, in the frame of the hand.
     model = spec.compile()
     data = mujoco.MjData(model)
     for name in arm.hand.fingers:
         data.qpos[int(model.joint(name).qposadr[0])] = arm.hand.opening / 4
     mujoco.mj_kinematics(model, data)
     hand = data.body(arm.hand.body)
+    # Subtract the fingers' masses and first moments from those of the whole.
     rest, moment = end.mass, end.mass * end.centre
     for name in arm.hand.fingers:
         finger = spec.joint(name).parent
@@ -470,7 +493,7 @@ def set_hand_mass(spec: mujoco.MjSpec, arm: RobotDescription, end: EndEffector) 
 
 
 def reflexes(sheet: ReflexSheet, payload: float) -> Reflexes:
-    """Build the reflexes; with a load on the hand they allow for the weight of the payload, kg."""
+    """Build the reflexes. With a load on the hand they allow for the weight of the payload, kg."""
     weight = payload * STANDARD_GRAVITY
     return Reflexes(
         free=Reflex(sheet.free.force, sheet.free.torque),
@@ -485,6 +508,7 @@ def pads_end(model: mujoco.MjModel, hand: ParallelHand) -> float:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     tool = tool_pose(model, data, hand)
+    # Farthest point along the tool of each box: centre plus half sizes, projected on the axis.
     axis, ends = tool.rotation[:, 2], list[float]()
     for name in hand.fingers:
         body, pads = int(model.jnt_bodyid[model.joint(name).id]), hand.pads

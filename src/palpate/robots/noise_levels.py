@@ -1,7 +1,7 @@
-"""Noise of the simulated arm: levels that come with palpate, and the one that is used where nobody names one."""
+"""Noise of the simulated arm: palpate's own levels, and the default one."""
 
 from __future__ import annotations
 
 LEVELS = ("none", "lab", "datasheet", "hardware", "measured")
 DEFAULT_LEVEL = "measured"
-"""Level of recorded real arms."""
+"""Default level: the noise of recorded real arms."""

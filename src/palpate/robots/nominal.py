@@ -26,7 +26,7 @@ SEARCH_TURN = 0.2
 PLACES = 8
 """Number of arms, each at its place, whose models are kept."""
 SWUNG = 0.5
-"""Cosine of the angle between tool axes beyond which the tool counts as swung: a level hand, not a tilted
+"""Cosine of the angle between tool axes below which the tool swings far: a level hand, not a tilted
 one.
 """
 

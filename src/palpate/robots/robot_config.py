@@ -1,6 +1,6 @@
 """`robot.yaml`: measured figures and settings of an individual arm; the format of `--robot-config`.
 
-Version 1. SI units. Every key is optional; an absent key means the figure of the noise model's
+Version 1. Units are SI. Every key is optional. An absent key means the figure of the noise model's
 datasheet, or of the arm's description. A measured figure has its standard deviation, date and method.
 """
 
@@ -97,7 +97,7 @@ class SensorGains(MeasuredFigure):
     """Relative errors of the joints' torque sensors: a reading is 1 + `value` times the torque."""
 
     value: Seven
-    # One of the two: of joints that were measured one by one, (7,), or together, (7, 7).
+    # One of the two: of joints measured separately, (7,), or jointly, (7, 7).
     std: Seven | None = None
     covariance: Annotated[np.ndarray, PlainValidator(require_covariance)] | None = None
 
@@ -113,7 +113,7 @@ class SensorGains(MeasuredFigure):
 
     @property
     def spread(self) -> Array:
-        """(7, 7) covariance."""
+        """Covariance (7, 7) of the relative errors."""
         if self.covariance is not None:
             return self.covariance
         assert self.std is not None
@@ -134,15 +134,17 @@ class Gravity(MeasuredFigure):
 
 
 class EndEffector(Section):
-    """End effector without a load, the fingers included."""
+    """End effector without a load, including the fingers."""
 
     mass: Size  # kg
     centre: Vector  # m, in the frame of the hand's body, with the fingers half open
 
 
 class CameraConfig(MeasuredFigure):
-    """A camera; its pose is in the frame of the arm's base, or of the TCP where it is on the hand, looking along
-    its own -z as in MJCF."""
+    """A camera. Its pose is in the frame of the arm's base, or of the TCP where it is on the hand.
+
+    It looks along its own -z, as in MJCF.
+    """
 
     pos: Vector  # m
     quat: Annotated[np.ndarray, PlainValidator(require_quaternion)]  # w, x, y, z
@@ -150,7 +152,8 @@ class CameraConfig(MeasuredFigure):
     # width and height, pixels
     size: tuple[Annotated[int, Field(gt=0, le=20000)], Annotated[int, Field(gt=0, le=20000)]]
     on_hand: bool = False
-    # of position, m, rotation, rad, along the axes of that frame, and the logarithm of the focal length
+    # Covariance of position, m, and rotation, rad, along the axes of that frame, and of the logarithm of
+    # the focal length.
     covariance: Annotated[np.ndarray, PlainValidator(require_covariance)] | None = None
 
 
@@ -159,7 +162,9 @@ class Simulated(Section):
 
     noise: Annotated[str, Field(min_length=1, max_length=1000)]
     seed: Annotated[int, Field(ge=0)]
-    visits: Annotated[int, Field(ge=0)] = 0  # calibrations: each is a run with other errors
+    visits: Annotated[int, Field(ge=0)] = (
+        0  # number of calibrations: each is a run with other errors
+    )
 
 
 class RobotConfig(Section):
@@ -171,10 +176,11 @@ class RobotConfig(Section):
     simulated: Simulated | None = None  # None for a real arm
     gravity: Gravity | None = None
     torque_gain: SensorGains | None = None  # of the joints' sensors
-    # m, from the TCP to the pads' end along the tool, with the error of the arm's frame in a height
-    # at the place of measurement
+    # m, from the TCP to the pads' end along the tool; includes the error of the arm's frame in a height at
+    # the place of measurement
     tip_offset: Value | None = None
-    # Real or apparent tilt of the base against the scene's: measured with tip_offset, valid with it.
+    # Real or apparent tilt of the base against the scene's. It is measured together with tip_offset, and
+    # valid with it.
     base_lean: Lean | None = None
     pose_repeatability: Repeated | None = None  # m, of each axis of the TCP, measured by heights
     tip_compliance: Value | None = (
@@ -185,9 +191,9 @@ class RobotConfig(Section):
     reflex: ReflexSheet | None = None
     workspace: Workspace | None = None  # of the TCP
     speed: Annotated[float, _Plain, Field(gt=0, le=1)] | None = None  # share of the pace
-    camera: CameraConfig | None = None  # of the workspace, where no poses.yaml has one
+    camera: CameraConfig | None = None  # camera of the workspace, for a poses.yaml without one
 
-    # Compared by identity, as results computed from it are cached; a file is one object.
+    # Compared by identity: results computed from it are cached, and a file is one object.
     def __hash__(self) -> int:
         return id(self)
 

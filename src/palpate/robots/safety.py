@@ -1,4 +1,4 @@
-"""The safety predicate p_safe(s_t) of the paper: pure functions of the cached state."""
+"""The safety predicate p_safe(s_t) of the paper, as pure functions of the cached state."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from palpate.robots.robot import RobotState
 from palpate.robots.sheet import Links
 from palpate.trace.samples import STANDARD_GRAVITY
 
-JOINT_MARGIN = 0.01  # rad: a joint this near to its end stop is a violation
+JOINT_MARGIN = 0.01  # rad: a joint nearer to its end stop is a violation
 ORIGIN = Pose.of((0.0, 0.0, 0.0))
 
 
@@ -21,13 +21,15 @@ ORIGIN = Pose.of((0.0, 0.0, 0.0))
 class Expectation:
     """Forces that the current action of the arm explains."""
 
-    holding: bool = False  # an object is on the hand: vertical force up to the payload is normal
+    holding: bool = False  # an object is on the hand: a vertical force up to the payload is normal
     contact: bool = False  # contact is the purpose: force up to the limit is normal
     grasped: bool = False  # the fingers must hold an object; losing it is a slip
     pressed: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """N, as in `Reflex`: a force is unexplained by itself and by its change from this one."""
+    """N, as in `Reflex`: a force is unexplained only if it and its change from this one are both too
+    large.
+    """
     mistaken: float = 0.0
-    """N, of a force that errors of the joints' torques look like where the arm moves: no contact."""
+    """N: largest force that errors of the joint torques imitate where the arm moves; it is no contact."""
 
 
 def violation(
@@ -40,9 +42,9 @@ def violation(
 ) -> str | None:
     """Return the first violated predicate with its figures; None while the state is safe.
 
-    Sensor data comes first: the other checks need values that are finite and recent. `gravity`
-    (m/s^2) gives the weight of a held object; `links` are the torques of a link's contact, None: not
-    looked for.
+    Checks of the sensor data come first: the other checks need finite and recent values. `gravity` (m/s^2)
+    gives the weight of a held object. `links` has the torque thresholds of contact with a link; None skips
+    this check.
     """
     return (
         state.fault
@@ -61,7 +63,7 @@ def violation(
 def unexplained_force(
     state: RobotState, limits: Limits, holding: bool, gravity: float = STANDARD_GRAVITY
 ) -> Array:
-    """Return the external force (3,), N, without the weight of a held object up to the payload."""
+    """Return the external force (3,), N, less the weight of a held object up to the payload."""
     force = state.contact[:3].copy()
     if holding:
         force[2] -= min(max(force[2], 0.0), limits.payload * gravity)

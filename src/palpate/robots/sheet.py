@@ -19,18 +19,18 @@ from palpate.common.pose import Array
 
 @dataclass(frozen=True, slots=True)
 class Links:
-    """Torques of the joints beyond which something has met a link, and not the hand or its load.
+    """Thresholds of the joint torques for contact of a link, as opposed to contact of the hand or its load.
 
-    A force f within `lever` of the TCP is a force at the TCP with a moment of at most `lever` |f|; what a
-    force at the TCP alone does not explain (`palpate.robots.nominal.unexplained`) is that moment's, or
-    friction's and the sensors'.
+    A force f within `lever` of the TCP is a force at the TCP with a moment of at most `lever` |f|. Torques
+    that a force at the TCP alone does not explain (`palpate.robots.nominal.explain_torque`) come from that
+    moment, from friction or from the sensors.
     """
 
     torque: float  # N m, norm over the joints, of their friction and of the sensors' errors
     lever: float  # m
 
     def stop_reason(self, unexplained: float, force: float) -> str | None:
-        """Return the reason to stop at `unexplained` N m beside a `force`, N; None without one."""
+        """Return the reason to stop at `unexplained` N m together with a `force`, N; None without one."""
         most = self.torque + self.lever * force
         if unexplained <= most:
             return None
@@ -45,14 +45,15 @@ class Reflex:
     """Thresholds of the external wrench, without the carried load, at which the arm stops itself."""
 
     force: float  # N, magnitude at the TCP
-    torque: float  # N m, likewise
+    torque: float  # N m, magnitude at the TCP
     load: float = 0.0  # N of weight on the hand, straight down, allowed in addition
     sideways: float = math.inf  # N, of the horizontal force alone
-    links: Links | None = None  # of contacts of the arm's links; None: not looked for
+    links: Links | None = None  # thresholds for contacts of the arm's links; None: not checked
     pressed: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """N, world axes, on a hand that sets out from a contact, at rest there. The joints' friction keeps some of it
-    on the way. What the hand meets then adds to the change as the contact ends, so that a force beyond `force`
-    is that in itself and in its change."""
+    """N, world axes: force on a hand that starts a motion from a contact, at rest there. The joints' friction
+    keeps some of it on the way. A new contact then adds to the change as the old contact ends. So a force
+    beyond `force` counts only if its change is beyond `force` as well.
+    """
 
     @property
     def least(self) -> float:
@@ -60,9 +61,11 @@ class Reflex:
         return min(self.force, self.torque, self.sideways)
 
     def fired(self, contact: Array) -> str | None:
-        """Return the reason to stop at the external wrench `contact` (6,), the convention of
-        `palpate.trace`; None while it goes on."""
+        """Return the reason to stop at the external wrench `contact` (6,), by the convention of
+        `palpate.trace`; None without one.
+        """
         x, y, z, turn_x, turn_y, turn_z = contact.tolist()
+        # The carried load reduces the vertical force, up to its allowance.
         force = math.hypot(x, y, z - min(max(z, 0.0), self.load))
         sideways, torque = math.hypot(x, y), math.hypot(turn_x, turn_y, turn_z)
         if force > self.force and math.dist((x, y, z), self.pressed) > self.force:
@@ -86,7 +89,7 @@ class Reflexes:
     contact: Reflex  # for intended contact
 
 
-# `description.yaml`: an arm with its hand, as its folder describes it.
+# `description.yaml`: an arm with its hand, as described by its folder.
 
 
 FILE = "description.yaml"
@@ -152,13 +155,15 @@ class Box(Section):
 class ParallelHand(Section):
     """A parallel hand: names in the MJCF, the drive, and its shape in the tool frame."""
 
-    body: Name  # that carries the fingers; z points out of the hand, y is the closing direction
+    body: (
+        Name  # body that carries the fingers; z points out of the hand, y is the closing direction
+    )
     tcp: Name | Vector  # midway between the pads: a site of `body`, or a position in it, m
     fingers: tuple[Name, Name]  # the two slides
     opening: Size  # m between the open fingers
     speed: Size  # m/s per finger
     force: Size  # N, of both fingers together
-    overclose: Share  # m per finger beyond touching, to which the drive closes
+    overclose: Share  # m per finger beyond contact of the pads, to which the drive closes
     palm: Size  # m from the TCP up to the palm
     half_extents: tuple[Size, Size]  # m, of the hand along tool x and tool y
     pad: Size  # m, half the width of a finger's pad
@@ -168,18 +173,18 @@ class ParallelHand(Section):
 
     @cached_property
     def breadth(self) -> float:
-        """m, largest distance of the opened hand from the tool's axis."""
+        """Largest distance of the opened hand from the tool's axis, m."""
         corners = [np.abs(box.centre[:2]) + box.half[:2] for box in self.boxes]
         return max(float(np.hypot(*corner)) for corner in corners) + SPARE
 
     @cached_property
     def height(self) -> float:
-        """m, largest height of the opened hand above the TCP."""
+        """Largest height of the opened hand above the TCP, m."""
         return max(float(box.half[2] - box.centre[2]) for box in self.boxes) + SPARE
 
     @cached_property
     def depth(self) -> float:
-        """m, largest depth of the opened hand below the TCP."""
+        """Largest depth of the opened hand below the TCP, m."""
         return max(float(box.half[2] + box.centre[2]) for box in self.boxes) + SPARE
 
 
@@ -224,8 +229,8 @@ class Hardware(Section):
 
     stiffness: ControllerStiffness  # stable in a control loop at 1 kHz, and soft for a person
     rest_torque: Share = 0.0  # N m that friction and ripple leave in each joint at rest
-    # m, uncertainty of the pads' end against the drawings, on an arm without calibration; None: the
-    # datasheet's
+    # m, uncertainty of the pads' end against the drawings, on an arm without calibration; None: that of the
+    # datasheet
     tip_offset_std: Size | None = None
 
 
@@ -267,8 +272,7 @@ class Accuracy(Section):
 
 
 class SensorErrors(Section):
-    """Errors of the joint torque signals, and standard deviations of the links from the nominal
-    ones."""
+    """Errors of the joint torque signals, and standard deviations of the links from the nominal ones."""
 
     torque_noise: Seven  # N m, standard deviation of a 1 kHz sample
     friction: Seven  # N m, largest friction of bearings, seals and cables behind the sensor
@@ -286,7 +290,7 @@ class Sheet(Section):
     home: Seven  # rad, tool down
     velocity: Seven  # rad/s
     torque: Seven | None = None  # N m; None: the MJCF's `actuatorfrcrange`
-    # Times a turn at which the gear of each joint ripples; None: unknown
+    # Gear ripples per turn of each joint; None: unknown
     ripple_cycles: Annotated[tuple[Size, ...], Field(min_length=7, max_length=7)] | None = None
     payload: Size  # kg
     workspace: Workspace
@@ -317,7 +321,7 @@ INHERITED = [key for key in Sheet.model_fields if key not in OWN]  # where a fil
 
 
 def read_sheet(folder: Path, known: Mapping[str, Path]) -> Sheet:
-    """Read and validate the `description.yaml` in a folder; `known`: folders of the arms that it may
+    """Read and validate the `description.yaml` in a folder; `known` has the folders of the arms that it may
     be `like`.
 
     Raises:

@@ -1,4 +1,6 @@
-"""A Franka's control box, the library `franky` that talks to it, and its faults in words."""
+"""A Franka's control box, the library `franky` that communicates with it, and descriptions of its
+faults.
+"""
 
 from __future__ import annotations
 
@@ -42,8 +44,9 @@ class Late(Exception):
 
 
 class Call(Generic[T]):
-    """A call in a daemon thread: `franky`'s constructors have no time-out, and a mute host would
-    block them for ever."""
+    """A call in a daemon thread: `franky`'s constructors have no time-out, and an unresponsive host would
+    block them for ever.
+    """
 
     def __init__(self, what: Callable[[], T], name: str) -> None:
         self._future: Future[T] = Future()
@@ -57,7 +60,7 @@ class Call(Generic[T]):
         threading.Thread(target=run, name=name, daemon=True).start()
 
     def result(self, seconds: float) -> T:
-        """Return the call's value, or raise what it raised.
+        """Return the call's value, or raise its exception.
 
         Raises:
             Late: no result within `seconds`.
@@ -67,24 +70,25 @@ class Call(Generic[T]):
         return self._future.result()
 
 
-# A Franka's control box: its address `franky://HOST[?realtime=ignore]`, and a check that it
-# answers, in a supported protocol.
+# Address of a Franka's control box, `franky://HOST[?realtime=ignore]`, and a check that it answers in a
+# supported protocol.
 
 
 SCHEME = "franky"
 FORM = "franky://HOST, e.g. franky://172.16.0.2, or franky://HOST?realtime=ignore"
 ROBOT_PORT = 1337  # libfranka's command port of the arm
-ANSWERS = 2.0  # s in which a control box takes a connection, and answers a greeting
+ANSWERS = 2.0  # s in which a control box accepts a connection, and answers a greeting
 SPOKEN = 10
-"""Version of the robot interface of libfranka 0.18 and later, which franky-control 2.0 is built with
-(libfranka-common, research_interface/robot/rbk_types.h and service_types.h)."""
+"""Version of the robot interface of libfranka 0.18 and later, with which franky-control 2.0 is built
+(libfranka-common, research_interface/robot/rbk_types.h and service_types.h).
+"""
 RECOVER = 10  # the command AutomaticErrorRecovery (rbk_types.h)
 INCOMPATIBLE = 1  # status of an answer that refuses the version; 0 accepts it (service_types.h)
 
 _HOST = re.compile(r"[A-Za-z0-9._:-]+")
 # Each message begins with its command, id and size.
 _GREETING = struct.Struct("<IIIHH")  # version and UDP port
-_MESSAGE = struct.Struct("<III")  # no more; an answer to it ends with a status
+_MESSAGE = struct.Struct("<III")  # header alone; an answer to it ends with a status
 _ANSWER = struct.Struct("<IIIBH")  # status and version
 
 ACTIVATE = "activate FCI in Desk, and see that no other program is connected"
@@ -104,8 +108,8 @@ class Address:
 
     Attributes:
         host: its name or IP address.
-        realtime: True if this computer must have a realtime kernel, as a control loop of 1 kHz
-            needs; not on loopback, where no arm moves.
+        realtime: True if this computer must have a realtime kernel, as a 1 kHz control loop needs;
+            False on loopback, where no arm moves.
     """
 
     host: str
@@ -147,7 +151,7 @@ class Greeting:
 
 
 def greet(address: Address) -> Greeting:
-    """Greet the arm's port, as libfranka does, and hang up."""
+    """Greet the arm's port, as libfranka does, and disconnect."""
     try:
         with _connect(address) as line:
             answer = _read_greeting(line)
@@ -172,7 +176,7 @@ def require_answer(address: Address) -> None:
     """Require that the control box answers and the driver is installed.
 
     Raises:
-        Unavailable: it does not; the message names the remedy.
+        Unavailable: no answer or no driver; the message names the remedy.
     """
     if (problem := greet(address).problem) is not None:
         raise Unavailable(f"the robot at {address} cannot be used: {problem}")
@@ -180,8 +184,9 @@ def require_answer(address: Address) -> None:
 
 
 def clear(address: Address) -> None:
-    """Clear the error that stopped an arm, on a person's order, without franky: its robot object
-    cannot be made of a stopped arm.
+    """Clear the error that stopped an arm, on a person's order.
+
+    It works without franky, whose robot object cannot be created for a stopped arm.
 
     Raises:
         Unavailable: no answer.
@@ -210,7 +215,7 @@ def _read_greeting(line: socket.socket) -> bytes:
 # Messages for franky's exceptions and the modes of a control box, each with a remedy.
 
 
-MODES = {  # the control box's own modes, in words
+MODES = {  # descriptions of the control box's modes
     "Other": "not ready (brakes closed, or another mode in Desk)",
     "Idle": "ready",
     "Move": "moving",
@@ -219,7 +224,7 @@ MODES = {  # the control box's own modes, in words
     "UserStopped": "stopped by the user stop",
     "AutomaticErrorRecovery": "recovering",
 }
-REMEDIES = {  # all by a person: no program restarts an arm that stopped
+REMEDIES = {  # all by a person: no program restarts a stopped arm
     "UserStopped": "release the user stop, see that nothing is held or in the way, and run again",
     "Reflex": "see what it met, clear the error in Desk, and run again",
     "Guiding": "take the hands off the guiding button, and run again",

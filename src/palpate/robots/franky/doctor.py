@@ -1,5 +1,7 @@
-"""Checks of `palpate doctor --robot`, each with its remedy. Nothing moves; if allowed, the arm holds
-still under control for some seconds."""
+"""Checks of `palpate doctor --robot`, each with its remedy.
+
+The arm does not move. If allowed, it holds still under control for some seconds.
+"""
 
 from __future__ import annotations
 
@@ -24,14 +26,17 @@ from palpate.trace.samples import STANDARD_GRAVITY
 
 NEAR_END = np.radians(5.0)  # rad: a joint nearer to its end stop has no room to plan with
 WEIGHT, CENTRE = 0.05, 0.01
-"""kg, m of tolerance between the end effectors of Desk and robot.yaml: 5 cm off the wrist's axis that
-is 0.2 N m."""
+"""kg, m: tolerance between the end effectors of Desk and robot.yaml. An error of 5 cm from the wrist's axis
+is 0.2 N m.
+"""
 LEFT = (1.5, 1.5, 1.5, 1.5, 0.6, 0.6, 0.6)
-"""N m that the joints of a resting arm may bear beyond its model: static friction, and the model's
-error (Gaz et al., RA-L 2019, doi:10.1109/LRA.2019.2931248, about 1 N m in the large joints)."""
+"""N m: torque beyond the model that each joint of a resting arm may show. It covers static friction and the
+model's error (Gaz et al., RA-L 2019, doi:10.1109/LRA.2019.2931248, about 1 N m in the large joints).
+"""
 ARRIVE = 0.99
-"""Share of cycles that are answered in time: franky-control's README, and libfranka's
-communication_test, ask for more than 0.95."""
+"""Share of cycles that must be answered in time. franky-control's README and libfranka's communication_test
+demand more than 0.95.
+"""
 LISTENED = 5.0  # s
 
 
@@ -46,7 +51,8 @@ class CheckResult(NamedTuple):
 def examine(
     address: Address, arm: RobotDescription, pose_world_base: Pose, may_hold: Callable[[], bool]
 ) -> Iterator[CheckResult]:
-    """Yield the results in order; a failed check that later ones depend on ends them."""
+    """Yield the results in order; a failed check that later checks depend on ends them."""
+    # Communication with the control box, then the computer.
     began = time.perf_counter()
     greeting = greet(address)
     took = time.perf_counter() - began
@@ -63,6 +69,7 @@ def examine(
     except PalpateError as error:
         yield CheckResult(False, "connection", str(error))
         return
+    # The arm and the hand; control is tried only if both are in order.
     try:
         lines = [*check_arm(session, arm, pose_world_base), *check_hand(session)]
         yield from lines
@@ -90,6 +97,7 @@ def check_computer(address: Address) -> Iterator[CheckResult]:
         remedy = f"{kernel} is none, which this address does not ask for"
     detail = kernel if good else remedy
     yield CheckResult(good or not address.realtime, "realtime kernel", detail)
+    # Highest realtime priority that this user may have.
     most = allowed = os.sched_get_priority_max(os.SCHED_FIFO)
     limit = resource.getrlimit(resource.RLIMIT_RTPRIO)[1]
     if os.geteuid() != 0 and limit != resource.RLIM_INFINITY:
@@ -150,7 +158,7 @@ def check_end_effector(state: Any, arm: RobotDescription) -> CheckResult:
         return CheckResult(
             True, "end effector", f"{told}, as Desk has it; robot.yaml says nothing of it"
         )
-    # From the axes of the hand's body into those of the flange, by the TCP that both have.
+    # From the axes of the hand's body into those of the flange, by the TCP that both frames have.
     site = arm.spec().compile().site(arm.tcp)
     hand_in_flange = pose_of(state.F_T_EE) @ Pose(site.pos.copy(), site.quat.copy()).inverse()
     wanted = hand_in_flange.apply(known.centre)
@@ -223,6 +231,7 @@ def check_cycles(
     while time.perf_counter() < until and robot.is_in_control:
         time.sleep(0.05)
         rates.append(float(robot.state.control_command_success_rate))
+    # Leave out the first quarter, while the loop starts.
     settled = rates[len(rates) // 4 :]
     rate = float(np.mean(settled)) if settled else 0.0
     detail = f"{100 * rate:.1f} % over {LISTENED:g} s"

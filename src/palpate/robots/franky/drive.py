@@ -35,7 +35,7 @@ class Course:
 
     @property
     def last(self) -> int:
-        """Row in which it has come to rest."""
+        """Index of the row at which the motion is at rest."""
         return len(self.rows) - 1
 
     def reference(self, clock: float) -> Any:
@@ -74,11 +74,13 @@ def pose_course(path: PosePath, posture: Array, pose_world_base: Pose) -> Course
     rates = row_rates(coordinates)
     into_base = pose_world_base.rotation.T
     positions = (poses[:, :3] - pose_world_base.position) @ into_base.T
+    # Positions and orientations in the base's frame.
     conjugate = pose_world_base.quaternion * [1.0, -1.0, -1.0, -1.0]
     turns = quaternions @ quaternion_matrix(conjugate).T
-    # rotation vectors are in the origin's frame
+    # Rotation vectors are in the origin's frame; twists in the base's.
     to_base = into_base @ Pose(np.zeros(3), path.origin).rotation
     twists = np.concatenate([rates[:, :3] @ into_base.T, rates[:, 3:] @ to_base.T], axis=1)
+    # franky's quaternions are xyzw.
     rows = np.concatenate([positions, turns[:, 1:], turns[:, :1]], axis=1)
     return Course(path, posture, rows, twists, poses, 1)
 
@@ -98,15 +100,15 @@ def row_rates(rows: Array) -> Array:
     return rates
 
 
-# The arm's control loop: franky's controllers at 1 kHz, led along a course cycle by cycle.
+# Control loop of the arm: franky's controllers at 1 kHz, which follow a course cycle by cycle.
 
 
 STALLED = 0.003  # s of wall time between two callbacks after which the queue may be behind
 BEHIND = 0.003  # s of robot time by which the queue's state is behind the loop's
 KEPT = 5000  # cycles in the log: the last 5 s
-CLIPS = (np.full(3, 0.1), np.full(3, 0.5))  # m, rad: largest stretch of the springs
+CLIPS = (np.full(3, 0.1), np.full(3, 0.5))  # m, rad: largest deflection of the springs
 TORQUE_STEP = 0.8  # N m, largest change of a commanded torque per cycle; libfranka refuses 1 N m
-BLENDING = 0.1  # s, time constant with which springs change
+BLENDING = 0.1  # s, time constant with which stiffness changes
 
 
 class CycleRow(NamedTuple):
@@ -125,15 +127,15 @@ class Reacted:
 
 
 class Drive:
-    """Follows courses. All but the constructor may be called in any thread.
+    """Follows courses. All methods except the constructor may be called in any thread.
 
     Attributes:
-        lock: guards all that follows.
+        lock: guards all attributes below.
         log: the last cycles.
         reacted: reflex since the last course was given; None without one.
-        begun: True if a control loop was started and has not been seen to end.
+        begun: True if a control loop was started and its end was not noticed yet.
         course: current course; None before the first one, and after a reflex.
-        clock: s since the course was begun.
+        clock: s since the beginning of the course.
         last: s, robot time of the newest cycle.
     """
 
@@ -152,7 +154,7 @@ class Drive:
 
     @property
     def moving(self) -> bool:
-        """True until the course has ended."""
+        """Test if the course has not ended."""
         course = self.course
         return course is not None and course.row(self.clock) < course.last
 
@@ -165,10 +167,10 @@ class Drive:
     def follow(
         self, make: Callable[[Course | None, float], Course], inertia: SpringInertia, reflex: Reflex
     ) -> None:
-        """Follow the course that `make` makes of the present one and of its clock.
+        """Follow the course that `make` makes from the present one and its clock.
 
         Raises:
-            Exception: franky's.
+            Exception: any exception of franky.
         """
         with self.lock:
             before = self.course
@@ -184,12 +186,12 @@ class Drive:
                 self._enter(self.course, inertia, reflex, blends=False)
 
     def note_end(self) -> None:
-        """Forget the course: the loop has ended."""
+        """Discard the course: the loop has ended."""
         with self.lock:
             self.course, self._motion, self.begun = None, None, False
 
     def _enter(self, course: Course, inertia: SpringInertia, reflex: Reflex, blends: bool) -> None:
-        """Start franky's controller for the course; `blends`: the posture's spring fades in."""
+        """Start franky's controller for the course; with `blends` the posture's spring fades in."""
         make = self._joint_controller if course.posture is None else self._pose_controller
         motion = make(course, inertia, blends)
         motion.set_reference(course.reference(self.clock))
@@ -231,19 +233,24 @@ class Drive:
         return motion
 
     def _react(self, motion: Any, reflex: Reflex) -> None:
-        """Stop within the next cycle once the thresholds are exceeded; see `Reflex.fired`. franky's
-        conditions cannot measure torques: the control box's own thresholds do."""
+        """Stop within the next cycle after a threshold is exceeded; see `Reflex.fired`.
+
+        franky's conditions cannot measure torques: the control box's own thresholds cover them.
+        """
         module = franky()
+        # Squared force, and its vertical component in the base's frame.
         f, up = module.Measure, self._turn[2]
         size = f.FORCE_X**2.0 + f.FORCE_Y**2.0 + f.FORCE_Z**2.0
         lift = f.FORCE_X * float(up[0]) + f.FORCE_Y * float(up[1]) + f.FORCE_Z * float(up[2])
         most, load = reflex.force**2, reflex.load
+        # The allowed load reduces an upward force; beyond it only the excess counts.
         beyond = size - 2.0 * load * lift + load**2
         too_much = (size > most) & (lift <= 0.0)
         too_much = too_much | ((beyond > most) & (lift > load))
         too_much = too_much | ((size - lift**2.0 > min(most, reflex.sideways**2)) & (lift > 0.0))
         if np.isfinite(reflex.sideways):
             too_much = too_much | (size - lift**2.0 > reflex.sideways**2)
+        # A force that was present at the start must also have changed.
         if any(reflex.pressed):
             x, y, z = (self._turn.T @ reflex.pressed).tolist()
             changed = (f.FORCE_X - x) ** 2.0 + (f.FORCE_Y - y) ** 2.0 + (f.FORCE_Z - z) ** 2.0
@@ -259,8 +266,9 @@ class Drive:
         motion.add_reaction(reaction)
 
     def _cycle(self, state: Any, *_: Any) -> None:
-        """Lead the course on after a cycle. It must not raise."""
+        """Advance the course after a cycle. It must not raise."""
         with self.lock:
+            # A gap between callbacks may mean that the queue lags behind the control loop.
             heard, now = time.perf_counter(), state.time.to_sec()
             gap, self._heard = heard - self._heard, heard
             passed, self.last = now - self.last, now
@@ -270,6 +278,7 @@ class Drive:
             course = self.course
             if course is None:
                 return
+            # While it lags, the reference stays; otherwise the course advances by at most a cycle.
             if not self._late and self._motion is not None:
                 was = course.row(self.clock)
                 self.clock += min(max(passed, 0.0), CYCLE)

@@ -1,4 +1,4 @@
-"""Data received from the arm each cycle, and the Franka Hand in its threads."""
+"""Data received from the arm in each cycle, and the Franka Hand in its own threads."""
 
 from __future__ import annotations
 
@@ -21,9 +21,11 @@ from palpate.robots.sheet import ParallelHand
 from palpate.trace.samples import Samples
 
 NOTHING = 0.002  # m: an opening below this is an empty hand
-MARGIN = 0.002  # m: fingers this near to fully open are open
-PAUSE = 0.01  # s between two queries of the hand, whose packets come at some 20 Hz or more
-MISSED = 3  # queries without an answer within libfranka's time-out, 1 s, after which it is lost
+MARGIN = 0.002  # m: fingers this close to fully open count as open
+PAUSE = 0.01  # s between two queries of the hand, which sends about 20 or more packets a second
+MISSED = (
+    3  # unanswered queries, each within libfranka's time-out of 1 s, after which the hand is lost
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +64,7 @@ class HandThread:
 
     @property
     def gripping(self) -> bool:
-        """True if the hand closed, and holds an object."""
+        """Test if the hand closed and holds an object."""
         fingers = self.fingers
         return self._closed and not self.moving and fingers.grasped and fingers.width > NOTHING
 
@@ -70,7 +72,7 @@ class HandThread:
         """Require an empty hand.
 
         Raises:
-            Unavailable: it holds something.
+            Unavailable: it holds an object.
         """
         fingers = self.fingers
         if fingers.grasped and fingers.width > NOTHING:
@@ -86,9 +88,9 @@ class HandThread:
         self._start(lambda: self._gripper.open(self.speed))
 
     def close(self, force: float | None) -> None:
-        """Start closing with `force` N, by default the full force, until something resists.
+        """Start closing with `force` N, by default the full force, until an object resists.
 
-        The hand takes any final width for a grasp: after a miss it would open again.
+        The hand accepts any final width as a grasp: after a miss it would open again.
         """
         speed, widest = self.speed, self._sheet.opening + MARGIN
         with_force = self._sheet.force if force is None else min(force, self._sheet.force)
@@ -144,27 +146,29 @@ class HandThread:
         return Fingers(state.width, state.is_grasped, time.perf_counter())
 
 
-# Data received from the arm each cycle: its time, its samples, and the reason of a stop.
+# Data received from the arm in each cycle: its time, its samples, and the reason of a stop.
 
 
 SHORTEST, SLICE = 0.001, 0.005  # s of wall time to wait for the next cycles
 OWN_STALL = 0.7  # s of silence allowed for a computer without a realtime kernel, or on loopback
 SILENT = 0.08
-"""s of silence beyond that after which the control box is lost: sooner than its last data is too old
-to act upon."""
+"""s: silence beyond `OWN_STALL` after which the control box counts as lost. It ends before the last data is
+too old to act on.
+"""
 GAP = 0.03  # s without a sample
 ANSWERS = 0.1  # s in which a control box that ended a motion reports its mode
 
 
 class StateListener:
-    """Listens to an arm and its hand, and never blocks on a silent one: robot time then follows the
-    clock on the wall.
+    """Listens to an arm and its hand, and never blocks on a silent one.
+
+    During silence, robot time follows the wall clock.
 
     Attributes:
         t: s, robot time now.
-        mode: the control box's.
+        mode: mode of the control box.
         width: m between the fingers.
-        fault: reason that the arm stopped for good; None while it goes on.
+        fault: reason that the arm stopped for good; None while it works.
         reflex: reason of its last reflex, until it is cleared.
         lost: True if the control box does not answer any more.
     """
@@ -177,7 +181,7 @@ class StateListener:
         hand: HandThread,
         turn: Array,
     ) -> None:
-        """`turn` (3, 3): the base's axes in the world's."""
+        """Start at the readout's time; `turn` (3, 3) rotates from the base's axes into the world's."""
         self._session, self._readout, self._drive, self._hand = session, readout, drive, hand
         self._turn = turn
         self.mode = faults.mode_of(readout.state)
@@ -204,13 +208,14 @@ class StateListener:
         return logged[0] if len(logged) == 1 else Samples.concatenate(logged)
 
     def fail(self, why: str | Exception) -> None:
-        """Stop for good, for a reason or an exception of franky; the first one is kept. A held
-        object stays held."""
+        """Stop for good, for a reason or an exception of franky; the first one is kept. A held object stays
+        held.
+        """
         if self.fault is None:
             self.fault = why if isinstance(why, str) else faults.of_error(why, self.mode)
 
     def taken_up(self) -> None:
-        """Go on after a person's recovery."""
+        """Continue after a person's recovery."""
         self._drive.note_end()
         self.fault = self.reflex = self._hand.problem = None
         self.lost, self._silence = False, 0.0
@@ -221,18 +226,21 @@ class StateListener:
         self._take()
 
     def _listen(self) -> None:
-        """Wait for the next cycle, at most a slice. Silence is counted only while this computer
-        listens."""
+        """Wait for the next cycle, at most one slice. Only silence during which this computer listens
+        counts.
+        """
         began, heard = time.perf_counter(), self._stamp()
         if self.fault is not None:
             time.sleep(SLICE)
         elif self._drive.begun:
-            # Woken at every cycle, this thread would delay the one that leads the arm.
+            # Woken at every cycle, this thread would delay the thread that leads the arm.
             time.sleep(min(max(0.5 * (self._due - self.t), SHORTEST), SLICE))
             if not self._session.robot.is_in_control:
                 self._end_loop()
         else:
             self._ask()
+        # Without new data, robot time follows the wall clock, and silence adds up until the box counts as
+        # lost.
         waited = min(time.perf_counter() - began, 2 * SLICE)
         self._silence = 0.0 if self._stamp() > heard else self._silence + waited
         self.t = max(self.t, self._stamp() + max(self._silence - self._slack, 0.0))
@@ -246,7 +254,7 @@ class StateListener:
             )
 
     def _end_loop(self) -> None:
-        """Find out why the control loop ended: by a reflex, a person or an error."""
+        """Determine the reason for the end of the control loop: a reflex, a person or an error."""
         try:
             self._session.robot.join_motion(SLICE)
         except Exception as error:
@@ -259,7 +267,7 @@ class StateListener:
         self._drive.note_end()
 
     def _ask(self) -> None:
-        """Read the state of an arm that no loop controls."""
+        """Read the state of an arm that no control loop commands."""
         try:
             state = self._session.robot.state
         except Exception as error:
@@ -286,8 +294,8 @@ class StateListener:
 
     def _take(self) -> None:
         """Process the cycles since the last advance."""
-        # The hand reports more seldom than the arm: in between, the width changes no faster than the
-        # fingers can move.
+        # The hand reports less often than the arm. In between, the width changes no faster than the fingers
+        # can move.
         most = 2 * self._hand.speed * (self._due - self._t_width)
         self.width += float(np.clip(self._hand.fingers.width - self.width, -most, most))
         self._t_width = self._due
@@ -296,6 +304,7 @@ class StateListener:
             self._keep(rows)
             if self.fault is None:
                 self.mode = faults.mode_of(rows[-1].state)
+        # Turn the wrench of a reflex into world axes, and name its reason once.
         reacted = self._drive.reacted
         if reacted is not None and self.reflex is None:
             base = np.array(reacted.state.O_F_ext_hat_K)

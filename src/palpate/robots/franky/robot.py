@@ -1,7 +1,7 @@
-"""A Franka arm with its hand, behind the protocol that the embedded one has.
+"""A Franka arm with its hand, behind the same protocol as the embedded arm.
 
-While it is commanded it is under torque control: franky's impedance controllers follow a `Course`,
-and the next course continues from its state without a jerk. Recovery after a stop is a person's.
+While commanded, it is under torque control: franky's impedance controllers follow a `Course`. The next
+course continues from the state of the last one without a jerk. Only a person can recover it after a stop.
 """
 
 from __future__ import annotations
@@ -28,9 +28,10 @@ from palpate.robots.trajectory import MotionState, PosePath, PositionPath, Stret
 from palpate.trace.samples import Samples
 
 APPROACH = 0.25
-"""Share of the pace at which the arm goes to its ready pose for the first time: its start and what
-is around it are unknown."""
-AT_READY = 0.02  # rad
+"""Share of the pace at which the arm first moves to its ready pose: its start and surroundings are
+unknown.
+"""
+AT_READY = 0.02  # rad from home that counts as the ready pose
 
 Maker = Callable[[Course | None, float], Course]
 """Makes a course from the present one and its clock, s."""
@@ -45,14 +46,15 @@ class FrankyRobot(Commanded):
         """Take over the arm; it does not move.
 
         Raises:
-            InputError: its end effector is not the description's.
-            Unavailable: it is not ready, or holds something.
+            InputError: its end effector differs from the description's.
+            Unavailable: it is not ready, or holds an object.
         """
         base = self._base = arm.stands(pose_world_base)
         known = arm.gravity if arm.gravity is not None else gravity
         down = np.array([0.0, 0.0, -known])
         super().__init__(arm, NominalArm(arm, base, down), known)
         self._session = session
+        # The control box must have the description's TCP, and its own widest thresholds.
         state = session.state()
         require_end_effector(state, self._nominal, base)
         session.set_thresholds(arm.limits.reflexes.contact, arm.limits.tau_max)
@@ -112,7 +114,7 @@ class FrankyRobot(Commanded):
         return self._cached
 
     def move_joints(self, q: Array, speed: float = 1.0) -> None:
-        """The first motion to the ready pose is slow."""
+        """Move the joints; the first motion to the ready pose is slow."""
         goal = np.asarray(q, dtype=float)
         if not self._ready:
             speed *= APPROACH
@@ -121,7 +123,7 @@ class FrankyRobot(Commanded):
         def course(before: Course | None, clock: float) -> Course:
             if before is not None and isinstance(before.path, PositionPath):
                 now = before.path.at(clock)
-            else:  # the set-points at which the joints' springs pull as the TCP's do now
+            else:  # set-points at which the joints' springs exert the torques that the TCP's springs exert now
                 rate = self._readout.dq if self._drive.moving else np.zeros(7)
                 lead = self._spring_torque(before) / self._arm.stiffness.joints
                 now = MotionState(self._readout.q + lead, rate, np.zeros(7))
@@ -180,13 +182,16 @@ class FrankyRobot(Commanded):
             self._follow(course)
 
     def set_reflex(self, thresholds: Reflex) -> None:
-        """Franky's 1 kHz reactions. The control box's own thresholds, which cannot be
-        changed while the arm is controlled, stay as wide as contact needs."""
+        """Set franky's 1 kHz reactions.
+
+        The control box's own thresholds cannot be changed while the arm is controlled. They stay as wide
+        as contact needs.
+        """
         if thresholds != self._thresholds:
             self._thresholds, self._guard_due = thresholds, True
 
     def advance(self, duration: float) -> None:
-        """It never blocks on a silent arm."""
+        """Let time pass; it never blocks on a silent arm."""
         self._cached = None
         if self._guard_due and self._link.fault is None:
             self._guard_due = False
@@ -200,10 +205,10 @@ class FrankyRobot(Commanded):
         return self._link.drain()
 
     def recover(self) -> None:
-        """It goes to its ready pose as slowly as the first time.
+        """Continue after a stop; the arm moves to its ready pose as slowly as at first.
 
         Raises:
-            Unavailable: it cannot go on.
+            Unavailable: it cannot continue.
         """
         self._session.recover()
         self._link.taken_up()
@@ -214,7 +219,7 @@ class FrankyRobot(Commanded):
         return None if why is None else black_box(self.cycles, why)
 
     def close(self) -> None:
-        """A held object stays held."""
+        """End the control; a held object stays held."""
         if self._closed:
             return
         self._closed = True
@@ -225,8 +230,11 @@ class FrankyRobot(Commanded):
         return self._pose_motion(self._drive.course, self._drive.clock)
 
     def _pose_motion(self, before: Course | None, clock: float) -> tuple[MotionState, Array]:
-        """Return the start of a Cartesian motion: the state of the course `before`, or the set-points
-        at which the TCP's springs pull as the joints' do now; and its reference orientation (4,)."""
+        """Return the start of a Cartesian motion, and its reference orientation (4,).
+
+        The start is the state of the course `before`, or set-points at which the TCP's springs exert the
+        torques that the joints' springs exert now.
+        """
         if before is not None and isinstance(before.path, PosePath):
             return before.path.motion(clock), before.path.pose(clock).quaternion
         readout, torque = self._readout, self._spring_torque(before)
@@ -244,7 +252,7 @@ class FrankyRobot(Commanded):
         return SpringInertia.of(self._nominal.mass_matrix(self._readout.q), self._readout.jacobian)
 
     def _follow(self, make: Maker) -> None:
-        """Follow a course. For an arm at rest it is made before the control loop has to wait."""
+        """Follow a course. For an arm at rest, make it before the control loop has to wait."""
         link, drive = self._link, self._drive
         if link.fault is not None:
             return

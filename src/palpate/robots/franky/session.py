@@ -22,16 +22,19 @@ from palpate.trace.samples import Samples
 
 BLOCK = 5  # cycles per logged sample: 200 Hz
 PERIOD = BLOCK * CYCLE
-MATCH, TURNED = 0.002, np.radians(0.5)  # m, rad between the TCP of description and control box
+MATCH, TURNED = (
+    0.002,
+    np.radians(0.5),
+)  # m, rad: tolerance between the TCP of description and control box
 SIGNALS = ("q", "dq", "tau_J", "tau_J_d", "tau_ext_hat_filtered", "O_F_ext_hat_K")
-"""Of franky's states in the black box, under their own names."""
+"""Signals of franky's states in the black box, under their own names."""
 
 
 class StateReadout:
     """The latest sensed state, and the samples of each run of cycles.
 
-    Torques are those behind the gears less gravity torques by the arm's own model, which has the
-    hand that Desk is set to; `contact` is the arm's own estimate of the contact wrench.
+    External torques are those behind the gears less gravity torques by the arm's own model, which has the
+    hand that is set in Desk. `contact` is the arm's own estimate of the contact wrench.
 
     Attributes:
         stamp: s, robot time of the newest cycle.
@@ -41,7 +44,7 @@ class StateReadout:
         wrench, contact, twist: (6,).
         contact_torque: (7,) N m, the arm's own estimate of a contact's joint torques.
         jacobian: (6, 7), world axes about the TCP.
-        state: franky's newest.
+        state: franky's newest state.
     """
 
     def __init__(
@@ -53,8 +56,11 @@ class StateReadout:
         gravity: Array,
         gains: Array,
     ) -> None:
-        """`gravity` (3,) m/s^2 in the base's axes; `gains` (7,) are measured relative errors of the
-        sensors, which are corrected."""
+        """Start at the arm's present `state`.
+
+        `gravity` (3,) is in m/s^2 in the base's axes. `gains` (7,) are measured relative errors of the
+        sensors, which are corrected.
+        """
         self._nominal, self._model, self._gravity = nominal, model, gravity
         self._base, self._gains = pose_world_base, 1.0 + gains
         self._turn = pose_world_base.rotation
@@ -76,9 +82,9 @@ class StateReadout:
         self.jacobian = self._nominal.kinematics(self.q[None]).jacobian[0]
 
     def read(self, rows: Sequence[CycleRow], width: float) -> Samples:
-        """Return the samples that some cycles complete; `width`: m between the fingers."""
+        """Return the samples that some cycles complete; `width` is the distance, m, between the fingers."""
         parts: list[Samples] = []
-        # A busy computer's queue may deliver a cycle after a newer state: it is dropped.
+        # A busy computer's queue may deliver a cycle after a newer state. Such cycles are dropped.
         rows = [row for row in rows if row.state.time.to_sec() > self.stamp]
         for row in rows:
             index = int(row.state.time.to_msec()) // BLOCK
@@ -92,20 +98,22 @@ class StateReadout:
         return parts[0] if len(parts) == 1 else Samples.concatenate(parts)
 
     def _sample(self, block: Sequence[CycleRow], width: float) -> Samples:
-        """Average a block's cycles; the stamp is the last one's."""
+        """Average a block's cycles; the stamp is that of the last cycle."""
         states = [row.state for row in block]
 
         def mean(name: str) -> Array:
             return np.mean([getattr(state, name) for state in states], axis=0)
 
+        # Means of the signals, and the external torque by the arm's own gravity model.
         q, dq, self.tau = mean("q"), mean("dq"), mean("tau_J") / self._gains
         self.tau_ext = self.tau - self._gravity_torque(q)
         self.commanded, self.contact = mean("tau_J_d"), self._in_world(mean("O_F_ext_hat_K"))
         self.contact_torque = mean("tau_ext_hat_filtered")
+        # Wrench and twist at the mean configuration.
         jacobian = self._nominal.kinematics(q[None]).jacobian
         self.wrench = wrenches(jacobian, self.tau_ext[None, :, None])[0, :, 0]
         self.twist = jacobian[0] @ dq
-        # The TCP's pose: the mean position, and the orientation in the middle.
+        # Pose of the TCP: the mean position, and the orientation in the middle of the block.
         place = np.mean([state.O_T_EE.translation for state in states], axis=0)
         middle = pose_of(states[len(states) // 2].O_T_EE)
         return Samples(
@@ -138,7 +146,7 @@ def require_end_effector(state: Any, nominal: NominalArm, pose_world_base: Pose)
     """Require the control box's TCP to agree with the description's; return their distance, m.
 
     Raises:
-        InputError: it does not.
+        InputError: they differ by more than `MATCH` or `TURNED`.
     """
     row = nominal.poses(np.array(state.q)[None])[0]
     mine, theirs = Pose(row[:3], row[3:]), pose_world_base @ pose_of(state.O_T_EE)
@@ -153,10 +161,10 @@ def require_end_effector(state: Any, nominal: NominalArm, pose_world_base: Pose)
 
 
 def black_box(rows: Sequence[CycleRow], why: str) -> Mapping[str, Array] | None:
-    """Collect the last cycles at 1 kHz, one row a cycle, for diagnosis; None without any.
+    """Collect the last cycles at 1 kHz, one row per cycle, for diagnosis; None without any.
 
     Keys: `t`, `mode`, `SIGNALS`, the commanded pose `target_world_tcp`, the share of commands that
-    `arrived`; and `why` the arm stopped.
+    `arrived`, and the reason `why` the arm stopped.
     """
     if not rows:
         return None
@@ -171,7 +179,7 @@ def black_box(rows: Sequence[CycleRow], why: str) -> Mapping[str, Array] | None:
     return arrays
 
 
-# A connection to a control box and its hand: made within a time limit, watched, and closed.
+# A connection to a control box and its hand: made within a time limit, monitored, and closed.
 
 
 CONNECTED = 4.0  # s within which the control box must answer
@@ -182,14 +190,14 @@ TORQUES = 0.9
 arm."""
 
 _abandoned: list[Any] = []
-"""Objects of franky whose destructors would wait for a control box that is lost."""
+"""Objects of franky whose destructors would wait for a lost control box."""
 
 
 class FrankySession:
     """franky's robot and gripper at an address.
 
     Attributes:
-        robot, gripper: franky's.
+        robot, gripper: franky's objects.
         model: the arm's own dynamics.
     """
 
@@ -216,7 +224,7 @@ class FrankySession:
         self.model: Any = self.robot.model
 
     def state(self) -> Any:
-        """Return franky's newest state, without blocking on a mute control box.
+        """Return franky's newest state, without blocking on an unresponsive control box.
 
         Raises:
             Unavailable: there is none.
@@ -230,8 +238,10 @@ class FrankySession:
             raise Unavailable(f"the robot at {self.address}: {faults.of_error(error)}") from error
 
     def set_thresholds(self, widest: Reflex, torque_max: Any) -> None:
-        """Set the control box's own collision thresholds: the outermost limit, as they cannot be
-        changed while a control loop runs."""
+        """Set the control box's own collision thresholds: the outermost limit.
+
+        They cannot be changed while a control loop runs.
+        """
         force = widest.force + widest.load
         wrench = [force] * 3 + [widest.torque] * 3
         torques = (TORQUES * np.asarray(torque_max)).tolist()
@@ -249,8 +259,10 @@ class FrankySession:
             raise Unavailable(f"the robot at {self.address}: {problem}")
 
     def close(self, lost: bool = False) -> None:
-        """End the control loop without a jerk, and disconnect; an arm that does not answer is
-        abandoned, immediately where it is known to be `lost`."""
+        """End the control loop without a jerk, and disconnect.
+
+        An arm that does not answer is abandoned, immediately if it is known to be `lost`.
+        """
         if lost:
             self.abandon()
             return
@@ -297,8 +309,10 @@ class FrankySession:
 
 
 class Guided:
-    """An arm that a person guides by hand: read, never commanded. Implements
-    `palpate.execution.cell.GuidedHand`."""
+    """An arm that a person guides by hand: read, never commanded.
+
+    Implements `palpate.execution.cell.GuidedHand`.
+    """
 
     def __init__(self, session: FrankySession, pose_world_base: Pose) -> None:
         self._session, self._base = session, pose_world_base
@@ -334,6 +348,6 @@ def connecting(error: Exception) -> str:
 
 @atexit.register
 def _forget() -> None:
-    """Keep the destructors of abandoned objects from running."""
+    """Prevent the destructors of abandoned objects from running."""
     for thing in _abandoned:
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(thing))

@@ -13,20 +13,23 @@ from palpate.robots.description import PREFIX, RobotDescription
 
 BITS = 31  # of a non-negative 32 bit integer
 HARDNESS = ((0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0))
-"""MuJoCo's defaults of solref and solimp: a geom that has them states nothing (XMLreference, geom)."""
+"""MuJoCo's defaults of solref and solimp. A geom with these values states no softness (XMLreference,
+geom).
+"""
 STATIC_FRICTION = "static_friction_"
 SLIP = 0.002
-"""m/s at which an object counts as sliding: well above MuJoCo's creep, well below any commanded
-slide."""
+"""m/s: speed from which an object counts as sliding. It is well above MuJoCo's creep and well below any
+commanded slide.
+"""
 OWN, FIXED = 1, 2  # geoms of the object, and of bodies that never move
 
 
 def let_touch(world: mujoco.MjSpec) -> None:
     """Let the robot in `world` collide with each shape of the scene that can collide at all.
 
-    MuJoCo lets two shapes collide where a bit of one's `contype` is in the other's `conaffinity`. A
-    scene may use bits that the robot's shapes lack: these would pass through each other. Contacts
-    within the scene stay as they are.
+    MuJoCo lets two shapes collide where a bit of one's `contype` is in the other's `conaffinity`. A scene
+    may use bits that the robot's shapes lack, so that these would pass through each other. Contacts within
+    the scene stay unchanged.
 
     Raises:
         InputError: every bit is in use.
@@ -34,11 +37,13 @@ def let_touch(world: mujoco.MjSpec) -> None:
     robot = [geom for geom in world.geoms if is_robots(geom) and geom.contype]
     others = [geom for geom in world.geoms if not is_robots(geom)]
     solid = [shape for shape in (*others, *world.flexes) if shape.contype or shape.conaffinity]
+    # A bit that all shapes of the robot have may already suffice.
     shared = 1
     for geom in robot:
         shared &= geom.contype
     if all(shared & shape.conaffinity for shape in solid):
         return
+    # Otherwise a bit that no shape uses connects the robot with every solid shape.
     used = 0
     for shape in (*world.geoms, *world.flexes):
         used |= shape.contype | shape.conaffinity
@@ -60,11 +65,11 @@ def is_robots(geom: mujoco.MjsGeom) -> bool:
 
 
 def keep_softness(world: mujoco.MjSpec, arm: RobotDescription) -> None:
-    """Keep the softness that shapes of the scene state, in contact with the fingers of `arm`.
+    """Keep the stated softness of the scene's shapes in contact with the fingers of `arm`.
 
-    The pads have priority over what they touch: MuJoCo then takes friction, solref and solimp of the
-    contact from them, and a mat would be as hard as the pads. So a shape that states its softness
-    gets an explicit pair with each finger shape: its softness, the pads' friction.
+    The pads have priority over the shapes that they touch. MuJoCo then takes friction, solref and solimp
+    of the contact from the pads, and a mat would be as hard as the pads. So a shape that states its
+    softness gets an explicit pair with each finger shape, with its own softness and the pads' friction.
     """
     pads = [pad for name in arm.hand.fingers for pad in world.joint(PREFIX + name).parent.geoms]
     solref, solimp = HARDNESS
@@ -84,7 +89,7 @@ def keep_softness(world: mujoco.MjSpec, arm: RobotDescription) -> None:
 
 
 def add_soft_pair(world: mujoco.MjSpec, pad: mujoco.MjsGeom, geom: mujoco.MjsGeom) -> None:
-    """Add the contact pair that MuJoCo would make itself, except for the softness."""
+    """Add the contact pair that MuJoCo would make itself, with the softness of `geom`."""
     slide, turn, roll = np.asarray(pad.friction, dtype=float)
     pair = world.add_pair(
         world.find_default(PREFIX + "main"), geomname1=pad.name, geomname2=geom.name
@@ -98,29 +103,30 @@ def add_soft_pair(world: mujoco.MjSpec, pad: mujoco.MjsGeom, geom: mujoco.MjsGeo
 class Stiction:
     """Static and dynamic friction of an object.
 
-    MuJoCo has one coefficient of sliding friction; a real pair of surfaces holds better than it
-    slides. A world declares the static coefficient per object with `<custom><numeric
-    name="static_friction_NAME" data="0.41"/></custom>`; the `friction` of the object's geoms is the
-    dynamic one.
+    MuJoCo has one coefficient of sliding friction, but static friction of real surfaces exceeds dynamic
+    friction. A world declares the static coefficient of an object with `<custom><numeric
+    name="static_friction_NAME" data="0.41"/></custom>`. The `friction` of the object's geoms is the
+    dynamic coefficient.
     """
 
-    geoms: tuple[int, ...]  # ids of the object's
+    geoms: tuple[int, ...]  # ids of the object's geoms
     dof: int  # first of its free joint's degrees of freedom
-    static: float  # coefficients of sliding friction
-    dynamic: tuple[float, ...]  # per geom
+    static: float  # static coefficient of sliding friction
+    dynamic: tuple[float, ...]  # dynamic coefficient of each geom
     sides: NDArray[np.int8]  # per geom of the world: `OWN`, `FIXED`, else 0
 
     def apply(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Set the coefficient for the speed at which the object slides on static bodies.
 
-        An object in the air keeps the coefficient that it left with, and lands with it.
+        An object in the air keeps the coefficient of its last contact, and lands with it.
         """
+        # Contacts between the object and a fixed body.
         sides = self.sides.take(data.contact.geom)
         on_fixed = sides[:, 0] + sides[:, 1] == OWN + FIXED
         if not on_fixed.any():
             return
-        # The horizontal speed of the contact points, not of the body's origin: an object turns in the
-        # fingers' grip before its base slips.
+        # Slip is the horizontal speed of the contact points, v + ω × r, not of the body's origin: an object
+        # turns in the fingers' grip before its base slips.
         body = model.geom_bodyid[self.geoms[0]]
         linear, turning = data.qvel[self.dof : self.dof + 3], data.qvel[self.dof + 3 : self.dof + 6]
         wx, wy, wz = data.xmat[body].reshape(3, 3) @ turning
@@ -145,7 +151,7 @@ def declared_stiction(model: mujoco.MjModel) -> tuple[Stiction, ...]:
 
 
 def stiction_of(model: mujoco.MjModel, name: str, static: float) -> Stiction:
-    """Find the geoms and the friction of the object `name`."""
+    """Find the geoms and the friction coefficients of the object `name`."""
     free = {
         model.body(i).name: i
         for i in range(model.nbody)

@@ -1,5 +1,4 @@
-"""Simulated sensors of the arm: from recorded joint signals to logged samples, through the nominal
-model."""
+"""Simulated sensors of the arm: from recorded joint signals to logged samples, by the nominal model."""
 
 from __future__ import annotations
 
@@ -19,12 +18,12 @@ from palpate.robots.simulated.timing import LONGEST_RUN, PERIOD
 from palpate.robots.simulated.world import Steps
 from palpate.trace.samples import Samples
 
-OBSERVER_TIME = 0.01  # s, time constant of the momentum observer, two log periods
-LOAD_TIME = 0.2  # s, time constant with which a vertical force is taken for a load
+OBSERVER_TIME = 0.01  # s, time constant of the momentum observer: two log periods
+LOAD_TIME = 0.2  # s, time constant of the vertical force that counts as a load
 
-MOST = 2 * LONGEST_RUN  # log periods that are read together, at most
+MOST = 2 * LONGEST_RUN  # log periods that are read at once, at most
 _KEPT = math.exp(-PERIOD / OBSERVER_TIME)
-# Response of the observer to the residual of each period, and what is left of its state before.
+# Response of the observer to the residual of each period, and the decay of its previous state.
 _AGES = np.subtract.outer(np.arange(MOST), np.arange(MOST))
 _RESPONSE: Array = (1.0 - _KEPT) * np.tril(_KEPT ** np.maximum(_AGES, 0))
 _FADE: Array = _KEPT ** np.arange(1.0, MOST + 1)[:, None]
@@ -50,27 +49,27 @@ class Measurement(NamedTuple):
     wrench: Array  # (n, 6)
     contact: Array
     contact_torque: Array  # (n, 7) N m
-    arrived: NDArray[np.bool_] | None  # (n,) which of the samples do; None for all
+    arrived: NDArray[np.bool_] | None  # (n,) True for samples that arrive; None for all
 
 
 class Readout:
     """The latest sensed state, and the samples of all runs of steps.
 
-    The controller's part, of the encoders alone, is up to date after each run (`follow`); samples and what
-    is sensed with them after `read`.
+    The controller's part uses the encoders alone, and is up to date after each run (`follow`). Samples and
+    the quantities derived from them are up to date after `read`.
 
     Attributes:
-        q, rate: (7,) rad, rad/s, the controller's: its encoders are read without noise.
+        q, rate: (7,) rad, rad/s, of the controller, whose encoders are read without noise.
         dq: (7,) rad/s, of the newest sample that arrived.
         tau, tau_ext: (7,) N m.
         wrench, contact, twist: (6,).
-        contact_torque: (7,) N m, of the joints: of a contact or a load, not of the arm's inertia.
+        contact_torque: (7,) N m, of the joints: of a contact or a load, without the arm's inertia.
         pose_world_tcp: pose of the newest encoder reading, not a block's mean.
         stamp: s, robot time of the newest sample that arrived.
         reported: joint angles (7,), rad, and pose of the TCP, as of that sample.
         jacobian: (6, 7).
         gravity_torque: (7,) N m, nominal.
-        commanded: (7,) N m, the last block's.
+        commanded: (7,) N m, of the last block.
         speed: (7,) rad/s at the end of the last block; `dq` is its mean.
         deviation: (7,) N m, sensed less true torque now, without white noise.
         load: N on the hand: the slow part of the vertical force.
@@ -87,8 +86,10 @@ class Readout:
         torque: Array,
         gains: Array,
     ) -> None:
-        """Zero the sensors at rest at `q` (7,), rad, held up by `torque` (7,), N m; `gains` (7,) are
-        measured relative errors of the sensors, which are corrected."""
+        """Zero the sensors at rest at `q` (7,), rad, with the holding torques `torque` (7,), N m.
+
+        `gains` (7,) are measured relative errors of the sensors, which are corrected.
+        """
         self._nominal, self._sensors, self._encoders = nominal, sensors, encoders
         self._stamps = stamps
         self._armature = nominal.armature
@@ -128,12 +129,12 @@ class Readout:
 
     @property
     def pending(self) -> bool:
-        """True if runs were followed and not read."""
+        """Test if there are runs that were followed but not read."""
         return bool(self._followed)
 
     @property
     def full(self) -> bool:
-        """True if another run may be too long to be read with those that were followed."""
+        """Test if another run may be too long to be read with the runs followed so far."""
         return sum(len(run.dq) for run in self._followed) > MOST - LONGEST_RUN
 
     def read(self, t: float) -> Samples:
@@ -141,6 +142,7 @@ class Readout:
 
         Positions, torques and derived signals are means over a sample's block.
         """
+        # Join the runs, and simulate the sensors along the whole motion.
         runs, self._followed = self._followed, []
         motion = runs[0]
         if len(runs) > 1:
@@ -160,6 +162,7 @@ class Readout:
             target_world_tcp=motion.target,
             width=motion.width,
         )
+        # Drop the samples that got lost; the state is that of the newest sample that arrived.
         torque, contact, arrived = measured.torque, measured.contact, measured.arrived
         felt = measured.contact_torque
         if arrived is None or arrived[-1]:
@@ -175,14 +178,19 @@ class Readout:
         return samples
 
     def follow(self, steps: Steps, gains: SpringGains, swivel: Swivel, target: Array) -> None:
-        """Follow a run of steps, with the null space damped and the commanded poses of the TCP (n, 7): the arm's
-        motion as its encoders report it."""
+        """Follow a run of steps: compute the arm's motion as its encoders report it.
+
+        `swivel` damps the null space; `target` (n, 7) has the commanded poses of the TCP.
+        """
+        # Change of the joint speeds over each block.
         gained = steps.dq.copy()
         gained[0] -= self.speed
         gained[1:] -= steps.dq[:-1]
         self.speed = steps.dq[-1]
+        # Reported angles, and the kinematics of the nominal arm at the end of each block.
         q = self._report_angles(steps)
         here = self._nominal.kinematics(q, steps.dq, gained / PERIOD)
+        # Means over a block are midpoints of its ends; speeds are differences of them.
         rows = np.empty((len(q) + 1, 21))
         rows[0], rows[1:, :7] = self._last, q
         rows[1:, 7:14], rows[1:, 14:] = here.pose_world_tcp, here.gravity_torque
@@ -192,7 +200,7 @@ class Readout:
         self._last, self.jacobian, self.rate = rows[-1], here.jacobian[-1], dq[-1]
         self.angle_error, self.commanded = q[-1] - steps.q[-1], steps.torque[-1]
         true = self._link_torque(steps, gained, gains, swivel, here.jacobian)
-        # The torque of each physics step holds the arm where it is at the beginning: half a step before the middle.
+        # The torque of each physics step holds the arm at its beginning: half a step before the middle.
         true += (rows[1:, 14:] - rows[:-1, 14:]) * (steps.step / 2.0 / PERIOD)
         width = steps.fingers.sum(1)
         self._followed.append(
@@ -210,16 +218,20 @@ class Readout:
 
     def _measure(self, motion: Followed) -> Measurement:
         """Simulate the torque sensors along a motion."""
+        # Read the sensors, and correct their readings for the measured gains.
         place = LoggedMotion(motion.mean[:, :7], motion.dq, self.jacobian, motion.mean[:, 7:10])
         torque, arrived, shown = self._sensors.measure(motion.true, place)
         torque = self._correct_gains(torque)
         self.deviation = self._correct_gains(shown) - motion.true[-1]
+        # The external torque is the torque less the nominal weight; the contact's part excludes the arm's
+        # inertia.
         tau_ext = torque - motion.mean[:, 14:]
         both = np.empty((*tau_ext.shape, 2))
         felt = self._observe(tau_ext - motion.inertia_torque)
         both[:, :, 0], both[:, :, 1] = tau_ext, felt
         both = wrenches(motion.jacobian, both)
         wrench, contact = both[:, :, 0], both[:, :, 1]
+        # The load is a low-pass filter of the vertical force.
         newer = -math.expm1(-len(torque) * PERIOD / LOAD_TIME)
         self.load += (contact[-1, 2] - self.load) * newer
         return Measurement(torque, tau_ext, wrench, contact, felt, arrived)
@@ -229,10 +241,12 @@ class Readout:
         return self._zeroed + (torque - self._zeroed) / self._gains
 
     def _add_noise(self, motion: Followed) -> Array:
-        """Add the encoders' noise to the angles and poses of `motion.mean`; return the noisy rates
-        (n, 7), rad/s."""
+        """Add the encoders' noise to the angles and poses of `motion.mean`; return the noisy rates (n, 7),
+        rad/s.
+        """
         mean, dq, noise = motion.mean, motion.dq, self._encoders.noise(len(motion.mean))
         if noise is not None:
+            # Noise of the angles moves the TCP by the Jacobian, and enters the rates as a difference.
             mean[:, :7] += noise
             mean[:, 7:10] += np.matmul(motion.jacobian[:, :3], noise[:, :, None])[:, :, 0]
             before = np.concatenate([self._last_noise[None], noise[:-1]])
@@ -244,11 +258,11 @@ class Readout:
     def _observe(self, residual: Array) -> Array:
         """Estimate the external joint torque (n, 7), N m, of n log periods: the momentum observer.
 
-        The `residual` (n, 7) is the torque in each period that does not move the links: a contact or
-        a load. The observer is its first-order filter, r' = K (tau_ext - r): A. De Luca, A.
-        Albu-Schäffer, S. Haddadin, G. Hirzinger, "Collision Detection and Safe Reaction with the
-        DLR-III Lightweight Manipulator Arm", IROS 2006. There the momentum is integrated so that no
-        acceleration is needed; over one period, its gain is the mean acceleration's.
+        The `residual` (n, 7) is the torque in each period that does not move the links: a contact or a
+        load. The observer is its first-order filter, r' = K (tau_ext - r): A. De Luca, A. Albu-Schäffer,
+        S. Haddadin, G. Hirzinger, "Collision Detection and Safe Reaction with the DLR-III Lightweight
+        Manipulator Arm", IROS 2006. That paper integrates the momentum so that no acceleration is needed.
+        Over one period, the change of momentum equals the mean acceleration times the inertia.
         """
         n = len(residual)
         out = _RESPONSE[:n, :n] @ residual + _FADE[:n] * self._external
@@ -258,12 +272,13 @@ class Readout:
     def _link_torque(
         self, steps: Steps, gained: Array, gains: SpringGains, swivel: Swivel, jacobian: Array
     ) -> Array:
-        """Compute the mean torque (n, 7) behind the gears in each block, without that of the motors'
+        """Compute the mean torque (n, 7) behind the gears in each block, without the torque of the motors'
         own inertia.
 
-        Torques are sampled at the beginning of each physics step; the integrator is implicit in dampers, which act
-        with the speed at its end.
+        Torques are sampled at the beginning of each physics step. The integrator is implicit in dampers,
+        which act with the speed at the end of the step.
         """
+        # Correct the dampers' torques for the change of speed within a step.
         late = gains.on(gained, gains.damping * steps.step, jacobian)
         if gains.cartesian:
             late += np.outer(gained @ swivel.axis, swivel.damping * steps.step * swivel.axis)

@@ -1,5 +1,6 @@
-"""Set-points of the simulated controller: a motion's, computed for all its 1 ms steps, and their
-correction for the true arm."""
+"""Set-points of the simulated controller: those of a motion, for all its 1 ms steps, and their correction for
+the true arm.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +20,10 @@ from palpate.robots.simulated.world import World
 from palpate.robots.trajectory import PosePath, PositionPath, quaternion_matrix, rotate_quaternion
 
 BLEND = 0.5
-"""Share of a new deviation that is applied in a run of cycles. Where joints or pads give way, the
-deviation follows the force and the force the set-point: all of it together would swing up where
-they are softer than the controller's springs."""
+"""Share of a new deviation that is applied in a run of cycles. Where joints or pads deform, the deviation
+follows the force and the force follows the set-point. The full deviation would oscillate where they are
+softer than the controller's springs.
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +44,8 @@ class Setpoints:
 def joint_setpoints(
     path: PositionPath, start: float, gains: SpringGains, poses: Callable[[Array], Array]
 ) -> Setpoints:
-    """Make set-points for the joints' springs; `poses` maps configurations (n, 7) to TCP poses."""
+    """Make set-points for the joints' springs; `poses` maps configurations (n, 7) to TCP poses (n, 7)."""
+    # Sample the path at every step, and the TCP pose in the middle of each log period.
     rows = path.sample(step_times(path, start))
     poses_world_tcp = poses(rows[BLOCK // 2 :: BLOCK])
     no_posture = np.empty((len(poses_world_tcp), 0))
@@ -54,12 +57,14 @@ def pose_setpoints(
 ) -> Setpoints:
     """Make set-points for the TCP's springs, with a joint path for the null space."""
     times = step_times(path.path, start)
+    # Sample the path, and the null space's configurations and rates in each log period.
     rows, configurations = path.path.sample(times), posture.sample(times[::BLOCK])
     rates = np.gradient(configurations, PERIOD, axis=0)
-    # rotation vectors are in the origin's frame, the springs in the world's
+    # Rotation vectors are in the frame of the origin, springs in the world's.
     to_world = np.eye(6)
     to_world[3:, 3:] = Pose(np.zeros(3), path.origin).rotation
     led = rows + lead(rows @ to_world.T, gains) @ to_world
+    # Convert rotation vectors to quaternions, with the lead for the springs and without it for the log.
     led_poses, poses = (
         np.concatenate([some[:, :3], rotate_quaternion(path.origin, some[:, 3:])], axis=1)
         for some in (led, rows[BLOCK // 2 :: BLOCK])
@@ -68,8 +73,7 @@ def pose_setpoints(
 
 
 def step_times(path: PositionPath, start: float) -> Array:
-    """Return the times of all steps from `start` to the path's end, in whole blocks, and of one more
-    run."""
+    """Return the times of all steps from `start` to the path's end, in whole blocks, plus one run."""
     blocks = max(0, int(np.ceil((path.end - start) / PERIOD - 1e-9)))
     return start + TIMESTEP * np.arange(1.0, (blocks + LONGEST_RUN) * BLOCK + 1)
 
@@ -83,8 +87,8 @@ def lead(rows: Array, gains: SpringGains) -> Array:
 class Correction:
     """Correction of set-points and feed-forward torques for the true arm.
 
-    The controller knows the reported arm; MuJoCo's springs act on the true one. The correction is
-    the true less the reported state, now and at the end of the next run of cycles.
+    The controller knows the reported arm; MuJoCo's springs act on the true arm. The correction is the true
+    less the reported state, now and at the end of the next run of cycles.
 
     Attributes:
         torque: (7,) N m by which the nominal arm's weight exceeds MuJoCo's compensation.
@@ -98,7 +102,7 @@ class Correction:
         self._before = self._after = self._current_error()
 
     def follow(self) -> None:
-        """Update the deviation before a run of cycles."""
+        """Update the deviation before a run of cycles, with a share of its change."""
         self._before, new = self._after, self._current_error()
         if self._needed:
             self._after = self._before + BLEND * (new - self._before)
@@ -106,7 +110,7 @@ class Correction:
             self._before = self._after = new
 
     def reached(self, share: float) -> None:
-        """Note the share of the run of cycles after which it ended."""
+        """Record the share of the run of cycles after which it ended."""
         if share < 1.0:
             self._after = self._before + share * (self._after - self._before)
 
@@ -130,11 +134,14 @@ class Correction:
         return self._before[part] + share * (self._after - self._before)[part]
 
     def _current_error(self) -> Array:
-        """Compute the true less reported TCP position (3) and joint angles (7)."""
+        """Compute the true less reported TCP position (3) and joint angles (7), and the turn between both
+        orientations.
+        """
         readout, out = self._readout, np.zeros(10)
         if not self._needed:
             out[:3] = -self._encoders.pose_error
             return out
+        # The deviation of the orientation is applied at once, as a rotation in the world.
         true, reported = self._world.true_tcp(), readout.pose_world_tcp
         turn = np.empty(4)
         mujoco.mju_mulQuat(turn, true.quaternion, CONJUGATE * reported.quaternion)

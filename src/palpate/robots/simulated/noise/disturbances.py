@@ -20,12 +20,13 @@ from palpate.robots.simulated.noise.model import (
 )
 from palpate.trace.samples import STANDARD_GRAVITY
 
-REACH = 0.3  # m, correlation length of the cable's pull
+REACH = 0.3  # m, correlation length of the cable's force
 WAVES = 48  # random waves that make up its field
-REST_SPEED = 3e-3  # rad/s, norm over the joints: slower is coming to rest
+REST_SPEED = 3e-3  # rad/s, norm over the joints: slower joints come to rest
 NEW_APPROACH = 4.5e-3
-"""rad of motion, norm over the joints, after which the next rest is a new approach: three times
-the usual release, which leaves 5 % of the torque that had stuck."""
+"""rad of motion, norm over the joints, after which the next rest is a new approach. It is three times the
+usual release, which leaves 5 % of the torque that had stuck.
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,10 +43,10 @@ class LoggedMotion:
 
 
 class Cable:
-    """A force at the TCP that varies smoothly over the workspace.
+    """Force at the TCP that varies smoothly over the workspace.
 
-    A Gaussian random field with the covariance exp(-d^2 / 2 REACH^2), by random Fourier features
-    (A. Rahimi, B. Recht, "Random features for large-scale kernel machines", NIPS 2007).
+    It is a Gaussian random field with the covariance exp(-d^2 / 2 REACH^2), by random Fourier features (A.
+    Rahimi, B. Recht, "Random features for large-scale kernel machines", NIPS 2007).
     """
 
     def __init__(self, size: float, streams: Streams) -> None:
@@ -66,7 +67,9 @@ class BaseVibration:
     def __init__(self, vibration: Vibration, period: float, streams: Streams) -> None:
         self._omega = 2 * math.pi * vibration.frequency
         self._phase = streams.run("environment.vibration").uniform(-np.pi, np.pi)
-        within = self._omega * period / 2  # a block's mean is less than its middle
+        within = (
+            self._omega * period / 2
+        )  # the mean over a block is smaller than the value in its middle
         self._size = math.sqrt(2.0) * vibration.acceleration * np.sinc(within / np.pi)
         self._period, self._t = period, 0.0
 
@@ -79,8 +82,8 @@ class BaseVibration:
 
 
 class Rests:
-    """Errors drawn at every rest of the arm: torque that sticks in the joints, and the TCP's true
-    resting position.
+    """Errors drawn at every rest of the arm: sticking torque of the joints, and the TCP's true resting
+    position.
 
     Attributes:
         pose_error: (3,) m, world axes: reported less true position of the TCP.
@@ -101,11 +104,13 @@ class Rests:
 
     def add(self, torque: Array, motion: LoggedMotion) -> None:
         """Add the sticking torque to the link-side torques (n, 7), N m, and update `pose_error`."""
+        # Motion per period, and the share of the sticking torque that survives it.
         model, period = self._model, self._period
         steps = np.linalg.norm(motion.dq, axis=1) * period
         left = np.exp(-steps / model.release).tolist()
         builds = min(1.0, period / model.settling)
         stays = math.exp(-period / model.relaxation)
+        # The torque decays with motion, and builds up to its new value at rest.
         for i, slid in enumerate(steps.tolist()):
             self._moved += slid
             self.torque *= left[i]
@@ -124,7 +129,7 @@ class Rests:
         self.pose_error += (self._place - self.pose_error) * moved
 
     def _draw(self, jacobian: Array) -> None:
-        """Draw the errors of a new rest, correlated by `memory` with the last one."""
+        """Draw the errors of a new rest; `memory` is their correlation with the last rest."""
         memory = self._model.memory
         new = jacobian[:3].T @ self._model.force.draw(self._force)  # like a force at the TCP
         new += self._model.torque.draw(self._own)
@@ -132,22 +137,25 @@ class Rests:
         self._place = self._pose.repeatability.draw(self._places)
 
 
-# Joint friction behind the torque sensors, in bearings, seals and cables: its level and its laws.
+# Joint friction behind the torque sensor, in bearings, seals and cables: its level and its laws.
 
 
 YIELDS: Array = np.array([0.2, 0.6, 1.0, 2.5])[:, None]
-"""Distance over `presliding` at which each element of a Maxwell slip model starts to slide; their
-levels are equal."""
-MICRO_DAMPING = 0.005  # s, of LuGre's bristles, over their stiffness
+"""Distance over `presliding` at which each element of a Maxwell slip model starts to slide. The levels of the
+elements are equal.
+"""
+MICRO_DAMPING = 0.005  # s, ratio of damping to stiffness of LuGre's bristles
 
 
 class Dahl:
-    """Dahl's model: per rad of motion the torque closes 1 / presliding of the way to plus or minus
-    its level (P. Dahl, "Solid friction damping of mechanical vibrations", AIAA Journal 14, 1976).
+    """Dahl's model: the torque approaches plus or minus its level exponentially with the distance moved.
+
+    d tau / d q = (level sgn(dq) - tau) / presliding (P. Dahl, "Solid friction damping of mechanical
+    vibrations", AIAA Journal 14, 1976).
     """
 
     def __init__(self, presliding: Array, period: float, torque: Array, level: Array) -> None:
-        """Start at `torque` (7,) N m; `level` (7,) is the sliding one."""
+        """Start at `torque` (7,) N m; `level` (7,) is the sliding level."""
         self._presliding, self._period, self._torque = presliding, period, torque.copy()
 
     def held(self, dq: Array, level: Array) -> Array:
@@ -155,6 +163,7 @@ class Dahl:
         return self._relax_state(np.exp(np.abs(dq) * (-self._period / self._presliding)), dq, level)
 
     def _relax_state(self, keep: Array, dq: Array, level: Array) -> Array:
+        # Exact solution over each period: tau <- keep tau + (1 - keep) level sgn(dq).
         pull, held = np.copysign(level * (1.0 - keep), dq), np.empty_like(dq)
         for i in range(len(dq)):
             self._torque *= keep[i]
@@ -173,6 +182,7 @@ class LuGre(Dahl):
         self._stiffness = level / presliding  # N m/rad
 
     def held(self, dq: Array, level: Array) -> Array:
+        # Bristles relax with the rate |dq| stiffness / level; their micro-damping adds to the torque.
         level = np.broadcast_to(level, dq.shape)
         rate = np.abs(dq) * self._stiffness  # N m/s
         keep = np.exp(-self._period * rate / np.maximum(level, 1e-9))
@@ -183,8 +193,8 @@ class LuGre(Dahl):
 
 
 class MaxwellSlip:
-    """Maxwell slip model: elastic elements in parallel, each of which slides at a level of its own
-    (F. Al-Bender, V. Lampaert, J. Swevers, "The generalized Maxwell-slip model", IEEE TAC 50, 2005).
+    """Maxwell slip model: elastic elements in parallel, each with its own sliding level (F. Al-Bender, V.
+    Lampaert, J. Swevers, "The generalized Maxwell-slip model", IEEE TAC 50, 2005).
     """
 
     def __init__(self, presliding: Array, period: float, torque: Array, level: Array) -> None:
@@ -193,7 +203,9 @@ class MaxwellSlip:
         self._stretch = share * self._yields
 
     def held(self, dq: Array, level: Array) -> Array:
-        """As `Dahl.held`."""
+        """Compute the torques (n, 7), N m, as `Dahl.held`."""
+        # Each element stretches with the motion up to its limit; the torque is their mean share of the
+        # level.
         share = np.empty_like(dq)
         for i, step in enumerate(dq * self._period):
             np.clip(self._stretch + step, -self._yields, self._yields, out=self._stretch)
@@ -212,6 +224,7 @@ class JointFriction:
     """
 
     def __init__(self, friction: FrictionNoise, period: float, streams: Streams) -> None:
+        # The individual robot's level, phases and initial torque.
         self._model = friction
         spread = 1.0 + friction.spread.draw(streams("friction.spread"))
         self._level = friction.coulomb * np.maximum(spread, 0.0)
@@ -234,7 +247,10 @@ class JointFriction:
             torque -= model.compensated * model.coulomb * np.sign(dq)
 
     def _levels(self, torque: Array, motion: LoggedMotion) -> Array:
-        """Compute the levels (n, 7), N m, that the friction tends to."""
+        """Compute the level (n, 7), N m, that the friction approaches.
+
+        level (1 + ripple) + load |tau|, raised by the Stribeck effect at low speed.
+        """
         model = self._model
         ripple = math.sqrt(2.0) * model.position * np.sin(motion.q + self._phase)
         level = self._level * np.maximum(1.0 + ripple, 0.0) + model.load * np.abs(torque)
@@ -269,13 +285,15 @@ class Waves:
 
 
 class Resonator:
-    """Second-order low pass of seven joints, by the bilinear transform with its natural frequency
-    kept."""
+    """Second-order low pass of seven joints, by the bilinear transform prewarped to the natural
+    frequency.
+    """
 
     def __init__(self, resonance: Resonance, period: float) -> None:
         # A joint without a resonance passes its ripple on.
         self._acts = np.isfinite(resonance.frequency)
         omega = 2 * np.pi * np.where(self._acts, resonance.frequency, 1.0)
+        # Coefficients of the biquad (b, 2 b, b) / (1, a1, a2).
         g = np.tan(np.minimum(omega * period, 0.95 * np.pi) / 2)
         scale = 1.0 / (1.0 + 2.0 * resonance.damping * g + g * g)
         self._b = g * g * scale
@@ -286,6 +304,7 @@ class Resonator:
 
     def passed(self, ripple: Array) -> Array:
         """Filter the next inputs (n, 7)."""
+        # A linear map from state and inputs to new state and outputs, computed once per length.
         given = np.concatenate([self._state, ripple])
         if len(ripple) not in self._maps:
             self._maps[len(ripple)] = self._map(len(ripple))
@@ -294,11 +313,15 @@ class Resonator:
         return np.where(self._acts, out[2:], ripple)
 
     def _map(self, count: int) -> Array:
-        """Compute the matrices (7, 2 + count, 2 + count) from state and inputs to the state after them and the
-        outputs: the filter's answers to each alone."""
+        """Compute the matrices (7, 2 + count, 2 + count) from state and inputs to the new state and the
+        outputs.
+
+        They contain the filter's response to each unit input.
+        """
         each = np.broadcast_to(np.eye(2 + count)[:, None], (2 + count, JOINTS, 2 + count))
         s1, s2, out = each[0], each[1], list[Array]()
         b, a1, a2 = (one[:, None] for one in (self._b, self._a1, self._a2))
+        # Transposed direct form II, with unit vectors as inputs.
         for now in each[2:]:
             here = b * now + s1
             s1, s2 = 2.0 * b * now - a1 * here + s2, b * now - a2 * here

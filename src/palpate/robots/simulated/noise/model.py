@@ -1,11 +1,10 @@
-"""Noise model: deviations of a real arm from its nominal one. The format of `--noise FILE.yaml`,
-version 1.
+"""Noise model: deviations of a real arm from its nominal model. The format of `--noise FILE.yaml`, version 1.
 
 Every key is optional. An absent key means no error; in `datasheet` it means the figure of the arm's
-description. SI units. A scalar stands for all seven joints, or for all axes. A size is one standard
-deviation of a centred normal unless its key ends in `_max` (uniform within plus and minus) or it is
-a level. A drawn size may be written `{fixed: value}`: then the value is the same for every seed.
-`docs/noise.md` documents every figure.
+description. Units are SI. A scalar applies to all seven joints, or to all axes. A size is one standard
+deviation of a centred normal distribution. It is a half width of a uniform distribution if its key ends in
+`_max`, and a plain value if it is a level. A drawn size may be written `{fixed: value}`: the value is then
+the same for every seed. `docs/noise.md` documents every figure.
 """
 
 from __future__ import annotations
@@ -32,10 +31,10 @@ class DrawnValue:
     """A value that is drawn, or fixed."""
 
     law: Law
-    # Standard deviation of a centred normal (`normal`; `magnitude` takes its absolute value), half
-    # the width of a uniform (`uniform`), or the size of a random sign (`sign`).
+    # Standard deviation of a centred normal distribution (`normal`; `magnitude` takes the absolute value),
+    # half the width of a uniform one (`uniform`), or the size of a random sign (`sign`).
     size: Array
-    fixed: Array | None = None  # the value itself, with its sign, instead
+    fixed: Array | None = None  # the value itself, with its sign, instead of a draw
 
     @property
     def any(self) -> bool:
@@ -44,6 +43,7 @@ class DrawnValue:
 
     def draw(self, random: np.random.Generator) -> Array:
         """Draw a value, in the shape of its size."""
+        # A uniform draw within plus and minus the size, or a normal one by the law.
         if self.fixed is not None:
             return self.fixed.copy()
         if self.law == "uniform":
@@ -61,12 +61,13 @@ class DrawnValue:
 
 
 class Streams:
-    """Random number streams, one per key of a noise model (`torque.white`), independent of each
-    other: a change of one key reshuffles no other.
+    """Random number streams, one per key of a noise model (`torque.white`), independent of each other.
+
+    A change of one key changes no other stream.
 
     Args:
-        seed: the robot.
-        visit: the run of that robot.
+        seed: seed of the robot.
+        visit: number of that robot's run.
     """
 
     def __init__(self, seed: int, visit: int = 0) -> None:
@@ -79,12 +80,12 @@ class Streams:
 
     def run(self, key: str) -> np.random.Generator:
         """Return the stream of a value that differs from run to run."""
-        # 255 is the largest byte of a key, so that no key and visit make another key.
+        # 255 is the largest byte of a key, so that no key and visit equal another key.
         return self(key, 255 + self._visit) if self._visit else self(key)
 
 
 def array_of(value: Any, shape: Shape, message: str) -> Array:
-    """Read numbers, also infinite ones, in `shape`, from a scalar, one number a joint, or all.
+    """Read numbers, including infinite ones, in `shape`, from a scalar, one number per joint, or all of them.
 
     Raises:
         ValueError: `message`.
@@ -106,7 +107,7 @@ def array_of(value: Any, shape: Shape, message: str) -> Array:
 
 
 def require_numbers(value: Any) -> None:
-    """Reject booleans, which Python takes for numbers, and anything else that is no number."""
+    """Reject booleans, which Python accepts as numbers, and any other value that is no number."""
     if isinstance(value, list):
         for inner in cast("list[Any]", value):
             require_numbers(inner)
@@ -174,7 +175,7 @@ def nothing(shape: Shape = (), law: Law = "normal") -> DrawnValue:
 
 Seven = (JOINTS,)
 AXES = (3,)
-NONE = np.zeros(JOINTS)  # a level of no joint
+NONE = np.zeros(JOINTS)  # level of zero in each joint
 
 Levels = Annotated[np.ndarray, PlainValidator(sizes(Seven))]  # one per joint
 Ranges = Annotated[np.ndarray, PlainValidator(sizes(Seven, infinite=True))]
@@ -209,17 +210,22 @@ Band = Annotated[tuple[Positive, Positive], AfterValidator(_rising)]
 
 
 class Flicker(Section):
-    """1/f noise: a one-sided power spectral density level^2 / f within `band`, Hz; flat below it,
-    zero above. `level`: N m at 1 Hz per sqrt(Hz)."""
+    """1/f noise with the one-sided power spectral density level^2 / f within `band`, Hz.
+
+    It is flat below the band and zero above. `level` is N m at 1 Hz per sqrt(Hz).
+    """
 
     level: Levels = NONE
     band: Band = (0.003, 50.0)
 
 
 class Drift(Section):
-    """Thermal drift, per run: `size` N m stationary, `time_constant` s (infinite: a random walk);
-    `warm_up` N m that a reading approaches from the run's start in `warm_up_time` s, with a random
-    sign (per robot)."""
+    """Thermal drift, per run.
+
+    `size` is the stationary standard deviation, N m, with `time_constant`, s (infinite: a random walk).
+    `warm_up`, N m, is a change that a reading approaches from the run's start in `warm_up_time`, s, with a
+    random sign (per robot).
+    """
 
     size: Levels = NONE
     time_constant: Lasting = 300.0
@@ -228,8 +234,10 @@ class Drift(Section):
 
 
 class EncoderRipple(Section):
-    """Error periodic in a joint's angle, `cycles` per turn, phase per robot; `size`: its root mean
-    square, `second`: that of its second harmonic."""
+    """Error periodic in a joint's angle, with `cycles` per turn and a phase per robot.
+
+    `size` is its root mean square, `second` that of its second harmonic.
+    """
 
     size: Levels = NONE
     second: Levels = NONE
@@ -237,15 +245,16 @@ class EncoderRipple(Section):
 
 
 class Resonance(Section):
-    """Second-order resonance of unit gain at low frequency: natural `frequency`, Hz (infinite:
-    none), and `damping` ratio."""
+    """Second-order resonance of unit gain at low frequency, with natural `frequency`, Hz (infinite: none),
+    and `damping` ratio.
+    """
 
     frequency: Positives = np.full(JOINTS, np.inf)
     damping: Positives = np.full(JOINTS, 0.2)
 
 
 class Ripple(EncoderRipple):
-    """Ripple of the torque sensors, as `EncoderRipple`, N m, amplified by a soft control loop."""
+    """Ripple of the torque sensors, N m, as `EncoderRipple`, amplified by a soft control loop."""
 
     cycles: Levels = np.full(JOINTS, 200.0)
     resonance: Resonance = Resonance()
@@ -285,8 +294,9 @@ class FrictionNoise(Section):
 
 
 class Sticking(Section):
-    """Torque left in the joints of an arm that came to rest: `force` N per axis at the TCP and
-    `torque` N m per joint."""
+    """Torque that remains in the joints after the arm comes to rest: `force` N per axis at the TCP and
+    `torque` N m per joint.
+    """
 
     force: Vector = nothing(AXES)
     torque: Joints = nothing(Seven)
@@ -329,14 +339,14 @@ class PoseErrors(Section):
 
 
 class OutlierNoise(Section):
-    """Single samples, heavy tailed: `rate` per s and joint, `size` N m."""
+    """Single samples with errors of a heavy-tailed distribution: `rate` per s and joint, `size` N m."""
 
     rate: Level = 0.0
     size: Levels = NONE
 
 
 class Dropped(Section):
-    """Gaps: `rate` per s, each `length` s."""
+    """Gaps in the samples: `rate` per s, each `length` s."""
 
     rate: Level = 0.0
     length: Positive = 0.005
@@ -370,7 +380,7 @@ class NoiseModel(Section):
 
     Attributes:
         name: title in report and result.
-        extends: base model of a file; resolved, and so None, once the file is read.
+        extends: base model of a file; None once the file is read, as it is then resolved.
         datasheet: the only section that estimators know.
     """
 

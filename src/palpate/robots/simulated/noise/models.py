@@ -1,4 +1,4 @@
-"""Registry of noise models: the levels that come with palpate, those of other packages, and files."""
+"""Registry of noise models: palpate's own levels, models of other packages, and files."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def scale(content: Content, arm: RobotDescription) -> None:
 
 
 def stated_figures(arm: RobotDescription) -> dict[str, Any]:
-    """Return the figures of a description that noise models have too, by their keys there."""
+    """Return the figures of a description that noise models have too, by their keys in a noise model."""
     sensors, accuracy = arm.sensors, arm.accuracy
     return {
         "datasheet.torque_gain_max": accuracy.torque_gain,
@@ -148,8 +148,10 @@ def stated_figures(arm: RobotDescription) -> dict[str, Any]:
 
 @cache
 def noise_models() -> NoiseModels:
-    """Return palpate's own noise models, and every public `NoiseModel` of the modules in the
-    entry-point group `palpate.noise`. Palpate's own names cannot be replaced.
+    """Return palpate's own noise models, and every public `NoiseModel` of the modules in the entry-point
+    group `palpate.noise`.
+
+    Palpate's own names cannot be replaced.
 
     Raises:
         InputError: an entry point's module cannot be loaded; the message names it.

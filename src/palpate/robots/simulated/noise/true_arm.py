@@ -1,6 +1,7 @@
 """The true arm: the nominal model with an individual robot's deviations.
 
-They are drawn once per robot. The encoders, and all that is computed from them, use the nominal arm.
+The deviations are drawn once per robot. The encoders, and all quantities computed from them, use the
+nominal arm.
 """
 
 from __future__ import annotations
@@ -13,15 +14,15 @@ from palpate.robots.description import RobotDescription, pads_end
 from palpate.robots.simulated.noise.model import ModelErrors, Streams
 from palpate.robots.trajectory import rotate_quaternion
 
-SHARE = 0.3  # of a body's mass that may be moved to shift its centre
+SHARE = 0.3  # of a body's mass that may be moved to shift its centre of mass
 
 
 class TrueArm:
     """Deviations of an individual robot from the nominal model, applied to a world.
 
     Attributes:
-        askew: True if the TCP may be elsewhere than the encoders report, or the weight that is
-            compensated may differ from the controller's model.
+        askew: True if the TCP may differ from the reported one, or the compensated weight may differ
+            from the controller's model.
     """
 
     def __init__(self, model: ModelErrors, streams: Streams) -> None:
@@ -41,13 +42,15 @@ class TrueArm:
         return Pose(pose_world_base.position + shift, quaternion)
 
     def gravity(self, assumed: Array) -> Array:
-        """Return the true gravity (3,), m/s^2, where `assumed` (3,) is stated."""
+        """Return the true gravity (3,), m/s^2, for the stated gravity `assumed` (3,)."""
         more = self._model.gravity.number(self._streams("model.gravity"))
         size = float(np.linalg.norm(assumed))
         return assumed * (1.0 + more / size) if size else assumed
 
     def build(self, robot: mujoco.MjSpec, arm: RobotDescription) -> None:
-        """Change the nominal model into the true one; gravity compensation stays the nominal one's."""
+        """Change the nominal model into the true one. Gravity compensation stays that of the nominal
+        model.
+        """
         self._set_geometry(robot, arm)
         self._set_masses(robot, arm)
         self._set_fingertips(robot, arm)
@@ -63,6 +66,8 @@ class TrueArm:
         for name, offset, longer in zip(arm.joints, offsets, lengths, strict=True):
             joint = robot.joint(name)
             joint.ref -= offset  # an angle reads `ref` in the model's reference pose
+            # A longer link moves its body along the link, or along the joint's axis where the link has no
+            # length.
             body = joint.parent
             position = np.array(body.pos)
             length = float(np.linalg.norm(position))
@@ -74,6 +79,7 @@ class TrueArm:
         for body in robot.bodies:
             if body.name != "world":
                 body.gravcomp = 1.0
+        # Split links whose mass or centre differs; the sum is the true link.
         model, streams = self._model, self._streams
         masses = model.link_mass.draw(streams("model.link_mass"))
         shifts = model.link_com.draw(streams("model.link_com"))
@@ -87,13 +93,14 @@ class TrueArm:
             split_body(robot.body(arm.hand.body), more, shift)
 
     def _set_fingertips(self, robot: mujoco.MjSpec, arm: RobotDescription) -> None:
-        """Shift the fingertips to their true place, around the one that the arm's owner knows."""
+        """Shift the fingertips to their true place, relative to the place that the arm's owner knows."""
         model = robot.compile()
         along = self._model.tip_offset.number(self._streams("model.tip_offset"))
         lateral = self._model.tip_lateral.draw(self._streams("model.tip_lateral"))
         shift = np.array([*lateral, arm.tip - pads_end(model, arm.hand) + along])
         if not shift.any():
             return
+        # The shift is in the hand's frame: turn it into the frame of each finger.
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         in_world = data.body(arm.hand.body).xmat.reshape(3, 3) @ shift
@@ -110,15 +117,15 @@ class TrueArm:
 def split_body(body: mujoco.MjsBody, more: float, shift: Array) -> None:
     """Split a link to give it its true mass and centre, and keep its gravity compensation.
 
-    MuJoCo's `gravcomp` acts at a body's own centre with its own mass. So one part stays at the
-    nominal centre, with the compensation of the whole nominal link, and an uncompensated part makes
-    up the rest.
+    MuJoCo's `gravcomp` acts at a body's own centre with its own mass. So one part stays at the nominal
+    centre, with the compensation of the whole nominal link. An uncompensated part makes up the difference.
 
     Args:
         more: kg beyond the nominal mass.
         shift: (3,) m of the true centre from the nominal one.
     """
     nominal, centre = body.mass, np.array(body.ipos)
+    # Mass and centre of the second part, so that both together have the true mass and centre.
     mass = nominal + more
     rest = max(mass - (1.0 - SHARE) * nominal, 1e-3 * nominal)
     other = body.add_body(
@@ -128,7 +135,7 @@ def split_body(body: mujoco.MjsBody, more: float, shift: Array) -> None:
         explicitinertial=True,
     )
     body.mass, body.gravcomp = (1.0 - SHARE) * nominal, 1 / (1 - SHARE)
-    if np.isnan(body.fullinertia[0]):  # a file gives principal moments or all six
+    if np.isnan(body.fullinertia[0]):  # a file states principal moments or all six components
         other.iquat, other.inertia = body.iquat, SHARE * body.inertia
         body.inertia = (1.0 - SHARE) * body.inertia
     else:
