@@ -1,5 +1,8 @@
-"""Causes of joint torque in free air: the load, errors of the link model, tilt of gravity, and of the sensors
-and joints zero, friction, gain and residual stiction."""
+"""Causes of joint torque in free air.
+
+They are the load, errors of the link model, tilt of gravity, sensor zeros, gains, joint friction
+and residual stiction.
+"""
 
 from __future__ import annotations
 
@@ -29,71 +32,79 @@ from palpate.estimation.wrench_observation import (
 from palpate.trace.samples import Trace, once
 
 DRIFT = 0.033
-"""N (1 sigma): drift of the sensors' zero; 0.01 N m in a joint. No published figure: some 0.2 permille of the range
-of a large joint's strain gauges. Sensitive: mass 0.3 σ, std ×1.0–1.1."""
+"""N (1 sigma): drift of the sensors' zero; 0.01 N m in a joint. No published figure: about 0.2
+permille of the range of a large joint's strain gauges. Sensitive: mass 0.3 σ, std ×1.0–1.1."""
 DRIFT_TIME = 300.0
-"""correlation time of that drift, s. No published figure. Sensitive: mass 0.15 σ."""
+"""s: correlation time of that drift. No published figure. Sensitive: mass 0.15 σ."""
 INERTIA_SHARE = 0.05
-"""unknown part (1 sigma) of the torques that move the arm's links: identified models are some per cent off (Gaz et
-al., as below). Sensitive: mass 0.2 σ where signals wander, else no."""
+"""fraction (1 sigma): error of the torques that move the arm's links. Identified models are some
+per cent off (Gaz et al., see `joint_friction.JOINT_LEVEL`). Sensitive: mass 0.2 σ where signals
+wander, else none."""
 INERTIA_OFF = ((1.0, 10.0), (0.9, 0.1))
-"""factors on that where all free motion is fitted, with prior probabilities: of a real arm's wrist, whose motors are
-much of what it moves, half of it was missing. Sensitive: no."""
+"""factors on `INERTIA_SHARE` where all free motion is fitted, with prior probabilities. On a real
+arm half of the wrist's inertia was missing, as its motors are a large part of it. Not sensitive."""
 UNSTEADY_SHARE = 0.01
-"""likewise, bin by bin: links and gears bend a little. Sensitive: mass 0.2 σ, std ×0.95–1.1."""
+"""fraction (1 sigma): the same error, independent in each bin: links and gears bend a little.
+Sensitive: mass 0.2 σ, std ×0.95–1.1."""
 LEFT_SHARES = (1.0 / 64.0, 1.0 / 8.0, 1.0)
-"""parts of the datasheet's `force_repeatability` that an approach may leave in the joints of this very arm, and
-parts of that which stay while they move, as forces at the hand and in each joint: from next to nothing to all of it,
-each as likely before anything is recorded. Sensitive: mass std ×0.9–1.2."""
+"""possible shares of the datasheet's `force_repeatability` that an approach leaves in the joints of
+this arm, and shares of it that remain in motion. They range from almost none to all, and are
+equally likely before a recording. Sensitive: mass std ×0.9–1.2."""
 GAINS_OFF = ((1.0, 3.0), (0.95, 0.05))
-"""factors on the datasheet's uncertainty of gains, with prior probabilities: one arm in twenty is no longer as it
-was delivered. Sensitive: no."""
+"""factors on the datasheet's gain uncertainty, with prior probabilities. One arm in twenty is
+assumed to have left its delivered state. Not sensitive."""
 LOAD_PRIOR = 1e3
-"""N (1 sigma) of the load: nothing is known of it. Sensitive: no."""
+"""N (1 sigma): uninformative prior of the load. Not sensitive."""
 LOAD_INERTIA = 0.01
-"""kg m² (1 sigma) of a load about the TCP, which shows where the hand turns unevenly: 1 kg at 0.1 m. Sensitive: no."""
+"""kg m² (1 sigma): inertia of a load about the TCP, which acts where the hand turns unevenly; 1 kg
+at 0.1 m. Not sensitive."""
 ANY_ZERO = 10.0
-"""N m (1 sigma): uninformative prior of a sensor's zero. Sensitive: no."""
+"""N m (1 sigma): uninformative prior of a sensor's zero. Not sensitive."""
 JOINT_VISCOUS = 0.3
-"""N m s/rad (1 sigma): friction in a joint that grows with its speed; 0.07 was identified (Gaz et al., as above).
-Sensitive: hardly."""
+"""N m s/rad (1 sigma): viscous friction in a joint; 0.07 was identified (Gaz et al.). Hardly
+sensitive."""
 LINK_MASS = 0.05
-"""relative error (1 sigma) of the mass that moves with a joint; identified models are some per cent off (Gaz et al.,
-as above). Sensitive: hardly."""
+"""fraction (1 sigma): error of the mass that moves with a joint. Identified models are some per
+cent off (Gaz et al.). Hardly sensitive."""
 LINK_CENTRE = 5e-3
-"""m (1 sigma), error of its centre of mass. No published figure. Sensitive: hardly."""
+"""m (1 sigma): error of its centre of mass. No published figure. Hardly sensitive."""
 SLIPS_OTHERWISE = ((0.1, 1.0), (0.7, 0.3))
-"""factors on the friction of elements whose presliding is not the usual one, with prior probabilities. Chosen,
-without a source. Sensitive: mass std ×1.08 where they always count."""
+"""factors on the friction of elements with an unusual presliding distance, with prior
+probabilities. Chosen, without a source. Sensitive: mass std ×1.08 where they always count."""
 EMPTY_BLOCKS = 20
-"""blocks, 2 s, of motion with an empty hand from which they show what the model of the arm leaves. Sensitive: no."""
+"""blocks (2 s): shortest motion with an empty hand from which the residual of the arm's model is
+learned. Not sensitive."""
 TILT = 0.009
-"""rad (1 sigma): how far a support is out of level, half a degree; slides both ways show it. Sensitive: friction 0.1
-σ; std of a slide one way ×0.8–1.7."""
+"""rad (1 sigma): tilt of a support, half a degree. Slides in both directions observe it. Sensitive:
+friction 0.1 σ; std of a slide one way ×0.8–1.7."""
 
 WEIGHT, LEVER, LINK, INERTIA, REST = "weight", "lever", "link", "inertia", "rest"
 SLIPS = "joint friction over another way"
-"""Names of causes, or their beginnings: of the load, errors of the model of the links and of what moves them,
-residual stiction of rests."""
+"""Names of causes, or their prefixes: the load, errors of the link model and of the torque that
+moves the links, residual stiction of rests."""
 
 
 def by_signal(torque: Array) -> Array:
-    """(m k, ...) rows ordered by signal, of torques (k, m, ...)."""
+    """Reorder torques (k, m, ...) to rows by signal, (m k, ...)."""
     return torque.swapaxes(0, 1).reshape(-1, *torque.shape[2:])
 
 
 def cause(name: str, columns: Sequence[Array], prior: float) -> Cause:
-    """Cause with unknowns of one prior deviation, each with its torques (k, m)."""
+    """Build a cause whose unknowns have one prior deviation; `columns` are their torques (k, m)."""
     return Cause(
         name, np.column_stack([by_signal(one) for one in columns]), np.full(len(columns), prior)
     )
 
 
 def of_load(seen: Blocks, pull: Array) -> Iterator[Cause]:
-    """Weight of the load, per newton with the force `pull` (k, 3), upward; and in each grasp its lever along
-    the axes of the hand."""
+    """Yield the weight of the load, and its lever in each grasp.
+
+    Args:
+        pull: (k, 3) upward force per newton of weight.
+    """
     yield cause(WEIGHT, [seen.torques(pull)], LOAD_PRIOR)
     for i, grasp in enumerate(seen.grasps):
+        # Lever along each axis of the hand: its moment, and the inertial force as the hand turns.
         here = (seen.grasp == grasp)[:, None]
         columns: list[Array] = []
         for axis in range(3):
@@ -105,7 +116,7 @@ def of_load(seen: Blocks, pull: Array) -> Iterator[Cause]:
 
 
 def of_turning(seen: Blocks) -> Cause:
-    """Inertia of the load about the TCP, in the axes of the hand."""
+    """Build the inertia of the load about the TCP, in the axes of the hand."""
     columns = [seen.turned(moment) for moment in seen.turning.transpose(2, 0, 1)]
     return cause("inertia of the load", columns, LOAD_INERTIA)
 
@@ -113,14 +124,19 @@ def of_turning(seen: Blocks) -> Cause:
 def of_arm(
     trace: Trace, observed: WrenchObservation, seen: Blocks, lifted: Array, borne: Array
 ) -> Iterator[Cause]:
-    """Error causes of the arm itself, where its hand lifts `lifted` (k,) N and the load has the torques
-    `borne` (m k,) N m."""
+    """Yield the error causes of the arm itself.
+
+    Args:
+        lifted: (k,) N, force with which the hand lifts the load.
+        borne: (m k,) N m, torques of the load.
+    """
     hand, signals = trace.hand, int(seen.observed.shape[1])
+    # Errors of the link model, and tilt of gravity for links and load.
     weight, links, lean = link_errors(seen, observed, trace.gravity)
     yield from links
     pulled = seen.maps[:, :, :2] * lifted[:, None, None]
     yield cause("lean", [*(lean + pulled.transpose(2, 0, 1))], TILT)
-    # Each joint in its own signal.
+    # Zero, friction and inertia of each joint act on its own signal only.
     usual = SLIP_ANGLES.index(PRESLIDING)
     slips = seen.dahl.reshape(*seen.dahl.shape[:2], -1, 2)
     others = np.delete(slips, usual, axis=2).reshape(len(slips), signals, -1)
@@ -134,16 +150,18 @@ def of_arm(
     for name, own, prior in of_joints:
         columns = [one * joint for one in own.transpose(2, 0, 1) for joint in np.eye(signals)]
         yield cause(name, columns, prior)
-    # Of all rests of the trace, those of these blocks: hundreds of unknowns would take cubed time for nothing.
+    # Residual stiction as a force at the TCP, only for rests within these blocks: the time grows
+    # with the cube of the unknowns.
     here = [rest[:, None, None] * seen.maps[:, :, :3] for rest in seen.resting.T if rest.any()]
     rests = [rest[:, :, axis] for rest in here for axis in range(3)]
     if rests:
         yield cause(REST, rests, hand.force_repeatability + FLOOR)
+    # Gains scale the torques of links and load; the zero absorbs their constant part.
     shown = by_signal(weight - weight[0]) + borne
     gains = shown[:, None] * np.repeat(gain_root(hand, signals), len(seen.t), axis=0)
     labels = tuple(f"gain of joint {i + 1}" for i in range(signals))
     yield Cause(GAIN, gains, np.ones(signals), "arm", labels)
-    # Of the load alone: the weight of the links, read so, is as an error in their masses.
+    # Cross-talk of the load alone: that of the links' weight acts as an error in their masses.
     read = crosstalk(hand, borne.reshape(signals, -1).T)
     each = [read * joint for joint in np.eye(signals)]
     labels = tuple(f"cross-talk in joint {i + 1}" for i in range(signals))
@@ -151,7 +169,7 @@ def of_arm(
 
 
 def scales(causes: Sequence[Cause]) -> list[PriorScale]:
-    """Prior scales of the arm's causes that are learned from the recording."""
+    """List the prior scales of the arm's causes that are learned from the recording."""
     found = [
         PriorScale((GAIN,), *GAINS_OFF),
         PriorScale((INERTIA,), *INERTIA_OFF),
@@ -167,12 +185,17 @@ def scales(causes: Sequence[Cause]) -> list[PriorScale]:
 def link_errors(
     seen: Blocks, observed: WrenchObservation, gravity: float
 ) -> tuple[Array, list[Cause], Array]:
-    """Gravity torques of the arm's links, N m (k, m); effects on them of errors in the mass and the centre of
-    what moves with each joint; and (2, k, m) per radian of tilt of gravity along world x or y."""
+    """Compute the gravity torques of the arm's links and the effects of errors in their model.
+
+    Returns:
+        Gravity torques (k, m), N m.
+        Causes: errors in the mass and the centre of mass of the links that move with each joint.
+        Torques (2, k, m) per radian of tilt of gravity along world x or y.
+    """
     chain, q = observed.chain, seen.q
     still = np.zeros((3 * len(q), q.shape[1]))
     assert chain is not None
-    # Torques of a unit of mass and first moment of each link, for gravity along each axis of the world.
+    # Torques of a unit of mass and of first moment of each link, for gravity along each world axis.
     pulls = np.repeat(-gravity * observed.turn, len(q), axis=0)
     columns = regressor(chain, np.tile(q, (3, 1)), still, still, pulls)[..., :4]
     held = columns.reshape(3, len(q), *columns.shape[1:])
@@ -183,7 +206,8 @@ def link_errors(
         if not mass:
             continue
         holds += [each[:, :, i] @ [mass, *moment] for each in held]
-        # A mass at the centre, and a shift of the centre along each axis of the link.
+        # Unknowns: a mass at the centre of mass, and a shift of the centre along each axis of the
+        # link.
         units = np.column_stack([[1.0, *np.array(moment) / mass], mass * np.eye(4)[:, 1:]])
         prior = np.array([LINK_MASS * mass, *[LINK_CENTRE] * 3])
         kinds = ("mass", *(f"centre along {letter}" for letter in "xyz"))
@@ -195,14 +219,18 @@ def link_errors(
 
 @once
 def of_empty_hand(trace: Trace, name: str) -> ColouredResidual | None:
-    """Coloured residual that the model of the arm leaves where its hand is empty, around the time in which it holds
-    `name`: no force on a load is in it. None where links are unknown or hardly any such motion was recorded."""
+    """Learn the residual of the arm's model with an empty hand, around the time in which it holds
+    `name`.
+
+    No force on a load is in it. None where links are unknown or almost no such motion was recorded.
+    """
     observed, load = observe(trace), load_rows(trace, name)
     free = free_rows(trace, name) if observed.knows_links else []
     empty = [rows for rows in free if load.empty[rows].all()]
     if len(empty) < EMPTY_BLOCKS:
         return None
     seen, samples = blocks(trace, observed, name, empty), trace.samples
+    # Sensor noise from rests in free air, then the residual of all causes of the arm.
     windows = list(runs(at_rest(samples) & load.empty & rows_in_free_air(trace)))
     rising = acceleration(samples, FOLLOWED)[:, 2]
     noise = free_noise(seen, block_noise(observed.signals, samples.t, rising, windows))
@@ -212,17 +240,20 @@ def of_empty_hand(trace: Trace, name: str) -> ColouredResidual | None:
 
 
 def free_noise(seen: Blocks, noise: SignalLevels) -> SignalNoise:
-    """Noise of block means: white and 1/f noise, drift, and what moving the links leaves."""
+    """Build the noise of block means: white and 1/f noise, drift, and errors of the links' inertia."""
+    # Drift (Ornstein-Uhlenbeck process) and 1/f noise by the time between blocks.
     between = np.abs(seen.t[:, None] - seen.t)
     drift = DRIFT**2 * np.exp(-between / DRIFT_TIME) * TORQUE_LEVER**2
     slow = flicker(between)
     roots: list[Array] = []
-    # White noise in means over blocks of means over `FOLLOWED`: neighbours share some of it.
+    # White noise: blocks are means of signals smoothed over `FOLLOWED`, so that neighbours share a
+    # part.
     length = float(np.median(np.diff(seen.t)))
     overlap = min(FOLLOWED / max(length, FOLLOWED), 1.0)
     shared = np.where(between < 1.5 * length, overlap / 6.0, 0.0)
     np.fill_diagonal(shared, 1.0 - overlap / 3.0)
     shared = shared / np.sqrt(np.outer(seen.rows, seen.rows))
+    # Covariance of each joint, with the error of its inertia bin by bin.
     for joint, moved in enumerate(seen.moved.T):
         own = np.diag((UNSTEADY_SHARE * moved) ** 2 + FLOOR**2)
         covariance: Array = drift + noise.flicker[joint] * slow + noise.white[joint] * shared + own

@@ -14,43 +14,48 @@ from palpate.estimation.motion import Mask
 from palpate.trace.samples import Trace
 
 SHORT_BLOCK = 0.05
-"""s: means over such blocks show the white noise; longer than the memory of a filter of the signals. Sensitive: mass
-0.2 σ, std ×0.9–1.2."""
+"""s: block length whose means show the white noise; longer than the memory of a signal filter.
+Sensitive: mass 0.2 σ, std ×0.9–1.2."""
 LONG_BLOCK = 0.25
-"""s: means over such blocks show slower noise; some of them fit into the shortest pass. Sensitive: mass 0.3 σ, std
-×0.8–1.5."""
+"""s: block length whose means show slower noise; some fit into the shortest pass. Sensitive: mass
+0.3 σ, std ×0.8–1.5."""
 SMOOTH_DEGREE = 2
-"""degree of the polynomial in time that is no noise of a stretch. Sensitive: mass 0.1 σ, std ×0.9–1.2."""
+"""degree of the polynomial in time that is removed from a stretch and does not count as noise.
+Sensitive: mass 0.1 σ, std ×0.9–1.2."""
 FLICKER_SPAN = 4.0
-"""s for which white noise is averaged in a pass, to compare it with what is slower. Sensitive: no."""
+"""s: averaging time of a pass, at which white noise is compared with slower noise. Not sensitive.
+"""
 FLICKER_FREEDOM = (6.0, 20.0)
-"""degrees of freedom that the level of 1/f noise has at least and at most, between which the number of blocks of
-`LONG_BLOCK` decides: where it hardly exceeds white noise it is known to a factor of two or so; where many blocks
-show it, it is still extrapolated to a run of some ten seconds (in 75 recorded runs with a known level its square
-came out at 0.7 to 1.25 of that). Sensitive: 95 % intervals ×0.9–1, no std."""
+"""least and greatest degrees of freedom of the 1/f noise level; the number of blocks of
+`LONG_BLOCK` decides between them. A level that hardly exceeds white noise is known to a factor of
+about two. Even with many blocks it is extrapolated to a run of some ten seconds: in 75 recorded
+runs with a known level its square came out at 0.7 to 1.25 of that. Sensitive: 95 % intervals
+×0.9–1, no std."""
 GAP = 3.0
-"""sampling periods from which samples are missing. Sensitive: no."""
+"""sampling periods between samples from which samples are missing. Not sensitive."""
 STANDS_OUT = 2.0
-"""standard deviations of the excess scatter of long blocks over white noise from which it counts as 1/f noise.
-Sensitive: mass 0.2 σ, std ×0.8–1.2."""
+"""standard deviations of the excess scatter of long blocks over white noise from which it counts as
+1/f noise. Sensitive: mass 0.2 σ, std ×0.8–1.2."""
 OVERLAP = 2.0
-"""second differences of neighbouring blocks per independent one. Sensitive: mass 0.1 σ, std ×0.9–1.1."""
+"""second differences of neighbouring blocks per independent one. Sensitive: mass 0.1 σ, std
+×0.9–1.1."""
 FLICKER_TIMES = tuple(0.3 * 4.0**i for i in range(6))
-"""s: time constants of the processes whose sum is 1/f noise; from what blocks see to the length of a long run.
-Sensitive: hardly."""
+"""s: time constants of the processes whose sum is 1/f noise, from the block length to that of a
+long run. Hardly sensitive."""
 UNKNOWN_NOISE = 0.01
-"""N², (N m)²: variance of a row where no rest is long enough to show it. Sensitive: no."""
+"""N², (N m)²: variance of a row where no rest is long enough to show it. Not sensitive."""
 
 Rows = NDArray[np.intp] | slice
 """Rows of a trace's samples."""
 
 TINY = 1e-300
-"""Keeps perfect signals from a division by zero."""
+"""Avoids a division by zero with perfect signals."""
 RANK = 1e-9
 """Singular values below this share of the largest count as zero."""
 
 FLICKER_HADAMARD = 0.5 * float(np.log(256.0 / 27.0))
-"""Hadamard variance of noise of one-sided density h²/f, over h² (Riley, as above)."""
+"""Hadamard variance of noise of one-sided density h²/f, over h² (Riley, Handbook of Frequency
+Stability Analysis)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,8 +74,15 @@ class SignalLevels:
 
 
 def block_noise(signals: Array, t: Array, cause: Array, windows: Sequence[Rows]) -> SignalLevels:
-    """Noise of signals (n, m) with time stamps `t` (n,), from rows of `windows`, without a polynomial in time
-    and what is in proportion to a known `cause` (n,), the acceleration of the arm."""
+    """Estimate the noise of signals (n, m) from the rows of `windows`.
+
+    A polynomial in time, and the part in proportion to a known `cause`, are removed first.
+
+    Args:
+        t: (n,) s, time stamps.
+        cause: (n,) acceleration of the arm.
+    """
+    # Split the windows at gaps, and remove trend and cause from each stretch.
     stretches: list[_Stretch] = []
     for rows in windows:
         every, times = np.arange(len(t))[rows], t[rows]
@@ -80,21 +92,24 @@ def block_noise(signals: Array, t: Array, cause: Array, windows: Sequence[Rows])
         for part in np.split(every, gaps + 1):
             if len(part) > SMOOTH_DEGREE + 2:
                 stretches.append(_stretch(signals[part], t[part], cause[part]))
+    # White noise from short blocks; without any, a default.
     short = _differences(stretches, SHORT_BLOCK)
     if short is None:
         count = int(signals.shape[1])
         return SignalLevels(np.full(count, UNKNOWN_NOISE), np.zeros(count), KNOWN)
     long, white = _differences(stretches, LONG_BLOCK), short.white
+    # Without long blocks, all noise counts as white.
     sure = max(short.count / OVERLAP, 1.0)
     if long is None:
         return SignalLevels(white, np.zeros_like(white), sure)
-    # The median of all signals decides whether noise slower than white exceeds it.
+    # Excess of long blocks over white noise: the median over the signals, less its own scatter.
     excess = float(np.median(long.white / np.maximum(white, TINY))) - 1.0
     unsure = float(np.sqrt(2.0 * OVERLAP / (long.count * len(white))))
     beyond = max(0.0, excess - STANDS_OUT * unsure)
+    # Level of 1/f noise over white noise, and its share in the variance of a pass.
     slow = beyond / (FLICKER_HADAMARD * (long.rows - short.rows))
     share = slow / (slow + short.period / FLICKER_SPAN)
-    # Few blocks show the slow noise, and its level is extrapolated.
+    # Degrees of freedom: few for the slow noise, whose level is extrapolated from few blocks.
     least, most = FLICKER_FREEDOM
     exceeds = (beyond / max(unsure * (1.0 + excess), TINY)) ** 2
     freedom_slow = max(least, most * exceeds / (exceeds + 0.5 * most))
@@ -118,6 +133,7 @@ class _Stretch:
 
 
 def _stretch(signals: Array, t: Array, cause: Array) -> _Stretch:
+    """Fit and remove trend and cause by a rank-revealing SVD."""
     x = 2.0 * (t - t[0]) / max(float(t[-1] - t[0]), TINY) - 1.0
     smooth = np.column_stack([np.vander(x, SMOOTH_DEGREE + 1), cause])
     basis, sizes, _ = np.linalg.svd(smooth, full_matrices=False)
@@ -127,8 +143,14 @@ def _stretch(signals: Array, t: Array, cause: Array) -> _Stretch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Differences:
-    """`count` second differences of means over blocks of `rows` at a `period`, s; `white` (m,): variance of a
-    row if all noise were white."""
+    """Second differences of block means.
+
+    Attributes:
+        white: (m,) variance of a row if all noise were white.
+        rows: in a block.
+        period: s, of the samples.
+        count: number of differences.
+    """
 
     white: Array
     rows: int
@@ -137,16 +159,17 @@ class _Differences:
 
 
 def _differences(stretches: Sequence[_Stretch], block: float) -> _Differences | None:
-    """Over blocks of `block` s; None where no stretch is long enough."""
+    """Take second differences over blocks of `block` s; None where no stretch is long enough."""
     if not stretches:
         return None
     period = float(np.median([stretch.period for stretch in stretches]))
     size = max(1, round(block / max(period, TINY)))
+    # Pool all stretches: squared differences over their expectation for unit white noise.
     total, weight, count = np.zeros(stretches[0].left.shape[1]), 0.0, 0
     for stretch in stretches:
         second = second_differences(stretch.left, size)
         total = total + (second**2).sum(axis=0)
-        # White noise of unit variance has 6 / size in each, minus the part in the fitted basis.
+        # White noise of unit variance gives 6 / size to each, less the part in the fitted basis.
         weight += 6.0 * len(second) / size - float(
             (second_differences(stretch.basis, size) ** 2).sum()
         )
@@ -157,16 +180,20 @@ def _differences(stretches: Sequence[_Stretch], block: float) -> _Differences | 
 
 
 def second_differences(signals: Array, size: int) -> Array:
-    """(k, m) second differences of means over blocks of `size` rows."""
+    """Take the (k, m) second differences of means over blocks of `size` rows."""
     count = len(signals) // size
     blocks = signals[: count * size].reshape(count, size, signals.shape[1])
     return np.diff(blocks.mean(axis=1), n=2, axis=0)
 
 
 def flicker(apart: Array) -> Array:
-    """(n, n) covariance of noise of density 1/f, at times `apart`, s: a sum of processes with time constants
-    evenly spaced in their logarithm (Riley, as above, section 3.3)."""
+    """Compute the covariance of noise of density 1/f at time lags `apart`, s, of the same shape.
+
+    It is a sum of processes with time constants evenly spaced in their logarithm (Riley, section
+    3.3).
+    """
     times = FLICKER_TIMES
+    # Each process has the weight of its step in log time.
     step = float(np.log(times[1] / times[0]))
     out = np.zeros_like(apart)
     for time in times:
@@ -174,13 +201,20 @@ def flicker(apart: Array) -> Array:
     return out
 
 
-# Rows of a trace with an object in the hand, and with an empty hand.
+# Rows of a trace with an object in the hand and with an empty hand.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoadRows:
-    """Rows of a trace with the object in the hand and with an empty hand; rows while the fingers move are
-    in neither. `grasps`: s, when the content of the hand changed to or from the object."""
+    """Rows of a trace with the object in the hand and with an empty hand.
+
+    Rows while the fingers move are in neither.
+
+    Attributes:
+        loaded: (n,) with the object.
+        empty: (n,) with an empty hand.
+        grasps: s, times at which the content of the hand changed to or from the object.
+    """
 
     loaded: Mask
     empty: Mask
@@ -188,7 +222,7 @@ class LoadRows:
 
 
 def load_rows(trace: Trace, name: str | None) -> LoadRows:
-    """Rows in which `name` was held, from the symbolic contexts of the leaves."""
+    """Find the rows in which `name` was held, from the symbolic contexts of the leaves."""
     t = trace.samples.t
     loaded, empty = np.zeros(len(t), dtype=bool), np.ones(len(t), dtype=bool)
     held: str | None = None
@@ -196,8 +230,10 @@ def load_rows(trace: Trace, name: str | None) -> LoadRows:
     for leaf in sorted(trace.leaves, key=lambda run: run.end):
         if leaf.context is None or leaf.context.holding == held:
             continue
+        # A grasp takes effect at the end of its leaf, a release at its start.
         if name in (held, leaf.context.holding):
             grasps.append(leaf.end if leaf.context.holding else leaf.start)
+        # Rows during the change belong to neither state.
         held = leaf.context.holding
         loaded[t >= leaf.start] = empty[t >= leaf.start] = False
         loaded[t > leaf.end] = held == name and held is not None

@@ -2,10 +2,13 @@
 
     y = Σ_c X_c x_c + n        x_c ~ N(0, s² P_c²)        n ~ N(0, Σ)
 
-A *cause* c has columns X_c (effects of its unknowns on the rows y) and prior standard deviations P_c; scales s of
-some causes are learned from the recording. *Noise* whitens: it brings rows to unit variance. The posterior of all
-unknowns follows in closed form, averaged over the scales by their evidence (C. Bishop, Pattern Recognition and
-Machine Learning, sections 3.3 and 3.5; Hoeting et al., Statistical Science 14, 1999).
+A *cause* c has columns X_c (effects of its unknowns on the rows y) and prior standard deviations
+P_c. The scales s of some causes are learned from the recording. *Noise* whitens rows to unit
+variance. The posterior of all unknowns has a closed form. It is averaged over the scales by their
+evidence.
+
+Sources: C. Bishop, Pattern Recognition and Machine Learning, sections 3.3 and 3.5; Hoeting et al.,
+Statistical Science 14, 1999.
 """
 
 from __future__ import annotations
@@ -22,19 +25,19 @@ from palpate.common.pose import Array
 from palpate.estimation.estimate import FitTest, Shared, chi_squared
 
 COUNTED = 1e-4
-"""probability from which a combination of hyperpriors is averaged over. Sensitive: no."""
+"""probability above which a combination of hyperpriors enters the average. Not sensitive."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cause:
-    """Named cause of what is observed, with k unknowns.
+    """Named cause of the observed rows, with k unknowns.
 
     Attributes:
         name: unique among the causes of a fit.
         columns: (n, k) effect of a unit of each unknown on the n rows.
         prior: (k,) standard deviations of the unknowns, about 0.
-        of: `arm` or `scene` where other runs share its errors.
-        labels: (k,) of its unknowns where they are shared; none: its name and their number.
+        of: `arm` or `scene` where other runs share its errors, else None.
+        labels: (k,) names of shared unknowns; empty: the name of the cause and a number.
     """
 
     name: str
@@ -46,8 +49,13 @@ class Cause:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PriorScale:
-    """Hyperprior of the causes named: their prior deviations are `factors` times as large (a number for all
-    unknowns, or an array), with prior probability `chance` each."""
+    """Hyperprior of the named causes: a common scale of their prior deviations.
+
+    Attributes:
+        causes: names.
+        factors: possible scales, a number for all unknowns or an array.
+        chance: prior probability of each factor.
+    """
 
     causes: tuple[str, ...]
     factors: Sequence[float | Array]
@@ -77,8 +85,8 @@ class SignalNoise:
     """Noise of rows ordered by signal, independent between signals.
 
     Attributes:
-        roots: of each signal, the lower triangle (k, k) whose square is its covariance.
-        freedom: degrees of freedom of that.
+        roots: Cholesky factor (k, k), lower, of the covariance of each signal.
+        freedom: degrees of freedom of the variance.
     """
 
     roots: Sequence[Array]
@@ -99,12 +107,13 @@ class SignalNoise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Projected:
-    """Noise with further unknowns without a prior, which are projected out of all rows (Frisch and Waugh,
-    Econometrica 1, 1933).
+    """Noise with further unknowns without a prior, projected out of all rows.
+
+    Source: Frisch and Waugh, Econometrica 1, 1933.
 
     Attributes:
         noise: of the rows.
-        basis: (n, k) orthonormal, of the whitened columns of these unknowns.
+        basis: (n, k) orthonormal basis of the whitened columns of these unknowns.
     """
 
     noise: RowNoise
@@ -112,7 +121,7 @@ class Projected:
 
     @classmethod
     def of(cls, noise: RowNoise, columns: Array) -> Projected:
-        """Noise with the unknowns of `columns` (n, k)."""
+        """Add the unknowns of `columns` (n, k) to the noise."""
         return cls(noise, np.linalg.qr(noise.white(columns))[0])
 
     @property
@@ -132,10 +141,10 @@ class Projected:
 
 
 def whiten(root: Array, rows: Array) -> Array:
-    """Rows (n, p) in units of a lower triangle `root` (n, n)."""
+    """Solve L x = rows (n, p) for a lower triangular `root` L (n, n)."""
     from scipy.linalg.lapack import dtrtrs
 
-    # LAPACK's matrices go by columns, so that it takes the root for its transpose.
+    # LAPACK stores by columns and reads the C-ordered root as its transpose.
     return dtrtrs(root.T, rows, lower=False, trans=True)[0]
 
 
@@ -146,7 +155,12 @@ def fit(
     scales: Sequence[PriorScale] = (),
     first: int | None = None,
 ) -> Posterior:
-    """Fit the unknowns of all `causes` to rows `y` (n,); of their covariance only the `first` rows, if given."""
+    """Fit the unknowns of all `causes` to rows `y` (n,).
+
+    Args:
+        scales: hyperpriors of the causes.
+        first: number of rows of the covariance to compute; all by default.
+    """
     model = whitened_model(causes, noise, y, scales)
     return Posterior(tuple(causes), noise, model, *model.solve(first))
 
@@ -154,9 +168,10 @@ def fit(
 def whitened_model(
     causes: Sequence[Cause], noise: RowNoise, y: Array, scales: Sequence[PriorScale]
 ) -> LinearModel:
-    """Model of rows `y` (n,) in units of the noise."""
+    """Build the linear model of rows `y` (n,) in units of the noise."""
     design = noise.white(np.concatenate([cause.columns for cause in causes], axis=1))
     prior = np.concatenate([cause.prior for cause in causes])
+    # Translate the names in the hyperpriors into columns of the design.
     places, every = place_unknowns(causes), np.arange(len(prior), dtype=np.intp)
     hyperpriors: list[ScaleHyperprior] = []
     for scale in scales:
@@ -166,7 +181,7 @@ def whitened_model(
 
 
 def place_unknowns(causes: Sequence[Cause]) -> dict[str, slice]:
-    """Places of the unknowns of each cause, by its name."""
+    """Map the name of each cause to the slice of its unknowns."""
     ends = np.cumsum([0, *(len(cause.prior) for cause in causes)]).tolist()
     pairs = zip(causes, ends[:-1], ends[1:], strict=True)
     return {cause.name: slice(first, last) for cause, first, last in pairs}
@@ -177,11 +192,13 @@ class Posterior:
     """Normal posterior of the p unknowns of all causes.
 
     Attributes:
-        causes, noise: of the fit.
+        causes: of the fit.
+        noise: of the fit.
         model: whitened.
         mean: (p,) of all unknowns, cause after cause.
-        covariance: (p, p) of them, or its first rows.
-        errors: (p, p) effects on the estimates of one prior deviation of each unknown, or the first rows.
+        covariance: (p, p) of the unknowns, or its first rows.
+        errors: (p, p) effects on the estimates of one prior deviation of each unknown, or the first
+            rows.
         density: log probability density of the whitened rows.
     """
 
@@ -200,17 +217,17 @@ class Posterior:
 
     @property
     def residual(self) -> Array:
-        """(n,) what is left of the rows, in units of the noise."""
+        """(n,) residuals of the rows, in units of the noise."""
         return self.model.y - self.model.design @ self.mean
 
     @property
     def leverage(self) -> Array:
-        """(n,) part of each row's noise that the fit follows."""
+        """(n,) diagonal of the hat matrix: the share of each row's noise that the fit follows."""
         return ((self.model.design @ self.covariance) * self.model.design).sum(axis=1)
 
     @property
     def evidence(self) -> float:
-        """Log probability density of the rows, but for a constant of their number."""
+        """Log probability density of the rows, up to a constant that depends on their number."""
         return self.density - self.noise.volume
 
     @property
@@ -219,8 +236,10 @@ class Posterior:
         return self.noise.freedom
 
     def shared(self, name: str) -> tuple[Shared, ...]:
-        """Errors of the unknowns of `name` in common with other runs: the effects of one standard deviation of
-        each unknown that the arm or the scene brings along."""
+        """List the errors of the unknowns of `name` that other runs share.
+
+        They are the effects of one standard deviation of each unknown of the arm or the scene.
+        """
         places = place_unknowns(self.causes)
         found: list[Shared] = []
         for cause in self.causes:
@@ -234,7 +253,8 @@ class Posterior:
         return tuple(found)
 
     def effects(self, name: str) -> Array:
-        """(p, k) effects on all estimates, or the first, of one prior deviation of each unknown of a cause.
+        """Effects (p, k) on all estimates, or the first, of one prior deviation of each unknown of
+        a cause.
 
         The sum of their squares over all unknowns is at most the variance of the estimate.
         """
@@ -243,37 +263,50 @@ class Posterior:
     def test(
         self, cause: Cause, tolerated: Array, finding: str | Callable[[Array], str]
     ) -> FitTest:
-        """Wald test for a further cause, of whose unknowns `tolerated` (k,) are no matter (1 sigma); `finding` says
-        what disagrees, by the mean (k + p,) of its unknowns and of all others."""
+        """Wald test for a further cause.
+
+        Args:
+            tolerated: (k,) 1 sigma, size of its unknowns that does not matter.
+            finding: message of a failure; a function gets the mean (k + p,) of its unknowns and of
+                all others.
+        """
         count = len(cause.prior)
+        # Extend the model by the cause, and solve for its unknowns.
         wider = self.model.extend(self.noise.white(cause.columns), cause.prior)
         mean, covariance, *_ = wider.solve(count)
+        # Wald statistic, with the tolerated size as a further variance.
         spread = covariance[:, :count] + np.diag(tolerated**2)
         statistic = float(mean[:count] @ np.linalg.solve(spread, mean[:count]))
         text = finding if isinstance(finding, str) else finding(mean)
         return chi_squared(cause.name, statistic, count, text, self.freedom)
 
     def each_alone(self, columns: Array, prior: float) -> tuple[Array, Array]:
-        """Posterior means and variances (k,) of further unknowns with `columns` (n, k), each beside the others
+        """Posterior means and variances (k,) of further unknowns with `columns` (n, k), each added
         alone."""
         return self.model.each_alone(self.noise.white(columns), prior)
 
 
 class _Information(NamedTuple):
-    """Information on some unknowns: their prior deviations (p,), and its Cholesky factor in units of these, so that
-    known ones (deviation 0) need no inverse."""
+    """Information matrix of p unknowns, I + P G P, in units of their prior deviations.
+
+    Unknowns that are known (deviation 0) thus need no inverse of zero.
+
+    Attributes:
+        prior: (p,) P, prior deviations.
+        root: (p, p) Cholesky factor.
+    """
 
     prior: Array
     root: Array
 
     @classmethod
     def of(cls, prior: Array, gram: Array) -> _Information:
-        """That of rows with the inner products `gram` (p, p) of their columns."""
+        """Build it for rows whose columns have the inner products `gram` G (p, p)."""
         from scipy.linalg.lapack import dpotrf
 
         information = prior[:, None] * gram * prior
         information.flat[:: len(prior) + 1] += 1.0
-        # LAPACK's matrices go by columns; this one is symmetric.
+        # LAPACK stores by columns; the matrix is symmetric.
         return cls(prior, dpotrf(information.T, lower=True)[0])
 
     @property
@@ -282,11 +315,12 @@ class _Information(NamedTuple):
         return float(np.log(np.diag(self.root)).sum())
 
     def solve(self, columns: Array) -> Array:
-        """Covariance of the unknowns, times `columns` (p, k)."""
+        """Multiply the covariance of the unknowns by `columns` (p, k)."""
         return self.per_deviation(self.prior[:, None] * columns)
 
     def per_deviation(self, columns: Array) -> Array:
-        """Covariance of the unknowns over their prior deviations, times `columns` (p, k)."""
+        """Multiply the covariance, divided by the prior deviations on its right side, by `columns`
+        (p, k)."""
         from scipy.linalg.lapack import dpotrs
 
         if not columns.size:
@@ -295,7 +329,7 @@ class _Information(NamedTuple):
 
 
 class _Solved(NamedTuple):
-    """Posterior of the unknowns whose scale is chosen."""
+    """Posterior of the unknowns with a scale, for one choice of the scales."""
 
     information: _Information
     mean: Array
@@ -304,15 +338,19 @@ class _Solved(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Reduced:
-    """Normal equations of the v unknowns whose scale is chosen, with the f others integrated out (Schur complement).
+    """Normal equations of the v unknowns with a scale; the f others are integrated out (Schur
+    complement).
 
-    Given these, x, the others have the mean `offset` - `slope` x, whatever the scales.
+    Given the former, x, the others have the mean `offset` - `slope` x for all scales.
 
     Attributes:
-        scaled, others: (v,), (f,) their places among all.
-        information: on the others, given these.
-        offset, slope: (f,), (f, v).
-        gram, projected: (v, v), (v,) what is left of the columns' inner products, and of those with `y`.
+        scaled: (v,) indices of the unknowns with a scale.
+        others: (f,) indices of the others.
+        information: of the others, given the scaled ones.
+        offset: (f,) see above.
+        slope: (f, v) see above.
+        gram: (v, v) Schur complement of the inner products of the columns.
+        projected: (v,) inner products of the columns with `y`, less the part of the others.
         evidence: of the others.
     """
 
@@ -328,11 +366,13 @@ class _Reduced:
     @classmethod
     def of(cls, model: LinearModel) -> _Reduced:
         """Integrate out the unknowns of a model that have no hyperprior."""
+        # Split the unknowns by whether they have a hyperprior.
         every = np.arange(len(model.prior), dtype=np.intp)
         chosen = np.isin(
             every, np.concatenate([every[:0], *(h.columns for h in model.hyperpriors)])
         )
         scaled, others = every[chosen], every[~chosen]
+        # Normal equations, and the Schur complement of the others.
         projected, gram = model.design.T @ model.y, model.design.T @ model.design
         across = gram[np.ix_(others, scaled)]
         information = _Information.of(model.prior[others], gram[np.ix_(others, others)])
@@ -352,25 +392,30 @@ class _Reduced:
     def all_of(
         self, mean: Array, covariance: Array, within: Array, first: int
     ) -> tuple[Array, Array, Array]:
-        """Mean (p,), covariance (first, p) and effects of one prior deviation (first, p) of all unknowns.
+        """Assemble mean (p,), covariance (first, p) and effects of one prior deviation (first, p)
+        of all unknowns.
 
         Args:
-            mean: (v,) of those whose scale is chosen.
+            mean: (v,) of the unknowns with a scale.
             covariance: (v, v) of these, with the spread of the means.
-            within: (2, v, v) their covariance without that spread; and the same over their prior deviations.
+            within: (2, v, v) their covariance without that spread, and the same over their prior
+                deviations.
             first: number of rows.
         """
         count = len(self.scaled) + len(self.others)
+        # All unknowns follow linearly from the scaled ones: x for these, offset - slope x for the
+        # others.
         follow = np.empty((count, len(mean)))
         follow[self.scaled], follow[self.others] = np.eye(len(mean)), -self.slope
         means = follow @ mean
         means[self.others] += self.offset
         covariances: Array = follow[:first] @ covariance @ follow.T
-        # The error of the estimates is -covariance P^-2 x, with coefficients x of prior deviations P.
+        # Error of the estimates: -covariance P⁻² x, with coefficients x of prior deviations P.
         errors = np.empty_like(covariances)
         deviation = np.where(self.information.prior > 0.0, self.information.prior, np.inf)
         errors[:, self.scaled] = -follow[:first] @ within[1]
         errors[:, self.others] = follow[:first] @ within[0] @ self.slope.T / deviation
+        # The others have a covariance of their own, given the scaled ones.
         head = self.others[self.others < first]
         own = self.information.solve(np.eye(len(self.others), len(head)))
         covariances[np.ix_(head, self.others)] += own.T
@@ -380,8 +425,13 @@ class _Reduced:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScaleHyperprior:
-    """Discrete hyperprior: the prior deviations of some coefficients are scaled by one of `factors`
-    (a number for all of them, or an array), with prior probability `chance` each."""
+    """Discrete hyperprior of the scale of some coefficients.
+
+    Attributes:
+        columns: indices of the coefficients.
+        factors: possible scales of their prior deviations, a number for all or an array.
+        chance: prior probability of each factor.
+    """
 
     columns: NDArray[np.intp]
     factors: Sequence[float | Array]
@@ -390,8 +440,15 @@ class ScaleHyperprior:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LinearModel:
-    """Linear model in rows of unit variance: `y` (n,) = `design` (n, p) times coefficients with prior deviations
-    `prior` (p,), some of whose scales have `hyperpriors`; the variance has `freedom` degrees of freedom."""
+    """Linear model y = design · x + n in rows of unit variance.
+
+    Attributes:
+        design: (n, p).
+        y: (n,).
+        prior: (p,) prior deviations of the coefficients x.
+        freedom: degrees of freedom of the noise variance.
+        hyperpriors: of the scales of some coefficients.
+    """
 
     design: Array
     y: Array
@@ -400,27 +457,35 @@ class LinearModel:
     hyperpriors: tuple[ScaleHyperprior, ...]
 
     def solve(self, first: int | None = None) -> tuple[Array, Array, Array, float]:
-        """Posterior averaged over the hyperpriors (Bayesian model averaging: Hoeting et al., Statistical Science 14,
-        1999).
+        """Compute the posterior, averaged over the hyperpriors.
+
+        Source (Bayesian model averaging): Hoeting et al., Statistical Science 14, 1999.
 
         Returns:
-            Mean (p,); covariance (first, p), all p rows by default; effects (first, p) on the estimates of one prior
-            deviation of each coefficient, of the scale that each combination chooses; and the logarithm of the
-            probability density of `y`, but for a constant.
+            Mean (p,).
+            Covariance (first, p); all p rows by default.
+            Effects (first, p) on the estimates of one prior deviation of each coefficient, at the
+            scale of each combination.
+            Log probability density of `y`, up to a constant.
         """
+        # Posterior and evidence for each combination of the scales.
         reduced = _Reduced.of(self)
         every = self._every(reduced)
         evidence = np.array([each.evidence for each in every])
+        # Weights in proportion to the evidence, shifted by the maximum against overflow.
         weights = np.exp(evidence - evidence.max())
         density = float(evidence.max() + np.log(weights.sum()) - 0.5 * self.y @ self.y)
         weights /= weights.sum()
+        # Leave out combinations of negligible weight.
         counted = np.flatnonzero(weights > COUNTED)
         weights = weights[counted] / weights[counted].sum()
         solved = [every[i] for i in counted.tolist()]
+        # Mean, and spread of the means between the combinations.
         means = np.array([each.mean for each in solved])
         mean: Array = weights @ means
         covariance: Array = (means - mean).T @ (weights[:, None] * (means - mean))
-        # The spread of the means between scales is no error that one scale explains.
+        # Covariance within each combination. The spread between them is no error that one scale
+        # explains.
         within = np.zeros((2, *covariance.shape))
         for weight, each in zip(weights, solved, strict=True):
             carried = each.information.per_deviation(np.eye(len(mean)))
@@ -429,7 +494,7 @@ class LinearModel:
         return *reduced.all_of(mean, covariance + within[0], within, count), density
 
     def _every(self, reduced: _Reduced) -> Sequence[_Solved]:
-        """Posteriors for each combination of the hyperpriors' factors."""
+        """Solve for each combination of the hyperpriors' factors."""
         place = np.searchsorted(reduced.scaled, np.arange(len(self.prior)))
         columns = [place[each.columns] for each in self.hyperpriors]
         choices = product(*(range(len(each.factors)) for each in self.hyperpriors))
@@ -438,9 +503,12 @@ class LinearModel:
     def _solve(
         self, choice: tuple[int, ...], columns: Sequence[NDArray[np.intp]], reduced: _Reduced
     ) -> _Solved:
-        """Posterior with the chosen scale factors of `columns`. Its evidence is the log probability of the
-        choice and of `y`, up to a constant common to all choices (Bishop, Pattern Recognition and
-        Machine Learning, section 3.5.1)."""
+        """Solve with the chosen scale factors of `columns`.
+
+        The evidence is the log probability of the choice and of `y`, up to a constant common to all
+        choices (Bishop, Pattern Recognition and Machine Learning, section 3.5.1).
+        """
+        # Scale the prior deviations, and add the log prior probability of the choice.
         prior, chance = self.prior[reduced.scaled], reduced.evidence
         for each, here, i in zip(self.hyperpriors, columns, choice, strict=True):
             prior[here] *= each.factors[i]
@@ -451,12 +519,12 @@ class LinearModel:
         return _Solved(information, mean, evidence)
 
     def each_alone(self, columns: Array, prior: float) -> tuple[Array, Array]:
-        """Posterior means and variances (k,) of the coefficients of `columns` (n, k), each added to the model
+        """Posterior means and variances (k,) of the coefficients of `columns` (n, k), each added
         alone."""
         reduced = _Reduced.of(self)
         across = self.design.T @ columns
         others = across[reduced.others]
-        # Less what the unknowns without a hyperprior explain.
+        # Subtract the part that the unknowns without a hyperprior explain.
         squares = (columns**2).sum(axis=0) - (others * reduced.information.solve(others)).sum(
             axis=0
         )
@@ -466,19 +534,21 @@ class LinearModel:
         variances: list[Array] = []
         evidence: list[Array] = []
         for each in self._every(reduced):
+            # Subtract the part that the scaled unknowns explain, and solve for the one coefficient.
             known = (shared * each.information.solve(shared)).sum(axis=0)
             variance = 1.0 / (np.maximum(squares - known, 0.0) + prior**-2)
             mean = variance * (projected - shared.T @ each.mean)
             means.append(mean)
             variances.append(variance)
             evidence.append(each.evidence + 0.5 * (mean**2 / variance + np.log(variance)))
+        # Average over the combinations by the evidence that each coefficient gives them.
         weights = np.exp(np.array(evidence) - np.max(evidence, axis=0))
         weights /= weights.sum(axis=0)
         found: Array = (weights * means).sum(axis=0)
         return found, (weights * (np.array(variances) + (np.array(means) - found) ** 2)).sum(axis=0)
 
     def extend(self, columns: Array, prior: float | Array) -> LinearModel:
-        """Model with the coefficients of `columns` in front of its own."""
+        """Add the coefficients of `columns` before the own ones."""
         count = columns.shape[1]
         hyperpriors = [replace(each, columns=each.columns + count) for each in self.hyperpriors]
         return replace(
