@@ -18,49 +18,59 @@ from palpate.estimation.motion import Mask
 from palpate.estimation.segments import BINS, PAUSE, Weighing
 
 CENTRIFUGAL = 8.0
-"""N s²/m² (1 sigma): force by the square of the speed; equal motions compare best. Sensitive: hardly."""
+"""N s²/m² (1 sigma): force in proportion to the squared speed; equal motions compare best. Hardly
+sensitive."""
 DEGREE = 3
-"""degree of the polynomial along the path that the bias of one direction of travel follows. Sensitive: mass 0.2 σ."""
+"""degree of the polynomial along the path for the bias of one direction of travel. Sensitive: mass
+0.2 σ."""
 APPARENT_MASS = 10.0
-"""kg (1 sigma): apparent vertical mass at the TCP of an arm whose links are not known, wide enough for any with
-seven axes. Sensitive: mass 0.1 σ."""
+"""kg (1 sigma): apparent vertical mass at the TCP of an arm with unknown links, wide enough for any
+seven-axis arm. Sensitive: mass 0.1 σ."""
 INERTIA_DEGREE = 1
-"""degree of the polynomial along the path that the arm's apparent mass follows. Sensitive: hardly."""
+"""degree of the polynomial along the path for the arm's apparent mass. Hardly sensitive."""
 UNSTEADY = 0.15
-"""kg (1 sigma), times the acceleration: unknown force while the speed changes, bin by bin, where links are not
-known; some per cent of the arm's apparent mass. Sensitive: no, where passes are steady."""
+"""kg (1 sigma): unknown force per acceleration, independent in each bin, where links are unknown.
+It is some per cent of the arm's apparent mass. Not sensitive with steady passes."""
 VISCOUS = 1.0
-"""N s/m (1 sigma): force by the speed; friction of 0.07 N m s/rad at a lever of half a metre is a third of it.
-Sensitive: hardly."""
+"""N s/m (1 sigma): force in proportion to the speed. Friction of 0.07 N m s/rad at a lever arm of
+0.5 m is a third of it. Hardly sensitive."""
 BIN_BIAS = 0.03
-"""N (1 sigma): residual of the polynomial bias at one place of the path (gear ripple). Sensitive: mass 0.08 σ."""
+"""N (1 sigma): residual of the polynomial bias at one place of the path (gear ripple). Sensitive:
+mass 0.08 σ."""
 REST_FRICTION = 0.1
-"""N (1 sigma): friction that differs between rests after the same approach. Sensitive: mass 0.08 σ."""
+"""N (1 sigma): friction that differs between rests after the same approach. Sensitive: mass 0.08 σ.
+"""
 FORCE_BIAS = 0.5
-"""N (1 sigma): bias of an unreferenced force; Franka states 0.8 N relative accuracy. Sensitive: hardly; without any
-pass or rest of the empty hand it is most of a mass's std."""
+"""N (1 sigma): bias of an unreferenced force; Franka states 0.8 N relative accuracy. Hardly
+sensitive; without a pass or rest of the empty hand it dominates the std of a mass."""
 
 
 def covariance(weighing: Weighing, maps: Array, apart: float) -> Array:
-    """(n, n) of all rows without the load: white noise, biases, inertia of the arm, and drift.
+    """Compute the covariance (n, n) of all rows without the load.
 
-    `apart` is the share (1 sigma) of the bias that each kind of segments has of its own.
+    It holds white noise, biases, inertia of the arm, and drift.
+
+    Args:
+        maps: (bins, signals, 6) signals per unit wrench.
+        apart: share (1 sigma) of the bias that each kind of segment has of its own.
     """
     found = weighing.segments
     bins, signals = maps.shape[:2]
     variance = np.concatenate([segment.variance for segment in found])
+    # Bias and drift, common to all signals in units of their scale.
     bias = bias_covariance(weighing, apart)
     t = np.concatenate([segment.t for segment in found])
     between = np.abs(t[:, None] - t)
     # Ornstein-Uhlenbeck process.
     drift = DRIFT**2 * np.exp(-between / DRIFT_TIME)
+    # Inertia of the links and residual of the arm's model, signal by signal.
     moved = inertia_covariance(weighing)
     spans = weighing.spans
     out = np.zeros((signals * bins, signals * bins))
     for i, scale in enumerate(weighing.scale.tolist()):
         block = scale**2 * (bias + drift) + weighing.noise.flicker[i] * flicker(between)
-        # Mean with the empty hand, N m: the scale of the bias where an end effector is wrongly configured.
-        # The contrast with the load does not depend on it.
+        # Mean with the empty hand, N m: it is the size of the bias of a wrongly configured end
+        # effector. The contrast with the load does not depend on it.
         shown = [float(segment.observed[:, i].mean()) for segment in found if not segment.loaded]
         block += (float(np.mean(shown)) if shown else 0.0) ** 2
         block += moved[i]
@@ -72,52 +82,60 @@ def covariance(weighing: Weighing, maps: Array, apart: float) -> Array:
 
 
 def _each(found: Weighing, name: str) -> Array:
-    """An attribute of all segments, bin after bin."""
+    """Concatenate an attribute of all segments, bin after bin."""
     return np.concatenate([getattr(segment, name) for segment in found.segments])
 
 
 def bias_covariance(weighing: Weighing, apart: float) -> Array:
-    """(bins, bins) N²: covariance of one signal in units of its scale, without noise: constant bias; bias
-    along the path, of which each kind has its own share `apart`, and each turn all; inertia and viscous
-    effects of the motion; residual stiction of rests."""
+    """Compute the covariance (bins, bins), N², of the biases of one signal in units of its scale.
+
+    The biases are: a constant; a function of the path, of which each kind of segment has its own
+    share `apart` and each turn all; inertial and viscous effects of the motion; residual stiction
+    of rests.
+    """
     found = weighing.segments
+    # Kind, segment and type of each bin.
     kinds = np.concatenate([[segment.kind] * len(segment.t) for segment in found])
     own = np.concatenate([np.full(len(s.t), i) for i, s in enumerate(found)])
     at_rest = np.concatenate([np.full(len(s.t), float(s.at_rest)) for s in found])
     turning = np.concatenate([np.full(len(s.t), s.turns) for s in found])
     speed2, path, turned = (_each(weighing, name) for name in ("speed2", "path", "turned"))
-    # Place from -1 to 1 along the path; of a turn, along all turns.
+    # Place from -1 to 1 along the path; for turns, along all turns.
     place = np.zeros(len(path))
     for rows, way in ((~turning, path), (turning, turned)):
         if rows.any():
             middle, half = _middle(way[rows])
             place[rows] = (way[rows] - middle) / half
+    # Function of the place: a polynomial, plus local deviations with a triangular correlation.
     powers = np.power.outer(place, np.arange(DEGREE + 1))
     near = np.maximum(0.0, 1.0 - np.abs(place[:, None] - place) * BINS / 2.0)
     share = np.where(turning, 1.0, apart)
+    # Effects of the speed: centrifugal by its square, viscous by the speed itself.
     moving = CENTRIFUGAL**2 * np.outer(speed2, speed2)
     moving += VISCOUS**2 * np.sqrt(np.outer(speed2, speed2))
     along = KIND_BIAS**2 * (powers @ powers.T) + BIN_BIAS**2 * near
     same = kinds[:, None] == kinds
+    # Split the bias along the path into a common part and a part of each kind.
     common = np.sqrt(1.0 - share**2)
     out = FORCE_BIAS**2 + np.outer(common, common) * along
     out += (np.outer(share, share) * along + moving) * same
+    # Residual stiction of each rest.
     rested = (apart * REST_FRICTION) ** 2
     out += rested * np.outer(at_rest, at_rest) * (own[:, None] == own)
     return out
 
 
 def _middle(path: Array) -> tuple[float, float]:
-    """m: middle of a path, and its half length."""
+    """Middle of a path, m, and its half length, m."""
     low, high = float(path.min()), float(path.max())
     return (high + low) / 2.0, max((high - low) / 2.0, 1e-9)
 
 
 def inertia_covariance(weighing: Weighing) -> Array:
-    """(signals, bins, bins) uncertainty of the torque that moves the arm's own links."""
+    """Compute the covariance (signals, bins, bins) of the torque that moves the arm's own links."""
     motion = _each(weighing, "motion")
     if not motion.shape[1]:
-        # An apparent mass at the TCP stands for unknown links, (bins, bins) N².
+        # Unknown links: an apparent mass at the TCP that varies along the path, (bins, bins) N².
         path, acceleration = _each(weighing, "path"), _each(weighing, "acceleration")
         middle, half = _middle(path)
         powers = np.power.outer((path - middle) / half, np.arange(INERTIA_DEGREE + 1))
@@ -125,6 +143,7 @@ def inertia_covariance(weighing: Weighing) -> Array:
         force: Array = APPARENT_MASS**2 * (inertia @ inertia.T)
         force = force + np.diag((UNSTEADY * acceleration) ** 2)
         return weighing.scale[:, None, None] ** 2 * force
+    # Known links: an error in proportion to their torque, common to all bins and bin by bin.
     out: list[Array] = []
     for taken in motion.T:
         block = INERTIA_SHARE**2 * np.outer(taken, taken)
@@ -132,27 +151,27 @@ def inertia_covariance(weighing: Weighing) -> Array:
     return np.array(out)
 
 
-# Equations of a weighing: signals in rows, and their covariance without the load.
+# Equations of a weighing.
 
 
 FORCE_Z, TORQUE_X, TORQUE_Y, TORQUE_Z = 2, 3, 4, 5
 """Components of a wrench."""
 LEANING = (0, 1)
-"""Components that a weight has where gravity is tilted."""
+"""Components of a weight where gravity is tilted."""
 SIDEWAYS = (0, 1, 5)
-"""Components that a freely hanging object does not have."""
+"""Components that are zero for a freely hanging object."""
 WAYS = {"up": 1.0, "down": -1.0}
 
 
 class ResidualStiction(NamedTuple):
-    """Columns of the joint torque that an approach leaves behind.
+    """Columns of the joint torque that remains after an approach.
 
     Attributes:
-        stuck: (n, 3 rests) of each rest, as a force at the TCP, per newton along each axis.
-        forces: (n, 3 passes) of each pass, likewise.
-        carried: (n, 3 pairs) common to a rest and the pass that begins at it.
-        offsets: (n, m passes) of each pass, in each signal.
-        paired: (3 rests + 3 passes,) the columns of `stuck` and `forces` that belong to such a pair.
+        stuck: (n, 3 rests) signals per newton at the TCP along each axis, in each rest.
+        forces: (n, 3 passes) the same in each pass.
+        carried: (n, 3 pairs) the same in a rest and the pass that begins at it.
+        offsets: (n, m passes) an offset of each signal in each pass.
+        paired: (3 rests + 3 passes,) columns of `stuck` and `forces` that belong to such a pair.
     """
 
     stuck: Array
@@ -163,6 +182,7 @@ class ResidualStiction(NamedTuple):
 
     @property
     def columns(self) -> tuple[Array, Array, Array, Array]:
+        """The four groups of columns."""
         return self.stuck, self.forces, self.carried, self.offsets
 
 
@@ -172,18 +192,18 @@ class WeighingRows:
 
     Attributes:
         observed: (n,) the signals.
-        root: (n, n) lower triangle whose square is their covariance without the load.
+        root: (n, n) lower Cholesky factor of their covariance without the load.
         wrench: (n, 6) signals per unit of each component of the load's wrench.
-        grasp: (n,) s, of loaded rows.
-        height: (n,) m about its mean, of loaded rows.
+        grasp: (n,) s, of the segment.
+        height: (n,) m along the path, about the mean of the loaded rows.
         way: (n,) 1 up, -1 down, 0 at rest.
         rest: (n,) 1 at rest.
         dahl: (n, p) signals per unit of friction level in each joint, and per unit of its initial
-            state (`estimation.joint_friction`).
-        stiction: columns of the torque that an approach leaves in the joints, per rest and pass.
-        since: (n, k) signals per newton upward at the TCP, as a step that begins with the second segment in time,
-            with the third, and so on.
-        signal: (n,) which signal a row is of.
+            state (`joint_friction`).
+        stiction: columns of the torque that remains after an approach, per rest and pass.
+        since: (n, k) signals per newton upward at the TCP, for a step that begins with the second
+            segment in time, the third, and so on.
+        signal: (n,) index of the signal of a row.
         freedom: degrees of freedom of the noise.
     """
 
@@ -202,28 +222,32 @@ class WeighingRows:
 
 
 def equations(weighing: Weighing, gravity: float, apart: float = 1.0) -> WeighingRows:
-    """Equations of a weighing; `apart` is the share of the bias that each kind of segment has of its own
-    (`estimation.load.biases`)."""
+    """Set up the equations of a weighing.
+
+    Args:
+        apart: share of the bias that each kind of segment has of its own, see `bias_covariance`.
+    """
     found = weighing.segments
-    # The load resists vertical acceleration, too.
+    # The weight of the load, and its inertial force under vertical acceleration.
     loaded = np.concatenate([s.loaded * (1.0 + s.acceleration / gravity) for s in found])
     maps = np.concatenate([segment.maps for segment in found])
     path = np.concatenate([segment.path for segment in found])
     signals = int(maps.shape[1])
+    # Cholesky factor of the covariance without the load.
     root: Array = np.linalg.cholesky(covariance(weighing, maps, apart)).astype(np.float64)
 
     def each(values: Iterable[float]) -> Array:
-        """A number of each segment, in all its rows."""
+        """Repeat a number of each segment in all its rows."""
         pairs = zip(found, values, strict=True)
         return np.tile(np.concatenate([np.full(len(s.t), v) for s, v in pairs]), signals)
 
-    # Friction of a joint shows in its own signal: (signals x bins, 2 joints).
+    # Friction of a joint acts on its own signal only: (signals x bins, 2 joints).
     states = np.concatenate([segment.dahl for segment in found])
     bins, joints, kinds = states.shape
     dahl = np.zeros((joints or signals, bins, joints, kinds))
     for joint in range(joints):
         dahl[joint, :, joint] = states[:, joint]
-    # Steps upward that begin with the second segment in time, with the third, and so on.
+    # Upward force steps that begin with the second segment in time, the third, and so on.
     upward = maps[:, :, FORCE_Z].T
     start = np.concatenate([np.full(len(segment.t), segment.start) for segment in found])
     steps: list[Array] = []
@@ -246,13 +270,13 @@ def equations(weighing: Weighing, gravity: float, apart: float = 1.0) -> Weighin
 
 
 def in_each(row: WeighingRows, grasps: Sequence[float], components: Sequence[int]) -> Array:
-    """(n, grasps x components): columns of `components` of the wrench, its own in each grasp."""
+    """Split `components` of the wrench into columns of each grasp: (n, grasps x components)."""
     columns = [row.wrench[:, components] * (row.grasp == grasp)[:, None] for grasp in grasps]
     return np.concatenate(columns, axis=1)
 
 
 def each_its_own(blocks: Sequence[Array]) -> list[Array]:
-    """The columns of each weighing beside those of the others, which are zero there."""
+    """Place the columns of each weighing side by side, with zeros in the rows of the others."""
     width = sum(block.shape[1] for block in blocks)
     wide: list[Array] = []
     at = 0
@@ -265,9 +289,10 @@ def each_its_own(blocks: Sequence[Array]) -> list[Array]:
 
 
 def residual_stiction(weighing: Weighing, maps: Array) -> ResidualStiction:
-    """Columns of the residual stiction, segment by segment."""
+    """Build the columns of the residual stiction, segment by segment."""
     found, signals, count = weighing.segments, int(maps.shape[1]), len(maps)
     own = np.eye(signals) * weighing.scale[:, None]
+    # A force at the TCP, and an offset of each signal, in the rows of one segment.
     forces: list[Array] = []
     offsets: list[Array] = []
     at = 0
@@ -281,7 +306,7 @@ def residual_stiction(weighing: Weighing, maps: Array) -> ResidualStiction:
         offsets.append(off.reshape(signals * count, signals))
     rests = [i for i, segment in enumerate(found) if segment.at_rest]
     passes = [i for i, segment in enumerate(found) if not segment.at_rest]
-    # Each rest with the pass that begins at it.
+    # Pair each rest with the pass that begins at it.
     pairs = [(i, j) for i in rests for j in passes if 0.0 < found[j].start - found[i].end < PAUSE]
     both = {i for pair in pairs for i in pair}
     nothing = np.zeros((signals * count, 0))

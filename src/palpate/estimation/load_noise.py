@@ -54,8 +54,8 @@ RANK = 1e-9
 """Singular values below this share of the largest count as zero."""
 
 FLICKER_HADAMARD = 0.5 * float(np.log(256.0 / 27.0))
-"""Hadamard variance of noise of one-sided density h²/f, over h² (Riley, Handbook of Frequency
-Stability Analysis)."""
+"""Hadamard variance of noise of one-sided density h²/f, over h² (W. J. Riley, Handbook of Frequency
+Stability Analysis, NIST SP 1065)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,11 +1,13 @@
 """Load estimate from all free motion around a weighing, not only from passes along one path.
 
-Away from the path of a lift no empty pass at the same place exists for a contrast. But the joint torques
-there have few causes, each linear in unknown numbers: weight and place of the load, errors in the masses and
-centres of the arm's links, zeros and gains of the sensors, friction (Dahl's, and viscous), residual stiction
-of rests, and the tilt of gravity. All are fitted together by generalised least squares. The result is more
-precise than a contrast along the path. What the model leaves beyond the noise, ripple or friction that changes
-with the place, is a coloured residual, learned from the recording, and widens it (`estimation.coloured`).
+Away from the path of a lift there is no empty pass at the same place for a contrast. The joint
+torques there have few causes, each linear in its unknowns. They are weight and lever of the load,
+errors in the masses and centres of the arm's links, zeros and gains of the sensors, friction
+(Dahl's, and viscous), residual stiction of rests, and the tilt of gravity.
+
+All are fitted together by generalised least squares. The result is more precise than a contrast
+along the path. The residual of the model beyond the noise, such as ripple or friction that changes
+with the place, is learned from the recording and widens it (`coloured_residual`).
 """
 
 from __future__ import annotations
@@ -38,15 +40,18 @@ class WholeLoad:
     """Load from all free motion around n grasps.
 
     Attributes:
-        grasps: s, when the hand had closed on it.
-        value: (1 + 3n,) weight, N, and in each grasp the first moment of the weight along the axes of the
-            hand, N m.
+        grasps: s, times at which the hand had closed on it.
+        value: (1 + 3n,) weight, N, and in each grasp the first moment of the weight along the axes
+            of the hand, N m.
         covariance: (1 + 3n, 1 + 3n) of `value`.
-        gains: (1 + 3n, m) effect on `value` of one standard deviation of each cause of the sensors' gains.
-        crosstalk: (1 + 3n, m) effect on `value` of one standard deviation of each sensor's cross-talk.
+        gains: (1 + 3n, m) effect on `value` of one standard deviation of each cause of the sensors'
+            gains.
+        crosstalk: (1 + 3n, m) effect on `value` of one standard deviation of each sensor's
+            cross-talk.
         links: (1 + 3n,) effect on `value` of each error of the arm's links, by name.
         misfit: mean square of the residuals, in units of the noise.
-        seen, posterior: of the fit.
+        seen: block means that were fitted.
+        posterior: of the fit.
     """
 
     grasps: tuple[float, ...]
@@ -61,21 +66,29 @@ class WholeLoad:
 
     @property
     def force(self) -> float:
-        """N."""
+        """N, weight of the load."""
         return float(self.value[0])
 
     @property
     def std(self) -> float:
-        """N, of the force."""
+        """N, standard deviation of the weight."""
         return float(np.sqrt(self.covariance[0, 0]))
 
     def at(self, grasps: Sequence[float], tools: Sequence[Array]) -> Array | None:
-        """(1 + 2n, 1 + 3n) matrix from `value` to force and moments as in `estimation.load.fit.Load`, for n
-        grasps, s, with the axes of the hand in the world (3, 3); None where it did not hang free in one."""
+        """Build the matrix (1 + 2n, 1 + 3n) from `value` to force and moments as in
+        `LoadEstimate.value`.
+
+        None where the load did not hang free in one of the grasps.
+
+        Args:
+            grasps: s, n of them.
+            tools: (3, 3) each, axes of the hand in the world at each grasp.
+        """
         if not set(grasps) <= set(self.grasps):
             return None
         turned = np.zeros((1 + 2 * len(grasps), len(self.value)))
         turned[0, 0] = 1.0
+        # Moments of a weight about world x and y: lever y times F, and minus lever x times F.
         for i, (grasp, tool) in enumerate(zip(grasps, tools, strict=True)):
             first = 1 + 3 * self.grasps.index(grasp)
             turned[1 + 2 * i, first : first + 3] = tool[1]
@@ -84,16 +97,17 @@ class WholeLoad:
 
 
 def fit_whole(trace: Trace, name: str, noise: SignalLevels, about_force: float) -> WholeLoad | None:
-    """Fit the load `name` to all the time it hung on the hand, linearised at `about_force` N; None where the
-    arm's links are unknown, or it never hung free.
+    """Fit the load `name` to all the time it hung on the hand, linearised at `about_force` N.
 
-    Used is all free motion, or only motion that certainly is free: so high that a tilted object has left its
-    support with its far end, too, close to where it hung, and settled at rests or well away from them. What the
-    model leaves of the former widens it; the narrower of both counts.
+    Two sets of rows are tried: all free motion, and only motion that certainly is free. The latter
+    is so high that the far end of a tilted object has left its support, close to where the load
+    hung, and settled at rests or well away from them. The residual of the model widens each result,
+    and the narrower counts. None where the arm's links are unknown, or the load never hung free.
     """
     observed = observe(trace)
     if observed.chain is None or not observed.knows_links:
         return None
+    # Fit all free motion, and the certainly free motion alone.
     found: list[WholeLoad] = []
     for surely in (False, True):
         if free := free_rows(trace, name, surely):
@@ -105,16 +119,19 @@ def fit_whole(trace: Trace, name: str, noise: SignalLevels, about_force: float) 
 def _fit_whole(
     trace: Trace, observed: WrenchObservation, seen: Blocks, noise: SignalLevels, about_force: float
 ) -> WholeLoad:
+    """Fit the load to block means: iterate the linearisation, then learn the residual of the model."""
     load = list(of_load(seen, seen.pull))
     count = sum(len(cause.prior) for cause in load)
     about = np.zeros(count)
     about[0] = about_force
-    # Effects of gains are in proportion to the moments, too, which are unknown at first.
+    # Gains act in proportion to the moments, which are unknown at first: solve twice.
     sensors = free_noise(seen, noise)
     about = _posterior(trace, observed, seen, sensors, load, about).mean[:count]
     found = _posterior(trace, observed, seen, sensors, load, about)
+    # Learn the coloured residual, and solve again with it.
     left = learn_residual(found.causes, sensors, by_signal(seen.observed), seen.spans)
     found = _posterior(trace, observed, seen, with_residual(sensors, left, seen.spans), load, about)
+    # Effects of the link errors, which other runs of the arm share.
     links: dict[str, Array] = {}
     for cause in found.causes:
         if cause.name.startswith(LINK):
@@ -133,7 +150,7 @@ def _posterior(
     load: Sequence[Cause],
     about: Array,
 ) -> Posterior:
-    """Posterior of all causes, of signals whose noise is known, where those of the load are `about` (1 + 3n,)."""
+    """Solve for all causes, with the effects of gains and tilt at the load `about` (1 + 3n,)."""
     borne = np.concatenate([cause.columns for cause in load], axis=1) @ about
     lifted = about[0] * seen.pull[:, 2]
     causes = [*load, of_turning(seen), *of_arm(trace, observed, seen, lifted, borne)]

@@ -1,9 +1,8 @@
-"""Observation of a wrench at the TCP: by the joint torques, or by the wrench itself where the trace does
-not state the arm's kinematic chain.
+"""Observation of a wrench at the TCP by the joint torques.
 
-A wrench W at the TCP shows in the joint torques as J^T W. Seven torques determine the three unknown
-numbers of a load better than the wrench (J^T)^+ tau computed from them: each sensor has its own noise and
-gain.
+A wrench W at the TCP appears in the joint torques as J^T W. Seven torques determine the three
+unknowns of a load better than the wrench (J^T)^+ tau computed from them: each sensor has its own
+noise and gain. Without the arm's kinematic chain in the trace, the signals are the wrench itself.
 """
 
 from __future__ import annotations
@@ -19,21 +18,22 @@ from palpate.trace.recording import Chain, NominalHand
 from palpate.trace.samples import Samples, Trace
 
 FOLLOWED = 0.1
-"""s over which speeds and torques are averaged: between 8 and 30 Hz the torque of a real arm does not follow its links'
-motion, as gears, encoders and controller ripple and resonate. Sensitive: mass std ×1.05 at `lab`; on a recorded FR3 it
-halves it; with 0.02 s in a lift the ripple of encoders reads as −2.5 N/m along it at `measured`."""
+"""s: averaging time of speeds and torques. Between 8 and 30 Hz the torque of a real arm does not
+follow its links' motion, as gears, encoders and controller ripple and resonate. Sensitive: mass std
+×1.05 at `lab`; on a recorded FR3 it halves it. With 0.02 s in a lift, the encoder ripple reads as
+−2.5 N/m along it at `measured`."""
 CHAIN_ROWS = 20
-"""rows on which the arm's kinematics must reproduce the wrench. Sensitive: no."""
+"""rows on which the arm's kinematics must reproduce the wrench. Not sensitive."""
 CHAIN_FORCE = 0.5
-"""N, median over those rows: where they differ by more, the wrench itself is taken. Sensitive: no."""
+"""N, median over those rows: with a larger difference the wrench itself is used. Not sensitive."""
 CROSSTALK_SHARE = 0.25
-"""error (1 sigma) by the torques of other joints, in those of a gain: 0.14 % where gains are known to ±1 %. Bending is
-read as torsion: 0.43 N m of 54 N m in an uncalibrated sensor that was designed for little of it (Design and
-Optimization of a Joint Torque Sensor with Small Crosstalk Error for Robots, econbiz.de/Record/10013300597). Sensitive:
-mass above 1 kg std ×1.02–1.08 at `measured`."""
+"""fraction (1 sigma) of the gain error that applies to the torques of other joints; 0.14 % where
+gains are known to ±1 %. Bending is read as torsion: 0.43 N m of 54 N m in an uncalibrated sensor
+designed against it (Design and Optimization of a Joint Torque Sensor with Small Crosstalk Error for
+Robots, econbiz.de/Record/10013300597). Sensitive: mass above 1 kg std ×1.02–1.08 at `measured`."""
 TORQUE_LEVER = 0.3
-"""m: converts these forces to moments about the TCP (typical lever of the wrist joints). Sensitive: com 0.07 σ, std
-×0.9–1.1."""
+"""m: converts these forces to moments about the TCP (typical lever arm of the wrist joints).
+Sensitive: com 0.07 σ, std ×0.9–1.1."""
 
 GAIN, CROSSTALK = "gain", "cross-talk"
 """Names of causes: gains of the sensors, and what each reads of the other joints' torques."""
@@ -57,28 +57,38 @@ class WrenchObservation:
 
     @property
     def knows_links(self) -> bool:
-        """The inertial parameters of the arm's links are known."""
+        """True if the inertial parameters of the arm's links are known."""
         return self.chain is not None and bool(self.chain.links)
 
     def maps(self, q: Array) -> Array:
-        """(k, m, 6) signals of unit wrenches (world axes about the TCP) at joint angles `q` (k, 7)."""
+        """Compute the signals (k, m, 6) of unit wrenches at joint angles `q` (k, 7), rad.
+
+        The wrenches are in world axes about the TCP.
+        """
         if self.chain is None:
             return np.broadcast_to(np.eye(6), (len(q), 6, 6))
+        # Transposed Jacobian, turned from the base to the world.
         _, _, jacobian = tool_kinematics(self.chain, q)
         turned = np.concatenate([self.turn @ jacobian[:, :3], self.turn @ jacobian[:, 3:]], axis=1)
         return turned.transpose(0, 2, 1)
 
     def wrenches(self, q: Array) -> Array:
-        """(k, 6, m) wrenches (world axes about the TCP) of unit signals at joint angles `q` (k, 7): the least-squares
-        inverse of `maps`."""
+        """Compute the wrenches (k, 6, m) of unit signals at joint angles `q` (k, 7): the
+        least-squares inverse of `maps`.
+
+        The wrenches are in world axes about the TCP.
+        """
         maps = self.maps(q)
         turned = maps.transpose(0, 2, 1)
-        # A tenth of the time of a singular value decomposition; finite in singular poses, too.
+        # Regularised normal equations: ten times faster than a singular value decomposition, and
+        # finite in singular poses.
         return np.linalg.solve(turned @ maps + 1e-12 * np.eye(6), turned).astype(np.float64)
 
     def own_motion(self, samples: Samples, rows: Mask, over: float = FOLLOWED) -> Array:
-        """(n, m) N m that moved the arm's own links, in `rows` (n,), else 0, at rates averaged over `over` s; (n, 0)
-        where the links are unknown."""
+        """Compute the torque (n, m), N m, that moved the arm's own links in `rows` (n,), else 0.
+
+        Rates are averaged over `over` s. The result is (n, 0) where the links are unknown.
+        """
         if self.chain is None or not self.chain.links or len(samples) < 2:
             return np.zeros((len(samples), 0))
         rates, changes = smoothed_with_rate(samples.dq, samples.t, over)
@@ -87,19 +97,25 @@ class WrenchObservation:
         return found
 
     def links_motion(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """(n, m) N m that move the arm's own links at joint angles `q` (n, 7), rad, rates and
-        accelerations; 0 where the links are unknown."""
+        """Compute the torque (n, m), N m, that moves the arm's own links; 0 where the links are
+        unknown.
+
+        Args:
+            q: (n, 7) rad.
+            dq: (n, 7) rad/s.
+            ddq: (n, 7) rad/s².
+        """
         if self.chain is None or not self.chain.links:
             return np.zeros((len(q), self.signals.shape[1]))
         return own_motion(self.chain, q, dq, ddq)
 
 
 def observe(trace: Trace) -> WrenchObservation:
-    """Observation by the joint torques where the arm's chain is known and reproduces the wrench, else by
-    the wrench."""
+    """Observe by the joint torques where the arm's chain is known and reproduces the wrench, else
+    by the wrench."""
     chain, samples = trace.hand.chain, trace.samples
     if chain is not None and len(samples):
-        # Axes of the base in the world: the rotation from the computed to the measured tool.
+        # Axes of the base in the world, from the computed and the measured tool axes.
         _, tool, _ = tool_kinematics(chain, samples.q[:1])
         measured = Pose.of(samples.pose_world_tcp[0, :3], samples.pose_world_tcp[0, 3:])
         observed = observation_of_torques(samples.tau_ext, chain, measured.rotation @ tool[0].T)
@@ -109,43 +125,51 @@ def observe(trace: Trace) -> WrenchObservation:
         apart = np.linalg.norm((made[:, :, 0] - samples.wrench[rows])[:, :3], axis=1)
         if bool(np.median(apart) < CHAIN_FORCE):
             return observed
+    # Fall back on the recorded wrench.
     scale = np.array([1.0] * 3 + [TORQUE_LEVER] * 3)
     return WrenchObservation(samples.wrench, scale, None, np.eye(3))
 
 
 def observation_of_torques(torques: Array, chain: Chain, turn: Array) -> WrenchObservation:
-    """Observation by joint torques (n, m), N m; `turn` (3, 3): axes of the base in the world."""
+    """Observe by joint torques (n, m), N m; `turn` (3, 3) holds the axes of the base in the world."""
     return WrenchObservation(torques, np.full(len(chain.axes), TORQUE_LEVER), chain, turn)
 
 
 def gain_root(hand: NominalHand, signals: int) -> Array:
-    """(m, m) effects of m independent causes, one standard deviation each, on the relative gains of m torque
-    sensors.
+    """Compute the effects (m, m) of m independent causes, one standard deviation each, on the
+    relative gains of m torque sensors.
 
-    A stated half width is that of a uniform distribution in each (GUM, JCGM 100:2008, 4.3.7). Of joints that
-    were calibrated it is the symmetric root of their covariance, so that each cause is mostly one joint's.
+    A stated half width is that of a uniform distribution of each gain (GUM, JCGM 100:2008, 4.3.7).
+    For calibrated joints the matrix is the symmetric root of their covariance, so that each cause
+    is mostly one joint's.
     """
     if hand.gain_covariance is None or len(hand.gain_covariance) != signals:
         return hand.torque_gain / np.sqrt(3.0) * np.eye(signals)
+    # Symmetric square root by eigenvalues; rounding may make them slightly negative.
     sizes, axes = np.linalg.eigh(np.array(hand.gain_covariance))
     return (axes * np.sqrt(np.maximum(sizes, 0.0))) @ axes.T
 
 
 def common_gain(hand: NominalHand) -> float:
-    """Standard deviation of a relative error that all torque sensors share: a datasheet's bound of each says nothing of
-    what they have in common, such as their temperature or reference. A calibrated arm's covariance says it."""
+    """Standard deviation of a relative gain error that all torque sensors share.
+
+    A datasheet bounds each gain and states nothing about a common part, such as temperature or
+    reference. The covariance of a calibrated arm includes it.
+    """
     return hand.torque_gain / np.sqrt(3.0) if hand.gain_covariance is None else 0.0
 
 
 def crosstalk(hand: NominalHand, torque: Array) -> Array:
-    """(k, m) N m, 1 sigma of what each of m sensors reads of the torques (k, m) in the other joints.
+    """Compute the cross-talk (k, m), N m (1 sigma), of each of m sensors from the torques (k, m) of
+    the other joints.
 
-    The torques of one load are nearly in proportion to each other wherever it hangs, so that a single column a
-    sensor stands for its readings of all of them. None where the signals are those of a wrench, nor after a
-    calibration, whose weight showed it as a part of the gains.
+    The torques of one load are nearly in proportion to each other in all poses. A single column for
+    each sensor therefore represents its response to all of them. It is 0 where the signals are a
+    wrench, and after a calibration, whose weight included it in the gains.
     """
     if torque.shape[1] != len(hand.joints) or hand.gain_covariance is not None:
         return np.zeros_like(torque)
+    # Root sum of squares of the torques of the other joints.
     squares = torque**2
     others = squares.sum(axis=1, keepdims=True) - squares
     return CROSSTALK_SHARE * hand.torque_gain / np.sqrt(3.0) * np.sqrt(np.maximum(others, 0.0))
