@@ -168,7 +168,7 @@ than any handle's force."""
 HANDLE_VISCOUS = 200.0
 """N s/m (1 sigma). Uninformative prior of a damping at the handle. Sensitive: no, it is wider than any rail's."""
 HANDLE_STIFFNESS = 500.0
-"""N/m (1 sigma). Uninformative prior of a stiffness at the handle. Sensitive: no, it is wider than any door closer's."""
+"""N/m (1 sigma). Uninformative prior of a stiffness at the handle. Sensitive: no, it exceeds any door closer's."""
 HANDLE_MASS = 20.0
 """kg (1 sigma). Uninformative prior of the apparent mass at the handle. Sensitive: no, it is heavier than an arm can
 move."""

@@ -1,11 +1,14 @@
-"""Test that a described arm explains the joint torques of a recording, and the likely cause where it does not.
+"""Test that a described arm explains the joint torques of a recording, with the likely cause of a failure.
 
-One linear-Gaussian fit predicts the torques from the described links, with errors of their masses and centres, an
-unknown hand and load up to the payload, friction, and zeros of the sensors. Three statistics of it are compared with
-their limits: |residual|² + |unknowns / prior deviations|² (prior predictive check: G. Box, Journal of the Royal
-Statistical Society A 143, 1980); a Wald test of the gravity that the torques show, a vector in the axes of the base;
-and masses on the hand. Where one fails, each likely mistake is mended in turn: the first that lets the recording pass
-is named.
+One linear-Gaussian fit predicts the torques from the described links. Its unknowns are errors of link masses and
+centres, a hand and a load up to the payload, friction, and sensor zeros. Three statistics are compared with limits:
+
+- |residual|² + |unknowns / prior deviations|² (prior predictive check: G. Box, Journal of the Royal Statistical
+  Society A 143, 1980),
+- a Wald test of the gravity in the torques, a vector in base axes,
+- masses on the hand.
+
+If one fails, each likely mistake is corrected in turn. The first correction that passes names the cause.
 """
 
 from __future__ import annotations
@@ -37,33 +40,33 @@ from palpate.trace.recording import ArmLog, Chain, NominalHand
 from palpate.trace.samples import STANDARD_GRAVITY
 
 CLAIM_TORQUE = 0.45
-"""N m (1 sigma) of zeros, of friction about its usual size and of the residual, in the test that an arm explains its
-recording; real arms leave 0.05 to 0.3. Sensitive: no wrong arm or unit passes at 0.3 to 0.5."""
+"""N m (1 sigma) of sensor zeros, of friction about its usual size, and of the residual. Real arms leave 0.05 to 0.3.
+Sensitive: no wrong arm or unit passes at 0.3 to 0.5."""
 CLAIM_SHARE = 0.02
-"""part of the torque that holds the arm up, added to each of these. Sensitive: likewise, 0.02 to 0.03."""
+"""Fraction of the gravity torque, added to `CLAIM_TORQUE`. Sensitive: no wrong arm or unit passes at 0.02 to 0.03."""
 CLAIM_LINKS = (0.03, 3e-3)
-"""part of a link's mass, and m of its centre (1 sigma), that its description may be off: a real Panda passes as an FR3,
-an iiwa 14 does not. Sensitive: likewise, half of it to 0.05 and 5 mm."""
+"""Error (1 sigma) of a described link: fraction of its mass, and m of its centre. A real Panda passes as an FR3, an
+iiwa 14 does not. Sensitive: no wrong arm or unit passes at half of it, nor at 0.05 and 5 mm."""
 CLAIM_GRAVITY = (0.015, 0.015, 0.03)
-"""part of gravity (1 sigma) along each axis of the base that is tolerated: real arms show 0.02 across and along, other
-arms 0.2 and more. Sensitive: no wrong arm or unit passes at twice of it."""
+"""Tolerated fraction of gravity (1 sigma) along each base axis. Real arms show 0.02 horizontally, other arms 0.2 and
+more. Sensitive: no wrong arm or unit passes at twice of it."""
 CLAIM_MASS = 0.1
-"""part of the payload (1 sigma) by which a mass on the hand may exceed it. Sensitive: no."""
+"""Fraction of the payload (1 sigma) by which a mass on the hand may exceed it. Sensitive: no."""
 BEYOND_RANGE = 0.2
-"""rad beyond the range of a joint, where no such arm can be: ranges differ by less between its makes. Sensitive: no."""
+"""rad beyond a joint's range that are impossible: ranges of different makes differ by less. Sensitive: no."""
 BEYOND_SPEED = 1.5
-"""times the largest speed of a joint, which no such arm exceeds; times by which velocities may differ from the change
-of the angles: less than 1.01 in recordings of real arms. Sensitive: no."""
+"""Factor on a joint's largest speed that is impossible, and on the ratio of velocities to the change of angles. Real
+recordings differ by less than 1.01. Sensitive: no."""
 MOVED = 1e-3
-"""rad in 0.1 s, from which velocities are compared with the change of the angles. Sensitive: no."""
+"""rad in 0.1 s above which velocities are compared with the change of angles. Sensitive: no."""
 
 HAND, LOAD = "hand", "load"
 ROWS = 300
-"""Means of the signals, at most."""
+"""Largest number of block means in a test."""
 JUMPS = 20
-"""Changes of the angles that count as a motion, not as jumps from rest to rest."""
+"""Smallest number of angle changes that count as a motion, not as jumps from rest to rest."""
 STRONG, ALIKE, HEAVIER = 2, 10, 4
-"""N m (rms) that show a joint's own unit; largest quotient of two units; times the payload that is recognised."""
+"""N m (rms) that show a joint's unit; largest ratio of two units; largest factor on the payload that is tried."""
 UPRIGHT: Array = np.array([0.0, 0.0, -STANDARD_GRAVITY])
 SIGN = "the torques have the opposite sign: negate them"
 MOUNT = (
@@ -88,14 +91,14 @@ OTHER = ", or the recording is of another arm (arm=NAME or a folder with its des
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Claim:
-    """Joint signals at n times, and the arm that they are said to come from.
+    """Joint signals at n times, and the arm that is claimed to have produced them.
 
     Attributes:
         t: (n,) s.
-        q, dq, tau: (n, 7) rad, rad/s, N m; gravity is in the torques.
+        q, dq, tau: (n, 7) rad, rad/s, N m; the torques include gravity.
         loaded: (n,) 1 where a load is carried, else 0.
-        hand: the arm's chain and payload.
-        gravity: (3,) m/s², in the axes of the base.
+        hand: chain and payload of the arm.
+        gravity: (3,) m/s², in base axes.
     """
 
     t: Array
@@ -116,9 +119,11 @@ class Claim:
         used: Mask,
         held: bool = False,
     ) -> Claim:
-        """Means of a recording over `WHOLE_BLOCK`, at most `ROWS` of them, in which all rows are
-        `used` (n,) and all or none are `loaded` (n,); its torques are `held`: without what holds up the described
-        arm."""
+        """Build block means of a recording over `WHOLE_BLOCK`, at most `ROWS` of them.
+
+        Only blocks whose rows are all `used` (n,) and all or none `loaded` (n,) count. `held` means that the
+        torques exclude the gravity of the described arm.
+        """
         blocks = np.floor((log.t - log.t[0]) / WHOLE_BLOCK + 1e-6)
         starts = np.flatnonzero(np.diff(blocks, prepend=-1.0))
         counts = np.diff(np.append(starts, len(blocks)))
@@ -126,6 +131,7 @@ class Claim:
         def mean(signal: Array) -> Array:
             return np.add.reduceat(signal, starts) / counts.reshape(-1, *[1] * (signal.ndim - 1))
 
+        # Select the uniform blocks, evenly over time if there are too many.
         share, whole = mean(loaded.astype(float)), mean(used.astype(float)) == 1.0
         rows = np.flatnonzero(whole & ((share == 0.0) | (share == 1.0)))
         if len(rows) > ROWS:
@@ -141,13 +147,13 @@ class Claim:
         return self.hand.chain
 
     def holding(self, gravity: Array) -> Array:
-        """(n, 7) N m that hold up the described links."""
+        """(n, 7) N m, gravity torques of the described links."""
         still = np.zeros_like(self.q)
         return own_motion(self.chain, self.q, still, still, gravity)
 
 
 def explained(claim: Claim) -> FitTest:
-    """Test that the described arm explains the torques; its finding names the likely mistake."""
+    """Test that the described arm explains the torques; the finding names the likely mistake."""
     found = _test(claim)
     if found.passed:
         return found
@@ -161,7 +167,7 @@ def explained_upright(log: ArmLog, arm: RobotDescription) -> FitTest:
     """Test that an upright `arm` with at most its payload explains a recording.
 
     Raises:
-        InputError: `require_within_limits`.
+        InputError: Angles or velocities are impossible for the arm (`require_within_limits`).
     """
     require_within_limits(log, arm)
     everywhere = np.ones(len(log), dtype=bool)
@@ -169,11 +175,12 @@ def explained_upright(log: ArmLog, arm: RobotDescription) -> FitTest:
 
 
 def require_within_limits(log: ArmLog, arm: RobotDescription) -> None:
-    """Check that angles and velocities are some that `arm` can have.
+    """Check that angles and velocities are possible for `arm`.
 
     Raises:
-        InputError: they are not; the message names the joint.
+        InputError: They are not; the message names the joint.
     """
+    # Angles against joint ranges.
     limits, low, high = arm.limits, log.q.min(axis=0), log.q.max(axis=0)
     beyond = np.maximum(limits.q_min - low, high - limits.q_max) > BEYOND_RANGE
     for i in np.flatnonzero(beyond):
@@ -182,13 +189,14 @@ def require_within_limits(log: ArmLog, arm: RobotDescription) -> None:
             f"{limits.q_min[i]:.2f} to {limits.q_max[i]:.2f}: its angles are not in rad (angles: deg in "
             f"columns=MAP.yaml), its joints are in another order{OTHER}"
         )
+    # Speeds, without outliers, against the largest joint speeds.
     fast = np.quantile(np.abs(log.dq), 0.99, axis=0)
     for i in np.flatnonzero(fast > BEYOND_SPEED * limits.dq_max):
         raise InputError(
             f"{log.source}: joint {i + 1} turns at {fast[i]:.3g} rad/s, and that of '{arm.name}' at most at "
             f"{limits.dq_max[i]:.3g}: state the unit of the clock (time: ms in columns=MAP.yaml), or mend velocities"
         )
-    # Velocities and the change of the angles, over stretches that hide the noise of both, without gaps and jumps.
+    # Velocities against the change of angles, over intervals that average out noise, without gaps and jumps.
     dt = np.diff(log.t)
     step = max(1, round(WHOLE_BLOCK * len(dt) / max(float(dt.sum()), 1e-9)))
     travel = np.cumsum(np.concatenate([np.zeros((1, 7)), log.dq[:-1] * dt[:, None]]), axis=0)
@@ -203,17 +211,18 @@ def require_within_limits(log: ArmLog, arm: RobotDescription) -> None:
 
 
 def _test(claim: Claim) -> FitTest:
-    """Compute the largest of the three statistics, each in units of its limit."""
+    """Largest of the three statistics, each relative to its limit."""
     if not len(claim.t):
         return FitTest("torques of the described arm", 0.0, 1.0, "")
     posterior = _fitted(claim)
+    # Prior predictive chi-squared of the misfit, and the Wald test of gravity.
     unknowns = (posterior.mean / posterior.model.prior)[posterior.model.prior > 0.0]
     misfit = float(posterior.residual @ posterior.residual + unknowns @ unknowns)
     tests = [
         chi_squared("misfit", misfit, 7 * _seconds(claim), ""),
         posterior.test(_gravity(claim, 1.0), np.array(CLAIM_GRAVITY), ""),
     ]
-    # Masses on the hand beyond the described one: at all times, and as loads.
+    # Masses on the hand relative to the described one: a permanent one, and loads.
     payload, least = claim.hand.payload, -float(Bodies.of(claim.chain, 0.0, 0.0, 0.0).hand[0])
     for name, usual in ((HAND, 0.0), (LOAD, payload / 2.0)):
         mean, covariance = posterior[name]
@@ -226,18 +235,19 @@ def _test(claim: Claim) -> FitTest:
 
 
 def _fitted(claim: Claim, *more: Cause) -> Posterior:
-    """Fit what a description leaves open, about its prior means."""
+    """Fit the unknowns that a description leaves open, about their prior means."""
+    # Torques of the described arm: gravity, and inertia.
     chain, n, still = claim.chain, len(claim.t), np.zeros_like(claim.q)
     ddq = np.gradient(claim.dq, claim.t, axis=0) if n > 1 else still
     held, moved = claim.holding(claim.gravity), own_motion(chain, claim.q, claim.dq, ddq)
-    # Friction acts in the direction of the motion: its prior mean tells a reversed sign from a hanging arm.
+    # Friction acts along the motion. Its prior mean distinguishes a reversed sign from a hanging arm.
     turning = np.tanh(claim.dq / WHOLE_SLOW)
     size = CLAIM_TORQUE + CLAIM_SHARE * np.sqrt((held**2).mean(axis=0))
-    # Errors of the links, which gravity shows.
+    # Errors of link mass and centre, which gravity shows.
     bodies = Bodies.of(chain, *CLAIM_LINKS, 0.0)
     links = regressor(chain, claim.q, still, still, claim.gravity)
     weights = [links[:, :, i] @ bodies.link_frame(i)[:, :4] for i in range(len(bodies.links))]
-    # A hand that differs from the described one, and loads between nothing and the payload.
+    # A hand that differs from the described one, and loads between zero and the payload.
     mass, load = claim.hand.payload / 2.0, load_torques(chain, claim.q, still, still, claim.gravity)
     carried = claim.loaded[:, None, None] * load[:, :, :4]
     of_load = mass * np.array([1.0, *[2.0 * HAND_REACH] * 3])
@@ -251,7 +261,7 @@ def _fitted(claim: Claim, *more: Cause) -> Posterior:
         ("viscous", each(claim.dq), np.full(len(size), VISCOUS_PRIOR)),
     ]
     causes = [Cause(name, columns.reshape(held.size, -1), prior) for name, columns, prior in parts]
-    # A residual stays alike for about a second: the rows of a second count as one.
+    # The residual is correlated over about a second, so the rows of a second count as one.
     std = np.tile(size * np.sqrt(max(1.0, n / max(_seconds(claim), 1))), n)
     expected = held + moved + USUAL_FRICTION * turning + mass * carried[:, :, 0]
     noise = SpectralNoise(std, float(held.size))
@@ -259,26 +269,27 @@ def _fitted(claim: Claim, *more: Cause) -> Posterior:
 
 
 def _seconds(claim: Claim) -> int:
-    """Number of seconds that have a row."""
+    """Number of seconds that contain a row."""
     return len(np.unique(np.floor(claim.t)))
 
 
 def _gravity(claim: Claim, prior: float) -> Cause:
-    """Gravity beyond the stated one, as parts of it, along the axes of the base."""
+    """Cause of gravity beyond the stated one, as fractions of it, along the base axes."""
     size = float(np.linalg.norm(claim.gravity))
     columns = np.stack([claim.holding(size * axis) for axis in np.eye(3)], axis=2)
     return Cause("gravity", columns.reshape(-1, 3), np.full(3, prior))
 
 
 def _mended(claim: Claim) -> Iterator[tuple[Claim, str]]:
-    """Yield the recording, or its arm, without each likely mistake, and the mistake."""
+    """Yield the claim with each likely mistake corrected, and a description of the mistake."""
     size = float(np.linalg.norm(claim.gravity))
-    # Gravity that the torques show by themselves: that of a reversed sign is that of a hanging arm.
+    # Gravity as the torques show it, without a prior; a reversed sign looks like a hanging arm.
     shown = claim.gravity / size + _fitted(claim, _gravity(claim, 1e5))["gravity"][0]
     shown /= np.linalg.norm(shown)
     place = ("upright, or tilted", "on a wall, or tilted", "on a ceiling")[
         round(float(shown[2])) + 1
     ]
+    # Sign or mounting, the likelier first; then units, missing gravity, and a heavy load.
     ways = [
         (replace(claim, tau=-claim.tau), SIGN),
         (replace(claim, gravity=size * shown), MOUNT.format(place, *shown.tolist())),
@@ -294,13 +305,16 @@ def _mended(claim: Claim) -> Iterator[tuple[Claim, str]]:
 
 
 def _scales(claim: Claim, alike: bool) -> Array:
-    """(7,) by how much the torques are larger than what holds up the described arm: `alike` for all joints, or of each,
-    where joints that hold too little to show it have the median of the others."""
+    """Ratios (7,) of the torques to the gravity torques of the described arm.
+
+    The ratio is common to all joints if `alike`, else one a joint. Joints with too little gravity torque take the
+    median of the others.
+    """
     held, scales = claim.holding(claim.gravity), np.ones(7)
     strong = np.sqrt((held**2).mean(axis=0)) > STRONG
     columns = held.reshape(-1, 1) if alike else each(held).reshape(held.size, -1)
     cause = Cause("scale", columns, np.full(int(columns.shape[1]), 1e5))
-    # Priors are those of torques in N m: the first round is far off where the unit is.
+    # Iterate: priors are in N m, so the first round is inaccurate where the unit differs.
     for _ in range(LOAD_ITERATIONS):
         mended = replace(claim, tau=claim.tau / scales)
         found = 1.0 + _fitted(mended, cause)["scale"][0] * np.ones(7)
