@@ -153,7 +153,9 @@ def _summed(sides: Sequence[_Side], asked: Sequence[str]) -> list[_Side]:
 def _word_answer(
     first: _Side, second: _Side, subject: str | None, unit: str, tails: int = 1
 ) -> str:
-    """Word the order of two sides; with a `subject` as yes, where it is the first, or no."""
+    """Word the order of two sides. With a `subject`, the answer is yes if it is the first side,
+    else no.
+    """
     figures = f"{first} against {second}{unit}"
     chance = tails * _chance(first, second)
     if chance > UNCERTAIN:

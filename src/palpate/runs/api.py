@@ -353,14 +353,16 @@ def run(
     """Load, plan, execute, estimate and build the twin, all in memory.
 
     Args:
-        scene: MJCF as `load` takes it, or a scene; None lets a model look at a picture instead.
-        request: what you want to simulate, in your words; None asks for all that is missing.
+        scene: MJCF as for `load`, or a `Scene`; None lets a model look at a picture instead.
+        request: what you want to simulate, in your words; None asks for everything missing.
         planner: as `Scene.plan`.
         options: as `load`: `poses`, `arm`, `cautious`, `robot_config`, `root`, `robot_body`; as
-            `Scene.plan`: `measure`, `images`, `remeasure`, `within`, `model_settings`; as `Plan.run`: `seed`,
+            `Scene.plan`: `measure`, `images`, `remeasure`, `within`, `model_settings`; as
+            `Plan.run`: `seed`,
             `noise`, `world`, `robot`, `cell`, `on_failure`, `rehearse`, `fast`, `out`, `confirm`,
-            `observer`, `progress`; and `camera`, `intrinsics`, `pose_estimator`, as `see`: a look first, whose poses
-            take the place of the scene's (`run.scene` has them, also as `confirm` is asked).
+            `observer`, `progress`; as `see`: `camera`, `intrinsics`, `pose_estimator`, a look
+            before
+            the run. Its poses replace those of the scene, in `run.scene` and already for `confirm`.
 
     Returns:
         The finished run, in memory; with `out=` also in a folder.
@@ -370,6 +372,7 @@ def run(
         Unavailable: planner or robot out of reach.
         ExecutionAborted: a real robot was not allowed to move.
     """
+    # Distribute the options over the verbs.
     of_load, of_run = _those_of(load, options), _those_of(Plan.run, options)
     found = load(scene, **of_load) if isinstance(scene, str | Path) else scene
     names = [field.name for field in fields(Settings)]
@@ -380,12 +383,12 @@ def run(
         stated.pop("world", None)  # MJCF text, or a scene: `Plan.run` reads it
     given = Settings() if found is None else found.given
     asked = given.having(request=request, planner=planner_name(planner), **stated)
-    # Everything is checked before anybody plans: a model's answer costs money.
+    # Check everything before the plan: a model's answer costs money.
     asked = asked.check_values(at_hand=found is not None)
     if options.get("cell") is None:
         pipeline.preflight(asked)
     progress = options.get("progress", quiet)
-    # Read once: the camera may look at the world in which the robot then moves.
+    # Read the world once: the camera may look at the world in which the robot then moves.
     of_run["world"] = hidden_world(options.get("world"), asked)
     placed, seen = pipeline.look(asked, found, RunCallbacks(progress=progress), of_run["world"])
     progress("planning")
@@ -393,12 +396,12 @@ def run(
 
 
 def _those_of(verb: Callable[..., object], options: Mapping[str, Any]) -> dict[str, Any]:
-    """The options that are arguments of a verb."""
+    """Select the options that are arguments of a verb."""
     return {name: options[name] for name in signature(verb).parameters if name in options}
 
 
 def plan_settings(settings: Settings) -> Plan:
-    """The plan that settings describe, as the command line has them.
+    """Make the plan that the settings of the command line describe.
 
     Raises:
         InputError: bad input.
@@ -409,7 +412,7 @@ def plan_settings(settings: Settings) -> Plan:
 
 
 def run_settings(settings: Settings, callbacks: RunCallbacks = SILENT) -> Run:
-    """The run that settings describe, as the command line has them, into a run folder.
+    """Carry out the run that the settings of the command line describe, into a run folder.
 
     Raises:
         InputError: bad input; nothing is planned then.

@@ -278,7 +278,7 @@ class Settings:
             )
 
     def described_arm(self) -> RobotDescription:
-        """Load the arm as its owner knows it, with its calibration.
+        """Load the arm with the knowledge of its owner, calibration included.
 
         A real arm has its description and stiffness, the embedded one the datasheet of its noise
         model.

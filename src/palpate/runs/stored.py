@@ -223,10 +223,10 @@ def fuse(runs: Sequence[str | Path | InnerRun]) -> Fusion:
 
 @known_keywords
 def compare(runs: Sequence[str | Path | InnerRun]) -> Comparison:
-    """Compare the estimates of several runs, each with the first that has a value.
+    """Compare the estimates of several runs, each with the first run that has a value.
 
     Args:
-        runs: folders, or runs at hand; of other scenes, too, with a remark.
+        runs: folders or `Run` objects. Runs of another scene get a remark.
 
     Raises:
         InputError: fewer than two runs, or a folder that is not a run's.
@@ -235,8 +235,9 @@ def compare(runs: Sequence[str | Path | InnerRun]) -> Comparison:
 
 
 def finish(folder: str | Path, progress: Progress = quiet, film: bool = False) -> Run:
-    """Finish an interrupted run from its folder and write its report again, with `film` also a film of
-    its trace.
+    """Finish an interrupted run from its folder and write its report again.
+
+    With `film`, a film of its trace is rendered as well.
 
     Raises:
         InputError: there is no such folder, or it is not a run's.
@@ -245,21 +246,21 @@ def finish(folder: str | Path, progress: Progress = quiet, film: bool = False) -
 
 
 def run_of(made: InnerRun) -> Run:
-    """The run with its verbs; its estimates say when they come from a simulation."""
+    """Make the public object of a run. Estimates of a simulation are labelled as simulated."""
     contents = contents_of(made, InnerRun)
     contents["estimates"] = _label_simulation(made.estimates, made.simulated)
     return Run(**contents)
 
 
 def _label_simulation(estimates: Sequence[Estimate], simulated: bool) -> tuple[Estimate, ...]:
-    """The estimates; of a simulation they say so."""
+    """Label the estimates of a simulation."""
     if not simulated:
         return tuple(estimates)
     return tuple(_Simulated(**contents_of(each, Estimate)) for each in estimates)
 
 
 class _Simulated(Estimate):
-    """An estimate of a simulated run, which says so."""
+    """An estimate of a simulated run, labelled so in all texts."""
 
     __slots__ = ()
 

@@ -25,20 +25,23 @@ from palpate.twin.files import write_files
 from palpate.twin.text import rewritten
 
 WRITTEN = {"frictionloss": "coulomb", "damping": "viscous", "armature": "armature"}
-"""Attributes of a joint, by figure. What is not significantly more than 0 stays as the file has it: sensors behind
-the gears show nothing of the motors' inertia."""
+"""Attributes of a joint, by figure. A figure that is not significantly above 0 keeps the value in
+the file: sensors behind the gears do not show the inertia of the motors.
+"""
 ORIENTATIONS = ("diaginertia", "quat", "axisangle", "xyaxes", "zaxis", "euler")
-"""Attributes of an `<inertial>` in whose place `fullinertia` stands."""
+"""Attributes of an `<inertial>` that `fullinertia` replaces."""
 
 
 def save_arm(found: DynamicsFit, path: Path) -> tuple[Path, ...]:
-    """Write the arm's MJCF with the identified dynamics to `path`, with the files that it needs there.
+    """Write the arm's MJCF with the identified dynamics to `path`, with the files that it needs
+    there.
 
     Returns:
         Every file written, `path` first.
 
     Raises:
-        InputError: `path` exists, or cannot be written, or a joint or link is in an attached model; or the dynamics
+        InputError: `path` exists, or cannot be written, or a joint or link is in an attached model;
+        or the dynamics
             are contradicted.
     """
     if found.contradictions:
@@ -49,7 +52,7 @@ def save_arm(found: DynamicsFit, path: Path) -> tuple[Path, ...]:
 
 
 def _find_element(document: Document, tag: str, name: str) -> Element:
-    """The joint or body of a name."""
+    """Find the joint or body with a name."""
     for element in elements(document.root):
         if element.tag == tag and element.get("name") == name:
             return element
@@ -57,7 +60,7 @@ def _find_element(document: Document, tag: str, name: str) -> Element:
 
 
 def _joints(found: DynamicsFit, document: Document) -> Iterator[Change]:
-    """Changes of the joints."""
+    """Yield the changes of the joints."""
     for i, name in enumerate(found.arm.joints):
         joint = _find_element(document, "joint", name)
         for attribute, figure in WRITTEN.items():
@@ -68,13 +71,15 @@ def _joints(found: DynamicsFit, document: Document) -> Iterator[Change]:
 
 
 def _links(found: DynamicsFit, document: Document) -> Iterator[Change]:
-    """Changes of the links' inertias, and of the hand's where it was found."""
+    """Yield the changes of the links' inertias, and of the hand's if it was identified."""
+    # Poses of all bodies at joint angles 0.
     arm, model = found.arm, compile_mjcf(found.arm.mjcf)
     data: Any = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     chain, known = arm.nominal.chain, arm.sensors
     assert chain is not None
+    # Change of each link's parameters: identified less described.
     bodies = Bodies.of(chain, known.link_mass, known.link_com, arm.limits.payload)
     changed = [
         (int(model.jnt_bodyid[model.joint(name).id]), joint, found.parameters[joint] - described)
@@ -88,7 +93,8 @@ def _links(found: DynamicsFit, document: Document) -> Iterator[Change]:
 
 
 def _link(data: Any, body: int) -> ChainLink:
-    """A body as the file has it, at joint angles 0."""
+    """Describe a body as in the file, at joint angles 0."""
+    # Inertia in world axes: R diag(I) R^T.
     axes = np.asarray(data.ximat[body]).reshape(3, 3)
     tensor = (axes * data.model.body_inertia[body]) @ axes.T
     xx, yy, zz, xy, xz, yz = components(tensor)
@@ -100,6 +106,8 @@ def _inertial(
     document: Document, data: Any, body: int, change: Array, anchor: Array
 ) -> Iterator[Change]:
     """Changes that add parameters (10,) about an anchor (3,) to those of a body."""
+    # Add the change to mass, first moments and inertia about the anchor; skip a mass of zero or
+    # less.
     old = parameters([_link(data, body)], anchor)
     new = old + change
     if new[0] <= 0.0:
@@ -107,6 +115,7 @@ def _inertial(
     tensor = inertia_about_centre(new)
     if not physical(tensor):  # of less than the recording shows: the described one stays
         tensor = inertia_about_centre(old) * new[0] / old[0]
+    # Convert centre and tensor to the frame of the body.
     frame = np.asarray(data.xmat[body]).reshape(3, 3)
     centre = frame.T @ (anchor + new[1:4] / new[0] - data.xpos[body])
     texts = {
@@ -114,6 +123,7 @@ def _inertial(
         "mass": [number(float(new[0]), 1e-4)],
         "fullinertia": [number(part) for part in components(frame.T @ tensor @ frame)],
     }
+    # Replace the `<inertial>`, or insert one.
     element = _find_element(document, "body", data.model.body(body).name)
     inertial = inertial_of(element)
     if inertial is None:
@@ -128,6 +138,8 @@ def _inertial(
 
 
 def physical(tensor: Array) -> bool:
-    """Test if a rigid body can have an inertia (3, 3): positive moments, none above the others' sum."""
+    """True if a rigid body can have an inertia (3, 3): positive moments, and none above the sum of
+    the others.
+    """
     moments = np.linalg.eigvalsh(tensor)
     return bool(moments[0] > 0.0 and moments[2] <= moments[0] + moments[1])

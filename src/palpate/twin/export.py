@@ -41,7 +41,7 @@ from palpate.twin.twin import Twin, held_by_twin
 
 
 def require_usd() -> None:
-    """Require the converter.
+    """Require the converter to USD.
 
     Raises:
         Unavailable: it is not installed.
@@ -56,12 +56,13 @@ def require_usd() -> None:
 
 
 def _module(name: str) -> Any:
-    """A module of the extra, loaded when it is used; USD has no types."""
+    """Load a module of the extra at its first use. USD has no types."""
     return importlib.import_module(name)
 
 
 def write_usd(spec: mujoco.MjSpec, mjcf: Path, folder: Path) -> Path:
-    """Convert a model, which is first written as `mjcf` beside its files, into one `.usdc`."""
+    """Convert a model into one `.usdc`. It is first written as `mjcf`, in the folder of its
+    files."""
     mjcf.write_text(spec.to_xml(), encoding="utf-8")
     diagnostics = _module("usdex.core")
     diagnostics.activateDiagnosticsDelegate()
@@ -72,7 +73,7 @@ def write_usd(spec: mujoco.MjSpec, mjcf: Path, folder: Path) -> Path:
 
 
 def left_behind(spec: mujoco.MjSpec) -> Iterator[str]:
-    """Notes on elements that the converter leaves out, by kind."""
+    """Note the elements that the converter leaves out, by kind."""
     kinds = {
         "cameras": spec.cameras,
         "lights": spec.lights,
@@ -88,9 +89,10 @@ def left_behind(spec: mujoco.MjSpec) -> Iterator[str]:
 
 
 def read_usd(path: Path) -> dict[str, Facts]:
-    """Facts about a stage's rigid bodies and colliders."""
+    """Read the rigid bodies and colliders of a stage."""
     geometry, physics = _module("pxr.UsdGeom"), _module("pxr.UsdPhysics")
     stage = _module("pxr.Usd").Stage.Open(str(path))
+    # Assign each shape to the nearest rigid body above it, else to the world.
     shapes: dict[str, list[Array]] = {WORLD: []}
     frictions: dict[str, list[float]] = {WORLD: []}
     bodies: dict[str, Any] = {}
@@ -107,6 +109,7 @@ def read_usd(path: Path) -> dict[str, Facts]:
             friction = friction_of(prim)
             if friction is not None:
                 frictions[name].append(friction)
+    # Read pose, mass, centre and inertia of each body.
     found: dict[str, Facts] = {}
     for name, boxes in shapes.items():
         pose, mass, com, inertia = np.eye(4), 0.0, np.zeros(3), np.zeros((3, 3))
@@ -124,19 +127,19 @@ def read_usd(path: Path) -> dict[str, Facts]:
 
 
 def is_guide(prim: Any) -> bool:
-    """Test for a site, which is seen in editors alone."""
+    """True for a site, which only editors show."""
     return str(_module("pxr.UsdGeom").Gprim(prim).GetPurposeAttr().Get()) == "guide"
 
 
 def name_of(prim: Any) -> str:
-    """MuJoCo's name of a prim: USD's own names have fewer characters."""
+    """MuJoCo's name of a prim. USD's own names allow fewer characters."""
     return str(prim.GetDisplayName() or prim.GetName())
 
 
 def frame_of(prim: Any) -> Array:
-    """(4, 4) in the world, stretched by the prim's scale."""
+    """Frame (4, 4) in the world, stretched by the prim's scale."""
     cache = _module("pxr.UsdGeom").XformCache()
-    # USD multiplies rows from the left.
+    # Transpose: USD multiplies row vectors from the left.
     return np.array(cache.GetLocalToWorldTransform(prim), dtype=float).T
 
 
@@ -160,7 +163,7 @@ def box_of(prim: Any, frame: Array) -> Array:
 
 
 def friction_of(prim: Any) -> float | None:
-    """Friction of the physics material; None where a shape does not collide, or has none."""
+    """Friction of the physics material; None if a shape does not collide, or has none."""
     physics, shade = _module("pxr.UsdPhysics"), _module("pxr.UsdShade")
     if not prim.HasAPI(physics.CollisionAPI):
         return None
@@ -172,8 +175,7 @@ def friction_of(prim: Any) -> float | None:
 
 
 # Export of a twin for other simulators: MJCF that loads anywhere, URDF, or USD. Every file is read
-# back and compared, body by body, before it is handed out. Ranges for domain randomisation go
-# beside them.
+# back and compared, body by body. Ranges for domain randomisation are a further format.
 
 
 Format = Literal["mjcf", "urdf", "usd", "randomisation"]
@@ -190,8 +192,9 @@ class Export:
     """Export of a twin.
 
     Attributes:
+        format: one of `FORMATS`.
         file: the main file, in its folder.
-        held: measured parameters that it states, as read back.
+        held: measured parameters in the file, as read back.
         lost: measured parameters that the format cannot state.
         notes: other differences from the twin, a line each.
     """
@@ -204,7 +207,7 @@ class Export:
 
 
 def require_format(name: str) -> Format:
-    """The format of that name, whose writer is installed.
+    """Return the format with that name, whose writer is installed.
 
     Raises:
         InputError: there is none.
@@ -233,17 +236,19 @@ def export_twin(
         return Export(chosen, file, tuple(each.parameter for each in written), (), tuple(notes))
     if twin.scene is None:
         raise InputError(f"there is no twin to export: {'; '.join(twin.notes) or 'nothing moved'}")
+    # Pack the twin with all its files.
     document = reparse(twin.texts or Texts(twin.xml), twin.scene.resolved.document)
     description = describe(document, Poses(), twin.scene.catalogue, settled=False)
     for name, text in pack(document, scratch, SCENE).items():
-        # Keys of the environment reach no file that is handed on.
+        # Redact keys of the environment in every exported file.
         (scratch / name).write_text(redact(text), encoding="utf-8", newline="")
     scene = scratch / SCENE
+    # Compare the packed twin with the original, then write and compare the format.
     try:
         packed = mujoco.MjModel.from_xml_path(str(scene))
         facts, model = facts_of(description.shapes.model), description.shapes.model
         if model.nbody != packed.nbody:
-            # The description is without robots: numbers of unnamed bodies are ambiguous.
+            # The description has no robots: the numbers of unnamed bodies differ.
             for body in range(model.nbody):
                 facts.pop(fallback_name(body), None)
         require_same(facts, facts_of(packed))
@@ -251,6 +256,7 @@ def export_twin(
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())[:600]
         raise PalpateError(f"the twin cannot be exported as {chosen}: {reason}") from error
+    # List the parameters that the format can state, and the others.
     held: list[Parameter] = []
     lost: list[Parameter] = []
     for estimate in estimates:
@@ -262,7 +268,7 @@ def export_twin(
 
 
 def can_state(chosen: Format, description: Description, parameter: Parameter) -> bool:
-    """Test if a format can state a parameter."""
+    """True if a format can state a parameter."""
     if chosen == "mjcf":
         return True  # `<custom>` has a place for everything
     if chosen == "urdf" and parameter.quantity == "friction":
@@ -299,7 +305,7 @@ WRITERS: Mapping[Format, Callable[[Path, Path], tuple[Path, list[str]]]] = {
     "urdf": _urdf,
     "usd": _usd,
 }
-"""Each writes the contained scene into a folder and returns the main file, with notes."""
+"""Writers: each writes the contained scene into a folder and returns the main file, with notes."""
 
 
 def require_same(

@@ -13,12 +13,12 @@ from palpate.common.pose import Array, Pose
 from palpate.mjcf.shapes import mesh_corners, mesh_vertices
 
 CLOSE = 1e-5
-"""Relative: single precision of USD and of meshes, six digits of MuJoCo's own MJCF."""
+"""Relative tolerance: single precision of USD and of meshes, six digits of MuJoCo's own MJCF."""
 WORLD = "world"
 GROUND = np.array([10.0, 10.0, 0.01])
-"""m: half extents of the box whose top stands in for a plane."""
+"""m: half extents of the box whose top represents a plane."""
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
-"""(8, 3) of a cube with edges of 2."""
+"""Corners (8, 3) of a cube with edges of 2."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,9 +28,10 @@ class Facts:
     Attributes:
         pose: (4, 4) of its frame in the world.
         mass: (1,) kg.
-        com: (3,) m, and inertia: (3, 3) kg m^2 about it, in the body's frame.
-        shape: (n, 2, 3) m, lowest and highest world coordinates of each.
-        friction: (k,) sliding coefficients of those that collide and state one.
+        com: (3,) m, in the body's frame.
+        inertia: (3, 3) kg m^2 about the centre of mass, in the body's frame.
+        shape: (n, 2, 3) m, lowest and highest world coordinates of each shape.
+        friction: (k,) sliding coefficients of the shapes that collide and state one.
     """
 
     pose: Array
@@ -42,13 +43,16 @@ class Facts:
 
 
 def facts_of(model: mujoco.MjModel, colliding: bool = False) -> dict[str, Facts]:
-    """The bodies of a model in its initial configuration, the world among them; with `colliding`, only
-    the geoms that collide."""
+    """Collect the bodies of a model in its initial configuration, the world included.
+
+    With `colliding`, only geoms that collide are included.
+    """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     found: dict[str, Facts] = {}
     for body in range(model.nbody):
         touching = [geom for geom in geoms_of(model, body) if collides(model, geom)]
+        # Boxes of the shapes in world axes.
         boxes: list[Array] = []
         for geom in touching if colliding else geoms_of(model, body):
             frame = homogeneous(data.geom_xmat[geom], data.geom_xpos[geom])
@@ -81,19 +85,22 @@ def geoms_of(model: mujoco.MjModel, body: int) -> range:
 
 
 def collides(model: mujoco.MjModel, geom: int) -> bool:
-    """Test if a geom collides with anything."""
+    """True if a geom collides with anything."""
     return bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
 
 
 def homogeneous(rotation: Array, position: Array) -> Array:
-    """(4, 4) transformation of a rotation matrix, (9,) or (3, 3), and a position (3,)."""
+    """Homogeneous transformation (4, 4) of a rotation matrix, (9,) or (3, 3), and a position
+    (3,)."""
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation.reshape(3, 3), position
     return pose
 
 
 def tensor(principal: Array, quaternion: Array) -> Array:
-    """(3, 3) inertia tensor R diag(I) R^T of principal moments (3,) and their axes' quaternion (4,)."""
+    """Inertia tensor (3, 3), R diag(I) R^T, of principal moments (3,) and the quaternion (4,) of
+    their axes.
+    """
     axes = np.empty(9)
     mujoco.mju_quat2Mat(axes, quaternion)
     rotation = axes.reshape(3, 3)
@@ -121,28 +128,33 @@ def box_of(model: mujoco.MjModel, geom: int, frame: Array) -> Array:
 
 
 def box_around(frame: Array, points: Array) -> Array:
-    """(2, 3) box around points (n, 3) of a frame (4, 4), which may be stretched."""
+    """Box (2, 3) around points (n, 3) of a frame (4, 4), which may be stretched."""
     there = points @ frame[:3, :3].T + frame[:3, 3]
     return np.array([there.min(axis=0), there.max(axis=0)])
 
 
 def round_box(frame: Array, radius: float, half: float = 0.0, axes: int = 3) -> Array:
-    """(2, 3) box of a capsule of that half length along z, of a ball where that is 0, or, with two
-    `axes`, of a cylinder; the frame may be stretched."""
+    """Box (2, 3) of a capsule with that half length along z.
+
+    A half length of 0 gives a ball, two `axes` a cylinder. The frame may be stretched.
+    """
+    # Support function of the shape along the world axes: segment plus ball or disc.
     reach = half * np.abs(frame[:3, 2]) + radius * np.linalg.norm(frame[:3, :axes], axis=1)
     return np.array([frame[:3, 3] - reach, frame[:3, 3] + reach])
 
 
 def plane_box(frame: Array) -> Array:
-    """(2, 3) box around the box that stands in for an infinite plane."""
+    """Box (2, 3) around the box that represents an infinite plane."""
     return box_around(frame, CORNERS * GROUND - [0.0, 0.0, GROUND[2]])
 
 
 def differences(
     twin: Mapping[str, Facts], made: Mapping[str, Facts], friction: bool = True
 ) -> Iterator[tuple[str, str]]:
-    """Bodies of the twin that differ in what was made of it, each with a difference in words;
-    `friction`: the format has any."""
+    """Yield the bodies of the twin that differ in an export, each with a description.
+
+    `friction` is true if the format has friction.
+    """
     for name, facts in twin.items():
         other = made.get(name)
         if other is None:
@@ -156,37 +168,44 @@ def differences(
             if mine.shape != its.shape:
                 yield name, f"its {what} has {its.size} numbers instead of {mine.size}"
                 continue
-            # A small number beside large ones has their absolute precision.
+            # A small number in an array of large ones has their absolute precision.
             least = max(CLOSE * float(np.abs(mine).max(initial=0.0)), 1e-15)
             if not np.allclose(its, mine, CLOSE, least):
                 i = int(np.argmax(np.abs(its - mine)))
                 yield name, f"its {what} has {its.flat[i]:.8g} instead of {mine.flat[i]:.8g}"
 
 
-# Models whose bodies, masses and shapes formats other than MJCF can state.
+# Models whose bodies, masses and shapes fit formats other than MJCF.
 
 
 SCENE = "scene.xml"
-"""The name of the scene among its files."""
+"""Name of the scene among its files."""
 SUBDIVISIONS = 3
-"""Of an icosahedron: an ellipsoid is then a mesh of 642 points."""
+"""Subdivisions of an icosahedron. An ellipsoid then becomes a mesh of 642 points."""
 READ = (".obj", ".stl")
-"""Formats of meshes that are read everywhere."""
+"""Formats of meshes that all simulators read."""
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
 
 
 def ready(scene: Path) -> tuple[mujoco.MjSpec, list[str]]:
-    """The scene in a file, prepared for another format, and a note for each replaced shape: every body,
-    geom and joint has a name, every body its mass as a number, and no shape is an ellipsoid or a height
-    field."""
+    """Prepare the scene in a file for another format.
+
+    Every body, geom and joint gets a name, every body its mass as a number. Ellipsoids and height
+    fields are replaced or removed.
+
+    Returns:
+        The scene, and a note for each such shape.
+    """
     spec = mujoco.MjSpec.from_file(str(scene))
     state_inertia(spec, spec.compile())
+    # Name all elements: links and joints of other formats need names.
     for body in spec.bodies:
         body.name = body.name or fallback_name(body.id)
     for things, kind in ((spec.geoms, "geom"), (spec.joints, "joint")):
         for i, thing in enumerate(things):
             thing.name = thing.name or f"{kind}_{i}"
     notes: list[str] = []
+    # Replace ellipsoids by meshes, and remove height fields.
     for geom in list(spec.geoms):  # a copy: geoms are deleted on the way
         if geom.type == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
             mesh = spec.add_mesh()
@@ -203,7 +222,7 @@ def ready(scene: Path) -> tuple[mujoco.MjSpec, list[str]]:
 
 
 def state_inertia(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
-    """State every mass and inertia as compiled, in place of the options from which they follow."""
+    """State every mass and inertia as compiled, and reset the options that would compute them."""
     for body in spec.bodies:
         if model.body_mass[body.id] > 0.0:
             body.explicitinertial = True
@@ -219,12 +238,14 @@ def state_inertia(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
 
 
 def file_meshes(spec: mujoco.MjSpec, folder: Path) -> None:
-    """Write STL files of the meshes that stand in the scene itself, or in rarely readable formats."""
+    """Write STL files of the meshes that are defined in the scene itself, or in formats that few
+    programs read.
+    """
     model = spec.compile()
     for mesh in spec.meshes:
         if Path(mesh.file).suffix.lower() in READ or mesh.plugin.active:
             continue
-        # MuJoCo has moved the vertices into the mesh's principal frame; this moves them back.
+        # MuJoCo has moved the vertices into the mesh's principal frame: move them back.
         was = Pose.of(model.mesh_pos[mesh.id], model.mesh_quat[mesh.id])
         corners = mesh_corners(model, mesh.id) @ was.rotation.T + was.position
         mesh.file = f"filed_{mesh.id}.stl"
@@ -241,5 +262,5 @@ def write_stl(path: Path, corners: Array) -> None:
     triangles = np.zeros(len(corners), _TRIANGLE)
     triangles["corners"] = corners
     triangles["normal"] = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-30)
-    # A header of 80 bytes, the number of triangles, and the triangles.
+    # Layout: a header of 80 bytes, the count of triangles, and the triangles.
     path.write_bytes(bytes(80) + np.uint32(len(corners)).tobytes() + triangles.tobytes())

@@ -1,4 +1,4 @@
-"""The files of a twin: written where it is wanted, packed into one folder, or in one text."""
+"""Files of a twin: written to a path, packed into one folder, or in one text."""
 
 from __future__ import annotations
 
@@ -20,22 +20,23 @@ BESIDE = "twin_"
 ASSETS = "assets"
 """Folder of copies of meshes, pictures and height fields."""
 FOLDERS = ("meshdir", "texturedir", "assetdir", "strippath")
-"""Attributes of `<compiler>` that say where files are found."""
+"""Attributes of `<compiler>` that name the folders of files."""
 
 Attributes = Mapping[tuple[int, str], str]
-"""New values, by number of the element and name of the attribute."""
+"""New values, by the number of the element and the name of the attribute."""
 
 
 def one_text(document: Document, texts: Texts) -> str:
-    """The main text of a twin, with the content of all included files in it where one of them has
-    changed."""
+    """Return the main text of a twin. If an included file has changed, the contents of all replace
+    the includes.
+    """
     if texts.parts.keys().isdisjoint(document.includes.values()):
         return texts.main
     return inlined(document, texts)
 
 
 def inlined(document: Document, texts: Texts) -> str:
-    """The main text with the content of all included files in it."""
+    """Return the main text with the contents of all included files."""
     parts = {**document.texts, **texts.parts}
     return spans.inline_includes(texts.main, document.includes, document.beside, parts)
 
@@ -43,14 +44,14 @@ def inlined(document: Document, texts: Texts) -> str:
 def pack(document: Document, folder: Path, name: str = TWIN) -> dict[str, str]:
     """Copy the files of a document into an existing `folder`, so that it loads there.
 
-    Includes are replaced by their contents. Meshes, pictures and height fields are copied to `assets/`,
-    and the names that refer to them are changed. Nothing else in the texts is.
+    Includes are replaced by their contents. Meshes, pictures and height fields are copied to
+    `assets/`, and the names that refer to them are changed. The rest of the texts stays.
 
     Returns:
         The texts to write into the folder, by their names: `name`, and those of attached models.
 
     Raises:
-        InputError: a file has gone since the document was read.
+        InputError: a file is missing that the document had when it was read.
         OSError: a file cannot be copied.
     """
     packing = _Packing(folder, name)
@@ -63,6 +64,7 @@ class _Packing:
     """Files that are packed into a folder.
 
     Attributes:
+        folder: existing.
         main: name of the main text.
         names: name in the folder of each file.
         texts: texts of models by their names in the folder.
@@ -80,6 +82,7 @@ class _Packing:
             flat = reparse(Texts(inlined(document, Texts(document.text))), document)
         tags = spans.scan(flat.text)
         data = flat.text.encode("utf-8")
+        # Change the names of files to those in the folder.
         changes: list[spans.TextChange] = []
         for named in flat.named:
             if named.model == flat.path:
@@ -88,6 +91,7 @@ class _Packing:
                 tag = tags[flat.index[named.element].number]
                 packed = self.names[named.path]
                 changes.append(spans.set_attribute(tag, named.attribute, packed))
+        # Remove the folders of the compiler: all names are relative to the main text.
         for tag in tags:
             for attribute in FOLDERS if tag.name == "compiler" else ():
                 if attribute in tag.attributes:
@@ -95,8 +99,11 @@ class _Packing:
         self.texts[name] = spans.apply_changes(flat.text, changes)
 
     def add(self, path: Path, is_model: bool, document: Document) -> None:
-        """Pack a file under a free name. An asset keeps its own, by which MuJoCo refers to it. Models
-        are in the folder of the main text, from which the files that they name are found."""
+        """Pack a file under a free name.
+
+        An asset keeps its own name, by which MuJoCo refers to it. Models are in the folder of the
+        main text, to which the names of their files are relative.
+        """
         taken = {self.main, *self.names.values()}
         name, number = (f"{BESIDE}{path.name}" if is_model else f"{ASSETS}/{path.name}"), 1
         while name in taken:
@@ -113,11 +120,12 @@ class _Packing:
 
 
 def write_files(texts: Texts, document: Document | None, path: Path) -> tuple[Path, ...]:
-    """Write a twin of `document` to `path`, which must not exist, with the files that it needs there.
+    """Write a twin of `document` to `path`, which must not exist, with the files that it needs
+    there.
 
     Files below the scene's folder are written to the same places below the folder of `path`, unless
-    they are there already; all others stay in their places. Names of files that MuJoCo would not find
-    are changed: these names, and the measured numbers, are all that differs from the user's files.
+    they exist there. All others stay in their places. Names that MuJoCo would not find are changed.
+    These names and the measured numbers are the only differences from the user's files.
 
     Returns:
         Every file written, `path` first.
@@ -130,6 +138,7 @@ def write_files(texts: Texts, document: Document | None, path: Path) -> tuple[Pa
     if path.exists():
         raise InputError(f"'{path}' exists already: choose another name, nothing is overwritten")
     layout: _Layout | None = None
+    # Plan the layout, then write the changed files and copy the others.
     try:
         if document is not None and document.folder is not None and document.files:
             texts = with_absolute_folders(texts, document, path)
@@ -145,18 +154,20 @@ def write_files(texts: Texts, document: Document | None, path: Path) -> tuple[Pa
     except OSError as error:
         raise InputError(f"cannot write '{error.filename or path}': {error.strerror}") from error
     if layout is not None:
-        # Read it back: its files must be found from their new places.
+        # Read the twin back: its files must be found from their new places.
         parse_document(read_text(path), path.parent, str(path), Path(path.anchor))
     return (*written, *copies.values())
 
 
 def with_absolute_folders(texts: Texts, document: Document, path: Path) -> Texts:
-    """The texts with absolute paths for the folders that `<compiler>` sets outside of the scene's own,
-    so that the names of the files in them stay."""
+    """Make the `<compiler>` folders outside of the scene's folder absolute, so that the names of
+    their files stay valid.
+    """
     after = reparse(texts, document)
     assert after.folder is not None
     folder = after.folder.resolve()
     made: dict[Path | None, dict[tuple[int, str], str]] = {}
+    # Change a folder only if it would be another one from the new path.
     for compiler in after.root.iterfind("compiler"):
         place = after.index[compiler]
         for attribute in ("assetdir", "meshdir", "texturedir"):
@@ -172,7 +183,7 @@ def with_absolute_folders(texts: Texts, document: Document, path: Path) -> Texts
 
 
 def with_values(text: str, values: Attributes) -> str:
-    """A text with other values of attributes."""
+    """Change values of attributes in a text."""
     tags = spans.scan(text)
     changes: list[spans.TextChange] = []
     for (number, attribute), value in values.items():
@@ -181,12 +192,12 @@ def with_values(text: str, values: Attributes) -> str:
 
 
 class _Layout:
-    """Layout of a twin's files about the `path` of its main text.
+    """Layout of a twin's files around the `path` of its main text.
 
     Attributes:
         after: the twin, read from the user's folder.
         changed: its included files that differ from those in the user's folder.
-        places: of every file but the main text, by its original.
+        places: place of every file except the main text, by its original.
     """
 
     def __init__(self, after: Document, texts: Texts, path: Path) -> None:
@@ -194,19 +205,19 @@ class _Layout:
         self.changed: dict[Path, str] = {}
         self.places: dict[Path, Path] = {}
         for original in after.files:
-            # An unchanged file is copied, unless another one has its place already.
+            # Copy an unchanged file, unless a different one has its place already.
             place = self.same_place(original)
             taken = place is not None and place.exists() and not same_file(place, original)
             self.places[original] = original if place is None or taken else place
         below = all(self.same_place(original) is not None for original in after.files)
         for named in after.named:
-            # The files of an attached model are found from its own place.
+            # Files of an attached model are found relative to its own place.
             apart = (named.element.tag == "model" or named.model) and not below
             if apart or Path(named.located).is_absolute():
                 self.places[named.path] = named.path
         for original, text in texts.parts.items():
             self.change(original, text)
-        # A changed file has a new place, which may change the file that includes it, and so on.
+        # Repeat: the new place of a changed file may change the file that includes it.
         while self.rename_one():
             pass
 
@@ -218,7 +229,7 @@ class _Layout:
         return found
 
     def copies(self) -> dict[Path, Path]:
-        """New places of the unchanged files that have to be copied."""
+        """New places of the unchanged files that must be copied."""
         found: dict[Path, Path] = {}
         for original, place in self.places.items():
             if original not in self.changed and not place.exists():
@@ -226,7 +237,9 @@ class _Layout:
         return found
 
     def rename_one(self) -> bool:
-        """Change the first unchanged file that needs a new name in its text; False without one."""
+        """Change the first unchanged file whose text needs a new name; return False if there is
+        none.
+        """
         for named in self.after.named:
             file = self.after.index[named.element].file
             if file is not None and file not in self.changed and self.needs_new_name(named):
@@ -235,7 +248,9 @@ class _Layout:
         return False
 
     def change(self, original: Path, text: str) -> None:
-        """Give a changed file a free place: its own, else one with the twin's name before its own."""
+        """Assign a free place to a changed file: its own, else one with the twin's name as a
+        prefix.
+        """
         self.changed[original] = text
         place = self.same_place(original)
         if place is None or place.exists():
@@ -246,8 +261,9 @@ class _Layout:
         self.places[original] = place
 
     def with_new_names(self, file: Path | None, text: str) -> str:
-        """A text with new names for the files that would not be found: relative ones below the folder
-        from which they are found, else absolute ones."""
+        """Change the names of files that would not be found: relative ones below their folder, else
+        absolute ones.
+        """
         values: dict[tuple[int, str], str] = {}
         for named in self.after.named:
             index = self.after.index[named.element]
@@ -259,7 +275,9 @@ class _Layout:
         return with_values(text, values)
 
     def needs_new_name(self, named: Named) -> bool:
-        """Test if MuJoCo would not find a file: from the main text, else from the file that names it."""
+        """True if MuJoCo would not find a file, relative to the main text or to the file that names
+        it.
+        """
         wanted = self.places[named.path]
         found = Path(os.path.normpath(self.folder_of(named) / named.located))
         file = self.after.index[named.element].file
@@ -273,7 +291,9 @@ class _Layout:
         return (self.path if named.model is None else self.places[named.model]).parent
 
     def same_place(self, original: Path) -> Path | None:
-        """Place below the twin's folder like that below the scene's; None outside of that."""
+        """Place below the twin's folder that corresponds to the one below the scene's; None outside
+        of it.
+        """
         assert self.after.folder is not None
         folder = self.after.folder.resolve()
         if not original.is_relative_to(folder):

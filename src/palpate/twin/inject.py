@@ -1,9 +1,11 @@
-"""Injection of estimates into the user's own MJCF text: a minimal change that leaves every other byte
-as it is, and is read back by MuJoCo.
+"""Injection of estimates into the user's own MJCF text.
 
-Each quantity declares where its value is written (`palpate.scene.resolve`); every estimate is also recorded
-in `<custom>`. Much in a file can overrule a number that stands in it: `settotalmass`, a mesh's way to be
-weighed, a second geom, a defaults class. A value that MuJoCo does not read back is not in the twin.
+The change is minimal: every other byte stays, and MuJoCo reads the values back. Each quantity
+declares where its value is written (`palpate.scene.resolve`). Every estimate is also recorded in
+`<custom>`.
+
+Other parts of a file can overrule a number: `settotalmass`, the mass computation of a mesh, a
+second geom, a defaults class. A value that MuJoCo does not read back is not in the twin.
 """
 
 from __future__ import annotations
@@ -32,20 +34,25 @@ from palpate.twin.files import one_text
 from palpate.twin.text import as_text, rewritten, write_records
 
 ROUNDED = 1e-5
-"""Relative: single precision of meshes, and seven digits of shares that make one value."""
+"""Relative tolerance: single precision of meshes, and seven digits of shares that add up to a
+value.
+"""
 DIGITS = 0.1
-"""Standard deviations: a value is written to a tenth of its own."""
+"""Standard deviations: a value is written with a resolution of a tenth of its own deviation."""
 TOGETHER = 1.0
-"""Standard deviations, where one number states several components: the radius of a round object."""
+"""Standard deviations: tolerance where one number states several components, as the radius of a
+round object.
+"""
 
 
 def inject(
     text: str, values: Values, records: Sequence[Estimate] = (), folder: Path | None = None
 ) -> str:
-    """The MJCF with `values` in it and `records` in its `<custom>`, and no other change.
+    """Write `values` into the MJCF and `records` into its `<custom>`, without any other change.
 
-    A `?` without a value stays; see `unfilled_unknowns`. `folder` is where relative file names start. Where a
-    value belongs into an included file, the content of all of them replaces the `<include>`s.
+    A `?` without a value stays; see `unfilled_unknowns`. Relative file names start at `folder`. If
+    a value belongs into an included file, the contents of all included files replace the
+    `<include>`s.
 
     Raises:
         InputError: not a usable scene, or a value that has no place in it.
@@ -62,17 +69,19 @@ def inject(
 
 
 def unfilled_unknowns(text: str, folder: Path | None = None) -> list[Parameter]:
-    """Attributes written `?` that must be filled before MuJoCo reads the file, in document order."""
+    """List the `?` attributes that must be filled before MuJoCo reads the file, in document
+    order."""
     return marked_unknown(describe(parse_document(text, folder), Poses(), catalogue()), catalogue())
 
 
 @dataclass(frozen=True, slots=True)
 class Completed:
-    """The texts of a twin.
+    """Texts of a twin.
 
     Attributes:
-        notes: remarks: values that could not be written, and each `?` that was not measured and now
-            holds a prior.
+        texts: with the values.
+        notes: values that could not be written, and each `?` that was not measured and now holds a
+        prior.
         unwritten: measured parameters of objects and surfaces that are not in it.
     """
 
@@ -84,8 +93,11 @@ class Completed:
 def complete(
     scene: Scene, estimates: Sequence[Estimate], asked: Collection[Parameter] = ()
 ) -> Completed:
-    """The scene's texts with the estimates in them, as MuJoCo reads them back. The value of a quantity
-    that is a part of another's estimate is written, too, unless it was `asked` for itself."""
+    """Write the estimates into the scene's texts, as far as MuJoCo reads them back.
+
+    A missing quantity that is a part of another estimate is written as well, unless it was `asked`
+    for.
+    """
     quantities, resolved = scene.catalogue, scene.resolved
     stated = [
         replace(each, parameter=stated_parameter(each.parameter, quantities)) for each in estimates
@@ -97,7 +109,7 @@ def complete(
     if description.placed:
         description = describe(resolved.document, Poses(), quantities)
     marked = marked_unknown(description, quantities)
-    # First each value against the others, then all of them as MuJoCo reads them back.
+    # Test each value against the others, then all of them as MuJoCo reads them back.
     reasons: dict[Parameter, str] = {}
     for parameter in values:
         if reason := reason_against(scene, parameter, values, marked):
@@ -110,11 +122,12 @@ def complete(
     except InputError as error:  # MuJoCo does not accept the file
         wrong = dict.fromkeys(fitting, str(error))
     if wrong:
-        # The others are written again without these.
+        # Write the remaining values again without the wrong ones.
         reasons |= wrong
         fitting = {p: value for p, value in fitting.items() if p not in wrong}
         texts, filled = _fill_unknowns(scene, description, marked, fitting, stated)
 
+    # Note the values that are not in the twin, and the priors that it holds instead.
     for parameter, reason in reasons.items():
         notes.append(f"{parameter} is not in the twin: {reason}")
     for parameter in marked:
@@ -123,6 +136,7 @@ def complete(
             what = ":" if has_verdict else " was not measured;"
             held = f"the twin holds the assumed value {as_text(filled[parameter])}"
             notes.append(f"{parameter}{what} {held}")
+    # Keyframes state whole poses, which stay.
     moved = any(parameter.quantity in ("position", "height") for parameter in fitting)
     if moved and any(key.get("qpos") for key in resolved.document.root.iterfind("keyframe/key")):
         notes.append("the keyframes keep the poses that they state")
@@ -131,12 +145,13 @@ def complete(
 
 
 def part_names(quantity: str, size: int) -> list[str]:
-    """Names of a quantity's components as parts of another's estimate: `mass`, or `com x` and so on."""
+    """Names of a quantity's components as parts of another estimate: `mass`, or `com x` and so
+    on."""
     return [f"{quantity} {axis}".strip() for axis in axes_of(size)]
 
 
 def stated_parameter(parameter: Parameter, quantities: Catalogue) -> Parameter:
-    """The parameter by the quantity that the file states: a `com_3d` is a `com`."""
+    """Convert to the parameter that the file states: `com` for `com_3d`."""
     quantity = quantities.get(parameter.quantity)
     if quantity is None or quantity.stands_for is None:
         return parameter
@@ -146,8 +161,11 @@ def stated_parameter(parameter: Parameter, quantities: Catalogue) -> Parameter:
 def values_to_write(
     scene: Scene, estimates: Sequence[Estimate], asked: Collection[Parameter]
 ) -> tuple[dict[Parameter, tuple[float, ...]], list[str]]:
-    """Values to be written, and remarks on those that were not asked for: missing quantities that are
-    parts of another's estimate, as the mass of an object whose centre of mass was estimated."""
+    """Collect the values to write, and remarks on those that were not requested.
+
+    The latter are missing quantities that are parts of another estimate, as the mass of an object
+    whose centre of mass was estimated.
+    """
     values: dict[Parameter, tuple[float, ...]] = {}
     for estimate in estimates:
         values[estimate.parameter] = tuple(estimate.values.tolist())
@@ -156,7 +174,7 @@ def values_to_write(
         body = scene.bodies.get(estimate.parameter.object)
         for name in sorted(body.missing) if body is not None else ():
             parameter, size = Parameter(estimate.parameter.object, name), scene.catalogue[name].size
-            # Of a vector all components are needed.
+            # A vector needs all its components.
             names = part_names(name, size)
             parts = [estimate.parts[part] for part in names if part in estimate.parts]
             if len(parts) < size or parameter in values or parameter in asked:
@@ -170,7 +188,7 @@ def values_to_write(
 
 
 def marked_unknown(description: Description, quantities: Catalogue) -> list[Parameter]:
-    """Parameters that are missing and written `?`, so that the file does not compile without them."""
+    """List the missing parameters written as `?`, without which the file does not compile."""
     found: list[Parameter] = []
     for body in description.bodies.values():
         for quantity in sorted(quantities.of(body.role), key=lambda quantity: quantity.id):
@@ -185,7 +203,8 @@ def marked_unknown(description: Description, quantities: Catalogue) -> list[Para
 def reason_against(
     scene: Scene, parameter: Parameter, values: Values, marked: Sequence[Parameter]
 ) -> str:
-    """Reason why a value cannot be written together with the others, or ""."""
+    """Reason why a value cannot be written together with the others; empty if it can."""
+    # Fill the other unknowns with priors.
     others = dict(values)
     for unknown in marked:
         others.setdefault(unknown, scene.priors[unknown])
@@ -204,8 +223,9 @@ def _fill_unknowns(
     fitting: Values,
     estimates: Sequence[Estimate],
 ) -> tuple[Texts, Values]:
-    """The texts with `fitting` in them and priors for the other `marked` parameters; all of these
-    values."""
+    """Write `fitting` values, and priors for the other `marked` parameters. Return the texts and
+    all written values.
+    """
     unmeasured = {p: scene.priors[p] for p in marked if p not in fitting}
     filled = scene.resolved.complete_values(unmeasured, fitting)
     records = [estimate for estimate in estimates if estimate.parameter in fitting]
@@ -216,13 +236,13 @@ def _fill_unknowns(
 def moved_along(
     scene: Scene, description: Description, values: Values, records: Sequence[Estimate]
 ) -> Iterator[Edit]:
-    """The z of all that stands on a surface of measured height, as precise as that."""
+    """Move bodies that stand on a surface of measured height, with its precision."""
     heights = [parameter for parameter in values if parameter.quantity == "height"]
     std = min((deviations(records)[parameter] for parameter in heights), default=None)
     for name, rise in at_heights(scene, values).rises.items():
         body = description.bodies[name]
         element = body.elements.element
-        # A z of the poses belongs to the poses; an open z follows by `Position.follows`.
+        # A z from the poses stays in the poses; an unknown z follows by `Position.follows`.
         posed = scene.resolved.description.bodies[name].given is not None
         is_measured = Parameter(name, "height") in values
         is_placed = element.get("fromto") is None and body.elements.moved_by() is None
@@ -248,15 +268,19 @@ def _inject_values(
 
 
 def deviations(records: Sequence[Estimate]) -> dict[Parameter, float]:
-    """The smallest standard deviation of each, which decides how many digits are written."""
+    """Smallest standard deviation of each record. It determines the count of digits that are
+    written.
+    """
     return {record.parameter: float(min(record.stds)) for record in records if record.has_value}
 
 
 def leftovers(
     description: Description, quantities: Catalogue, values: Values, edits: Sequence[Change]
 ) -> Iterator[Edit]:
-    """Removal of each `?` that has no meaning once every mass, or friction, is known: in a defaults
-    class, mostly."""
+    """Remove each `?` that has no meaning any more, because every mass, or friction, is known. Most
+    are in a defaults class.
+    """
+    # Find the attributes that stay unknown.
     answered = {(edit.element, edit.attribute) for edit in edits if isinstance(edit, Edit)}
     needed: set[str] = set()
     for parameter in marked_unknown(description, quantities):
@@ -279,8 +303,14 @@ def misread(
     std: Mapping[Parameter, float],
     quantities: Catalogue,
 ) -> Iterator[tuple[Parameter, str]]:
-    """Values that the compiled file does not reproduce, each with the reason; `before` describes the
-    document into which they were written.
+    """Find values that the compiled file does not reproduce, each with the reason.
+
+    Args:
+        before: description of the document into which they were written.
+        texts: with the values.
+        values: written.
+        std: their standard deviations.
+        quantities: catalogue.
 
     Raises:
         InputError: MuJoCo does not accept the file.
@@ -300,11 +330,12 @@ def misread(
         read = quantity.compiled(body)
         if read is None:
             continue
-        # Components are written that the file did not state: those with a prior, or all of them.
+        # Compare only written components: those with a prior, or all of them.
         written = np.ones(quantity.size, dtype=np.bool_)
         original = before.bodies[parameter.object]
         if quantity.status(original) == "missing":
             written = np.array(quantity.prior(original, values).std) > 0.0
+        # Tolerance: rounding, and a share of the standard deviation.
         apart = np.abs(np.array(read) - value)[written]
         share = DIGITS if stated else TOGETHER
         allowed = ROUNDED * float(np.abs(value).max()) + share * std.get(parameter, 0.0)

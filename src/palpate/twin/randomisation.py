@@ -1,8 +1,9 @@
-"""Ranges for domain randomisation: what training draws its worlds from, so that a policy does not rely on
-more than was measured.
+"""Ranges for domain randomisation: the distributions of the worlds in training.
 
-`ranges.json` has every measured number with its interval and the covariance of all of them; `mjlab_events.py` and
-`isaaclab_events.py` have the ranges as event terms of these two libraries, which draw each number by itself.
+A policy trained with them does not rely on more than was measured. `ranges.json` has every measured
+number with its interval, and the covariance of all of them. `mjlab_events.py` and
+`isaaclab_events.py` have the ranges as event terms of these two libraries, which draw each number
+independently.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ Range = tuple[float, float]
 ENTITY_PARTS = ("body_names", "geom_names", "joint_names")
 """Parameters that select parts of an entity."""
 Term = tuple[str, dict[str, Any]]
-"""Function of a library that changes something, and its parameters without the entity."""
+"""Function of a library that changes an entity, and its parameters without the entity."""
 
 HEADER = '''"""Domain randomisation by palpate: the central 95 % intervals of what was measured.
 
@@ -57,7 +58,7 @@ def write_randomisation(estimates: Sequence[Estimate], folder: Path) -> tuple[Pa
     """Write the three files into an empty folder.
 
     Returns:
-        `ranges.json`, and a note for each parameter that the libraries have no term for.
+        `ranges.json`, and a note for each parameter without a term in the libraries.
     """
     file = folder / RANGES
     file.write_text(json.dumps(ranges(estimates), indent=2, allow_nan=False) + "\n", "utf-8")
@@ -86,10 +87,15 @@ def ranges(estimates: Sequence[Estimate]) -> dict[str, Any]:
 
 
 def covariance(estimates: Sequence[Estimate]) -> Array:
-    """(n, n) covariance of all components: C_ij = sum over shared causes k of e_ki e_kj, beside the
-    variances. Causes are those of `Estimate.shared`, as the gain of a joint."""
+    """Covariance (n, n) of all components.
+
+    Off the diagonal, C_ij is the sum over shared causes k of e_ki e_kj. The diagonal has the
+    variances. Causes are those of `Estimate.shared`, as the gain of a joint.
+    """
     if not estimates:
         return np.zeros((0, 0))
+    # Stack the effects of each cause over the components of all estimates, zero where it does not
+    # act.
     stds = np.concatenate([estimate.stds for estimate in estimates])
     causes: dict[str, Array] = {}
     first = 0
@@ -99,13 +105,14 @@ def covariance(estimates: Sequence[Estimate]) -> Array:
             causes.setdefault(one.cause, np.zeros(len(stds)))[first:last] = one.effect
         first = last
     effects = np.array(list(causes.values())).reshape(-1, len(stds))
+    # C = E^T E, with the total variances on the diagonal.
     found = effects.T @ effects
     np.fill_diagonal(found, stds**2)
     return found
 
 
 def mjlab_terms(estimate: Estimate) -> Iterator[Term]:
-    """Terms of mjlab (`mjlab.envs.mdp.dr`)."""
+    """Yield the terms of mjlab (`mjlab.envs.mdp.dr`)."""
     match estimate.parameter.quantity:
         case "mass":
             # Mass and inertia are scaled together, by e^(2 alpha).
@@ -114,7 +121,7 @@ def mjlab_terms(estimate: Estimate) -> Iterator[Term]:
             alpha = _range(math.log(max(low / mass, 1e-6)) / 2, math.log(high / mass) / 2)
             yield "dr.pseudo_inertia", {"body_names": ".*", "alpha_range": alpha}
         case "friction":
-            # One coefficient for all geoms: without `shared_random` each draws its own.
+            # One coefficient for all geoms: without `shared_random` each geom draws another one.
             bounds = {"ranges": _bounds(estimate), "operation": "abs", "shared_random": True}
             yield "dr.geom_friction", {"geom_names": ".*", **bounds}
         case "com" | "com_3d":
@@ -122,7 +129,8 @@ def mjlab_terms(estimate: Estimate) -> Iterator[Term]:
             yield "dr.body_com_offset", {"body_names": ".*", "ranges": offsets, "operation": "add"}
         case "height":
             (offset,) = _offsets(estimate)
-            # Its name: mjlab puts what is fixed below a body of its own, which would move, too.
+            # Select the body by its name: mjlab puts fixed bodies below an extra body, which would
+            # move as well.
             name = re.escape(estimate.parameter.object)
             yield "dr.body_pos", {"body_names": name, "ranges": {2: offset}, "operation": "add"}
         case "frictionloss" | "damping" | "spring" as quantity:
@@ -136,12 +144,13 @@ def mjlab_terms(estimate: Estimate) -> Iterator[Term]:
 
 
 def isaaclab_terms(estimate: Estimate) -> Iterator[Term]:
-    """Terms of Isaac Lab (`isaaclab.envs.mdp`)."""
+    """Yield the terms of Isaac Lab (`isaaclab.envs.mdp`)."""
     match estimate.parameter.quantity:
         case "mass":
             bounds = {"mass_distribution_params": _bounds(estimate), "operation": "abs"}
             yield "mdp.randomize_rigid_body_mass", {"body_names": ".*", **bounds}
         case "friction":
+            # Static friction has its own interval where it was measured.
             found = {"dynamic_friction_range": _bounds(estimate)}
             static = estimate.parts.get("static")
             widest = found["dynamic_friction_range"]
@@ -171,19 +180,19 @@ def isaaclab_terms(estimate: Estimate) -> Iterator[Term]:
 
 
 def _bounds(estimate: Estimate) -> Range:
-    """Ends of a scalar's interval, none below zero."""
+    """Ends of a scalar's interval, both at least zero."""
     low, high = estimate.intervals[0].tolist()
     return _range(max(low, 0.0), high)
 
 
 def _offsets(estimate: Estimate) -> list[Range]:
-    """Ends of each component's interval, less its value."""
+    """Ends of each component's interval, relative to its value."""
     apart = estimate.intervals - estimate.values[:, None]
     return [_range(low, high) for low, high in apart.tolist()]
 
 
 def _limits(estimate: Estimate) -> dict[int, Range]:
-    """Intervals of the limits of a joint that were measured, by side: 0 is the lower one."""
+    """Intervals of the measured limits of a joint, by side: 0 is the lower one."""
     columns = zip(estimate.intervals.tolist(), estimate.stds, strict=True)
     return {side: _range(*ends) for side, (ends, std) in enumerate(columns) if std > 0}
 
@@ -191,10 +200,10 @@ def _limits(estimate: Estimate) -> dict[int, Range]:
 def _module(
     imports: str, estimates: Sequence[Estimate], terms: Callable[[Estimate], Iterator[Term]]
 ) -> tuple[str, list[str]]:
-    """Text of a module with the terms, and the parameters that have none."""
+    """Write the text of a module with the terms; list the parameters without one."""
     lines: list[str] = []
     left: list[str] = []
-    # Mass first: `pseudo_inertia` puts the centre of mass back where the model has it.
+    # Mass first: `pseudo_inertia` resets the centre of mass to that of the model.
     for estimate in sorted(estimates, key=lambda one: one.parameter.quantity != "mass"):
         found = list(terms(estimate))
         if not found:
@@ -205,7 +214,7 @@ def _module(
 
 
 def _term(estimate: Estimate, function: str, parameters: dict[str, Any]) -> str:
-    """An entry of the dictionary; names are literals, whatever they contain."""
+    """Write an entry of the dictionary. Names are literals with any content."""
     which = next(name for name in ENTITY_PARTS if name in parameters)
     entity = f"SceneEntityCfg({estimate.parameter.object!r}, {which}={parameters.pop(which)!r})"
     others = "".join(f", {name!r}: {value!r}" for name, value in parameters.items())
@@ -219,5 +228,5 @@ def _term(estimate: Estimate, function: str, parameters: dict[str, Any]) -> str:
 
 
 def _range(low: float, high: float) -> Range:
-    """Ends to six digits."""
+    """Round both ends to six digits."""
     return float(f"{low:.6g}"), float(f"{high:.6g}")

@@ -1,4 +1,5 @@
-"""Changes of the user's own text that leave every other byte as it is, and records in its `<custom>`.
+"""Changes of the user's own text that leave every other byte unchanged, and records in its
+`<custom>`.
 
 The records of an estimate:
 
@@ -6,8 +7,8 @@ The records of an estimate:
   interval; with several components all values come first, then all deviations, and so on;
 - numeric `palpate_<object>_<quantity>_<component>`: value and deviation of a further result (static
   friction);
-- text `palpate_<object>_<quantity>_method`: how it was found;
-- text `palpate_<object>_<quantity>_verdict`: how far it is to be trusted, where it is not identified.
+- text `palpate_<object>_<quantity>_method`: method of the estimate;
+- text `palpate_<object>_<quantity>_verdict`: verdict, if it is not identified.
 """
 
 from __future__ import annotations
@@ -27,14 +28,14 @@ MAX_SENTENCE = 1000
 """Characters of a method that are kept."""
 
 Attributes = Mapping[tuple[int, str], str | None]
-"""New text of an attribute by the number of its element and its name; None: remove it."""
+"""New text of an attribute, by the number of its element and its name; None removes it."""
 
 
 def rewritten(document: Document, edits: Sequence[Change]) -> Texts:
-    """The document's texts with the changes in them, each in the file of its element.
+    """Make the changes in the document's texts, each in the file of its element.
 
     Raises:
-        InputError: something else would change.
+        InputError: anything else would change.
     """
     by_file: dict[Path | None, list[Change]] = {None: []}
     for edit in edits:
@@ -49,10 +50,10 @@ def rewritten(document: Document, edits: Sequence[Change]) -> Texts:
 
 
 def _rewritten(document: Document, text: str, edits: Sequence[Change]) -> str:
-    """Text of one file with its changes made."""
+    """Make the changes in the text of one file."""
     tags = spans.scan(text)
     data = text.encode("utf-8")
-    # Several edits of one attribute add up.
+    # Collect the edits: several edits of one attribute add up.
     values: dict[tuple[int, str], str | None] = {}
     inserts: list[Insert] = []
     for edit in edits:
@@ -61,11 +62,12 @@ def _rewritten(document: Document, text: str, edits: Sequence[Change]) -> str:
         else:
             i, name = document.index[edit.element].number, edit.attribute
             now = edit.element.get(name)
-            # As written it has its own line breaks, which parsing turns into spaces; references such
-            # as &#63; are resolved by parsing alone.
+            # Use the text as written, with its own line breaks, which parsing turns into spaces.
+            # Only parsing resolves references such as &#63;.
             if now is not None and "&" not in (written := tags[i].value(data, name)):
                 now = written
             values[i, name] = edit.value(values.get((i, name), now))
+    # Convert the values and inserts to changes of the text, and apply them.
     made: list[spans.TextChange] = []
     for (i, name), value in values.items():
         if value is None:
@@ -84,7 +86,7 @@ def _rewritten(document: Document, text: str, edits: Sequence[Change]) -> str:
 def require_same(
     document: Document, text: str, result: str, values: Attributes, inserts: Sequence[Insert]
 ) -> None:
-    """Compare the parsed result with the parsed text after the same changes.
+    """Require that the parsed result equals the parsed text after the same changes.
 
     Raises:
         InputError: they differ.
@@ -115,9 +117,12 @@ def content_of(root: Element) -> list[tuple[str, dict[str, str]]]:
 
 
 def write_records(text: str, records: Sequence[Estimate]) -> str:
-    """The MJCF with `records` in its `<custom>`: present ones get new data, the others are added."""
+    """Write `records` into the `<custom>` of the MJCF: existing ones get new data, the others are
+    added.
+    """
     if not records:
         return text
+    # Find the existing records.
     tags = spans.scan(text)
     data = text.encode("utf-8")
     present: dict[str, spans.XmlTag] = {}
@@ -137,7 +142,7 @@ def write_records(text: str, records: Sequence[Estimate]) -> str:
 
 
 def entries_of(records: Iterable[Estimate]) -> Iterator[tuple[str, str, str]]:
-    """Tag, name and data of the elements of `<custom>`."""
+    """Yield tag, name and data of the elements of `<custom>`."""
     for record in records:
         name = f"palpate_{record.parameter.object}_{record.parameter.quantity}"
         low, high = record.intervals.T
@@ -153,13 +158,14 @@ def entries_of(records: Iterable[Estimate]) -> Iterator[tuple[str, str, str]]:
 
 
 def as_text(values: Iterable[float]) -> str:
-    """Numbers with seven significant digits."""
+    """Format numbers with seven significant digits."""
     return " ".join(f"{value:.7g}" for value in values)
 
 
 def _add_elements(data: bytes, tags: list[spans.XmlTag], added: list[str]) -> spans.TextChange:
-    """Elements added to `<custom>`, which is made where there is none, indented as the file is."""
-    # Line break and indentation before the first element inside the root; none in a text of one line.
+    """Add elements to `<custom>`, with the indentation of the file. A missing `<custom>` is
+    made."""
+    # Line break and indentation before the first element in the root; none in a text of one line.
     before = data[tags[0].end : tags[1].start]
     line = ""
     if b"\n" in before:
@@ -167,6 +173,7 @@ def _add_elements(data: bytes, tags: list[spans.XmlTag], added: list[str]) -> sp
         line += before[len(before.rstrip(b" \t")) :].decode("utf-8")
     deeper = line + (line.lstrip("\r\n") or "  ") if line else ""
     content = f"<custom>{''.join(deeper + element for element in added)}{line}</custom>"
+    # Three cases: no `<custom>`, an empty one, one with content.
     custom = next((tag for tag in tags if tag.name == "custom" and tag.depth == 1), None)
     if custom is None:
         return spans.last_children(data, tags[0], [content], line)

@@ -34,11 +34,12 @@ class Twin:
     """The digital twin M = ⟨G, P⟩.
 
     Attributes:
-        xml: MJCF in one text, with the content of included files where a value was measured in one.
+        xml: MJCF in one text, with the content of included files if a value was written into one.
         diff: unified diff from the user's files.
         notes: remarks, e.g. which unknowns were not measured and hold a prior.
-        validation: None when the twin could not be simulated; `notes` states the reason.
-        scene: the twin read back, with the poses that came with the user's scene; None likewise.
+        validation: None if the twin could not be simulated; `notes` states the reason.
+        scene: the twin read back, with the poses that came with the user's scene; None if it could
+        not be simulated.
         unwritten: measured parameters of objects and surfaces that are not in it; `notes` state the
             reasons.
         document: the user's files.
@@ -66,11 +67,11 @@ class Twin:
         return self.scene.spec().compile()
 
     def save(self, path: str | Path) -> tuple[Path, ...]:
-        """Write the MJCF to `path`, with its includes, meshes and pictures: texts byte for byte but for
-        measured values.
+        """Write the MJCF to `path`, with its includes, meshes and pictures.
 
-        In the folder of the user's scene, only changed files are written, with the twin's name before
-        their own; nothing is overwritten.
+        Every byte of the texts except the measured values stays. In the folder of the user's scene,
+        only changed files are written, with the twin's name before their own. Nothing is
+        overwritten.
 
         Returns:
             Every file written, `path` first.
@@ -81,11 +82,13 @@ class Twin:
         return write_files(self.texts or Texts(self.xml), self.document, Path(path))
 
     def packed(self, folder: Path) -> dict[str, str]:
-        """Copy the meshes, pictures and height fields that the twin names into `folder`; return the texts,
-        by name, that load there: `twin.xml`, and attached models.
+        """Copy the meshes, pictures and height fields that the twin names into `folder`.
+
+        Returns:
+            The texts that load there, by name: `twin.xml`, and attached models.
 
         Raises:
-            InputError: a file of the user's scene has gone.
+            InputError: a file of the user's scene is missing.
             OSError: a file cannot be copied.
         """
         if self.document is None or not self.document.files:
@@ -115,9 +118,13 @@ def build_twin(
     replay: Replay | None = None,
     on_the_way: Sequence[Estimate] = (),
 ) -> Twin:
-    """Inject the measured values, then check that the result comes to rest and, with a `trace` and a
-    `replay`, that it behaves as recorded, if any value was measured. Values that nobody asked for and that were
-    felt `on_the_way` are written, too, with a remark."""
+    """Inject the measured values, then test that the result comes to rest.
+
+    With a `trace` and a `replay`, and if any value was measured, the twin must also behave as
+    recorded. Sizes in `on_the_way` were measured without a request. They are written, with a
+    remark.
+    """
+    # Write the values, and note the contradicted and the uncertain ones.
     written = [*held_by_twin(estimates), *on_the_way]
     made = complete(scene, written, {estimate.parameter for estimate in estimates})
     notes: list[str] = []
@@ -132,6 +139,7 @@ def build_twin(
     notes += pair_notes(scene, written)
     notes += [felt_note(scene, estimate) for estimate in on_the_way]
     notes += made.notes
+    # The twin is complete without a simulation, if that fails.
     document = scene.resolved.document
     twin = Twin(
         one_text(document, made.texts),
@@ -152,8 +160,10 @@ def build_twin(
 
 
 def pair_notes(scene: Scene, estimates: Sequence[Estimate]) -> Iterator[str]:
-    """A remark on each friction that is also the one of what the object was slid on: the larger of the two acts in
-    MuJoCo, so that the object's own may be smaller."""
+    """Note each friction whose pair with the support determines it.
+
+    MuJoCo uses the larger friction of a pair, so the object's own may be smaller.
+    """
     for estimate in estimates:
         if estimate.parameter.quantity != "friction":
             continue
@@ -170,7 +180,7 @@ def pair_notes(scene: Scene, estimates: Sequence[Estimate]) -> Iterator[str]:
 
 
 def felt_note(scene: Scene, felt: Estimate) -> str:
-    """Remark on a size that was felt on the way, against the scene's."""
+    """Note a size that was measured without a request, and the scene's size."""
     before = scene.body(felt.parameter.object).size
     told = [i for i in range(len(felt.values)) if i not in felt.unseen]
     parts = [
@@ -183,8 +193,11 @@ def felt_note(scene: Scene, felt: Estimate) -> str:
 def touch(
     twin: Twin, template: Scene, trace: Trace, replay: Replay, given: Replayed | None = None
 ) -> Twin:
-    """The twin with the residuals of replays in it and in `template`, in which unknowns have their
-    priors. `given`: the template's replay, if it was started before."""
+    """Add the residuals of replays in the twin and in `template`, in which unknowns have their
+    priors.
+
+    `given` is the template's replay, if it was started before.
+    """
     if twin.validation is None or twin.scene is None:
         return twin
     validation = compare_touch(twin.validation, twin.scene, template, trace, replay, given)
@@ -199,7 +212,7 @@ def read_twin(
     validation: Validation | None,
     unwritten: Sequence[Parameter] = (),
 ) -> Twin:
-    """The twin of `scene` that was built before, with its validation.
+    """Read the twin of `scene` that was built before, with its validation.
 
     Raises:
         InputError: the MJCF does not belong to the scene.
@@ -207,7 +220,7 @@ def read_twin(
     written = held_by_twin(estimates)
     document = scene.resolved.document
     texts = Texts(xml)
-    # A run's folder has all files in it, under other names: the user's own ones are made again.
+    # A run's folder has all files under other names: make the user's own ones again.
     if document.files:
         texts = complete(scene, written, {estimate.parameter for estimate in estimates}).texts
         xml = one_text(document, texts)
@@ -227,12 +240,12 @@ def read_twin(
 
 
 def held_by_twin(estimates: Sequence[Estimate]) -> list[Estimate]:
-    """Estimates whose values the twin holds, as far as they are physically possible."""
+    """Select the estimates that the twin holds, limited to physically possible values."""
     return [e.physical for e in estimates if e.verdict in ("identified", "prior-dominated")]
 
 
 def diff_of(document: Document, texts: Texts) -> str:
-    """Unified diff of the main text, and of every included file that has changed."""
+    """Make a unified diff of the main text and of every included file that has changed."""
     pairs = [(document.text, texts.main, "scene.xml", "twin.xml")]
     for path, text in texts.parts.items():
         pairs.append((document.texts[path], text, path.name, path.name))
@@ -244,8 +257,11 @@ def diff_of(document: Document, texts: Texts) -> str:
 
 
 def measured_places(scene: Scene, estimates: Sequence[Estimate]) -> dict[str, Pose]:
-    """Poses of the objects whose position, or whose support's height, was measured. The poses that
-    came with the scene overrule the MJCF, but not these."""
+    """Poses of the objects whose position, or whose support's height, was measured.
+
+    Poses that came with the scene overrule the MJCF. Measured ones overrule both.
+    """
+    # Raise the objects with their supports, then place those whose position was measured.
     values = {estimate.parameter: tuple(estimate.values.tolist()) for estimate in estimates}
     scene = at_heights(scene, values)
     found: dict[str, Pose] = {}

@@ -1,4 +1,4 @@
-"""Validation of a twin: it compiles, comes to rest, and gives way where it was pressed."""
+"""Validation of a twin: it compiles, comes to rest, and yields to a press as measured."""
 
 from __future__ import annotations
 
@@ -17,25 +17,27 @@ from palpate.trace.recording import LeafRun, Recording
 from palpate.trace.samples import FORCES, Trace
 
 SHARES = (1.0 / 3.0, 2.0 / 3.0, 1.0)
-"""Parts of the largest measured depth."""
+"""Shares of the largest measured depth at which the surface is pressed."""
 PERIODS = 30.0
-"""1 / omega in which the ball comes to rest: damped critically itself and by the surface, to 0.03 % of its depth."""
+"""Duration of a press, in units of 1 / omega. The ball and the surface are both critically damped,
+and the ball is then at rest to 0.03 % of its depth.
+"""
 MOST_STEPS = 20_000
-"""Steps of the simulation of one press, at any time step of the scene."""
+"""Largest count of steps in the simulation of one press, for any time step of the scene."""
 SETTLED = 2.0
-"""s in which objects on a surface come to rest."""
+"""s: time in which objects on a surface come to rest."""
 ALIKE, SEEN = 0.2, 2e-4
-"""Part of a depth, and m, by which an object may sink in otherwise."""
+"""Tolerances of the depth to which an object sinks in: share of the depth, and m."""
 BALL_BODY = "palpate_ball"
 
 
 @dataclass(frozen=True, slots=True)
 class Press:
-    """Press of the twin's surface by one force.
+    """Press of the twin's surface with one force.
 
     Attributes:
         force: N.
-        depth: m, at which the ball came to rest.
+        depth: m, at rest.
         low, high: m, the 95 % interval of the measured depth at that force.
     """
 
@@ -46,12 +48,14 @@ class Press:
 
     @property
     def agrees(self) -> bool:
-        """True if the twin gives way as measured."""
+        """True if the depth in the twin is within the measured interval."""
         return self.low <= self.depth <= self.high
 
 
 def press_notes(twin: Scene, estimates: Sequence[Estimate]) -> Iterator[str]:
-    """A remark on each surface of measured stiffness in the twin: its presses, and what they do not hold for."""
+    """Yield a remark on each surface of measured stiffness in the twin: its presses, and their
+    limits of validity.
+    """
     for estimate in estimates:
         name = estimate.parameter.object
         if estimate.parameter.quantity != "stiffness" or name not in twin.surfaces:
@@ -76,13 +80,16 @@ def press_notes(twin: Scene, estimates: Sequence[Estimate]) -> Iterator[str]:
 
 
 def press(twin: Scene, estimate: Estimate) -> tuple[Press, ...]:
-    """Press the surface of a stiffness `estimate`, N/m, to parts of the depth to which it was measured; of an
-    estimate that states none, nothing is pressed."""
+    """Press the surface of a stiffness `estimate`, N/m, at shares of the largest measured depth.
+
+    An estimate that states no depth gives no presses.
+    """
     if "depth" not in estimate.parts:
         return ()
     ((low, high),) = estimate.intervals.tolist()
     stiffness, deepest = float(estimate.values[0]), estimate.parts["depth"].value
     found: list[Press] = []
+    # Hooke's law: the stiffness interval gives the interval of the depth at each force.
     for share in SHARES:
         force = share * stiffness * deepest
         depth = rest_depth(twin, estimate.parameter.object, force, stiffness)
@@ -91,8 +98,11 @@ def press(twin: Scene, estimate: Estimate) -> tuple[Press, ...]:
 
 
 def rest_depth(twin: Scene, surface: str, force: float, stiffness: float) -> float:
-    """Depth, m, at which the ball comes to rest under `force`, N, on a surface of about `stiffness`, N/m."""
+    """Simulate a ball that presses a surface of about `stiffness`, N/m, with `force`, N; return the
+    depth at rest, m.
+    """
     spec = twin.spec()
+    # Put the ball on the top of the surface, at its free place or its centre.
     free = twin.symbols.poses.get(f"{surface}_approach")
     body = twin.body(surface)
     x, y, _ = (free.position if free is not None else body.pose_world.apply(body.centre)).tolist()
@@ -101,24 +111,31 @@ def rest_depth(twin: Scene, surface: str, force: float, stiffness: float) -> flo
     model = spec.compile()
     data = mujoco.MjData(model)
     ball = int(model.body(BALL_BODY).id)
+    # Damp the ball critically: c = 2 omega m, with omega = sqrt(k / m).
     omega = (stiffness / FINGERTIPS) ** 0.5
     first = int(model.body_dofadr[ball])
     model.dof_damping[first : first + 6] = 2.0 * omega * FINGERTIPS
     data.xfrc_applied[ball, 2] = -force
+    # Simulate until it is at rest.
     steps = min(round(PERIODS / omega / model.opt.timestep), MOST_STEPS)
     mujoco.mj_step(model, data, nstep=steps)
     return top + BALL - float(data.xpos[ball, 2])
 
 
 def sinking_notes(twin: Scene, surface: str, stiffness: float) -> Iterator[str]:
-    """A remark on each object on a surface of `stiffness`, N/m, that does not sink into it by its weight over that,
-    as MuJoCo rates its contact by its mass and its points, or takes it from its higher priority."""
+    """Yield a remark on each object whose sinking differs from its weight over the stiffness, N/m.
+
+    MuJoCo scales the contact by the object's mass and its count of contact points. An object of
+    higher priority determines the contact itself.
+    """
+    # Let the objects settle in the twin.
     model = twin.spec().compile()
     data = mujoco.MjData(model)
     carried = twin.body(surface).carries
     before = {name: float(model.body_pos[model.body(name).id, 2]) for name in carried}
     mujoco.mj_step(model, data, nstep=min(round(SETTLED / model.opt.timestep), MOST_STEPS))
     for name in carried:
+        # Compare the sinking with weight over stiffness.
         mass = float(model.body_subtreemass[model.body(name).id])
         sinks = before[name] - float(data.body(name).xpos[2])
         wanted = mass * twin.gravity / stiffness
@@ -134,21 +151,22 @@ def sinking_notes(twin: Scene, surface: str, stiffness: float) -> Iterator[str]:
 
 
 Felt = list[Array]
-"""Means of a trace's recordings (3,): of forces, N, less those of the empty hand at the same pose; of the TCP's
-positions, m."""
+"""Means (3,) of a trace's recordings. Forces, N, are less those of the empty hand at the same pose;
+positions of the TCP are in m.
+"""
 Replay = Callable[[Scene], Felt]
-"""Executes the plan again in a scene."""
+"""Execute the plan again in a scene."""
 Replayed = Callable[[], Felt]
-"""Waits for a replay."""
+"""Wait for a replay."""
 
 SETTLE_TIME = 2.0
-"""s of free simulation before the twin's objects must be at rest."""
+"""s: free simulation before the twin's objects must be at rest."""
 FINEST_STEP = 1e-4
-"""Least time step of that simulation, s."""
+"""s: least time step of that simulation."""
 REST_SPEED = 0.01
-"""Speed of an object at rest, m/s and rad/s."""
+"""m/s and rad/s: upper bound of the speed of an object at rest."""
 REST = 0.3
-"""s at the end of a motion during which the arm stands still."""
+"""s: rest of the arm at the end of a motion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,7 +208,7 @@ NOT_REPLAYED = ReplayResidual(None, None, "not replayed")
 def validate(
     twin: Scene, template: Scene, recorded: Trace | None, replay: Replay | None
 ) -> Validation:
-    """Test a twin's scene for rest and, with a recording and a replay, compare these."""
+    """Test that a twin's scene comes to rest. With a recording and a replay, compare these."""
     settled, drift = settle(twin)
     validation = Validation(settled, drift, NOT_REPLAYED, NOT_REPLAYED)
     if recorded is None or replay is None:
@@ -206,8 +224,10 @@ def compare_touch(
     replay: Replay,
     given: Replayed | None = None,
 ) -> Validation:
-    """The validation with the residuals of twin and template; `given`: the template's replay, if it
-    was started before."""
+    """Add the residuals of twin and template to a validation.
+
+    `given` is the template's replay, if it was started before.
+    """
     return replace(
         validation,
         twin=residual_of(recorded, lambda: replay(twin)),
@@ -216,19 +236,24 @@ def compare_touch(
 
 
 def settle(scene: Scene) -> tuple[bool, float]:
-    """Test for rest of all objects after `SETTLE_TIME` s, with the largest displacement, m."""
+    """Simulate `SETTLE_TIME` s.
+
+    Returns:
+        True if all objects are at rest, and the largest displacement, m.
+    """
     model = scene.spec().compile()
-    # A scene that asks for smaller steps would take minutes.
+    # Bound the duration: a scene with smaller steps would take minutes.
     model.opt.timestep = max(model.opt.timestep, FINEST_STEP)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
+    # Displacement and speed of the objects.
     bodies = [model.body(name).id for name in scene.objects]
     start = data.xpos[bodies].copy()
     mujoco.mj_step(model, data, nstep=round(SETTLE_TIME / model.opt.timestep))
     drift = float(np.linalg.norm(data.xpos[bodies] - start, axis=1).max(initial=0.0))
     moving = [data.qvel[first : first + 6] for first in model.body_dofadr[bodies]]
     speed = float(np.abs(moving).max(initial=0.0))
-    # An unstable simulation is not at rest: its speed is no number.
+    # The speed of an unstable simulation is NaN: it is not at rest.
     return bool(np.isfinite(speed) and speed < REST_SPEED), drift
 
 
@@ -244,7 +269,8 @@ def residual_of(recorded: Trace, replay: Replayed) -> ReplayResidual:
 
 
 def compare(recorded: Trace, replayed: Felt) -> ReplayResidual:
-    """The residual between a trace and a replay of the same plan, recording by recording."""
+    """Residual between a trace and a replay of the same plan, recording by recording."""
+    # Root mean squares, separately for forces and positions.
     buffers = np.array([recording.buffer for recording in recorded.recordings])
     apart = np.reshape(np.subtract(mean_recordings(recorded), replayed[: len(buffers)]), (-1, 3))
     return ReplayResidual(rms(apart[buffers == FORCES]), rms(apart[buffers != FORCES]))
@@ -261,8 +287,10 @@ def mean_recordings(trace: Trace) -> Felt:
 
 
 def mean_force(trace: Trace, recording: Recording) -> Array:
-    """(3,) N, the recording's mean force less the empty hand's at rest at the same pose, which is the
-    arm's own bias."""
+    """Mean force (3,) of the recording, N, less that of the empty hand at rest at the same pose.
+
+    The force of the empty hand is the bias of the arm.
+    """
     force: Array = trace.of(recording).wrench[:, :3].mean(axis=0)
     empty: list[Array] = []
     for leaf in empty_motions(trace, recording):
@@ -272,7 +300,7 @@ def mean_force(trace: Trace, recording: Recording) -> Array:
 
 
 def empty_motions(trace: Trace, recording: Recording) -> Iterator[LeafRun]:
-    """Motions that ended with the empty hand at the pose of the recording."""
+    """Yield the motions that ended with the empty hand at the pose of the recording."""
     for leaf in trace.leaf_runs("MovePose"):
         after = leaf.context
         if after is not None and after.holding is None and after.at == recording.context.at:

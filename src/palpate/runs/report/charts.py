@@ -182,8 +182,11 @@ def axis_range(values: Array, air: float) -> tuple[float, float]:
 def prediction_traces(
     view: FitView, measured: EstimateWithTruth, shown: list[Array]
 ) -> Iterator[Figure]:
-    """Predicted curve; with its 95 % interval and the truth if the view has slopes, ∂prediction/∂value. Values
-    that the axis must include are added to `shown`."""
+    """Yield the predicted curve.
+
+    If the view has slopes, ∂prediction/∂value, the curve has its 95 % interval and the truth.
+    Values that the axis must include are added to `shown`.
+    """
     estimate, name = measured.estimate, "the fit"
     # Sort by x for a line; rows without x cannot be drawn.
     order = np.argsort(view.x, kind="stable")

@@ -1,11 +1,12 @@
-"""Publisher for Groot2: the tree with its statuses, live, over ZeroMQ on this machine alone.
+"""Publisher for Groot2: the live tree with its statuses, over ZeroMQ, on this machine only.
 
-Read-only: breakpoints and substituted results are refused, so that no viewer stops or steers a moving arm.
-The protocol has no password; a web page cannot speak it (ZMTP's greeting is no HTTP request).
+It is read-only. Breakpoints and substituted results are refused, so that no viewer stops or steers
+a moving arm. The protocol has no password; a web page cannot speak it (ZMTP's greeting is not an
+HTTP request).
 
-The protocol is that of BehaviorTree.CPP 4.8 (groot2_protocol.h, groot2_publisher.cpp). A request's first
-part is six bytes: protocol, kind, a number. The first part of an answer repeats them and adds 16 bytes
-that identify the tree; its second part is the content.
+The protocol is that of BehaviorTree.CPP 4.8 (groot2_protocol.h, groot2_publisher.cpp). A request's
+first part is six bytes: protocol, kind, a number. The first part of an answer repeats them and adds
+16 bytes that identify the tree. Its second part is the content.
 """
 
 from __future__ import annotations
@@ -36,20 +37,20 @@ if TYPE_CHECKING:
 HOST, PORT = "127.0.0.1", 1667
 """Groot2's own default port."""
 PATIENCE_MS = 100
-"""Timeout of a wait for requests, ms, after which the end is checked."""
+"""ms: timeout of a wait for requests. The end is checked after it."""
 MOST_BYTES = 1 << 20
-"""Size of a message above which its sender is disconnected."""
+"""Bytes: the sender of a larger message is disconnected."""
 MOST_TRANSITIONS = 1000
-"""A recording keeps the newest."""
+"""Largest count of transitions in a recording, which keeps the newest."""
 
 PROTOCOL = 2
 _REQUEST = struct.Struct("<BcI")
 _ANSWER = struct.Struct("<BcI16s")
 _NODE = struct.Struct("<HB")
 CODES = {Status.INVALID: 0, Status.RUNNING: 1, Status.SUCCESS: 2, Status.FAILURE: 3}
-"""BT.CPP's `NodeStatus`; a node that no longer runs is IDLE."""
+"""BT.CPP's `NodeStatus`. A node that has stopped running is IDLE."""
 LEFT = 10
-"""Added to the last status of a node when it becomes IDLE."""
+"""Offset that is added to the last status of a node when it becomes IDLE."""
 
 
 class NotUnderstood(ValueError):
@@ -57,10 +58,10 @@ class NotUnderstood(ValueError):
 
 
 class GrootPublisher:
-    """Answers Groot2. A context manager and an `Observer`.
+    """Server of Groot2. A context manager and an `Observer`.
 
     Args:
-        port: to listen at; 0 takes any that is free.
+        port: to listen at; 0 takes any free port.
 
     Attributes:
         url: address to enter in Groot2.
@@ -92,8 +93,9 @@ class GrootPublisher:
         """Do nothing: Groot2 shows no stages."""
 
     def on_tick(self, snapshot: Snapshot) -> None:
-        """Record the statuses of a tick, and the values in Groot2's table of the blackboard."""
+        """Record the statuses of a tick, and the values for Groot2's table of the blackboard."""
         with self._lock:
+            # A new attempt runs a new tree.
             if self._tree is None or self._tree.root is not snapshot.root:
                 self._tree = _Tree(snapshot.root)
             changed = self._tree.update()
@@ -116,6 +118,7 @@ class GrootPublisher:
 
     def _answer(self, parts: list[bytes]) -> list[bytes]:
         try:
+            # Parse the header; an error message is an answer too.
             if len(parts[0]) != _REQUEST.size:
                 raise NotUnderstood("wrong request header")
             _, kind, number = _REQUEST.unpack(parts[0])
@@ -128,7 +131,7 @@ class GrootPublisher:
             return [b"error", str(error).encode()]
 
     def _content(self, kind: bytes, tree: _Tree, more: list[bytes]) -> list[bytes]:
-        """Content of the answer to a request of a kind, with `more` parts."""
+        """Content of the answer to a request of this kind, with `more` parts."""
         match kind:
             case b"T":  # full tree
                 return [tree.xml]
@@ -160,7 +163,7 @@ class GrootPublisher:
 
 
 def _listening(port: int) -> tuple[zmq.Socket[bytes], str]:
-    """The socket that answers, and its address."""
+    """Open the socket for answers; return it with its address."""
     try:
         import zmq
     except ImportError as error:
@@ -178,7 +181,7 @@ def _listening(port: int) -> tuple[zmq.Socket[bytes], str]:
 
 
 class _Tree:
-    """A tree in Groot2's form: its nodes are numbered from 1."""
+    """A tree in Groot2's form, with nodes numbered from 1."""
 
     def __init__(self, root: Behaviour) -> None:
         self.root = root
@@ -189,7 +192,7 @@ class _Tree:
         self._known = [Status.INVALID] * len(self._nodes)
 
     def update(self) -> list[tuple[int, int]]:
-        """Read the nodes' statuses; return number and new status of those that changed."""
+        """Read the statuses of the nodes; return number and new status of the changed ones."""
         changed: list[tuple[int, int]] = []
         for i, node in enumerate(self._nodes):
             before, now = self._known[i], node.status

@@ -257,7 +257,7 @@ def render(snapshot: Snapshot, room: int, left: float | None = None) -> Group:
 
 
 def _line(node: Behaviour, depth: int, snapshot: Snapshot, ended: dict[str, LeafRun]) -> Text:
-    """A node with its status, and a leaf with its duration so far."""
+    """Format a node with its status, and a leaf with its duration so far."""
     run = ended.get(node.node) if isinstance(node, PrimitiveLeaf) else None
     icon, style = ICONS[node.status]
     if run is not None and node.status is Status.INVALID:
@@ -272,8 +272,9 @@ def _line(node: Behaviour, depth: int, snapshot: Snapshot, ended: dict[str, Leaf
 
 
 def bar(force: float) -> str:
-    """A vertical force, N, as a bar to the right of its middle, or to the left where it is
-    negative."""
+    """Draw a vertical force, N, as a bar to the right of the middle, or to the left if it is
+    negative.
+    """
     filled = 0
     if np.isfinite(force):
         filled = min(BAR, round(BAR * abs(force) / BAR_FORCE))
@@ -283,5 +284,5 @@ def bar(force: float) -> str:
 
 
 def _clean(text: str) -> str:
-    """Text on one line, without terminal commands: names may come from a model."""
+    """Put text on one line and make terminal commands visible: names may come from a model."""
     return visible(text.replace("\n", " "))

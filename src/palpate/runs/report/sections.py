@@ -126,7 +126,7 @@ def signal_panels(curve: Curve) -> Iterator[Panel]:
 def scaled_to_pixels(
     values: Array, ends: tuple[float, float], pixels: tuple[float, float]
 ) -> Array:
-    """Map `values` linearly from `ends` to `pixels`, to a tenth of a pixel."""
+    """Map `values` linearly from `ends` to `pixels`, rounded to a tenth of a pixel."""
     share = (values - ends[0]) / max(ends[1] - ends[0], 1e-9)
     return np.asarray(np.round(pixels[0] + (pixels[1] - pixels[0]) * share, 1), dtype=np.float64)
 
@@ -249,7 +249,8 @@ FATES = {"SUCCESS": "success", "FAILURE": "failure", "INVALID": "stopped"}
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """A node of the tree with its fate; `left` and `width` place it in the run, in per cent."""
+    """A node of the tree with its result. `left` and `width` are its place in the run, in per
+    cent."""
 
     symbol: str
     label: str
@@ -269,7 +270,7 @@ def primitive_groups() -> dict[str, str]:
 
 
 def branches(plan: Plan, trace: Trace | None) -> Branch | None:
-    """The plan's tree, from its root."""
+    """Make the plan's tree for the page, from its root."""
     if plan.tree is None:
         return None
     runs: dict[str, LeafRun] = {}
@@ -279,7 +280,7 @@ def branches(plan: Plan, trace: Trace | None) -> Branch | None:
 
 
 def aftermath(plan: Plan, trace: Trace | None) -> list[Branch]:
-    """Actions of a controlled stop, outside of the plan."""
+    """List the actions of a controlled stop, which are outside of the plan."""
     if trace is None:
         return []
     planned = {path for path, _ in plan.tree.walk()} if plan.tree is not None else set[str]()
@@ -291,7 +292,7 @@ def aftermath(plan: Plan, trace: Trace | None) -> list[Branch]:
 
 
 def first_failure(tree: Branch | None) -> Branch | None:
-    """The first leaf that failed, else the first that was stopped."""
+    """Find the first leaf that failed, else the first that was stopped."""
     leaves = list(leaves_of(tree)) if tree is not None else []
     for fate in ("failure", "stopped"):
         for leaf in leaves:
@@ -308,7 +309,7 @@ def leaves_of(branch: Branch) -> Iterator[Branch]:
 
 
 def last_end(trace: Trace | None) -> float:
-    """End of the last leaf, robot time (s)."""
+    """End of the last leaf, robot time, s."""
     if trace is None or not trace.leaves:
         return 1.0
     return max(leaf.end for leaf in trace.leaves)
@@ -348,7 +349,7 @@ def composite_branch(node: Node, path: str, runs: Mapping[str, LeafRun], end: fl
         branch_of(child, f"{path}.children[{i}]", runs, end)
         for i, child in enumerate(node.children)
     )
-    # A failed or stopped child decides; success takes all children.
+    # A failed or stopped child determines the result; success needs all children.
     fates = {child.fate for child in children}
     fate = "success" if fates == {"success"} else "waiting"
     fate = next((decisive for decisive in ("failure", "stopped") if decisive in fates), fate)
@@ -360,7 +361,7 @@ def composite_branch(node: Node, path: str, runs: Mapping[str, LeafRun], end: fl
         composite.summary,
         children=children,
     )
-    # A composite lasts from its first leaf's start to its last leaf's end.
+    # Duration: from the start of the first leaf to the end of the last one.
     leaves = [leaf for at, leaf in runs.items() if at.startswith(f"{path}.")]
     if not leaves:
         return branch
@@ -370,5 +371,5 @@ def composite_branch(node: Node, path: str, runs: Mapping[str, LeafRun], end: fl
 
 
 def placement(start: float, stop: float, end: float) -> tuple[float, float]:
-    """Left and width in per cent of a run that lasts until `end`."""
+    """Left edge and width, in per cent of a run that lasts until `end`."""
     return round(100 * start / end, 2), round(max(100 * (stop - start) / end, NARROWEST), 2)
