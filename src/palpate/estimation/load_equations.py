@@ -155,7 +155,7 @@ def inertia_covariance(weighing: Weighing) -> Array:
 
 
 FORCE_Z, TORQUE_X, TORQUE_Y, TORQUE_Z = 2, 3, 4, 5
-"""Components of a wrench."""
+"""Indices of the components of a wrench."""
 LEANING = (0, 1)
 """Components of a weight where gravity is tilted."""
 SIDEWAYS = (0, 1, 5)

@@ -200,7 +200,7 @@ FORESEEN_DRAWS = 2
 effort depends on it."""
 
 AT_HAND, OFFSETS = ("rests", "passes", "rests and passes"), "offsets"
-"""Names of causes: residual stiction."""
+"""Names of the causes of residual stiction."""
 LoadModel = tuple[list[Cause], SignalNoise, Array, list[PriorScale]]
 """Causes, noise, signals and prior scales."""
 

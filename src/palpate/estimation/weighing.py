@@ -45,9 +45,10 @@ from palpate.trace.recording import NominalHand, Recording
 from palpate.trace.samples import FORCES, Trace
 
 WHOLE_APART = 3.0
-"""largest difference of such a model from the contrast, in standard deviations of the contrast. Sensitive: no."""
+"""standard deviations of the contrast: largest accepted difference between the fit to all free
+motion and the contrast. Not sensitive."""
 VIEW_STRETCH = 0.5
-"""s of free motion that the chart of a fit shows as one point. Sensitive: no, no value rests on a chart."""
+"""s of free motion in one point of a chart. Not sensitive, as no value depends on a chart."""
 
 ALONE = "no rest or pass of the empty hand at the same pose was recorded for comparison"
 KINDS = {"up": "on the way up", "down": "on the way down", "rest": "at rest", "turn": "turning"}
@@ -59,13 +60,14 @@ class Weight:
 
     Attributes:
         mass, std: kg, unconstrained: the mass of a light object may be negative.
-        doubt: why the mass is prior-dominated, a phrase; empty where the empty hand was recorded.
-        weighings: of which it is the mass.
+        doubt: reason, a phrase, for a prior-dominated mass; empty where the empty hand was
+            recorded.
+        weighings: the segments that were compared.
         tests: for other forces on the object.
         shared: errors in common with other weighings on that arm.
         freedom: degrees of freedom of the noise.
         load: the fit of the weighings.
-        whole: the fit to all free motion, where that is more precise and gives the mass.
+        whole: the fit to all free motion, where it is more precise and gives the mass.
     """
 
     mass: float
@@ -80,11 +82,11 @@ class Weight:
 
     @property
     def part(self) -> FurtherValue:
-        """Estimate of the mass as a part of another estimate."""
+        """The mass as a part of another estimate."""
         return FurtherValue(self.mass, self.std, "kg")
 
     def view(self, gravity: float) -> FitView:
-        """The fit that made `mass`, by parts of the recording."""
+        """Chart the fit that gave `mass`, by parts of the recording."""
         if self.whole is None:
             return weighing_view(self.load, gravity)
         return whole_view(self.whole, gravity)
@@ -96,9 +98,12 @@ class Weight:
 
 
 def weigh(trace: Trace, recording: Recording, by_all_motion: bool = True) -> Weight:
-    """The load's vertical force over g, against the same rests and passes without the object, from
-    every weighing of what was held during `recording`; and `by_all_motion` in free air around them, with what the
-    model of the arm leaves there.
+    """Weigh the object held during `recording`: its vertical force over g.
+
+    The reference is the same rests and passes without the object, in every weighing of it.
+
+    Args:
+        by_all_motion: also fit all free motion around them, with the residual of the arm's model.
 
     Raises:
         ValueError: the recording holds no samples or no held object.
@@ -106,7 +111,9 @@ def weigh(trace: Trace, recording: Recording, by_all_motion: bool = True) -> Wei
     found = weighings(trace, recording, learned=by_all_motion)
     load = fit_load(found, trace.gravity, trace.hand)
     whole = whole_of(trace, recording, found, load) if by_all_motion else None
+    # Use the fit to all free motion where it is accepted, else the contrast.
     force, std = (load.force, load.force_std) if whole is None else (whole.force, whole.std)
+    # Errors that other measurements of the arm share, per g.
     made = load if whole is None else whole
     shared = shared_sensors(made.gains[:1] / trace.gravity, made.crosstalk[:1] / trace.gravity)
     if whole is not None:
@@ -114,7 +121,7 @@ def weigh(trace: Trace, recording: Recording, by_all_motion: bool = True) -> Wei
         shared += shared_links(links)
     mass, std = force / trace.gravity, std / trace.gravity
     freedom = load.freedom if whole is None else whole.posterior.freedom
-    # Without a reference the bias of the arm has its prior.
+    # Without a reference the bias of the arm keeps its prior.
     doubt = "" if any(has_reference(weighing.segments) for weighing in found) else ALONE
     return Weight(mass, std, doubt, found, load.tests, shared, freedom, load, whole)
 
@@ -122,8 +129,10 @@ def weigh(trace: Trace, recording: Recording, by_all_motion: bool = True) -> Wei
 def whole_of(
     trace: Trace, recording: Recording, found: Sequence[Weighing], load: LoadEstimate
 ) -> WholeLoad | None:
-    """Load fitted to all free motion around its weighings, where that is more precise, no test failed, and
-    both agree; else None."""
+    """Fit the load to all free motion around its weighings.
+
+    None where that is not more precise, a test failed, or both results disagree.
+    """
     name = recording.context.holding
     if name is None or not load.agrees:
         return None
@@ -135,8 +144,13 @@ def whole_of(
 
 
 def shared_sensors(gains: Array, crosstalk: Array) -> tuple[Shared, ...]:
-    """Shared causes: effects of one standard deviation of each joint sensor's gain and of its cross-talk, (n, joints)
-    each, common to all measurements of an arm."""
+    """List the shared errors of the joint sensors' gains and cross-talk, common to all measurements
+    of an arm.
+
+    Args:
+        gains: (n, joints) effects of one standard deviation of each gain.
+        crosstalk: (n, joints) the same of each sensor's cross-talk.
+    """
     found: list[Shared] = []
     for name, effects in (("gain of", gains), ("cross-talk in", crosstalk)):
         for i, effect in enumerate(effects.T.tolist()):
@@ -145,12 +159,12 @@ def shared_sensors(gains: Array, crosstalk: Array) -> tuple[Shared, ...]:
 
 
 def shared_links(links: Mapping[str, Array]) -> tuple[Shared, ...]:
-    """Shared causes: effects of link model errors by name, common to all measurements of an arm."""
+    """List the shared errors of the link model, by name, common to all measurements of an arm."""
     return tuple(Shared(name, "arm", tuple(effect.tolist())) for name, effect in links.items())
 
 
 def hangs_free(trace: Trace, name: str) -> tuple[FitTest, ...]:
-    """Tests for other forces than its weight on an object held in the air; empty without such a
+    """Test for forces other than its weight on an object held in the air; empty without such a
     recording."""
     for recording in trace.recordings:
         context = recording.context
@@ -161,12 +175,13 @@ def hangs_free(trace: Trace, name: str) -> tuple[FitTest, ...]:
 
 
 def single_shot(trace: Trace, recording: Recording) -> FurtherValue:
-    """Mean of F_z / g of a recording's samples, kg: the paper's Force2Mass.
+    """Compute the mean of F_z / g over a recording's samples, kg: the paper's Force2Mass.
 
-    It contains the bias of a force without a reference, whose standard deviation is that of all F_z of the empty
-    hand about zero (robust), and at least `FORCE_BIAS`.
+    It contains the bias of a force without a reference. The standard deviation of the bias is the
+    robust one of all F_z of the empty hand about zero, and at least `FORCE_BIAS`.
     """
     force = trace.of(recording).wrench[:, FORCE_Z]
+    # Bias: median absolute F_z of the empty hand, as a standard deviation.
     empty = np.abs(trace.samples.wrench[load_rows(trace, None).empty, FORCE_Z])
     shown = 1.4826 * float(np.median(empty)) if len(empty) else 0.0
     std = float(np.hypot(force.std(), max(shown, FORCE_BIAS)))
@@ -174,7 +189,7 @@ def single_shot(trace: Trace, recording: Recording) -> FurtherValue:
 
 
 def estimate_parts_alone(trace: Trace, found: Sequence[Weighing]) -> Mapping[str, FurtherValue]:
-    """Estimates of the mass from `rests` alone and `passes` alone, kg, where they have a reference."""
+    """Estimate the mass from rests alone and passes alone, kg, where they have a reference."""
     parts: dict[str, FurtherValue] = {}
     for name, at_rest in (("rests", True), ("passes", False)):
         group = [weighing.select(at_rest) for weighing in found]
@@ -186,20 +201,23 @@ def estimate_parts_alone(trace: Trace, found: Sequence[Weighing]) -> Mapping[str
 
 
 def weighing_view(load: LoadEstimate, gravity: float) -> FitView:
-    """Mass by rests and passes of the fit `load`."""
+    """Chart the mass by rests and passes of the fit `load`."""
     columns: list[Array] = []
     parts: list[Segment] = []
     for weighing, row in zip(load.weighings, load.rows, strict=True):
+        # Signals per newton of the fitted load, moments included.
         vertical = np.column_stack(
             [row.wrench[:, FORCE_Z], in_each(row, load.grasps, (TORQUE_X, TORQUE_Y))]
         )
         borne = vertical @ load.value / load.force
+        # One column for each loaded segment: the load in its rows only.
         count = [len(segment.t) for segment in weighing.segments]
         owner = np.tile(np.repeat(np.arange(len(count)), count), len(borne) // sum(count))
         loaded = [i for i, segment in enumerate(weighing.segments) if segment.loaded]
         own = np.array([borne * (owner == i) for i in loaded]).T
         columns.append(own)
         parts += [weighing.segments[i] for i in loaded]
+    # Fit an extra load to each segment alone.
     wide = np.concatenate(each_its_own(columns))
     mean, variance = load.posterior.each_alone(wide, LOAD_PRIOR)
     return _view(
@@ -213,11 +231,13 @@ def weighing_view(load: LoadEstimate, gravity: float) -> FitView:
 
 
 def whole_view(whole: WholeLoad, gravity: float) -> FitView:
-    """Mass by stretches of free motion of the fit `whole`."""
+    """Chart the mass by stretches of free motion of the fit `whole`."""
     seen = whole.seen
+    # Signals per newton of the fitted load.
     load = np.hstack([cause.columns for cause in of_load(seen, seen.pull)])
     borne = load @ whole.value / whole.force
     parts = list(_stretches(seen))
+    # One column for each stretch: the load in its blocks only.
     signals = seen.observed.shape[1]
     shares = np.column_stack(
         [by_signal(np.tile(part[:, None], signals).astype(float)) for part in parts]
@@ -242,6 +262,7 @@ def _view(
     gravity: float,
     parts: str,
 ) -> FitView:
+    """Chart extra forces `own` (mean and variance), N and N², of parts of a recording as masses."""
     mean, variance = own
     mass = force / gravity
     return FitView(
@@ -259,9 +280,10 @@ def _view(
 
 
 def _stretches(seen: Blocks) -> Iterator[Mask]:
-    """(k,) blocks of each stretch in which the load hung free."""
+    """Yield the blocks (k,) of each stretch in which the load hung free."""
     hanging = np.flatnonzero(seen.pull[:, 2] > 0.0)
     for run in np.split(hanging, np.flatnonzero(np.diff(seen.t[hanging]) > VIEW_STRETCH) + 1):
+        # Split long runs into stretches of about `VIEW_STRETCH`.
         lasted = float(np.ptp(seen.t[run]))
         for rows in np.array_split(run, max(1, round(lasted / VIEW_STRETCH))):
             part = np.zeros(len(seen.t), dtype=bool)
@@ -269,18 +291,19 @@ def _stretches(seen: Blocks) -> Iterator[Mask]:
             yield part
 
 
-# Predicted precision of a load after planned passes: the covariance of the fit needs the planned
+# Predicted precision of a load after planned passes. The covariance of the fit needs the planned
 # motion and the noise, but no measured values.
 
 
 HANDLING = 1.0
-"""s between two planned passes: the arm settles, the fingers close or open. Sensitive: robot time alone, by as much
-a pass."""
+"""s between two planned passes, in which the arm settles and the fingers close or open. Sensitive:
+robot time only, by as much per pass."""
 
 NEAR = 2.0 * CLEARANCE
 """m of a pass that are near a support."""
 PASSES = (("down", False), ("up", True), ("down", True), ("up", False))
-"""Of one cycle, and whether loaded: empty, loaded, loaded, empty, so that a drift cancels."""
+"""Direction of each pass of one cycle, and whether it is loaded. The order empty, loaded, loaded,
+empty cancels a drift."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -288,13 +311,13 @@ class Lift:
     """Planned straight lift.
 
     Attributes:
-        q: (2, m) joint angles at the grasp and above it, rad.
+        q: (2, m) rad, joint angles at the grasp and above it.
         length: m.
-        near_speed: m/s, the fastest near a support.
+        near_speed: m/s, the largest near a support.
         acceleration: m/s².
         observed: wrench observation of the arm; its signals are not used.
         white: (m,) (N m)² s, variance of a signal's mean over 1 s.
-        flicker: (m,), see `Noise`.
+        flicker: (m,) see `SignalLevels`.
     """
 
     q: Array
@@ -306,7 +329,7 @@ class Lift:
     flicker: Array
 
     def seconds(self, speed: float) -> float:
-        """Robot time of one cycle at `speed` m/s."""
+        """Robot time of one cycle at `speed` m/s, s."""
         near = min(NEAR, self.length)
         slowly = near / min(speed, self.near_speed) + speed / self.acceleration
         return len(PASSES) * ((self.length - near) / speed + slowly + HANDLING)
@@ -314,19 +337,22 @@ class Lift:
     def noise(
         self, cycles: int, speed: float, weight: float, gravity: float, hand: NominalHand
     ) -> float:
-        """N, 1 sigma of a load of `weight` N after some cycles at `speed` m/s, by noise alone."""
+        """Predict the standard deviation, N, by noise alone, of a load of `weight` N after some
+        cycles at `speed` m/s."""
         exact = replace(hand, torque_gain=0.0, gain_covariance=None)
         return float(np.sqrt(foreseen(self._weighing(cycles, speed), weight, gravity, exact)))
 
     def floor(
         self, cycles: int, speed: float, weight: float, gravity: float, hand: NominalHand
     ) -> float:
-        """N, 1 sigma of it by the gains, which no further cycle makes smaller."""
+        """Predict the standard deviation, N, of that load by the gains; further cycles do not
+        reduce it."""
         noise = self.noise(cycles, speed, weight, gravity, hand)
         whole = foreseen(self._weighing(cycles, speed), weight, gravity, hand)
         return float(np.sqrt(max(whole - noise**2, 0.0)))
 
     def _weighing(self, cycles: int, speed: float) -> Weighing:
+        """Build the segments of the planned cycles, without signals."""
         segments: list[Segment] = []
         start = 0.0
         for grasp in range(cycles):
@@ -337,12 +363,14 @@ class Lift:
         return Weighing(segments, noise, self.observed.scale)
 
     def _pass(self, kind: str, loaded: bool, grasp: float, start: float, speed: float) -> Segment:
-        """The steady part of a pass, in bins."""
+        """Build the steady part of a pass, in bins."""
+        # Bin centres as shares of the lift, and the duration of a bin.
         clear = min(CLEARANCE, SHORT_LIFT * self.length) / self.length
         edges = np.linspace(clear, 1.0, BINS + 1)
         share = (edges[1:] + edges[:-1]) / 2.0
         part = (1.0 - clear) * self.length / BINS / speed
         gone = share if kind == "up" else 1.0 - share
+        # Joint angles along the lift (linear), and the path of each joint so far.
         q = self.q[0] + share[:, None] * (self.q[1] - self.q[0])
         maps = self.observed.maps(q)
         count = len(self.white)

@@ -36,7 +36,7 @@ TORQUE_LEVER = 0.3
 Sensitive: com 0.07 σ, std ×0.9–1.1."""
 
 GAIN, CROSSTALK = "gain", "cross-talk"
-"""Names of causes: gains of the sensors, and what each reads of the other joints' torques."""
+"""Names of causes: gains of the sensors, and their response to the torques of other joints."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
