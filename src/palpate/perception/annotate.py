@@ -1,5 +1,4 @@
-"""Annotated pictures: names above the objects, the world's axes, and a grid of 10 cm on the
-table."""
+"""Annotated pictures: object names, world axes, and a 10 cm grid on the table."""
 
 from __future__ import annotations
 
@@ -25,55 +24,61 @@ from palpate.perception.stage import (
 from palpate.scene.camera import Camera
 
 STEP = 0.1
-"""m between two lines of the grid."""
+"""m. Distance of grid lines."""
 LINE, RAISED = 0.0006, 0.0004
-"""Half the width of a line, and its height above the table, m."""
+"""m. Half the width of a grid line, and its height above the table."""
 MARGIN = 0.12
-"""m of ground around the objects."""
+"""m. Ground in view around the objects."""
 ROUNDING = 1e-6
-"""Part of a step within which two lengths are the same."""
+"""Share of a step. Tolerance for equal lengths."""
 GRID = "palpate_grid"
 INK, HALO = (18, 22, 28), (255, 255, 255)
 AXES = {"x": (196, 30, 34), "y": (22, 130, 52), "z": (28, 84, 196)}
 ARROW = 0.08
-"""Length of an axis, m."""
+"""m. Length of an axis."""
 HIDDEN = 0.05
-"""Depth below the ground from which the picture shows nothing, m."""
+"""m. Depth below the ground from which nothing is visible."""
 TAG, SMALL_TAG, MANY = 20, 15, 8
-"""Height of a name's letters, pixels, and where there are more names than that many."""
+"""px and count. Letter height of names, the smaller height for many names, and the number above
+which it applies.
+"""
 FIGURES = 6
-"""Lines of the grid, each way, that at most have a figure."""
+"""Maximum number of labelled grid lines in each direction."""
 OUTSIDE = 0.025
-"""m from the grid's edge to its figures."""
+"""m. Distance of coordinates from the edge of the grid."""
 CORNER = (-0.13, 0.0)
-"""m from the grid's corner to the axes, clear of its figures."""
+"""m. Position of the axes relative to the grid's corner, clear of its coordinates."""
 SIZE = (1024, 768)
-"""Width and height of a close-up, pixels."""
+"""px. Width and height of a close-up."""
 STEEP, EDGE = -46.0, 1.16
-"""Its elevation, degrees, from which gaps show, and room for the grid's figures at the edges."""
+"""degrees and ratio. Elevation of the close-up, which shows gaps, and margin for the coordinates at
+the edges.
+"""
 PLACES = tuple(
     (beside, above)
     for above in (-1.0, -2.0, 0.2, -3.0, -4.0, 1.5, 3.0, -5.5)
     for beside in (0.0, -1.0, 1.0, -1.6, 1.6)
     if beside or above < 0.0
 )
-"""Candidate positions of a label: offset in half widths beside its object, and in heights above;
-best first."""
+"""Candidate positions of a label relative to its object: horizontal in half widths, vertical in
+heights. The best is first.
+"""
 
 FAR, ASTRAY = 4.0, 2000.0
-"""Hidden pixels that count as much as a pixel of a label's distance; and as a line across a label, or a
-label nearer to another object."""
+"""px. Cost of one pixel of distance between label and object, and of a crossing line or an
+ambiguous label. The unit is hidden pixels of objects.
+"""
 
 Pixel = tuple[float, float]
 Box = tuple[float, float, float, float]
 """Left, top, right and bottom, pixels."""
 Mask = NDArray[np.bool_]
-"""(height, width), of a picture."""
+"""(height, width) boolean picture."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """The part of the table in view: world z, lowest and highest x and y, m, in whole steps."""
+    """Visible part of the table: world z, and ranges of x and y in whole grid steps, m."""
 
     z: float
     low: tuple[float, float]
@@ -81,12 +86,16 @@ class Ground:
 
     @classmethod
     def under(cls, points: Array, table: Array) -> Ground:
-        """The ground on top of a `table` (n, 3), with `MARGIN` around `points` (n, 3) where it is
-        that wide; a table that has no whole step on it is covered."""
+        """Return the ground on a `table` (n, 3) around `points` (n, 3), m.
+
+        It extends `MARGIN` beyond the points, within the table. A table smaller than one step is
+        fully covered.
+        """
         ends: list[tuple[float, float]] = []
         for axis in range(2):
             low, high = float(points[:, axis].min()), float(points[:, axis].max())
             near, far = float(table[:, axis].min()), float(table[:, axis].max())
+            # Intersect the padded range of the objects with that of the table, in whole steps.
             start = max(floor((low - MARGIN) / STEP), ceil(near / STEP - ROUNDING))
             end = min(ceil((high + MARGIN) / STEP), floor(far / STEP + ROUNDING))
             if start >= end:
@@ -96,44 +105,50 @@ class Ground:
         return cls(float(table[:, 2].max()), (west, south), (east, north))
 
     def lines(self, axis: int) -> list[float]:
-        """Positions of the grid's lines across `axis`, m."""
+        """Coordinates of the grid lines across `axis`, m."""
         count = round((self.high[axis] - self.low[axis]) / STEP)
         return [round(self.low[axis] + STEP * number, 3) for number in range(count + 1)]
 
     @property
     def axes(self) -> Array:
-        """(4, 3) m: where the axes are drawn, beside the corner nearest to the arm, and their tips."""
+        """Origin and tips (4, 3) of the drawn axes, m, near the grid corner closest to the arm."""
         origin = np.array([self.low[0] + CORNER[0], self.low[1] + CORNER[1], self.z])
         return origin + ARROW * np.vstack([np.zeros(3), np.eye(3)])
 
     @property
     def corners(self) -> Array:
-        """(4, 3) m."""
+        """Corners (4, 3) of the ground, m."""
         (west, south), (east, north) = self.low, self.high
         flat = [(west, south), (east, south), (east, north), (west, north)]
         return np.array([[x, y, self.z] for x, y in flat])
 
 
 def closer_png(world: mujoco.MjSpec, names: Mapping[str, Array]) -> bytes:
-    """A close-up of the objects from above, as PNG, with `names` at their believed places (3,) m, axes
-    and a grid.
+    """Render a close-up of the objects from above, with names, axes and a grid, as PNG.
+
+    Args:
+        world: the simulated world.
+        names: believed position (3,) of each named body, m.
 
     Raises:
         RuntimeError: no usable OpenGL.
     """
+    # Draw the grid into the scene, where objects occlude it.
     things = things_in_view(world, names)
     ground = Ground.under(things, ground_below(world))
     spec = world.copy()
     draw_grid(spec, ground)
     model = build_stage(spec)
     data = forward_data(model)
+    # Frame objects, grid and axes, and render the picture with the body of each pixel.
     with Painter(model, *SIZE) as painter:
         points = np.concatenate([things, ground.corners, ground.axes])
         view = painter.enclose(points, elevation=STEEP, margin=EDGE)
         pixels, bodies = painter.paint(data, view), painter.bodies(data, view)
-    # Labels hide the table rather than what is on it.
+    # Labels should cover the table rather than small bodies, so mark the pixels of these.
     small = [fits_in_view(extent(model, data, [model.body(i).name])) for i in range(model.nbody)]
     shown = np.array(small)[bodies]
+    # Label a large body at table height, such as the table itself, at a free spot.
     camera = camera_of(view, float(model.vis.global_.fovy), *SIZE)
     at = dict(names)
     for name, point in names.items():
@@ -144,8 +159,11 @@ def closer_png(world: mujoco.MjSpec, names: Mapping[str, Array]) -> bytes:
 
 
 def _bare_spot(camera: Camera, ground: Ground, things: Mask) -> Array:
-    """The middle (3,) m of the grid's square that is farthest from `things` in the picture; none beside
-    the figures where there are others."""
+    """Centre (3,) of the grid square farthest from the objects in the picture, m.
+
+    Squares next to the coordinates are only used if there are no others.
+    """
+    # Sample every fourth object pixel, which is accurate enough for a label.
     far = np.argwhere(things[::4, ::4])[:, ::-1] * 4.0
     best, most = ground.corners.mean(axis=0), 0.0
     squares = [ground.lines(axis)[1:-2] or ground.lines(axis)[:-1] for axis in (0, 1)]
@@ -161,7 +179,7 @@ def _bare_spot(camera: Camera, ground: Ground, things: Mask) -> Array:
 
 
 def draw_grid(spec: mujoco.MjSpec, ground: Ground) -> None:
-    """Draw the grid on the table of `spec`, in place; objects hide it."""
+    """Draw the grid on the table of `spec`, in place; objects occlude it."""
     spec.add_material(name=GRID, rgba=[0.10, 0.12, 0.16, 0.55], specular=0.0)
     middle = (np.array(ground.low) + ground.high) / 2
     half = (np.array(ground.high) - ground.low) / 2
@@ -173,8 +191,9 @@ def draw_grid(spec: mujoco.MjSpec, ground: Ground) -> None:
 
 
 def camera_of(view: mujoco.MjvCamera, fovy: float, width: int, height: int) -> Camera:
-    """A free camera as a pinhole; `fovy` in degrees."""
+    """Convert a free camera to a pinhole camera; `fovy` in degrees."""
     forward, right, up = directions(view.azimuth, view.elevation)
+    # MuJoCo's camera axes: x right, y up, and z backwards.
     quaternion = np.empty(4)
     mujoco.mju_mat2Quat(quaternion, np.column_stack([right, up, -forward]).ravel())
     eye = np.array(view.lookat) - view.distance * forward
@@ -184,8 +203,15 @@ def camera_of(view: mujoco.MjvCamera, fovy: float, width: int, height: int) -> C
 def annotate(
     pixels: Pixels, camera: Camera, names: Mapping[str, Array], ground: Ground, things: Mask
 ) -> Pixels:
-    """The picture with every name beside its place (3,) m, the grid's figures and the axes. Names of
-    places below the ground are left out. `things`: pixels that labels keep clear of."""
+    """Draw names, grid coordinates and axes into a picture.
+
+    Args:
+        pixels: the picture.
+        camera: its camera.
+        names: position (3,) of each name, m; positions below the ground are left out.
+        ground: the visible part of the table.
+        things: pixels that labels should leave free.
+    """
     names = {name: point for name, point in names.items() if point[2] > ground.z - HIDDEN}
     image = Image.fromarray(pixels)
     draw = ImageDraw.Draw(image)
@@ -208,19 +234,23 @@ def _tags(
     names: Mapping[str, Array],
     size: int,
 ) -> dict[str, tuple[Pixel, Box]]:
-    """For each name its object's pixel and its label's box. Labels do not overlap, and hide as little
-    of `things` as possible."""
+    """Return for each name the pixel of its object and the box of its label.
+
+    Labels do not overlap and cover as few pixels of `things` as possible.
+    """
     height, width = things.shape
+    # Names with a position inside the picture.
     seen: list[tuple[Pixel, str]] = []
     for name, point in names.items():
         foot = camera.project(point)
         if foot is not None and 0 <= foot[0] < width and 0 <= foot[1] < height:
             seen.append((foot, name))
-    # The lowest object in the picture is nearest: its label is placed first.
+    # The lowest object in the picture is nearest: place its label first.
     seen.sort(key=lambda item: -item[0][1])
     placed: dict[str, tuple[Pixel, Box]] = {}
     feet = [foot for foot, _ in seen]
     for foot, name in seen:
+        # Candidate boxes, shifted into the picture.
         half_width = draw.textlength(name, font=_font(size)) / 2 + 8
         half_height = size / 2 + 5
         boxes: list[Box] = []
@@ -241,8 +271,11 @@ def _clearest(
     boxes: Sequence[Box],
     placed: Collection[tuple[Pixel, Box]],
 ) -> Box:
-    """The box that overlaps the fewest of those that are placed; of equals the one near its `foot`, and
-    nearer than to others of `feet`, that hides few pixels of `things`, with no line across a label."""
+    """Return the box with the lowest cost, given the labels already placed.
+
+    Fewer overlaps come first. Then the cost sums the hidden pixels of `things`, the distance to
+    `foot`, line crossings, and other objects that are nearer.
+    """
 
     def cost(box: Box) -> tuple[int, float]:
         left, top, right, bottom = (max(0, round(edge)) for edge in box)
@@ -259,26 +292,26 @@ def _clearest(
 
 
 def _crosses(foot: Pixel, label: Box, other: Box) -> bool:
-    """True if the line from `foot` to the middle of its label runs over another box."""
+    """True if the line from `foot` to the centre of its label crosses another box."""
     middle = np.array([(label[0] + label[2]) / 2, (label[1] + label[3]) / 2])
     line = np.linspace(foot, middle, 16)
     return bool(((line > other[:2]) & (line < other[2:])).all(axis=1).any())
 
 
 def _overlap(one: Box, other: Box) -> bool:
-    """Test for less than 4 pixels between two boxes."""
+    """True if two boxes overlap or are less than 4 pixels apart."""
     beside = one[2] + 4 < other[0] or other[2] + 4 < one[0]
     above = one[3] + 4 < other[1] or other[3] + 4 < one[1]
     return not (beside or above)
 
 
 def _draw_figures(draw: ImageDraw.ImageDraw, camera: Camera, ground: Ground) -> None:
-    """Write coordinates at the ends of the grid's lines that are nearest to the camera."""
+    """Write the coordinates at the ends of grid lines nearest to the camera."""
     eye = camera.pose_world_camera.position
     edges: list[float] = []
     for low, high, place in zip(ground.low, ground.high, eye[:2].tolist(), strict=True):
         edges.append(high + OUTSIDE if place > low else low - OUTSIDE)
-    # The corner that both edges have gets neither coordinate.
+    # The corner of both edges gets neither coordinate.
     for x in _thin_lines(ground.lines(0)[:-1]):
         _write(draw, camera, (x, edges[1], ground.z), f"x={x:.1f}", AXES["x"])
     for y in _thin_lines(ground.lines(1)[1:]):
@@ -286,12 +319,12 @@ def _draw_figures(draw: ImageDraw.ImageDraw, camera: Camera, ground: Ground) -> 
 
 
 def _thin_lines(lines: list[float]) -> list[float]:
-    """At most `FIGURES` of the lines, evenly."""
+    """Select at most `FIGURES` evenly spaced lines."""
     return lines[:: -(-len(lines) // FIGURES)]
 
 
 def _draw_axes(draw: ImageDraw.ImageDraw, camera: Camera, ground: Ground) -> None:
-    """Draw the world's axes."""
+    """Draw the axes of the world."""
     origin, *tips = ground.axes
     start = camera.project(origin)
     for (name, colour), tip in zip(AXES.items(), tips, strict=True):

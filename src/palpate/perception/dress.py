@@ -20,12 +20,12 @@ from palpate.perception.renderer import CORNERS, SCENERY, Pixels, geom_rgba
 from palpate.robots.description import PREFIX
 
 WORD = "look:"
-"""Prefix of the `<text>` that states a body's look."""
+"""Prefix of the `<text>` element with a body's look."""
 HIDDEN, SHOWN = 3, 2
-"""Groups of shapes for collisions alone, and of those that are drawn."""
+"""Geom groups of hidden collision shapes and of visible shapes."""
 
 Looks = Mapping[str, str]
-"""By the body's name."""
+"""Looks by body name."""
 
 LOOKS: Mapping[str, Callable[[LookBox, str], list[LookPart]]] = {
     "ball": things.ball,
@@ -47,18 +47,19 @@ LOOKS: Mapping[str, Callable[[LookBox, str], list[LookPart]]] = {
     "tin": things.tin,
 }
 TABLE = "table"
-"""The look of supports. It is fitted to the largest shape alone: the top, without its legs."""
+"""Look of supports. It is fitted to the largest shape alone, the table top without legs."""
 
 
 def looks_in(spec: mujoco.MjSpec) -> dict[str, str]:
-    """Looks that a scene states for its bodies."""
+    """Return the looks that a scene states for its bodies."""
     texts: list[mujoco.MjsText] = list(spec.texts)
     return {text.name.removeprefix(WORD): text.data for text in texts if text.name.startswith(WORD)}
 
 
 def parts_of(look: str, fit: LookBox) -> list[LookPart]:
-    """The parts of a look in the body's frame: `look` is its name and, after a blank, the words on it
-    or its content.
+    """Return the parts of a look in the body frame.
+
+    `look` is its name, optionally followed by a space and the text on it or its content.
 
     Raises:
         InputError: unknown look; the message lists the valid ones.
@@ -71,7 +72,7 @@ def parts_of(look: str, fit: LookBox) -> list[LookPart]:
 
 
 def dress(spec: mujoco.MjSpec, looks: Looks) -> None:
-    """Give the bodies of `spec` that `looks` names their shapes for pictures, in place.
+    """Add the visual shapes of `looks` to the named bodies of `spec`, in place.
 
     Raises:
         InputError: unknown look.
@@ -81,6 +82,7 @@ def dress(spec: mujoco.MjSpec, looks: Looks) -> None:
     worn = {name: look for name, look in looks.items() if name in here}
     if not worn:
         return
+    # Compile once to obtain the bounding boxes of the bodies.
     plain = spec.compile()
     data = mujoco.MjData(plain)
     mujoco.mj_kinematics(plain, data)
@@ -88,6 +90,7 @@ def dress(spec: mujoco.MjSpec, looks: Looks) -> None:
         fit = _fit(plain, data, name, look)
         if fit is None:
             continue
+        # Hide the collision shapes and add the parts of the look.
         geoms: list[mujoco.MjsGeom] = list(here[name].geoms)
         for geom in geoms:
             geom.group = HIDDEN
@@ -96,14 +99,16 @@ def dress(spec: mujoco.MjSpec, looks: Looks) -> None:
 
 
 def _fit(model: mujoco.MjModel, data: mujoco.MjData, name: str, look: str) -> LookBox | None:
-    """Box that a look of the body fills; None for a body without shapes."""
+    """Return the box for a body's look; None for a body without shapes."""
     body = model.body(name)
     geoms = range(int(body.geomadr[0]), int(body.geomadr[0] + body.geomnum[0]))
     if not geoms or geoms[0] < 0:
         return None
+    # The largest shape gives the colour; a table is fitted to it alone.
     largest = max(geoms, key=lambda geom: float(np.prod(model.geom_aabb[geom, 3:])))
     if look.partition(" ")[0] == TABLE:
         geoms = [largest]
+    # Bounding box of all shapes in the body frame.
     corners: list[Array] = []
     for geom in geoms:
         turn = np.empty(9)
@@ -112,7 +117,7 @@ def _fit(model: mujoco.MjModel, data: mujoco.MjData, name: str, look: str) -> Lo
         corners.append(model.geom_pos[geom] + local @ turn.reshape(3, 3).T)
     points = np.concatenate(corners)
     low, high = points.min(axis=0), points.max(axis=0)
-    # The floor is the lowest plane of the world.
+    # The floor is the lowest plane of the world; the drop is the height of the box above it.
     planes = (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & (model.geom_bodyid == 0)
     floor = model.geom_pos[planes, 2]
     above = float(data.body(name).xpos[2]) - float(floor.min()) if len(floor) else 0.0
@@ -122,7 +127,7 @@ def _fit(model: mujoco.MjModel, data: mujoco.MjData, name: str, look: str) -> Lo
 
 
 def _add(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, part: LookPart) -> None:
-    """Add a part to a body as a mesh with its material."""
+    """Add a part to a body as a mesh with a material."""
     mesh = spec.add_mesh(name=name)
     mesh.uservert = part.mesh.vertices.ravel()
     mesh.userface = corners = part.mesh.faces.ravel().tolist()
@@ -134,7 +139,7 @@ def _add(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, part: LookPart) -
         shininess=0.2 + 0.7 * part.shine,
     )
     if part.print is not None:
-        # MuJoCo counts a picture's rows from the top.
+        # MuJoCo counts texture rows from the top, so flip v.
         mesh.usertexcoord = np.column_stack([part.mesh.uv[:, 0], 1 - part.mesh.uv[:, 1]]).ravel()
         mesh.userfacetexcoord = corners
         add_texture(spec, material, part.print)
@@ -149,14 +154,14 @@ def _add(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, part: LookPart) -
 
 
 def add_texture(spec: mujoco.MjSpec, material: mujoco.MjsMaterial, pixels: Pixels) -> None:
-    """Give a material a texture with the same name."""
+    """Add a texture with the material's name to a material."""
     texture = spec.add_texture(name=material.name, type=mujoco.mjtTexture.mjTEXTURE_2D)
     texture.height, texture.width, texture.nchannel = pixels.shape
     texture.data = np.ascontiguousarray(pixels).tobytes()
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = material.name
 
 
-# The meshes of MuJoCo Menagerie for an arm in pictures, where they are on this computer.
+# Meshes of MuJoCo Menagerie for an arm in pictures, if they are installed.
 
 
 log = logging.getLogger(__name__)
@@ -164,7 +169,7 @@ log = logging.getLogger(__name__)
 PANDA, IIWA = "franka_emika_panda", "kuka_iiwa_14"
 FILES = {PANDA: "panda.xml", IIWA: "iiwa14.xml"}
 SAME = 1e-3
-"""m, and of a quaternion's parts: frames that differ by more belong to another arm."""
+"""m, and quaternion components. Maximum difference between body frames of the same arm."""
 MARK = "menagerie:"
 """Prefix of the names of added meshes and materials."""
 
@@ -175,20 +180,25 @@ BODIES = {
     **{f"iiwa_link{i}": (IIWA, f"link{i}") for i in range(1, 8)},
     **{arm + part: (PANDA, part) for arm in ("", "iiwa_") for part in HAND},
 }
-"""By our name of a body, the model in which it has its shape, and its name there. A Research 3 has a
-Panda's links; the hand is the same on all of ours."""
+"""Menagerie model and body name of each of our bodies. A Research 3 has the links of a Panda; the
+hand is the same on all arms.
+"""
 
 
 def shape_arm(spec: mujoco.MjSpec) -> None:
-    """Give the arm in `spec`, if there is one, its meshes, in place; a body whose mesh is not installed,
-    or belongs to another arm, keeps its own shapes."""
+    """Replace the shapes of the arm in `spec` by its meshes, in place.
+
+    A body keeps its own shapes if its mesh is not installed or belongs to another arm.
+    """
     bodies: list[mujoco.MjsBody] = list(spec.bodies)
     for body in bodies:
+        # Find the body of the same name in the menagerie, in the same frame.
         model, name = BODIES.get(body.name.removeprefix(PREFIX), ("", ""))
         source = _source(model) if model else None
         theirs = None if source is None else source.body(name)
         if source is None or theirs is None or not _same_frame(body, theirs):
             continue
+        # Hide the own shapes and copy the visual meshes.
         own: list[mujoco.MjsGeom] = list(body.geoms)
         for geom in own:
             geom.group = HIDDEN
@@ -199,8 +209,8 @@ def shape_arm(spec: mujoco.MjSpec) -> None:
 
 
 def _same_frame(one: mujoco.MjsBody, other: mujoco.MjsBody) -> bool:
-    """Test for the same pose in the parent body."""
-    # A base may stand anywhere, and a hand is mounted by its arm's description.
+    """True if two bodies have the same pose in their parents."""
+    # The poses of base and hand depend on the arm's description, so they are not compared.
     if other.name in ("link0", "base", "hand"):
         return True
     apart = np.abs(np.array(one.pos) - other.pos).max()
@@ -215,6 +225,7 @@ def _add_mesh(
     """Add a mesh of the source to a body, in its own colour."""
     mesh, material = source.mesh(geom.meshname), source.material(geom.material)
     assert mesh is not None
+    # Several geoms share a mesh and a material: add each once.
     name = f"{MARK}{source.modelname}:{geom.meshname}"
     if spec.mesh(name) is None:
         copied = spec.add_mesh(name=name)
@@ -238,11 +249,12 @@ def _add_mesh(
 
 @cache
 def _source(model: str) -> mujoco.MjSpec | None:
-    """A model of the menagerie; None where it is not on this computer, or cannot be read."""
+    """Return a model of the menagerie; None if it is not installed or not readable."""
     try:
         import mujoco_menagerie as menagerie  # pyright: ignore[reportMissingModuleSource]
     except ImportError:
         return None
+    # Search the local cache only, without a download.
     kept, robot = menagerie.Cache(), menagerie.get(model)
     folders = [kept.root / model] if kept.root else []
     if kept.is_cached(robot):

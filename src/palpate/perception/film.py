@@ -1,4 +1,4 @@
-"""Film of a run: frames from a camera, encoded as H.264 while the arm moves."""
+"""Film of a run: camera frames encoded as H.264 during the arm's motion."""
 
 from __future__ import annotations
 
@@ -30,31 +30,34 @@ if TYPE_CHECKING:
 
 FPS = 10.0
 SPEED = 2.5
-"""Speed of a film relative to robot time; long runs are faster still."""
+"""Ratio. Playback speed relative to robot time; long runs are faster."""
 LONGEST = 20.0
-"""Longest film, s, so that the page stays small and is made in seconds without a GPU."""
+"""s. Maximum length of a film. It keeps the report small and rendering fast without a GPU."""
 SIZE = (624, 416)
 QUALITY = 27
-"""x264's constant rate factor: about 100 kB for 10 s at 640 x 400."""
+"""x264 constant rate factor: about 100 kB for 10 s at 640 x 400."""
 SAMPLES = 12
-"""Configurations of which the camera has the work in view."""
+"""Number of configurations that determine the view."""
 APART = 0.05
-"""m between the ends of what two shots have in view, for them to look alike: a third of the surroundings in view."""
+"""m. Maximum difference between the views of two interchangeable shots: a third of the visible
+surroundings.
+"""
 Caption = tuple[str, str]
-"""Texts at the left and at the right of a picture's foot."""
+"""Texts at the bottom left and bottom right of a picture."""
 NOTHING: Caption = ("", "")
 Frame = tuple[Array, Caption]
-"""A configuration (nq,), and what is said below."""
+"""Configuration (nq,) and caption."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Footage:
-    """Footage of the cell's 30 Hz camera: the world's model and its configurations, (t in s, qpos),
-    to be rendered.
+    """Footage of the cell's 30 Hz camera: model and configurations to be rendered.
 
     Attributes:
-        spec: what the model was compiled from, with its bodies' looks; None: draw collision shapes.
-        believed: a replay of the trace, not seen by a camera.
+        model: the world's model.
+        frames: times (s) and configurations (nq,).
+        spec: source of the model with the looks of its bodies; None to draw collision shapes.
+        believed: a replay of the trace rather than a camera recording.
     """
 
     model: mujoco.MjModel
@@ -63,14 +66,19 @@ class Footage:
     believed: bool = False
 
     def drawn(self, *, soft: bool = True) -> mujoco.MjModel:
-        """The model for pictures, with `soft` or hard shadows."""
+        """Return the model for pictures, with `soft` or hard shadows."""
         return self.model if self.spec is None else build_stage(self.spec, soft=soft)
 
 
 @dataclass(frozen=True, slots=True)
 class Film:
-    """An MP4 and its speed relative to robot time; `believed`: a replay of the trace, not seen by a
-    camera."""
+    """MP4 file of a run.
+
+    Attributes:
+        mp4: the file.
+        speed: playback speed relative to robot time.
+        believed: a replay of the trace rather than a camera recording.
+    """
 
     mp4: bytes
     speed: float
@@ -79,11 +87,11 @@ class Film:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shot:
-    """Speed and field of view of a film.
+    """Speed and view of a film.
 
     Attributes:
-        speed: relative to robot time.
-        points: (n, 3), m, in view: everything that moves, wherever it goes.
+        speed: playback speed relative to robot time.
+        points: (n, 3) points in view, m: the whole range of everything that moves.
     """
 
     speed: float
@@ -91,9 +99,10 @@ class Shot:
 
     @classmethod
     def of(cls, footage: Footage) -> Shot:
-        """The shot for a footage with frames."""
+        """Return the shot of a footage, which must have frames."""
         model, frames = footage.model, footage.frames
         data, moving = mujoco.MjData(model), moving_bodies(model)
+        # Collect the extents of the moving bodies at samples over the whole run.
         corners: list[Array] = []
         for _, configuration in frames[:: max(1, len(frames) // SAMPLES)]:
             data.qpos[:] = configuration
@@ -103,14 +112,14 @@ class Shot:
         return cls(film_speed(seconds), in_view(model, np.concatenate(corners)))
 
     def serves(self, wanted: Shot) -> bool:
-        """True if this hardly differs from what is `wanted`."""
+        """True if this shot hardly differs from the `wanted` one."""
         both = [
             np.array([one.points.min(axis=0), one.points.max(axis=0)]) for one in (self, wanted)
         ]
         return self.speed == wanted.speed and bool((np.abs(both[0] - both[1]) < APART).all())
 
     def rows(self, footage: Footage) -> list[int]:
-        """Numbers of the frames to draw."""
+        """Indices of the frames to render."""
         t = np.array([t for t, _ in footage.frames])
         return np.searchsorted(t, np.arange(t[0], t[-1], self.speed / FPS)).tolist()
 
@@ -122,11 +131,12 @@ def film_of(footage: Footage, trace: Trace | None) -> Film | None:
 
     Raises:
         RuntimeError: no usable OpenGL.
-        OSError: it cannot be encoded.
+        OSError: encoding failed.
     """
     if not footage.frames:
         return None
     shot = Shot.of(footage)
+    # Frames that are not sent yet, with their captions.
     frames = [footage.frames[row] for row in shot.rows(footage)]
     said = [NOTHING] * len(frames)
     if trace is not None:
@@ -136,25 +146,26 @@ def film_of(footage: Footage, trace: Trace | None) -> Film | None:
 
 
 def film_speed(seconds: float) -> float:
-    """Speed of the film of a run of `seconds`, relative to robot time."""
+    """Playback speed of the film of a run of `seconds`, relative to robot time."""
     return max(SPEED, float(np.ceil(seconds / LONGEST)))
 
 
 def film_frames(footage: Footage, shot: Shot, frames: Iterable[Frame]) -> Film | None:
-    """The film of some frames of a footage; None without any.
+    """Make the film of some frames of a footage; None without frames.
 
     Raises:
         RuntimeError: no usable OpenGL.
-        OSError: it cannot be encoded.
+        OSError: encoding failed.
     """
     encoded = mp4(_pictures(footage, shot, frames), FPS)
     return None if encoded is None else Film(encoded, shot.speed, footage.believed)
 
 
 def _pictures(footage: Footage, shot: Shot, frames: Iterable[Frame]) -> Iterator[Pixels]:
+    # Hard shadows: a film is drawn in draft quality.
     model = footage.drawn(soft=False)
     data = mujoco.MjData(model)
-    # One camera for all frames.
+    # One static camera for all frames.
     with Painter(model, *SIZE, draft=True) as painter:
         camera = painter.enclose(shot.points)
         for configuration, caption in frames:
@@ -165,7 +176,7 @@ def _pictures(footage: Footage, shot: Shot, frames: Iterable[Frame]) -> Iterator
 
 
 def captions(leaves: Sequence[LeafRun], samples: Samples, times: Sequence[float]) -> list[Caption]:
-    """Captions at robot times, s: the leaves that run then; force and time."""
+    """Captions at robot times (s): the running leaves, and force with time."""
     said: list[Caption] = []
     rows = np.searchsorted(samples.t, times).clip(max=len(samples) - 1)
     for now, row in zip(times, rows.tolist(), strict=True):
@@ -176,11 +187,12 @@ def captions(leaves: Sequence[LeafRun], samples: Samples, times: Sequence[float]
 
 
 def _add_caption(picture: Pixels, caption: Caption) -> Pixels:
-    """The picture with a caption in a dark band at its foot."""
+    """Draw a caption in a dark band at the bottom of a picture."""
     leaves, figures = caption
     image, font = Image.fromarray(picture), _font()
     draw = ImageDraw.Draw(image, "RGBA")
     width, height = image.size
+    # Shorten the left text until it leaves space for the right one.
     while len(leaves) > 1 and draw.textlength(leaves, font=font) > width - 190:
         leaves = leaves[:-2] + "…"
     top = height - 22
@@ -192,23 +204,25 @@ def _add_caption(picture: Pixels, caption: Caption) -> Pixels:
 
 @cache
 def _font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    """Font of the captions; it takes longer to unpack than a caption to write."""
+    """Font of the captions, cached because loading it takes longer than writing a caption."""
     return ImageFont.load_default(size=14)
 
 
 def mp4(frames: Iterable[Pixels], fps: float) -> bytes | None:
-    """An MP4 file's bytes, or None when there is no frame.
+    """Encode frames as MP4; None without frames.
 
-    `frames` are (height, width, 3) RGB, all of one size; an odd last row or column is dropped, as
-    the pixel format asks.
+    `frames` are (height, width, 3) RGB pictures of one size. An odd last row or column is dropped,
+    because the pixel format needs even sizes.
     """
     from imageio_ffmpeg import write_frames
 
+    # The first frame determines the size.
     source = iter(frames)
     first = next(source, None)
     if first is None:
         return None
     height, width = (n - n % 2 for n in first.shape[:2])
+    # Encode into a file: an MP4 with its index at the start needs seeking.
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "video.mp4"
         writer = write_frames(
@@ -231,23 +245,29 @@ def mp4(frames: Iterable[Pixels], fps: float) -> bytes | None:
         return path.read_bytes()
 
 
-# A film that is drawn while the arm moves, by a copy of this process.
+# Film rendered during the arm's motion by a copy of this process.
 
 
 Chunk = list[Frame]
-"""Frames to be drawn next; an empty one is the last."""
+"""Frames to be rendered next; an empty chunk is the last."""
 
 
 class Reel:
-    """A film in the making. A context manager; leaving it gives up what is not finished.
+    """Film under construction; a context manager that discards an unfinished film on exit.
 
-    A film that fails is given up, too: it is to be made anew at the end, where a failure costs the film alone.
+    A failed film is discarded too and is rendered again at the end, where a failure affects the
+    film alone.
     """
 
     def __init__(
         self, footage: Callable[[], Footage | None], planned: Callable[[], Shot | None]
     ) -> None:
-        """Begin once the shot that is `planned` is known; `footage`: as far as the camera has seen."""
+        """Prepare a film.
+
+        Args:
+            footage: returns the camera footage so far.
+            planned: returns the planned shot; rendering begins once it is known.
+        """
         self._footage, self._planned = footage, planned
         self._shot: Shot | None = None
         self._copy: Beside[Film | None] | None = None
@@ -259,14 +279,18 @@ class Reel:
         self._failed = False
 
     def look(self, samples: Samples, leaves: Sequence[LeafRun]) -> None:
-        """After a leaf has ended, have drawn what the camera saw before it; `samples` since the last call, and all
-        `leaves` of this attempt that have ended."""
+        """Render the footage before the last ended leaf.
+
+        Args:
+            samples: samples since the last call.
+            leaves: all ended leaves of this attempt.
+        """
         if not self._failed:
             with self._failing():
                 self._look(samples, leaves)
 
     def finish(self, footage: Footage, trace: Trace) -> Beside[Film | None] | None:
-        """The film of the whole execution, in progress; None where it has to be made anew."""
+        """Return the film of the whole execution, in progress; None if it must be rendered again."""
         with self._failing():
             self._finish(footage, trace)
         return self._copy
@@ -279,7 +303,7 @@ class Reel:
 
     @contextmanager
     def _failing(self) -> Generator[None]:
-        """Give the film up after an exception of the block."""
+        """Discard the film after an exception in the block."""
         try:
             yield
         except Exception:
@@ -294,6 +318,7 @@ class Reel:
         self._copy = self._sink = None
 
     def _look(self, samples: Samples, leaves: Sequence[LeafRun]) -> None:
+        # Collect new samples and the leaves that ended since the last call.
         self._samples.append(samples)
         if len(leaves) < self._leaves:  # a further attempt
             self._leaves = 0
@@ -301,11 +326,12 @@ class Reel:
         self._ended += ended
         if not ended or len(self._ended) < 2:
             return
+        # Start the copy once the shot is planned.
         footage = self._footage() if self._copy or self._may_begin() else None
         if footage is None or self._shot is None:
             return
         felt, until = Samples.concatenate(self._samples), self._ended[-2].end
-        # Of leaves that run side by side the last one may not have ended.
+        # Frames up to the end of the last but one leaf: a parallel leaf may not have ended yet.
         chunk = self._chunk(self._shot, footage, felt, self._ended, until)
         self._samples = [felt.where(felt.t >= until)]
         if self._copy is None:
@@ -324,7 +350,7 @@ class Reel:
         self._send([])
 
     def _may_begin(self) -> bool:
-        """True if the shot is known, and a copy of this process can draw it."""
+        """True if the shot is known and a copy of this process can render it."""
         if Painter.used or not can_copy():
             return False
         self._shot = self._planned()
@@ -338,7 +364,7 @@ class Reel:
         leaves: Sequence[LeafRun],
         until: float = np.inf,
     ) -> Chunk:
-        """Frames to be drawn next, up to robot time `until`, s."""
+        """Return the frames to be rendered next, up to robot time `until`, s."""
         frames = [footage.frames[row] for row in shot.rows(footage)[self._sent :]]
         frames = [frame for frame in frames if frame[0] <= until]
         self._sent += len(frames)
@@ -364,7 +390,10 @@ class Reel:
 
 
 def _receive_frames(source: Connection, chunk: Chunk) -> Iterator[Frame]:
-    """Frames of a chunk and of those that come from `source` meanwhile, which is read at once."""
+    """Yield the frames of a first chunk and of those that arrive from `source` meanwhile.
+
+    The source is read immediately, so that the sender does not block.
+    """
     waiting, is_open = deque(chunk), True
     while is_open or waiting:
         while is_open and source.poll(0.0 if waiting else None):

@@ -1,5 +1,7 @@
-"""Prints and textures: small pictures by arithmetic, the same each time; textures vary around white and
-are tinted with the colour of their part."""
+"""Procedural and deterministic textures.
+
+Textures vary around white and are tinted with the colour of their part.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +16,9 @@ from palpate.perception.renderer import Pixels
 Ink = tuple[int, int, int]
 """RGB, 0 to 255."""
 INK, PAPER = (38, 42, 48), (247, 243, 232)
-"""Of writing, and of what is written on."""
+"""Colours of text and of its background."""
 FACING = 25
-"""Angle by which a label is turned so that its words face the usual camera, degrees."""
+"""degrees. Rotation of a label so that its text faces the usual camera."""
 
 
 @cache
@@ -24,13 +26,13 @@ def wood() -> Pixels:
     """Six planks with their grain from left to right."""
     random, size = np.random.default_rng(7), 512
     across = np.linspace(0, 1, size)[:, None]
-    # Growth rings are stripes of a sine whose phase is bent by smooth noise.
+    # Growth rings: stripes of a sine with a phase distorted by smooth noise.
     bend = 0.10 * noise(random, (4, 3), size) + 0.03 * noise(random, (12, 4), size)
     rings = np.sin(2 * np.pi * 12 * (across + bend))
     fibres = noise(random, (size - 1, 14), size)
     knots = noise(random, (6, 5), size)
     shade = 0.91 + 0.03 * rings + 0.035 * fibres + 0.03 * knots
-    # Each plank is cut from another place of the trunk, is a little lighter or darker, and has a gap.
+    # Each plank is shifted along the grain, varies in brightness, and ends in a gap.
     width = size // 6
     for plank in range(7):
         rows = slice(plank * width, (plank + 1) * width)
@@ -42,7 +44,7 @@ def wood() -> Pixels:
 
 @cache
 def concrete() -> Pixels:
-    """A swept floor: light, with clouds in it."""
+    """Swept floor: light with cloudy variations."""
     random, size = np.random.default_rng(3), 512
     clouds = noise(random, (6, 6), size) + 0.6 * noise(random, (24, 24), size)
     grains = random.standard_normal((size, size))
@@ -51,9 +53,10 @@ def concrete() -> Pixels:
 
 @cache
 def fabric() -> Pixels:
-    """A coarse weave with darker stripes."""
+    """Coarse weave with darker stripes."""
     random, size = np.random.default_rng(5), 256
     row, column = np.indices((size, size))
+    # Product of two sines for the weave, with a stripe every 64 pixels.
     weave = np.sin(2 * np.pi * row / 8) * np.sin(2 * np.pi * column / 8)
     shade = 0.88 + 0.08 * weave + 0.03 * random.standard_normal((size, size))
     stripe = (column % 64 < 6) | (row % 64 < 6)
@@ -70,11 +73,11 @@ def cardboard() -> Pixels:
 
 @cache
 def label(words: str, colour: Ink) -> Pixels:
-    """A label around a bottle or a tin: a band of colour, and the words three times, so that they are
-    seen from every side."""
+    """Label around a bottle or tin: colour bands and the text three times around."""
     width, height = 768, 256
     image = Image.new("RGB", (width, height), PAPER)
     draw = ImageDraw.Draw(image)
+    # Colour bands at top and bottom.
     band = height // 7
     draw.rectangle((0, 0, width, band), fill=colour)
     draw.rectangle((0, height - band, width, height), fill=colour)
@@ -86,10 +89,10 @@ def label(words: str, colour: Ink) -> Pixels:
 
 @cache
 def carton(words: str, colour: Ink) -> Pixels:
-    """A printed carton, in the regions of `mesh.cuboid`."""
+    """Printed carton in the texture regions of `meshes.cuboid`."""
 
     def mix(factor: float, base: Ink = colour) -> Ink:
-        """A darker colour with a factor below 1, a lighter one above."""
+        """Darken a colour by a factor below 1, or lighten it by one above 1."""
         red, green, blue = (min(255, round(value * factor)) for value in base)
         return red, green, blue
 
@@ -98,20 +101,20 @@ def carton(words: str, colour: Ink) -> Pixels:
     draw = ImageDraw.Draw(image)
     dark = mix(0.72)
     half, lid = size // 2, size // 5
-    # The front: a paper panel with words, a sun over hills below it.
+    # Front: a paper panel with text, a sun above hills below it.
     draw.rounded_rectangle((12, lid + 24, half - 12, lid + 210), 18, fill=PAPER)
     _write(draw, words, (half // 2, lid + 116), (half - 40, 150))
     draw.ellipse((half // 2 - 46, size - 178, half // 2 + 46, size - 86), fill=mix(1.35))
     draw.pieslice((-60, size - 110, half // 2 + 60, size + 130), 180, 360, fill=dark)
     hill = (half // 2 - 60, size - 84, half + 60, size + 110)
     draw.pieslice(hill, 180, 360, fill=mix(0.8, dark))
-    # The side: a table of figures.
+    # Side: a table of figures.
     draw.rectangle((half, lid, size, size), fill=mix(0.9))
     draw.rectangle((half + 36, lid + 40, size - 36, size - 60), fill=PAPER)
     for line in range(lid + 62, size - 84, 22):
         draw.line((half + 52, line, size - 110, line), fill=INK, width=5)
         draw.line((size - 88, line, size - 54, line), fill=INK, width=5)
-    # The lid, with the fold of its flaps.
+    # Lid with the fold of its flaps.
     draw.rectangle((0, 0, size, lid), fill=mix(1.08))
     draw.line((0, lid // 2, size, lid // 2), fill=dark, width=4)
     return np.asarray(image)
@@ -119,12 +122,13 @@ def carton(words: str, colour: Ink) -> Pixels:
 
 @cache
 def scale() -> Pixels:
-    """A thermometer's tube: its red column and its degrees, from every side."""
+    """Thermometer tube: red column and degree marks on four sides."""
     width, height = 256, 1024
     image = Image.new("RGB", (width, height), (250, 250, 247))
     draw = ImageDraw.Draw(image)
     for side in range(4):
         middle = width * (2 * side + 1) // 8
+        # Column, and a longer mark every fifth degree.
         draw.line((middle, height // 3, middle, height), fill=(200, 30, 34), width=9)
         for step in range(31):
             y = round(height * (0.06 + 0.9 * step / 30))
@@ -135,9 +139,10 @@ def scale() -> Pixels:
 
 @cache
 def sign(words: str, colour: Ink) -> Pixels:
-    """Words on a ground of one colour."""
+    """Text on a background of one colour."""
     width, height = 384, 256
     image = Image.new("RGB", (width, height), colour)
+    # Dark text on light backgrounds, and the reverse.
     ink = INK if sum(colour) > 380 else PAPER
     _write(ImageDraw.Draw(image), words, (width // 2, height // 2), (width - 40, height - 40), ink)
     return np.asarray(image)
@@ -150,8 +155,11 @@ def _write(
     room: tuple[int, int],
     ink: Ink = INK,
 ) -> None:
-    """Write words as large as they fit into `room` (width, height) pixels around `centre`, on one line
-    or one word a line."""
+    """Write text as large as fits into `room` (width, height) pixels around `centre`.
+
+    The text is on one line, or has one word per line, whichever is larger.
+    """
+    # Largest font size of both layouts.
     sizes: list[tuple[int, str]] = []
     for text in (words, words.replace(" ", "\n")):
         for size in (*range(120, 8, -4), 8):
@@ -166,12 +174,13 @@ def _write(
 
 
 def noise(random: np.random.Generator, cells: tuple[int, int], size: int) -> Array:
-    """(size, size) smooth noise of about unit spread, with so many cells down and across."""
+    """Smooth noise (size, size) of about unit standard deviation, with `cells` rows and columns."""
+    # Bicubic interpolation of coarse white noise.
     coarse = random.standard_normal((cells[0] + 1, cells[1] + 1)).astype(np.float32)
     smooth = Image.fromarray(coarse).resize((size, size), Image.Resampling.BICUBIC)
     return np.asarray(smooth, dtype=float)
 
 
 def _pixels(shade: Array, tint: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Pixels:
-    """RGB of a picture in shades 0 to 1 (height, width)."""
+    """RGB of a grey picture (height, width) with shades 0 to 1, tinted."""
     return (255 * np.clip(shade[..., None] * np.array(tint), 0, 1)).astype(np.uint8)

@@ -1,6 +1,6 @@
-"""Off-screen pictures of MuJoCo models: the OpenGL backend, cameras that frame points, painting, PNG.
+"""Off-screen rendering of MuJoCo models: OpenGL backend, framing cameras, painting, PNG.
 
-Pictures are optional: without a usable OpenGL everything else goes on, and `gl_available` states the
+Pictures are optional. Without a usable OpenGL everything else works, and `gl_available` states the
 reason and the remedy.
 """
 
@@ -28,27 +28,29 @@ Pixels = NDArray[np.uint8]
 """(height, width, 3) RGB."""
 
 AMBIENT = 0.35
-"""Least share of light from everywhere, so that shadows are not black; MuJoCo's default is 0.1."""
+"""Minimum share of ambient light, so that shadows are not black. MuJoCo's default is 0.1."""
 SHADOW_MAP = 1024
-"""Pixels: 2048 would leave a few dots less on walls that light grazes, for 0.06 s of a processor more
-a picture."""
+"""px. With 2048, walls in grazing light have fewer artefacts, for 0.06 s more CPU time per picture.
+"""
 PACKING = 2
-"""Compression level of PNG, 0 to 9: MuJoCo's pictures become a fifth larger than with 6, in a
-quarter of the time."""
+"""PNG compression level, 0 to 9. Compared with 6, files are a fifth larger and take a quarter of
+the time.
+"""
 
 AZIMUTH, ELEVATION = 145.0, -22.0
-"""degrees, MuJoCo's free camera: from in front of the arm, over its left shoulder's side, a little
-from above."""
+"""degrees. Default view of MuJoCo's free camera: from the front of the arm, over its left shoulder,
+slightly from above.
+"""
 EMPTY_EXTENT = np.array([[-0.5, -0.5, 0.0], [0.5, 0.5, 0.8]])
-"""m: view of an empty scene, about a table top."""
+"""m. View of an empty scene, around a table top."""
 CANVAS = (64, 64)
-"""Pixels of the context's own buffer, in which nothing is drawn."""
+"""px. Size of the context's default buffer, which is not used."""
 MOST_GEOMS = 10_000
-"""Geoms drawn in a picture, MuJoCo's default."""
+"""Maximum number of rendered geoms, MuJoCo's default."""
 SCENERY: dict[str, Any] = {"mass": 0.0, "contype": 0, "conaffinity": 0}
-"""Attributes of a geom that is seen and neither weighs nor collides."""
+"""Attributes of a visual geom without mass and collisions."""
 CORNERS = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
-"""(8, 3) signs of a box's corners."""
+"""(8, 3) signs of the corners of a box."""
 
 _REMEDY = "for pictures install a software OpenGL (Debian, Ubuntu: apt-get install libegl1 libgl1-mesa-dri)"
 _OFF = {"disable", "disabled", "off", "false", "0"}
@@ -59,12 +61,15 @@ context.make_current()
 mujoco.MjrContext(mujoco.MjModel.from_xml_string("<mujoco/>"), 100)
 """
 _begun: dict[str, subprocess.Popen[str]] = {}
-"""Trials of backends that run in the background."""
+"""Tests of backends that run in the background."""
 
 
 def gl_available() -> tuple[bool, str]:
-    """Test for a renderer: availability, and the backend's name or the reason with a remedy in one
-    line."""
+    """Test for a usable renderer.
+
+    Returns:
+        The availability, and the backend's name or the reason with a remedy in one line.
+    """
     chosen = _chosen()
     if chosen in _OFF:
         return False, f"MUJOCO_GL={chosen} switches pictures off; unset it to get them"
@@ -72,7 +77,7 @@ def gl_available() -> tuple[bool, str]:
 
 
 def look_ahead() -> None:
-    """Start the trial of the first backend in the background; `gl_available` waits for its result."""
+    """Start the test of the first backend in the background; `gl_available` waits for its result."""
     chosen = _chosen()
     backend = _backends(chosen)[0]
     known = _usable.cache_info().currsize or backend in _begun
@@ -81,12 +86,15 @@ def look_ahead() -> None:
 
 
 def _chosen() -> str:
-    """The backend that the environment names, if any."""
+    """Return the backend named in the environment; empty without one."""
     return os.environ.get("MUJOCO_GL", "").lower().strip()
 
 
 def _backends(chosen: str) -> tuple[str, ...]:
-    """Backends to try: the user's choice, else the platform's; "" is MuJoCo's own choice."""
+    """Return the backends to test: the user's choice, else those of the platform.
+
+    The empty name stands for MuJoCo's own choice.
+    """
     if chosen:
         return (chosen,)
     return ("egl", "osmesa") if sys.platform == "linux" else ("",)
@@ -96,9 +104,8 @@ def _backends(chosen: str) -> tuple[str, ...]:
 def _usable() -> tuple[bool, str]:
     """Select the first backend that works, or state why none does.
 
-    Each backend is tried in a separate process, because a driver that fails may take its process
-    along and PyOpenGL binds to the first backend for good. The first that works is put in
-    `MUJOCO_GL`.
+    Each backend is tested in a separate process: a failing driver may crash its process, and
+    PyOpenGL binds to its first backend permanently. The first that works is stored in `MUJOCO_GL`.
     """
     reasons: list[str] = []
     for backend in _backends(_chosen()):
@@ -106,7 +113,7 @@ def _usable() -> tuple[bool, str]:
         if reason is None:
             if backend and os.environ.get("MUJOCO_GL") != backend:
                 os.environ["MUJOCO_GL"] = backend
-                # MuJoCo read its environment when it was imported.
+                # MuJoCo reads its environment on import, so the module is reloaded.
                 importlib.reload(importlib.import_module("mujoco.rendering.classic.gl_context"))
             return True, backend or "native OpenGL"
         reasons.append(f"{backend or 'OpenGL'}: {reason}")
@@ -114,7 +121,7 @@ def _usable() -> tuple[bool, str]:
 
 
 def _failure(backend: str) -> str | None:
-    """The last line of a trial's error; None when it could make a context."""
+    """Return the last line of a test's error output; None if it made a context."""
     try:
         trial = _begun.pop(backend, None) or _trial(backend)
     except OSError as error:
@@ -152,25 +159,29 @@ def _trial(backend: str) -> subprocess.Popen[str]:
 
 @cache
 def _opengl() -> Any:
-    """OpenGL's context of this process. One for all pictures: a new one takes 0.2 s to set up, and its driver
-    compiles all shaders again."""
+    """Return the OpenGL context of this process.
+
+    One context serves all pictures: a new one takes 0.2 s, and its driver recompiles all shaders.
+    """
     contexts = importlib.import_module("mujoco.rendering.classic.gl_context")
     return contexts.GLContext(*CANVAS)
 
 
 class Painter:
-    """Renderer of one model. A context manager; use it in one thread.
+    """Renderer of one model; a context manager for use in one thread.
 
     Args:
-        width, height: of the picture, pixels.
-        draft: no shadows, coarser curves and edges: a film's frame takes 12 ms of a processor without
-            a GPU, where shadows would make that 30.
+        model: the model, which is copied.
+        width: width of the picture, pixels.
+        height: height of the picture, pixels.
+        draft: no shadows, and coarser curves and edges. A film frame then takes 12 ms of CPU
+            without a GPU, instead of 30 ms.
 
     Raises:
-        RuntimeError: no usable OpenGL (ask `gl_available` first).
+        RuntimeError: no usable OpenGL (test `gl_available` first).
 
     Attributes:
-        used: of the class: this process has drawn.
+        used: class attribute; True if this process has rendered.
     """
 
     used = False
@@ -181,6 +192,7 @@ class Painter:
         usable, reason = gl_available()
         if not usable:
             raise RuntimeError(reason)
+        # Set size and quality on a copy, so that the caller's model stays unchanged.
         model = copy(model)
         model.vis.global_.offwidth = max(width, model.vis.global_.offwidth)
         model.vis.global_.offheight = max(height, model.vis.global_.offheight)
@@ -194,27 +206,28 @@ class Painter:
         Painter.used = True
         self._opengl = _opengl()
         self._opengl.make_current()
+        # Render into the off-screen buffer.
         self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50.value)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
         self._scene, self._options = mujoco.MjvScene(model, MOST_GEOMS), mujoco.MjvOption()
         self._rect = mujoco.MjrRect(0, 0, width, height)
 
     def paint(self, data: mujoco.MjData, camera: mujoco.MjvCamera | str) -> Pixels:
-        """Render forwarded `data` from a free camera, or from a named one of the model."""
+        """Render forwarded `data` from a free camera, or from a named camera of the model."""
         self._render(data, camera)
         pixels = np.empty((self._rect.height, self._rect.width, 3), np.uint8)
         mujoco.mjr_readPixels(pixels, None, self._rect, self._context)
         return pixels[::-1].copy()  # OpenGL's rows begin at the bottom
 
     def distances(self, data: mujoco.MjData, camera: mujoco.MjvCamera | str) -> Array:
-        """(height, width) m along the view to what each pixel shows, as `paint`; to the far plane where that is
-        nothing."""
+        """Distances (height, width) along the view, m; those without geometry are at the far plane."""
         self._render(data, camera)
         buffer = np.empty((self._rect.height, self._rect.width), np.float32)
         mujoco.mjr_readPixels(None, buffer, self._rect, self._context)
         extent, clip = self.model.stat.extent, self.model.vis.map
         near, far = clip.znear * extent, clip.zfar * extent
-        # The buffer is 0 at the near plane and 1 at the far one, linear in 1 / distance.
+        # The depth buffer d is linear in 1 / z: z = n f / (f − d (f − n)), with near plane n and
+        # far plane f.
         return near * far / (far - buffer[::-1].astype(float) * (far - near))
 
     def _render(self, data: mujoco.MjData, camera: mujoco.MjvCamera | str) -> None:
@@ -228,13 +241,14 @@ class Painter:
         mujoco.mjr_render(self._rect, self._scene, self._context)
 
     def bodies(self, data: mujoco.MjData, camera: mujoco.MjvCamera) -> NDArray[np.int_]:
-        """(height, width) body that each pixel of a picture shows; 0 for the world, and for nothing."""
+        """Body (height, width) in each pixel of a picture; 0 for the world and the background."""
         flags = mujoco.mjtRndFlag
         numbered = [int(flags.mjRND_SEGMENT), int(flags.mjRND_IDCOLOR)]
         self._scene.flags[numbered] = True
-        # Each colour is a number, from red to blue.
+        # Render segment numbers as colours: red is the lowest byte.
         colours = self.paint(data, camera) @ np.array([1, 1 << 8, 1 << 16])
         self._scene.flags[numbered] = False
+        # Map segment numbers to bodies; number 0 is the background.
         found = np.zeros(self._scene.ngeom + 1, dtype=np.int_)
         for shown in self._scene.geoms[: self._scene.ngeom]:
             if shown.segid >= 0 and shown.objtype == mujoco.mjtObj.mjOBJ_GEOM:
@@ -242,7 +256,7 @@ class Painter:
         return found[colours]
 
     def enclose(self, points: Array, **view: float) -> mujoco.MjvCamera:
-        """`framing` of `points` for this model and picture."""
+        """Apply `framing` to `points` for this model and picture."""
         return framing(points, aspect=self.aspect, fovy=float(self.model.vis.global_.fovy), **view)
 
     def __enter__(self) -> Painter:
@@ -254,14 +268,14 @@ class Painter:
 
 
 def png(pixels: Pixels) -> bytes:
-    """PNG file of a picture, lossless."""
+    """Encode a picture as lossless PNG."""
     buffer = io.BytesIO()
     Image.fromarray(pixels).save(buffer, "PNG", optimize=False, compress_level=PACKING)
     return buffer.getvalue()
 
 
 def forward_data(model: mujoco.MjModel, qpos: Array | None = None) -> mujoco.MjData:
-    """Forwarded data at configuration `qpos` (nq,), or at the model's initial one."""
+    """Return forwarded data at configuration `qpos` (nq,), or at the model's initial one."""
     data = mujoco.MjData(model)
     if qpos is not None:
         data.qpos[:] = qpos
@@ -270,15 +284,18 @@ def forward_data(model: mujoco.MjModel, qpos: Array | None = None) -> mujoco.MjD
 
 
 def geom_rgba(model: mujoco.MjModel, geom: int) -> Array:
-    """(4,) red, green, blue and opacity of a geom, 0 to 1: its material's, else its own."""
+    """Colour and opacity (4,) of a geom, 0 to 1: of its material, else its own."""
     material = int(model.geom_matid[geom])
     return model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]
 
 
 def extent(model: mujoco.MjModel, data: mujoco.MjData, bodies: Collection[str] = ()) -> Array:
-    """World corners (n, 3), m, of the boxes around the geoms of the named bodies and their children
-    (all, when none is named), without planes, which have no end."""
-    # A parent comes before its children in MuJoCo's order.
+    """World corners (n, 3) of the bounding boxes of geoms, m.
+
+    The geoms are those of the named bodies and their children, or of all bodies by default.
+    Infinite planes are left out.
+    """
+    # MuJoCo orders parents before children, so one pass marks all descendants.
     wanted = [not bodies]
     for body in range(1, model.nbody):
         named = model.body(body).name in bodies
@@ -292,20 +309,25 @@ def extent(model: mujoco.MjModel, data: mujoco.MjData, bodies: Collection[str] =
 
 
 def geom_corners(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Array:
-    """World corners (8, 3), m, of the box around a geom."""
+    """World corners (8, 3) of the bounding box of a geom, m."""
     local = model.geom_aabb[geom, :3] + CORNERS * model.geom_aabb[geom, 3:]
     return data.geom_xpos[geom] + local @ data.geom_xmat[geom].reshape(3, 3).T
 
 
 def pad_box(points: Array, low: Sequence[float], high: Sequence[float]) -> Array:
-    """Corners (8, 3) of the box around points (n, 3), enlarged by `low` (3,) m at its lower and by
-    `high` (3,) m at its upper end."""
+    """Corners (8, 3) of the bounding box of points (n, 3), enlarged on both ends.
+
+    Args:
+        points: (n, 3) points, m.
+        low: (3,) enlargement at the lower end, m.
+        high: (3,) enlargement at the upper end, m.
+    """
     least, most = points.min(axis=0) - np.array(low), points.max(axis=0) + np.array(high)
     return np.array(list(product(*zip(least, most, strict=True))))
 
 
 def directions(azimuth: float, elevation: float) -> tuple[Array, Array, Array]:
-    """Unit vectors (3,) forward, to the right and upward of MuJoCo's free camera, degrees."""
+    """Unit vectors (3,) forward, right and up of MuJoCo's free camera; angles in degrees."""
     az, el = np.radians([azimuth, elevation])
     forward = np.array([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)])
     right = np.array([np.sin(az), -np.cos(az), 0.0])
@@ -321,23 +343,30 @@ def framing(
     elevation: float = ELEVATION,
     margin: float = 1.08,
 ) -> mujoco.MjvCamera:
-    """The nearest free camera of that direction that has all `points` (n, 3) in view.
+    """Return the nearest free camera in this direction with all `points` (n, 3) in view.
 
-    `fovy` (degrees) must be the model's `vis.global_.fovy`; `aspect` is width over height.
+    Args:
+        points: (n, 3) points, m.
+        aspect: width over height of the picture.
+        fovy: vertical field of view, degrees; must equal the model's `vis.global_.fovy`.
+        azimuth: of the camera, degrees.
+        elevation: of the camera, degrees.
+        margin: factor of the required width and height.
     """
     forward, right, up = directions(azimuth, elevation)
     lookat = (points.min(0) + points.max(0)) / 2
     offset = points - lookat
-    # Centre the projection, not the box: perspective makes near corners larger.
+    # Centre the projection instead of the box, because perspective enlarges near corners.
     for axis in (up, right):
         values = offset @ axis
         lookat = lookat + axis * float((values.min() + values.max()) / 2)
     offset = points - lookat
-    # A point is in view if it is no farther beside the axis than its depth times the tangent.
+    # A point at depth z is in view if |y| ≤ z tan(fovy / 2) and |x| ≤ z tan(fovy / 2) · aspect.
     tangent = np.tan(np.radians(fovy) / 2)
     needed = margin * np.maximum(
         abs(offset @ up) / tangent, abs(offset @ right) / (tangent * aspect)
     )
+    # The distance is the largest one that any point requires.
     camera = mujoco.MjvCamera()
     camera.lookat[:] = lookat
     camera.distance = float(np.max(needed - offset @ forward))

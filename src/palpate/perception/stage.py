@@ -1,4 +1,4 @@
-"""A scene as it is drawn, and still pictures of it."""
+"""Rendered scene with looks, room and lights, and still pictures of it."""
 
 from __future__ import annotations
 
@@ -27,47 +27,58 @@ if TYPE_CHECKING:
 
 
 UNSEEN = 5
-"""Group of what is not drawn."""
+"""Geom group of hidden elements."""
 ROOM, LAB = "world", "lab"
-"""The body whose look is the room, and that look."""
+"""Name of the body whose look is the room, and that look."""
 FLOOR = "palpate_floor"
 WALL_TINT, FLOOR_TINT = (0.86, 0.88, 0.89, 1.0), (0.74, 0.76, 0.78, 1.0)
 BEHIND, BESIDE, BEYOND = -1.15, 1.75, 0.5
-"""Places of the walls, behind the arm and to its left, and their least distance from any object, m."""
+"""m. Positions of the walls behind the arm and to its left, and their minimum distance from
+objects.
+"""
 HEIGHT, LENGTH = 3.0, 9.0
-"""Of the walls, m."""
+"""m. Height and length of the walls."""
 PANEL, GAP = 1.1, 0.012
-"""Width of a wall's panels, and of the joint between two, m."""
+"""m. Width of wall panels, and of the joint between two."""
 DOWN = 0.75
-"""From a table to the floor, where a scene has none, m."""
+"""m. Height of a table above the floor in a scene without a floor."""
 AMBIENT, HEADLIGHT = 0.36, 0.14
-"""Shares of light from everywhere, and from the camera."""
+"""Shares of ambient light and of the headlight."""
 LAMPS = (
     ((0.50, -1.35, 2.35), 0.22),
     ((0.59, -1.27, 2.38), 0.22),
     ((0.44, -1.25, 2.32), 0.22),
 )
-"""m from the middle of the objects, and brightness: one lamp as three beside each other, whose shadows
-make one with a soft edge."""
+"""m and brightness. Positions relative to the centre of the objects. Three adjacent lamps together
+cast a shadow with a soft edge.
+"""
 INNER = 0.35
-"""Share of the lamp's cone within which objects cast shadows: the arm and its workspace are in it, and
-each gets more of the shadow map."""
+"""Share of the lamp's cone that casts shadows. It contains the arm and its workspace, which then
+use more of the shadow map.
+"""
 FULL = 1.0
-"""Most light on what faces upward: with more, all that is white is the same white."""
+"""Maximum light on a horizontal surface; above it all white surfaces are equally white."""
 RESTING = 0.02
-"""Most height of a table's top above the lowest point of what stands on it, m."""
+"""m. Maximum height of a table top above the lowest point of the objects on it."""
 FURNITURE, NEARBY = 0.5, 0.4
-"""Largest extent of what is fixed and in view as a whole, and its distance from what is loose, m."""
+"""m. Maximum extent of fixed bodies that are fully in view, and their maximum distance from the
+loose objects.
+"""
 WINDOW = ((0.4, 2.4, 1.6), (0.2, -0.9, -0.75), 0.20)
-"""A window at the other side: place, direction, brightness. It casts no shadow."""
+"""Window on the opposite side: position, direction, brightness. It casts no shadow."""
 
 
 def build_stage(
     spec: mujoco.MjSpec, looks: Looks | None = None, *, soft: bool = True
 ) -> mujoco.MjModel:
-    """A model for pictures of `spec`, which is not changed: with `looks` of its bodies (default: those
-    that the scene states), and with the room where the scene states it or has neither floor nor light.
-    `soft` shadows take twice the time of hard ones.
+    """Build a model for pictures of `spec`, which stays unchanged.
+
+    The room is added if the scene states it, or if the scene has neither floor nor light.
+
+    Args:
+        spec: the scene.
+        looks: looks of bodies; by default those stated in the scene.
+        soft: soft shadows, which take twice the time of hard ones.
 
     Raises:
         InputError: unknown look.
@@ -80,6 +91,7 @@ def build_stage(
     lights: list[mujoco.MjsLight] = list(drawn.lights)
     textures: list[mujoco.MjsTexture] = list(drawn.textures)
     has_sky = any(texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX for texture in textures)
+    # Background and light: the room, a plain room, or additions to those of the scene.
     if worn.get(ROOM) == LAB:
         _furnish(drawn, things, soft)
     elif not (lights or has_sky or _planes(drawn)):
@@ -106,16 +118,19 @@ def build_stage(
             )
         _expose(drawn)
     model = drawn.compile()
-    # Sites mark places: they are not drawn.
+    # Sites mark places and are hidden.
     model.site_group[:] = UNSEEN
     return model
 
 
 def _expose(spec: mujoco.MjSpec) -> None:
-    """Dim lamps of `spec` that add up to more than a white table top can show, in place: it would be as
-    white as the white cup on it."""
+    """Dim the lamps of `spec` in place where their sum overexposes a horizontal surface.
+
+    An overexposed white table top would hide a white cup on it.
+    """
     head = spec.visual.headlight
     lights: list[mujoco.MjsLight] = list(spec.lights)
+    # Sum the diffuse light on a horizontal surface and scale all lamps to the limit.
     shining = [light.diffuse * max(0.0, -light.dir[2]) for light in lights]
     lamps = float(np.max(np.sum([head.diffuse, *shining], axis=0)))
     share = (FULL - max(LEAST, float(np.max(head.ambient)))) / max(lamps, 1e-9)
@@ -125,21 +140,25 @@ def _expose(spec: mujoco.MjSpec) -> None:
 
 
 def loose_things(spec: mujoco.MjSpec) -> Array:
-    """Corners (n, 3), m, of the bodies with a free joint, else of those with a look other than a
-    table's, else of everything."""
+    """Corners (n, 3) of the loose bodies, m.
+
+    These are the bodies with a free joint, else those with a look other than a table's, else all.
+    """
     model = spec.compile()
     others = [name for name, look in looks_in(spec).items() if look not in (LAB, TABLE)]
     return _extent(model, _free_bodies(model) or others)
 
 
 def things_in_view(spec: mujoco.MjSpec, names: Collection[str] = ()) -> Array:
-    """`loose_things`, with those of the bodies `names` that are small and beside them: shelves, trays,
-    drawers."""
+    """Corners of the loose bodies and of small named bodies near them, such as shelves, trays and
+    drawers.
+    """
     model, found = spec.compile(), loose_things(spec)
     for name in names:
         if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) < 0:
             continue
         points = _extent(model, [name])
+        # Distance of two boxes along each axis; negative where they overlap.
         gap = np.maximum(
             points.min(axis=0) - found.max(axis=0), found.min(axis=0) - points.max(axis=0)
         )
@@ -149,15 +168,19 @@ def things_in_view(spec: mujoco.MjSpec, names: Collection[str] = ()) -> Array:
 
 
 def fits_in_view(points: Array) -> bool:
-    """True if a body with these corners (n, 3) m is seen as a whole: no table, no wall."""
+    """True if a body with these corners (n, 3), m, is small enough to be fully in view."""
     return bool(np.ptp(points, axis=0).max() <= FURNITURE)
 
 
 def ground_below(spec: mujoco.MjSpec) -> Array:
-    """Corners (8, 3), m, of the shape with the largest footprint of those that are no higher than what
-    is loose: the table top. Without one, of the ground around what is loose."""
+    """Corners (8, 3) of the table top, m.
+
+    It is the shape with the largest footprint that is no higher than the loose bodies. Without one,
+    the ground around them is returned.
+    """
     model = spec.compile()
     data, free = forward_data(model), _free_bodies(model)
+    # The lowest point of the loose bodies is the expected height of the table top.
     loose = _extent(model, free) if free else np.zeros((1, 3))
     level = float(loose[:, 2].min())
     found = pad_box(loose * [1.0, 1.0, 0.0] + [0.0, 0.0, level], (1.0, 1.0, 0.0), (1.0, 1.0, 0.0))
@@ -166,6 +189,7 @@ def ground_below(spec: mujoco.MjSpec) -> Array:
         if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE:
             continue
         box = geom_corners(model, data, geom)
+        # Keep the largest footprint at or below that height.
         width, depth, _ = (box.max(axis=0) - box.min(axis=0)).tolist()
         footprint = width * depth
         if footprint > widest and (not free or box[:, 2].max() <= level + RESTING):
@@ -188,17 +212,21 @@ def _planes(spec: mujoco.MjSpec) -> list[mujoco.MjsGeom]:
 
 
 def _furnish(spec: mujoco.MjSpec, things: Array, soft: bool) -> None:
-    """Put the room around corners (n, 3) m of what is in it, with a lamp, `soft` or single, and a
-    window, in place of the scene's own lights."""
+    """Build the room around corners (n, 3), m, and replace the scene's lights.
+
+    The lamp casts soft or hard shadows (`soft`). A window on the other side casts none.
+    """
     low, high = things.min(axis=0), things.max(axis=0)
     floor = _floor(spec, float(low[2]))
     _walls(spec, floor, min(BEHIND, low[0] - BEYOND), max(BESIDE, high[1] + BEYOND))
     lights: list[mujoco.MjsLight] = list(spec.lights)
     for light in lights:
         spec.delete(light)
+    # Exposure: ambient light and headlight replace those of the scene.
     spec.visual.map.shadowscale = INNER
     head = spec.visual.headlight
     head.ambient[:], head.diffuse[:], head.specular[:] = AMBIENT, HEADLIGHT, 0.0
+    # Lamps above the objects, directed at their centre.
     target = np.array([*((low + high) / 2)[:2], low[2]])
     lamps = LAMPS if soft else ((LAMPS[0][0], sum(bright for _, bright in LAMPS)),)
     for number, (place, bright) in enumerate(lamps):
@@ -227,7 +255,7 @@ def _furnish(spec: mujoco.MjSpec, things: Array, soft: bool) -> None:
 
 
 def _floor(spec: mujoco.MjSpec, table: float) -> float:
-    """Paint the planes of the world, or add one below `table`, m; return the z of the lowest, m."""
+    """Paint the world's planes, or add one below `table`; return the z of the lowest plane, m."""
     material = spec.add_material(
         name=FLOOR, rgba=FLOOR_TINT, specular=0.1, shininess=0.1, texrepeat=[0.5, 0.5]
     )
@@ -251,10 +279,11 @@ def _floor(spec: mujoco.MjSpec, table: float) -> float:
 
 
 def _walls(spec: mujoco.MjSpec, floor: float, behind: float, beside: float) -> None:
-    """Build a wall of panels at x = `behind`, another at y = `beside`, m."""
+    """Build panelled walls at x = `behind` and y = `beside`, m."""
     wall, skirting = "palpate_wall", "palpate_skirting"
     spec.add_material(name=wall, rgba=WALL_TINT, specular=0.05, shininess=0.1)
     spec.add_material(name=skirting, rgba=[0.45, 0.47, 0.50, 1], specular=0.1)
+    # Panels of both walls, with a skirting board at the foot.
     half, middle, foot = (PANEL - GAP) / 2, floor + HEIGHT / 2, floor + 0.05
     for number in range(-4, 5):
         place = number * PANEL
@@ -268,13 +297,13 @@ def _walls(spec: mujoco.MjSpec, floor: float, behind: float, beside: float) -> N
 
 
 def add_box(spec: mujoco.MjSpec, material: str, pos: list[float], size: list[float]) -> None:
-    """Add a box to the world that is seen and collides with nothing."""
+    """Add a visual box without mass and collisions to the world."""
     box = mujoco.mjtGeom.mjGEOM_BOX
     spec.worldbody.add_geom(type=box, pos=pos, size=size, material=material, **SCENERY)
 
 
-# Still pictures, as PNG: a simulated workspace, the scene before and after, a moment of the run.
-# All raise RuntimeError without a usable OpenGL.
+# Still pictures as PNG: the simulated workspace, the scene before and after, a moment of a run. All
+# functions raise RuntimeError without a usable OpenGL.
 
 
 CAMERA = "workspace"
@@ -282,20 +311,23 @@ CAMERA = "workspace"
 TAKEN = "palpate_camera"
 """Name of the camera of `poses.yaml` in the simulated world."""
 WORKSPACE = (1024, 768)
-"""Width and height of the workspace's picture, pixels."""
+"""px. Width and height of the workspace picture."""
 FROM_ABOVE, ABOVE = -30.0, 0.05
-"""Its elevation, degrees, and m of air in view above the objects."""
+"""degrees and m. Elevation of the workspace view, and free space above the objects in it."""
 SIZE = (960, 640)
-"""Width and height of a picture, pixels."""
+"""px. Width and height of a picture."""
 AROUND, BELOW = 0.15, 0.10
-"""m of the surroundings in view, around and below what can move."""
+"""m. Surroundings in view, around and below the moving bodies."""
 
 
 def render_workspace(
     world: mujoco.MjSpec, camera: CameraEntry | None = None, names: Collection[str] = ()
 ) -> bytes:
-    """A simulated workspace before anything moves, seen by `camera`, else by the world's own camera,
-    else by one that frames the objects, and of the bodies `names` those beside them."""
+    """Render the simulated workspace before any motion.
+
+    The view is that of `camera`, else of the world's own camera. Otherwise a free camera frames the
+    loose objects and the small named bodies near them.
+    """
     spec, (width, height), name = world.copy(), WORKSPACE, CAMERA
     if camera is not None:
         spec.worldbody.add_camera(name=TAKEN, pos=camera.pos, quat=camera.quat, fovy=camera.fovy)
@@ -317,8 +349,17 @@ def render_before_after(
     looks: Looks | None = None,
     size: tuple[int, int] = SIZE,
 ) -> tuple[bytes, bytes]:
-    """Two PNGs from one camera that has the named bodies (all, when none is named) of both scenes
-    in view. `looks` replaces those that the scene `before` states."""
+    """Render two scenes from one camera that frames the named bodies of both.
+
+    Args:
+        before, after: the scenes.
+        bodies: names of the bodies in view; all by default.
+        looks: looks of the bodies; by default those stated in `before`.
+        size: width and height, pixels.
+
+    Returns:
+        Two PNG files.
+    """
     looks = looks_in(before) if looks is None else looks
     points = np.concatenate([_points(spec, bodies) for spec in (before, after)])
     return _still(before, looks, points, size), _still(after, looks, points, size)
@@ -327,7 +368,7 @@ def render_before_after(
 def render_scene(
     spec: mujoco.MjSpec, bodies: Collection[str] = (), size: tuple[int, int] = SIZE
 ) -> bytes:
-    """A PNG of the scene in its initial configuration."""
+    """Render the scene in its initial configuration as PNG."""
     return _still(spec, looks_in(spec), _points(spec, bodies), size)
 
 
@@ -337,8 +378,10 @@ def render_moment(
     drawn: mujoco.MjModel | None = None,
     size: tuple[int, int] = SIZE,
 ) -> bytes:
-    """A PNG of a world at configuration `qpos` (nq,), robot included. `drawn`: the model for
-    pictures."""
+    """Render a world including the robot at configuration `qpos` (nq,) as PNG.
+
+    `drawn` is the model for pictures; the default is `model`.
+    """
     data = forward_data(model, qpos)
     points = in_view(model, extent(model, data, moving_bodies(model)))
     painted = drawn or model
@@ -347,22 +390,26 @@ def render_moment(
 
 
 def moving_bodies(model: mujoco.MjModel) -> list[str]:
-    """Names of the bodies that can move, an arm's links among them."""
+    """Names of the bodies that can move, including the arm's links."""
     moving = [i for i in range(1, model.nbody) if model.body_weldid[i]]
     return [model.body(i).name for i in moving if model.body(i).name]
 
 
 def in_view(model: mujoco.MjModel, points: Array) -> Array:
-    """Corners (8, 3) around `points` and a part of their support where something can move; else the
-    points."""
+    """Corners (8, 3) of a box around `points`, with a part of their support.
+
+    Without moving bodies, the points are returned unchanged.
+    """
     if not moving_bodies(model):
         return points
     return pad_box(points, (AROUND, AROUND, BELOW), (AROUND, AROUND, 0.0))
 
 
 def _points(spec: mujoco.MjSpec, bodies: Collection[str]) -> Array:
-    """Corners (n, 3), m, to be in view: of the named bodies that move, else of all that move, else of
-    the named ones."""
+    """Corners (n, 3) of the bodies in view, m.
+
+    These are the named bodies that move, else all that move, else the named ones.
+    """
     model = spec.compile()
     moving = moving_bodies(model)
     named = [name for name in moving if name in bodies] or moving or bodies
