@@ -17,25 +17,26 @@ from palpate.common.errors import InputError
 Array = NDArray[np.float64]
 
 SPACING = 0.02
-"""m: largest distance between the places of a line at which a plan is judged, less than the width of
-the fingers' pads, so that what they sweep at two neighbouring places overlaps."""
+"""m: largest distance between the stations of a line at which a plan is checked. It is less than the width of
+the fingers' pads, so that the swept volumes of neighbouring stations overlap.
+"""
 ROUNDING = 1e-9
-"""m."""
+"""m: tolerance of positions on a line."""
 CONJUGATE: Array = np.array([1.0, -1.0, -1.0, -1.0])
 """Factors of a unit quaternion (w, x, y, z) that make its inverse."""
 
 
 def digits(values: Array) -> bytes:
-    """Numbers rounded to a millionth, as a key for caches."""
-    # Zero has two signs, and one key.
+    """Round numbers to a millionth, as a key for caches."""
+    # Adding zero removes the sign of zero, so that both zeros have one key.
     return (values.round(6) + 0.0).tobytes()
 
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """A frame's pose in another: `position` (3,) in m and `quaternion` (4,) wxyz, of unit length.
+    """Pose of a frame in another frame: `position` (3,) in m and unit `quaternion` (4,), wxyz.
 
-    Names say which: `pose_world_tcp` is the pose of `tcp` in `world`.
+    Variable names state both frames: `pose_world_tcp` is the pose of `tcp` in `world`.
     """
 
     position: Array
@@ -43,7 +44,7 @@ class Pose:
 
     @classmethod
     def of(cls, position: ArrayLike, quaternion: ArrayLike = (1.0, 0.0, 0.0, 0.0)) -> Pose:
-        """A pose from any array-likes; the quaternion is normalised."""
+        """Make a pose from any array-likes; the quaternion is normalised."""
         q = np.array(quaternion, dtype=float)
         norm = math.sqrt(q.dot(q))
         if not math.isfinite(norm) or norm < 1e-9:
@@ -52,15 +53,15 @@ class Pose:
 
     @classmethod
     def turn(cls, rotation_vector: ArrayLike) -> Pose:
-        """Turn about the origin by a rotation vector (3,), rad."""
+        """Return the rotation about the origin by a rotation vector (3,), rad."""
         vector = np.asarray(rotation_vector, dtype=float)
         half = float(np.linalg.norm(vector)) / 2
         return cls.of((0.0, 0.0, 0.0), (np.cos(half), *(np.sinc(half / np.pi) / 2 * vector)))
 
     @classmethod
     def top_down(cls, position: ArrayLike, yaw: float) -> Pose:
-        """The tool pointing down (its z along world -z), closing direction (its y) turned by `yaw`
-        rad.
+        """Return the pose of a tool that points down (its z along world -z), with the closing direction (its
+        y) turned by `yaw` rad.
 
         At yaw 0 the tool's x is world x and its y is world -y.
         """
@@ -77,51 +78,51 @@ class Pose:
 
     @property
     def vector(self) -> Array:
-        """(7,) position then quaternion."""
+        """Position, then quaternion (7,)."""
         return np.concatenate([self.position, self.quaternion])
 
     @cached_property
     def digits(self) -> bytes:
-        """The `vector` to a millionth, a key for caches: a search repeats its poses."""
+        """`vector` rounded to a millionth, a key for caches: a search repeats its poses."""
         return digits(self.vector)
 
     def __matmul__(self, other: Pose) -> Pose:
-        """Composition: `pose_a_b @ pose_b_c` is `pose_a_c`."""
+        """Compose poses: `pose_a_b @ pose_b_c` is `pose_a_c`."""
         quaternion = np.empty(4)
         mujoco.mju_mulQuat(quaternion, self.quaternion, other.quaternion)
         quaternion /= math.sqrt(quaternion.dot(quaternion))
         return Pose(self.apply(other.position), quaternion)
 
     def inverse(self) -> Pose:
-        """The pose of the reference frame in this one."""
+        """Return the pose of the reference frame in this frame."""
         back = -self.rotation.T.copy()
         return Pose(back @ self.position, self.quaternion * CONJUGATE)
 
     def apply(self, point: ArrayLike) -> Array:
-        """A point (3,) given in this frame, in the reference frame."""
+        """Convert a point (3,) from this frame to the reference frame."""
         return self.position + self.rotation @ np.asarray(point, dtype=float)
 
     def local(self, point: ArrayLike) -> Array:
-        """A point (3,) given in the reference frame, in this one."""
+        """Convert a point (3,) from the reference frame to this frame."""
         return (np.asarray(point, dtype=float) - self.position) @ self.rotation
 
     def translate(self, offset: ArrayLike) -> Pose:
-        """Shifted by `offset` (3,), given along the reference frame's axes."""
+        """Shift the pose by `offset` (3,), along the reference frame's axes."""
         return Pose(self.position + np.asarray(offset, dtype=float), self.quaternion)
 
     def angle_to(self, other: Pose) -> float:
-        """Rotation angle between the two orientations, rad in [0, pi]."""
+        """Compute the rotation angle between the two orientations, rad in [0, pi]."""
         dot = abs(float(self.quaternion @ other.quaternion))
         return 2.0 * float(np.arccos(min(1.0, dot)))
 
     def distance_to(self, other: Pose) -> float:
-        """Distance between the two origins, m."""
+        """Compute the distance between the two origins, m."""
         apart = self.position - other.position
         return math.sqrt(apart.dot(apart))
 
 
 def rotations(quaternions: Array) -> Array:
-    """(n, 3, 3) rotation matrices of unit quaternions (n, 4), wxyz."""
+    """Compute the rotation matrices (n, 3, 3) of unit quaternions (n, 4), wxyz."""
     w, x, y, z = quaternions.T
     rows = [
         [1.0 - 2.0 * (y**2 + z**2), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
@@ -132,26 +133,26 @@ def rotations(quaternions: Array) -> Array:
 
 
 def tensor_of(parts: Sequence[float]) -> Array:
-    """(3, 3) inertia tensor from xx yy zz xy xz yz, kg m², MJCF's order."""
+    """Return the inertia tensor (3, 3) of xx yy zz xy xz yz, kg m², in MJCF's order."""
     xx, yy, zz, xy, xz, yz = parts
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def components(tensor: Array) -> list[float]:
-    """xx yy zz xy xz yz of a (3, 3) inertia tensor."""
+    """Return xx yy zz xy xz yz of an inertia tensor (3, 3)."""
     rows, columns = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
     return tensor[rows, columns].tolist()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseLine:
-    """Poses that differ only in their position on a line segment, of which a run measures the best.
+    """Poses that differ only in their position on a line segment; a run finds the best of them.
 
     Attributes:
         pose: pose_world_tcp at 0.
         along: (3,) level unit vector in the world.
         least, most: m along it, the ends of the segment.
-        believed: m along it, the position taken until a measurement.
+        believed: m along it, the assumed position before a measurement.
     """
 
     pose: Pose
@@ -162,14 +163,16 @@ class PoseLine:
 
     @classmethod
     def through(cls, pose: Pose, half: Array, point: Array) -> PoseLine:
-        """The segment from -`half` to +`half`, (3,) m in the world, about a pose; `believed` is the
-        position nearest to `point` (3,) in the world."""
+        """Make the segment from -`half` to +`half`, (3,) m in the world, about a pose.
+
+        `believed` is the position nearest to `point` (3,) in the world.
+        """
         length = float(np.linalg.norm(half))
         line = cls(pose, half / length, -length, length, 0.0)
         return cls(line.pose, line.along, line.least, line.most, line.nearest(point))
 
     def at(self, place: float) -> Pose:
-        """The pose at `place`, m along.
+        """Return the pose at `place`, m along.
 
         Raises:
             InputError: outside the segment.
@@ -182,12 +185,12 @@ class PoseLine:
         return self.pose.translate(place * self.along)
 
     def nearest(self, point: Array) -> float:
-        """Position on the segment nearest to a point (3,) in the world, m along."""
+        """Compute the position on the segment nearest to a point (3,) in the world, m along."""
         place = float((point - self.pose.position) @ self.along)
         return min(max(place, self.least), self.most)
 
     def places(self) -> list[float]:
-        """Positions from end to end, m along, no farther apart than `SPACING`."""
+        """Return positions from end to end, m along, no farther apart than `SPACING`."""
         steps = int(np.ceil((self.most - self.least) / SPACING))
         return np.linspace(self.least, self.most, steps + 1).tolist()
 
@@ -227,7 +230,7 @@ class Frames:
         return Frames(self.positions[moments], self.rotations[moments])
 
 
-# A slide or hinge joint: how what it guides moves in the world.
+# Slide or hinge joint: the motion that it guides, in the world.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -238,9 +241,9 @@ class Joint:
         axis: (3,) unit, world; a hinge turns counterclockwise about it.
         anchor: (3,) m, a point on the axis of a hinge.
         low, high: limits, m or rad; infinite where there are none.
-        position: where it is in the scene, m or rad.
+        position: position in the scene, m or rad.
         spring: position at which its spring is relaxed, m or rad.
-        open: whether the file leaves its lower, and its upper limit open: then they are beliefs.
+        open: True for its lower, and its upper limit, if the file leaves it open: it is a belief then.
     """
 
     kind: Literal["slide", "hinge"]
@@ -254,49 +257,61 @@ class Joint:
 
     @property
     def is_slide(self) -> bool:
-        """Slide, not hinge."""
+        """True for a slide, False for a hinge."""
         return self.kind == "slide"
 
     def room(self, sign: float) -> float:
-        """Travel, m or rad, from where it is to its upper limit (1) or its lower (-1)."""
+        """Compute the travel, m or rad, from the present position to the upper limit (1) or the lower
+        (-1).
+        """
         return self.high - self.position if sign > 0.0 else self.position - self.low
 
     def unit(self, per: str = "") -> str:
-        """Unit of its position, `m` or `rad`; of a force or moment `per` that, `N·s/m` or `N·m·s/rad`."""
+        """Return the unit of its position, `m` or `rad`; with `per`, of a force or moment per unit of it,
+        `N·s/m` or `N·m·s/rad`.
+        """
         own = "m" if self.is_slide else "rad"
         return f"{per if self.is_slide else per.replace('N', 'N·m')}/{own}" if per else own
 
     def motion(self, travel: float) -> Pose:
-        """Rigid motion (world) of all that it guides, by `travel`, m or rad."""
+        """Compute the rigid motion (world) of all guided bodies, by `travel`, m or rad."""
         if self.is_slide:
             return Pose.of(travel * self.axis)
+        # A hinge turns about its axis through the anchor.
         half = travel / 2.0
         turn = Pose.of((0.0, 0.0, 0.0), (np.cos(half), *(np.sin(half) * self.axis)))
         return turn.translate(self.anchor - turn.apply(self.anchor))
 
     def travels(self, start: Pose, positions: Array) -> Array:
-        """(n,) m or rad, by which points (n, 3), world, are farther along it than the place of `start`."""
+        """Compute the travel (n,), m or rad, from the position of `start` to points (n, 3), world."""
         if self.is_slide:
             return (positions - start.position) @ self.axis
+        # Angle between the radii of start and points, about the axis.
         first, across = self._radius(start.position[None])[0], self._radius(positions)
         sines: Array = np.cross(first, across) @ self.axis
         return np.arctan2(sines, across @ first)
 
     def lever(self, point: Array) -> float:
-        """Travel, m, of a point (3,), world, per unit of the joint's: 1 of a slide, else its distance from
-        the axis."""
+        """Compute the travel, m, of a point (3,), world, per unit of the joint's travel: 1 for a slide, else
+        the distance from the axis.
+        """
         return 1.0 if self.is_slide else float(np.linalg.norm(self._radius(point[None])))
 
     def direction(self, point: Array) -> Array:
-        """(3,) unit, in which a point (3,), world, moves as the joint's position grows."""
+        """Compute the unit direction (3,) in which a point (3,), world, moves as the joint's position
+        grows.
+        """
         if self.is_slide:
             return self.axis
         way = np.cross(self.axis, point - self.anchor)
         return way / max(float(np.linalg.norm(way)), 1e-9)
 
     def along(self, points: Array) -> Array:
-        """(n, 6) whose product with a wrench (world axes) about each of the points (n, 3) is the force or
-        moment along the joint."""
+        """Compute rows (n, 6) whose product with a wrench about each of the points (n, 3) is the force or
+        moment along the joint.
+
+        Wrenches are in world axes.
+        """
         forces = np.tile(self.axis, (len(points), 1))
         if self.is_slide:
             return np.concatenate([forces, np.zeros_like(forces)], axis=1)
@@ -305,6 +320,6 @@ class Joint:
         return np.concatenate([levers, forces], axis=1)
 
     def _radius(self, points: Array) -> Array:
-        """(n, 3) m, from the axis to points (n, 3)."""
+        """Compute the perpendicular vectors (n, 3), m, from the axis to points (n, 3)."""
         apart = points - self.anchor
         return apart - np.outer(apart @ self.axis, self.axis)

@@ -1,4 +1,4 @@
-"""An object, a surface or a fixture: as its file describes it, and with the scene's beliefs filled in."""
+"""An object, a surface or a fixture: as described by its file, and with the scene's beliefs."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from palpate.mjcf.elements import Defaults, Elements, Role, has_open_height
 from palpate.mjcf.shapes import Shapes, box_around
 
 HANDLE = re.compile(r"handle|knob|grip|latch|lever", re.IGNORECASE)
-"""Names of the geoms of a fixture, or of bodies around them, by which it is grasped."""
+"""Names of geoms of a fixture, or of bodies around them, that identify its handle."""
 
 
 @dataclass(frozen=True, eq=False)
 class BodyDescription:
-    """An object, a surface or a fixture as its file describes it, from which quantities are read.
+    """An object, a surface or a fixture as described by its file, from which quantities are read.
 
     Attributes:
         elements: its elements in the file.
-        shapes: the compiled scene, with stand-ins in place of everything unknown.
+        shapes: the compiled scene, with stand-ins for all unknown values.
         others: every body of the scene by name, itself included.
         given: pose of its frame from poses.yaml, which overrules the file.
-        given_top: world z of a surface's top that a given approach pose implies, m.
+        given_top: world z, m, of a surface's top that a given approach pose implies.
     """
 
     elements: Elements
@@ -56,40 +56,40 @@ class BodyDescription:
 
     @property
     def given_z(self) -> float | None:
-        """World z of its frame, m, where the file leaves it open and poses.yaml states it."""
+        """World z of its frame, m, if poses.yaml states it where the file leaves it open."""
         if self.given is None or not has_unknown(self.elements.element, "pos", 2):
             return None
         return float(self.given.position[2])
 
     @property
     def pose_world(self) -> Pose:
-        """Pose of its frame: of the body, or of the geom that is a child of the worldbody."""
+        """Pose of its frame: of the body, or of a geom that is a child of the worldbody."""
         if self.elements.element.tag == "body":
             return self.shapes.body_pose(self.name)
         return self.shapes.geom_pose(self.elements.element)
 
     @cached_property
     def cloud(self) -> Array:
-        """(k, 3) points of an object's geoms in the world, or of a surface's carrier, m."""
+        """Points (k, 3), m, of an object's geoms in the world, or of a surface's carrier."""
         if self.role == "surface":
             return self.shapes.points(self.carrier)
         return self.shapes.cloud(self.elements.colliding)
 
     @cached_property
     def carrier(self) -> Element:
-        """The geom of a surface with the largest footprint (the higher of equals)."""
+        """Geom of a surface with the largest footprint; the higher one of equals."""
 
         def footprint(geom: Element) -> tuple[float, float]:
             cloud = self.shapes.points(geom)
             x, y, _ = cloud.max(axis=0) - cloud.min(axis=0)
-            # Rounded, so that equal footprints compare equal despite their float error.
+            # Rounded, so that equal footprints compare equal despite floating-point errors.
             return round(float(x * y), 6), float(cloud[:, 2].max())
 
         return max(self.elements.geoms, key=footprint)
 
     @property
     def top_is_open(self) -> bool:
-        """True if the height of a surface's top is written `?`."""
+        """True if the height of a surface's top is `?`."""
         marked = [has_open_height(geom, self.defaults) for geom in self.elements.geoms]
         return any(marked) or has_unknown(self.elements.element, "pos", 2)
 
@@ -105,7 +105,7 @@ class BodyDescription:
 
     @property
     def joint(self) -> Joint | None:
-        """Joint of a fixture, where the scene begins; None of other bodies."""
+        """Joint of a fixture, in the initial configuration of the scene; None for other bodies."""
         if self.elements.joint is None:
             return None
         model, data = self.shapes.model, self.shapes.data
@@ -129,12 +129,12 @@ class BodyDescription:
 
     @property
     def handle(self) -> tuple[Element, ...]:
-        """Geoms by which a fixture is grasped: those called a handle, else all that collide."""
+        """Geoms by which a fixture is grasped: those named as a handle, else all that collide."""
         return self.named_handle or self.elements.colliding
 
     @property
     def named_handle(self) -> tuple[Element, ...]:
-        """Colliding geoms of a fixture that are called a handle, or stand in a body of that name."""
+        """Colliding geoms of a fixture that are named as a handle, or are in a body of such a name."""
         found: list[Element] = []
         for geom in self.elements.colliding:
             inner = list(geom.iterancestors("body"))
@@ -144,16 +144,16 @@ class BodyDescription:
         return tuple(found)
 
     def box(self) -> tuple[Array, Array]:
-        """Centre and full extents (3,) of the box around it in its own frame, m."""
+        """Compute centre and full extents (3,), m, of the box around it in its own frame."""
         return box_around(self.pose_world, self.cloud)
 
     def footing(self) -> Array:
-        """(3,) middle of the bottom of the world-aligned box around it, world, m."""
+        """Compute the middle (3,), m, of the bottom of its world-aligned box."""
         low, high = self.cloud.min(axis=0), self.cloud.max(axis=0)
         return np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
 
     def reaches_over(self, point: Array) -> bool:
-        """True if a point's x-y is within the world-aligned box around it."""
+        """Test if the x and y of a point are within its world-aligned box."""
         low, high = self.cloud.min(axis=0), self.cloud.max(axis=0)
         return bool(np.all(point[:2] >= low[:2]) and np.all(point[:2] <= high[:2]))
 
@@ -166,35 +166,35 @@ class BodyDescription:
         return [body for body in self.others.values() if body.role == "surface"]
 
     def surfaces_below(self) -> list[BodyDescription]:
-        """Surfaces whose box in x-y contains the middle of an object, at any height."""
+        """Return the surfaces whose box in x-y contains the middle of the object, at any height."""
         middle = (self.cloud.max(axis=0) + self.cloud.min(axis=0)) / 2
         return [surface for surface in self.surfaces() if surface.reaches_over(middle)]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Body:
-    """An object (free joint), a surface (static, carries things) or a fixture (slide or hinge joint) of
-    the scene.
+    """An object (free joint), a surface (static, carries objects) or a fixture (slide or hinge joint) of the
+    scene.
 
     Attributes:
         name: as in the MJCF.
         role: `object`, `surface` or `fixture`.
         words: lower-case words a request may use for it: parts of its name, its colour, its shape.
-        pose_world: believed pose of the body frame (of a geom in the worldbody: its frame); unknown
+        pose_world: believed pose of the body frame (for a geom in the worldbody: its frame); unknown
             numbers hold a prior.
-        centre, size: (3,) centre and full extents of the box around its geoms, of a surface around
-            its carrier, in its own frame, m.
-        known: quantity id to value, for what the MJCF states.
-        missing: quantity ids that the MJCF leaves out or writes `?`.
-        assumed: quantity ids MuJoCo would infer (com, inertia from uniform density).
+        centre, size: (3,) m, centre and full extents of the box around its geoms, or around a surface's
+            carrier, in its own frame.
+        known: quantity id to value, for quantities that the MJCF states.
+        missing: quantity ids that the MJCF leaves out or marks with `?`.
+        assumed: quantity ids that MuJoCo would infer (com, inertia from uniform density).
         carries: names of the objects that rest on a surface.
         accuracy: standard deviation of its believed position, m; None where not stated.
-        covariance: (6, 6) of its believed pose, position, m, and rotation, rad, along the world's axes; None
-            where not stated.
-        tipped: motion in the world by which it comes to rest on its support, where its pose in the
-            scene is not stable.
+        covariance: (6, 6) of its believed pose: position, m, and rotation, rad, along the world's axes;
+            None where not stated.
+        tipped: motion in the world by which it comes to rest on its support, if its pose in the scene
+            is not stable.
         seen: True if its shape was fitted to a picture, and is as uncertain as its position.
-        joint: of a fixture.
+        joint: joint of a fixture.
     """
 
     name: str
@@ -214,7 +214,7 @@ class Body:
     joint: Joint | None = None
 
     reach: float = field(init=False)
-    """Upper bound of the distance of its box's points from its frame's origin, m."""
+    """Upper bound of the distance, m, of its box's points from its frame's origin."""
 
     def __post_init__(self) -> None:
         object.__setattr__(
@@ -227,15 +227,19 @@ class Body:
         return self.tipped @ self.pose_world
 
     def std(self, along: Array) -> float | None:
-        """Standard deviation, m, of its believed position along a direction (3,), world; None where not stated."""
+        """Compute the standard deviation, m, of its believed position along a direction (3,), world; None
+        where not stated.
+        """
         if self.covariance is None:
             return self.accuracy
         return float(np.sqrt(along @ self.covariance[:3, :3] @ along))
 
     @property
     def doubt(self) -> float:
-        """m, how far beside where it is believed it may be seen from above: `SURE` standard deviations of a pose
-        whose covariance is stated, else 0."""
+        """Largest horizontal deviation, m, of its true from its believed position.
+
+        It is `SURE` standard deviations along the worst direction if the covariance is stated, else 0.
+        """
         if self.covariance is None:
             return 0.0
         return SURE * float(np.sqrt(np.linalg.eigvalsh(self.covariance[:2, :2])[-1]))
@@ -255,7 +259,7 @@ class Body:
         return middle - half
 
     def covers(self, x: float, y: float, pose_world: Pose | None = None) -> bool:
-        """True if the vertical line through a point meets its box."""
+        """Test if the vertical line through a point meets its box."""
         pose = pose_world or self.pose_world
         at_x, at_y, _ = pose.position.tolist()
         if not self.is_near(x - at_x, y - at_y):  # most bodies are far away
@@ -268,12 +272,15 @@ class Body:
         return bool(np.minimum(near, far).max() <= np.maximum(near, far).min() + 1e-9)
 
     def is_near(self, x: float, y: float, margin: float = 0.0) -> bool:
-        """False if a point `x`, `y` m beside its frame's origin is farther than `margin` m from its
-        box; a quick bound."""
+        """Test if a point may be within `margin` m of its box; a quick bound.
+
+        `x` and `y`, m, are the point's offsets from the origin of its frame. False means that the point is
+        farther away.
+        """
         return math.hypot(x, y) <= self.reach + margin
 
     def _vertical(self, pose: Pose) -> tuple[float, float]:
-        """World z of the middle of its box, and half its extent along z, m."""
+        """Compute world z of the middle of its box, and half its extent along z, m."""
         # Row z of the rotation: |R_z| · size is the vertical extent of a turned box.
         up = pose.rotation[2]
         return float(pose.position[2] + up @ self.centre), float(np.abs(up) @ self.size / 2)

@@ -1,9 +1,9 @@
 """Bounds on the size of a scene, computed from its text and its files before MuJoCo builds it.
 
-A line of MJCF can ask for a million bodies, and a small picture can unpack to gigabytes. The limits
-are some ten times what scenes of a workplace need. Measured with MuJoCo 4.0 on one core, the worst
-scene within them compiles in half a minute and 2 GB, nearly all of it for meshes; one without meshes
-in about a second.
+A line of MJCF can request a million bodies, and a small picture can unpack to gigabytes. The limits are
+about ten times the needs of workplace scenes. With MuJoCo 4.0 on one core, the worst scene within them
+compiles in half a minute and 2 GB, nearly all of it for meshes. The worst scene without meshes takes about
+a second.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ ELEMENTS, REPLICATED, COPIES = "elements", "replicated elements", "elements with
 PIXELS, MESHES = "pixels of textures", "bytes of meshes"
 
 LIMITS: Mapping[str, int] = {
-    ELEMENTS: 10_000,  # a kitchen with its furniture cut into convex pieces has some five thousand
+    ELEMENTS: 10_000,  # a kitchen with its furniture cut into convex pieces has about five thousand
     REPLICATED: 3_000,  # MuJoCo's time for them grows with the square of their number
     COPIES: 50_000,  # those by `<attach>` are cheap: 2 s
     POINTS: 4_000,
@@ -49,11 +49,12 @@ LIMITS: Mapping[str, int] = {
 """Largest amounts in a scene."""
 
 LARGE_MESHES = 250_000
-"""Bytes of all meshes from which on their hulls are bounded: qhull needs 0.2 s for the worst mesh of
-0.1 MB, but a minute for one of 2 MB, as its time grows with the square of the points."""
+"""Total bytes of meshes from which their hulls are bounded. qhull needs 0.2 s for the worst mesh of 0.1 MB,
+but a minute for one of 2 MB: its time grows with the square of the points.
+"""
 
 HULL_POINTS = 2_000
-"""Most points of each hull then (MuJoCo's `maxhullvert`)."""
+"""Largest number of points of each bounded hull (MuJoCo's `maxhullvert`)."""
 
 MAX_MEMORY = 512 << 20
 """Bytes that `<size memory=…>` may reserve."""
@@ -76,40 +77,40 @@ SIZES: Mapping[str, float] = {
     "offsamples": 64,
     "params": 128,
 }
-"""Attributes that size something, and the largest number in each."""
+"""Attributes that set a size, and the largest number in each."""
 
 PNG = b"\x89PNG\r\n\x1a\n"
 _PACKED = (b"IDAT", b"zTXt", b"iTXt", b"iCCP")
 """Chunks with deflated content (PNG specification, 3rd edition, section 11)."""
 _DEFLATE_RATIO = 1032
-"""A byte of deflated data becomes at most so many (zlib's Technical Details)."""
+"""Largest number of bytes from one byte of deflated data (zlib's Technical Details)."""
 _UNITS = {"": 1, "k": 1 << 10, "m": 1 << 20, "g": 1 << 30, "t": 1 << 40, "p": 1 << 50, "e": 1 << 60}
 _POINT_BYTES = 16
-"""Bytes of a point in a binary mesh file: 50 for the three of a triangle of an STL."""
+"""Bytes per point in a binary mesh file: a triangle of an STL has 50 for three points."""
 _SDF_BYTES = 1_000_000
-"""A mesh made by an SDF plugin takes as long as a file of this size, 0.5 s."""
+"""Equivalent file size of a mesh made by an SDF plugin, which takes 0.5 s."""
 Loaded = Callable[[Element], bool]
-"""Test if MuJoCo gets an element: it does not, where that goes with a robot."""
+"""Test if MuJoCo gets an element; elements that are removed with a robot are left out."""
 _BUILT_IN = "mujoco."
-"""MuJoCo's own plugins begin with it; all others would have to be loaded as code."""
+"""Prefix of MuJoCo's own plugins; other plugins would have to be loaded as code."""
 
 
 def require_limits(
     document: Document, where: str = "the scene", is_loaded: Loaded = lambda _: True
 ) -> None:
-    """Check the size of a scene, with the models that it attaches; of its assets only those that are
-    loaded.
+    """Check the size of a scene, with the models that it attaches and the assets that are loaded.
 
     Raises:
-        InputError: larger than is built, a picture unpacks to more than is read, or it needs a
-            plugin that is not MuJoCo's own; the message names the element or the file.
+        InputError: an amount beyond its limit, a picture that unpacks to too many bytes, or a plugin
+            that is not MuJoCo's own. The message names the element or the file.
     """
     for model in (document, *document.attached().values()):
         for element in elements(model.root):
             _require_sizes(element, where)
     files = _file_amounts(document, is_loaded)
     total: defaultdict[str, float] = defaultdict(float)
-    # Counted while walking, and refused at the first excess: a bomb is never walked to its end.
+    # Amounts are summed during the walk and refused at the first excess, so that a bomb is never walked to
+    # its end.
     for element, own, copies in _copies(document):
         # Each `<attach>` copies the assets of its model, whatever replicates that `<attach>`.
         amounts = [(ELEMENTS, own), (REPLICATED, max(own - 1.0, 0.0)), (COPIES, copies)]
@@ -123,7 +124,7 @@ def require_limits(
 
 
 def has_large_textures(document: Document, is_loaded: Loaded) -> bool:
-    """Test for textures that have too many pixels together, or unpack to more than is read."""
+    """Test if textures have too many pixels in total, or unpack to more bytes than allowed."""
     try:
         require_limits(document, is_loaded=lambda one: one.tag == "texture" and is_loaded(one))
     except InputError:
@@ -132,8 +133,9 @@ def has_large_textures(document: Document, is_loaded: Loaded) -> bool:
 
 
 def mesh_bytes(document: Document, is_loaded: Loaded) -> float:
-    """Bytes of the meshes that are loaded, of a scene and the models that it attaches, in files and in
-    the text."""
+    """Sum the bytes of the loaded meshes of a scene and the models that it attaches, in files and in the
+    text.
+    """
     total = 0.0
     for named in document.named:
         if named.element.tag == "mesh" and is_loaded(named.element):
@@ -145,8 +147,11 @@ def mesh_bytes(document: Document, is_loaded: Loaded) -> float:
 
 
 def _copies(document: Document) -> Iterator[tuple[Element, float, float]]:
-    """Yield every element with the number of its copies in its own model (0 after the first visit of
-    the model) and in the scene; a model is visited by each `<attach>`, at least once."""
+    """Yield every element with the number of its copies in its own model and in the scene.
+
+    The former is 0 after the first visit of a model. Each `<attach>` visits its model, which is visited at
+    least once.
+    """
     seen: set[Document] = set()
     for start in (document, *document.attached().values()):
         pending = [] if start in seen else [(start.root, start, 1.0, 1.0)]
@@ -167,7 +172,7 @@ def _copies(document: Document) -> Iterator[tuple[Element, float, float]]:
 
 
 def _amounts(element: Element) -> Iterator[tuple[str, float]]:
-    """Amounts that one copy of an element adds to the scene, its files aside."""
+    """Yield the amounts that one copy of an element adds to the scene, without its files."""
     match element.tag:
         case "flexcomp":
             # MuJoCo's own count where none is stated; trilinear cells have a point at each corner.
@@ -194,7 +199,9 @@ def _amounts(element: Element) -> Iterator[tuple[str, float]]:
 
 
 def _file_amounts(document: Document, is_loaded: Loaded) -> dict[Element, list[tuple[str, float]]]:
-    """Amounts that the files of each loaded element add: pixels of PNG pictures, bytes of all others."""
+    """Compute the amounts that the files of each loaded element add: pixels of PNG pictures, bytes of other
+    files.
+    """
     found: dict[Element, list[tuple[str, float]]] = {}
     pixels: dict[Path, int] = {}
     for named in document.named:
@@ -217,12 +224,12 @@ def _file_amounts(document: Document, is_loaded: Loaded) -> dict[Element, list[t
 
 
 def _weight(flexcomp: Element) -> float:
-    """Weight of a point: of a rigid one, which is a single body, a tenth."""
+    """Return the weight of a point: 0.1 for points of a rigid flexcomp, which is a single body, else 1."""
     return 0.1 if flexcomp.get("rigid") == "true" else 1.0
 
 
 def _picture_pixels(path: Path) -> int:
-    """Number of pixels of a PNG picture that unpacks to what it should; 0 for other files.
+    """Return the number of pixels of a PNG picture with a valid unpacked size; 0 for other files.
 
     Raises:
         InputError: it has too many pixels, or unpacks to too many bytes.
@@ -237,14 +244,14 @@ def _picture_pixels(path: Path) -> int:
                 f"{path} has {width} × {height} pixels; at most {LIMITS[PIXELS] // 1_000_000} "
                 "million are read"
             )
-        # A small file cannot unpack to a large one, and need not be looked into.
+        # A small file cannot unpack to a large one, and needs no check.
         if path.stat().st_size * _DEFLATE_RATIO > MAX_UNPACKED:
             _check_unpacked_size(path, file)
     return width * height
 
 
 def _check_unpacked_size(path: Path, file: BinaryIO) -> None:
-    """Unpack a picture piece by piece, which takes little memory, up to the limit."""
+    """Unpack a picture in pieces up to the limit, with little memory."""
     unpacked = 0
     stream = zlib.decompressobj()
     for kind, content in _iter_chunks(file):
@@ -253,7 +260,7 @@ def _check_unpacked_size(path: Path, file: BinaryIO) -> None:
         elif not stream.eof:
             try:
                 unpacked += len(stream.decompress(content))
-            except zlib.error:  # MuJoCo reports what is wrong with it
+            except zlib.error:  # MuJoCo reports the error
                 return
         if unpacked > MAX_UNPACKED:
             raise InputError(
@@ -305,7 +312,9 @@ def _limit_error(element: Element, where: str, attribute: str, limit: object) ->
 
 
 def _numbers(element: Element, attribute: str) -> Sequence[float]:
-    """Absolute values of an attribute's numbers, nan as inf; MuJoCo refuses what is no number."""
+    """Return the absolute values of an attribute's numbers, with nan as inf. MuJoCo refuses values that are
+    no numbers.
+    """
     found: list[float] = []
     for part in tokens(element.get(attribute)):
         try:
@@ -321,7 +330,7 @@ def _product(element: Element, *attributes: str) -> float:
 
 
 def _memory(element: Element) -> float:
-    """Bytes of a `memory`, with MuJoCo's suffix for kilo- to exabytes (powers of 1024)."""
+    """Return the bytes of a `memory`, with MuJoCo's suffix for kilo- to exabytes (powers of 1024)."""
     found = re.fullmatch(r"\s*([\d.eE+]+)\s*([a-zA-Z]?)\s*", element.get("memory") or "")
     if found is None:
         return 0.0

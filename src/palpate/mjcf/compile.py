@@ -30,7 +30,7 @@ from palpate.mjcf.roles import Roles
 BASE_SITE = "robot_base"
 
 _ASSETS = ("mesh", "material", "texture", "hfield", "model")
-"""Assets that are removed with a robot where nothing else uses them."""
+"""Assets that are removed with a robot if no other element uses them."""
 
 _REFERRING = ("actuator", "sensor", "tendon", "equality", "contact", "deformable", "custom")
 """Sections whose entries refer to other elements; in `<custom>` only tuples do."""
@@ -56,7 +56,7 @@ class ModelTree:
 
     @classmethod
     def of(cls, document: Document) -> ModelTree:
-        """An unchanged copy."""
+        """Make an unchanged copy."""
         twin_of: dict[Element, Element] = {}
         attached = document.attached()
         for model in (document, *attached.values()):
@@ -65,7 +65,7 @@ class ModelTree:
         return cls(twin_of[document.root], roots, twin_of, document.folder)
 
     def is_loaded(self) -> Loaded:
-        """Test for the original of an element that is in this tree, or in a model that it still names."""
+        """Make a test if the original of an element is in this tree, or in a model that it still names."""
         roots, pending = {self.root}, [self.root]
         while pending:
             for model in pending.pop().iterfind("asset/model"):
@@ -73,13 +73,13 @@ class ModelTree:
                 if named is not None and named not in roots:
                     roots.add(named)
                     pending.append(named)
-        # A removed element still has the document's root in lxml: only a walk finds what is there.
+        # A removed element still has the document's root in lxml: only a walk shows the present elements.
         there = {element for root in roots for element in elements(root)}
         return lambda element: self.twin_of[element] in there
 
 
 def without_robots(document: Document, roles: Roles) -> ModelTree:
-    """A copy of the document without robots and their assets."""
+    """Return a copy of the document without robots and their assets."""
     tree = ModelTree.of(document)
     _remove_robots(tree, document, roles)
     return tree
@@ -88,12 +88,14 @@ def without_robots(document: Document, roles: Roles) -> ModelTree:
 def model_tree(
     document: Document, roles: Roles, edits: Iterable[Edit | Insert], is_drawn: bool = True
 ) -> ModelTree:
-    """A copy of the document without robots and keyframes, `edits` applied; without textures, unless it
-    `is_drawn` and they are not too large."""
+    """Return a copy of the document without robots and keyframes, with `edits` applied.
+
+    It has no textures, unless it `is_drawn` and they are not too large.
+    """
     tree = ModelTree.of(document)
     apply(edits, tree.twin_of)
     for root in (tree.root, *tree.attached.values()):
-        # A `?` in a defaults class is answered on each element; MuJoCo must not see it.
+        # Each element replaces a `?` of its defaults class, which MuJoCo must not read.
         for element in elements(root):
             for edit in replace_unknowns(element, STAND_INS):
                 edit.apply(element)
@@ -109,7 +111,7 @@ def model_tree(
 
 
 def removed_with_robots(document: Document, roles: Roles) -> dict[str, int]:
-    """Number of elements removed together with the robots, by tag."""
+    """Count the elements removed together with the robots, by tag."""
     # Difference of the counts before and after, without the robots' own elements and assets.
     before = Counter(str(part.tag) for part in elements(document.root))
     for robot in roles.robots:
@@ -136,7 +138,7 @@ def compile_spec(tree: ModelTree) -> mujoco.MjSpec:
     if tree.folder is not None:
         spec.modelfiledir = str(tree.folder)
     if tree.mesh_bytes > LARGE_MESHES:
-        # The hull of a hostile mesh takes minutes, so each hull gets at most so many points.
+        # The hull of a hostile mesh takes minutes, so the points of each hull are bounded.
         for mesh in spec.meshes:
             if not 0 <= mesh.maxhullvert <= HULL_POINTS:
                 mesh.maxhullvert = HULL_POINTS
@@ -156,7 +158,7 @@ def compile_model(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 
 def compile_error(error: Exception) -> InputError:
-    """Error with MuJoCo's message in one line."""
+    """Make an error with MuJoCo's message in one line."""
     return InputError(f"MuJoCo does not accept the scene: {' '.join(str(error).split())[:600]}")
 
 
@@ -188,10 +190,11 @@ def _remove_textures(root: Element) -> None:
 
 
 def _remove_robots(tree: ModelTree, document: Document, roles: Roles) -> None:
-    """Remove the robots, whose roots are in the scene's own tree, and what refers to them."""
+    """Remove the robots, whose roots are in the scene's own tree, and all references to them."""
     if not roles.robots:
         return
     root = tree.root
+    # Replace each robot by the site of its base, and collect the names of its elements.
     removed: set[str] = set()
     for robot in roles.robots:
         names = {part.get("name") for part in elements(robot)}
@@ -200,12 +203,13 @@ def _remove_robots(tree: ModelTree, document: Document, roles: Roles) -> None:
     for keyframe in root.findall("keyframe"):
         root.remove(keyframe)
     _remove_watching(root, removed)
-    # What refers to the robot may itself be referred to: an actuator of a tendon over its joints.
+    # A removed entry may itself be referred to, such as a tendon over the robot's joints by an actuator.
     while removed:
         removed = _remove_referring(root, removed)
+    # Assets without a reference are removed.
     models = {str(model.path): name for name, model in document.models.items()}
     _remove_unused_assets(root, models)
-    # Instances of plugins of the robot's actuators and sensors.
+    # Plugin instances of the robot's actuators and sensors.
     used = _references(root, "instance")
     for instance in list(root.iterfind("extension/plugin/instance")):
         plugin = instance.getparent()
@@ -227,13 +231,15 @@ def _leave_site(root: Element, original: Element, robot: Element, document: Docu
 
 
 def _attached_place(attach: Element, document: Document) -> dict[str, str]:
-    """Pose of the first body of an attached robot relative to its `<attach>`, compiled with the
-    settings of its own model, which may use another angle unit."""
+    """Compute the pose of the first body of an attached robot relative to its `<attach>`.
+
+    It is compiled with the settings of its own model, which may use another angle unit.
+    """
     part = brought(attach, document, ())
     body = None if part is None else next(part.content.iter("body"), None)
     if part is None or body is None:
         return {}
-    # The frames and bodies around it, as frames of an otherwise empty model.
+    # The frames and bodies around it become frames of an otherwise empty model.
     above = [outer for outer in body.iterancestors() if part.content in outer.iterancestors()]
     inner = etree.Element("mujoco")
     inner.append(etree.Element("compiler", compiler_settings(part.model.root)))
@@ -273,7 +279,7 @@ def _remove_watching(root: Element, names: set[str]) -> None:
 
 
 def _referenced_names(entry: Element) -> set[str]:
-    """Values of all attributes, in an element and below it, that may be references."""
+    """Return the values of all attributes, in an element and below it, that may be references."""
     found: set[str] = set()
     for part in elements(entry):
         found |= {str(value) for key, value in part.items() if key not in ("name", "class")}
@@ -281,8 +287,10 @@ def _referenced_names(entry: Element) -> set[str]:
 
 
 def _remove_unused_assets(root: Element, models: Mapping[str, str]) -> None:
-    """Remove meshes, materials and other assets that no element refers to; `models` are the names of
-    attached models by their files."""
+    """Remove meshes, materials and other assets without a reference.
+
+    `models` are the names of attached models by their files.
+    """
     for tag in _ASSETS:
         used = _references(root, tag)
         for section in root.iterfind("asset"):
@@ -295,5 +303,5 @@ def _remove_unused_assets(root: Element, models: Mapping[str, str]) -> None:
 
 
 def _references(root: Element, attribute: str) -> set[str]:
-    """All values of an attribute of that name."""
+    """Return all values of an attribute of that name."""
     return {str(e.get(attribute)) for e in elements(root) if e.get(attribute) is not None}

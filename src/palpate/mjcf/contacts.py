@@ -2,17 +2,17 @@
 `<pair>`, constraints, and forces other than weight.
 
 MuJoCo takes friction and `condim` from a `<pair>` of the two geoms, else from the geom of higher
-`priority`, else the larger of both (documentation, "Computation", contact). Softness goes the same way, but
-that of two geoms of one priority is mixed: of negative `solref` the smaller numbers count, of `solimp` the
-mean weighted by `solmix`.
+`priority`, else the larger value of both (documentation, "Computation", contact). Softness follows the
+same order, but that of two geoms of equal priority is mixed: negative `solref` by the smaller numbers,
+`solimp` by the mean with the weights `solmix`.
 
-A contact with solref = (-k, -b) and a constant impedance solimp = (d, d, …) is a spring and a damper with a
-little inertia ("Solver parameters"): per contact point
+A contact with solref = (-k, -b) and a constant impedance solimp = (d, d, …) is a spring and a damper with
+a small inertia ("Solver parameters"). The force of a contact point is
 
     f = (k depth - b v - d a) / ((1 - d) w)
 
-with w the inverse mass of the two bodies, as MuJoCo rates it (`body_invweight0`). So its stiffness in N/m grows
-with the mass of what presses and the number of points at which it touches.
+with the inverse mass w of the two bodies, as MuJoCo rates it (`body_invweight0`). So the stiffness in N/m
+grows with the mass of the pressing body and the number of contact points.
 """
 
 from __future__ import annotations
@@ -31,41 +31,46 @@ from palpate.mjcf.inertial import mass_of
 from palpate.mjcf.shapes import RESTING
 
 NEGLIGIBLE = 0.01
-"""Share of an object's weight: about the accuracy of a measured mass."""
+"""Share of an object's weight that counts as negligible: about the accuracy of a measured mass."""
 CANCELLING = 0.05
-"""Share of its weight, for resistance to its motion: it has opposite signs in passes up and down."""
+"""Share of the weight that is accepted for resistance to motion. This force has opposite signs in passes up
+and down.
+"""
 LIFT, LIFTING = 0.1, 0.1
 """m and m/s, usual height and speed of a carried object."""
 FRICTIONAL = 3
 """Least `condim` of a contact with friction."""
 UPWARD = 0.7
-"""Least vertical component of the normal of a contact that carries."""
+"""Smallest vertical component of the normal of a contact that carries."""
 SAME_TOP = 0.001
 """m: largest difference in distance of tops that carry an object together."""
 FINGERTIPS = 5.37
-"""kg as which MuJoCo rates both fingertips of palpate's arms in a contact: 16 points, the corners of two boxes a
-finger, of 2.98 /kg each. A test compares it with their models."""
+"""kg: mass as which MuJoCo rates both fingertips of palpate's arms in a contact. They have 16 points, the
+corners of two boxes per finger, with 2.98 /kg each. A test compares it with their models.
+"""
 RUBBER = 1.0
 """Sliding friction of the fingertips: with a pyramidal cone the stiffness depends on it."""
 IMPEDANCE = 0.1
-"""d of soft contacts. Small, so that the contact adds no inertia; not smaller, as the step of the simulation has to
-be shorter than 2 / sqrt(n k / (1 - d + n d)) for n points."""
+"""Impedance d of soft contacts. It is small, so that the contact adds no inertia. It cannot be smaller, as
+the simulation step must be shorter than 2 / sqrt(n k / (1 - d + n d)) for n points.
+"""
 DECIDES = "1000000"
-"""`solmix` of soft contacts, by which their impedance counts against that of others (1)."""
+"""`solmix` of soft contacts: weight of their impedance against that of other geoms (1)."""
 SOLIMP = "0.9 0.95 0.001 0.5 2"
 """MuJoCo's default."""
 CCD_TOLERANCE = 1e-12
-"""m. MuJoCo 4.0.0 turns the normal of a contact over where a curved shape enters a box or a mesh by less than a fifth
-of this tolerance, so that the contact pulls (findings/mujoco_contact_normal.sh). Its default is 1e-6 m: a cup that
-slides enters its support by less."""
+"""m. MuJoCo 4.0.0 inverts the normal of a contact where a curved shape enters a box or a mesh by less than a
+fifth of this tolerance, so that the contact pulls (findings/mujoco_contact_normal.sh). The default is 1e-6
+m; a sliding cup enters its support by less.
+"""
 BALL = 0.01
 """m: radius of the ball that presses in place of the fingertips."""
 PRESSED = 1e-3
-"""m of depth at which a contact's force is computed."""
+"""m: depth at which the force of a contact is computed."""
 
 
 def highest_priority(body: BodyDescription) -> int:
-    """Highest `priority` of the static colliding geoms, at least 0."""
+    """Return the highest `priority` of the static colliding geoms, at least 0."""
     standing = static_geoms(body)
     return max([0, *body.shapes.model.geom_priority[standing].tolist()])
 
@@ -90,7 +95,7 @@ def standing_contacts(body: BodyDescription) -> tuple[tuple[int, float], ...]:
     # The normal points from the first geom to the second: upwards into the object.
     up = data.contact.frame[:, 2] * np.where(is_own[:, 1], 1.0, -1.0)
     carrying = is_own.any(axis=1) & ~is_own.all(axis=1) & (up > UPWARD)
-    # Of several tops, one above the other, the nearest carries.
+    # Of several tops above each other, the nearest carries.
     distances = data.contact.dist
     nearest = distances.min(where=carrying, initial=np.inf)
     found: list[tuple[int, float]] = []
@@ -104,8 +109,7 @@ def standing_contacts(body: BodyDescription) -> tuple[tuple[int, float], ...]:
 
 
 def what_decides(body: BodyDescription) -> str:
-    """Name the statement that decides the contact friction in place of the object's own; empty if
-    its own does."""
+    """Name the statement that overrides the object's own contact friction; empty if there is none."""
     model = body.shapes.model
     if model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
         return "<option> overrides the friction of every contact"
@@ -119,15 +123,19 @@ def what_decides(body: BodyDescription) -> str:
 
 
 def acting_friction(body: BodyDescription) -> float | None:
-    """Sliding friction that acts between an object and what it stands on; None where nothing carries
-    it, and where its contacts differ, so that no single coefficient acts."""
+    """Return the sliding friction that acts between an object and its support.
+
+    None without a support, and where the contacts differ, so that no single coefficient acts.
+    """
     found = [sliding for _, sliding in standing_contacts(body)]
     return found[0] if found and np.ptp(found) < 1e-9 else None
 
 
 def static_pairs(body: BodyDescription) -> tuple[Element, ...]:
-    """Explicit `<pair>`s of an object's colliding geoms with static ones, from which MuJoCo takes the
-    friction of their contacts, whatever the geoms state."""
+    """Find the explicit `<pair>`s of an object's colliding geoms with static geoms.
+
+    MuJoCo takes the friction of their contacts from the pair, whatever the geoms state.
+    """
     model, geoms = body.shapes.model, body.shapes.geom_ids
     if not len(model.pair_dim):
         return ()
@@ -136,7 +144,7 @@ def static_pairs(body: BodyDescription) -> tuple[Element, ...]:
     found: list[Element] = []
     for pair in (pair for root in roots for pair in root.iterfind("contact/pair")):
         root, ends = pair.getroottree().getroot(), {pair.get("geom1"), pair.get("geom2")}
-        # The main file names geoms as compiled, an attached model by the names of its own.
+        # The main file names geoms as compiled; an attached model uses its own names.
         ids = {
             i
             for geom, i in geoms.items()
@@ -149,13 +157,16 @@ def static_pairs(body: BodyDescription) -> tuple[Element, ...]:
 
 
 def surface_friction(surface: BodyDescription) -> float:
-    """Sliding friction that a surface states, of the geom that carries."""
+    """Return the sliding friction of a surface, stated by its carrying geom."""
     return float(surface.shapes.model.geom_friction[surface.shapes.geom_ids[surface.carrier], 0])
 
 
 def spring_of(body: BodyDescription) -> tuple[float, float] | None:
-    """Stiffness, N/m, and damping, N s/m, of a surface under the fingertips; None where its contact is no
-    linear spring: no direct `solref`, or an impedance that changes with the depth."""
+    """Compute stiffness, N/m, and damping, N s/m, of a surface under the fingertips.
+
+    None where its contact is no linear spring: no direct `solref`, or an impedance that depends on the
+    depth.
+    """
     model, geom = body.shapes.model, body.shapes.geom_ids[body.carrier]
     (stiffness, damping), (least, most) = model.geom_solref[geom], model.geom_solimp[geom][:2]
     if stiffness >= 0.0 or not np.isclose(least, most):
@@ -165,11 +176,12 @@ def spring_of(body: BodyDescription) -> tuple[float, float] | None:
 
 
 def soften_surface(body: BodyDescription, stiffness: float, std: float | None) -> Iterator[Edit]:
-    """Changes that make a surface a spring of `stiffness`, N/m, under the fingertips, critically damped as by
-    MuJoCo's default; `std` decides how many digits are written.
+    """Yield the changes that make a surface a spring of `stiffness`, N/m, under the fingertips.
 
-    Without `priority`, so that friction is that of the pair as before.
+    The damping is critical, as by MuJoCo's default. `std` sets the number of written digits. No `priority`
+    is set, so that friction stays that of the pair.
     """
+    # Invert the force law at rest: k = stiffness (1 - d) / m; critical damping is 2 sqrt(k).
     per_unit = (1.0 - IMPEDANCE) / fingertip_mass(body)
     own, digits = stiffness * per_unit, None if std is None else std * per_unit
     numbers = {0: f"-{number(own, digits)}", 1: f"-{2.0 * own**0.5:.4g}"}
@@ -180,7 +192,7 @@ def soften_surface(body: BodyDescription, stiffness: float, std: float | None) -
 
 
 def damp_surface(body: BodyDescription, damping: float, std: float | None) -> Iterator[Edit]:
-    """Changes that give a softened surface a damping under the fingertips, N s/m."""
+    """Yield the changes that give a softened surface a damping under the fingertips, N s/m."""
     per_unit = (1.0 - IMPEDANCE) / fingertip_mass(body)
     digits = None if std is None else std * per_unit
     for geom in body.elements.colliding:
@@ -188,20 +200,21 @@ def damp_surface(body: BodyDescription, damping: float, std: float | None) -> It
 
 
 def what_hardens(body: BodyDescription) -> str:
-    """Name the statement that decides the softness of all contacts; empty if there is none."""
+    """Name the statement that overrides the softness of all contacts; empty if there is none."""
     if body.shapes.model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
         return "<option> overrides the softness of every contact"
     return ""
 
 
 def fingertip_mass(body: BodyDescription) -> float:
-    """Mass, kg, as which the fingertips count in a contact with a surface: `FINGERTIPS`, but for a pyramidal
-    cone, whose edges bear 2 / (mu² (1 + mu²)) of it with friction mu.
+    """Compute the mass, kg, as which MuJoCo rates the fingertips in a contact with a surface.
 
-    By MuJoCo itself: the force at rest, aref / R of every row, of a ball of that mass on a plate with the surface's
-    contact parameters.
+    It is `FINGERTIPS`, except with a pyramidal cone, whose edges carry 2 / (mu² (1 + mu²)) of it at
+    friction mu. It is computed by MuJoCo itself: the force at rest, aref / R of every row, of a ball of
+    that mass on a plate with the contact parameters of the surface.
     """
     model, geom = body.shapes.model, body.shapes.geom_ids[body.carrier]
+    # A plate with the surface's contact parameters, and a ball pressed into it.
     spec = mujoco.MjSpec()
     spec.option.cone, spec.option.impratio = model.opt.cone, model.opt.impratio
     box = mujoco.mjtGeom.mjGEOM_BOX
@@ -217,7 +230,9 @@ def fingertip_mass(body: BodyDescription) -> float:
 
 
 def add_ball(world: mujoco.MjSpec, at: tuple[float, float, float]) -> mujoco.MjsBody:
-    """Add a free ball that touches as the fingertips do: their mass as MuJoCo rates it, and rubber."""
+    """Add a free ball that acts like the fingertips in a contact: with the mass that MuJoCo rates, and
+    rubber.
+    """
     body = world.worldbody.add_body(pos=at)
     body.gravcomp = 1.0
     body.add_freejoint()
@@ -227,9 +242,12 @@ def add_ball(world: mujoco.MjSpec, at: tuple[float, float, float]) -> mujoco.Mjs
 
 
 def tied_to(body: BodyDescription) -> str:
-    """Name the body that a constraint ties to the object, or else the force beside its weight
-    (`hanging_force`); empty if there is neither. A tied body is lifted and turned with the object."""
+    """Name the body that a constraint ties to the object, or else an extra force (`hanging_force`).
+
+    Empty if there is neither. A tied body is lifted and turned together with the object.
+    """
     model = body.shapes.model
+    # Constraints with one end on the object and one end on another body.
     geoms = [body.shapes.geom_ids[geom] for geom in body.elements.geoms]
     own = {int(model.body(body.name).id), *model.geom_bodyid[geoms].tolist()}
     ties = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
@@ -247,8 +265,9 @@ def tied_to(body: BodyDescription) -> str:
 
 
 def hanging_force(body: BodyDescription) -> str:
-    """Name the force beside its weight that acts on an object hanging in the hand; empty if it is below
-    `NEGLIGIBLE` of the weight."""
+    """Name a force other than weight on an object that hangs in the hand; empty if it is below `NEGLIGIBLE`
+    of the weight.
+    """
     model = body.shapes.model
     joint = int(model.body(body.name).jntadr[0])
     if joint < 0 or model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE:
@@ -259,7 +278,7 @@ def hanging_force(body: BodyDescription) -> str:
         return "there is no gravity (<option gravity>)"
     data = mujoco.MjData(model)
     friction = float(model.dof_frictionloss[moved].max())
-    # At rest where it stands and lifted, where springs pull; then on the way up, where damping and joint
+    # First at rest, standing and lifted, where springs pull. Then on the way up, where damping and joint
     # friction resist.
     height = model.jnt_qposadr[joint] + 2
     for lift, speed, resists, bound in (
@@ -284,10 +303,10 @@ def hanging_force(body: BodyDescription) -> str:
 
 
 def static_geoms(body: BodyDescription) -> NDArray[np.intp]:
-    """Ids of the colliding geoms that move with no free joint; copies of an object do."""
+    """Return the ids of the colliding geoms that no free joint moves; copies of an object have one."""
     model = body.shapes.model
     touching = (model.geom_contype | model.geom_conaffinity) != 0
-    # Without a joint a body has index -1, which finds the appended -1.
+    # A body without a joint has index -1, which selects the appended -1.
     joints = model.body_jntadr[model.body_rootid[model.geom_bodyid]]
     is_free = np.append(model.jnt_type, -1)[joints] == int(mujoco.mjtJoint.mjJNT_FREE)
     return np.flatnonzero(touching & ~is_free)

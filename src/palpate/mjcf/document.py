@@ -1,8 +1,8 @@
-"""A parsed MJCF file with the models that it attaches, and safe parsing of its XML: no DTD, no
-entities, no network.
+"""A parsed MJCF file with the models that it attaches, and safe parsing of its XML: no DTD, no entities, no
+network.
 
-A `Document` is the main file with its includes expanded, and knows the place of each element in its
-text; `mjcf.reading` reads it.
+A `Document` is the main file with its includes expanded. It knows the position of each element in its
+text. `mjcf.reading` reads it.
 """
 
 from __future__ import annotations
@@ -24,22 +24,23 @@ MAX_BYTES = 10_000_000
 """Largest MJCF file."""
 
 MAX_DEPTH = 200
-"""Deepest nesting of elements, MuJoCo's own models stay below 50."""
+"""Deepest nesting of elements. MuJoCo's own models stay below 50."""
 
 MAX_ASSET_BYTES = 200_000_000
-"""Most bytes of all meshes, textures and height fields of a scene together."""
+"""Most bytes of all meshes, textures and height fields of a scene in total."""
 
 UNKNOWN = "?"
 """Placeholder of a number that is to be measured."""
 
 COUNTS = {"pos": 3, "diaginertia": 3, "fullinertia": 6, "range": 2}
-"""Number of values that a single `?` stands for."""
+"""Number of values that a single `?` represents."""
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Place of an element: the included file or attached model, None for the main text, and the
-    number of start tags before its own in it."""
+    """Position of an element: the included file or attached model, None for the main text, and the number of
+    preceding start tags in it.
+    """
 
     file: Path | None
     number: int
@@ -51,7 +52,7 @@ class Named:
 
     Attributes:
         attribute, name: as written.
-        located: the name from the scene's folder (from that of the attached model), below the
+        located: the name relative to the scene's folder (or that of the attached model), below the
             folder that `<compiler>` sets for its kind.
         path: the file, absolute.
         model: the attached model that names it; None for the scene.
@@ -75,22 +76,22 @@ class Texts:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Document:
-    """An MJCF file, parsed.
+    """A parsed MJCF file.
 
     Attributes:
         text: the main file.
-        root: its elements, included files expanded in place.
-        index: place of each element, of `<include>` elements and those of attached models too.
+        root: its elements, with included files expanded in place.
+        index: position of each element, including `<include>` elements and those of attached models.
         folder: start of relative file names, None for text without files.
-        home: the folder outside of which nothing is read, None for text without files.
+        home: the only folder from which files are read, None for text without files.
         files: every other file it needs, absolute.
         includes: included files by the names in `<include>`.
-        beside: asset files found beside an included file, relative to `folder`, by their names in
-            the included file.
+        beside: asset files found in the folder of an included file, relative to `folder`, by their
+            names in the included file.
         texts: text of each included file and attached model.
         named: all references to files in them.
         models: models that it attaches itself, by the names in `<attach>`.
-        robots: root bodies of robots as the user names them.
+        robots: root bodies of robots as named by the user.
         path: file of an attached model; None for a scene.
     """
 
@@ -121,7 +122,7 @@ class Document:
         return found
 
     def attached(self) -> dict[Path, Document]:
-        """All models that it attaches, directly or through others, by path."""
+        """Return all models that it attaches, directly or through others, by path."""
         found: dict[Path, Document] = {}
         pending = list(self.models.values())  # breadth first, each model once
         while pending:
@@ -173,7 +174,7 @@ def parse_xml(text: str, where: str) -> Element:
 
 
 def _refuse_dtd_and_depth(data: bytes, where: str) -> None:
-    """Scan a text with expat for a DTD, and for too many levels."""
+    """Scan a text with expat for a DTD, and for excessive depth."""
     # Expat calls the handlers before it expands any entity; lxml would parse the DTD first.
     parser = expat.ParserCreate("utf-8")
     depth = 0
@@ -208,7 +209,7 @@ def _refuse_dtd_and_depth(data: bytes, where: str) -> None:
 
 
 def compiler_settings(root: Element) -> dict[str, str]:
-    """Compiler settings of a model; later elements overrule earlier ones."""
+    """Return the compiler settings of a model; later elements overrule earlier ones."""
     found: dict[str, str] = {}
     for compiler in root.iterfind("compiler"):
         found.update({str(name): str(value) for name, value in compiler.items()})
@@ -216,25 +217,26 @@ def compiler_settings(root: Element) -> dict[str, str]:
 
 
 def elements(root: Element) -> Iterator[Element]:
-    """All elements below and including `root`, in document order, without comments and
-    instructions."""
+    """Iterate over `root` and all elements below it, in document order, without comments and
+    instructions.
+    """
     return root.iter(etree.Element)  # pyright: ignore[reportUnknownMemberType, reportArgumentType, reportReturnType]
 
 
 def children(element: Element) -> Iterator[Element]:
-    """Child elements without comments and instructions."""
+    """Iterate over the child elements, without comments and instructions."""
     return (child for child in element if isinstance(child.tag, str))
 
 
 def label(element: Element) -> str:
-    """Label of an element in messages: `<geom name="top"> (line 12)`."""
+    """Return the label of an element in messages: `<geom name="top"> (line 12)`."""
     name = element.get("name")
     shown = f'<{element.tag} name="{name[:60]}">' if name else f"<{element.tag}>"
     return f"{shown} (line {element.sourceline})"
 
 
 def tokens(value: str | None) -> list[str]:
-    """The whitespace-separated parts of an attribute."""
+    """Split an attribute at white space."""
     return (value or "").split()
 
 
@@ -246,12 +248,12 @@ def spelled_out(attribute: str, value: str) -> str:
 
 
 def with_tokens(value: str, changes: Mapping[int, str]) -> str:
-    """Replace the i-th parts of `value`, keeping every other character.
+    """Replace the i-th parts of `value`, and keep every other character.
 
     Raises:
         InputError: it has fewer parts.
     """
-    parts = re.split(r"(\S+)", value)  # white space and numbers in turn: number i is part 2 i + 1
+    parts = re.split(r"(\S+)", value)  # white space and numbers alternate: number i is part 2 i + 1
     if 2 * max(changes, default=-1) + 1 >= len(parts):
         raise InputError(
             f"'{value[:60]}' has too few numbers: {max(changes) + 1} or more are needed"
@@ -262,7 +264,7 @@ def with_tokens(value: str, changes: Mapping[int, str]) -> str:
 
 
 def has_unknown(element: Element | None, attribute: str, *indices: int) -> bool:
-    """True if one of the attribute's numbers (all, when no index is given) is written `?`."""
+    """Test if one of the attribute's numbers (any, when no index is given) is `?`."""
     if element is None:
         return False
     unknown = [part == UNKNOWN for part in tokens(element.get(attribute))]
@@ -279,11 +281,11 @@ class Brought:
     """A part of an attached model.
 
     Attributes:
-        content: a body of it, a frame, or its whole worldbody.
+        content: a body, a frame, or the whole worldbody of the model.
         model: the model that it is part of.
         is_own: True if the same model attaches it.
-        through: the `<attach>` elements that bring it, the outermost first. MuJoCo puts their
-            prefixes before the names of its elements.
+        through: the `<attach>` elements that bring it, the outermost first. MuJoCo puts their prefixes
+            before the names of its elements.
     """
 
     content: Element
@@ -297,14 +299,16 @@ class Brought:
         return prefix(self.through)
 
     def overlaps(self, other: Brought) -> bool:
-        """True if one contains the other, or both are the same."""
+        """Test if one contains the other, or both are the same."""
         mine, its = self.content, other.content
         return mine is its or mine in its.iterancestors() or its in mine.iterancestors()
 
 
 def brought(attach: Element, model: Document, through: tuple[Element, ...]) -> Brought | None:
-    """Content of an `<attach>` in `model`, which `through` others bring; None where its names do not
-    exist, which MuJoCo reports."""
+    """Find the content of an `<attach>` in `model`, which other `<attach>` elements bring (`through`).
+
+    None where its names do not exist, which MuJoCo reports.
+    """
     called = attach.get("model")
     source = model if called is None else model.models.get(called)
     if source is None:
@@ -323,12 +327,12 @@ def brought(attach: Element, model: Document, through: tuple[Element, ...]) -> B
 
 
 def prefix(through: Sequence[Element]) -> str:
-    """Prefix of names by nested `<attach>` elements, the outermost first."""
+    """Return the prefix of names by nested `<attach>` elements, the outermost first."""
     return "".join(attach.get("prefix") or "" for attach in through)
 
 
 def attached_names(attach: Element, document: Document) -> set[str]:
-    """Names in the scene of all elements of the model that an `<attach>` brings."""
+    """Return the names in the scene of all elements of the model that an `<attach>` brings."""
     found = brought(attach, document, ())
     if found is None or found.is_own:
         return set()
@@ -337,7 +341,7 @@ def attached_names(attach: Element, document: Document) -> set[str]:
 
 
 def iter_ancestors(element: Element, through: Sequence[Element]) -> Iterator[Element]:
-    """Yield the ancestors of an element from inside out, also those of the `<attach>` elements."""
+    """Yield the ancestors of an element from inside out, including those of the `<attach>` elements."""
     yield from element.iterancestors()
     for attach in reversed(through):
         yield from attach.iterancestors()

@@ -30,11 +30,11 @@ class XmlTag:
     """Position of an element, in bytes.
 
     Attributes:
-        start, end: of its start tag.
+        start, end: span of its start tag.
         attributes: name to the span between the quotes.
-        attributes_end: where a further attribute goes.
-        close: where its end tag starts; for an empty tag where it starts.
-        last: where its whole element ends.
+        attributes_end: position of a further attribute.
+        close: start of its end tag; for an empty tag the start of the tag.
+        last: end of the whole element.
     """
 
     name: str
@@ -48,11 +48,11 @@ class XmlTag:
 
     @property
     def empty(self) -> bool:
-        """Written `<tag/>`."""
+        """True if written `<tag/>`."""
         return self.close == self.start
 
     def value(self, data: bytes, name: str) -> str:
-        """Text of an attribute between the quotes in `data`; empty without the attribute."""
+        """Return the text of an attribute between the quotes in `data`; empty without the attribute."""
         start, end = self.attributes.get(name, (0, 0))
         return data[start:end].decode("utf-8")
 
@@ -67,7 +67,7 @@ class TextChange:
 
 
 def scan(text: str) -> list[XmlTag]:
-    """Positions of every element in the order of its start tag; the text must be well-formed."""
+    """Find the positions of every element, in the order of start tags; the text must be well-formed."""
     # Expat counts bytes, so positions are in bytes, not characters.
     data, tags, unclosed = text.encode("utf-8"), list[XmlTag](), list[XmlTag]()
     parser = expat.ParserCreate("utf-8")
@@ -87,7 +87,7 @@ def scan(text: str) -> list[XmlTag]:
     def end_element(_: str) -> None:
         tag = unclosed.pop()
         at = parser.CurrentByteIndex
-        if data[tag.end - 2 : tag.end] == b"/>":  # an empty tag ends where it starts
+        if data[tag.end - 2 : tag.end] == b"/>":  # an empty tag ends at its start
             tag.close, tag.last = tag.start, tag.end
         else:
             tag.close, tag.last = at, data.index(b">", at) + 1
@@ -135,7 +135,7 @@ def element(name: str, attributes: Mapping[str, str]) -> str:
 
 
 def first_child(data: bytes, tag: XmlTag, content: str) -> TextChange:
-    """Insert a first child, indented as the one that it precedes."""
+    """Insert a first child, indented like the child that it precedes."""
     rest = data[tag.end :]
     space = rest[: len(rest) - len(rest.lstrip())].decode("utf-8")
     indent = space if "\n" in space else ""
@@ -174,7 +174,7 @@ def inline_includes(
         texts: texts in place of some of the files.
         renamed: new names for files that their content names.
     """
-    # Included files may include others, so until none is left.
+    # Included files may include others: repeat until none is left.
     while tags := [tag for tag in scan(text) if tag.name == "include"]:
         data = text.encode("utf-8")
         parts: list[TextChange] = []
@@ -224,7 +224,7 @@ class Edit:
     base: str = "?"
 
     def value(self, stated: str | None) -> str | None:
-        """The attribute's new text, from its text `stated`."""
+        """Return the attribute's new text, from its text `stated`."""
         if self.numbers is None:
             return None
         return with_tokens(
@@ -254,14 +254,13 @@ Change = Edit | Insert
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """A place in the file where a `?` may stand.
+    """A place in the file where a `?` may be written.
 
     Attributes:
         numbers: positions in the attribute; None for all of them.
         stand_in: text for each open number until it is measured.
-        whole: text of the entire attribute until then, where open numbers are incompatible with
-            stated ones.
-        required: numbers that MuJoCo requires; all are open where the attribute is left out.
+        whole: text of the entire attribute until then, where open numbers are incompatible with stated ones.
+        required: number of values that MuJoCo requires; all are open where the attribute is missing.
     """
 
     element: Element
@@ -272,11 +271,11 @@ class Slot:
     required: int = 0
 
     def covers(self, number: int) -> bool:
-        """True if a `?` may stand at this position."""
+        """Test if a `?` may be written at this position."""
         return self.numbers is None or number in self.numbers
 
     def open_numbers(self, stated: str | None) -> list[int]:
-        """Positions of the `?` in the attribute's text `stated`."""
+        """Return the positions of the `?` in the attribute's text `stated`."""
         parts = [UNKNOWN] * self.required if stated is None else tokens(stated)
         return [i for i, part in enumerate(parts) if part == UNKNOWN and self.covers(i)]
 
@@ -292,7 +291,9 @@ class Slot:
 
 
 def unknown_only(element: Element, attribute: str, texts: Mapping[int, str]) -> dict[int, str]:
-    """Entries of `texts` whose number is `?`; all where none is, for a value measured again."""
+    """Return the entries of `texts` whose number is `?`; all entries if none is, for a repeated
+    measurement.
+    """
     parts = tokens(element.get(attribute))
     unknown = {i: text for i, text in texts.items() if i < len(parts) and parts[i] == UNKNOWN}
     return unknown or dict(texts)
@@ -308,8 +309,9 @@ def apply(edits: Iterable[Change], twin_of: Mapping[Element, Element]) -> None:
 
 
 def number(value: float, std: float | None = None) -> str:
-    """A number as text: rounded to a tenth of its standard deviation, without one to seven
-    significant digits."""
+    """Format a number: rounded to a tenth of its standard deviation, or to seven significant digits without
+    one.
+    """
     if std is None or not 0 < std < float("inf"):
         return f"{value:.7g}"
     digits = max(0, -int(f"{std:e}".split("e")[1]) + 1)  # one more than the first digit of std

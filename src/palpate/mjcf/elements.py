@@ -30,22 +30,24 @@ INHERITED: Mapping[str, tuple[str, ...] | None] = {
     "density": None,
     "friction": MUJOCO_FRICTION,
 }
-"""Attributes of geoms that a defaults class may leave open. Once every element has its own value, the
-`?` is replaced by these numbers, or the attribute is removed (None)."""
+"""Attributes of geoms that a defaults class may leave open. Once every element has its own value, these
+numbers replace the `?`, or the attribute is removed (None).
+"""
 
 STAND_INS: Mapping[str, tuple[str, ...]] = {
     "mass": ("1",),
     "density": ("1000",),
     "friction": MUJOCO_FRICTION,
 }
-"""Numbers in place of a `?` while models are compiled; without them an outer class would apply."""
+"""Numbers in place of a `?` while models are compiled. Without them an outer class would apply."""
 
 
 def replace_unknowns(
     element: Element, values: Mapping[str, tuple[str, ...] | None]
 ) -> Iterator[Edit]:
-    """Yield the changes that replace each `?` in an element's inherited attributes by its number in
-    `values`, or remove the attribute (None)."""
+    """Yield the changes that replace each `?` in an element's inherited attributes by its number in `values`,
+    or remove the attribute (None).
+    """
     for attribute, numbers in values.items():
         parts = tokens(element.get(attribute))
         unknown = [i for i, part in enumerate(parts) if part == UNKNOWN]
@@ -59,7 +61,7 @@ class Defaults:
     """The `<default>` classes of a document and of each model that it attaches."""
 
     def __init__(self, root: Element, *attached: Element) -> None:
-        # For each class of a model its `<default>` elements, the outermost first.
+        # For each class of a model, its `<default>` elements, the outermost first.
         self._models: dict[Element, dict[str, list[Element]]] = {}
         for model in (root, *attached):
             classes = self._models[model] = {}
@@ -72,7 +74,7 @@ class Defaults:
         self._only = None if attached else root
 
     def attribute(self, element: Element, name: str) -> str | None:
-        """The attribute with defaults applied, or None if nothing states it."""
+        """Return the attribute with defaults applied, or None if it is stated nowhere."""
         own = element.get(name)
         if own is not None:
             return own
@@ -84,6 +86,7 @@ class Defaults:
         if called is None:
             top = root.find("default")
             called = "" if top is None else top.get("class") or "main"
+        # The innermost class that states the attribute decides.
         for default in reversed(self._models[root].get(called, [])):
             for entry in default.iterfind(str(element.tag)):
                 inherited = entry.get(name)
@@ -92,8 +95,7 @@ class Defaults:
         return None
 
 
-# The elements of an object, a surface or a fixture: its body, the geoms that count, its
-# `<inertial>`.
+# Elements of an object, a surface or a fixture: its body, its relevant geoms, its `<inertial>`.
 
 
 Role = Literal["object", "surface", "fixture"]
@@ -109,13 +111,13 @@ class Elements:
     """The elements of an object, a surface or a fixture.
 
     Attributes:
-        name: its compiled name; of several copies, that of the first, which represents all.
-        element: its body; of a surface, its geom when that is a child of the worldbody.
-        geoms: all geoms of its body and what is fixed to it; of a surface, those that may carry.
-        colliding: those of them that can touch, else all.
+        name: its compiled name; with several copies, that of the first, which represents all.
+        element: its body; for a surface in the worldbody, its geom.
+        geoms: all geoms of its body and of bodies fixed to it; for a surface, those that may carry.
+        colliding: those of them that can collide, else all.
         inertial: its `<inertial>`, if any.
-        defaults: what its elements inherit.
-        parts: an object's bodies beside its own, which move with it.
+        defaults: defaults classes of its elements.
+        parts: an object's other bodies, which move with it.
         through: the `<attach>` elements that bring it from another model, the outermost first.
         joint: a fixture's `<joint>`.
     """
@@ -132,7 +134,9 @@ class Elements:
     joint: Element | None = None
 
     def moved_by(self) -> Element | None:
-        """Nearest ancestor with a pose, so that the element's pose is not the world's; or None."""
+        """Find the nearest ancestor with a pose, by which the element's pose differs from the world's; None
+        without one.
+        """
         for outer in iter_ancestors(self.element, self.through):
             moves = outer.tag == "replicate" or PLACING & set(outer.keys())
             if outer.tag in (*TRANSPARENT, "body") and moves:
@@ -141,7 +145,7 @@ class Elements:
 
 
 def inertial_of(body: Element) -> Element | None:
-    """A body's `<inertial>`, unless the compiler ignores it (`inertiafromgeom`)."""
+    """Return a body's `<inertial>`, unless the compiler ignores it (`inertiafromgeom`)."""
     settings = compiler_settings(body.getroottree().getroot())
     if settings.get("inertiafromgeom") == "true":
         return None
@@ -149,24 +153,24 @@ def inertial_of(body: Element) -> Element | None:
 
 
 def has_open_height(geom: Element, defaults: Defaults) -> bool:
-    """True if its z or its half height is written `?`."""
+    """Test if its z or its half height is `?`."""
     index = half_height_index(geom, defaults)
     open_size = index is not None and has_unknown(geom, "size", index)
     return open_size or has_unknown(geom, "pos", 2)
 
 
 def half_height_index(geom: Element, defaults: Defaults) -> int | None:
-    """Index of the half height in `size`: box 2, cylinder 1, others None."""
+    """Return the index of the half height in `size`: box 2, cylinder 1, others None."""
     return {"box": 2, "cylinder": 1}.get(defaults.attribute(geom, "type") or "sphere")
 
 
 def own_geoms(body: Element) -> tuple[Element, ...]:
-    """Geoms of a body without those of bodies below it."""
+    """Return the geoms of a body without those of bodies below it."""
     return tuple(child for child in through_frames(body) if child.tag == "geom")
 
 
 def colliding(geoms: tuple[Element, ...], defaults: Defaults) -> tuple[Element, ...]:
-    """The geoms that can touch something (`contype` or `conaffinity` not 0); all where none can."""
+    """Return the geoms that can collide (`contype` or `conaffinity` not 0); all where none can."""
     touching: list[Element] = []
     for geom in geoms:
         masks = [defaults.attribute(geom, name) or "1" for name in ("contype", "conaffinity")]
@@ -176,7 +180,9 @@ def colliding(geoms: tuple[Element, ...], defaults: Defaults) -> tuple[Element, 
 
 
 def meets_hand(geom: Element, defaults: Defaults) -> bool:
-    """True if a geom collides with an arm's hand, whose `contype` and `conaffinity` are MuJoCo's default, 1."""
+    """Test if a geom collides with an arm's hand, whose `contype` and `conaffinity` are MuJoCo's
+    default, 1.
+    """
     masks = [defaults.attribute(geom, name) or "1" for name in ("contype", "conaffinity")]
     return any(mask.strip().lstrip("+-").isdigit() and int(mask) & 1 for mask in masks)
 
@@ -184,7 +190,7 @@ def meets_hand(geom: Element, defaults: Defaults) -> bool:
 def carrying(
     element: Element, geoms: tuple[Element, ...], defaults: Defaults
 ) -> tuple[Element, ...]:
-    """The geoms that may be a surface's top: the one whose own height is open, else all."""
+    """Return the geoms that may be a surface's top: the one whose own height is open, else all."""
     marked = tuple(geom for geom in geoms if has_open_height(geom, defaults))
     if len(marked) > 1:
         raise InputError(
@@ -194,7 +200,7 @@ def carrying(
 
 
 def is_free(body: Element, defaults: Defaults) -> bool:
-    """True if a body has a free joint."""
+    """Test if a body has a free joint."""
     for child in through_frames(body):
         is_free = child.tag == "joint" and defaults.attribute(child, "type") == "free"
         if is_free or child.tag == "freejoint":
@@ -203,12 +209,12 @@ def is_free(body: Element, defaults: Defaults) -> bool:
 
 
 def has_joint(body: Element) -> bool:
-    """True if a body has a joint of its own."""
+    """Test if a body has its own joint."""
     return any(child.tag in ("joint", "freejoint") for child in through_frames(body))
 
 
 def hinged_by(body: Element, defaults: Defaults) -> Element | None:
-    """The one slide or hinge joint of a body below which no other joint is; None for other bodies."""
+    """Return the only slide or hinge joint of a body without other joints below; None for other bodies."""
     below = list(body.iter("joint", "freejoint", "attach", "replicate"))
     own = [child for child in through_frames(body) if child.tag == "joint"]
     if len(below) != 1 or below != own:
@@ -218,7 +224,7 @@ def hinged_by(body: Element, defaults: Defaults) -> Element | None:
 
 
 def through_frames(body: Element) -> Iterator[Element]:
-    """Yield a body's children, with those inside frames."""
+    """Yield a body's children, including those inside frames."""
     for child in children(body):
         if child.tag in TRANSPARENT:
             yield from through_frames(child)
@@ -227,8 +233,10 @@ def through_frames(body: Element) -> Iterator[Element]:
 
 
 def copy_mark(element: Element) -> str:
-    """Suffix of MuJoCo for names in the first copy that `<replicate>` makes of an element: zeros for
-    each digit of the count; suffixes of outer ones come last."""
+    """Return MuJoCo's suffix for names in the first copy that `<replicate>` makes of an element.
+
+    It has a zero for each digit of the count. Suffixes of outer elements come last.
+    """
     mark = ""
     for replicate in element.iterancestors("replicate"):
         mark += (replicate.get("sep") or "") + "0" * len((replicate.get("count") or "").strip())

@@ -1,9 +1,9 @@
-"""The `<inertial>` of an object: its mass, centre of mass and inertia, as the file states them and as
-MuJoCo infers them, and the changes of the file that state them.
+"""The `<inertial>` of an object: mass, centre of mass and inertia, as stated by the file or inferred by
+MuJoCo, and the changes of the file that state them.
 
-Without an `<inertial>`, MuJoCo infers all three from the geoms. A mass alone is then written on the
-geoms that lack one, shared by volume; a centre of mass or an inertia needs a new `<inertial>`, which
-has to state all three.
+Without an `<inertial>`, MuJoCo infers all three from the geoms. A mass alone is then written on the geoms
+that lack one, shared by volume. A centre of mass or an inertia needs a new `<inertial>`, which has to
+state all three.
 """
 
 from __future__ import annotations
@@ -25,8 +25,9 @@ from palpate.mjcf.shapes import USUAL_DENSITY
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WholeInertia:
-    """Mass, kg, centre of mass (3,), m, and inertia about it (3, 3), kg m², in the frame of the
-    object's body."""
+    """Mass, kg, centre of mass (3,), m, and inertia about it (3, 3), kg m², in the frame of the object's
+    body.
+    """
 
     mass: float
     com: Array
@@ -34,9 +35,12 @@ class WholeInertia:
 
 
 def whole(model: mujoco.MjModel, name: str) -> WholeInertia:
-    """Compiled inertia of the body `name` with all bodies below it as one rigid body, joints at the
-    file's configuration."""
+    """Compute the inertia of the body `name` with all bodies below it as one rigid body.
+
+    Values are those of the compiled model, with the joints at the file's configuration.
+    """
     root = int(model.body(name).id)
+    # Pose and inertia of each body of the subtree, in the root body's frame.
     poses = {root: Pose.of((0.0, 0.0, 0.0))}
     parts: list[WholeInertia] = []
     for body in range(root, model.nbody):
@@ -47,6 +51,7 @@ def whole(model: mujoco.MjModel, name: str) -> WholeInertia:
         if body != root:
             poses[body] = poses[parent] @ Pose.of(model.body_pos[body], model.body_quat[body])
             com = poses[body].apply(com)
+        # Rotate the principal moments into the frame: R diag(I) Rᵀ.
         inner = Pose.of((0.0, 0.0, 0.0), model.body_iquat[body])
         axes = poses[body].rotation @ inner.rotation
         tensor = axes @ np.diag(model.body_inertia[body]) @ axes.T
@@ -54,6 +59,7 @@ def whole(model: mujoco.MjModel, name: str) -> WholeInertia:
     mass = sum(part.mass for part in parts)
     if len(parts) == 1 or mass == 0.0:
         return parts[0]
+    # Centre of mass of the whole, and inertia about it by the parallel axis theorem.
     com = np.sum([part.mass * part.com for part in parts], axis=0) / mass
     tensor = np.zeros((3, 3))
     for part in parts:
@@ -62,12 +68,16 @@ def whole(model: mujoco.MjModel, name: str) -> WholeInertia:
 
 
 def parallel_axis(offset: Array) -> Array:
-    """(3, 3) m², parallel axis theorem: inertia |d|² E - d dᵀ of a unit mass at an offset d."""
+    """Compute the inertia (3, 3), m², of a unit mass at an offset d: |d|² E - d dᵀ (parallel axis
+    theorem).
+    """
     return offset @ offset * np.eye(3) - np.outer(offset, offset)
 
 
 def unweighed_geoms(body: BodyDescription) -> tuple[Element, ...]:
-    """Geoms that carry a missing mass: those without a mass and a density, or with a `?` in one."""
+    """Find the geoms that carry a missing mass: those without a mass and a density, or with a `?` in
+    one.
+    """
     if body.elements.inertial is not None:
         return ()
     found: list[Element] = []
@@ -80,31 +90,31 @@ def unweighed_geoms(body: BodyDescription) -> tuple[Element, ...]:
 
 
 def mass_is_open(body: BodyDescription) -> bool:
-    """True if nothing states the object's mass."""
+    """Test if the mass of the object is stated nowhere."""
     inertial = body.elements.inertial
     return bool(unweighed_geoms(body)) if inertial is None else lacks(inertial, "mass")
 
 
 def inertia_is_open(inertial: Element) -> bool:
-    """True if an `<inertial>` leaves its inertia open."""
+    """Test if an `<inertial>` leaves its inertia open."""
     if inertial.get("diaginertia") is None and inertial.get("fullinertia") is None:
         return True
     return has_unknown(inertial, "diaginertia") or has_unknown(inertial, "fullinertia")
 
 
 def lacks(inertial: Element, attribute: str) -> bool:
-    """True if an `<inertial>` does not state all numbers of an attribute."""
+    """Test if an `<inertial>` does not state all numbers of an attribute."""
     return inertial.get(attribute) is None or has_unknown(inertial, attribute)
 
 
 def mass_of(body: BodyDescription) -> float:
-    """Compiled mass of the object with all its parts, kg (with stand-ins where it is open)."""
+    """Return the compiled mass of the object with all its parts, kg, with stand-ins for open values."""
     model = body.shapes.model
     return float(model.body_subtreemass[model.body(body.name).id])
 
 
 def mass_beside(body: BodyDescription) -> float:
-    """Mass of the object without the unknown part, kg."""
+    """Compute the mass of the object without the unknown part, kg."""
     inertial = body.elements.inertial
     if inertial is not None:
         model = body.shapes.model
@@ -115,7 +125,8 @@ def mass_beside(body: BodyDescription) -> float:
     stated = _stated_masses(body, unweighed)
     if stated is not None:
         return stated
-    standing_in = 0.0  # the compiled scene has stand-ins in place of the open masses
+    # Otherwise subtract the stand-ins from the compiled mass.
+    standing_in = 0.0  # the compiled scene has stand-ins for the open masses
     for geom in unweighed:
         mass = tokens(body.defaults.attribute(geom, "mass"))
         if mass:
@@ -126,8 +137,7 @@ def mass_beside(body: BodyDescription) -> float:
 
 
 def _stated_masses(body: BodyDescription, unweighed: Sequence[Element]) -> float | None:
-    """Sum of the stated masses, kg; None where a geom states a density, whose mass only MuJoCo
-    knows."""
+    """Sum the stated masses, kg; None where a geom states a density, whose mass only MuJoCo knows."""
     total = 0.0
     for geom in weighing_geoms(body):
         mass = tokens(body.defaults.attribute(geom, "mass"))
@@ -142,34 +152,39 @@ def _stated_masses(body: BodyDescription, unweighed: Sequence[Element]) -> float
 
 
 def com_of(body: BodyDescription) -> tuple[float, ...]:
-    """Compiled centre of mass in the body frame, m."""
+    """Return the compiled centre of mass in the body frame, m."""
     return tuple(whole(body.shapes.model, body.name).com.tolist())
 
 
 def inertia_for(body: BodyDescription, mass: float, com: Sequence[float]) -> tuple[float, ...]:
-    """xx yy zz xy xz yz about `com` (body frame, m), kg m², of the geoms scaled to `mass`, kg."""
+    """Compute the inertia xx yy zz xy xz yz, kg m², about `com` (body frame, m), of the geoms scaled to
+    `mass`, kg.
+    """
     return tuple(components(tensor_about(body, mass, np.array(com))))
 
 
 def tensor_about(body: BodyDescription, mass: float, com: Array) -> Array:
-    """(3, 3) kg m² about `com` in body axes, of the geoms scaled to `mass`."""
+    """Compute the inertia (3, 3), kg m², about `com` in body axes, of the geoms scaled to `mass`."""
     if body.elements.inertial is None:
         compiled = whole(body.shapes.model, body.name)
         tensor, centre = compiled.tensor * (mass / compiled.mass), compiled.com
     else:
-        # An `<inertial>` hides the geoms' own inertia: that of a solid box around them,
-        # m (b² + c²) / 12 about the axis along a.
+        # An `<inertial>` hides the inertia of the geoms. Use that of a solid box around them: m (b² + c²) /
+        # 12 about the axis along a.
         to_body = body.shapes.body_pose(body.name).inverse()
         cloud = np.array([to_body.apply(point) for point in body.shapes.cloud(body.elements.geoms)])
         low, high = cloud.min(axis=0), cloud.max(axis=0)
         squares = (high - low) ** 2
         tensor, centre = np.diag(mass / 12 * (squares.sum() - squares)), (high + low) / 2
+    # Shift it to `com` by the parallel axis theorem.
     return tensor + mass * parallel_axis(com - centre)
 
 
 def weighing_geoms(body: BodyDescription) -> Iterator[Element]:
-    """Yield the geoms that an object's mass is inferred from: those in the compiler's
-    `inertiagrouprange` whose body has no `<inertial>`."""
+    """Yield the geoms from which an object's mass is inferred.
+
+    They are in the compiler's `inertiagrouprange`, and their body has no `<inertial>`.
+    """
     for geom in body.elements.geoms:
         root = geom.getroottree().getroot()
         low, high = compiler_settings(root).get("inertiagrouprange", "0 5").split()
@@ -181,13 +196,13 @@ def weighing_geoms(body: BodyDescription) -> Iterator[Element]:
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """Statement about an object's inertia; several of them make one `<inertial>`.
+    """Statement about an object's inertia; several statements make one `<inertial>`.
 
     Attributes:
         mass: kg.
         com: (3,) m, in the body frame.
-        inertia: xx yy zz xy xz yz about it, kg m².
-        std: standard deviation, which decides how many digits are written.
+        inertia: xx yy zz xy xz yz about `com`, kg m².
+        std: standard deviation, which sets the number of written digits.
     """
 
     mass: float | None = None
@@ -199,8 +214,9 @@ class Statement:
 def written(
     body: BodyDescription, stated: Sequence[Statement], known: Iterable[Statement]
 ) -> Iterator[Change]:
-    """Yield the changes that state all of `stated` together; `known` are values that they depend on
-    and that are not written.
+    """Yield the changes that state all of `stated` together.
+
+    `known` are values that they depend on and that are not written.
 
     Raises:
         InputError: a mass that is not positive, or an `<inertial>` that cannot be written.
@@ -232,6 +248,7 @@ class _Together:
 
 def _mass(body: BodyDescription, mass: float, std: float | None) -> Iterator[Edit]:
     beside = mass_beside(body)
+    # The open part of the mass is the difference from the stated parts.
     own = mass - beside
     if own <= 0:
         least = "it must be above zero"
@@ -241,6 +258,7 @@ def _mass(body: BodyDescription, mass: float, std: float | None) -> Iterator[Edi
     if body.elements.inertial is not None:
         yield Edit(body.elements.inertial, "mass", {0: number(own, std)})
         return
+    # Share it among the open geoms by their volumes.
     weights = _weights(body)
     total = sum(weights.values())
     for geom, weight in weights.items():
@@ -254,11 +272,13 @@ def _mass(body: BodyDescription, mass: float, std: float | None) -> Iterator[Edi
 
 
 def _weights(body: BodyDescription) -> dict[Element, float]:
-    """Geoms on which a mass is written, with their shares in it: by volume where it is open, else as
-    the file has them."""
+    """Return the geoms on which a mass is written, with their shares.
+
+    Shares are by volume where the mass is open, else as in the file.
+    """
 
     def volume(geom: Element) -> float:
-        return max(body.shapes.volume(geom), 1e-12)  # a flat geom has none
+        return max(body.shapes.volume(geom), 1e-12)  # a flat geom has no volume
 
     unweighed = unweighed_geoms(body)
     if unweighed:
@@ -277,6 +297,7 @@ def _inertial(body: BodyDescription, mine: _Together, known: _Together) -> Itera
         raise InputError(
             f"'{body.name}' is made of several bodies; MJCF has no one place for its centre of mass"
         )
+    # Mass and centre of mass: new values, else known ones, else those of the compiled model.
     mass = known.mass if mine.mass is None else mine.mass
     if mass is None and mass_is_open(body):
         raise InputError(f"the centre of mass of '{body.name}' cannot be written without its mass")
@@ -287,6 +308,7 @@ def _inertial(body: BodyDescription, mine: _Together, known: _Together) -> Itera
     pos = _format_numbers(com.tolist(), mine.com_std)
     mass_text = number(mass, mine.mass_std)
     inertial = body.elements.inertial
+    # A new `<inertial>` states all three values.
     if inertial is None:
         stated = {"pos": " ".join(pos.values()), "mass": mass_text}
         moments = list(_format_numbers(components(tensor)).values())
@@ -295,13 +317,14 @@ def _inertial(body: BodyDescription, mine: _Together, known: _Together) -> Itera
         else:
             stated["fullinertia"] = " ".join(moments)
         yield Insert(body.elements.element, "inertial", stated)
-        # A `?` on a geom has no meaning beside an `<inertial>`, and becomes a number.
+        # A `?` on a geom has no meaning next to an `<inertial>`, and becomes a number.
         geoms = unweighed_geoms(body)
         for geom in geoms:
             for attribute in ("mass", "density"):
                 if UNKNOWN in tokens(geom.get(attribute)):
                     yield Edit(geom, attribute, {0: number(mass / len(geoms))})
         return
+    # An existing `<inertial>` gets only the new or open values.
     if mine.com is not None:
         yield Edit(inertial, "pos", unknown_only(inertial, "pos", pos), "? ? ?")
     if mine.mass is not None:
@@ -318,14 +341,15 @@ def _moments(
     if inertial.get("fullinertia") is not None:
         yield Edit(inertial, "fullinertia", unknown_only(inertial, "fullinertia", full))
         return
-    # An orientation gives the `<inertial>` axes of its own, to which `diaginertia` refers.
+    # An orientation gives the `<inertial>` its own axes, to which `diaginertia` refers.
     is_turned = bool((PLACING - {"pos"}) & set(inertial.keys()))
     is_open = set(tokens(inertial.get("diaginertia"))) <= {UNKNOWN}
     if is_measured and is_open and not is_turned and not _is_diagonal(tensor):
-        # `diaginertia` has no place for products of inertia.
+        # `diaginertia` cannot state products of inertia.
         yield Edit(inertial, "diaginertia", None)
         yield Edit(inertial, "fullinertia", full, " ".join([UNKNOWN] * 6))
         return
+    # Rotate the inertia into the axes of the `<inertial>`.
     if is_turned:
         axes = Pose.of((0.0, 0.0, 0.0), body.shapes.model.body(body.name).iquat).rotation
         tensor = axes.T @ tensor @ axes
@@ -334,11 +358,11 @@ def _moments(
 
 
 def _format_numbers(values: Sequence[float], std: float | None = None) -> dict[int, str]:
-    """Numbers as text by their position in an attribute."""
+    """Format numbers, by their position in an attribute."""
     return {i: number(value, std) for i, value in enumerate(values)}
 
 
 def _is_diagonal(tensor: Array) -> bool:
-    """True if the products of inertia are negligible: the principal axes are the body's."""
+    """Test if the products of inertia are negligible: the principal axes are those of the body."""
     parts = components(tensor)
     return bool(np.abs(parts[3:]).max() < 1e-5 * np.abs(parts).max())

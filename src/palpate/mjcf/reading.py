@@ -1,8 +1,8 @@
 """Reading of MJCF files as untrusted input: bounded in number and size, and only from the root folder.
 
-A scene file could name any file of its reader's. The root folder is the nearest common folder of the
-scene and all files that it refers to; if that also holds files of others (a whole home, a folder of
-the system, a file system's root), the user must name it.
+A scene file could name any file that its reader can access. The root folder is the nearest common folder
+of the scene and all files that it refers to. If that folder also holds unrelated files (a whole home, a
+system folder, the root of a file system), the user must name it.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ MAX_INCLUDES = 100
 """Most files that a scene includes, and most models that it attaches."""
 
 MAX_ALL_BYTES = 30_000_000
-"""Most bytes of all of them together."""
+"""Most bytes of all of them in total."""
 
 CONVERTED = {
     "robot": "URDF; MuJoCo reads it and saves it as MJCF: mj_saveLastXML after "
@@ -55,11 +55,12 @@ _FILE_ATTRIBUTES = ("file", "fileright", "fileleft", "fileup", "filedown", "file
 
 
 def read_document(path: Path, home: Path | None = None) -> Document:
-    """Read a scene file with everything it includes; files only from below `home`, by default the
-    root folder.
+    """Read a scene file with all files that it includes.
+
+    Files are read only from below `home`, by default the root folder.
 
     Raises:
-        InputError: unreadable, malformed, files missing or outside of `home`, or too large.
+        InputError: unreadable, malformed, too large, or with files missing or outside of `home`.
     """
     return parse_document(read_text(path), path.resolve().parent, str(path), home)
 
@@ -72,16 +73,19 @@ def parse_document(
     robots: Sequence[str] = (),
     texts: Mapping[Path, str] | None = None,
 ) -> Document:
-    """Parse a document as `read_document`, from text; relative file names start at `folder`,
-    `robots` as in `Document`; `texts` replace included files."""
+    """Parse a document from text, as `read_document`.
+
+    Relative file names start at `folder`. `robots` is that of `Document`. `texts` replace included files.
+    """
     start = None if folder is None else folder.resolve()
     reader = _Reader(folder, start, home and home.resolve(), given=texts or {})
     return replace(reader.document(text, where), robots=tuple(robots))
 
 
 def reparse(texts: Texts, like: Document) -> Document:
-    """Parse another version of a document's text, and of some files that it includes, with the same
-    other files."""
+    """Parse another version of a document's text, and of some included files, with its other files
+    unchanged.
+    """
     parts = {**like.texts, **texts.parts}
     return parse_document(texts.main, like.folder, home=like.home, robots=like.robots, texts=parts)
 
@@ -94,7 +98,7 @@ class _Reader:
     start: Path | None
     """Folder of the whole scene, resolved."""
     home: Path | None
-    """The only folder from which files are read; None: any that is near the scene."""
+    """The only folder from which files are read; None: any folder near the scene."""
     bytes: int = 0
     asset_bytes: int = 0
     models: int = 0
@@ -112,10 +116,11 @@ class _Reader:
     attached: dict[Path, tuple[Document, int]] = field(
         default_factory=dict[Path, tuple[Document, int]]
     )
-    """All attached models so far, and how many each of them attaches: a file is read once, and counted
-    as often as it is attached."""
+    """All attached models so far, with the number of models that each attaches. A file is read once, and
+    counted as often as it is attached.
+    """
     beside: dict[str, str] = field(default_factory=dict[str, str])
-    """Assets found beside the included file that names them, relative to `folder`, by name."""
+    """Assets found in the folder of the included file that names them, relative to `folder`, by name."""
 
     def document(self, text: str, where: str) -> Document:
         root = self.parse_text(text, where, self.path)
@@ -155,7 +160,7 @@ class _Reader:
         return self.within[-1] if self.within else None
 
     def parse_text(self, text: str, where: str, file: Path | None) -> Element:
-        """Parse one more text, and index its elements; `file` as in `Place`."""
+        """Parse one more text, and index its elements; `file` is that of `Place`."""
         self.bytes += len(text)
         if self.bytes > MAX_ALL_BYTES:
             raise InputError(
@@ -188,7 +193,7 @@ class _Reader:
         return found
 
     def _check_assets(self, root: Element, where: str, found: list[Path]) -> None:
-        """Find every file that is named, and read those that are attached."""
+        """Find all named files, and read the attached models."""
         settings = compiler_settings(root)
         for element in elements(root):
             for attribute in _FILE_ATTRIBUTES:
@@ -219,8 +224,11 @@ class _Reader:
                     )
 
     def _file(self, name: str, element: Element, where: str, bare: str = "") -> Path:
-        """Path of the file that an element names: from the scene's folder, else from that of the
-        included file that has the element, there by its `bare` name without `<compiler>`'s folders."""
+        """Return the path of the file that an element names.
+
+        It is relative to the scene's folder, else to the folder of the included file that has the element.
+        In the latter it has its `bare` name, without the folders set by `<compiler>`.
+        """
         # MuJoCo looks first in the scene's folder, then in that of the included file.
         origin = self.origins.get(element)
         if origin is not None and not _exists(self.folder, name):
@@ -234,7 +242,7 @@ class _Reader:
             path = (self.folder.resolve() / name).resolve()
         except (OSError, RuntimeError, ValueError):
             raise InputError(f"{what}, which is no path") from None
-        # Before it is known whether the file exists: a scene must not probe for files elsewhere.
+        # Checked before the file's existence: a scene must not probe for files elsewhere.
         if self.home is not None:
             if not path.is_relative_to(self.home):
                 raise InputError(
@@ -254,7 +262,7 @@ class _Reader:
         return path
 
     def _read_attachment(self, path: Path, where: str) -> Document:
-        """Read a model that the scene attaches, with its own folder and the models that it attaches."""
+        """Read an attached model, with its own folder and the models that it attaches."""
         if path in self.within:
             raise InputError(f"{where} attaches {path.name}, of which it is a part")
         # Models that attach one another double at each level: count every copy, read each file once.
@@ -300,7 +308,7 @@ def _replace(include: Element, included: Element, where: str) -> None:
 
 
 def _depth(root: Element) -> int:
-    """Depth of the tree: number of elements from the root to the deepest one."""
+    """Return the depth of the tree: number of elements from the root to the deepest one."""
     depth = deepest = 0
     for event, _ in etree.iterwalk(root, events=("start", "end")):
         depth += 1 if event == "start" else -1
@@ -309,7 +317,7 @@ def _depth(root: Element) -> int:
 
 
 def _locate_file(name: str, element: Element, settings: Mapping[str, str]) -> str:
-    """A file name below the folder that `<compiler>` sets for its kind of asset."""
+    """Return a file name below the folder that `<compiler>` sets for its kind of asset."""
     if element.tag == "model":
         return name
     if settings.get("strippath") == "true":
@@ -319,7 +327,7 @@ def _locate_file(name: str, element: Element, settings: Mapping[str, str]) -> st
 
 
 def _exists(folder: Path | None, name: str) -> bool:
-    """True if there is a file of that name, from `folder`."""
+    """Test if a file of that name exists, relative to `folder`."""
     try:
         return folder is not None and (folder / name).exists()
     except (OSError, ValueError):
@@ -337,12 +345,12 @@ SYSTEM = (
 
 
 def common(folder: Path, path: Path) -> Path:
-    """Nearest folder that holds a resolved folder and a resolved file."""
+    """Return the nearest folder that holds a resolved folder and a resolved file."""
     return Path(os.path.commonpath([folder, path.parent]))
 
 
 def is_too_wide(root: Path) -> bool:
-    """True for a home, a system folder or a file system's root, which the user must name."""
+    """Test for a home, a system folder or a file system's root, which the user must name."""
     own = Path.home().resolve()
     if root == root.parent or root in (own, *own.parents):
         return True

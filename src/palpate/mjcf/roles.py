@@ -36,7 +36,7 @@ from palpate.mjcf.elements import (
 )
 
 NOBODY = "none"
-"""Given in place of a body's name where nothing in the scene is a robot."""
+"""Stated in place of a body's name for a scene without a robot."""
 
 HANDS = frozenset({"hand", "gripper", "finger", "fingers"})
 """Words of a body's name that identify the end of an arm."""
@@ -47,7 +47,7 @@ class Robots:
     """Evidence that distinguishes robots from furniture.
 
     Attributes:
-        named: root bodies of robots as the user names them; then these alone are robots.
+        named: root bodies of robots as named by the user; only these are robots then.
         driven: names of joints, sites and bodies that an actuator drives.
     """
 
@@ -56,8 +56,9 @@ class Robots:
     defaults: Defaults
 
     def begin_with(self, body: Element) -> bool:
-        """True if a body is a robot's root: it has the robot's first joint, or is the fixed base
-        of the body that has it."""
+        """Test if a body is the root of a robot: it has the robot's first joint, or is the fixed base of the
+        body with that joint.
+        """
         if self.named:
             return body.get("name") in self.named
         if has_joint(body):
@@ -66,18 +67,21 @@ class Robots:
         return any(self._is_robot(child) for child in moving)
 
     def within(self, prefix: str, root: Element) -> Robots:
-        """Robots of an attached model, `root`, whose names have a prefix in the scene."""
+        """Return the evidence for the robots of an attached model, `root`, whose names have a prefix in the
+        scene.
+        """
         named = [name.removeprefix(prefix) for name in self.named if name.startswith(prefix)]
         if self.named and not named:
             named = [NOBODY]
         return Robots(tuple(named), driven(root), self.defaults)
 
     def _is_robot(self, body: Element) -> bool:
-        """True if a body with joints is a robot: an actuator drives a part of it, or it ends in a
-        hand and is not free."""
+        """Test if a body with joints is a robot: an actuator drives a part of it, or it ends in a hand and is
+        not free.
+        """
         parts = [part for part in elements(body) if part.tag in ("joint", "site", "body")]
         if any(part.get("name") in self.driven for part in parts):
-            # A drone is driven as a whole, by its site, and has no joint but a free one.
+            # A drone is driven as a whole, by its site, and has only a free joint.
             return any(part.tag == "joint" for part in parts)
         words: set[str] = set()
         for part in parts:
@@ -88,19 +92,21 @@ class Robots:
 
 
 def driven(root: Element) -> frozenset[str]:
-    """Names of joints, sites and bodies that an actuator drives, also through tendons."""
+    """Return the names of joints, sites and bodies that an actuator drives, directly or by tendons."""
 
     def referenced_names(element: Element, *attributes: str) -> set[str]:
         return {str(value) for key, value in element.items() if key in attributes}
 
     found: set[str] = set()
     tendons: set[str] = set()
+    # Transmissions of the actuators, and the tendons that they drive.
     for section in root.iterfind("actuator"):
         for actuator in children(section):
             found |= referenced_names(
                 actuator, "joint", "jointinparent", "site", "body", "cranksite"
             )
             tendons |= referenced_names(actuator, "tendon")
+    # Joints and sites along the driven tendons.
     for section in root.iterfind("tendon"):
         for tendon in children(section):
             if tendon.get("name") in tendons:
@@ -126,7 +132,7 @@ class Roles:
         ignored: bodies with other joints, which are neither robot nor object.
         untouchable: free or hinged bodies that a hand cannot touch, with the reason.
         replicated: free bodies whose parts `<replicate>` or `<attach>` copies, so that one element
-            is many shapes.
+            becomes many shapes.
         brought: parts of attached models.
         copied: `<attach>` elements whose content is already in the scene, where values are written.
     """
@@ -160,7 +166,8 @@ class Roles:
         return {name: body for name, body in self.bodies.items() if body.role == role}
 
     def compiled_name(self, element: Element, own: str) -> str | None:
-        """Compiled name of an element called `own`; None if it is in no model."""
+        """Return the compiled name of an element called `own`; None if it is in no model."""
+        # Find the attached part that contains the element.
         contents = {part.content: part for part in self.brought}
         outers = (element, *element.iterancestors()) if contents else ()
         part = next((contents[outer] for outer in outers if outer in contents), None)
@@ -170,7 +177,7 @@ class Roles:
 
 
 def compiled_name(element: Element, own: str, through: Sequence[Element]) -> str:
-    """Compiled name of an element called `own` that `through` some `<attach>` elements bring."""
+    """Return the compiled name of an element called `own` that `through` some `<attach>` elements bring."""
     marks = [copy_mark(part) for part in (element, *reversed(through))]
     return prefix(through) + own + "".join(marks)
 
@@ -179,8 +186,7 @@ def find_roles(document: Document) -> Roles:
     """Sort the bodies and geoms of a document into objects, surfaces and robots.
 
     Raises:
-        InputError: a name used twice, a surface with several geoms of
-            unknown height, a robot that is not there.
+        InputError: a name used twice, a surface with several geoms of unknown height, or a missing robot.
     """
     attached = [model.root for model in document.attached().values()]
     found = Roles(document.root, Defaults(document.root, *attached))
@@ -193,7 +199,7 @@ def find_roles(document: Document) -> Roles:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Model:
-    """The model whose elements are being sorted.
+    """The model whose elements are sorted.
 
     Attributes:
         robots: evidence of its robots.
@@ -205,7 +211,7 @@ class _Model:
     through: tuple[Element, ...] = ()
 
     def bringing(self, attach: Element) -> Brought | None:
-        """Content of an `<attach>`."""
+        """Return the content of an `<attach>`."""
         return brought(attach, self.document, self.through)
 
     def brings(self, element: Element) -> Iterator[Brought]:
@@ -216,23 +222,26 @@ class _Model:
                 yield part
 
     def inside(self, part: Brought) -> _Model:
-        """The model that an attached part comes from."""
+        """Return the model that an attached part comes from."""
         robots = self.robots.within(part.through[-1].get("prefix") or "", part.model.root)
         return _Model(part.model, robots, part.through)
 
 
 def _walk(parent: Element, found: Roles, model: _Model, world: bool) -> None:
-    """Sort the children of an element; `world`: they are fixed in the world without a named body."""
+    """Sort the children of an element; `world` is True if they are fixed in the world without a named
+    body.
+    """
     for child in children(parent):
         if child.tag in TRANSPARENT:
             _walk(child, found, model, world)
         elif child.tag == "geom" and world:
-            # Most models stand on a plane without a name; the first of them is the floor.
+            # Most models include a plane without a name as the ground; the first of them is the floor.
             is_plane = found.defaults.attribute(child, "type") == "plane"
             if child.get("name") or (is_plane and FLOOR not in found.bodies):
                 _add_surface(child, (child,), found, model)
         elif child.tag == "body":
             _sort_body(child, found, model)
+        # Attached content is a robot, a copy of present content, or new content.
         elif child.tag == ATTACH and (part := model.bringing(child)) is not None:
             if _holds_robot(part, model):
                 found.robots.append(child)
@@ -250,7 +259,7 @@ def _sort_body(body: Element, found: Roles, model: _Model) -> None:
     if model.robots.begin_with(body):
         found.robots.append(body)
     elif is_free(body, found.defaults):
-        # A value can be written only where one element is one part of the scene.
+        # A value can be written only if one element becomes one part of the scene.
         if _has_copies(body, found, model):
             found.replicated.append(body)
         else:
@@ -323,7 +332,7 @@ def _add_fixture(body: Element, joint: Element, found: Roles, model: _Model) -> 
 
 
 def _is_untouchable(body: Element, geoms: tuple[Element, ...], found: Roles) -> bool:
-    """True if a hand cannot touch a body; the reason is noted."""
+    """Test if a hand cannot touch a body, and record the reason."""
     if any(meets_hand(geom, found.defaults) for geom in geoms):
         return False
     masks = "no geom of it collides with the hand: give one contype and conaffinity 1, the default"
@@ -341,7 +350,7 @@ def _register(body: Elements, found: Roles) -> None:
 
 
 def _parts(body: Element, found: Roles, model: _Model) -> Iterator[Element]:
-    """Yield an object's elements, with those that it attaches."""
+    """Yield an object's elements, including those that it attaches."""
     for element in elements(body):
         yield element
         part = model.bringing(element) if element.tag == ATTACH else None
@@ -351,8 +360,10 @@ def _parts(body: Element, found: Roles, model: _Model) -> Iterator[Element]:
 
 
 def _name_body(body: Element, geom: Element, found: Roles, model: _Model) -> str:
-    """Give a body without a name one after its geom, its mesh or its shape; it is set in the tree, so
-    that compiled models have it."""
+    """Name a body after its geom, its mesh or its shape.
+
+    The name is set in the tree, so that compiled models have it.
+    """
     shape = found.defaults.attribute(geom, "type") or "sphere"
     stem = geom.get("name") or found.defaults.attribute(geom, "mesh") or shape
     taken = {e.get("name") for e in elements(body.getroottree().getroot()) if e.tag == "body"}
@@ -365,12 +376,12 @@ def _name_body(body: Element, geom: Element, found: Roles, model: _Model) -> str
 
 
 def _is_there(part: Brought, found: Roles) -> bool:
-    """True if an attached part shares elements with another part of the scene."""
+    """Test if an attached part shares elements with another part of the scene."""
     return part.is_own or any(part.overlaps(other) for other in found.brought)
 
 
 def _holds_robot(part: Brought, model: _Model) -> bool:
-    """True if an attached part, or what that attaches, has a robot's root."""
+    """Test if an attached part, or content that it attaches, has the root of a robot."""
     pending, seen = [(part, model)], list[Brought]()
     while pending:
         part, model = pending.pop()
@@ -385,7 +396,7 @@ def _holds_robot(part: Brought, model: _Model) -> bool:
 
 
 def _has_copies(body: Element, found: Roles, model: _Model) -> bool:
-    """True if one element of a body makes several parts of the scene."""
+    """Test if one element of a body becomes several parts of the scene."""
     if body.find(".//replicate") is not None:
         return True
     pending = [(part, model) for part in model.brings(body)]
@@ -401,7 +412,8 @@ def _has_copies(body: Element, found: Roles, model: _Model) -> bool:
 
 
 def _require_named_robots(document: Document, found: Roles) -> None:
-    """Require that each robot that the user names is in the scene."""
+    """Require that each robot named by the user is in the scene."""
+    # Names of the robots found, and of the other bodies, which are valid choices.
     names = {NOBODY}
     for robot in found.robots:
         part = brought(robot, document, ()) if robot.tag == ATTACH else None

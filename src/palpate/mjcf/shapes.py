@@ -1,7 +1,7 @@
 """Compiled geometry of a scene: convex hulls of geoms, boxes of bodies, volumes, poses.
 
-A geom is represented by points whose convex hull it is: corners of a box, two rings of a cylinder,
-rings between the poles of a ball, extreme vertices of a mesh.
+A geom is represented by points whose convex hull approximates it: corners of a box, two rings of a
+cylinder, rings between the poles of a ball, extreme vertices of a mesh.
 """
 
 from __future__ import annotations
@@ -26,17 +26,20 @@ INFINITE_PLANE = 10.0
 """m: half extent of an infinite plane."""
 
 _CIRCLE = 48
-"""Corners of a circle; a multiple of four, so that boxes around round shapes are exact."""
+"""Number of corners of a circle: a multiple of four, so that boxes around round shapes are exact."""
 
 _LATITUDES, _LONGITUDES = 11, 24
-"""Rings of a ball between its poles, and points on each; odd and a multiple of four for the same
-reason."""
+"""Number of rings of a ball between its poles, and of points on each: odd, and a multiple of four, for the
+same reason.
+"""
 
 _TRIANGULATED = (int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_SDF))
 
 
 def hull_points(model: mujoco.MjModel, geom: int) -> Array:
-    """(k, 3) points in the geom's frame whose convex hull is the geom, m; circles as polygons."""
+    """Compute points (k, 3), m, in the geom's frame whose convex hull is the geom; circles become
+    polygons.
+    """
     kind = int(model.geom_type[geom])
     size = np.array(model.geom_size[geom])
     data = int(model.geom_dataid[geom])
@@ -44,10 +47,10 @@ def hull_points(model: mujoco.MjModel, geom: int) -> Array:
         points = mesh_vertices(model, data)
         if len(points) <= len(_directions()):
             return points
-        # The extreme vertices in many directions have nearly the same hull as all of them.
+        # The extreme vertices in many directions have nearly the same hull as all vertices.
         return points[np.unique(np.argmax(_directions() @ points.T, axis=1))]
     if kind == mujoco.mjtGeom.mjGEOM_HFIELD:
-        # The box around a height field, from its base to its highest elevation.
+        # A height field becomes the box from its base to its highest elevation.
         x, y, top, below = model.hfield_size[data]
         first, count = model.hfield_adr[data], model.hfield_nrow[data] * model.hfield_ncol[data]
         top *= max(model.hfield_data[first : first + count].astype(float), default=0.0)
@@ -59,8 +62,10 @@ def hull_points(model: mujoco.MjModel, geom: int) -> Array:
 
 @cache
 def hull_edges(kind: int, count: int) -> NDArray[np.intp]:
-    """(m, 2) index pairs of the `count` points of `hull_points` for a kind of geom, which include all
-    edges of the hull."""
+    """Return index pairs (m, 2) of the `count` points of `hull_points` that include all edges of the hull.
+
+    `kind` is MuJoCo's type of the geom.
+    """
     if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
         return _ring_edges(2, _CIRCLE)
     if kind in (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_ELLIPSOID):
@@ -73,14 +78,14 @@ def hull_edges(kind: int, count: int) -> NDArray[np.intp]:
 
 
 def _ring_edges(rings: int, corners: int) -> NDArray[np.intp]:
-    """(m, 2) edges along and between `rings` polygons of consecutive points."""
+    """Return the edges (m, 2) along and between `rings` polygons of consecutive points."""
     index = np.arange(rings * corners).reshape(rings, corners)
     along = np.column_stack([index.ravel(), np.roll(index, -1, axis=1).ravel()])
     return np.concatenate([along, np.column_stack([index[:-1].ravel(), index[1:].ravel()])])
 
 
 def _ball_edges() -> NDArray[np.intp]:
-    """(m, 2) edges of the points of `_directions`: rings from south to north, then the poles."""
+    """Return the edges (m, 2) of the points of `_directions`: rings from south to north, then the poles."""
     north = _LATITUDES * _LONGITUDES
     south = north + 1
     lowest, highest = np.arange(_LONGITUDES), np.arange(north - _LONGITUDES, north)
@@ -101,6 +106,7 @@ def geom_volume(model: mujoco.MjModel, geom: int) -> float:
         # Divergence theorem: signed tetrahedra a · (b × c) / 6 from the origin to each triangle.
         a, b, c = np.moveaxis(mesh_corners(model, int(model.geom_dataid[geom])), 1, 0)
         return abs(float(np.einsum("ij,ij->", a, np.cross(b, c)))) / 6
+    # Closed formulas; sizes are radii or half lengths.
     return {
         int(mujoco.mjtGeom.mjGEOM_BOX): 8 * r * h * z,
         int(mujoco.mjtGeom.mjGEOM_SPHERE): 4 / 3 * np.pi * r**3,
@@ -137,7 +143,8 @@ def _cylinder(size: Array) -> Array:
 
 @cache
 def _directions() -> Array:
-    """(m, 3) unit vectors over the sphere, symmetric about every axis plane."""
+    """Compute unit vectors (m, 3) over the sphere, symmetric about every coordinate plane."""
+    # A grid of latitudes and longitudes, plus the two poles.
     latitude = (np.arange(_LATITUDES) + 1)[:, None] * np.pi / (_LATITUDES + 1) - np.pi / 2
     longitude = np.arange(_LONGITUDES) * 2 * np.pi / _LONGITUDES
     grid = np.stack(
@@ -222,14 +229,17 @@ class Shapes:
         return geom_volume(self.model, self.geom_ids[geom])
 
     def mass_per_density(self, geom: Element) -> float:
-        """Derivative of a geom's mass by its density, m³ (m² of a shell). It differs from the volume
-        for meshes that are not closed, or weigh as their hulls."""
+        """Compute the derivative of a geom's mass by its density, m³ (m² of a shell).
+
+        It differs from the volume for open meshes, and for meshes that MuJoCo weighs by their hulls.
+        """
         i = self.geom_ids[geom]
+        # A closed solid primitive: the derivative is the volume.
         has_shells = any(part.get("shellinertia") == "true" for part in elements(self.tree.root))
         if int(self.model.geom_type[i]) not in _TRIANGULATED and not has_shells:
             return self.volume(geom)
         if geom not in self._per_density:
-            # MuJoCo's mass of the body at two densities gives the derivative.
+            # The masses that MuJoCo computes at two densities give the derivative.
             body, twin = int(self.model.geom_bodyid[i]), self.tree.twin_of[geom]
             stated, masses = dict(twin.attrib), list[float]()
             for density in (USUAL_DENSITY, 2 * USUAL_DENSITY):
@@ -243,8 +253,8 @@ class Shapes:
         return self._per_density[geom] or self.volume(geom)
 
     def solid_geoms(self) -> list[int]:
-        """Ids of all geoms that can touch something, except planes."""
-        # A geom with both masks 0 collides with nothing: it is visual.
+        """Return the ids of all geoms that can collide, except planes."""
+        # A geom with both masks 0 never collides: it is visual.
         masks = self.model.geom_contype | self.model.geom_conaffinity
         solid = (masks != 0) & (self.model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
         return np.flatnonzero(solid).tolist()
@@ -268,6 +278,7 @@ def compile_shapes(document: Document, roles: Roles, edits: Sequence[Edit | Inse
     model = compile_model(compile_spec(tree))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
+    # Reject non-finite numbers, which later computations could not handle.
     numbers = (
         *(data.xpos, data.xquat, data.geom_xpos, data.geom_xmat, data.site_xpos),
         *(model.geom_size, model.geom_friction, model.opt.gravity),
@@ -284,14 +295,14 @@ def compile_shapes(document: Document, roles: Roles, edits: Sequence[Edit | Inse
 
 
 _NO_GEOMS = ("default", "tendon")
-"""Ancestors of a `<geom>` that is a default, or a tendon's wrapping geom."""
+"""Ancestors of a `<geom>` that is a default, or a wrapping geom of a tendon."""
 
 
 def _name_geoms(tree: ModelTree, roles: Roles) -> dict[Element, str]:
-    """Compiled names of the geoms of the document; a geom without a name gets one in the tree."""
+    """Return the compiled names of the document's geoms; a geom without a name gets one in the tree."""
     names: dict[Element, str] = {}
     for i, (original, twin) in enumerate(tree.twin_of.items()):
-        # Elements are found in the model by name only, so every geom needs one.
+        # Elements are found in the compiled model by name only, so every geom needs one.
         if original.tag == "geom" and next(original.iterancestors(*_NO_GEOMS), None) is None:
             name = twin.get("name") or f"palpate:{i}"
             twin.set("name", name)
@@ -308,11 +319,11 @@ def _pose(position: Array, matrix: Array) -> Pose:
 
 
 RESTING = 0.02
-"""m: an object stands on a top that is this close to its bottom."""
+"""m: largest distance of an object's bottom from the top that it rests on."""
 
 
 def box_around(pose: Pose, cloud: Array) -> tuple[Array, Array]:
-    """Centre and size (3,) of the box around world points (k, 3), in the frame `pose`, m."""
+    """Compute centre and size (3,), m, of the box around world points (k, 3), in the frame `pose`."""
     local = (cloud - pose.position) @ pose.rotation
     low, high = local.min(axis=0), local.max(axis=0)
     return (low + high) / 2, high - low

@@ -26,8 +26,8 @@ from palpate.trace.samples import STANDARD_GRAVITY
 
 NEAR_END = np.radians(5.0)  # rad: a joint nearer to its end stop has no room to plan with
 WEIGHT, CENTRE = 0.05, 0.01
-"""kg, m: tolerance between the end effectors of Desk and robot.yaml. An error of 5 cm from the wrist's axis
-is 0.2 N m.
+"""kg, m: tolerance between the end effectors of Desk and robot.yaml. At 5 cm from the wrist's axis this is
+0.2 N m.
 """
 LEFT = (1.5, 1.5, 1.5, 1.5, 0.6, 0.6, 0.6)
 """N m: torque beyond the model that each joint of a resting arm may show. It covers static friction and the
