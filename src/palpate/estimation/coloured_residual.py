@@ -1,16 +1,17 @@
-"""Coloured residual: what a model leaves beyond the noise of the sensors, learned from the recording itself.
+"""Coloured residual of a model beyond the noise of the sensors, learned from the recording itself.
 
-Models of an arm leave more than sensor noise: ripple of gears, friction that changes with the place, links that
-bend. That is not white: neighbouring rows err alike, and a mean over them is worse than their number promises.
-In each signal
+Models of an arm leave more than sensor noise: gear ripple, friction that changes with the place,
+links that bend. These errors are not white. Neighbouring rows have similar errors, and a mean over
+them is less precise than their number suggests. In each signal
 
     residual ~ sensor noise + Σ_i v_i exp(-d_i / l_i)
 
-a sum of Ornstein-Uhlenbeck processes over time and over the path that the joint has turned (at rest it stays as it
-is), with lengths l_i from a block to a run. The variances v_i maximise the likelihood of the rows with all causes
-integrated out (restricted maximum likelihood: Patterson and Thompson, Biometrika 58, 1971; by fixed-point iteration of
-its score equations: Harville, J. Am. Stat. Assoc. 72, 1977), signal by signal. They count by how much likelier they
-make the rows, so that a recording of a perfect arm is not punished.
+It is a sum of Ornstein-Uhlenbeck processes over time and over the path of the joint (constant at
+rest), with lengths l_i from a block to a run. The variances v_i maximise the likelihood of the rows
+with all causes integrated out, signal by signal (restricted maximum likelihood: Patterson and
+Thompson, Biometrika 58, 1971). They are found by fixed-point iteration of the score equations
+(Harville, J. Am. Stat. Assoc. 72, 1977). They are weighted by the likelihood ratio with and without
+them, so that a recording of a perfect arm keeps its precision.
 """
 
 from __future__ import annotations
@@ -25,29 +26,33 @@ from palpate.common.pose import Array
 from palpate.estimation.regression import Cause, SignalNoise
 
 COLOUR_TIMES = (0.03, 0.3, 1.0, 4.0, 30.0)
-"""s over which what a model leaves stays alike: from one block to a run. Sensitive: hardly."""
+"""s: correlation times of the residual, from one block to a run. Hardly sensitive."""
 COLOUR_PATHS = (0.003, 0.01, 0.1)
-"""rad over which it does as the joint turns: of gears' ripple and of a lift. Sensitive: no."""
+"""rad: correlation lengths of the residual over the path of the joint, from gear ripple to a lift.
+Not sensitive."""
 COLOUR_START = 0.02
-"""N m (1 sigma) of each process, from which the recording's own is sought. Sensitive: no."""
+"""N m (1 sigma): start value of each process in the search. Not sensitive."""
 COLOUR_ROUNDS = 6
-"""rounds of that; each brings a variance nearer to its likeliest. Sensitive: no."""
+"""number of iterations; each brings a variance nearer to its maximum likelihood. Not sensitive."""
 COLOUR_CHANCE = 3.0
-"""logarithm of how much likelier the rows have to be with the processes than without, to count by half: one for each
-two of the seven. Sensitive: mass std ×1.0–1.1 at `lab`."""
+"""log likelihood gain by the processes at which they count by half: one for each two of the seven.
+Sensitive: mass std ×1.0–1.1 at `lab`."""
 COLOUR_FREEDOM = 4.0
-"""degrees of freedom that its variance has at least. Sensitive: no."""
+"""least degrees of freedom of the residual's variance. Not sensitive."""
 DIFFUSE = 30.0
-"""N, N m (1 sigma) of an unknown with no prior, as the size of a residual is learned. Sensitive: no."""
+"""N, N m (1 sigma): largest prior of an unknown while the size of the residual is learned. Not
+sensitive."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spans:
-    """Stretches of motion of which k rows are means.
+    """Stretches of motion that k rows average.
 
     Attributes:
-        t, lasts: (k,) s, their middles and lengths.
-        path, turns: (k, m) rad that each joint has turned until then, and within each.
+        t: (k,) s, midpoints.
+        lasts: (k,) s, durations.
+        path: (k, m) rad, path of each joint until then.
+        turns: (k, m) rad, path of each joint within each.
     """
 
     t: Array
@@ -57,7 +62,8 @@ class Spans:
 
     @classmethod
     def of(cls, t: Array, path: Array, parts: Sequence[NDArray[np.intp] | slice]) -> Spans:
-        """Stretches of samples at `t` (n,) with the `path` (n, m) of the joints, by their rows."""
+        """Build the stretches from samples at `t` (n,) with the `path` (n, m) of the joints, by
+        their rows."""
         return cls(
             np.array([t[rows].mean() for rows in parts]),
             np.array([np.ptp(t[rows]) for rows in parts]),
@@ -67,13 +73,15 @@ class Spans:
 
     @classmethod
     def concatenate(cls, parts: Sequence[Spans]) -> Spans:
-        """All stretches, one after the other."""
+        """Append all stretches."""
         return cls(
             *(np.concatenate([getattr(one, name) for one in parts]) for name in cls.__slots__)
         )
 
     def kernels(self, joint: int) -> Array:
-        """(c, k, k) covariances of the processes in a joint, at unit variance of a moment."""
+        """Compute the covariances (c, k, k) of the processes in a joint, at unit variance of a
+        single moment."""
+        # Processes over time, then over the path of the joint.
         apart = np.abs(self.t[:, None] - self.t)
         found = [_kernel(apart, self.lasts, time) for time in COLOUR_TIMES]
         apart = np.abs(self.path[:, None, joint] - self.path[:, joint])
@@ -82,60 +90,76 @@ class Spans:
 
 
 def _kernel(apart: Array, within: Array, length: float) -> Array:
-    """exp(-d / l) between rows `apart` (k, k), less what averages out `within` (k,) each."""
+    """Evaluate exp(-d / l) between rows `apart` (k, k), reduced by the averaging `within` (k,)
+    each."""
     left = np.sqrt(_variance_of_means(within, length))
     return np.exp(-apart / length) * np.outer(left, left)
 
 
 def _variance_of_means(within: Array, length: float) -> Array:
-    """Variance of means over stretches that turn `within`, at unit variance of a moment."""
+    """Approximate the variance of means over stretches of length `within`, at unit variance of a
+    single moment."""
     return 1.0 / (1.0 + within / (2.0 * length))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ColouredResidual:
-    """Coloured residual of m joints: `variances` (m, c) N² m² of its processes, with `freedom` (m,) degrees of freedom
-    of their size."""
+    """Coloured residual of m joints.
+
+    Attributes:
+        variances: (m, c) N² m² of its processes.
+        freedom: (m,) degrees of freedom of their size.
+    """
 
     variances: Array
     freedom: Array
 
     def covariance(self, spans: Spans, joint: int) -> Array:
-        """(k, k) N² m² of a joint's means over `spans`."""
+        """Compute the covariance (k, k), N² m², of a joint's means over `spans`."""
         return _mix_kernels(self.variances[joint], spans.kernels(joint))
 
     def freedom_beside(self, variance: Array, freedom: float, spans: Spans) -> float:
-        """Degrees of freedom of both, beside a noise of the means with `variance` (m,) and its `freedom` (Welch and
-        Satterthwaite; GUM, annex G.4)."""
+        """Combine the degrees of freedom of the residual and of a noise of the means.
+
+        Source: Welch and Satterthwaite; GUM, annex G.4.
+
+        Args:
+            variance: (m,) of the noise.
+            freedom: of that variance.
+        """
         joints = range(len(self.variances))
+        # Share of the residual in the total variance of each joint.
         left = np.array([self._variance(spans, joint).mean() for joint in joints])
         share = left / (left + variance)
         return float(np.mean(1.0 / (share**2 / self.freedom + (1.0 - share) ** 2 / freedom)))
 
     def _variance(self, spans: Spans, joint: int) -> Array:
-        """(k,) N² m² of a joint's means over `spans`: the diagonal of their covariance."""
+        """Compute the variance (k,), N² m², of a joint's means over `spans`: the diagonal of their
+        covariance."""
         times = [_variance_of_means(spans.lasts, time) for time in COLOUR_TIMES]
         paths = [_variance_of_means(spans.turns[:, joint], far) for far in COLOUR_PATHS]
         return self.variances[joint] @ np.array([*times, *paths])
 
     @property
     def total(self) -> Array:
-        """(m,) N² m² of a moment."""
+        """(m,) N² m², variance of a single moment."""
         return self.variances.sum(axis=1)
 
 
 def learn_residual(
     causes: Sequence[Cause], noise: SignalNoise, y: Array, spans: Spans
 ) -> ColouredResidual:
-    """Coloured residual of each signal that `causes` and `noise` leave of its rows of `y` (m k,)."""
+    """Learn the coloured residual of each signal beyond `causes` and `noise` in its rows of `y` (m
+    k,)."""
     design = np.concatenate([cause.columns for cause in causes], axis=1)
-    # Diffuse, but not so much that nothing is left of the digits.
+    # Integrate the causes out with a diffuse prior, bounded to keep numerical precision.
     prior = np.minimum(np.concatenate([cause.prior for cause in causes]), DIFFUSE)
     ends = np.cumsum([len(root) for root in noise.roots])[:-1]
     parts = zip(noise.roots, np.split(design * prior, ends), np.split(y, ends), strict=True)
     variances: list[Array] = []
     freedom: list[float] = []
     for joint, (root, columns, rows) in enumerate(parts):
+        # Known covariance of one signal: its noise, and the causes that act on it.
         used = columns[:, np.abs(columns).max(axis=0) > 0.0]
         own, sure = _likeliest(root @ root.T + used @ used.T, rows, spans.kernels(joint))
         variances.append(own)
@@ -144,45 +168,54 @@ def learn_residual(
 
 
 def with_residual(noise: SignalNoise, residual: ColouredResidual, spans: Spans) -> SignalNoise:
-    """Noise with a coloured residual in each signal."""
+    """Add a coloured residual to the noise of each signal."""
     roots: list[Array] = []
     for joint, root in enumerate(noise.roots):
         both = root @ root.T + residual.covariance(spans, joint)
         roots.append(np.linalg.cholesky(both).astype(np.float64))
+    # Mean variance of the sensor noise, for the degrees of freedom of the sum.
     own = np.array([float((root * root).sum()) / len(root) for root in noise.roots])
     return SignalNoise(roots, residual.freedom_beside(own, noise.freedom, spans))
 
 
 def _likeliest(known: Array, rows: Array, kernels: Array) -> tuple[Array, float]:
-    """Variances of the likeliest processes beside a `known` covariance, and the degrees of freedom of their size."""
+    """Find the maximum-likelihood variances of the processes, added to a `known` covariance.
+
+    Returns:
+        Variances (c,), weighted by the likelihood ratio.
+        Degrees of freedom of their size.
+    """
     before, _ = _inverse(known, rows)
     variances = np.full(len(kernels), COLOUR_START**2)
     more = _mix_kernels(variances, kernels)
     for _ in range(COLOUR_ROUNDS):
+        # Fixed-point iteration of the score equations.
         _, precision = _inverse(known + more, rows)
         weighted = precision @ rows
-        # Each by its share in what is left, over what it is expected to leave.
+        # Scale each variance by the observed over the expected quadratic form.
         share = kernels @ weighted @ weighted
         expected = kernels.reshape(len(kernels), -1) @ precision.ravel()
         variances = variances * share / np.maximum(expected, 1e-300)
         more = _mix_kernels(variances, kernels)
     after, precision = _inverse(known + more, rows)
+    # Weight by the likelihood ratio (a logistic function), as the processes may not exist.
     counts = 1.0 / (1.0 + np.exp(min(before + COLOUR_CHANCE - after, 100.0)))
-    # Twice the information on the logarithm of its size.
+    # Degrees of freedom: twice the Fisher information on the logarithm of the size.
     shown = precision @ more
     freedom = max(float(np.sum(shown * shown.T)), COLOUR_FREEDOM) / max(counts, 1e-3)
     return counts * variances, freedom
 
 
 def _mix_kernels(variances: Array, kernels: Array) -> Array:
+    """Sum the kernels (c, k, k), weighted by their variances (c,)."""
     return (variances @ kernels.reshape(len(kernels), -1)).reshape(kernels.shape[1:])
 
 
 def _inverse(covariance: Array, rows: Array) -> tuple[float, Array]:
-    """Logarithm of the likelihood of `rows`, and the inverse of their covariance."""
+    """Compute the log likelihood of `rows`, and the inverse of their covariance."""
     from scipy.linalg.lapack import dpotrf, dpotri
 
-    # Both are zero above the diagonal.
+    # LAPACK fills the lower triangles only; the rest is zero.
     root = dpotrf(covariance, lower=True)[0]
     inverse: Array = dpotri(root, lower=True)[0]
     inverse += inverse.T

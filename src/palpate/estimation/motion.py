@@ -14,47 +14,50 @@ from palpate.trace.recording import NominalHand, Recording
 from palpate.trace.samples import Samples, Trace, once
 
 SETTLE = 0.15
-"""s after the commanded pose stopped moving: the impedance controller's transient. Sensitive: mass 0.1 σ; friction
-0.2 σ, std ×1.0–1.1; com 0.2 σ."""
+"""s after the commanded pose stopped moving: transient of the impedance controller. Sensitive: mass
+0.1 σ; friction 0.2 σ, std ×1.0–1.1; com 0.2 σ."""
 START = 0.06
-"""s before the commanded pose moves on: a smooth start accelerates before it visibly moves. Sensitive: com 0.08 σ,
-std ×0.9–1.0."""
+"""s before the commanded pose moves on: a smooth start accelerates before it visibly moves.
+Sensitive: com 0.08 σ, std ×0.9–1.0."""
 STILL_SPEED = 0.001
-"""m/s: below this the TCP counts as at rest. Sensitive: mass 0.1 σ; friction 0.2 σ, std ×1.0–1.1; com 0.2 σ."""
+"""m/s: below this speed the TCP is at rest. Sensitive: mass 0.1 σ; friction 0.2 σ, std ×1.0–1.1;
+com 0.2 σ."""
 STILL_TURN = 0.01
-"""rad/s: likewise, of the hand's turning. Sensitive: no."""
+"""rad/s: below this angular speed the hand is at rest. Not sensitive."""
 NEAR_ANGLE = 0.06
-"""rad off the measured orientation, likewise. Sensitive: no."""
+"""rad: rotation from the measured pose up to which an orientation counts as the same. Not
+sensitive."""
 SPEED_SMOOTH = 0.05
-"""s over which the speed is averaged for the test of a constant speed: encoders are noisy. Sensitive: mass 0.5 σ,
-std ×0.9–1.5."""
+"""s: averaging time of the speed in the test for a constant speed, as encoders are noisy.
+Sensitive: mass 0.5 σ, std ×0.9–1.5."""
 STEADY = 0.05
-"""m/s², up to which a row belongs to a pass: the inertial force of the arm as it changes its speed is far more than
-a load. Sensitive: mass 0.7 σ, std ×0.8–1.5."""
+"""m/s²: largest acceleration of a row of a pass. The inertial force of the arm at a change of speed
+is far larger than a load. Sensitive: mass 0.7 σ, std ×0.8–1.5."""
 
 Mask = NDArray[np.bool_]
 
 
 def runs(mask: Mask) -> Iterator[slice]:
-    """Maximal stretches of True."""
+    """Yield the maximal stretches of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
     for start, end in zip(edges[::2], edges[1::2], strict=True):
         yield slice(int(start), int(end))
 
 
 def row_at(samples: Samples, time: float) -> int:
-    """First row from `time` on, or the last there is."""
+    """Return the first row at or after `time`, s, or the last row."""
     return min(int(np.searchsorted(samples.t, time)), len(samples) - 1)
 
 
 def smooth_rows(values: Array, rows: int) -> Array:
-    """(n,) running mean of values (n,) over so many rows."""
+    """Compute the (n,) running mean of values (n,) over `rows` rows."""
     return np.convolve(values, np.ones(rows) / rows, mode="same")
 
 
 def smoothed_with_rate(speeds: Array, t: Array, over: float) -> tuple[Array, Array]:
-    """Speeds (n, k) averaged over at most `over` s, and their rate of change per second."""
-    # An odd number of rows, so that both belong to the time of the row they stand in.
+    """Average speeds (n, k) over at most `over` s; return them and their rates of change per
+    second."""
+    # An odd window keeps both at the time of their row.
     half = max(0, round(over / max(float(np.median(np.diff(t))), 1e-9)) - 1) // 2
     smooth = np.column_stack([smooth_rows(speed, 2 * half + 1) for speed in speeds.T])
     return smooth, np.gradient(smooth, t, axis=0)
@@ -62,7 +65,8 @@ def smoothed_with_rate(speeds: Array, t: Array, over: float) -> tuple[Array, Arr
 
 @once
 def acceleration(samples: Samples, over: float) -> Array:
-    """(n, 3) m/s² of the TCP, world axes, from its velocity averaged over `over` s, as encoders are noisy."""
+    """Compute the TCP acceleration (n, 3), m/s², world axes, from its velocity averaged over `over`
+    s."""
     t = samples.t
     if len(t) < 2:
         return np.zeros((len(t), 3))
@@ -71,24 +75,24 @@ def acceleration(samples: Samples, over: float) -> Array:
 
 @once
 def steady(samples: Samples) -> Mask:
-    """Rows where the arm does not change its speed."""
+    """Return the rows at which the arm does not change its speed."""
     change = acceleration(samples, SPEED_SMOOTH)
     return np.linalg.norm(change, axis=1) < STEADY
 
 
 @once
 def commanded_rows(samples: Samples) -> Mask:
-    """Rows where the commanded pose moves or turns."""
+    """Return the rows at which the commanded pose moves or turns."""
     target = samples.target_world_tcp
     moved = np.linalg.norm(np.diff(target[:, :3], axis=0), axis=1)
-    # A quaternion and its opposite are one orientation.
+    # A quaternion and its opposite are the same orientation.
     turned = 1.0 - np.abs(np.sum(target[1:, 3:] * target[:-1, 3:], axis=1))
     return np.concatenate([[False], (moved > 1e-6) | (turned > 1e-12)])
 
 
 @once
 def at_rest(samples: Samples) -> Mask:
-    """Rows where neither the commanded pose nor the arm moves, without transients."""
+    """Return the rows at which neither the commanded pose nor the arm moves, without transients."""
     t = samples.t
     if len(t) < 2:
         return np.zeros(len(t), dtype=bool)
@@ -96,7 +100,7 @@ def at_rest(samples: Samples) -> Mask:
     # Time of the last change of the command before each row, and of the next after it.
     last_change = np.maximum.accumulate(np.where(changed, t, -np.inf))
     next_change = np.minimum.accumulate(np.where(changed, t, np.inf)[::-1])[::-1]
-    # The velocity that an arm at rest reports is noise of its encoders, of a real one 0.6 mm/s.
+    # The measured velocity of an arm at rest is encoder noise; 0.6 mm/s on a real arm.
     twist, _ = smoothed_with_rate(samples.twist, t, SPEED_SMOOTH)
     slow = np.linalg.norm(twist[:, :3], axis=1) < STILL_SPEED
     slow &= np.linalg.norm(twist[:, 3:], axis=1) < STILL_TURN
@@ -104,7 +108,7 @@ def at_rest(samples: Samples) -> Mask:
 
 
 def mean_pose(samples: Samples) -> Pose:
-    """Mean TCP pose (world) of samples that lie close together.
+    """Average the TCP pose (world) of samples that lie close together.
 
     Raises:
         ValueError: there are no samples.
@@ -112,6 +116,7 @@ def mean_pose(samples: Samples) -> Pose:
     if not len(samples):
         raise ValueError("no samples to average a pose over")
     quaternions = samples.pose_world_tcp[:, 3:]
+    # Bring all quaternions to the hemisphere of the first before averaging.
     signs = np.where(quaternions @ quaternions[0] < 0, -1.0, 1.0)
     return Pose.of(
         samples.pose_world_tcp[:, :3].mean(axis=0), (quaternions * signs[:, None]).mean(axis=0)
@@ -119,34 +124,41 @@ def mean_pose(samples: Samples) -> Pose:
 
 
 def tip_height(samples: Samples, hand: NominalHand) -> Array:
-    """(n,) world z of the lower fingertip, m.
+    """Compute the (n,) world z, m, of the lower fingertip.
 
-    From the TCP the tips lie `tip_offset` along the tool axis z, and half the opening to either side along
-    the closing direction y. When the hand leans in that direction, one tip is lower than the other by the
-    opening times the sine of the lean, and touches first.
+    The tips lie `tip_offset` from the TCP along the tool axis z, and half the opening to either
+    side along the closing direction y. When the hand leans in that direction, one tip is lower by
+    the opening times the sine of the lean, and touches first.
     """
     turned = rotations(samples.pose_world_tcp[:, 3:])
+    # Height of the point between the tips, less the drop of the lower one.
     middle = samples.pose_world_tcp[:, 2] + hand.tip_offset * turned[:, 2, 2]
     return middle - samples.width / 2 * np.abs(turned[:, 2, 1])
 
 
 def aligned_rows(samples: Samples, pose: Pose) -> Mask:
-    """Rows where the TCP is oriented as in `pose`."""
+    """Return the rows at which the TCP has the orientation of `pose`."""
+    # Rotation angle from the absolute quaternion product.
     dots = np.abs(samples.pose_world_tcp[:, 3:] @ pose.quaternion)
     return 2.0 * np.arccos(np.minimum(dots, 1.0)) < NEAR_ANGLE
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeanVelocity:
-    """Mean linear velocity of the TCP: `value` (3,) m/s in world axes with its standard deviation, over
-    `duration` s."""
+    """Mean linear velocity of the TCP.
+
+    Attributes:
+        value: (3,) m/s, world axes.
+        std: (3,) m/s, its standard deviation.
+        duration: s.
+    """
 
     value: Array
     std: Array
     duration: float
 
     def view(self, trace: Trace, recording: Recording) -> FitView:
-        """Displacement of the TCP along its mean velocity."""
+        """Chart the displacement of the TCP along its mean velocity."""
         samples = trace.of(recording)
         along = self.value / max(float(np.linalg.norm(self.value)), 1e-12)
         since = samples.t - samples.t[0]
@@ -163,7 +175,7 @@ class MeanVelocity:
 
 
 def mean_velocity(trace: Trace, recording: Recording) -> MeanVelocity:
-    """Displacement over duration, which holds less noise than the mean of the sensed twist.
+    """Compute displacement over duration, which is less noisy than the mean of the sensed twist.
 
     Raises:
         ValueError: the recording has fewer than two samples.
@@ -173,5 +185,6 @@ def mean_velocity(trace: Trace, recording: Recording) -> MeanVelocity:
         raise ValueError(f"the recording has {len(samples)} samples, a velocity needs two")
     duration = float(samples.t[-1] - samples.t[0])
     moved = samples.pose_world_tcp[-1, :3] - samples.pose_world_tcp[0, :3]
+    # Two positions, each with the repeatability of a pose.
     std = np.sqrt(2.0) * trace.hand.pose_repeatability / duration
     return MeanVelocity(moved / duration, np.full(3, std), duration)
