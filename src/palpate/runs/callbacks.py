@@ -54,14 +54,14 @@ class RunCallbacks:
     Attributes:
         observer: called at every tick of the execution.
         progress: called with the name of the stage that begins.
-        looked: called with the result of a look before the plan; True uses it.
-        planned: called with the run before its plan for a real robot is rehearsed, to be read
-        meanwhile.
         may_move: called with the run before a real robot moves; True allows the motion.
         may_measure: called with a run whose plan is a proposal; True measures the proposed
         parameters.
         may_resume: called with the reason why a real robot stopped; True lets it continue.
-        measured: called with the run as soon as its values are final, before twin, film and report.
+        measured: called with the run when its values are final, before twin, film and report.
+        planned: called with the run before its plan for a real robot is rehearsed, to be read
+        meanwhile.
+        looked: called with the result of a look before the plan; True uses it.
     """
 
     observer: Observer | None = None

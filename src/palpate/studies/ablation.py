@@ -23,7 +23,7 @@ CONFIGURATIONS: dict[str, frozenset[str]] = {
     "no output": frozenset({"output"}),
     "no system prompt": frozenset({"all"}),
 }
-"""The rows of the paper's table II, with the prompt modules that each leaves out."""
+"""Rows of the paper's table II, with the prompt modules that each leaves out."""
 
 ABLATION: dict[str, tuple[int, int | None]] = {
     "full": (10, 10),
@@ -48,14 +48,16 @@ KINDS = (
     "vision/labels",
     "water_temperature",
 )
-"""Scenarios of several kinds: a module of the prompt that helps one of them (an obstacle, a slide,
-three grasps, a label, a refusal) may not help another."""
+"""Scenarios of several kinds. A module of the prompt that helps one of them (an obstacle, a slide,
+three grasps, a label, a refusal) may not help another.
+"""
 EVERY = "all"
 SEVERAL = "kinds"
 
 
 def chosen(names: Sequence[str]) -> list[str]:
-    """Expand scenario names: `all` stands for those with a request for a planner, `kinds` for `KINDS`.
+    """Expand scenario names: `all` is every scenario with a request for a planner, `kinds` is
+    `KINDS`.
 
     Raises:
         InputError: there is no such scenario.
@@ -82,13 +84,14 @@ def ablation(
     say: Callable[[str], None] = lambda _: None,
     prompts: Iterable[str] = ("full",),
 ) -> list[TrialRecord]:
-    """Run `trials` trials of every configuration of every prompt with every planner in every scenario;
-    results are appended to `file`.
+    """Run `trials` trials of every configuration, prompt, planner and scenario; append the results
+    to `file`.
 
     Raises:
         InputError: unknown scenario, planner, prompt or configuration.
         Unavailable: the provider could not be reached; finished trials are kept.
     """
+    # All trials share the conditions; pictures are saved next to the results.
     conditions = replace(conditions, beside=file)
     critic = conditions.model_settings.critic or ""
     styles = [checked_style(prompt) for prompt in prompts]
@@ -121,8 +124,8 @@ def repeatability(
     say: Callable[[str], None] = lambda _: None,
     prompts: Iterable[str] = ("full",),
 ) -> list[TrialRecord]:
-    """Run `trials` trials of the whole prompt with every planner in every scenario; results are
-    appended to `file`.
+    """Run `trials` trials of the whole prompt with every planner in every scenario; append the
+    results to `file`.
 
     Raises:
         InputError: unknown scenario or planner.
@@ -140,6 +143,6 @@ def published_ablation() -> dict[str, str]:
 
 
 def published_repeatability() -> dict[str, str]:
-    """The paper's syntax and success rates as text; equal ones of several models once."""
+    """The paper's syntax and success rates as text. Equal rates of several models appear once."""
     rates = {f"{syntax}/20, {success}/20" for syntax, success in REPEATABILITY.values()}
     return {"full": "; ".join(sorted(rates))}

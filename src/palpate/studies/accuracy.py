@@ -1,5 +1,6 @@
 """Accuracy study: errors and coverage of a scenario's estimates over many seeds, against the hidden
-truth."""
+truth.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +31,7 @@ from palpate.studies.workers import spread
 CRASHED = "crashed"
 """Status of a seed that ended in an error of the program itself."""
 POSE_STREAM = 16
-"""Random stream of the displaced objects, independent of all others of a seed."""
+"""Index of the random stream for displaced objects, independent of all other streams of a seed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,14 +39,17 @@ class ScoredEstimate:
     """Component of a seed's estimate and its true value, in the quantity's SI unit.
 
     Attributes:
+        parameter: estimated.
         component: index into a vector quantity; 0 for a scalar.
+        seed: of the run.
         value, std: the estimate and its stated standard deviation.
         low, high: its 95 % interval.
-        truth: the hidden world's value.
+        truth: value of the hidden world.
         single_shot: for masses, the naive mean of F_z/g from the same recording.
         unit: as printed.
         verdict: of this component.
-        at_bound: its interval reaches a physical bound, which alone keeps it from being identified.
+        at_bound: the interval reaches a physical bound, which is the only obstacle to its
+        identification.
     """
 
     parameter: Parameter
@@ -63,17 +67,17 @@ class ScoredEstimate:
 
     @property
     def is_evidence(self) -> bool:
-        """It rests on the recordings alone, as `Estimate.is_evidence`."""
+        """True if the value depends on the recordings only, as `Estimate.is_evidence`."""
         return self.verdict == "identified" or self.at_bound
 
     @property
     def covered(self) -> bool:
-        """The truth lies in the 95 % interval."""
+        """True if the 95 % interval contains the truth."""
         return self.low <= self.truth <= self.high
 
     @property
     def error(self) -> float:
-        """Value less truth."""
+        """Error: value less truth."""
         return self.value - self.truth
 
 
@@ -96,11 +100,15 @@ class MissingComponent:
 
 @dataclass(frozen=True, slots=True)
 class SeedRun:
-    """Result of a seed: end of the run, effort, estimates with their true values.
+    """Result of a seed: end of the run, effort, and estimates with their true values.
 
     Attributes:
+        seed: of the run.
         status: of the run, or `CRASHED`.
-        estimates: components that rest on the recordings alone: identified ones, and those at a physical bound.
+        actions: leaves that were started.
+        robot_seconds: duration of the execution.
+        estimates: components that depend on the recordings only: identified ones, and those at a
+        physical bound.
         doubted: other components with a value.
         unmeasured: components without a value.
         wall_seconds, cpu_seconds: of the whole run, with planning and estimation.
@@ -121,14 +129,14 @@ class SeedRun:
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """A bundled scenario as it is run over all seeds; `changes` are fields of its `Settings`."""
+    """A bundled scenario that is run over all seeds. `changes` are fields of its `Settings`."""
 
     scenario: str
     changes: tuple[tuple[str, Any], ...] = ()
 
     @property
     def settings(self) -> Settings:
-        """Settings of the run; the scenario's files are found on the machine that runs it."""
+        """Settings of the run. The machine that runs it finds the scenario's files."""
         return scenario(self.scenario).settings(**dict(self.changes))
 
 
@@ -141,12 +149,13 @@ class StudyCase:
 
 
 def accuracy(settings: Settings, seeds: Sequence[int], workers: int = 1) -> list[SeedRun]:
-    """Run all seeds, in order; each run is deterministic, independent of the number of workers."""
+    """Run all seeds, in order. Each run is deterministic, and independent of the count of
+    workers."""
     return spread(partial(run_seed, settings), seeds, workers)
 
 
 def run_case(case: StudyCase) -> SeedRun:
-    """Run a case with randomly displaced objects; an exception becomes a crashed run."""
+    """Run a case with randomly displaced objects. An exception becomes a crashed run."""
     try:
         return run_seed(case.question.settings, case.seed, displaced=True)
     except Exception:  # one failed seed must not end a campaign of hours
@@ -159,8 +168,10 @@ def crashed_run(seed: int, reason: str) -> SeedRun:
 
 
 def run_seed(settings: Settings, seed: int, displaced: bool = False) -> SeedRun:
-    """Plan, execute and estimate once, without twin and report. `displaced`: move the world's objects
-    by the accuracy of their poses."""
+    """Plan, execute and estimate once, without twin and report.
+
+    With `displaced`, the world's objects are displaced by the accuracy of their poses.
+    """
     wall, cpu = time.perf_counter(), time.process_time()
     settings = replace(settings, seed=seed)
     made = pipeline.plan(settings, pipeline.load(settings))
@@ -169,7 +180,7 @@ def run_seed(settings: Settings, seed: int, displaced: bool = False) -> SeedRun:
     done = run.execution
     if done is None:
         return SeedRun(seed, run.status, 0, 0.0, ())
-    # Twin and report are left out: the truth itself is known here, and a study takes many runs.
+    # Leave out twin and report: the truth is known here, and a study takes many runs.
     scored = [each for estimate in run.estimates for each in scored_estimates(run, estimate)]
     return SeedRun(
         seed,
@@ -187,18 +198,19 @@ def run_seed(settings: Settings, seed: int, displaced: bool = False) -> SeedRun:
 
 
 def displaced_cell(settings: Settings, scene: Scene | None, seen: bool = False) -> Cell:
-    """The cell that the settings name, with each object displaced in the plane by the stated accuracy
-    of its pose (1 sigma an axis), seeded by the settings. Objects `seen` in a picture are displaced by
-    the detection already.
+    """Make the cell that the settings name, with displaced objects.
+
+    Each object is displaced in the plane by the stated accuracy of its pose (1 sigma an axis),
+    seeded by the settings. The detection has displaced objects `seen` in a picture already.
 
     Raises:
         InputError: as `cell_for`.
     """
-    # With every object exactly at its pose, the share of an interval that pose errors account for
-    # would always look too wide.
+    # Objects exactly at their poses would make the pose errors in the intervals look too large.
     cell = cell_for(settings, scene, seen)
     if scene is None or seen or not isinstance(cell, SimulatedCell):
         return cell
+    # Draw a horizontal shift for each object from its pose accuracy.
     random = np.random.default_rng([settings.seed, POSE_STREAM])
     poses: dict[str, Pose] = {}
     for name, believed in scene.objects.items():
@@ -208,7 +220,7 @@ def displaced_cell(settings: Settings, scene: Scene | None, seen: bool = False) 
 
 
 def scored_estimates(run: Run, estimate: Estimate) -> Iterator[ScoredEstimate]:
-    """Yield the components of an estimate that has a value, if its truth is known."""
+    """Yield the components of an estimate with a value, if its truth is known."""
     truth = run.truth.get(estimate.parameter)
     if truth is None or not estimate.has_value:
         return

@@ -1,4 +1,4 @@
-"""Accuracy study as an HTML page: a table and plots for each scenario at each noise model."""
+"""HTML page of an accuracy study: a table and plots for each scenario at each noise model."""
 
 from __future__ import annotations
 
@@ -26,10 +26,11 @@ TARGETS = {
     "coverage50": (0.42, 0.58),
     "stated": plots.GOOD,
 }
-"""Target ranges; a figure whose 95 % interval lies outside is marked, as a warning if it is too high,
-which says that intervals are wider than need be."""
+"""Target ranges. A figure whose 95 % interval is outside is marked. Too high is only a warning: the
+intervals are wider than necessary.
+"""
 REASONS = 4
-"""Most reasons that are listed for components without a value."""
+"""Largest count of listed reasons for components without a value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +71,7 @@ def write_page(folder: Path) -> Path | None:
 
 
 def render(runs: Runs) -> str:
-    """The page's HTML."""
+    """Render the page's HTML."""
     figures: dict[str, Figure] = {}
     sections = [scenario_section(group, found, figures) for group, found in runs.items()]
     overall = overall_tables(runs, figures)
@@ -91,6 +92,7 @@ def overall_tables(runs: Runs, figures: dict[str, Figure]) -> Sequence[tuple[str
     """Coverage and calibration over all scenarios, by noise model and by quantity."""
     points: dict[str, list[tuple[str, float, float]]] = {}
     pooled: dict[str, dict[str, list[ScoredEstimate]]] = {}
+    # Pool the estimates by noise model and quantity, and collect stated and actual errors.
     for group, found in runs.items():
         for each in identified_estimates(found):
             of_noise = pooled.setdefault(group.noise, {})
@@ -106,6 +108,7 @@ def overall_tables(runs: Runs, figures: dict[str, Figure]) -> Sequence[tuple[str
     everything = {noise: list(chain(*of_noise.values())) for noise, of_noise in pooled.items()}
     if everything:
         figures["coverage"] = plots.coverage(everything)
+    # One table for each noise model: quantities, then all together.
     tables: list[tuple[str, Sequence[Line]]] = []
     for noise, quantities in pooled.items():
         rows = list(quantities.items())
@@ -122,6 +125,7 @@ def scenario_section(
     rows = summarise(runs)
     place = f"f{len(figures)}"
     names = component_names(rows)
+    # Group the estimates by quantity and by component.
     by_quantity: dict[str, list[ScoredEstimate]] = {}
     by_parameter: dict[Key, list[ScoredEstimate]] = {}
     for each in identified_estimates(runs):
@@ -135,6 +139,7 @@ def scenario_section(
         stated = [(names[row.key], scores.stated) for row, scores in scored]
         figures[f"{place}-ratios"] = plots.ratios(stated)
         wide.append(("Stated over actual error", f"{place}-ratios"))
+    # Two figures for each parameter: the distribution of the errors, and their quantiles.
     cards: list[ParameterCard] = []
     for number, (row, _) in enumerate(scored):
         unit, scale = SMALL.get(row.unit, (row.unit, 1.0))
@@ -203,7 +208,7 @@ def score_cells(scores: Scores) -> Iterator[TableCell]:
 
 def ranged_cell(name: str, figure: Ranged, percent: bool = False) -> TableCell:
     low, high = TARGETS[name]
-    # Marked only if the whole interval lies outside: else it may be chance.
+    # Mark only if the whole interval is outside: otherwise it may be chance.
     mark = ""
     if figure.high < low:
         mark = "bad"
@@ -221,7 +226,7 @@ def identified_estimates(runs: Sequence[SeedRun]) -> Iterator[ScoredEstimate]:
 
 
 def component_names(rows: Sequence[Summary]) -> dict[Key, str]:
-    """Names of components: the axis where there are several."""
+    """Name the components, with the axis where there are several."""
     several = {row.parameter for row in rows if row.component}
     found: dict[Key, str] = {}
     for row in rows:

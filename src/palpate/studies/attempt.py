@@ -1,4 +1,6 @@
-"""Trial of a planner: request a plan, compile its first answer, execute the plan, judge trace and twin."""
+"""Trial of a planner: request a plan, compile its first answer, execute the plan, judge trace and
+twin.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,7 @@ class Conditions:
         images: pictures of the workspace, instead of the scenario's own.
         noise: noise model of the simulated robot.
         model_settings: of the requests to models; the paper gives no feedback.
-        beside: a file; pictures of simulated worlds are saved beside it. None: no pictures.
+        beside: a file in whose folder pictures of simulated worlds are saved; None for no pictures.
     """
 
     images: tuple[Path, ...] = ()
@@ -46,7 +48,7 @@ class Conditions:
     beside: Path | None = None
 
 
-# Requests overlap; simulations run one at a time, because they would only slow each other down.
+# Requests overlap. Simulations run one at a time, because they would only slow each other down.
 _executing = threading.Lock()
 
 
@@ -57,6 +59,7 @@ def attempt(trial: PlannerTrial, without: frozenset[str], conditions: Conditions
         InputError: unknown scenario or planner.
         Unavailable: the provider.
     """
+    # Settings of the trial: no comments of the scenario, because they may state the answer.
     task = scenario(trial.scenario)
     planner = planners().make(trial.planner, PlannerSettings())
     looks = isinstance(planner, Observant) and planner.looks
@@ -69,7 +72,7 @@ def attempt(trial: PlannerTrial, without: frozenset[str], conditions: Conditions
     settings = task.settings(
         noise=conditions.noise, seed=trial.number, planner=trial.planner, model_settings=asking
     ).check_values()
-    # Without a scene or a picture there is nothing to plan for: the refusal is right.
+    # Without a scene or a picture no plan is possible: the refusal is right.
     if settings.scene is None and not looks:
         reason = "there is no scene but a picture, and this planner does not look"
         return TrialRecord(trial, True, True, True, reason, outcome="refused rightly")
@@ -78,10 +81,11 @@ def attempt(trial: PlannerTrial, without: frozenset[str], conditions: Conditions
     try:
         run = pipeline.plan(settings, pipeline.load(settings))
     except InputError as error:
-        # A planner without pictures cannot know the name of an object that is only seen.
+        # A planner without pictures cannot know the name of an object that only a picture shows.
         if looks or not task.only_seen:
             raise
         return TrialRecord(trial, True, True, True, str(error), outcome="refused rightly")
+    # Figures of the requests to a model.
     syntax, valid = has_valid_syntax(run), is_valid(run)
     figures: dict[str, Any] = {}
     if run.conversation is not None:
@@ -89,6 +93,7 @@ def attempt(trial: PlannerTrial, without: frozenset[str], conditions: Conditions
         figures = run.conversation.summary()["model"] | {"answers": answers}
     if "text" in without:  # without the request, no answer is right or wrong
         return TrialRecord(trial, syntax, valid, None, figures=figures)
+    # Execute and judge.
     if run.ready:
         with _executing:
             run = with_twin(pipeline.measure(run))
@@ -108,8 +113,10 @@ def attempt(trial: PlannerTrial, without: frozenset[str], conditions: Conditions
 
 
 def workspace_images(task: Scenario, conditions: Conditions) -> tuple[Path, ...]:
-    """Pictures for a model: those given, else the scenario's own, else renderings of its world,
-    made once. Empty without OpenGL."""
+    """Pictures for a model: those given, else the scenario's own, else renderings of its world.
+
+    Renderings are made once. There are none without OpenGL.
+    """
     given = conditions.images or task.images
     if given or conditions.beside is None:
         return given
@@ -126,7 +133,7 @@ def workspace_images(task: Scenario, conditions: Conditions) -> tuple[Path, ...]
 
 
 def with_twin(run: Run) -> Run:
-    """Add the twin. It is not validated in simulation: the truth is known here."""
+    """Add the twin, without its validation in simulation: the study knows the truth."""
     scene = run.scene
     if run.seen is not None and run.final_state is not None:
         scene = run.final_state.scene
@@ -148,10 +155,10 @@ def found_values(run: Run) -> dict[str, MeasuredValue]:
 
 
 def has_valid_syntax(run: Run) -> bool:
-    """The first answer, before any feedback, is a plan that compiles."""
+    """True if the first answer, before any feedback, is a plan that compiles."""
     if run.conversation is None:
         return compiles(run.plan, run.scene)
-    # Later rounds are corrected by feedback of the check, which the paper does not give.
+    # Ignore later rounds: the check corrected them by feedback, which the paper does not give.
     first = run.conversation.rounds[0].answer.text
     try:
         return compiles(read_answer(first).plan, run.scene)

@@ -1,4 +1,4 @@
-"""Efficiency of planners, and figures with intervals."""
+"""Efficiency of planners, and figures with confidence intervals."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from palpate.studies.scenarios.catalogue import scenario, scenarios
 
 @dataclass(frozen=True, slots=True)
 class Rate:
-    """`hits` of `trials` with the 95 % Wilson score interval."""
+    """Rate: `hits` of `trials`, with the 95 % Wilson score interval."""
 
     hits: int
     trials: int
@@ -31,7 +31,7 @@ class Rate:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """(low, high) of the rate."""
+        """Ends (low, high) of the interval of the rate."""
         from scipy.stats import binomtest
 
         if self.trials == 0:  # nothing is known of the rate
@@ -60,18 +60,21 @@ class Ranged:
 
     @classmethod
     def rms(cls, numbers: Array) -> Ranged:
-        """Root mean square of (n,) independent normal numbers about zero: n RMS²/σ² is χ² with n
-        degrees of freedom (Kay, Fundamentals of Statistical Signal Processing I, 1993, app. 3)."""
+        """Root mean square of (n,) independent normal numbers about zero.
+
+        n RMS²/σ² is χ² with n degrees of freedom (Kay, Fundamentals of Statistical Signal
+        Processing I, 1993, app. 3).
+        """
         from scipy.special import chdtri
 
         n, value = len(numbers), float(np.sqrt(np.mean(numbers**2)))
-        # chdtri(n, p) is the χ² value that is exceeded with probability p.
+        # chdtri(n, p) is the χ² value whose probability of exceedance is p.
         low, high = n / chdtri(n, 0.025), n / chdtri(n, 0.975)
         return cls(value, value * sqrt(low), value * sqrt(high))
 
     @property
     def inverse(self) -> Ranged:
-        """1/value with its interval; zero for zero."""
+        """1 / value with its interval; zero for zero."""
         if self.value == 0.0:
             return Ranged(0.0, 0.0, 0.0)
         return Ranged(1.0 / self.value, 1.0 / self.high, 1.0 / self.low)
@@ -79,7 +82,7 @@ class Ranged:
 
 @dataclass(frozen=True, slots=True)
 class TableCell:
-    """Table cell: text, small print below it, and a mark: `good`, `warn`, `bad` or nothing."""
+    """Table cell: text, small print below it, and a mark: `good`, `warn`, `bad` or none."""
 
     text: str
     below: str = ""
@@ -156,8 +159,11 @@ def plot(rows: Sequence[PlannerComparison]) -> str:
 
 
 def efficiency_figure(rows: Sequence[PlannerComparison]) -> Figure:
-    """Actions on the left, robot time on the right, a pair of bars per scenario; the published pair is
-    paler."""
+    """Bar chart with actions on the left and robot time on the right.
+
+    Each scenario has a pair of bars. The published pair is paler.
+    """
+    # Append the published pair to the measured ones.
     names = [*(escape(row.scenario) for row in rows), "the paper's pair"]
     exhaustive, intent = [row.exhaustive for row in rows], [row.intent for row in rows]
     actions = (

@@ -1,5 +1,8 @@
-"""Judge a trial: did the run acquire exactly what the scenario asks for? By the execution trace, as in
-the paper, and by the values in the twin against the hidden truth."""
+"""Judgement of a trial: did the run acquire exactly the parameters that the scenario asks for?
+
+The evidence is the execution trace, as in the paper, and the values in the twin against the hidden
+truth.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ from palpate.studies.trials import SUCCESSES, Outcome
 from palpate.trace.samples import Trace
 
 FAR = 4.0
-"""Stated standard deviations beyond which an identified value is wrong."""
+"""Stated standard deviations: an identified value with a larger error is wrong."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,14 +31,16 @@ class Ruling:
 
     @property
     def success(self) -> bool:
-        """The outcome is the one that the scenario expects."""
+        """True if the outcome is the one that the scenario expects."""
         return self.outcome in SUCCESSES
 
 
 def rule(run: Run, task: Scenario, looks: bool) -> Ruling:
-    """Judge a run of a scenario by its trace and by the values in its twin against the truth.
-    `looks`: the planner sees pictures, so a scenario that only a picture explains counts as
-    solvable."""
+    """Judge a run of a scenario by its trace, and by the values in its twin against the truth.
+
+    `looks` is true if the planner sees pictures. A scenario that only a picture explains then
+    counts as solvable.
+    """
     if not run.ready:
         return judge_without_motion(run, task, looks)
     blind = task.only_seen and not looks
@@ -44,6 +49,7 @@ def rule(run: Run, task: Scenario, looks: bool) -> Ruling:
     if task.status != "complete":
         return judge_stopped_run(run, task, blind)
     assert run.trace_if_any is not None
+    # Judge the trace first, then the values.
     if reason := objection(run.trace_if_any, task.expects, task.may_touch):
         return Ruling("failed", reason)
     if wrong := next(value_errors(run, task.expects), None):
@@ -52,7 +58,7 @@ def rule(run: Run, task: Scenario, looks: bool) -> Ruling:
 
 
 def is_valid(run: Run) -> bool:
-    """The plan, or the explanation for not making one, passed the check."""
+    """True if the plan, or the explanation for making none, passed the check."""
     if run.findings:
         return False
     if run.conversation is None or not run.conversation.rounds:
@@ -61,7 +67,7 @@ def is_valid(run: Run) -> bool:
 
 
 def judge_without_motion(run: Run, task: Scenario, looks: bool) -> Ruling:
-    """Judge a run without an execution: right only if nothing can be measured."""
+    """Judge a run without an execution. It is right only if nothing can be measured."""
     if not is_valid(run):
         findings: Sequence[str] = [finding.message for finding in run.findings]
         if not findings and run.conversation is not None:
@@ -75,8 +81,10 @@ def judge_without_motion(run: Run, task: Scenario, looks: bool) -> Ruling:
 
 
 def judge_stopped_run(run: Run, task: Scenario, blind: bool) -> Ruling:
-    """Judge a run of a scenario where the arm must be stopped: by the right plan, or by any plan of a
-    planner that is `blind` to the obstacle."""
+    """Judge a run of a scenario in which the arm must be stopped.
+
+    A planner that is `blind` to the obstacle may have any plan, others need the right one.
+    """
     needless = set(run.plan.parameters) ^ set(task.expects)
     if needless and not blind:
         return Ruling("failed", f"what to measure is another: {names_of(needless)}")
@@ -89,8 +97,9 @@ def judge_stopped_run(run: Run, task: Scenario, blind: bool) -> Ruling:
 
 
 def value_errors(run: Run, expected: Iterable[Parameter]) -> Iterator[str]:
-    """Reasons against the twin: expected parameters not identified, not written, or off by more
-    than FAR stated standard deviations."""
+    """Yield reasons against the twin: expected parameters that are not identified, not written, or
+    more than FAR stated standard deviations off.
+    """
     estimates = {estimate.parameter: estimate for estimate in run.estimates}
     unwritten = run.finished.unwritten if run.finished else ()
     for parameter in expected:
@@ -112,7 +121,7 @@ def worst_deviation(estimate: Estimate, truth: Sequence[float]) -> float:
     worst = 0.0
     for i, verdict in enumerate(estimate.verdicts):
         error = abs(float(estimate.values[i]) - truth[i])
-        # Components with another verdict promise no accuracy.
+        # Skip other verdicts: they promise no accuracy.
         if verdict == "identified" and error > 0.0:
             std = float(estimate.stds[i])
             worst = max(worst, error / std if std > 0.0 else float("inf"))
@@ -122,10 +131,15 @@ def worst_deviation(estimate: Estimate, truth: Sequence[float]) -> float:
 def objection(
     trace: Trace, expected: Collection[Parameter], may_touch: Collection[str] = ()
 ) -> str:
-    """First reason against a success, empty for a success: the right sensing on the right objects,
-    nothing failed, stopped or redundant.
+    """First reason against a success; empty for a success.
 
-    `may_touch` names objects, in addition to those of `expected`, that may be moved out of the way.
+    A success has the right sensing on the right objects, and no action that failed, was stopped or
+    was redundant.
+
+    Args:
+        trace: of the run.
+        expected: parameters to acquire.
+        may_touch: objects in addition to those of `expected` that may be moved out of the way.
     """
     return next(all_objections(trace, expected, may_touch), "")
 
@@ -133,10 +147,11 @@ def objection(
 def all_objections(
     trace: Trace, expected: Collection[Parameter], may_touch: Collection[str]
 ) -> Iterator[str]:
-    """Reasons against a success, the gravest first."""
+    """Yield the reasons against a success, the most serious first."""
     for leaf in trace.leaves:
         if leaf.status != "SUCCESS":
             yield f"{leaf.label} failed: {leaf.message}"[:300]
+    # Compare the acquired parameters with the expected ones.
     acquired = Counter(acquired_parameters(trace, expected))
     if missed := set(expected) - set(acquired):
         yield f"not acquired: {names_of(missed)}"
@@ -146,7 +161,7 @@ def all_objections(
         yield f"acquired more than once: {names_of(twice)}"
     for node in unused_recordings(trace, expected):
         yield f"measured without need at {node}"
-    # Every object that was ever in the hand must be asked for, or be in the way.
+    # Every object that was in the hand must be requested, or be in the way.
     wanted = {parameter.object for parameter in expected}
     held = {leaf.context.holding for leaf in trace.leaves if leaf.context and leaf.context.holding}
     if strangers := held - wanted - set(may_touch):
@@ -154,7 +169,7 @@ def all_objections(
 
 
 def acquired_parameters(trace: Trace, expected: Collection[Parameter]) -> Iterator[Parameter]:
-    """Converted parameters, and the expected derived ones with a raw force recording."""
+    """Yield the converted parameters, and the expected derived ones with a raw force recording."""
     for conversion in trace.conversions:
         yield Parameter(conversion.object, conversion.quantity)
     logged = [(r.buffer, r.context) for r in trace.recordings]
@@ -165,8 +180,10 @@ def acquired_parameters(trace: Trace, expected: Collection[Parameter]) -> Iterat
 
 
 def unused_recordings(trace: Trace, expected: Collection[Parameter]) -> Iterator[str]:
-    """Nodes of recordings without a conversion, and without an expected derived quantity that they
-    are evidence for."""
+    """Yield the nodes of recordings that nothing uses.
+
+    Such a recording has no conversion, and is not evidence for an expected derived quantity.
+    """
     converted = {(c.recording.buffer, c.recording.start) for c in trace.conversions}
     for recording in trace.recordings:
         if (recording.buffer, recording.start) in converted:

@@ -1,4 +1,4 @@
-"""A study of planners as an HTML page: its results beside the paper's tables."""
+"""HTML page of a study of planners: its results next to the paper's tables."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SELECTIVE = "one_missing_mass"
 
 @dataclass(frozen=True, slots=True)
 class Published:
-    """Row of the paper's table of results, and the scenario and parameter that it is here."""
+    """Row of the paper's table of results, with the corresponding scenario and parameter here."""
 
     name: str
     scenario: str
@@ -57,7 +57,7 @@ RESULTS = (
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Table of the page; the first `published` columns are the paper's."""
+    """Table of the page. The first `published` columns are the paper's."""
 
     title: str
     lead: str
@@ -67,7 +67,7 @@ class Table:
 
 
 def write_page(results: Path) -> Path | None:
-    """Write the page of a results file beside it; None if the file is empty or missing.
+    """Write the page of a results file into its folder; None if the file is empty or missing.
 
     Raises:
         InputError: the file holds something else.
@@ -81,7 +81,7 @@ def write_page(results: Path) -> Path | None:
 
 
 def render(records: Sequence[TrialRecord]) -> str:
-    """The page's HTML."""
+    """Render the page's HTML."""
     found = [scenario_table(records), ablation_table(records), repeatability_table(records)]
     found += [results_table(records), effort_table(records)]
     failures = Counter(
@@ -101,7 +101,7 @@ def render(records: Sequence[TrialRecord]) -> str:
 
 
 def scenario_table(records: Iterable[TrialRecord]) -> Table:
-    """Success rates: a row a scenario, a column a planner."""
+    """Success rates, with scenarios in rows and planners in columns."""
     whole = group_records(
         (record for record in records if record.trial.configuration == "full"),
         lambda record: (record.trial.scenario, record.trial.asked),
@@ -126,7 +126,7 @@ def scenario_table(records: Iterable[TrialRecord]) -> Table:
 
 
 def rate_cell(rate: Rate | None, below: str = "") -> TableCell:
-    """A rate with its interval, or with `below`, in small print."""
+    """Cell of a rate with its interval, or with `below`, in small print."""
     if rate is None:
         return TableCell("–")
     low, high = rate.interval
@@ -137,9 +137,10 @@ def rate_cell(rate: Rate | None, below: str = "") -> TableCell:
 
 
 def ablation_table(records: Sequence[TrialRecord]) -> Table | None:
-    """The paper's table II, if anything was left out of a prompt."""
+    """Compare with the paper's table II, if any part of a prompt was left out."""
     rows = {(row.configuration, row.asked): row for row in table(records)}
     askers = list(dict.fromkeys(asker for _, asker in rows))
+    # Only configurations that were run.
     done = [name for name in CONFIGURATIONS if any((name, asker) in rows for asker in askers)]
     if len(done) < 2:
         return None
@@ -164,7 +165,7 @@ def ablation_table(records: Sequence[TrialRecord]) -> Table | None:
 
 
 def repeatability_table(records: Iterable[TrialRecord]) -> Table:
-    """The paper's table III."""
+    """Compare with the paper's table III."""
     lines: list[Line] = []
     for name, (syntax, success) in REPEATABILITY.items():
         cells = [
@@ -185,17 +186,18 @@ def repeatability_table(records: Iterable[TrialRecord]) -> Table:
 
 
 def results_table(records: Sequence[TrialRecord]) -> Table:
-    """The paper's table IV."""
+    """Compare with the paper's table IV."""
     lines: list[Line] = []
     for line in RESULTS:
         runs: dict[tuple[float, float], MeasuredValue] = {}
         for record in records:
             found = record.found.get(line.parameter)
             if record.trial.scenario == line.scenario and record.success and found is not None:
-                # The same plan with the same seed is the same run: count it once.
+                # Count the same plan with the same seed once: it is the same run.
                 runs.setdefault((found.value[0], found.std[0]), found)
         if not runs:
             continue
+        # Mean and scatter over the runs, against their mean stated deviation.
         values, stds = zip(*runs, strict=True)
         truths = [found.truth[0] for found in runs.values()]
         unit = next(iter(runs.values())).unit
@@ -215,7 +217,7 @@ def results_table(records: Sequence[TrialRecord]) -> Table:
 
 
 def effort_table(records: Iterable[TrialRecord]) -> Table:
-    """The paper's comparison with measuring everything."""
+    """Compare with the paper's effort of measuring everything."""
     done = [r for r in records if r.trial.scenario == SELECTIVE and r.robot_seconds > 0.0]
     lines: list[Line] = []
     for asker, group in group_records(done, lambda record: record.trial.asked).items():

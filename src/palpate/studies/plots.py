@@ -22,15 +22,15 @@ from palpate.studies.summary import levels, shares
 COLOURS = ("#0d9488", "#3b82f6", "#d97706", "#8b5cf6", "#e5484d", "#30a46c", "#db2777", "#8293a7")
 """Colours of quantities and noise models, used in turn."""
 BAND = "rgba(139, 141, 152, 0.18)"
-"""95 % band of correctly stated errors."""
+"""Colour of the 95 % band of correctly stated errors."""
 BARS = (8, 30)
-"""Fewest and most bars of a histogram."""
+"""Smallest and largest count of bars in a histogram."""
 POINTS = 400
-"""Most points of a quantile plot."""
+"""Largest count of points in a quantile plot."""
 REACH = 1e-9
-"""Least distance of a drawn share from 0 and 1: some 6 standard deviations."""
+"""Least distance of a drawn share from 0 and 1: about 6 standard deviations."""
 GOOD = (0.8, 1.3)
-"""Target range of stated std over actual error."""
+"""Target range of the ratio of stated standard deviation to actual error."""
 
 MARGIN = {"l": 52, "r": 12, "t": 10, "b": 42}
 LARGE: Figure = {
@@ -38,11 +38,12 @@ LARGE: Figure = {
     "showlegend": True,
     "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
 }
-"""Layout of a figure of its own, with a legend above it."""
+"""Layout of a large figure, with a legend above it."""
 
 
 def errors(estimates: Sequence[ScoredEstimate], scale: float, unit: str) -> Figure:
     """Distribution of the errors, in `unit`s of 1/`scale`, with the mean stated distribution."""
+    # Scale to the unit; choose a symmetric range that contains all errors and 3 stated deviations.
     found = scale * np.array([each.error for each in estimates])
     stds = scale * np.array([each.std for each in estimates])
     widest = max(float(np.abs(found).max()), 3.0 * float(np.median(stds)))
@@ -74,14 +75,19 @@ def errors(estimates: Sequence[ScoredEstimate], scale: float, unit: str) -> Figu
 
 
 def quantiles(estimates: Sequence[ScoredEstimate]) -> Figure:
-    """Normal quantile plot: errors, transformed by their stated distributions, against the expected
-    order statistics; the band holds 95 of 100 points of calibrated estimates."""
+    """Normal quantile plot of the errors.
+
+    The errors are transformed by their stated distributions, and drawn against the expected order
+    statistics. The band contains 95 of 100 points of calibrated estimates.
+    """
+    # Probability integral transform of the errors, sorted and thinned out.
     share = np.sort(np.clip(shares(estimates), REACH, 1.0 - REACH))
     n = len(share)
     kept = np.unique(np.linspace(0, n - 1, min(n, POINTS)).astype(int))
     rank = kept + 1.0
-    # Expected normal order statistics: G. Blom, Statistical Estimates and Transformed Beta Variables,
-    # 1958. The rank-th smallest of n uniform numbers is Beta(rank, n + 1 - rank): that gives the band.
+    # Expected normal order statistics: G. Blom, Statistical Estimates and Transformed Beta
+    # Variables, 1958. The rank-th smallest of n uniform numbers is Beta(rank, n + 1 - rank), which
+    # gives the band.
     expected = ndtri((rank - 0.375) / (n + 0.25))
     low, high = (ndtri(betaincinv(rank, n + 1.0 - rank, p)) for p in (0.025, 0.975))
     ends = expected[[0, -1]] if n > 1 else np.array([-1.0, 1.0])
@@ -109,7 +115,7 @@ def coverage(groups: Mapping[str, Sequence[ScoredEstimate]]) -> Figure:
     everything = [each for group in groups.values() for each in group]
     nominal = np.linspace(0.005, 0.995, 199)
     n = len(everything)
-    # Of n calibrated intervals, a binomial number holds the truth.
+    # Band: the count of n calibrated intervals that contain the truth is binomial.
     low, high = (bdtrik(p, n, nominal) / n for p in (0.025, 0.975))
     lines = [*band_traces(100 * nominal, 100 * low, 100 * high)]
     ends = np.array([0.0, 100.0])
@@ -125,8 +131,12 @@ def coverage(groups: Mapping[str, Sequence[ScoredEstimate]]) -> Figure:
 
 
 def ratios(rows: Sequence[tuple[str, Ranged]]) -> Figure:
-    """Stated std over actual error, one row a parameter, with 95 % intervals; the target range is
-    shaded."""
+    """Ratio of stated standard deviation to actual error, a row for each parameter, with 95 %
+    intervals.
+
+    The target range is shaded. The axis is logarithmic.
+    """
+    # Plotly draws the first row at the bottom: reverse the order.
     rows = [(escape(name), stated) for name, stated in reversed(rows)]
     scale = {"type": "log", "range": [np.log10(0.2), np.log10(5.0)], "showgrid": True}
     scale |= {"tickvals": [0.25, 0.5, 1, 2, 4], "ticktext": ["¼", "½", "1", "2", "4"]}
@@ -178,6 +188,7 @@ def ratios(rows: Sequence[tuple[str, Ranged]]) -> Figure:
 
 
 def coverage_curve(name: str, group: Sequence[ScoredEstimate], colour: str, width: float) -> Figure:
+    # Share of intervals that contain the truth, as a step function of their level.
     level = 100.0 * np.sort(levels(group))
     held = 100.0 * np.arange(1, len(level) + 1) / len(level)
     kept = np.unique(np.linspace(0, len(level) - 1, min(len(level), POINTS)).astype(int))
@@ -189,8 +200,12 @@ def coverage_curve(name: str, group: Sequence[ScoredEstimate], colour: str, widt
 
 
 def scatter(points: Mapping[str, Sequence[tuple[str, float, float]]]) -> Figure:
-    """Root mean square error against mean stated standard deviation, SI units, a colour a noise model;
-    `points`: names, stated, actual."""
+    """Root mean square error against mean stated standard deviation, SI units, a colour for each
+    noise model.
+
+    `points` are (name, stated, actual) by noise model.
+    """
+    # Square range with a margin, and the band of the target ratios.
     numbers = [number for row in points.values() for _, *both in row for number in both]
     ends = np.array([min(numbers), max(numbers)]) * np.array([0.4, 2.5])
     drawn = band_traces(ends, ends / GOOD[1], ends / GOOD[0])

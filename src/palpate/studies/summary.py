@@ -31,17 +31,18 @@ from palpate.studies.workers import Crew, Lines, Lost, Progress
 
 FILE = "rows.jsonl"
 FILES = ("scene", "poses", "world", "robot_config")
-"""Settings that name a file: its content identifies a run, not its path."""
+"""Settings that name a file. The content of the file identifies a run, not its path."""
 PLACES = "drawn by their accuracy"
-"""Placement of objects. Rows without this entry are of worlds with all objects exactly at their
-stated poses."""
+"""Placement of objects. Rows without this entry are from worlds with all objects exactly at their
+stated poses.
+"""
 APART = ("seed", "palpate", "images")
 """Keys of `request.json` that do not describe the run."""
 
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """A scenario at a noise model, by its title."""
+    """A scenario with a noise model, by its title."""
 
     scenario: str
     noise: str
@@ -49,7 +50,7 @@ class Group:
 
 @dataclass(frozen=True, slots=True)
 class SeedRow:
-    """Seed of a group, with all other settings of its run in `group_settings`, by name."""
+    """Seed of a group. `about` has all other settings of its run in `group_settings`, by name."""
 
     group: Group
     about: dict[str, str]
@@ -70,12 +71,15 @@ def measure(
     folder: Path | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> Runs:
-    """Return the runs of every question with every seed. Runs in `folder` are reused, the others
-    are made by `crew` and appended; `say` receives the progress.
+    """Return the runs of every question with every seed.
+
+    Runs in `folder` are reused. `crew` makes the others, and they are appended. `say` receives the
+    progress.
 
     Raises:
         InputError: bad settings, or the folder holds runs with other settings.
     """
+    # Find the runs that the folder lacks.
     known = {row.key: row for row in read(folder)} if folder else {}
     asked: dict[Group, dict[str, str]] = {}
     todo: list[tuple[Group, StudyCase]] = []
@@ -90,6 +94,7 @@ def measure(
     lines = Lines(folder / FILE) if folder else None
     if lines is not None:
         lines.add()  # fails before anything is computed, if the file cannot be written
+    # Make and append them one by one: a killed campaign loses only runs in progress.
     progress = Progress(len(wanted), len(wanted) - len(todo))
     say(str(progress))
     for place, found in crew.each(run_case, [case for _, case in todo]):
@@ -104,12 +109,12 @@ def measure(
 
 
 def group_settings(settings: Settings) -> dict[str, str]:
-    """Settings that identify a group, without the seed; files are represented by their digest."""
+    """Settings that identify a group, without the seed. Files are represented by their digests."""
     asked = {name: value for name, value in request_json(settings).items() if name not in APART}
     for name in FILES:
         path: Path | None = getattr(settings, name)
         asked[name] = short_digest(path.read_bytes()) if path else None
-    # A noise file of the same name may have another content.
+    # Use the content of the noise model: a file of the same name may differ.
     asked["noise"] = short_digest(repr(noise_models().load(settings.noise)).encode())
     asked["places"] = PLACES
     return {name: str(value) for name, value in asked.items() if value is not None}
@@ -125,7 +130,7 @@ def read(folder: Path) -> list[SeedRow]:
 
 
 def group_runs(rows: Iterable[SeedRow]) -> Runs:
-    """The runs of each group, in order of first appearance."""
+    """Group the runs, in order of first appearance."""
     found: Runs = {}
     for row in rows:
         found.setdefault(row.group, []).append(row.run)
@@ -133,7 +138,11 @@ def group_runs(rows: Iterable[SeedRow]) -> Runs:
 
 
 def refuse_other_settings(rows: Iterable[SeedRow], asked: dict[Group, dict[str, str]]) -> None:
-    """Raise InputError if a group's kept rows have other settings than those asked for."""
+    """Require that a group's kept rows have the requested settings.
+
+    Raises:
+        InputError: they differ.
+    """
     for row in rows:
         now = asked.get(row.group, row.about)
         other = [name for name in {**row.about, **now} if row.about.get(name) != now.get(name)]
@@ -154,9 +163,11 @@ def short_digest(content: bytes) -> str:
 Key = tuple[Parameter, int]
 """Parameter and index of its component."""
 FREEDOMS = np.geomspace(1.0, 1e6, 2000)
-"""Degrees of freedom of the table from which those of an interval are interpolated."""
+"""Degrees of freedom in the table that is interpolated for an interval."""
 QUANTILES = stdtrit(FREEDOMS, 0.975)
-"""Half widths of the 95 % intervals of Student's t with these, in standard deviations."""
+"""Half widths of the 95 % intervals of Student's t with these degrees of freedom, in standard
+deviations.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +176,7 @@ class Scores:
 
     Attributes:
         runs: n.
-        coverage95, coverage50: share of the 95 % and 50 % intervals that hold the truth.
+        coverage95, coverage50: share of the 95 % and 50 % intervals that contain the truth.
         stated: 1 / RMS(z), z = error / stated standard deviation; 1 for calibrated estimates.
         worst: largest |z|.
     """
@@ -191,20 +202,22 @@ class Scores:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """A parameter's component over all seeds, in its SI unit. Its figures are those of the seeds that
-    identified it or were kept from it by a physical bound only, None without any.
+    """A parameter's component over all seeds, in its SI unit.
+
+    The figures are those of the seeds that identified it, or that only a physical bound kept from
+    it. They are None without any such seed.
 
     Attributes:
-        runs: number of these seeds.
+        runs: count of these seeds.
         truth, mean: mean true and estimated value of these.
         bias: mean error.
         sd: standard deviation of the errors.
         claimed: mean of the stated standard deviations; near `rmse` for calibrated estimates.
-        covered: number of 95 % intervals that hold the truth.
+        covered: count of 95 % intervals that contain the truth.
         single_shot_sd: as `sd`, of the naive mean of F_z/g; None for quantities without one.
         unit: as printed.
-        asked: number of all seeds.
-        verdicts: number of seeds by verdict.
+        asked: count of all seeds.
+        verdicts: count of seeds by verdict.
         rmse: root mean square of the errors.
     """
 
@@ -241,6 +254,7 @@ def summarise(runs: Sequence[SeedRun]) -> list[Summary]:
 def component_summary(
     key: Key, found: Sequence[ScoredEstimate | MissingComponent], asked: int
 ) -> Summary:
+    # Statistics use only components that depend on the recordings.
     verdicts = Counter(each.verdict for each in found)
     identified = [each for each in found if isinstance(each, ScoredEstimate)]
     identified = [each for each in identified if each.is_evidence]
@@ -254,7 +268,7 @@ def component_summary(
     )
     if not identified:
         return summary
-    # The single-shot mass F_z/g of the same recording shows what the estimator gains.
+    # The single-shot mass F_z/g of the same recording shows the gain by the estimator.
     errors = [each.error for each in identified]
     naive = [each.single_shot - each.truth for each in identified if each.single_shot is not None]
     return replace(
@@ -271,26 +285,30 @@ def component_summary(
 
 
 def errors_in_std(estimates: Sequence[ScoredEstimate]) -> Array:
-    """(n,) errors in stated standard deviations."""
+    """Errors (n,) in stated standard deviations."""
     return np.array([each.error / each.std for each in estimates])
 
 
 def shares(estimates: Sequence[ScoredEstimate]) -> Array:
-    """Probability integral transform of each error, (n,): its stated distribution function at the
-    error; uniform in 0…1 for calibrated estimates.
+    """Probability integral transform (n,) of the errors: the stated distribution function at each
+    error.
 
-    The stated distribution is Student's t, with the degrees of freedom that give the stated upper half
-    of the 95 % interval.
+    It is uniform in 0…1 for calibrated estimates. The stated distribution is Student's t. Its
+    degrees of freedom are those of the stated upper half of the 95 % interval.
     """
     halves = np.array([(each.high - each.value) / each.std for each in estimates])
-    # np.interp needs increasing abscissae, and the quantile falls with the degrees of freedom.
+    # np.interp needs increasing abscissae, and the quantile falls with the degrees of freedom:
+    # negate both.
     freedom = np.interp(-halves, -QUANTILES, FREEDOMS)
     return stdtr(freedom, errors_in_std(estimates))
 
 
 def levels(estimates: Sequence[ScoredEstimate]) -> Array:
-    """Level of the narrowest central interval that holds the truth, (n,); uniform in 0…1 for
-    calibrated estimates."""
+    """Level (n,) of the narrowest central interval that contains the truth, |2 u - 1| with u of
+    `shares`.
+
+    It is uniform in 0…1 for calibrated estimates.
+    """
     return np.abs(2.0 * shares(estimates) - 1.0)
 
 

@@ -1,7 +1,7 @@
-"""Independent trials of planners, several in parallel, each appended to a file on completion; and
-their success rates.
+"""Independent trials of planners, several in parallel, and their success rates.
 
-A study that was killed can be continued: trials in the file are not repeated.
+Each is appended to a file on completion. A killed study can be continued: trials in the file are
+not repeated.
 """
 
 from __future__ import annotations
@@ -19,13 +19,14 @@ from palpate.studies.efficiency import Rate
 from palpate.studies.workers import Lines
 
 OUTAGES = 3
-"""Consecutive trials that find the provider unavailable, after which no further one is started."""
+"""Consecutive trials with an unavailable provider after which no further trial is started."""
 
 Outcome = Literal[
     "not judged", "acquired", "stopped rightly", "refused rightly", "refused", "failed"
 ]
-"""Outcome of a trial. Successes: the right quantities were acquired; the arm had to be stopped and
-was; nothing could be measured and the planner said so."""
+"""Outcome of a trial. The successes are: the right quantities were acquired; the arm was stopped
+where it had to be; nothing could be measured and the planner refused.
+"""
 SUCCESSES: tuple[Outcome, ...] = ("acquired", "stopped rightly", "refused rightly")
 
 Key = TypeVar("Key")
@@ -38,9 +39,9 @@ class PlannerTrial:
     Attributes:
         scenario: its name.
         planner: planner string.
-        configuration: what was left out of the prompt, `full` if nothing.
+        configuration: omitted part of the prompt, `full` for none.
         number: from 0; also the seed of the simulated world's sensors.
-        prompt: which system prompt, `full` or `lean`.
+        prompt: style of the system prompt, `full` or `lean`.
         critic: the second model that may object; empty if none.
     """
 
@@ -53,7 +54,7 @@ class PlannerTrial:
 
     @property
     def asked(self) -> str:
-        """Planner, prompt style and critic, as a label; defaults left out."""
+        """Planner, prompt style and critic, as a label without defaults."""
         words = [self.planner]
         if self.prompt != "full":
             words.append(f"{self.prompt} prompt")
@@ -73,8 +74,10 @@ def every_trial(
     prompts: Iterable[str] = ("full",),
     critic: str = "",
 ) -> list[PlannerTrial]:
-    """`number` trials of every configuration of every prompt with every planner, scenario by
-    scenario and planner by planner."""
+    """List `number` trials of every configuration of every prompt with every planner.
+
+    They are ordered by scenario, then by planner.
+    """
     each = product(scenarios, planners, prompts, configurations, range(number))
     return [
         PlannerTrial(scenario, planner, configuration, i, prompt, critic)
@@ -98,11 +101,13 @@ class TrialRecord:
     """Record of a trial, a line of the results file.
 
     Attributes:
+        trial: identity.
         syntax: the first answer is a plan that compiles to a behavior tree.
-        valid: a plan, or an explanation for not making one, passed the check.
+        valid: a plan, or an explanation for making none, passed the check.
         success: the outcome is one of `SUCCESSES`; None if the task defines none.
         reason: of a failure.
         figures: tokens, cost, latency, the model's name as the provider reports it.
+        outcome: of the trial.
         found: estimates by parameter.
         actions: leaves that were started.
         robot_seconds: duration of the execution.
@@ -144,8 +149,9 @@ def run_trials(
     in_flight: int = 4,
     say: Callable[[str], None] = lambda _: None,
 ) -> list[TrialRecord]:
-    """Return the records of all trials, in order: read from `file`, or made by `attempt` and appended
-    to it.
+    """Return the records of all trials, in order.
+
+    Records in `file` are read, the others are made by `attempt` and appended.
 
     Raises:
         InputError: `file` is not a results file.
@@ -176,8 +182,10 @@ def read_records(file: Path) -> list[TrialRecord]:
 def attempt_in_parallel(
     trials: Sequence[PlannerTrial], attempt: Callable[[PlannerTrial], TrialRecord], in_flight: int
 ) -> Iterator[TrialRecord]:
-    """Yield records in order of completion, with at most `in_flight` trials at a time; end early if
-    the provider stays unavailable."""
+    """Yield records in order of completion, with at most `in_flight` trials at a time.
+
+    The iteration ends early if the provider stays unavailable.
+    """
     waiting = iter(trials)
     outage: Unavailable | None = None
     in_a_row = 0
@@ -185,13 +193,14 @@ def attempt_in_parallel(
         running = {pool.submit(attempt, trial) for trial in islice(waiting, in_flight)}
         while running:
             done, running = wait(running, return_when=FIRST_COMPLETED)
+            # An unavailable provider gives no record: the trial is repeated in the next session.
             for future in done:
                 try:
                     yield future.result()
                     in_a_row = 0
                 except Unavailable as error:  # no result: the trial is repeated next time
                     outage, in_a_row = error, in_a_row + 1
-            # As many start as have ended, so that at most `in_flight` run.
+            # Start as many trials as have ended.
             if in_a_row < OUTAGES:
                 running |= {pool.submit(attempt, trial) for trial in islice(waiting, len(done))}
     if outage is not None:

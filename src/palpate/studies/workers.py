@@ -26,7 +26,7 @@ from palpate.common.files import read_bytes
 from palpate.common.processes import ignore_signals
 
 LARGEST = 1_000_000_000
-"""Bytes of the largest results file that is read."""
+"""Bytes: size of the largest results file that is read."""
 
 Row = TypeVar("Row")
 
@@ -38,8 +38,9 @@ class Lines:
     file: Path
 
     def read(self) -> list[dict[str, Any]]:
-        """Read all complete lines; a last one without its end was cut off and is left out. Empty
-        without a file.
+        """Read all complete lines; empty without a file.
+
+        A last line without its end was cut off, and is left out.
 
         Raises:
             InputError: the file holds something else.
@@ -63,7 +64,7 @@ class Lines:
             raise self.other() from None
 
     def add(self, *rows: Mapping[str, Any]) -> None:
-        """Append rows and wait until they are on the disk; without rows, just create the file.
+        """Append rows and wait until they are on the disk. Without rows, only create the file.
 
         Raises:
             InputError: the file cannot be written.
@@ -72,11 +73,13 @@ class Lines:
         try:
             self.file.parent.mkdir(parents=True, exist_ok=True)
             with self.file.open("ab+") as file:
+                # Remove an incomplete last line, which a killed process has left.
                 size = file.seek(0, os.SEEK_END)
                 file.seek(max(size - 1, 0))
                 if size and file.read(1) != b"\n":  # a kill has left a line without its end
                     file.seek(0)
                     file.truncate(file.read().rfind(b"\n") + 1)
+                # Write all rows at once, and flush them to the disk.
                 file.write("".join(lines).encode())
                 file.flush()
                 os.fsync(file.fileno())
@@ -100,7 +103,8 @@ class Lines:
 
 
 def strict_json(content: Any) -> Any:
-    """Replace infinities and NaN, which JSON lacks, by words (`inf`, `nan`); pydantic reads them."""
+    """Replace infinities and NaN, which JSON lacks, by words (`inf`, `nan`). pydantic reads
+    these."""
     if isinstance(content, Mapping):
         named = cast("Mapping[str, Any]", content)
         return {name: strict_json(value) for name, value in named.items()}
@@ -118,7 +122,7 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 AHEAD = 2
-"""Tasks that a worker receives ahead, so that it never waits for the next."""
+"""Tasks that a worker receives in advance, so that it never waits for the next one."""
 
 
 class Lost(Exception):
@@ -149,6 +153,7 @@ class Processes:
         self, work: Callable[[Task], Result], tasks: Sequence[Task]
     ) -> Iterator[tuple[int, Result | Lost]]:
         """See `Crew.each`."""
+        # A single process works in place.
         if self.count == 1:
             for place, task in enumerate(tasks):
                 yield place, work(task)
@@ -156,7 +161,8 @@ class Processes:
         waiting = deque(range(len(tasks)))
         while waiting:
             under_way = yield from self._run_queue(work, tasks, waiting)
-            # A broken pool does not say which task broke it: repeat each in a process of its own.
+            # A broken pool does not report the task that broke it: repeat each one in a separate
+            # process.
             for place in under_way:
                 with ProcessPoolExecutor(1, initializer=ignore_signals) as pool:
                     try:
@@ -168,13 +174,14 @@ class Processes:
     def _run_queue(
         self, work: Callable[[Task], Result], tasks: Sequence[Task], waiting: deque[int]
     ) -> Generator[tuple[int, Result], None, list[int]]:
-        """Work through the queue until it is empty or a process dies; return the tasks in progress."""
-        # Only this process handles signals; the others finish their tasks.
+        """Work through the queue until it is empty or a process dies; return the tasks in
+        progress."""
+        # Only this process handles signals; the workers finish their tasks.
         pool = ProcessPoolExecutor(self.count, initializer=ignore_signals)
         running: dict[Future[Result], int] = {}
         try:
             while waiting or running:
-                # A short queue keeps few tasks at risk if a process dies.
+                # Keep the queue short: few tasks are at risk if a process dies.
                 while waiting and len(running) < AHEAD * self.count:
                     future = pool.submit(work, tasks[waiting[0]])
                     running[future] = waiting.popleft()
@@ -190,7 +197,7 @@ class Processes:
 
 
 def spread(work: Callable[[Task], Result], tasks: Sequence[Task], workers: int) -> list[Result]:
-    """Map `work` over the tasks with `workers` processes; results in the order of the tasks.
+    """Map `work` over the tasks with `workers` processes; return results in the order of the tasks.
 
     Raises:
         Lost: the process that executed a task died.
@@ -205,7 +212,10 @@ def spread(work: Callable[[Task], Result], tasks: Sequence[Task], workers: int) 
 
 @dataclass(slots=True)
 class Progress:
-    """Tasks done of `total`, `before` of them in an earlier session; rate and time left as text."""
+    """Progress of a study: tasks done of `total`, with rate and remaining time as text.
+
+    `before` of them were done in an earlier session.
+    """
 
     total: int
     before: int = 0
@@ -222,6 +232,7 @@ class Progress:
         return str(self)
 
     def __str__(self) -> str:
+        # Rate of this session only.
         so_far, elapsed = self.done - self.before, self.clock() - self.began
         if not so_far or elapsed <= 0.0:
             return f"{self.done}/{self.total}"
@@ -231,7 +242,7 @@ class Progress:
             return line
         seconds = each * (self.total - self.done)
         minutes = round(seconds / 60.0)
-        # Two minutes and two hours each switch to the coarser unit.
+        # Choose the unit: seconds below two minutes, minutes below two hours.
         left = f"{minutes // 60} h {minutes % 60:02d} min"
         if seconds < 120.0:
             left = f"{seconds:.0f} s"
@@ -246,18 +257,19 @@ class Progress:
 LOCAL = "local"
 """Address without a cluster: processes of this machine."""
 PATIENCE = 5.0
-"""s in which the head of a cluster must answer."""
+"""s: time in which the head of a cluster must answer."""
 ADDRESS = re.compile(r"(?:ray://)?(?P<host>[\w.-]+):(?P<port>\d{1,5})")
 
 
 @contextmanager
 def crew(address: str, workers: int | None = None) -> Generator[Crew]:
-    """Workers of the Ray cluster at `address`: `local`, `auto` (the cluster that runs on this
-    machine), `HOST:PORT` or `ray://HOST:PORT`. At most `workers` of them, by default one per
-    processor.
+    """Yield the workers at `address`.
+
+    The address is `local`, `auto` (the cluster that runs on this machine), `HOST:PORT` or
+    `ray://HOST:PORT`. At most `workers` are used, by default one per processor.
 
     Raises:
-        InputError: it is no address.
+        InputError: it is not an address.
         Unavailable: Ray is not installed, or the cluster does not answer.
     """
     if address == LOCAL:
@@ -278,7 +290,7 @@ class RayCrew:
 
     Attributes:
         ray: the library.
-        room: tasks that are submitted at a time.
+        room: largest count of submitted tasks.
     """
 
     ray: Any
@@ -289,11 +301,12 @@ class RayCrew:
     ) -> Iterator[tuple[int, Result | Lost]]:
         """See `Crew.each`."""
 
-        # Ray wraps functions only, not any callable.
+        # Wrap the callable: Ray accepts only functions.
         def remote_work(task: Task) -> Result:
             return work(task)
 
         remote = self.ray.remote(num_cpus=1, max_retries=1)(remote_work)
+        # Keep `room` tasks submitted, and yield results as they arrive.
         waiting, running = deque(range(len(tasks))), dict[Any, int]()
         while waiting or running:
             while waiting and len(running) < self.room:
@@ -313,10 +326,11 @@ class RayCrew:
 
 
 def require_answer(address: str) -> None:
-    """Require a head of a cluster at the address, within `PATIENCE`; Ray itself waits for minutes.
+    """Require that a head of a cluster answers at the address, within `PATIENCE`. Ray itself waits
+    for minutes.
 
     Raises:
-        InputError: it is no address.
+        InputError: it is not an address.
         Unavailable: no answer.
     """
     if address == "auto":

@@ -1,7 +1,7 @@
 """URDF of a compiled model: links, joints and their shapes.
 
-Written here: existing converters leave out primitives and collisions, and give every joint a mass. URDF
-has neither friction nor contact parameters, no planes, capsules or ball joints.
+Existing converters leave out primitives and collisions, and give every joint a mass. URDF has
+neither friction nor contact parameters, and no planes, capsules or ball joints.
 """
 
 from __future__ import annotations
@@ -30,28 +30,28 @@ from palpate.twin.export_facts import (
 
 MESHES = "meshes"
 SHOWN = 2
-"""The last group of geoms that is shown, as in MuJoCo's viewer."""
+"""Last group of geoms that is shown, as in MuJoCo's viewer."""
 NOT_SIMPLE = (
     mujoco.mjtGeom.mjGEOM_MESH,
     mujoco.mjtGeom.mjGEOM_SDF,
     mujoco.mjtGeom.mjGEOM_ELLIPSOID,
     mujoco.mjtGeom.mjGEOM_HFIELD,
 )
-"""Shapes that URDF has in files, or not at all."""
+"""Shapes that URDF has only in files, or not at all."""
 EFFORT, SPEED = "1e6", "1e3"
-"""N or N m, m/s or rad/s: MJCF bounds neither, and URDF must have a number."""
+"""Limits of a joint: N or N m, and m/s or rad/s. MJCF bounds neither, and URDF requires numbers."""
 
 Inset = tuple[Pose, str, dict[str, str]]
-"""A part of a geom: its pose in the link, and an element of `<geometry>`."""
+"""Part of a geom: its pose in the link, and an element of `<geometry>`."""
 
 
 @dataclass(slots=True)
 class Written:
-    """Written URDF.
+    """Result of writing a URDF.
 
     Attributes:
-        parts: by link, the number of shapes of each geom that collides.
-        notes: what URDF cannot state.
+        parts: by link, the count of shapes for each geom that collides.
+        notes: contents that URDF cannot state.
     """
 
     parts: dict[str, list[int]] = field(default_factory=dict[str, list[int]])
@@ -59,9 +59,12 @@ class Written:
 
 
 def write_urdf(model: mujoco.MjModel, path: Path) -> Written:
-    """Write a model, all of whose bodies, geoms and joints have names, and its meshes beside it."""
+    """Write a model, and its meshes in a folder next to it. All bodies, geoms and joints must have
+    names.
+    """
     root = etree.Element("robot", {"name": path.stem})
     written = Written()
+    # Links first, then the joints between them, then the files of the meshes.
     for body in range(model.nbody):
         add_link(root, model, body, written)
     for body in range(1, model.nbody):
@@ -76,8 +79,10 @@ def write_urdf(model: mujoco.MjModel, path: Path) -> Written:
 
 
 def urdf_to_look_at(model: mujoco.MjModel) -> str:
-    """Links, joints and visible shapes of a model in one text: a shape that URDF lacks, or has only in
-    another file, is replaced by the box around it."""
+    """Write links, joints and visible shapes of a model into one text.
+
+    A shape that URDF lacks, or has only in another file, is replaced by the box around it.
+    """
     root = etree.Element("robot", {"name": "cell"})
     for body in range(model.nbody):
         link = etree.SubElement(root, "link", {"name": body_name(model, body)})
@@ -85,6 +90,7 @@ def urdf_to_look_at(model: mujoco.MjModel) -> str:
             if model.geom_group[geom] > SHOWN:
                 continue
             insets = insets_of(model, geom)
+            # The box of MuJoCo's AABB, in the geom's frame.
             if mujoco.mjtGeom(model.geom_type[geom]) in NOT_SIMPLE:
                 centre, half = np.split(model.geom_aabb[geom], 2)
                 pose = Pose.of(model.geom_pos[geom], model.geom_quat[geom]) @ Pose.of(centre)
@@ -96,7 +102,7 @@ def urdf_to_look_at(model: mujoco.MjModel) -> str:
 
 
 def read_urdf(path: Path, written: Written) -> dict[str, Facts]:
-    """Read the file back by MuJoCo; the parts of a geom are joined again.
+    """Read the file back by MuJoCo, and join the parts of each geom again.
 
     Raises:
         ValueError: MuJoCo does not accept it.
@@ -106,6 +112,7 @@ def read_urdf(path: Path, written: Written) -> dict[str, Facts]:
     spec.compiler.discardvisual = True
     spec.compiler.boundmass = spec.compiler.boundinertia = 1e-12  # links between two joints
     found = facts_of(spec.compile())
+    # Several shapes of one geom become the box around all of them.
     for name, facts in found.items():
         joined: list[Array] = []
         first = 0
@@ -125,6 +132,7 @@ def add_link(root: Element, model: mujoco.MjModel, body: int, written: Written) 
         inertial = etree.SubElement(link, "inertial")
         add_origin(inertial, Pose.of(model.body_ipos[body]))
         etree.SubElement(inertial, "mass", {"value": _number(model.body_mass[body])})
+        # Six entries of the symmetric tensor, in the link's axes.
         inertia = tensor(model.body_inertia[body], model.body_iquat[body])
         entries: dict[str, str] = {}
         for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
@@ -146,7 +154,7 @@ def add_link(root: Element, model: mujoco.MjModel, body: int, written: Written) 
 
 
 def insets_of(model: mujoco.MjModel, geom: int) -> Iterable[Inset]:
-    """A geom in URDF's shapes, in its link's frame."""
+    """Convert a geom to URDF's shapes, in its link's frame."""
     x, y, z = model.geom_size[geom].tolist()
     pose = Pose.of(model.geom_pos[geom], model.geom_quat[geom])
     ball = {"radius": _number(x)}
@@ -161,7 +169,7 @@ def insets_of(model: mujoco.MjModel, geom: int) -> Iterable[Inset]:
         case mujoco.mjtGeom.mjGEOM_SPHERE:
             yield pose, "sphere", ball
         case kind:
-            # URDF has no capsules: a cylinder with a ball at either end.
+            # URDF has no capsules: use a cylinder with a ball at each end.
             yield pose, "cylinder", {**ball, "length": _number(2 * y)}
             if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
                 for end in (-y, y):
@@ -187,8 +195,11 @@ def add_shape(link: Element, tag: str, inset: Inset) -> Element:
 
 
 def add_joints(root: Element, model: mujoco.MjModel, body: int, written: Written) -> None:
-    """Add the joints from a body's parent to it. A link's frame is its joint's: where a joint is away
-    from the body's origin, or is one of several, there is a link in between."""
+    """Add the joints from a body's parent to it.
+
+    A link's frame is its joint's. If a joint is away from the body's origin, or is one of several,
+    a link is inserted.
+    """
     name, parent = body_name(model, body), body_name(model, int(model.body_parentid[body]))
     way = Pose.of(model.body_pos[body], model.body_quat[body])
     first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
@@ -204,6 +215,7 @@ def add_joints(root: Element, model: mujoco.MjModel, body: int, written: Written
         for tag, values in attributes.items():
             etree.SubElement(element, tag, values)
         parent, way = child, at.inverse()
+    # A body without a joint at its origin is fixed to the last link.
     if parent != name:
         add_joint(root, f"{name}_mount", "fixed", (parent, name), way)
 
@@ -211,7 +223,7 @@ def add_joints(root: Element, model: mujoco.MjModel, body: int, written: Written
 def joint_type(
     model: mujoco.MjModel, joint: int, written: Written
 ) -> tuple[str, dict[str, dict[str, str]]]:
-    """A joint's type, and its axis and limits. URDF's zero is MuJoCo's initial configuration."""
+    """Type, axis and limits of a joint. URDF's zero is MuJoCo's initial configuration."""
     kind = mujoco.mjtJoint(model.jnt_type[joint])
     if kind == mujoco.mjtJoint.mjJNT_FREE:
         return "floating", {}
@@ -222,9 +234,10 @@ def joint_type(
     hinge, limited = kind == mujoco.mjtJoint.mjJNT_HINGE, bool(model.jnt_limited[joint])
     if hinge and not limited:
         return "continuous", axis
+    # Shift the limits to URDF's zero.
     low, high = model.jnt_range[joint] - model.qpos0[model.jnt_qposadr[joint]]
     if not limited:
-        # URDF has no slide without limits: as far as the ground reaches.
+        # URDF has no slide without limits: use the size of the ground.
         low, high = -GROUND[0], GROUND[0]
     bounds = {"lower": _number(low), "upper": _number(high), "effort": EFFORT, "velocity": SPEED}
     return "revolute" if hinge else "prismatic", {**axis, "limit": bounds}
@@ -244,9 +257,11 @@ def add_origin(element: Element, pose: Pose) -> None:
 
 
 def roll_pitch_yaw(rotation: Array) -> Array:
-    """(3,) rad about the fixed x, then y, then z. At ±90 degrees of pitch, roll is 0."""
+    """Angles (3,) rad about the fixed x, then y, then z axis. At ±90 degrees of pitch, roll is
+    0."""
     level = float(np.hypot(rotation[0, 0], rotation[1, 0]))
     pitch = np.arctan2(-rotation[2, 0], level)
+    # Gimbal lock: only the sum of roll and yaw is determined.
     if level < 1e-9:
         return np.array([0.0, pitch, np.arctan2(-rotation[0, 1], rotation[1, 1])])
     roll = np.arctan2(rotation[2, 1], rotation[2, 2])
@@ -262,5 +277,5 @@ def _numbers(values: Iterable[float]) -> str:
 
 
 def _number(value: float) -> str:
-    """Nine digits, without a negative zero."""
+    """Format with nine digits, without a negative zero."""
     return f"{float(value) + 0.0:.9g}"

@@ -1,4 +1,4 @@
-"""Catalogue of the bundled scenarios: one folder each, read like a user's own files."""
+"""Catalogue of the bundled scenarios. Each is a folder, read as a user's own files."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ from palpate.runs.settings import Settings
 
 ROOT = Path(__file__).parent
 FIRST = "bottle_and_table"
-"""The paper's first scenario, which is also the demo."""
+"""The paper's first scenario, also used by the demo."""
 FILES = {"scene": "scene.xml", "poses": "poses.yaml", "world": "world.xml"}
-"""Files of a scenario's folder, by field of `Settings`. A sub-case shares the files that only its
-parent's folder has."""
+"""Files of a scenario's folder, by field of `Settings`. A sub-case shares files that only its
+parent's folder has.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +36,7 @@ class Scenario:
         planner: planner of its run.
         status: status in which a run ends.
         images: pictures for a model; without any, one of the simulated world is rendered.
-        may_touch: objects that a plan has to move beside those of the measured parameters.
+        may_touch: objects that a plan must move in addition to those of the measured parameters.
         only_seen: True where only a picture resolves the request's objects.
     """
 
@@ -65,8 +66,8 @@ class Scenario:
         return {file.stem: file for file in sorted(self.folder.glob("plans/*"))}
 
     def settings(self, **changes: Any) -> Settings:
-        """Settings of its run, with `changes` of single fields; `planner="replay:NAME"` names one of
-        `plans`.
+        """Settings of its run, with `changes` of single fields. `planner="replay:NAME"` names one
+        of `plans`.
         """
         fields: dict[str, Any] = {
             "request": self.request,
